@@ -1,0 +1,53 @@
+"""One frame's history: a ring of samples sorted by stamp."""
+
+from libc.stdint cimport int64_t, uint32_t
+
+from tf2_py._types cimport FrameId, Gap, Sample, Transform
+
+cdef enum CacheKind:
+    CACHE_UNBORN            # the frame was never a child
+    CACHE_DYNAMIC
+    CACHE_STATIC            # one sample, for every time
+
+
+cdef struct Cache:
+    # Logical index 0 is the oldest sample; it lies at `head`, the ring goes on at 0 after `capacity - 1`.
+    # Two parallel arrays, so that a search touches few cache lines. Equal stamps lie in order of arrival.
+    int64_t* stamps         # ns
+    Sample* samples         # 64-byte lines
+    uint32_t capacity       # samples allocated
+    uint32_t head
+    uint32_t count
+    uint32_t parent_changes # how many neighbours have different parents; 0: one parent at all times
+    int64_t newest_ns       # stamp of the newest sample; 0 where there is none, and in a static cache
+    uint32_t authority      # id of who sent last, NAME_UNKNOWN: nobody
+    uint32_t sparse_inserts # inserts since the ring was last a quarter full
+    CacheKind kind
+
+
+cdef enum CacheInsert:
+    CACHE_INSERTED
+    CACHE_DUPLICATE
+    CACHE_TOO_OLD
+    CACHE_NO_MEMORY         # nothing has changed
+
+
+cdef inline uint32_t cache_slot(const Cache* cache, uint32_t index) noexcept nogil:
+    # Where the sample of logical `index` lies. The sum cannot wrap: capacities stay below 2^31.
+    cdef uint32_t slot = cache.head + index
+    return slot if slot < cache.capacity else slot - cache.capacity
+
+
+# Zero a Cache before its first use; cache_free leaves it zeroed again but for its authority.
+cdef void cache_free(Cache* cache) noexcept nogil
+cdef void cache_clear(Cache* cache) noexcept nogil                  # drops samples, keeps memory; not for static ones
+cdef CacheInsert cache_insert(Cache* cache, int64_t stamp_ns, const Sample* sample,
+                              int64_t cache_time_ns) noexcept nogil
+cdef CacheInsert cache_set_static(Cache* cache, int64_t stamp_ns, const Sample* sample) noexcept nogil
+cdef Gap cache_find(const Cache* cache, int64_t time_ns, uint32_t* older, uint32_t* newer) noexcept nogil
+cdef Gap cache_transform_at(const Cache* cache, int64_t time_ns, Transform* out) noexcept nogil
+cdef FrameId cache_parent_at(const Cache* cache, int64_t time_ns) noexcept nogil
+cdef FrameId cache_newest_parent(const Cache* cache) noexcept nogil
+cdef int64_t cache_oldest_ns(const Cache* cache) noexcept nogil
+cdef size_t cache_bytes(const Cache* cache) noexcept nogil
+cdef const char* cache_check(const Cache* cache) noexcept nogil     # NULL, or which invariant does not hold

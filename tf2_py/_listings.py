@@ -1,0 +1,102 @@
+"""Owns the texts that list what a buffer knows: YAML, plain sentences, Graphviz."""
+
+import re
+from typing import NamedTuple
+
+from tf2_py._errors import NS_PER_S
+
+SHORTEST_SPAN_NS = 100_000  # a shorter history counts as this long when its rate is worked out
+PLAIN_KEY = re.compile(r"[^\W\d][\w.-]*")
+YAML_WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
+
+
+class FrameFacts(NamedTuple):
+    """What is known of one frame that was ever a child."""
+
+    name: str
+    parent: str | None  # None: its history is empty
+    authority: str
+    count: int  # samples
+    newest_ns: int  # 0 for a static frame
+    oldest_ns: int
+
+    @property
+    def rate(self) -> float:
+        return self.count * 1e9 / max(self.newest_ns - self.oldest_ns, SHORTEST_SPAN_NS)
+
+    @property
+    def buffer_length(self) -> float:
+        return (self.newest_ns - self.oldest_ns) / NS_PER_S
+
+
+def _microseconds(ns: int) -> str:
+    # In the reference's order of rounding: at today's times a double holds six decimals just about.
+    whole, rest = divmod(ns, NS_PER_S)
+    return f"{whole + 1e-9 * rest:.6f}"
+
+
+def _yaml_key(name: str) -> str:
+    if PLAIN_KEY.fullmatch(name) and name.lower() not in YAML_WORDS:
+        return name
+    return _yaml_quoted(name)
+
+
+def _yaml_quoted(text: str) -> str:
+    if text.isprintable():
+        return "'" + text.replace("'", "''") + "'"
+    # Only double quotes can escape; YAML takes \UXXXXXXXX.
+    escaped = "".join(c if c.isprintable() and c not in '"\\' else f"\\U{ord(c):08X}" for c in text)
+    return f'"{escaped}"'
+
+
+def as_yaml(frames: list[FrameFacts]) -> str:
+    """One mapping per frame that holds data, ``[]`` where none does."""
+    lines = []
+    for f in frames:
+        if f.parent is None:
+            continue
+        lines += [
+            f"{_yaml_key(f.name)}: ",
+            f"  parent: {_yaml_quoted(f.parent)}",
+            f"  broadcaster: {_yaml_quoted(f.authority)}",
+            f"  rate: {f.rate:.3f}",
+            f"  most_recent_transform: {_microseconds(f.newest_ns)}",
+            f"  oldest_transform: {_microseconds(f.oldest_ns)}",
+            f"  buffer_length: {f.buffer_length:.3f}",
+        ]
+    return "\n".join(lines) + "\n" if lines else "[]"
+
+
+def as_string(frames: list[FrameFacts]) -> str:
+    """One sentence per frame that was ever a child."""
+    return "".join(f"Frame {f.name} exists with parent {f.parent or 'NO_PARENT'}.\n" for f in frames)
+
+
+def _dot_quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def as_dot(frames: list[FrameFacts], time_ns: int) -> str:
+    """A Graphviz digraph, one edge from parent to child per frame that holds data; ages as of time_ns unless 0."""
+    lines = ["digraph G {"]
+    if not any(f.parent is not None for f in frames):
+        lines.append('"no tf data received"')
+    for f in frames:
+        if f.parent is None:
+            continue
+        age = f" ({(time_ns - f.newest_ns) / NS_PER_S:.3f} sec old)" if time_ns else ""
+        label = (
+            f"Broadcaster: {_dot_quoted(f.authority)[1:-1]}\\n"
+            f"Average rate: {f.rate:.3f} Hz\\n"
+            f"Most recent transform: {_microseconds(f.newest_ns)}{age}\\n"
+            f"Buffer length: {f.buffer_length:.3f} sec\\n"
+        )
+        lines.append(f'{_dot_quoted(f.parent)} -> {_dot_quoted(f.name)}[label="{label}"];')
+    if time_ns:
+        lines += [
+            "subgraph cluster_legend { style=bold; color=black; label=\"view_frames Result\";",
+            f'"Recorded at time: {_microseconds(time_ns)}"[shape=plaintext];',
+            "}",
+        ]
+    lines.append("}")
+    return "\n".join(lines)

@@ -1,0 +1,49 @@
+"""Stand-ins for the message classes, with the same fields, for environments without ROS."""
+
+from dataclasses import dataclass, field
+
+__all__ = ["Header", "Quaternion", "Time", "Transform", "TransformStamped", "Vector3"]
+
+
+@dataclass(slots=True)
+class Time:
+    sec: int = 0
+    nanosec: int = 0
+
+    @property
+    def nanoseconds(self) -> int:
+        return self.sec * 1_000_000_000 + self.nanosec
+
+
+@dataclass(slots=True)
+class Header:
+    stamp: Time = field(default_factory=Time)
+    frame_id: str = ""
+
+
+@dataclass(slots=True)
+class Vector3:
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+
+
+@dataclass(slots=True)
+class Quaternion:
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    w: float = 1.0
+
+
+@dataclass(slots=True)
+class Transform:
+    translation: Vector3 = field(default_factory=Vector3)
+    rotation: Quaternion = field(default_factory=Quaternion)
+
+
+@dataclass(slots=True)
+class TransformStamped:
+    header: Header = field(default_factory=Header)
+    child_frame_id: str = ""
+    transform: Transform = field(default_factory=Transform)

@@ -1,0 +1,648 @@
+"""The binding of the engine: BufferCore checks arguments, locks, calls, raises."""
+
+from cpython.buffer cimport PyBUF_SIMPLE, PyBuffer_Release, PyObject_GetBuffer
+from libc.stdint cimport int64_t, uint32_t
+from libc.stdlib cimport free, malloc
+from libc.string cimport memcmp, memset
+
+from tf2_py._cache cimport CACHE_UNBORN, Cache, cache_newest_parent, cache_oldest_ns
+from tf2_py._cdr cimport Reader, reader_count, reader_finish, reader_init, reader_transform
+from tf2_py._geometry cimport quaternion_canonicalise, transform_compose, vector_rotate
+from tf2_py._lock cimport lock_free, lock_init, lock_read, lock_write, unlock
+from tf2_py._messages cimport (
+    duration_to_ns,
+    name_utf8,
+    new_time,
+    new_transform_stamped,
+    read_transform_stamped,
+    time_to_ns,
+)
+from tf2_py._names cimport (
+    NAME_NO_MEMORY,
+    NAME_UNKNOWN,
+    Names,
+    names_copy,
+    names_find,
+    names_free,
+    names_intern,
+    names_str,
+)
+from tf2_py._tree cimport (
+    TREE_NO_MEMORY,
+    Tree,
+    tree_bytes,
+    tree_check,
+    tree_clear,
+    tree_frame,
+    tree_free,
+    tree_init,
+    tree_insert,
+    tree_samples,
+)
+from tf2_py._twist cimport twist_between
+from tf2_py._types cimport (
+    NO_FRAME,
+    REFUSAL_KINDS,
+    STATUS_BAD_FIXED,
+    STATUS_BAD_SOURCE,
+    STATUS_BAD_TARGET,
+    STATUS_LOOP,
+    STATUS_OK,
+    STATUS_UNCONNECTED,
+    FrameId,
+    Incoming,
+    Status,
+    StatusCode,
+    Transform,
+)
+from tf2_py._walk cimport Path, walk_common_time, walk_lookup
+
+from tf2_py import _errors, _listings, _log
+
+
+cdef int64_t DEFAULT_CACHE_TIME_NS = 10 * <int64_t>1000000000
+
+cdef tuple GAP_NAMES = ("none", "empty", "single", "future", "past")
+
+
+cdef struct Facts:
+    # A listings.FrameFacts before its names are Python objects.
+    FrameId frame
+    FrameId parent
+    uint32_t authority
+    uint32_t count
+    int64_t newest_ns
+    int64_t oldest_ns
+
+
+cdef inline FrameId _frame(const Tree* tree, const char* name, Py_ssize_t size) noexcept nogil:
+    # NO_FRAME for every name that no lookup accepts.
+    if size == 0 or name[0] == b"/":
+        return NO_FRAME
+    return tree_frame(tree, name, size)
+
+
+cdef int _fill(Query* query, object target_frame, object source_frame, object time) except -1:
+    query.target = name_utf8(target_frame, &query.target_size)
+    query.source = name_utf8(source_frame, &query.source_size)
+    query.fixed = NULL
+    query.source_ns = time_to_ns(time)
+    return 0
+
+
+cdef int _fill_full(Query* query, object target_frame, object target_time, object source_frame,
+                    object source_time, object fixed_frame) except -1:
+    _fill(query, target_frame, source_frame, source_time)
+    query.fixed = name_utf8(fixed_frame, &query.fixed_size)
+    query.target_ns = time_to_ns(target_time)
+    return 0
+
+
+cdef inline Status _status(StatusCode code) noexcept nogil:
+    cdef Status status
+    memset(&status, 0, sizeof(Status))
+    status.code = code
+    return status
+
+
+cdef Status _walk_names(const Tree* tree, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil:
+    # Both lookups of tf2, with the lock held; `out` NULL only asks whether there is an answer.
+    cdef Path path
+    cdef FrameId target, source, fixed
+    cdef Status status
+    cdef Transform source_half
+    cdef int64_t source_stamp_ns
+    if query.fixed == NULL and query.target_size == query.source_size \
+            and memcmp(query.target, query.source, query.source_size) == 0:
+        # Equal names need no frame that anyone has seen.
+        source = tree_frame(tree, query.source, query.source_size)
+        return walk_lookup(tree, source, source, query.source_ns, &path, out, stamp_ns)
+    target = _frame(tree, query.target, query.target_size)
+    source = _frame(tree, query.source, query.source_size)
+    if target == NO_FRAME:
+        return _status(STATUS_BAD_TARGET)
+    if source == NO_FRAME:
+        return _status(STATUS_BAD_SOURCE)
+    if query.fixed == NULL:
+        return walk_lookup(tree, target, source, query.source_ns, &path, out, stamp_ns)
+    fixed = _frame(tree, query.fixed, query.fixed_size)
+    if fixed == NO_FRAME:
+        return _status(STATUS_BAD_FIXED)
+    if out == NULL:
+        # Which half fails first shows in the reason: can_transform begins with the target's ...
+        status = walk_lookup(tree, target, fixed, query.target_ns, &path, NULL, stamp_ns)
+        if status.code != STATUS_OK:
+            return status
+        return walk_lookup(tree, fixed, source, query.source_ns, &path, NULL, &source_stamp_ns)
+    # ... the lookup with the source's.
+    status = walk_lookup(tree, fixed, source, query.source_ns, &path, &source_half, &source_stamp_ns)
+    if status.code != STATUS_OK:
+        return status
+    status = walk_lookup(tree, target, fixed, query.target_ns, &path, out, stamp_ns)
+    if status.code != STATUS_OK:
+        return status
+    transform_compose(out, &source_half, out)
+    quaternion_canonicalise(out.rotation)
+    return status
+
+
+cdef class BufferCore:
+    """
+    A tree of coordinate frames that moves in time, as tf2 keeps it.
+
+    :param cache_time: how far each frame's history reaches back; anything with ``nanoseconds`` or with ``sec``
+        and ``nanosec``. Default 10 s.
+
+    Frame names are ``str``. Times are anything with ``nanoseconds``, or with ``sec`` and ``nanosec``; time 0
+    asks for the latest time that every frame on the path knows. Every method may be called from any thread.
+    """
+
+    def __cinit__(self, *args, **kwargs):
+        if lock_init(&self._lock) != 0:
+            raise MemoryError
+        if tree_init(&self._tree, DEFAULT_CACHE_TIME_NS) != 0:
+            raise MemoryError
+        self._throttle = _log.Throttle()
+
+    def __init__(self, cache_time=None):
+        cdef int64_t cache_time_ns = DEFAULT_CACHE_TIME_NS
+        if cache_time is not None:
+            cache_time_ns = duration_to_ns(cache_time)
+        if cache_time_ns < 0:
+            raise ValueError(f"cache_time must not be negative, it is {_errors.seconds(cache_time_ns)} s")
+        lock_write(&self._lock)
+        self._tree.cache_time_ns = cache_time_ns
+        unlock(&self._lock)
+
+    def __dealloc__(self):
+        tree_free(&self._tree)
+        lock_free(&self._lock)
+
+    # What comes in.
+
+    cdef Py_ssize_t _take(self, Entry* entries, Py_ssize_t count, object authority, bint is_static) except -1:
+        # Insert under one lock; then, outside it, log what was refused and tell who waits. How many were taken.
+        cdef Py_ssize_t size, i
+        cdef Py_ssize_t taken = 0
+        cdef const char* name = name_utf8(authority, &size)
+        cdef uint32_t authority_id
+        cdef bint no_memory = False
+        cdef Incoming* incoming
+        lock_write(&self._lock)
+        authority_id = names_intern(&self._tree.authorities, name, size)
+        no_memory = authority_id == NAME_NO_MEMORY
+        for i in range(count):
+            entries[i].refused = 0
+            if no_memory:
+                continue
+            entries[i].refused = tree_insert(&self._tree, &entries[i].incoming, authority_id, is_static)
+            if entries[i].refused == TREE_NO_MEMORY:
+                entries[i].refused = 0
+                no_memory = True
+            elif entries[i].refused == 0:
+                taken += 1
+        unlock(&self._lock)
+        if taken and self._on_change is not None:
+            self._on_change()
+        for i in range(count):
+            if entries[i].refused:
+                incoming = &entries[i].incoming
+                _log.refused(
+                    self._throttle, entries[i].refused, incoming.parent[:incoming.parent_size].decode("utf-8"),
+                    incoming.child[:incoming.child_size].decode("utf-8"), authority, incoming.stamp_ns,
+                )
+        if no_memory:
+            raise MemoryError
+        return taken
+
+    def set_transform(self, transform, authority):
+        """
+        Add one dynamic transform.
+
+        :param transform: a ``geometry_msgs/TransformStamped`` or an object with its fields.
+        :param str authority: who says so; listings show it.
+
+        A transform that cannot be taken (no names, NaN, too old, ...) is logged and counted, not raised.
+        """
+        cdef Entry entry
+        # `transform` is read through slots and held by the caller, or by `keep`.
+        keep = []
+        read_transform_stamped(transform, &entry.incoming, keep)
+        self._take(&entry, 1, authority, False)
+
+    def set_transform_static(self, transform, authority):
+        """Add one transform that holds at every time; otherwise as :meth:`set_transform`."""
+        cdef Entry entry
+        keep = []
+        read_transform_stamped(transform, &entry.incoming, keep)
+        self._take(&entry, 1, authority, True)
+
+    def set_transforms(self, transforms, authority, static=False):
+        """
+        Add many transforms under one lock.
+
+        :param transforms: an iterable of what :meth:`set_transform` takes.
+        :return: how many were taken; the others are logged and counted.
+
+        Where an element is no transform, the ``TypeError`` comes before anything is added.
+        """
+        cdef list messages = list(transforms)
+        cdef list keep = []
+        cdef Py_ssize_t i
+        cdef Py_ssize_t count = len(messages)
+        cdef Entry* entries = <Entry*>malloc((count + 1) * sizeof(Entry))
+        if entries == NULL:
+            raise MemoryError
+        try:
+            for i in range(count):
+                read_transform_stamped(messages[i], &entries[i].incoming, keep)
+            return self._take(entries, count, authority, static)
+        finally:
+            free(entries)
+
+    def set_transforms_cdr(self, data, authority, static=False):
+        """
+        Add the transforms of one serialised ``tf2_msgs/TFMessage``.
+
+        :param data: bytes-like, plain CDR of either byte order, with its encapsulation header.
+        :return: how many were taken; the others are logged and counted.
+        :raises ValueError: the data is malformed; nothing is added.
+        """
+        cdef Py_buffer view
+        cdef Reader reader
+        cdef Entry* entries = NULL
+        cdef uint32_t count, i
+        PyObject_GetBuffer(data, &view, PyBUF_SIMPLE)
+        try:
+            reader_init(&reader, <const unsigned char*>view.buf, view.len)
+            count = reader_count(&reader)
+            entries = <Entry*>malloc((<size_t>count + 1) * sizeof(Entry))
+            if entries == NULL:
+                raise MemoryError
+            for i in range(count):
+                if not reader_transform(&reader, &entries[i].incoming):
+                    break
+            if not reader_finish(&reader):
+                self._malformed += 1
+                raise ValueError(
+                    f"malformed TFMessage: {reader.problem.decode()}, at byte {reader.position} of {view.len}"
+                )
+            return self._take(entries, count, authority, static)
+        finally:
+            free(entries)
+            PyBuffer_Release(&view)
+
+    def clear(self):
+        """Forget every dynamic transform; names, authorities and static transforms stay."""
+        lock_write(&self._lock)
+        tree_clear(&self._tree)
+        unlock(&self._lock)
+        if self._on_change is not None:
+            self._on_change()
+
+    # What goes out.
+
+    cdef Status _lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil:
+        cdef Status status
+        lock_read(&self._lock)
+        status = _walk_names(&self._tree, query, out, stamp_ns)
+        unlock(&self._lock)
+        return status
+
+    cdef object _error(self, const Query* query, Status status):
+        # The one place that turns a status into an exception.
+        cdef str child, parent
+        cdef str target = query.target[:query.target_size].decode("utf-8")
+        cdef str source = query.source[:query.source_size].decode("utf-8")
+        if status.code == STATUS_BAD_TARGET:
+            return _errors.bad_name(target, "target_frame")
+        if status.code == STATUS_BAD_SOURCE:
+            return _errors.bad_name(source, "source_frame")
+        if status.code == STATUS_BAD_FIXED:
+            return _errors.bad_name(query.fixed[:query.fixed_size].decode("utf-8"), "fixed_frame")
+        if status.code == STATUS_UNCONNECTED:
+            return _errors.unconnected(target, source)
+        if status.code == STATUS_LOOP:
+            return _errors.loop(target, source)
+        child, parent = self._names_of((status.child, status.parent))
+        return _errors.extrapolation(
+            GAP_NAMES[<int>status.gap], child, parent, status.requested_ns, status.edge_ns, target, source
+        )
+
+    cdef int _lookup_or_raise(self, const Query* query, Transform* out, int64_t* stamp_ns) except -1:
+        cdef Status status = self._lookup(query, out, stamp_ns)
+        if status.code != STATUS_OK:
+            raise self._error(query, status)
+        return 0
+
+    cdef tuple _can(self, const Query* query):
+        cdef int64_t stamp_ns
+        cdef Status status = self._lookup(query, NULL, &stamp_ns)
+        if status.code == STATUS_OK:
+            return (1, "")
+        return (0, str(self._error(query, status)))
+
+    def lookup_transform_core(self, target_frame, source_frame, time):
+        """
+        Get the transform that carries data from ``source_frame`` into ``target_frame``.
+
+        :return: a ``geometry_msgs/TransformStamped`` with the stamp looked up, ``frame_id`` the target and
+            ``child_frame_id`` the source; metres, unit quaternion.
+        :raises LookupException: a frame is unknown, or the tree contains a loop.
+        :raises ConnectivityException: the frames are in different trees.
+        :raises ExtrapolationException: a frame on the path has no data for the time.
+        :raises InvalidArgumentException: a name is empty or begins with ``/``.
+        """
+        cdef Query query
+        cdef Transform transform
+        cdef int64_t stamp_ns
+        _fill(&query, target_frame, source_frame, time)
+        self._lookup_or_raise(&query, &transform, &stamp_ns)
+        return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
+
+    def lookup_transform_full_core(self, target_frame, target_time, source_frame, source_time, fixed_frame):
+        """
+        Get the transform from ``source_frame`` at ``source_time`` into ``target_frame`` at ``target_time``.
+
+        :param fixed_frame: the frame that is taken to stand still between the two times.
+
+        Stamped with the target's time; otherwise as :meth:`lookup_transform_core`.
+        """
+        cdef Query query
+        cdef Transform transform
+        cdef int64_t stamp_ns
+        _fill_full(&query, target_frame, target_time, source_frame, source_time, fixed_frame)
+        self._lookup_or_raise(&query, &transform, &stamp_ns)
+        return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
+
+    def can_transform_core(self, target_frame, source_frame, time):
+        """Whether :meth:`lookup_transform_core` would answer: ``(1, '')`` or ``(0, reason)``."""
+        cdef Query query
+        _fill(&query, target_frame, source_frame, time)
+        return self._can(&query)
+
+    def can_transform_full_core(self, target_frame, target_time, source_frame, source_time, fixed_frame):
+        """Whether :meth:`lookup_transform_full_core` would answer: ``(1, '')`` or ``(0, reason)``."""
+        cdef Query query
+        _fill_full(&query, target_frame, target_time, source_frame, source_time, fixed_frame)
+        return self._can(&query)
+
+    def get_latest_common_time(self, target_frame, source_frame):
+        """
+        The newest time at which every dynamic frame between the two has data; 0 where all are static.
+
+        :return: an ``rclpy.time.Time`` of clock type ``SYSTEM_TIME``.
+        :raises TransformException: there is no path between the frames.
+        """
+        cdef Query query
+        cdef Path path
+        cdef int64_t common_ns = 0
+        cdef FrameId target, source
+        cdef Status status = _status(STATUS_OK)
+        query.target = name_utf8(target_frame, &query.target_size)
+        query.source = name_utf8(source_frame, &query.source_size)
+        lock_read(&self._lock)
+        target = _frame(&self._tree, query.target, query.target_size)
+        source = _frame(&self._tree, query.source, query.source_size)
+        if target == NO_FRAME or source == NO_FRAME:
+            status.code = STATUS_BAD_TARGET if target == NO_FRAME else STATUS_BAD_SOURCE
+        else:
+            status = walk_common_time(&self._tree, target, source, &path, &common_ns)
+        unlock(&self._lock)
+        if status.code == STATUS_OK:
+            return new_time(common_ns)
+        error = self._error(&query, status)
+        if status.code == STATUS_BAD_TARGET or status.code == STATUS_BAD_SOURCE:
+            raise error
+        raise _errors.TransformException(str(error))
+
+    def lookupVelocityCore(self, tracking_frame, observation_frame, time, averaging_interval):
+        """
+        The twist of ``tracking_frame``'s origin relative to ``observation_frame``, in the axes of the latter.
+
+        As :meth:`lookupVelocityFullCore` with the observation frame as reference frame.
+        """
+        return self.lookupVelocityFullCore(
+            tracking_frame, observation_frame, observation_frame, (0.0, 0.0, 0.0), tracking_frame, time,
+            averaging_interval,
+        )
+
+    def lookupVelocityFullCore(self, tracking_frame, observation_frame, reference_frame, reference_point,
+                               reference_point_frame, time, averaging_interval):
+        """
+        The mean twist of ``tracking_frame`` relative to ``observation_frame`` around a time.
+
+        :param reference_frame: the twist is expressed in the axes of this frame.
+        :param reference_point: three floats, metres, in ``reference_point_frame``: the linear velocity is that
+            of the point of the tracking frame's body that is there at ``time``.
+        :param time: the middle of the interval; 0 is the time 0, not "latest".
+        :param averaging_interval: a duration; the interval ends at the newest common stamp at the latest. 0
+            gives NaN.
+        :return: ``((vx, vy, vz), (wx, wy, wz))`` in m/s and rad/s.
+
+        Angular: the rotation vector between the two poses over the time between them. Linear: the chord of the
+        origin over that time, plus angular x (reference point - origin).
+        """
+        cdef int64_t time_ns = max(time_to_ns(time), 1)     # a lookup would take 0 for "latest"
+        cdef int64_t interval_ns = duration_to_ns(averaging_interval)
+        cdef int64_t start_ns, end_ns, common_ns
+        cdef Transform start, end, origin, point_frame, reference
+        cdef double point[3]
+        cdef double linear[3]
+        cdef double angular[3]
+        cdef int i
+        if interval_ns < 0:
+            raise ValueError("averaging_interval must not be negative")
+        point[0], point[1], point[2] = reference_point
+        common_ns = time_to_ns(self.get_latest_common_time(observation_frame, tracking_frame))
+        start_ns = max(time_ns - interval_ns // 2, 1)
+        end_ns = time_ns + (interval_ns - interval_ns // 2)
+        if common_ns and end_ns > common_ns:
+            end_ns = common_ns
+        self._transform_at(observation_frame, tracking_frame, start_ns, &start)
+        self._transform_at(observation_frame, tracking_frame, end_ns, &end)
+        self._transform_at(observation_frame, tracking_frame, time_ns, &origin)
+        self._transform_at(observation_frame, reference_point_frame, time_ns, &point_frame)
+        self._transform_at(reference_frame, observation_frame, time_ns, &reference)
+        twist_between(&start, &end, <double>(end_ns - start_ns) * 1e-9, linear, angular)
+        # From the origin to the reference point, in the observation frame.
+        vector_rotate(point_frame.rotation, point, point)
+        for i in range(3):
+            point[i] += point_frame.translation[i] - origin.translation[i]
+        linear[0] += angular[1] * point[2] - angular[2] * point[1]
+        linear[1] += angular[2] * point[0] - angular[0] * point[2]
+        linear[2] += angular[0] * point[1] - angular[1] * point[0]
+        vector_rotate(reference.rotation, linear, linear)
+        vector_rotate(reference.rotation, angular, angular)
+        return (linear[0], linear[1], linear[2]), (angular[0], angular[1], angular[2])
+
+    cdef int _transform_at(self, target_frame, source_frame, int64_t time_ns, Transform* out) except -1:
+        cdef Query query
+        cdef int64_t stamp_ns
+        query.target = name_utf8(target_frame, &query.target_size)
+        query.source = name_utf8(source_frame, &query.source_size)
+        query.fixed = NULL
+        query.source_ns = time_ns
+        return self._lookup_or_raise(&query, out, &stamp_ns)
+
+    # What is known.
+
+    cdef list _names_of(self, frames):
+        # The names of these frames; of all of them for None.
+        cdef Names names
+        cdef int failed
+        lock_read(&self._lock)
+        failed = names_copy(&self._tree.names, &names)
+        unlock(&self._lock)
+        if failed:
+            raise MemoryError
+        try:
+            return [names_str(&names, frame) for frame in (range(names.count) if frames is None else frames)]
+        finally:
+            names_free(&names)
+
+    cdef list _frame_facts(self):
+        # Every frame that was ever a child, by age: copied under the lock, made Python objects outside.
+        cdef Names names, authorities
+        cdef Facts* facts
+        cdef bint complete
+        cdef uint32_t id, i
+        cdef uint32_t count = 0
+        memset(&names, 0, sizeof(Names))
+        memset(&authorities, 0, sizeof(Names))
+        lock_read(&self._lock)
+        facts = <Facts*>malloc(self._tree.names.count * sizeof(Facts))
+        complete = (facts != NULL and names_copy(&self._tree.names, &names) == 0
+                    and names_copy(&self._tree.authorities, &authorities) == 0)
+        if complete:
+            for id in range(self._tree.names.count):
+                if self._tree.caches[id].kind != CACHE_UNBORN:
+                    _note(&facts[count], id, &self._tree.caches[id])
+                    count += 1
+        unlock(&self._lock)
+        try:
+            if not complete:
+                raise MemoryError
+            return [
+                _listings.FrameFacts(
+                    name=names_str(&names, facts[i].frame),
+                    parent=None if facts[i].parent == NO_FRAME else names_str(&names, facts[i].parent),
+                    authority=names_str(&authorities, facts[i].authority),
+                    count=facts[i].count,
+                    newest_ns=facts[i].newest_ns,
+                    oldest_ns=facts[i].oldest_ns,
+                )
+                for i in range(count)
+            ]
+        finally:
+            names_free(&names)
+            names_free(&authorities)
+            free(facts)
+
+    def all_frames_as_yaml(self):
+        """The frames that hold data as YAML: parent, broadcaster, rate (Hz), times (s), buffer length (s)."""
+        return _listings.as_yaml(self._frame_facts())
+
+    def all_frames_as_string(self):
+        """One sentence for each frame that was ever a child."""
+        return _listings.as_string(self._frame_facts())
+
+    def _allFramesAsDot(self, time=None):
+        """The frames that hold data as a Graphviz digraph; ages are as of ``time``."""
+        return _listings.as_dot(self._frame_facts(), 0 if time is None else time_to_ns(time))
+
+    def _frameExists(self, name):
+        """Whether the name was ever a parent or a child."""
+        cdef Py_ssize_t size
+        cdef const char* text = name_utf8(name, &size)
+        cdef bint known
+        lock_read(&self._lock)
+        known = names_find(&self._tree.names, text, size) != NAME_UNKNOWN
+        unlock(&self._lock)
+        return known
+
+    def _getFrameStrings(self):
+        """Every frame name, in the order in which they came."""
+        return self._names_of(None)[1:]
+
+    def _chain(self, target_frame, target_time, source_frame, source_time, fixed_frame):
+        """The frames from source up to the common ancestor and down to target, each once."""
+        cdef list chain = []
+        _extend_chain(chain, self._frames_between(fixed_frame, source_frame, time_to_ns(source_time)))
+        _extend_chain(chain, self._frames_between(target_frame, fixed_frame, time_to_ns(target_time)))
+        return self._names_of(chain)
+
+    cdef list _frames_between(self, target_frame, source_frame, int64_t time_ns):
+        cdef Query query
+        cdef Path path
+        cdef FrameId target, source
+        cdef Status status
+        cdef int64_t stamp_ns
+        cdef uint32_t i
+        query.target = name_utf8(target_frame, &query.target_size)
+        query.source = name_utf8(source_frame, &query.source_size)
+        query.fixed = NULL
+        lock_read(&self._lock)
+        target = _frame(&self._tree, query.target, query.target_size)
+        source = _frame(&self._tree, query.source, query.source_size)
+        if target == NO_FRAME or source == NO_FRAME:
+            status = _status(STATUS_BAD_TARGET if target == NO_FRAME else STATUS_BAD_SOURCE)
+        else:
+            status = walk_lookup(&self._tree, target, source, time_ns, &path, NULL, &stamp_ns)
+        unlock(&self._lock)
+        if status.code != STATUS_OK:
+            raise self._error(&query, status)
+        return ([path.source[i] for i in range(path.source_hops)]
+                + [path.top]
+                + [path.target[i - 1] for i in range(path.target_hops, 0, -1)])
+
+    def statistics(self):
+        """
+        What this buffer has done and holds.
+
+        :return: a dict: ``taken`` transforms, ``refused`` by reason, ``frames`` and ``samples`` held, ``bytes``
+            allocated for them, ``malformed_messages``.
+        """
+        cdef Tree tree
+        cdef size_t size
+        cdef unsigned long long samples
+        cdef uint32_t bit
+        lock_read(&self._lock)
+        tree = self._tree
+        size = tree_bytes(&self._tree)
+        samples = tree_samples(&self._tree)
+        unlock(&self._lock)
+        return {
+            "taken": tree.taken,
+            "refused": {_log.REFUSALS[bit][1]: tree.refused[bit] for bit in range(REFUSAL_KINDS)},
+            "frames": tree.names.count - 1,
+            "samples": samples,
+            "bytes": size,
+            "malformed_messages": self._malformed,
+        }
+
+    def _self_check(self):
+        """Walk every ring and the tree; AssertionError names an invariant that does not hold."""
+        cdef const char* problem
+        lock_read(&self._lock)
+        problem = tree_check(&self._tree)
+        unlock(&self._lock)
+        if problem != NULL:
+            raise AssertionError(problem.decode())
+
+
+cdef inline void _note(Facts* facts, FrameId frame, const Cache* cache) noexcept nogil:
+    facts.frame = frame
+    facts.parent = cache_newest_parent(cache)
+    facts.authority = cache.authority
+    facts.count = cache.count
+    facts.newest_ns = cache.newest_ns
+    facts.oldest_ns = cache_oldest_ns(cache)
+
+
+cdef _extend_chain(list chain, frames):
+    # A frame met again closes a detour; cut it off.
+    for frame in frames:
+        if frame in chain:
+            del chain[chain.index(frame):]
+        chain.append(frame)

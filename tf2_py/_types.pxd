@@ -1,0 +1,72 @@
+"""The C structs that every room of the engine shares."""
+
+from libc.stdint cimport int64_t, uint32_t
+
+# A frame is an index into the tree's arrays, never a pointer kept across growth.
+ctypedef uint32_t FrameId
+
+cdef enum:
+    NO_FRAME = 0        # id of the reserved name NO_PARENT; as a parent: there is none
+    MAX_HOPS = 1000     # hops on each side of a lookup, tf2's limit
+
+
+cdef struct Transform:
+    double translation[3]   # x y z in metres: the child's origin in the parent
+    double rotation[4]      # x y z w: unit quaternion, child to parent
+
+
+cdef struct Sample:
+    Transform transform     # rotation carries the canonical sign
+    FrameId parent
+
+
+cdef struct Incoming:
+    # One transform on its way in, as some message or byte string holds it.
+    int64_t stamp_ns
+    const char* parent      # UTF-8, not terminated; owned by whoever made this struct
+    size_t parent_size      # bytes
+    const char* child
+    size_t child_size
+    Transform transform
+
+
+cdef enum Gap:
+    # Why a frame's history does not answer for a time.
+    GAP_NONE
+    GAP_EMPTY               # no sample at all
+    GAP_SINGLE              # one sample, of another stamp
+    GAP_FUTURE              # the time is later than the newest sample
+    GAP_PAST                # the time is earlier than the oldest sample
+
+
+cdef enum StatusCode:
+    STATUS_OK
+    STATUS_EXTRAPOLATION    # the history of `child` does not reach `requested_ns`
+    STATUS_UNCONNECTED      # no path between the two frames
+    STATUS_LOOP             # a walk went on for more than MAX_HOPS
+    STATUS_BAD_TARGET       # the target frame's name is empty, begins with '/', or is unknown
+    STATUS_BAD_SOURCE
+    STATUS_BAD_FIXED
+
+
+cdef struct Status:
+    StatusCode code
+    Gap gap                 # the fields below are facts of STATUS_EXTRAPOLATION only
+    FrameId child           # the edge on the path that lacks data ...
+    FrameId parent          # ... as far as its newest sample tells; NO_FRAME: it has none
+    int64_t requested_ns
+    int64_t edge_ns         # the stamp of its data nearest to requested_ns; undefined for GAP_EMPTY
+
+
+cdef enum:
+    # Why a transform is not taken; bits, because several may apply.
+    REFUSED_SELF_TRANSFORM = 1
+    REFUSED_NO_PARENT = 2
+    REFUSED_NO_CHILD = 4
+    REFUSED_NAN = 8
+    REFUSED_QUATERNION = 16
+    REFUSED_INFINITE = 32
+    REFUSED_NEGATIVE_STAMP = 64
+    REFUSED_RESERVED_NAME = 128
+    REFUSED_OLD = 256
+    REFUSAL_KINDS = 9       # how many bits there are

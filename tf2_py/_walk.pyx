@@ -1,0 +1,337 @@
+"""Owns the way from one frame to another: the path, the time all of it knows, the transform along it."""
+
+from libc.stdint cimport INT64_MAX, INT64_MIN, int64_t, uint32_t, uint64_t
+from libc.string cimport memset
+
+from tf2_py._cache cimport (
+    CACHE_UNBORN,
+    Cache,
+    cache_find,
+    cache_newest_parent,
+    cache_oldest_ns,
+    cache_parent_at,
+    cache_transform_at,
+)
+from tf2_py._geometry cimport (
+    quaternion_canonicalise,
+    quaternion_normalise,
+    transform_between,
+    transform_compose,
+    transform_identity,
+)
+from tf2_py._tree cimport MIXED_PARENTS, Tree
+from tf2_py._types cimport (
+    GAP_EMPTY,
+    GAP_NONE,
+    GAP_PAST,
+    MAX_HOPS,
+    NO_FRAME,
+    STATUS_EXTRAPOLATION,
+    STATUS_LOOP,
+    STATUS_OK,
+    STATUS_UNCONNECTED,
+    FrameId,
+    Gap,
+    Status,
+    StatusCode,
+    Transform,
+)
+
+
+cdef enum:
+    SEEN_WORDS = 8          # 512 bits on each side
+
+
+# As a time of _climb: each frame's newest sample, whatever its stamp.
+cdef int64_t LATEST = INT64_MIN
+
+
+cdef struct Seen:
+    # Which frames a climb has met: a bit says maybe, then the list is searched.
+    uint64_t bits[SEEN_WORDS]
+
+
+cdef inline void _see(Seen* seen, FrameId frame) noexcept nogil:
+    seen.bits[(frame >> 6) & (SEEN_WORDS - 1)] |= (<uint64_t>1) << (frame & 63)
+
+
+cdef inline uint32_t _position(const Seen* seen, const FrameId* frames, uint32_t count, FrameId wanted) noexcept nogil:
+    # Where among `count` frames `wanted` is; `count` where it is not.
+    cdef uint32_t i
+    if not (seen.bits[(wanted >> 6) & (SEEN_WORDS - 1)] >> (wanted & 63)) & 1:
+        return count
+    for i in range(count):
+        if frames[i] == wanted:
+            return i
+    return count
+
+
+cdef inline FrameId _parent(const Tree* tree, FrameId frame, int64_t time_ns, bint* mixed) noexcept nogil:
+    cdef uint32_t parent = tree.parents[frame]
+    if not parent & MIXED_PARENTS:
+        return parent
+    mixed[0] = True
+    if time_ns == LATEST:
+        return parent & ~<uint32_t>MIXED_PARENTS
+    return cache_parent_at(&tree.caches[frame], time_ns)
+
+
+cdef bint _climb(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, Path* path,
+                 bint* mixed) noexcept nogil:
+    # Climb from both ends in turn to the lowest common ancestor: the cost follows the hops between the two.
+    # For trees in which no link ever closed a loop. False: no path, or too long a one.
+    cdef Seen seen_source, seen_target
+    cdef uint32_t source_count = 1
+    cdef uint32_t target_count = 1
+    cdef FrameId source_top = source
+    cdef FrameId target_top = target
+    cdef uint32_t position
+    memset(&seen_source, 0, sizeof(Seen))
+    memset(&seen_target, 0, sizeof(Seen))
+    path.source[0] = source
+    path.target[0] = target
+    _see(&seen_source, source)
+    _see(&seen_target, target)
+    while source_top != NO_FRAME or target_top != NO_FRAME:
+        if source_top != NO_FRAME:
+            source_top = NO_FRAME if source_count > MAX_HOPS else _parent(tree, source_top, time_ns, mixed)
+            if source_top != NO_FRAME:
+                position = _position(&seen_target, path.target, target_count, source_top)
+                if position < target_count:
+                    path.top = source_top
+                    path.source_hops = source_count
+                    path.target_hops = position
+                    return True
+                path.source[source_count] = source_top
+                source_count += 1
+                _see(&seen_source, source_top)
+        if target_top != NO_FRAME:
+            target_top = NO_FRAME if target_count > MAX_HOPS else _parent(tree, target_top, time_ns, mixed)
+            if target_top != NO_FRAME:
+                position = _position(&seen_source, path.source, source_count, target_top)
+                if position < source_count:
+                    path.top = target_top
+                    path.source_hops = position
+                    path.target_hops = target_count
+                    return True
+                path.target[target_count] = target_top
+                target_count += 1
+                _see(&seen_target, target_top)
+    return False
+
+
+cdef inline int64_t _newest_common(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t common_ns) noexcept nogil:
+    # Static frames and those whose newest stamp is 0 have no say.
+    cdef uint32_t i
+    cdef int64_t newest_ns
+    for i in range(hops):
+        newest_ns = tree.caches[frames[i]].newest_ns
+        if newest_ns != 0 and newest_ns < common_ns:
+            common_ns = newest_ns
+    return common_ns
+
+
+cdef inline int64_t _path_common_time(const Tree* tree, const Path* path) noexcept nogil:
+    cdef int64_t common_ns = INT64_MAX
+    common_ns = _newest_common(tree, path.source, path.source_hops, common_ns)
+    common_ns = _newest_common(tree, path.target, path.target_hops, common_ns)
+    return 0 if common_ns == INT64_MAX else common_ns
+
+
+cdef Status _gap_status(const Tree* tree, FrameId frame, int64_t time_ns, Gap gap) noexcept nogil:
+    cdef const Cache* cache = &tree.caches[frame]
+    cdef Status status
+    status.code = STATUS_EXTRAPOLATION
+    status.gap = gap
+    status.child = frame
+    status.parent = cache_newest_parent(cache)
+    status.requested_ns = time_ns
+    status.edge_ns = cache_oldest_ns(cache) if gap == GAP_PAST else cache.newest_ns
+    return status
+
+
+cdef inline Status _plain(StatusCode code) noexcept nogil:
+    cdef Status status
+    memset(&status, 0, sizeof(Status))
+    status.code = code
+    return status
+
+
+cdef Status _first_gap(const Tree* tree, const Path* path, int64_t time_ns) noexcept nogil:
+    # Of two gaps the target side's; a path without one is an answer.
+    cdef uint32_t i, older, newer
+    cdef Gap gap
+    for i in range(path.target_hops):
+        gap = cache_find(&tree.caches[path.target[i]], time_ns, &older, &newer)
+        if gap != GAP_NONE:
+            return _gap_status(tree, path.target[i], time_ns, gap)
+    for i in range(path.source_hops):
+        gap = cache_find(&tree.caches[path.source[i]], time_ns, &older, &newer)
+        if gap != GAP_NONE:
+            return _gap_status(tree, path.source[i], time_ns, gap)
+    return _plain(STATUS_OK)
+
+
+cdef inline bint _compose_side(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t time_ns,
+                               Transform* out) noexcept nogil:
+    # From frames[0] up all hops; `out` is undefined where a history does not answer. hops > 0.
+    cdef Transform hop
+    cdef uint32_t i
+    if cache_transform_at(&tree.caches[frames[0]], time_ns, out) != GAP_NONE:
+        return False
+    for i in range(1, hops):
+        if cache_transform_at(&tree.caches[frames[i]], time_ns, &hop) != GAP_NONE:
+            return False
+        transform_compose(&hop, out, out)
+    return True
+
+
+cdef Status _compose(const Tree* tree, const Path* path, int64_t time_ns, Transform* out) noexcept nogil:
+    cdef Transform source_side, target_side
+    if out == NULL:
+        return _first_gap(tree, path, time_ns)
+    transform_identity(&source_side)
+    transform_identity(&target_side)
+    if path.target_hops and not _compose_side(tree, path.target, path.target_hops, time_ns, &target_side):
+        return _first_gap(tree, path, time_ns)
+    if path.source_hops and not _compose_side(tree, path.source, path.source_hops, time_ns, &source_side):
+        return _first_gap(tree, path, time_ns)
+    if path.target_hops:
+        transform_between(&target_side, &source_side, out)
+    else:
+        out[0] = source_side
+    # Long chains drift from unit length by rounding only.
+    quaternion_normalise(out.rotation)
+    quaternion_canonicalise(out.rotation)
+    return _plain(STATUS_OK)
+
+
+# The reference's order: up from the source to its root or first gap, then up from the target. It decides which
+# error wins, and what a tree with a loop answers; lookups that succeed in loop-free trees never come here.
+
+cdef Status _reference_walk(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, Path* path) noexcept nogil:
+    cdef FrameId frame = source
+    cdef FrameId top = source
+    cdef FrameId parent
+    cdef FrameId source_gap = NO_FRAME
+    cdef uint32_t older, newer
+    path.source_hops = path.target_hops = 0
+    while frame != NO_FRAME:
+        top = frame
+        if tree.caches[frame].kind == CACHE_UNBORN:
+            break
+        parent = cache_parent_at(&tree.caches[frame], time_ns)
+        if parent == NO_FRAME:
+            source_gap = frame
+            break
+        if frame == target:
+            path.top = frame
+            return _plain(STATUS_OK)
+        if path.source_hops == MAX_HOPS:
+            return _plain(STATUS_LOOP)
+        path.source[path.source_hops] = frame
+        path.source_hops += 1
+        frame = parent
+    frame = target
+    while frame != top:
+        if tree.caches[frame].kind == CACHE_UNBORN:
+            break
+        parent = cache_parent_at(&tree.caches[frame], time_ns)
+        if parent == NO_FRAME:
+            return _gap_status(tree, frame, time_ns, cache_find(&tree.caches[frame], time_ns, &older, &newer))
+        if frame == source:
+            path.top = frame
+            path.source_hops = 0
+            return _plain(STATUS_OK)
+        if path.target_hops == MAX_HOPS:
+            return _plain(STATUS_LOOP)
+        path.target[path.target_hops] = frame
+        path.target_hops += 1
+        frame = parent
+    if frame == top:
+        path.top = top
+        return _plain(STATUS_OK)
+    if source_gap != NO_FRAME:
+        return _gap_status(tree, source_gap, time_ns, cache_find(&tree.caches[source_gap], time_ns, &older, &newer))
+    return _plain(STATUS_UNCONNECTED)
+
+
+cdef Status _reference_common_time(const Tree* tree, FrameId target, FrameId source, Path* path,
+                                   int64_t* common_ns) noexcept nogil:
+    cdef FrameId frame = source
+    cdef uint32_t i
+    path.source_hops = path.target_hops = 0
+    while True:
+        path.source[path.source_hops] = frame
+        frame = cache_newest_parent(&tree.caches[frame])
+        if frame == NO_FRAME:
+            break
+        path.source_hops += 1
+        if frame == target:
+            common_ns[0] = _path_common_time(tree, path)
+            return _plain(STATUS_OK)
+        if path.source_hops > MAX_HOPS:
+            return _plain(STATUS_LOOP)
+    frame = target
+    while True:
+        path.target[path.target_hops] = frame
+        frame = cache_newest_parent(&tree.caches[frame])
+        if frame == NO_FRAME:
+            return _plain(STATUS_UNCONNECTED)
+        path.target_hops += 1
+        for i in range(path.source_hops):
+            if path.source[i + 1] == frame:
+                path.source_hops = i + 1
+                common_ns[0] = _path_common_time(tree, path)
+                return _plain(STATUS_OK)
+        if frame == source:
+            path.source_hops = 0
+            common_ns[0] = _path_common_time(tree, path)
+            return _plain(STATUS_OK)
+        if path.target_hops > MAX_HOPS:
+            return _plain(STATUS_LOOP)
+
+
+cdef Status walk_common_time(const Tree* tree, FrameId target, FrameId source, Path* path,
+                             int64_t* common_ns) noexcept nogil:
+    cdef bint mixed = False
+    if target == source:
+        common_ns[0] = tree.caches[source].newest_ns
+        return _plain(STATUS_OK)
+    if not tree.ever_looped and _climb(tree, target, source, LATEST, path, &mixed):
+        common_ns[0] = _path_common_time(tree, path)
+        return _plain(STATUS_OK)
+    return _reference_common_time(tree, target, source, path, common_ns)
+
+
+cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, Path* path,
+                        Transform* out, int64_t* stamp_ns) noexcept nogil:
+    cdef bint mixed = False
+    cdef bint latest = time_ns == 0
+    cdef bint found
+    cdef Status status
+    path.source_hops = path.target_hops = 0
+    path.top = source
+    stamp_ns[0] = time_ns
+    if target == source:
+        if latest:
+            stamp_ns[0] = tree.caches[source].newest_ns
+        if out != NULL:
+            transform_identity(out)
+        return _plain(STATUS_OK)
+    found = not tree.ever_looped and _climb(tree, target, source, LATEST if latest else time_ns, path, &mixed)
+    if latest:
+        if found:
+            stamp_ns[0] = _path_common_time(tree, path)
+        else:
+            status = _reference_common_time(tree, target, source, path, stamp_ns)
+            if status.code != STATUS_OK:
+                return status
+        if found and mixed:
+            # At the common time a frame may hang elsewhere than at its newest stamp.
+            found = _climb(tree, target, source, stamp_ns[0], path, &mixed)
+    if not found:
+        status = _reference_walk(tree, target, source, stamp_ns[0], path)
+        if status.code != STATUS_OK:
+            return status
+    return _compose(tree, path, stamp_ns[0], out)

@@ -53,7 +53,7 @@ def bad_name(name: str, argument: str) -> TransformException:
         return InvalidArgumentException(f"Invalid argument {argument}: in tf2 a frame name cannot be empty")
     if name.startswith("/"):
         return InvalidArgumentException(
-            f'Invalid argument {argument} "{name}": in tf2 a frame name cannot start with a \'/\''
+            f"Invalid argument {argument} \"{name}\": in tf2 a frame name cannot start with a '/'"
         )
     return LookupException(f'{argument} "{name}" does not exist')
 
@@ -98,4 +98,6 @@ def extrapolation(
         )
     else:
         fact = f"Lookup would require extrapolation at time {requested}, but frame [{child}] holds no data"
-    return ExtrapolationException(f"{fact}, when looking up transform from frame [{source}] to frame [{target}]")
+    return ExtrapolationException(
+        f"{fact}, when looking up transform from frame [{source}] to frame [{target}]"
+    )

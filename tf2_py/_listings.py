@@ -16,13 +16,13 @@ class FrameFacts(NamedTuple):
     name: str
     parent: str | None  # None: its history is empty
     authority: str
-    count: int  # samples
+    samples: int
     newest_ns: int  # 0 for a static frame
     oldest_ns: int
 
     @property
     def rate(self) -> float:
-        return self.count * 1e9 / max(self.newest_ns - self.oldest_ns, SHORTEST_SPAN_NS)
+        return self.samples * 1e9 / max(self.newest_ns - self.oldest_ns, SHORTEST_SPAN_NS)
 
     @property
     def buffer_length(self) -> float:
@@ -94,7 +94,7 @@ def as_dot(frames: list[FrameFacts], time_ns: int) -> str:
         lines.append(f'{_dot_quoted(f.parent)} -> {_dot_quoted(f.name)}[label="{label}"];')
     if time_ns:
         lines += [
-            "subgraph cluster_legend { style=bold; color=black; label=\"view_frames Result\";",
+            'subgraph cluster_legend { style=bold; color=black; label="view_frames Result";',
             f'"Recorded at time: {_microseconds(time_ns)}"[shape=plaintext];',
             "}",
         ]

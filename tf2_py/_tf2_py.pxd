@@ -1,27 +1,16 @@
 """BufferCore for other extension modules of this project."""
 
-from libc.stdint cimport int64_t
+from libc.stdint cimport int64_t, uint32_t
 
 from tf2_py._lock cimport Lock
+from tf2_py._query cimport Query
 from tf2_py._tree cimport Tree
 from tf2_py._types cimport Incoming, Status, Transform
 
 
 cdef struct Entry:
     Incoming incoming
-    unsigned int refused        # REFUSED_* bits, 0: taken
-
-
-cdef struct Query:
-    # A lookup's names as UTF-8, owned by the caller's objects.
-    const char* target
-    Py_ssize_t target_size
-    const char* source
-    Py_ssize_t source_size
-    const char* fixed           # NULL: a simple lookup
-    Py_ssize_t fixed_size
-    int64_t target_ns           # of a two-time lookup; 0: the latest common time
-    int64_t source_ns           # of a simple lookup, too
+    uint32_t refused            # REFUSED_* bits, 0: taken
 
 
 cdef class BufferCore:
@@ -32,13 +21,11 @@ cdef class BufferCore:
     # Called without arguments after transforms were taken, or the buffer was cleared, outside the lock.
     cdef public object _on_change
 
+    cdef Py_ssize_t _take(self, Entry* entries, Py_ssize_t count, object authority, bint is_static) except -1
     # `out` NULL only asks whether there is an answer.
     cdef Status _lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil
-    cdef Py_ssize_t _take(self, Entry* entries, Py_ssize_t count, object authority, bint is_static) except -1
     cdef int _lookup_or_raise(self, const Query* query, Transform* out, int64_t* stamp_ns) except -1
     cdef int _transform_at(self, target_frame, source_frame, int64_t time_ns, Transform* out) except -1
     cdef object _error(self, const Query* query, Status status)
     cdef tuple _can(self, const Query* query)
-    cdef list _names_of(self, frames)
-    cdef list _frame_facts(self)
     cdef list _frames_between(self, target_frame, source_frame, int64_t time_ns)

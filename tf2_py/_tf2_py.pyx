@@ -3,11 +3,9 @@
 from cpython.buffer cimport PyBUF_SIMPLE, PyBuffer_Release, PyObject_GetBuffer
 from libc.stdint cimport int64_t, uint32_t
 from libc.stdlib cimport free, malloc
-from libc.string cimport memcmp, memset
 
-from tf2_py._cache cimport CACHE_UNBORN, Cache, cache_newest_parent, cache_oldest_ns
 from tf2_py._cdr cimport Reader, reader_count, reader_finish, reader_init, reader_transform
-from tf2_py._geometry cimport quaternion_canonicalise, transform_compose, vector_rotate
+from tf2_py._geometry cimport vector_rotate
 from tf2_py._lock cimport lock_free, lock_init, lock_read, lock_write, unlock
 from tf2_py._messages cimport (
     duration_to_ns,
@@ -17,23 +15,15 @@ from tf2_py._messages cimport (
     read_transform_stamped,
     time_to_ns,
 )
-from tf2_py._names cimport (
-    NAME_NO_MEMORY,
-    NAME_UNKNOWN,
-    Names,
-    names_copy,
-    names_find,
-    names_free,
-    names_intern,
-    names_str,
-)
+from tf2_py._names cimport NAME_NO_MEMORY, NAME_UNKNOWN, names_find, names_intern
+from tf2_py._query cimport Query, query_ends, query_error, query_fill, query_fill_full, query_walk
+from tf2_py._snapshot cimport snapshot_frames, snapshot_names
 from tf2_py._tree cimport (
     TREE_NO_MEMORY,
     Tree,
     tree_bytes,
     tree_check,
     tree_clear,
-    tree_frame,
     tree_free,
     tree_init,
     tree_insert,
@@ -41,109 +31,21 @@ from tf2_py._tree cimport (
 )
 from tf2_py._twist cimport twist_between
 from tf2_py._types cimport (
-    NO_FRAME,
     REFUSAL_KINDS,
-    STATUS_BAD_FIXED,
-    STATUS_BAD_SOURCE,
-    STATUS_BAD_TARGET,
+    STATUS_EXTRAPOLATION,
     STATUS_LOOP,
     STATUS_OK,
     STATUS_UNCONNECTED,
     FrameId,
     Incoming,
     Status,
-    StatusCode,
     Transform,
 )
 from tf2_py._walk cimport Path, walk_common_time, walk_lookup
 
 from tf2_py import _errors, _listings, _log
 
-
 cdef int64_t DEFAULT_CACHE_TIME_NS = 10 * <int64_t>1000000000
-
-cdef tuple GAP_NAMES = ("none", "empty", "single", "future", "past")
-
-
-cdef struct Facts:
-    # A listings.FrameFacts before its names are Python objects.
-    FrameId frame
-    FrameId parent
-    uint32_t authority
-    uint32_t count
-    int64_t newest_ns
-    int64_t oldest_ns
-
-
-cdef inline FrameId _frame(const Tree* tree, const char* name, Py_ssize_t size) noexcept nogil:
-    # NO_FRAME for every name that no lookup accepts.
-    if size == 0 or name[0] == b"/":
-        return NO_FRAME
-    return tree_frame(tree, name, size)
-
-
-cdef int _fill(Query* query, object target_frame, object source_frame, object time) except -1:
-    query.target = name_utf8(target_frame, &query.target_size)
-    query.source = name_utf8(source_frame, &query.source_size)
-    query.fixed = NULL
-    query.source_ns = time_to_ns(time)
-    return 0
-
-
-cdef int _fill_full(Query* query, object target_frame, object target_time, object source_frame,
-                    object source_time, object fixed_frame) except -1:
-    _fill(query, target_frame, source_frame, source_time)
-    query.fixed = name_utf8(fixed_frame, &query.fixed_size)
-    query.target_ns = time_to_ns(target_time)
-    return 0
-
-
-cdef inline Status _status(StatusCode code) noexcept nogil:
-    cdef Status status
-    memset(&status, 0, sizeof(Status))
-    status.code = code
-    return status
-
-
-cdef Status _walk_names(const Tree* tree, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil:
-    # Both lookups of tf2, with the lock held; `out` NULL only asks whether there is an answer.
-    cdef Path path
-    cdef FrameId target, source, fixed
-    cdef Status status
-    cdef Transform source_half
-    cdef int64_t source_stamp_ns
-    if query.fixed == NULL and query.target_size == query.source_size \
-            and memcmp(query.target, query.source, query.source_size) == 0:
-        # Equal names need no frame that anyone has seen.
-        source = tree_frame(tree, query.source, query.source_size)
-        return walk_lookup(tree, source, source, query.source_ns, &path, out, stamp_ns)
-    target = _frame(tree, query.target, query.target_size)
-    source = _frame(tree, query.source, query.source_size)
-    if target == NO_FRAME:
-        return _status(STATUS_BAD_TARGET)
-    if source == NO_FRAME:
-        return _status(STATUS_BAD_SOURCE)
-    if query.fixed == NULL:
-        return walk_lookup(tree, target, source, query.source_ns, &path, out, stamp_ns)
-    fixed = _frame(tree, query.fixed, query.fixed_size)
-    if fixed == NO_FRAME:
-        return _status(STATUS_BAD_FIXED)
-    if out == NULL:
-        # Which half fails first shows in the reason: can_transform begins with the target's ...
-        status = walk_lookup(tree, target, fixed, query.target_ns, &path, NULL, stamp_ns)
-        if status.code != STATUS_OK:
-            return status
-        return walk_lookup(tree, fixed, source, query.source_ns, &path, NULL, &source_stamp_ns)
-    # ... the lookup with the source's.
-    status = walk_lookup(tree, fixed, source, query.source_ns, &path, &source_half, &source_stamp_ns)
-    if status.code != STATUS_OK:
-        return status
-    status = walk_lookup(tree, target, fixed, query.target_ns, &path, out, stamp_ns)
-    if status.code != STATUS_OK:
-        return status
-    transform_compose(out, &source_half, out)
-    quaternion_canonicalise(out.rotation)
-    return status
 
 
 cdef class BufferCore:
@@ -305,29 +207,16 @@ cdef class BufferCore:
     cdef Status _lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil:
         cdef Status status
         lock_read(&self._lock)
-        status = _walk_names(&self._tree, query, out, stamp_ns)
+        status = query_walk(&self._tree, query, out, stamp_ns)
         unlock(&self._lock)
         return status
 
     cdef object _error(self, const Query* query, Status status):
-        # The one place that turns a status into an exception.
-        cdef str child, parent
-        cdef str target = query.target[:query.target_size].decode("utf-8")
-        cdef str source = query.source[:query.source_size].decode("utf-8")
-        if status.code == STATUS_BAD_TARGET:
-            return _errors.bad_name(target, "target_frame")
-        if status.code == STATUS_BAD_SOURCE:
-            return _errors.bad_name(source, "source_frame")
-        if status.code == STATUS_BAD_FIXED:
-            return _errors.bad_name(query.fixed[:query.fixed_size].decode("utf-8"), "fixed_frame")
-        if status.code == STATUS_UNCONNECTED:
-            return _errors.unconnected(target, source)
-        if status.code == STATUS_LOOP:
-            return _errors.loop(target, source)
-        child, parent = self._names_of((status.child, status.parent))
-        return _errors.extrapolation(
-            GAP_NAMES[<int>status.gap], child, parent, status.requested_ns, status.edge_ns, target, source
-        )
+        cdef str child = None
+        cdef str parent = None
+        if status.code == STATUS_EXTRAPOLATION:
+            child, parent = snapshot_names(&self._tree, &self._lock, (status.child, status.parent))
+        return query_error(query, status, child, parent)
 
     cdef int _lookup_or_raise(self, const Query* query, Transform* out, int64_t* stamp_ns) except -1:
         cdef Status status = self._lookup(query, out, stamp_ns)
@@ -356,7 +245,7 @@ cdef class BufferCore:
         cdef Query query
         cdef Transform transform
         cdef int64_t stamp_ns
-        _fill(&query, target_frame, source_frame, time)
+        query_fill(&query, target_frame, source_frame, time)
         self._lookup_or_raise(&query, &transform, &stamp_ns)
         return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
 
@@ -371,20 +260,20 @@ cdef class BufferCore:
         cdef Query query
         cdef Transform transform
         cdef int64_t stamp_ns
-        _fill_full(&query, target_frame, target_time, source_frame, source_time, fixed_frame)
+        query_fill_full(&query, target_frame, target_time, source_frame, source_time, fixed_frame)
         self._lookup_or_raise(&query, &transform, &stamp_ns)
         return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
 
     def can_transform_core(self, target_frame, source_frame, time):
         """Whether :meth:`lookup_transform_core` would answer: ``(1, '')`` or ``(0, reason)``."""
         cdef Query query
-        _fill(&query, target_frame, source_frame, time)
+        query_fill(&query, target_frame, source_frame, time)
         return self._can(&query)
 
     def can_transform_full_core(self, target_frame, target_time, source_frame, source_time, fixed_frame):
         """Whether :meth:`lookup_transform_full_core` would answer: ``(1, '')`` or ``(0, reason)``."""
         cdef Query query
-        _fill_full(&query, target_frame, target_time, source_frame, source_time, fixed_frame)
+        query_fill_full(&query, target_frame, target_time, source_frame, source_time, fixed_frame)
         return self._can(&query)
 
     def get_latest_common_time(self, target_frame, source_frame):
@@ -398,23 +287,20 @@ cdef class BufferCore:
         cdef Path path
         cdef int64_t common_ns = 0
         cdef FrameId target, source
-        cdef Status status = _status(STATUS_OK)
+        cdef Status status
         query.target = name_utf8(target_frame, &query.target_size)
         query.source = name_utf8(source_frame, &query.source_size)
         lock_read(&self._lock)
-        target = _frame(&self._tree, query.target, query.target_size)
-        source = _frame(&self._tree, query.source, query.source_size)
-        if target == NO_FRAME or source == NO_FRAME:
-            status.code = STATUS_BAD_TARGET if target == NO_FRAME else STATUS_BAD_SOURCE
-        else:
+        status = query_ends(&self._tree, &query, &target, &source)
+        if status.code == STATUS_OK:
             status = walk_common_time(&self._tree, target, source, &path, &common_ns)
         unlock(&self._lock)
         if status.code == STATUS_OK:
             return new_time(common_ns)
         error = self._error(&query, status)
-        if status.code == STATUS_BAD_TARGET or status.code == STATUS_BAD_SOURCE:
-            raise error
-        raise _errors.TransformException(str(error))
+        if status.code == STATUS_UNCONNECTED or status.code == STATUS_LOOP:
+            raise _errors.TransformException(str(error))
+        raise error
 
     def lookupVelocityCore(self, tracking_frame, observation_frame, time, averaging_interval):
         """
@@ -487,69 +373,17 @@ cdef class BufferCore:
 
     # What is known.
 
-    cdef list _names_of(self, frames):
-        # The names of these frames; of all of them for None.
-        cdef Names names
-        cdef int failed
-        lock_read(&self._lock)
-        failed = names_copy(&self._tree.names, &names)
-        unlock(&self._lock)
-        if failed:
-            raise MemoryError
-        try:
-            return [names_str(&names, frame) for frame in (range(names.count) if frames is None else frames)]
-        finally:
-            names_free(&names)
-
-    cdef list _frame_facts(self):
-        # Every frame that was ever a child, by age: copied under the lock, made Python objects outside.
-        cdef Names names, authorities
-        cdef Facts* facts
-        cdef bint complete
-        cdef uint32_t id, i
-        cdef uint32_t count = 0
-        memset(&names, 0, sizeof(Names))
-        memset(&authorities, 0, sizeof(Names))
-        lock_read(&self._lock)
-        facts = <Facts*>malloc(self._tree.names.count * sizeof(Facts))
-        complete = (facts != NULL and names_copy(&self._tree.names, &names) == 0
-                    and names_copy(&self._tree.authorities, &authorities) == 0)
-        if complete:
-            for id in range(self._tree.names.count):
-                if self._tree.caches[id].kind != CACHE_UNBORN:
-                    _note(&facts[count], id, &self._tree.caches[id])
-                    count += 1
-        unlock(&self._lock)
-        try:
-            if not complete:
-                raise MemoryError
-            return [
-                _listings.FrameFacts(
-                    name=names_str(&names, facts[i].frame),
-                    parent=None if facts[i].parent == NO_FRAME else names_str(&names, facts[i].parent),
-                    authority=names_str(&authorities, facts[i].authority),
-                    count=facts[i].count,
-                    newest_ns=facts[i].newest_ns,
-                    oldest_ns=facts[i].oldest_ns,
-                )
-                for i in range(count)
-            ]
-        finally:
-            names_free(&names)
-            names_free(&authorities)
-            free(facts)
-
     def all_frames_as_yaml(self):
         """The frames that hold data as YAML: parent, broadcaster, rate (Hz), times (s), buffer length (s)."""
-        return _listings.as_yaml(self._frame_facts())
+        return _listings.as_yaml(snapshot_frames(&self._tree, &self._lock))
 
     def all_frames_as_string(self):
         """One sentence for each frame that was ever a child."""
-        return _listings.as_string(self._frame_facts())
+        return _listings.as_string(snapshot_frames(&self._tree, &self._lock))
 
     def _allFramesAsDot(self, time=None):
         """The frames that hold data as a Graphviz digraph; ages are as of ``time``."""
-        return _listings.as_dot(self._frame_facts(), 0 if time is None else time_to_ns(time))
+        return _listings.as_dot(snapshot_frames(&self._tree, &self._lock), 0 if time is None else time_to_ns(time))
 
     def _frameExists(self, name):
         """Whether the name was ever a parent or a child."""
@@ -563,14 +397,14 @@ cdef class BufferCore:
 
     def _getFrameStrings(self):
         """Every frame name, in the order in which they came."""
-        return self._names_of(None)[1:]
+        return snapshot_names(&self._tree, &self._lock, None)[1:]
 
     def _chain(self, target_frame, target_time, source_frame, source_time, fixed_frame):
         """The frames from source up to the common ancestor and down to target, each once."""
         cdef list chain = []
         _extend_chain(chain, self._frames_between(fixed_frame, source_frame, time_to_ns(source_time)))
         _extend_chain(chain, self._frames_between(target_frame, fixed_frame, time_to_ns(target_time)))
-        return self._names_of(chain)
+        return snapshot_names(&self._tree, &self._lock, chain)
 
     cdef list _frames_between(self, target_frame, source_frame, int64_t time_ns):
         cdef Query query
@@ -583,11 +417,8 @@ cdef class BufferCore:
         query.source = name_utf8(source_frame, &query.source_size)
         query.fixed = NULL
         lock_read(&self._lock)
-        target = _frame(&self._tree, query.target, query.target_size)
-        source = _frame(&self._tree, query.source, query.source_size)
-        if target == NO_FRAME or source == NO_FRAME:
-            status = _status(STATUS_BAD_TARGET if target == NO_FRAME else STATUS_BAD_SOURCE)
-        else:
+        status = query_ends(&self._tree, &query, &target, &source)
+        if status.code == STATUS_OK:
             status = walk_lookup(&self._tree, target, source, time_ns, &path, NULL, &stamp_ns)
         unlock(&self._lock)
         if status.code != STATUS_OK:
@@ -629,15 +460,6 @@ cdef class BufferCore:
         unlock(&self._lock)
         if problem != NULL:
             raise AssertionError(problem.decode())
-
-
-cdef inline void _note(Facts* facts, FrameId frame, const Cache* cache) noexcept nogil:
-    facts.frame = frame
-    facts.parent = cache_newest_parent(cache)
-    facts.authority = cache.authority
-    facts.count = cache.count
-    facts.newest_ns = cache.newest_ns
-    facts.oldest_ns = cache_oldest_ns(cache)
 
 
 cdef _extend_chain(list chain, frames):

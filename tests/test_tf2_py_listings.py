@@ -1,0 +1,136 @@
+"""The texts that list what a buffer knows."""
+
+import pytest
+import yaml
+from making import at, transform
+
+
+@pytest.fixture
+def buffer(tf2_py):
+    return tf2_py.BufferCore()
+
+
+def test_nothing_known_is_an_empty_list(buffer):
+    assert buffer.all_frames_as_yaml() == "[]"
+    assert buffer.all_frames_as_string() == ""
+    assert buffer._getFrameStrings() == []
+
+
+def test_a_frame_is_listed_with_its_numbers(buffer):
+    for second in (100, 101, 102.5):
+        buffer.set_transform(transform("map", "odom", second), "wheels")
+    buffer.set_transform_static(transform("odom", "base", 50), "urdf")
+    listed = yaml.safe_load(buffer.all_frames_as_yaml())
+    assert listed["odom"] == {
+        "parent": "map",
+        "broadcaster": "wheels",
+        "rate": 1.2,
+        "most_recent_transform": 102.5,
+        "oldest_transform": 100.0,
+        "buffer_length": 2.5,
+    }
+    assert listed["base"]["rate"] == 10000.0
+    assert listed["base"]["most_recent_transform"] == 0.0
+
+
+@pytest.mark.ours
+def test_frames_without_data_give_an_empty_list_never_an_empty_document(buffer):
+    buffer.set_transform(transform("map", "odom", 1), "x")
+    buffer.clear()
+    assert buffer.all_frames_as_yaml() == "[]"
+    assert buffer.all_frames_as_string() == "Frame odom exists with parent NO_PARENT.\n"
+
+
+def test_only_frames_that_were_ever_a_child_are_in_the_sentences(buffer):
+    buffer.set_transform(transform("map", "odom", 1), "x")
+    assert buffer.all_frames_as_string() == "Frame odom exists with parent map.\n"
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize(
+    "name",
+    [
+        "no",
+        "1",
+        "a: b",
+        "a'b",
+        'a"b',
+        "a #b",
+        "- a",
+        "tab\there",
+        "line\nbreak",
+        "\x1b",
+        "λ",
+        "a\\b",
+        "😀",
+        " a",
+    ],
+)
+def test_every_name_survives_yaml(buffer, name):
+    buffer.set_transform(transform(name, "child", 1), name)
+    buffer.set_transform(transform("child", name + "2", 1), "x")
+    listed = yaml.safe_load(buffer.all_frames_as_yaml())
+    assert listed["child"]["parent"] == name
+    assert listed["child"]["broadcaster"] == name
+    assert list(listed) == ["child", name + "2"]
+
+
+def test_the_graph_has_an_edge_from_parent_to_child(buffer):
+    buffer.set_transform(transform("map", "odom", 1), "x")
+    for dot in (buffer._allFramesAsDot(), buffer._allFramesAsDot(at(3.5))):
+        assert '"map" -> "odom"' in dot
+        assert dot.startswith("digraph G {")
+        assert dot.rstrip().endswith("}")
+    assert "2.500 sec old" in dot
+
+
+@pytest.mark.ours
+def test_quotes_in_names_do_not_break_the_graph(buffer):
+    buffer.set_transform(transform('a"b', "c\\d", 1), 'e"f')
+    assert '"a\\"b" -> "c\\\\d"' in buffer._allFramesAsDot()
+
+
+def test_a_name_exists_once_it_was_seen(buffer):
+    assert not buffer._frameExists("map")
+    assert buffer._frameExists("NO_PARENT")
+    buffer.set_transform(transform("map", "odom", 1), "x")
+    assert buffer._frameExists("map")
+    assert buffer._frameExists("odom")
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize(
+    ("target", "source", "fixed", "chain"),
+    [
+        ("arm", "camera", "map", ["camera", "base", "arm"]),
+        ("map", "camera", "base", ["camera", "base", "map"]),
+        ("camera", "map", "map", ["map", "base", "camera"]),
+        ("camera", "camera", "camera", ["camera"]),
+        ("base", "camera", "arm", ["camera", "base"]),
+    ],
+)
+def test_a_chain_goes_up_to_the_common_ancestor_and_down(buffer, target, source, fixed, chain):
+    for parent, child in (("map", "base"), ("base", "camera"), ("base", "arm")):
+        buffer.set_transform_static(transform(parent, child), "x")
+    assert buffer._chain(target, at(1), source, at(1), fixed) == chain
+
+
+@pytest.mark.ours
+def test_a_chain_that_does_not_exist_raises_what_the_lookup_raises(tf2_py, buffer):
+    buffer.set_transform_static(transform("map", "base"), "x")
+    buffer.set_transform_static(transform("a", "b"), "x")
+    with pytest.raises(tf2_py.ConnectivityException):
+        buffer._chain("map", at(1), "b", at(1), "map")
+    with pytest.raises(tf2_py.LookupException):
+        buffer._chain("map", at(1), "base", at(1), "nowhere")
+
+
+@pytest.mark.ours
+def test_statistics_count_what_happened(buffer):
+    buffer.set_transform(transform("map", "odom", 1), "x")
+    buffer.set_transform(transform("map", "odom", 2), "x")
+    buffer.set_transform(transform("a", "a", 2), "x")
+    statistics = buffer.statistics()
+    assert (statistics["taken"], statistics["frames"], statistics["samples"]) == (2, 2, 2)
+    assert {k: n for k, n in statistics["refused"].items() if n} == {"self_transform": 1}
+    assert statistics["bytes"] > 0

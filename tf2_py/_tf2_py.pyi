@@ -1,0 +1,97 @@
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Protocol, TypedDict
+
+from geometry_msgs.msg import TransformStamped
+from rclpy.time import Time
+
+class _Nanoseconds(Protocol):
+    @property
+    def nanoseconds(self) -> int: ...
+
+class _SecNanosec(Protocol):
+    @property
+    def sec(self) -> int: ...
+    @property
+    def nanosec(self) -> int: ...
+
+_TimeLike = _Nanoseconds | _SecNanosec
+_DurationLike = _Nanoseconds | _SecNanosec
+_Vector = tuple[float, float, float]
+
+class _Statistics(TypedDict):
+    taken: int
+    refused: dict[str, int]
+    frames: int
+    samples: int
+    bytes: int
+    malformed_messages: int
+
+class BufferCore:
+    _on_change: Callable[[], Any] | None
+    @property
+    def _throttle(self) -> Any: ...
+    def __init__(self, cache_time: _DurationLike | None = None) -> None: ...
+    def set_transform(self, transform: TransformStamped, authority: str) -> None: ...
+    def set_transform_static(self, transform: TransformStamped, authority: str) -> None: ...
+    def set_transforms(
+        self, transforms: Iterable[TransformStamped], authority: str, static: bool = False
+    ) -> int: ...
+    def set_transforms_cdr(
+        self, data: bytes | bytearray | memoryview, authority: str, static: bool = False
+    ) -> int: ...
+    def clear(self) -> None: ...
+    def lookup_transform_core(
+        self, target_frame: str, source_frame: str, time: _TimeLike
+    ) -> TransformStamped: ...
+    def lookup_transform_full_core(
+        self,
+        target_frame: str,
+        target_time: _TimeLike,
+        source_frame: str,
+        source_time: _TimeLike,
+        fixed_frame: str,
+    ) -> TransformStamped: ...
+    def can_transform_core(
+        self, target_frame: str, source_frame: str, time: _TimeLike
+    ) -> tuple[int, str]: ...
+    def can_transform_full_core(
+        self,
+        target_frame: str,
+        target_time: _TimeLike,
+        source_frame: str,
+        source_time: _TimeLike,
+        fixed_frame: str,
+    ) -> tuple[int, str]: ...
+    def get_latest_common_time(self, target_frame: str, source_frame: str) -> Time: ...
+    def lookupVelocityCore(
+        self,
+        tracking_frame: str,
+        observation_frame: str,
+        time: _TimeLike,
+        averaging_interval: _DurationLike,
+    ) -> tuple[_Vector, _Vector]: ...
+    def lookupVelocityFullCore(
+        self,
+        tracking_frame: str,
+        observation_frame: str,
+        reference_frame: str,
+        reference_point: Sequence[float],
+        reference_point_frame: str,
+        time: _TimeLike,
+        averaging_interval: _DurationLike,
+    ) -> tuple[_Vector, _Vector]: ...
+    def all_frames_as_yaml(self) -> str: ...
+    def all_frames_as_string(self) -> str: ...
+    def _allFramesAsDot(self, time: _TimeLike | None = None) -> str: ...
+    def _frameExists(self, name: str) -> bool: ...
+    def _getFrameStrings(self) -> list[str]: ...
+    def _chain(
+        self,
+        target_frame: str,
+        target_time: _TimeLike,
+        source_frame: str,
+        source_time: _TimeLike,
+        fixed_frame: str,
+    ) -> list[str]: ...
+    def statistics(self) -> _Statistics: ...
+    def _self_check(self) -> None: ...

@@ -1,0 +1,115 @@
+"""Reference counts and memory stay where they were, whatever is done often."""
+
+import gc
+import sys
+import types
+
+import pytest
+from making import at, transform
+from rclpy.duration import Duration
+from rclpy.serialization import serialize_message
+
+from tf2_msgs.msg import TFMessage
+
+pytestmark = pytest.mark.ours
+
+TIMES = 20_000
+SLACK = TIMES // 100  # blocks; one lost object in a hundred calls would already show
+
+
+def blocks_after(action):
+    for _ in range(100):  # caches and free lists fill
+        action()
+    gc.collect()
+    before = sys.getallocatedblocks()
+    for _ in range(TIMES):
+        action()
+    gc.collect()
+    return sys.getallocatedblocks() - before
+
+
+@pytest.fixture
+def buffer(tf2_py):
+    buffer = tf2_py.BufferCore(Duration(seconds=1))
+    buffer.set_transform(transform("map", "odom", 1), "x")
+    buffer.set_transform(transform("odom", "base", 1), "x")
+    return buffer
+
+
+def raising(call, *args):
+    def action():
+        with pytest.raises(Exception):  # noqa: B017
+            call(*args)
+
+    return action
+
+
+def actions(buffer):
+    message = transform("map", "odom", 1.25)
+    duck = types.SimpleNamespace(header=message.header, child_frame_id="duck", transform=message.transform)
+    data = serialize_message(TFMessage(transforms=[message]))
+    return {
+        "set_transform": lambda: buffer.set_transform(message, "x"),
+        "set_transform of a duck": lambda: buffer.set_transform(duck, "x"),
+        "set_transform_static": lambda: buffer.set_transform_static(transform("odom", "plate"), "x"),
+        "set_transforms": lambda: buffer.set_transforms([message, message], "x"),
+        "set_transforms_cdr": lambda: buffer.set_transforms_cdr(data, "x"),
+        "lookup": lambda: buffer.lookup_transform_core("map", "base", at(1)),
+        "lookup_full": lambda: buffer.lookup_transform_full_core("map", at(1), "base", at(1), "odom"),
+        "can": lambda: buffer.can_transform_core("map", "base", at(5)),
+        "common time": lambda: buffer.get_latest_common_time("map", "base"),
+        "velocity": lambda: buffer.lookupVelocityCore("base", "map", at(1), Duration(seconds=0)),
+        "yaml": buffer.all_frames_as_yaml,
+        "chain": lambda: buffer._chain("map", at(1), "base", at(1), "odom"),
+        "names": buffer._getFrameStrings,
+        "statistics": buffer.statistics,
+    }
+
+
+def failures(buffer):
+    data = b"\0\1\0\0" + b"\xff" * 40
+    return {
+        "lookup of no frame": raising(buffer.lookup_transform_core, "map", "nowhere", at(1)),
+        "lookup of no time": raising(buffer.lookup_transform_core, "map", "base", at(5)),
+        "lookup of no text": raising(buffer.lookup_transform_core, "map", b"base", at(5)),
+        "no transform": raising(buffer.set_transforms, [transform("a", "b"), 1], "x"),
+        "no message": raising(buffer.set_transforms_cdr, data, "x"),
+    }
+
+
+def test_calls_leave_nothing_behind(buffer):
+    left = {name: blocks_after(action) for name, action in actions(buffer).items()}
+    assert {name: blocks for name, blocks in left.items() if abs(blocks) >= SLACK} == {}
+
+
+def test_errors_leave_nothing_behind(buffer):
+    left = {name: blocks_after(action) for name, action in failures(buffer).items()}
+    assert {name: blocks for name, blocks in left.items() if abs(blocks) >= SLACK} == {}
+
+
+def test_many_inserts_leave_the_buffer_at_one_size(buffer):
+    sizes = []
+    for i in range(1, 5 * TIMES):
+        buffer.set_transform(transform("map", "odom", ns=i * 10_000_000), "x")
+        if i % TIMES == 0:
+            sizes.append(buffer.statistics()["bytes"])
+    assert sizes == sizes[:1] * 4
+
+
+def resident_bytes():
+    with open("/proc/self/statm") as statm:
+        return int(statm.read().split()[1]) * 4096
+
+
+def test_buffers_give_their_memory_back(tf2_py):
+    def live_and_die():
+        buffer = tf2_py.BufferCore(Duration(seconds=10))
+        for i in range(20):
+            buffer.set_transforms([transform(f"p{i}", f"c{i}", ns=s * 1000) for s in range(1, 500)], "x")
+
+    live_and_die()
+    before = resident_bytes()
+    for _ in range(20):
+        live_and_die()
+    # Each buffer holds 20 x 500 samples, 720 kB.
+    assert resident_bytes() - before < 2_000_000

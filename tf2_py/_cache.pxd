@@ -25,6 +25,10 @@ cdef struct Cache:
     CacheKind kind
 
 
+cdef enum:
+    NEWEST_HINT = 0x7FFFFFFF    # most lookups ask for a moment ago
+
+
 cdef enum CacheInsert:
     CACHE_INSERTED
     CACHE_DUPLICATE
@@ -44,7 +48,10 @@ cdef void cache_clear(Cache* cache) noexcept nogil                  # drops samp
 cdef CacheInsert cache_insert(Cache* cache, int64_t stamp_ns, const Sample* sample,
                               int64_t cache_time_ns) noexcept nogil
 cdef CacheInsert cache_set_static(Cache* cache, int64_t stamp_ns, const Sample* sample) noexcept nogil
-cdef Gap cache_find(const Cache* cache, int64_t time_ns, uint32_t* older, uint32_t* newer) noexcept nogil
+# The slots of the samples on both sides of a time; equal where one of them answers alone. `hint` is where to look
+# first, and afterwards where the answer was: the logical index of the newer sample.
+cdef Gap cache_find(const Cache* cache, int64_t time_ns, uint32_t* hint, uint32_t* older,
+                    uint32_t* newer) noexcept nogil
 cdef Gap cache_transform_at(const Cache* cache, int64_t time_ns, Transform* out) noexcept nogil
 cdef FrameId cache_parent_at(const Cache* cache, int64_t time_ns) noexcept nogil
 cdef FrameId cache_newest_parent(const Cache* cache) noexcept nogil

@@ -118,37 +118,41 @@ cdef void _shrink_if_long_sparse(Cache* cache) noexcept nogil:
         _resize(cache, cache.capacity // 2)
 
 
-cdef inline uint32_t _first_after(const Cache* cache, int64_t time_ns) noexcept nogil:
-    # The logical index of the first sample with stamp > time_ns; count where there is none.
-    # Stamps come at steady rates: guess the place from the ends, step away from the guess in doubling
-    # strides, halve the rest. O(log n) whatever the stamps, a few probes where they are even.
+cdef inline uint32_t _guess(const Cache* cache, int64_t time_ns, uint32_t high) noexcept nogil:
+    # Where time_ns would lie if the stamps were even, for stamp(0) <= time_ns < stamp(high).
+    cdef int64_t oldest_ns = cache.stamps[cache.head]
+    cdef int64_t newest_ns = cache.stamps[cache_slot(cache, high)]
+    return <uint32_t>(<double>(time_ns - oldest_ns) / <double>(newest_ns - oldest_ns) * <double>high)
+
+
+cdef uint32_t _first_after(const Cache* cache, int64_t time_ns, uint32_t hint) noexcept nogil:
+    # The logical index of the first sample with stamp > time_ns; count where there is none. A call of many
+    # times asks in order: look behind `hint`, the last answer, first. Then guess from the ends, for stamps
+    # come at steady rates; step away from the guess in doubling strides; halve the rest. O(log n) whatever
+    # the stamps, a few probes where they are even.
     cdef uint32_t count = cache.count
-    cdef uint32_t low, high, guess, stride, middle
-    cdef int64_t oldest_ns, newest_ns
-    if count == 0:
-        return 0
-    newest_ns = cache.stamps[cache_slot(cache, count - 1)]
-    if newest_ns <= time_ns:
+    cdef uint32_t low, high, stride, middle
+    if count == 0 or cache.stamps[cache_slot(cache, count - 1)] <= time_ns:
         return count
-    oldest_ns = cache.stamps[cache.head]
-    if oldest_ns > time_ns:
+    if cache.stamps[cache.head] > time_ns:
         return 0
+    if hint < count - 1 and cache.stamps[cache_slot(cache, hint)] <= time_ns \
+            and cache.stamps[cache_slot(cache, hint + 1)] > time_ns:
+        return hint + 1
     # From here on: stamp(low) <= time_ns < stamp(high).
     low = 0
     high = count - 1
-    guess = <uint32_t>(<double>(time_ns - oldest_ns) / <double>(newest_ns - oldest_ns) * <double>high)
-    if guess >= high:
-        guess = high - 1
+    middle = min(_guess(cache, time_ns, high), high - 1)
     stride = 1
-    if cache.stamps[cache_slot(cache, guess)] <= time_ns:
-        low = guess
+    if cache.stamps[cache_slot(cache, middle)] <= time_ns:
+        low = middle
         while high - low > stride and cache.stamps[cache_slot(cache, low + stride)] <= time_ns:
             low += stride
             stride *= 2
         if high - low > stride:
             high = low + stride
     else:
-        high = guess
+        high = middle
         while high - low > stride and cache.stamps[cache_slot(cache, high - stride)] > time_ns:
             high -= stride
             stride *= 2
@@ -206,7 +210,7 @@ cdef CacheInsert cache_insert(Cache* cache, int64_t stamp_ns, const Sample* samp
     _prune(cache, cache_time_ns)
     if cache.count and stamp_ns < cache.newest_ns - cache_time_ns:
         return CACHE_TOO_OLD
-    index = _first_after(cache, stamp_ns)
+    index = _first_after(cache, stamp_ns, NEWEST_HINT)
     i = index
     while i > 0:
         slot = cache_slot(cache, i - 1)
@@ -242,8 +246,8 @@ cdef CacheInsert cache_set_static(Cache* cache, int64_t stamp_ns, const Sample* 
     return CACHE_INSERTED
 
 
-cdef Gap cache_find(const Cache* cache, int64_t time_ns, uint32_t* older, uint32_t* newer) noexcept nogil:
-    # The slots of the samples on both sides of a time; equal where one of them answers alone.
+cdef Gap cache_find(const Cache* cache, int64_t time_ns, uint32_t* hint, uint32_t* older,
+                    uint32_t* newer) noexcept nogil:
     # Time 0 asks for the newest. At the oldest of several stamps the first arrival answers, at every
     # other stamp the last one.
     cdef uint32_t count = cache.count
@@ -267,11 +271,11 @@ cdef Gap cache_find(const Cache* cache, int64_t time_ns, uint32_t* older, uint32
         return GAP_NONE
     if time_ns < oldest_ns:
         return GAP_PAST
-    # Most lookups ask for a moment ago: look between the two newest samples first.
-    if cache.stamps[cache_slot(cache, count - 2)] <= time_ns:
-        index = count - 1
-    else:
-        index = _first_after(cache, time_ns)
+    index = min(hint[0], count - 1)
+    if cache.stamps[cache_slot(cache, index - 1)] > time_ns \
+            or cache.stamps[cache_slot(cache, index)] <= time_ns:
+        index = _first_after(cache, time_ns, index)
+        hint[0] = index
     older[0] = cache_slot(cache, index - 1)
     newer[0] = cache_slot(cache, index)
     if cache.stamps[older[0]] == time_ns or cache.samples[older[0]].parent != cache.samples[newer[0]].parent:
@@ -282,7 +286,8 @@ cdef Gap cache_find(const Cache* cache, int64_t time_ns, uint32_t* older, uint32
 cdef Gap cache_transform_at(const Cache* cache, int64_t time_ns, Transform* out) noexcept nogil:
     # Linear translation, slerp between the two neighbours of time_ns.
     cdef uint32_t older, newer
-    cdef Gap gap = cache_find(cache, time_ns, &older, &newer)
+    cdef uint32_t hint = NEWEST_HINT
+    cdef Gap gap = cache_find(cache, time_ns, &hint, &older, &newer)
     cdef const Transform* a
     cdef const Transform* b
     cdef double ratio
@@ -294,9 +299,9 @@ cdef Gap cache_transform_at(const Cache* cache, int64_t time_ns, Transform* out)
         return GAP_NONE
     b = &cache.samples[newer].transform
     ratio = (<double>(time_ns - cache.stamps[older])) / (<double>(cache.stamps[newer] - cache.stamps[older]))
-    out.translation[0] = a.translation[0] + ratio * (b.translation[0] - a.translation[0])
-    out.translation[1] = a.translation[1] + ratio * (b.translation[1] - a.translation[1])
-    out.translation[2] = a.translation[2] + ratio * (b.translation[2] - a.translation[2])
+    out.translation[0] = (1.0 - ratio) * a.translation[0] + ratio * b.translation[0]
+    out.translation[1] = (1.0 - ratio) * a.translation[1] + ratio * b.translation[1]
+    out.translation[2] = (1.0 - ratio) * a.translation[2] + ratio * b.translation[2]
     quaternion_slerp(a.rotation, b.rotation, ratio, out.rotation)
     return GAP_NONE
 
@@ -304,7 +309,8 @@ cdef Gap cache_transform_at(const Cache* cache, int64_t time_ns, Transform* out)
 cdef FrameId cache_parent_at(const Cache* cache, int64_t time_ns) noexcept nogil:
     # NO_FRAME where the history does not answer.
     cdef uint32_t older, newer
-    if cache_find(cache, time_ns, &older, &newer) != GAP_NONE:
+    cdef uint32_t hint = NEWEST_HINT
+    if cache_find(cache, time_ns, &hint, &older, &newer) != GAP_NONE:
         return NO_FRAME
     return cache.samples[older].parent
 

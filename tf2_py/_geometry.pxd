@@ -4,6 +4,13 @@ from libc.math cimport acos, fabs, isfinite, sin, sqrt
 
 from tf2_py._types cimport Transform
 
+cdef extern from *:
+    """
+    /* 1 - |a . b| up to which the series of slerp_weights_near keep every digit: a turn of 28 degrees. */
+    #define TF2_SLERP_NEAR 0.03
+    """
+    const double SLERP_NEAR "TF2_SLERP_NEAR"
+
 
 cdef inline void quaternion_multiply(const double* a, const double* b, double* out) noexcept nogil:
     # out = a b: rotates by b first. `out` may be `a` or `b`.
@@ -43,12 +50,11 @@ cdef inline bint quaternion_normalise(double* q) noexcept nogil:
     cdef double scale
     if not isfinite(squared) or squared == 0.0:
         return False
-    if squared != 1.0:
-        scale = 1.0 / sqrt(squared)
-        q[0] *= scale
-        q[1] *= scale
-        q[2] *= scale
-        q[3] *= scale
+    scale = 1.0 / sqrt(squared)
+    q[0] *= scale
+    q[1] *= scale
+    q[2] *= scale
+    q[3] *= scale
     return True
 
 
@@ -75,31 +81,45 @@ cdef inline double sinc_series(double squared) noexcept nogil:
         -1.0 / 5040.0 + squared * (1.0 / 362880.0 + squared * (-1.0 / 39916800.0)))))
 
 
+cdef inline double slerp_distance(const double* a, const double* b, double* sign) noexcept nogil:
+    # 1 - |a . b| without cancellation, for unit a and b; `sign` is that of a . b.
+    cdef double dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+    sign[0] = 1.0 if dot >= 0.0 else -1.0
+    cdef double dx = sign[0] * b[0] - a[0]
+    cdef double dy = sign[0] * b[1] - a[1]
+    cdef double dz = sign[0] * b[2] - a[2]
+    cdef double dw = sign[0] * b[3] - a[3]
+    return 0.5 * (dx * dx + dy * dy + dz * dz + dw * dw)
+
+
+cdef inline void slerp_weights_near(double distance, double ratio, double* weight_a, double* weight_b) noexcept nogil:
+    # For distance <= SLERP_NEAR. With cos(t) = 1 - d, t^2 is a short series in d
+    # (t^2 = 2 sum (2 d)^n / (n^2 C(2n, n))), and the sines are short series in t^2: no acos, no sin.
+    cdef double squared = distance * (2.0 + distance * (1.0 / 3.0 + distance * (4.0 / 45.0 + distance * (
+        1.0 / 35.0 + distance * (16.0 / 1575.0 + distance * (8.0 / 2079.0 + distance * (32.0 / 21021.0)))))))
+    cdef double rest = 1.0 - ratio
+    cdef double scale = 1.0 / sinc_series(squared)
+    weight_a[0] = rest * sinc_series(rest * rest * squared) * scale
+    weight_b[0] = ratio * sinc_series(ratio * ratio * squared) * scale
+
+
+cdef inline void slerp_weights_far(double distance, double ratio, double* weight_a, double* weight_b) noexcept nogil:
+    cdef double angle = acos(1.0 - distance)
+    cdef double scale = 1.0 / sin(angle)
+    weight_a[0] = sin((1.0 - ratio) * angle) * scale
+    weight_b[0] = sin(ratio * angle) * scale
+
+
 cdef inline void quaternion_slerp(const double* a, const double* b, double ratio, double* out) noexcept nogil:
     # Shortest-path spherical interpolation between unit quaternions (Shoemake 1985):
     # weights sin((1 - r) t) / sin(t) and sin(r t) / sin(t), where cos(t) = |a . b|.
-    # Neighbouring samples are close, so cos(t) = 1 - d with a small d: then t^2 is a short series in d
-    # (t^2 = 2 sum (2 d)^n / (n^2 C(2n, n))) and the sines are short series in t^2: no acos, no sin.
-    cdef double dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
-    cdef double sign = 1.0 if dot >= 0.0 else -1.0
-    cdef double dx = sign * b[0] - a[0]
-    cdef double dy = sign * b[1] - a[1]
-    cdef double dz = sign * b[2] - a[2]
-    cdef double dw = sign * b[3] - a[3]
-    cdef double d = 0.5 * (dx * dx + dy * dy + dz * dz + dw * dw)
-    cdef double rest = 1.0 - ratio
-    cdef double squared, angle, weight_a, weight_b, scale
-    if d <= 0.03:
-        squared = d * (2.0 + d * (1.0 / 3.0 + d * (4.0 / 45.0 + d * (1.0 / 35.0 + d * (
-            16.0 / 1575.0 + d * (8.0 / 2079.0 + d * (32.0 / 21021.0)))))))
-        scale = 1.0 / sinc_series(squared)
-        weight_a = rest * sinc_series(rest * rest * squared) * scale
-        weight_b = ratio * sinc_series(ratio * ratio * squared) * scale
+    # Neighbouring samples are close; only far ones need the trigonometric functions.
+    cdef double sign, weight_a, weight_b
+    cdef double distance = slerp_distance(a, b, &sign)
+    if distance <= SLERP_NEAR:
+        slerp_weights_near(distance, ratio, &weight_a, &weight_b)
     else:
-        angle = acos(1.0 - d)
-        scale = 1.0 / sin(angle)
-        weight_a = sin(rest * angle) * scale
-        weight_b = sin(ratio * angle) * scale
+        slerp_weights_far(distance, ratio, &weight_a, &weight_b)
     weight_b *= sign
     out[0] = weight_a * a[0] + weight_b * b[0]
     out[1] = weight_a * a[1] + weight_b * b[1]

@@ -25,6 +25,7 @@ cdef int query_fill_full(Query* query, object target_frame, object target_time, 
 # With the tree's lock held. `out` NULL only asks whether there is an answer.
 cdef Status query_walk(const Tree* tree, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil
 cdef Status query_ends(const Tree* tree, const Query* query, FrameId* target, FrameId* source) noexcept nogil
+cdef FrameId query_fixed(const Tree* tree, const Query* query) noexcept nogil      # NO_FRAME: no such frame
 cdef bint query_is_identity(const Query* query) noexcept nogil
 
 # The one place that turns a status into an exception; the names are those of status.child and status.parent.

@@ -66,6 +66,10 @@ cdef Status query_ends(const Tree* tree, const Query* query, FrameId* target, Fr
     return _status(STATUS_OK)
 
 
+cdef FrameId query_fixed(const Tree* tree, const Query* query) noexcept nogil:
+    return _frame(tree, query.fixed, query.fixed_size)
+
+
 cdef bint query_is_identity(const Query* query) noexcept nogil:
     # Equal names in a simple lookup need no frame that anyone has seen.
     return (query.fixed == NULL and query.target_size == query.source_size
@@ -87,7 +91,7 @@ cdef Status query_walk(const Tree* tree, const Query* query, Transform* out, int
         return status
     if query.fixed == NULL:
         return walk_lookup(tree, target, source, query.source_ns, &path, out, stamp_ns)
-    fixed = _frame(tree, query.fixed, query.fixed_size)
+    fixed = query_fixed(tree, query)
     if fixed == NO_FRAME:
         return _status(STATUS_BAD_FIXED)
     if out == NULL:

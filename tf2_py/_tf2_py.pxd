@@ -6,6 +6,7 @@ from tf2_py._lock cimport Lock
 from tf2_py._query cimport Query
 from tf2_py._tree cimport Tree
 from tf2_py._types cimport Incoming, Status, Transform
+from tf2_py._vector cimport Vector
 
 
 cdef struct Entry:
@@ -27,5 +28,6 @@ cdef class BufferCore:
     cdef int _lookup_or_raise(self, const Query* query, Transform* out, int64_t* stamp_ns) except -1
     cdef int _transform_at(self, target_frame, source_frame, int64_t time_ns, Transform* out) except -1
     cdef object _error(self, const Query* query, Status status)
+    cdef int _lookup_vector(self, Query* query, const Vector* vector) except -1
     cdef tuple _can(self, const Query* query)
     cdef list _frames_between(self, target_frame, source_frame, int64_t time_ns)

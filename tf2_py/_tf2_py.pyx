@@ -16,7 +16,16 @@ from tf2_py._messages cimport (
     time_to_ns,
 )
 from tf2_py._names cimport NAME_NO_MEMORY, NAME_UNKNOWN, names_find, names_intern
-from tf2_py._query cimport Query, query_ends, query_error, query_fill, query_fill_full, query_walk
+from tf2_py._query cimport (
+    Query,
+    query_ends,
+    query_error,
+    query_fill,
+    query_fill_full,
+    query_fixed,
+    query_is_identity,
+    query_walk,
+)
 from tf2_py._snapshot cimport snapshot_frames, snapshot_names
 from tf2_py._tree cimport (
     TREE_NO_MEMORY,
@@ -31,7 +40,9 @@ from tf2_py._tree cimport (
 )
 from tf2_py._twist cimport twist_between
 from tf2_py._types cimport (
+    NO_FRAME,
     REFUSAL_KINDS,
+    STATUS_BAD_FIXED,
     STATUS_EXTRAPOLATION,
     STATUS_LOOP,
     STATUS_OK,
@@ -41,9 +52,11 @@ from tf2_py._types cimport (
     Status,
     Transform,
 )
+from tf2_py._vector cimport Vector, vector_lookup
 from tf2_py._walk cimport Path, walk_common_time, walk_lookup
 
 from tf2_py import _errors, _listings, _log
+from tf2_py._arrays import as_points, as_times_ns, new_rows
 
 cdef int64_t DEFAULT_CACHE_TIME_NS = 10 * <int64_t>1000000000
 
@@ -264,6 +277,91 @@ cdef class BufferCore:
         self._lookup_or_raise(&query, &transform, &stamp_ns)
         return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
 
+    def lookup_transforms(self, target_frame, source_frame, times, *, fixed_frame=None, target_time=None,
+                          on_missing="raise"):
+        """
+        Look one transform up at many times, with the numbers of as many single lookups.
+
+        :param times: N times: integer nanoseconds (array-like of shape (N,)) or a sequence of time objects.
+        :param fixed_frame: with ``target_time``, a two-time lookup: the source at each of ``times``, the
+            target at ``target_time``.
+        :param on_missing: ``'raise'`` raises what the first time without an answer raises, and names its index;
+            ``'nan'`` fills NaN there. Names that are no known frames always raise.
+        :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), metres, and (N, 4), x y z w.
+
+        Other threads run meanwhile: the GIL is released.
+        """
+        cdef Query query
+        cdef Vector vector
+        cdef const int64_t[::1] times_ns = as_times_ns(times)
+        cdef double[:, ::1] translations, rotations
+        vector.count = times_ns.shape[0]
+        translations_array, rotations_array = new_rows(vector.count, 3), new_rows(vector.count, 4)
+        if on_missing not in ("raise", "nan"):
+            raise ValueError(f"on_missing must be 'raise' or 'nan', not {on_missing!r}")
+        _fill_vector(&query, target_frame, source_frame, fixed_frame, target_time)
+        if vector.count:
+            translations, rotations = translations_array, rotations_array
+            vector.times_ns = &times_ns[0]
+            vector.translations = &translations[0, 0]
+            vector.rotations = &rotations[0, 0]
+            vector.points = NULL
+            vector.carried = NULL
+            vector.nan_missing = on_missing == "nan"
+            self._lookup_vector(&query, &vector)
+        return translations_array, rotations_array
+
+    def transform_points(self, points, times, target_frame, source_frame, *, fixed_frame=None,
+                         target_time=None):
+        """
+        Carry each point with the transform of its own time.
+
+        :param points: array-like of shape (N, 3), metres, in ``source_frame`` at its time; float32 or float64.
+        :param times: N times, as in :meth:`lookup_transforms`; so are the other arguments.
+        :return: an array of shape (N, 3) of the points' dtype, in ``target_frame``.
+        """
+        cdef Query query
+        cdef Vector vector
+        cdef const int64_t[::1] times_ns = as_times_ns(times)
+        cdef const double[:, ::1] rows
+        cdef double[:, ::1] carried
+        rows_array, dtype = as_points(points)
+        vector.count = times_ns.shape[0]
+        if len(rows_array) != vector.count:
+            raise ValueError(f"{len(rows_array)} points and {vector.count} times; every point needs its own time")
+        carried_array = new_rows(vector.count, 3)
+        _fill_vector(&query, target_frame, source_frame, fixed_frame, target_time)
+        if vector.count:
+            rows, carried = rows_array, carried_array
+            vector.times_ns = &times_ns[0]
+            vector.points = &rows[0, 0]
+            vector.carried = &carried[0, 0]
+            vector.translations = NULL
+            vector.rotations = NULL
+            vector.nan_missing = False
+            self._lookup_vector(&query, &vector)
+        return carried_array.astype(dtype, copy=False)
+
+    cdef int _lookup_vector(self, Query* query, const Vector* vector) except -1:
+        cdef Py_ssize_t answered
+        cdef Status status
+        cdef FrameId target, source
+        lock_read(&self._lock)
+        status = query_ends(&self._tree, query, &target, &source)
+        if query_is_identity(query):
+            status.code = STATUS_OK
+        elif status.code == STATUS_OK and query.fixed != NULL and query_fixed(&self._tree, query) == NO_FRAME:
+            status.code = STATUS_BAD_FIXED
+        unlock(&self._lock)
+        if status.code != STATUS_OK:
+            raise self._error(query, status)
+        with nogil:
+            answered = vector_lookup(&self._tree, &self._lock, query, vector, &status)
+        if answered < vector.count:
+            error = self._error(query, status)
+            raise type(error)(f"times[{answered}]: {error}")
+        return 0
+
     def can_transform_core(self, target_frame, source_frame, time):
         """Whether :meth:`lookup_transform_core` would answer: ``(1, '')`` or ``(0, reason)``."""
         cdef Query query
@@ -468,3 +566,15 @@ cdef _extend_chain(list chain, frames):
         if frame in chain:
             del chain[chain.index(frame):]
         chain.append(frame)
+
+
+cdef int _fill_vector(Query* query, target_frame, source_frame, fixed_frame, target_time) except -1:
+    if (fixed_frame is None) != (target_time is None):
+        raise TypeError("fixed_frame and target_time go together: both or neither")
+    query.target = name_utf8(target_frame, &query.target_size)
+    query.source = name_utf8(source_frame, &query.source_size)
+    query.fixed = NULL
+    if fixed_frame is not None:
+        query.fixed = name_utf8(fixed_frame, &query.fixed_size)
+        query.target_ns = time_to_ns(target_time)
+    return 0

@@ -5,6 +5,7 @@ from libc.string cimport memset
 
 from tf2_py._cache cimport (
     CACHE_UNBORN,
+    NEWEST_HINT,
     Cache,
     cache_find,
     cache_newest_parent,
@@ -21,7 +22,6 @@ from tf2_py._geometry cimport (
 )
 from tf2_py._tree cimport MIXED_PARENTS, Tree
 from tf2_py._types cimport (
-    GAP_EMPTY,
     GAP_NONE,
     GAP_PAST,
     MAX_HOPS,
@@ -42,7 +42,6 @@ cdef enum:
     SEEN_WORDS = 8          # 512 bits on each side
 
 
-# As a time of _climb: each frame's newest sample, whatever its stamp.
 cdef int64_t LATEST = INT64_MIN
 
 
@@ -76,8 +75,8 @@ cdef inline FrameId _parent(const Tree* tree, FrameId frame, int64_t time_ns, bi
     return cache_parent_at(&tree.caches[frame], time_ns)
 
 
-cdef bint _climb(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, Path* path,
-                 bint* mixed) noexcept nogil:
+cdef bint walk_climb(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, Path* path,
+                     bint* mixed) noexcept nogil:
     # Climb from both ends in turn to the lowest common ancestor: the cost follows the hops between the two.
     # For trees in which no link ever closed a loop. False: no path, or too long a one.
     cdef Seen seen_source, seen_target
@@ -131,15 +130,22 @@ cdef inline int64_t _newest_common(const Tree* tree, const FrameId* frames, uint
     return common_ns
 
 
-cdef inline int64_t _path_common_time(const Tree* tree, const Path* path) noexcept nogil:
+cdef int64_t walk_path_common_time(const Tree* tree, const Path* path) noexcept nogil:
     cdef int64_t common_ns = INT64_MAX
     common_ns = _newest_common(tree, path.source, path.source_hops, common_ns)
     common_ns = _newest_common(tree, path.target, path.target_hops, common_ns)
     return 0 if common_ns == INT64_MAX else common_ns
 
 
-cdef Status _gap_status(const Tree* tree, FrameId frame, int64_t time_ns, Gap gap) noexcept nogil:
+cdef Gap _gap(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil:
+    cdef uint32_t older, newer
+    cdef uint32_t hint = NEWEST_HINT
+    return cache_find(&tree.caches[frame], time_ns, &hint, &older, &newer)
+
+
+cdef Status _gap_status(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil:
     cdef const Cache* cache = &tree.caches[frame]
+    cdef Gap gap = _gap(tree, frame, time_ns)
     cdef Status status
     status.code = STATUS_EXTRAPOLATION
     status.gap = gap
@@ -159,16 +165,13 @@ cdef inline Status _plain(StatusCode code) noexcept nogil:
 
 cdef Status _first_gap(const Tree* tree, const Path* path, int64_t time_ns) noexcept nogil:
     # Of two gaps the target side's; a path without one is an answer.
-    cdef uint32_t i, older, newer
-    cdef Gap gap
+    cdef uint32_t i
     for i in range(path.target_hops):
-        gap = cache_find(&tree.caches[path.target[i]], time_ns, &older, &newer)
-        if gap != GAP_NONE:
-            return _gap_status(tree, path.target[i], time_ns, gap)
+        if _gap(tree, path.target[i], time_ns) != GAP_NONE:
+            return _gap_status(tree, path.target[i], time_ns)
     for i in range(path.source_hops):
-        gap = cache_find(&tree.caches[path.source[i]], time_ns, &older, &newer)
-        if gap != GAP_NONE:
-            return _gap_status(tree, path.source[i], time_ns, gap)
+        if _gap(tree, path.source[i], time_ns) != GAP_NONE:
+            return _gap_status(tree, path.source[i], time_ns)
     return _plain(STATUS_OK)
 
 
@@ -214,7 +217,6 @@ cdef Status _reference_walk(const Tree* tree, FrameId target, FrameId source, in
     cdef FrameId top = source
     cdef FrameId parent
     cdef FrameId source_gap = NO_FRAME
-    cdef uint32_t older, newer
     path.source_hops = path.target_hops = 0
     while frame != NO_FRAME:
         top = frame
@@ -238,7 +240,7 @@ cdef Status _reference_walk(const Tree* tree, FrameId target, FrameId source, in
             break
         parent = cache_parent_at(&tree.caches[frame], time_ns)
         if parent == NO_FRAME:
-            return _gap_status(tree, frame, time_ns, cache_find(&tree.caches[frame], time_ns, &older, &newer))
+            return _gap_status(tree, frame, time_ns)
         if frame == source:
             path.top = frame
             path.source_hops = 0
@@ -252,7 +254,7 @@ cdef Status _reference_walk(const Tree* tree, FrameId target, FrameId source, in
         path.top = top
         return _plain(STATUS_OK)
     if source_gap != NO_FRAME:
-        return _gap_status(tree, source_gap, time_ns, cache_find(&tree.caches[source_gap], time_ns, &older, &newer))
+        return _gap_status(tree, source_gap, time_ns)
     return _plain(STATUS_UNCONNECTED)
 
 
@@ -268,7 +270,7 @@ cdef Status _reference_common_time(const Tree* tree, FrameId target, FrameId sou
             break
         path.source_hops += 1
         if frame == target:
-            common_ns[0] = _path_common_time(tree, path)
+            common_ns[0] = walk_path_common_time(tree, path)
             return _plain(STATUS_OK)
         if path.source_hops > MAX_HOPS:
             return _plain(STATUS_LOOP)
@@ -282,11 +284,11 @@ cdef Status _reference_common_time(const Tree* tree, FrameId target, FrameId sou
         for i in range(path.source_hops):
             if path.source[i + 1] == frame:
                 path.source_hops = i + 1
-                common_ns[0] = _path_common_time(tree, path)
+                common_ns[0] = walk_path_common_time(tree, path)
                 return _plain(STATUS_OK)
         if frame == source:
             path.source_hops = 0
-            common_ns[0] = _path_common_time(tree, path)
+            common_ns[0] = walk_path_common_time(tree, path)
             return _plain(STATUS_OK)
         if path.target_hops > MAX_HOPS:
             return _plain(STATUS_LOOP)
@@ -298,8 +300,8 @@ cdef Status walk_common_time(const Tree* tree, FrameId target, FrameId source, P
     if target == source:
         common_ns[0] = tree.caches[source].newest_ns
         return _plain(STATUS_OK)
-    if not tree.ever_looped and _climb(tree, target, source, LATEST, path, &mixed):
-        common_ns[0] = _path_common_time(tree, path)
+    if not tree.ever_looped and walk_climb(tree, target, source, LATEST, path, &mixed):
+        common_ns[0] = walk_path_common_time(tree, path)
         return _plain(STATUS_OK)
     return _reference_common_time(tree, target, source, path, common_ns)
 
@@ -319,17 +321,17 @@ cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_
         if out != NULL:
             transform_identity(out)
         return _plain(STATUS_OK)
-    found = not tree.ever_looped and _climb(tree, target, source, LATEST if latest else time_ns, path, &mixed)
+    found = not tree.ever_looped and walk_climb(tree, target, source, LATEST if latest else time_ns, path, &mixed)
     if latest:
         if found:
-            stamp_ns[0] = _path_common_time(tree, path)
+            stamp_ns[0] = walk_path_common_time(tree, path)
         else:
             status = _reference_common_time(tree, target, source, path, stamp_ns)
             if status.code != STATUS_OK:
                 return status
         if found and mixed:
             # At the common time a frame may hang elsewhere than at its newest stamp.
-            found = _climb(tree, target, source, stamp_ns[0], path, &mixed)
+            found = walk_climb(tree, target, source, stamp_ns[0], path, &mixed)
     if not found:
         status = _reference_walk(tree, target, source, stamp_ns[0], path)
         if status.code != STATUS_OK:

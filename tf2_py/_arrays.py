@@ -1,0 +1,71 @@
+"""Owns the way from what callers pass as many times or points to NumPy arrays of one kind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+
+# NumPy is imported with the first call that needs it: the engine itself does without.
+
+
+def new_rows(count: int, width: int) -> np.ndarray:
+    """An uninitialised float64 array of shape (count, width)."""
+    import numpy as np
+
+    return np.empty((count, width))
+
+
+def as_times_ns(times: Any) -> np.ndarray:
+    """Times as contiguous int64 nanoseconds of shape (N,); TypeError or ValueError says what is wanted."""
+    import numpy as np
+
+    wanted = "times must be integer nanoseconds of shape (N,), or a sequence of time objects"
+    if not isinstance(times, np.ndarray):
+        if not isinstance(times, Sequence) and not hasattr(times, "__array__"):
+            raise TypeError(f"{wanted}, not {type(times).__name__}")
+        if isinstance(times, Sequence) and len(times) and not _is_number(times[0]):
+            times = [_nanoseconds(time, wanted) for time in times]
+    try:
+        array = np.asarray(times)
+    except OverflowError as error:
+        raise ValueError(f"{wanted} that fit into 64 bits: {error}") from None
+    if array.size == 0 and not isinstance(times, np.ndarray):
+        array = array.astype(np.int64)
+    if array.ndim != 1:
+        raise ValueError(f"{wanted}; the shape is {array.shape}")
+    if array.dtype == object and all(isinstance(time, int) for time in array):
+        raise ValueError(f"{wanted} that fit into 64 bits")
+    if array.dtype.kind not in "iu":
+        raise TypeError(f"{wanted}, not of dtype {array.dtype}")
+    if array.dtype.kind == "u" and array.size and int(array.max()) > np.iinfo(np.int64).max:
+        raise ValueError(f"{wanted} that fit into 64 bits; the largest is {array.max()}")
+    return np.ascontiguousarray(array, dtype=np.int64)
+
+
+def _is_number(value: Any) -> bool:
+    import numpy as np
+
+    return isinstance(value, (int, float, np.number))
+
+
+def _nanoseconds(time: Any, wanted: str) -> int:
+    if hasattr(time, "nanoseconds"):
+        return time.nanoseconds
+    if hasattr(time, "sec") and hasattr(time, "nanosec"):
+        return time.sec * 1_000_000_000 + time.nanosec
+    raise TypeError(f"{wanted}; one of them is of type {type(time).__name__}")
+
+
+def as_points(points: Any) -> tuple[np.ndarray, np.dtype]:
+    """Points as contiguous float64 rows of shape (N, 3), and the dtype to give back."""
+    import numpy as np
+
+    array = np.asarray(points)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ValueError(f"points must have shape (N, 3); the shape is {array.shape}")
+    if array.dtype not in (np.float32, np.float64):
+        raise TypeError(f"points must be float32 or float64, not {array.dtype}")
+    return np.ascontiguousarray(array, dtype=np.float64), array.dtype

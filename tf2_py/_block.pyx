@@ -3,7 +3,7 @@
 from libc.math cimport fabs, sqrt
 from libc.stdint cimport int64_t, uint32_t
 
-from tf2_py._cache cimport CACHE_STATIC, Cache, cache_find
+from tf2_py._cache cimport CACHE_STATIC, NEWEST_HINT, Cache, cache_find, cache_aim
 from tf2_py._geometry cimport SLERP_NEAR, slerp_weights_far, slerp_weights_near, vector_rotate
 from tf2_py._types cimport GAP_NONE, Transform
 
@@ -42,8 +42,14 @@ cdef inline void _put_identity(Block* block, uint32_t i) noexcept nogil:
 
 cdef void _gather(Work* work, const Cache* cache, const int64_t* times_ns, uint32_t count,
                   uint32_t* hint) noexcept nogil:
+    cdef uint32_t hints[BLOCK]
     cdef uint32_t i, older, newer
     for i in range(count):
+        hints[i] = cache_aim(cache, times_ns[i])
+    for i in range(count):
+        # In a history too short to aim at, the place of the time before is the better hint.
+        if hints[i] != NEWEST_HINT:
+            hint[0] = hints[i]
         if cache_find(cache, times_ns[i], hint, &older, &newer) != GAP_NONE:
             work.missing[i] = 1
             _put_identity(&work.older, i)

@@ -27,6 +27,7 @@ cdef struct Cache:
 
 cdef enum:
     NEWEST_HINT = 0x7FFFFFFF    # most lookups ask for a moment ago
+    AIM_FROM = 16               # samples; in a shorter history any search is as quick
 
 
 cdef enum CacheInsert:
@@ -42,6 +43,35 @@ cdef inline uint32_t cache_slot(const Cache* cache, uint32_t index) noexcept nog
     return slot if slot < cache.capacity else slot - cache.capacity
 
 
+cdef extern from *:
+    void __builtin_prefetch(const void* address) nogil
+
+
+cdef inline uint32_t cache_guess(const Cache* cache, int64_t time_ns) noexcept nogil:
+    # Where time_ns would lie if the stamps were even: a logical index below the newest one, for a dynamic cache
+    # of two samples or more and oldest stamp <= time_ns < newest_ns.
+    cdef int64_t oldest_ns = cache.stamps[cache.head]
+    cdef uint32_t last = cache.count - 1
+    return min(
+        <uint32_t>(<double>(time_ns - oldest_ns) / <double>(cache.newest_ns - oldest_ns) * <double>last), last - 1
+    )
+
+
+cdef inline uint32_t cache_aim(const Cache* cache, int64_t time_ns) noexcept nogil:
+    # The hint to find a time with. Also asks for the memory that will be wanted there: where many samples are kept,
+    # the waits of several frames or times for it then pass at the same time.
+    cdef uint32_t guess, slot
+    if cache.count < AIM_FROM or time_ns >= cache.newest_ns or time_ns < cache.stamps[cache.head]:
+        return NEWEST_HINT
+    guess = cache_guess(cache, time_ns)
+    slot = cache_slot(cache, guess)
+    __builtin_prefetch(&cache.stamps[slot])
+    __builtin_prefetch(&cache.samples[slot])
+    if slot + 1 < cache.capacity:
+        __builtin_prefetch(&cache.samples[slot + 1])
+    return guess + 1
+
+
 # Zero a Cache before its first use; cache_free leaves it zeroed again but for its authority.
 cdef void cache_free(Cache* cache) noexcept nogil
 cdef void cache_clear(Cache* cache) noexcept nogil                  # drops samples, keeps memory; not for static ones
@@ -52,7 +82,7 @@ cdef CacheInsert cache_set_static(Cache* cache, int64_t stamp_ns, const Sample* 
 # first, and afterwards where the answer was: the logical index of the newer sample.
 cdef Gap cache_find(const Cache* cache, int64_t time_ns, uint32_t* hint, uint32_t* older,
                     uint32_t* newer) noexcept nogil
-cdef Gap cache_transform_at(const Cache* cache, int64_t time_ns, Transform* out) noexcept nogil
+cdef Gap cache_transform_at(const Cache* cache, int64_t time_ns, uint32_t hint, Transform* out) noexcept nogil
 cdef FrameId cache_parent_at(const Cache* cache, int64_t time_ns) noexcept nogil
 cdef FrameId cache_newest_parent(const Cache* cache) noexcept nogil
 cdef int64_t cache_oldest_ns(const Cache* cache) noexcept nogil

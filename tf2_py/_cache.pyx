@@ -118,31 +118,20 @@ cdef void _shrink_if_long_sparse(Cache* cache) noexcept nogil:
         _resize(cache, cache.capacity // 2)
 
 
-cdef inline uint32_t _guess(const Cache* cache, int64_t time_ns, uint32_t high) noexcept nogil:
-    # Where time_ns would lie if the stamps were even, for stamp(0) <= time_ns < stamp(high).
-    cdef int64_t oldest_ns = cache.stamps[cache.head]
-    cdef int64_t newest_ns = cache.stamps[cache_slot(cache, high)]
-    return <uint32_t>(<double>(time_ns - oldest_ns) / <double>(newest_ns - oldest_ns) * <double>high)
-
-
-cdef uint32_t _first_after(const Cache* cache, int64_t time_ns, uint32_t hint) noexcept nogil:
-    # The logical index of the first sample with stamp > time_ns; count where there is none. A call of many
-    # times asks in order: look behind `hint`, the last answer, first. Then guess from the ends, for stamps
-    # come at steady rates; step away from the guess in doubling strides; halve the rest. O(log n) whatever
-    # the stamps, a few probes where they are even.
+cdef uint32_t _first_after(const Cache* cache, int64_t time_ns) noexcept nogil:
+    # The logical index of the first sample with stamp > time_ns; count where there is none. Stamps come at
+    # steady rates: guess the place from the ends, step away from the guess in doubling strides, halve the
+    # rest. O(log n) whatever the stamps, a few probes where they are even.
     cdef uint32_t count = cache.count
     cdef uint32_t low, high, stride, middle
-    if count == 0 or cache.stamps[cache_slot(cache, count - 1)] <= time_ns:
+    if count == 0 or cache.newest_ns <= time_ns:
         return count
     if cache.stamps[cache.head] > time_ns:
         return 0
-    if hint < count - 1 and cache.stamps[cache_slot(cache, hint)] <= time_ns \
-            and cache.stamps[cache_slot(cache, hint + 1)] > time_ns:
-        return hint + 1
     # From here on: stamp(low) <= time_ns < stamp(high).
     low = 0
     high = count - 1
-    middle = min(_guess(cache, time_ns, high), high - 1)
+    middle = cache_guess(cache, time_ns)
     stride = 1
     if cache.stamps[cache_slot(cache, middle)] <= time_ns:
         low = middle
@@ -210,7 +199,7 @@ cdef CacheInsert cache_insert(Cache* cache, int64_t stamp_ns, const Sample* samp
     _prune(cache, cache_time_ns)
     if cache.count and stamp_ns < cache.newest_ns - cache_time_ns:
         return CACHE_TOO_OLD
-    index = _first_after(cache, stamp_ns, NEWEST_HINT)
+    index = _first_after(cache, stamp_ns)
     i = index
     while i > 0:
         slot = cache_slot(cache, i - 1)
@@ -272,10 +261,16 @@ cdef Gap cache_find(const Cache* cache, int64_t time_ns, uint32_t* hint, uint32_
     if time_ns < oldest_ns:
         return GAP_PAST
     index = min(hint[0], count - 1)
-    if cache.stamps[cache_slot(cache, index - 1)] > time_ns \
-            or cache.stamps[cache_slot(cache, index)] <= time_ns:
-        index = _first_after(cache, time_ns, index)
-        hint[0] = index
+    if cache.stamps[cache_slot(cache, index)] <= time_ns:
+        # A call of many times asks in order: the next gap is as likely as this one.
+        index += 1
+        if cache.stamps[cache_slot(cache, index)] <= time_ns:
+            index = _first_after(cache, time_ns)
+    elif cache.stamps[cache_slot(cache, index - 1)] > time_ns:
+        index -= 1
+        if cache.stamps[cache_slot(cache, index - 1)] > time_ns:
+            index = _first_after(cache, time_ns)
+    hint[0] = index
     older[0] = cache_slot(cache, index - 1)
     newer[0] = cache_slot(cache, index)
     if cache.stamps[older[0]] == time_ns or cache.samples[older[0]].parent != cache.samples[newer[0]].parent:
@@ -283,10 +278,9 @@ cdef Gap cache_find(const Cache* cache, int64_t time_ns, uint32_t* hint, uint32_
     return GAP_NONE
 
 
-cdef Gap cache_transform_at(const Cache* cache, int64_t time_ns, Transform* out) noexcept nogil:
+cdef Gap cache_transform_at(const Cache* cache, int64_t time_ns, uint32_t hint, Transform* out) noexcept nogil:
     # Linear translation, slerp between the two neighbours of time_ns.
     cdef uint32_t older, newer
-    cdef uint32_t hint = NEWEST_HINT
     cdef Gap gap = cache_find(cache, time_ns, &hint, &older, &newer)
     cdef const Transform* a
     cdef const Transform* b

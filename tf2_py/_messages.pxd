@@ -1,13 +1,15 @@
 """ROS message objects and the structs of the engine, in both directions."""
 
+cimport cython
 from libc.stdint cimport int64_t
 
 from tf2_py._types cimport Incoming, Transform
 
 cdef enum:
-    MAX_FIELDS = 8
+    MAX_FIELDS = 9          # of a sensor_msgs/PointCloud2
 
 
+@cython.final
 cdef class Layout:
     # Where the fields of one message class lie. rosidl's classes are slow to construct and to read through
     # their properties; their slots are plain pointers at fixed offsets. `by_slot` says that a message made

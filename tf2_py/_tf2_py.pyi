@@ -1,7 +1,9 @@
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Protocol, TypedDict
+from typing import Any, Literal, Protocol, TypedDict, TypeVar
 
+import numpy as np
 from geometry_msgs.msg import TransformStamped
+from numpy.typing import ArrayLike, NDArray
 from rclpy.time import Time
 
 class _Nanoseconds(Protocol):
@@ -16,6 +18,8 @@ class _SecNanosec(Protocol):
 
 _TimeLike = _Nanoseconds | _SecNanosec
 _DurationLike = _Nanoseconds | _SecNanosec
+_Times = ArrayLike | Sequence[_TimeLike]
+_Float = TypeVar("_Float", np.float32, np.float64)
 _Vector = tuple[float, float, float]
 
 class _Statistics(TypedDict):
@@ -51,6 +55,26 @@ class BufferCore:
         source_time: _TimeLike,
         fixed_frame: str,
     ) -> TransformStamped: ...
+    def lookup_transforms(
+        self,
+        target_frame: str,
+        source_frame: str,
+        times: _Times,
+        *,
+        fixed_frame: str | None = None,
+        target_time: _TimeLike | None = None,
+        on_missing: Literal["raise", "nan"] = "raise",
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    def transform_points(
+        self,
+        points: NDArray[_Float],
+        times: _Times,
+        target_frame: str,
+        source_frame: str,
+        *,
+        fixed_frame: str | None = None,
+        target_time: _TimeLike | None = None,
+    ) -> NDArray[_Float]: ...
     def can_transform_core(
         self, target_frame: str, source_frame: str, time: _TimeLike
     ) -> tuple[int, str]: ...

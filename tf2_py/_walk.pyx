@@ -11,6 +11,7 @@ from tf2_py._cache cimport (
     cache_newest_parent,
     cache_oldest_ns,
     cache_parent_at,
+    cache_aim,
     cache_transform_at,
 )
 from tf2_py._geometry cimport (
@@ -175,15 +176,22 @@ cdef Status _first_gap(const Tree* tree, const Path* path, int64_t time_ns) noex
     return _plain(STATUS_OK)
 
 
-cdef inline bint _compose_side(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t time_ns,
-                               Transform* out) noexcept nogil:
+cdef inline void _aim_side(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t time_ns,
+                                uint32_t* hints) noexcept nogil:
+    cdef uint32_t i
+    for i in range(hops):
+        hints[i] = cache_aim(&tree.caches[frames[i]], time_ns)
+
+
+cdef inline bint _compose_side(const Tree* tree, const FrameId* frames, const uint32_t* hints, uint32_t hops,
+                               int64_t time_ns, Transform* out) noexcept nogil:
     # From frames[0] up all hops; `out` is undefined where a history does not answer. hops > 0.
     cdef Transform hop
     cdef uint32_t i
-    if cache_transform_at(&tree.caches[frames[0]], time_ns, out) != GAP_NONE:
+    if cache_transform_at(&tree.caches[frames[0]], time_ns, hints[0], out) != GAP_NONE:
         return False
     for i in range(1, hops):
-        if cache_transform_at(&tree.caches[frames[i]], time_ns, &hop) != GAP_NONE:
+        if cache_transform_at(&tree.caches[frames[i]], time_ns, hints[i], &hop) != GAP_NONE:
             return False
         transform_compose(&hop, out, out)
     return True
@@ -191,13 +199,19 @@ cdef inline bint _compose_side(const Tree* tree, const FrameId* frames, uint32_t
 
 cdef Status _compose(const Tree* tree, const Path* path, int64_t time_ns, Transform* out) noexcept nogil:
     cdef Transform source_side, target_side
+    cdef uint32_t source_hints[MAX_HOPS + 1]
+    cdef uint32_t target_hints[MAX_HOPS + 1]
     if out == NULL:
         return _first_gap(tree, path, time_ns)
     transform_identity(&source_side)
     transform_identity(&target_side)
-    if path.target_hops and not _compose_side(tree, path.target, path.target_hops, time_ns, &target_side):
+    _aim_side(tree, path.target, path.target_hops, time_ns, target_hints)
+    _aim_side(tree, path.source, path.source_hops, time_ns, source_hints)
+    if path.target_hops and not _compose_side(
+            tree, path.target, target_hints, path.target_hops, time_ns, &target_side):
         return _first_gap(tree, path, time_ns)
-    if path.source_hops and not _compose_side(tree, path.source, path.source_hops, time_ns, &source_side):
+    if path.source_hops and not _compose_side(
+            tree, path.source, source_hints, path.source_hops, time_ns, &source_side):
         return _first_gap(tree, path, time_ns)
     if path.target_hops:
         transform_between(&target_side, &source_side, out)

@@ -1,0 +1,325 @@
+"""Lookups at many times in one call: the same answers as as many calls."""
+
+import threading
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from making import S, about_z, at, at_ns, rotation, stamp_ns, transform, translation
+from rclpy.duration import Duration
+from scipy.spatial.transform import Rotation
+
+pytestmark = pytest.mark.ours
+
+FRAMES = ["map", "odom", "base", "arm", "hand", "mast", "camera", "plate"]
+
+
+def robot(tf2_py, samples=300, seed=3):
+    """Moving, still and jerky edges: map > odom > base > (arm > hand), (mast > camera > plate)."""
+    random = np.random.default_rng(seed)
+    buffer = tf2_py.BufferCore(Duration(seconds=1000))
+    for parent, child, step in (
+        ("map", "odom", 0.01),
+        ("odom", "base", 0.05),
+        ("base", "arm", 0.2),
+        ("arm", "hand", 2.0),  # far turns between neighbours
+        ("mast", "camera", 1e-9),
+    ):
+        turns = Rotation.from_rotvec(
+            np.cumsum(random.normal(scale=step, size=(samples, 3)), axis=0)
+        ).as_quat()
+        places = np.cumsum(random.normal(size=(samples, 3)), axis=0)
+        stamps = np.cumsum(random.integers(1_000_000, 30_000_000, samples)) + S
+        buffer.set_transforms(
+            [
+                transform(parent, child, ns=int(t), xyz=p, xyzw=q)
+                for t, p, q in zip(stamps, places, turns, strict=True)
+            ],
+            "x",
+        )
+    buffer.set_transform_static(transform("base", "mast", xyz=(-0.0, 2, 3), xyzw=about_z(2.5)), "x")
+    buffer.set_transform_static(transform("camera", "plate", xyz=(0.1, 0, -0.0)), "x")
+    return buffer
+
+
+@pytest.fixture(scope="module")
+def buffer(tf2_py):
+    return robot(tf2_py)
+
+
+def span(buffer, target, source):
+    newest = buffer.get_latest_common_time(target, source).nanoseconds
+    return (S + 30_000_000, newest) if newest else (1, 10 * S)
+
+
+def span_of_all(buffer):
+    return span(buffer, "map", "hand")[0], min(span(buffer, "map", frame)[1] for frame in ("hand", "plate"))
+
+
+def singles(buffer, target, source, times, **two_times):
+    rows = []
+    for ns in times:
+        if two_times:
+            m = buffer.lookup_transform_full_core(
+                target, two_times["target_time"], source, at_ns(int(ns)), two_times["fixed_frame"]
+            )
+        else:
+            m = buffer.lookup_transform_core(target, source, at_ns(int(ns)))
+        rows.append((*translation(m), *rotation(m)))
+    return np.array(rows).reshape(-1, 7)
+
+
+def assert_same_to_the_last_bit(vector, rows):
+    got = np.hstack(vector)
+    assert got.shape == rows.shape
+    assert got.dtype == np.float64
+    assert (got.view(np.int64) == np.ascontiguousarray(rows).view(np.int64)).all()
+
+
+@pytest.mark.parametrize("source", FRAMES)
+@pytest.mark.parametrize("target", FRAMES)
+def test_the_numbers_are_those_of_single_lookups(buffer, target, source):
+    low, high = span(buffer, target, source)
+    times = np.random.default_rng(1).integers(low, high, 150)
+    times[::20] = 0
+    times[3] = high
+    assert_same_to_the_last_bit(
+        buffer.lookup_transforms(target, source, times), singles(buffer, target, source, times)
+    )
+
+
+@pytest.mark.parametrize(
+    ("target", "source", "fixed"),
+    [("camera", "hand", "map"), ("base", "base", "odom"), ("map", "hand", "hand")],
+)
+def test_two_times(buffer, target, source, fixed):
+    low, high = span_of_all(buffer)
+    times = np.sort(np.random.default_rng(2).integers(low, high, 200))
+    for target_time in (at_ns(high), at(0)):
+        two_times = {"fixed_frame": fixed, "target_time": target_time}
+        assert_same_to_the_last_bit(
+            buffer.lookup_transforms(target, source, times, **two_times),
+            singles(buffer, target, source, times, **two_times),
+        )
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 63, 64, 65, 255, 256, 257, 1000])
+def test_any_number_of_times(buffer, count):
+    low, high = span(buffer, "map", "hand")
+    times = np.linspace(low, high, count).astype(np.int64)
+    translations, rotations = buffer.lookup_transforms("map", "hand", times)
+    assert (translations.shape, rotations.shape) == ((count, 3), (count, 4))
+    assert_same_to_the_last_bit((translations, rotations), singles(buffer, "map", "hand", times))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32), st.integers(2, 40), st.lists(st.integers(-5, 1300), min_size=1, max_size=30))
+def test_frames_that_change_their_parent_and_times_without_an_answer(tf2_py, seed, samples, offsets):
+    random = np.random.default_rng(seed)
+    buffer = tf2_py.BufferCore(Duration(seconds=1000))
+    for parent in ("left", "right"):
+        buffer.set_transform_static(transform("map", parent, xyz=random.normal(size=3)), "x")
+    for _ in range(samples):
+        cup = transform(
+            str(random.choice(["left", "right"])), "cup", ns=int(random.integers(1, 1200)),
+            xyz=random.normal(size=3), xyzw=random.normal(size=4),
+        )  # fmt: skip
+        buffer.set_transform(cup, "x")
+    times = [t for t in offsets if t >= 0]
+    translations, rotations = buffer.lookup_transforms("map", "cup", times, on_missing="nan")
+    for i, time in enumerate(times):
+        if buffer.can_transform_core("map", "cup", at_ns(time))[0]:
+            row = singles(buffer, "map", "cup", [time])
+            assert_same_to_the_last_bit((translations[i : i + 1], rotations[i : i + 1]), row)
+        else:
+            assert np.isnan(translations[i]).all()
+            assert np.isnan(rotations[i]).all()
+
+
+class TestTimes:
+    NS = (2 * S, 3 * S, 0)
+
+    @pytest.mark.parametrize(
+        "times",
+        [
+            list(NS),
+            tuple(NS),
+            np.array(NS),
+            np.array(NS, np.uint64),
+            np.array([2, 3, 0], np.int8),
+            np.repeat(np.array(NS), 2)[::2],
+            np.array(NS)[::-1],
+            [at_ns(t) for t in NS],
+            [at_ns(t).to_msg() for t in NS],
+            np.frombuffer(np.array(NS).tobytes(), np.int64),  # read-only
+        ],
+        ids=[
+            "list",
+            "tuple",
+            "int64",
+            "uint64",
+            "int8",
+            "strided",
+            "reversed",
+            "rclpy",
+            "messages",
+            "read-only",
+        ],
+    )
+    def test_anything_that_is_whole_nanoseconds(self, buffer, times):
+        expected = [
+            int(t) if not hasattr(t, "sec") and not hasattr(t, "nanoseconds") else None for t in times
+        ]
+        if None in expected:
+            expected = list(self.NS)
+        got = buffer.lookup_transforms("base", "plate", times, on_missing="nan")
+        again = buffer.lookup_transforms("base", "plate", np.array(expected), on_missing="nan")
+        np.testing.assert_array_equal(np.hstack(got), np.hstack(again))
+
+    @pytest.mark.parametrize(
+        ("times", "error"),
+        [
+            ([1.5, 2.5], TypeError),
+            (np.array([1.0]), TypeError),
+            (1, TypeError),
+            (None, TypeError),
+            ("12", TypeError),
+            (["1"], TypeError),
+            ([object()], TypeError),
+            ([True, False], TypeError),
+            (np.zeros((2, 2), np.int64), ValueError),
+            (np.int64(3), (TypeError, ValueError)),
+            ([2**63], ValueError),
+            ([2**70], ValueError),
+            (np.array([2**63], np.uint64), ValueError),
+        ],
+        ids=repr,
+    )
+    def test_what_is_wrong_says_what_is_wanted(self, buffer, times, error):
+        with pytest.raises(error, match=r"integer nanoseconds of shape \(N,\)"):
+            buffer.lookup_transforms("map", "base", times)
+
+
+class TestMissing:
+    def test_the_first_missing_time_is_raised_with_its_index(self, tf2_py, buffer):
+        low, high = span(buffer, "map", "base")
+        times = np.full(500, low)
+        times[321] = high + 5 * S
+        times[400] = 1
+        with pytest.raises(tf2_py.ExtrapolationException, match=r"^times\[321\]: .*into the future"):
+            buffer.lookup_transforms("map", "base", times)
+
+    def test_nan_fills_what_is_missing_and_nothing_else(self, buffer):
+        low, high = span(buffer, "map", "base")
+        times = np.linspace(low, high, 500).astype(np.int64)
+        times[[0, 7, 499]] = (1, high + 1, 2**62)
+        translations, rotations = buffer.lookup_transforms("map", "base", times, on_missing="nan")
+        missing = np.isnan(np.hstack([translations, rotations]))
+        assert sorted(set(np.nonzero(missing)[0])) == [0, 7, 499]
+        assert missing[[0, 7, 499]].all()
+
+    @pytest.mark.parametrize("on_missing", ["raise", "nan"])
+    @pytest.mark.parametrize("count", [0, 3])
+    def test_names_that_are_no_frames_always_raise(self, tf2_py, buffer, on_missing, count):
+        times = np.full(count, S)
+        for ends in (("map", "nowhere"), ("nowhere", "map")):
+            if count:
+                with pytest.raises(tf2_py.LookupException, match="does not exist"):
+                    buffer.lookup_transforms(*ends, times, on_missing=on_missing)
+        if count:
+            with pytest.raises(tf2_py.InvalidArgumentException):
+                buffer.lookup_transforms("map", "/base", times, on_missing=on_missing)
+            with pytest.raises(tf2_py.LookupException, match="fixed_frame"):
+                buffer.lookup_transforms("map", "base", times, fixed_frame="no", target_time=at(0))
+
+    def test_no_path_is_missing_at_every_time(self, tf2_py):
+        buffer = tf2_py.BufferCore()
+        buffer.set_transform_static(transform("a", "b"), "x")
+        buffer.set_transform_static(transform("c", "d"), "x")
+        assert np.isnan(buffer.lookup_transforms("a", "d", [1, 2], on_missing="nan")[0]).all()
+        with pytest.raises(tf2_py.ConnectivityException, match=r"times\[0\]"):
+            buffer.lookup_transforms("a", "d", [1, 2])
+
+    def test_a_loop_answers_as_single_lookups_do(self, tf2_py):
+        buffer = tf2_py.BufferCore()
+        for parent, child in ("ab", "bc", "ca", "ad"):
+            buffer.set_transform_static(transform(parent, child, xyz=(1, 0, 0)), "x")
+        assert (buffer.lookup_transforms("b", "c", [1, 2])[0] == [[1, 0, 0]] * 2).all()
+        with pytest.raises(tf2_py.LookupException, match="contains a loop"):
+            buffer.lookup_transforms("d", "c", [1, 2])
+
+    @pytest.mark.parametrize("wrong", ["NaN", None, "", 0])
+    def test_another_word_for_missing_is_a_value_error(self, buffer, wrong):
+        with pytest.raises(ValueError, match="'raise' or 'nan'"):
+            buffer.lookup_transforms("map", "base", [1], on_missing=wrong)
+
+    @pytest.mark.parametrize("half", [{"fixed_frame": "map"}, {"target_time": at(0)}])
+    def test_half_of_a_two_time_lookup_is_a_type_error(self, buffer, half):
+        with pytest.raises(TypeError, match="go together"):
+            buffer.lookup_transforms("map", "base", [1], **half)
+
+
+class TestPoints:
+    @pytest.mark.parametrize("dtype", [np.float32, np.float64])
+    def test_each_point_is_carried_with_its_own_time(self, buffer, dtype):
+        low, high = span_of_all(buffer)
+        random = np.random.default_rng(5)
+        times = random.integers(low, high, 300)
+        points = random.normal(size=(300, 3)).astype(dtype)
+        got = buffer.transform_points(
+            points, times, "camera", "hand", fixed_frame="map", target_time=at_ns(high)
+        )
+        translations, rotations = buffer.lookup_transforms(
+            "camera", "hand", times, fixed_frame="map", target_time=at_ns(high)
+        )
+        want = Rotation.from_quat(rotations).apply(points.astype(np.float64)) + translations
+        assert got.dtype == dtype
+        np.testing.assert_allclose(got, want, rtol=0, atol=np.finfo(dtype).eps * 100 * np.abs(want).max())
+
+    def test_the_points_given_stay_as_they_are(self, buffer):
+        points = np.ones((2, 6))[:, ::2]
+        buffer.transform_points(points, [2 * S, 2 * S], "map", "base")
+        assert (points == 1).all()
+
+    def test_no_points(self, buffer):
+        assert buffer.transform_points(np.empty((0, 3), np.float32), [], "map", "base").shape == (0, 3)
+
+    @pytest.mark.parametrize(
+        ("points", "times", "error"),
+        [
+            (np.zeros((2, 3)), [1], ValueError),
+            (np.zeros((2, 2)), [1, 2], ValueError),
+            (np.zeros(3), [1], ValueError),
+            (np.zeros((1, 3), int), [1], TypeError),
+            ([["a", "b", "c"]], [1], TypeError),
+        ],
+    )
+    def test_what_is_wrong_says_what_is_wanted(self, buffer, points, times, error):
+        with pytest.raises(error):
+            buffer.transform_points(points, times, "map", "base")
+
+
+def test_inserts_go_on_while_a_long_lookup_runs(tf2_py):
+    buffer = robot(tf2_py)
+    low, high = span(buffer, "map", "hand")
+    times = np.random.default_rng(1).integers(low, high, 300_000)
+    first = buffer.lookup_transforms("map", "hand", times[:100])
+    done = threading.Event()
+    results = []
+
+    def look():
+        results.append(buffer.lookup_transforms("map", "hand", times))
+        done.set()
+
+    looking = threading.Thread(target=look)
+    looking.start()
+    inserted = 0
+    while not done.is_set():
+        inserted += 1
+        buffer.set_transform(transform("map", "other", ns=inserted), "x")
+    looking.join()
+    assert inserted > 0
+    assert stamp_ns(buffer.lookup_transform_core("map", "other", at(0))) == inserted
+    np.testing.assert_array_equal(np.hstack(results[0])[:100], np.hstack(first))
+    buffer._self_check()

@@ -1,17 +1,14 @@
 """BufferCore for other extension modules of this project."""
 
-from libc.stdint cimport int64_t, uint32_t
+from libc.stddef cimport size_t
+from libc.stdint cimport int64_t
 
+from tf2_py._batch cimport Batch
 from tf2_py._lock cimport Lock
 from tf2_py._query cimport Query
 from tf2_py._tree cimport Tree
-from tf2_py._types cimport Incoming, Status, Transform
+from tf2_py._types cimport Status, Transform
 from tf2_py._vector cimport Vector
-
-
-cdef struct Entry:
-    Incoming incoming
-    uint32_t refused            # REFUSED_* bits, 0: taken
 
 
 cdef class BufferCore:
@@ -22,7 +19,14 @@ cdef class BufferCore:
     # Called without arguments after transforms were taken, or the buffer was cleared, outside the lock.
     cdef public object _on_change
 
-    cdef Py_ssize_t _take(self, Entry* entries, Py_ssize_t count, object authority, bint is_static) except -1
+    # Takes what the batch holds under one lock. Afterwards, where `refused` or `no_memory` is set, or somebody wants to
+    # know of changes, `report` is due, with the GIL and while the batch and its names are still there.
+    cdef void insert(self, Batch* batch) noexcept nogil
+    cdef int report(self, Batch* batch) except -1
+    # Counts a message that could not be read, and makes the ValueError that says why. `size`: its bytes.
+    cdef object malformed(self, const Batch* batch, size_t size)
+
+    cdef int _set_one(self, object transform, object authority, bint is_static) except -1
     # `out` NULL only asks whether there is an answer.
     cdef Status _lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil
     cdef int _lookup_or_raise(self, const Query* query, Transform* out, int64_t* stamp_ns) except -1

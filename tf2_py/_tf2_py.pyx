@@ -2,9 +2,9 @@
 
 from cpython.buffer cimport PyBUF_SIMPLE, PyBuffer_Release, PyObject_GetBuffer
 from libc.stdint cimport int64_t, uint32_t
-from libc.stdlib cimport free, malloc
+from libc.string cimport memset
 
-from tf2_py._cdr cimport Reader, reader_count, reader_finish, reader_init, reader_transform
+from tf2_py._batch cimport Batch, Entry, batch_free, batch_read_cdr, batch_reserve
 from tf2_py._geometry cimport vector_rotate
 from tf2_py._lock cimport lock_free, lock_init, lock_read, lock_write, unlock
 from tf2_py._messages cimport (
@@ -95,40 +95,71 @@ cdef class BufferCore:
 
     # What comes in.
 
-    cdef Py_ssize_t _take(self, Entry* entries, Py_ssize_t count, object authority, bint is_static) except -1:
-        # Insert under one lock; then, outside it, log what was refused and tell who waits. How many were taken.
-        cdef Py_ssize_t size, i
-        cdef Py_ssize_t taken = 0
-        cdef const char* name = name_utf8(authority, &size)
-        cdef uint32_t authority_id
-        cdef bint no_memory = False
-        cdef Incoming* incoming
+    cdef void insert(self, Batch* batch) noexcept nogil:
+        cdef uint32_t authority
+        cdef size_t i
+        cdef Entry* entry
+        batch.taken = batch.refused = 0
         lock_write(&self._lock)
-        authority_id = names_intern(&self._tree.authorities, name, size)
-        no_memory = authority_id == NAME_NO_MEMORY
-        for i in range(count):
-            entries[i].refused = 0
-            if no_memory:
-                continue
-            entries[i].refused = tree_insert(&self._tree, &entries[i].incoming, authority_id, is_static)
-            if entries[i].refused == TREE_NO_MEMORY:
-                entries[i].refused = 0
-                no_memory = True
-            elif entries[i].refused == 0:
-                taken += 1
+        authority = names_intern(&self._tree.authorities, batch.authority, batch.authority_size)
+        batch.no_memory = authority == NAME_NO_MEMORY
+        for i in range(batch.count):
+            entry = &batch.entries[i]
+            entry.refused = 0
+            if batch.no_memory:
+                break
+            entry.refused = tree_insert(&self._tree, &entry.incoming, authority, batch.is_static)
+            if entry.refused == 0:
+                batch.taken += 1
+            elif entry.refused == TREE_NO_MEMORY:
+                entry.refused = 0
+                batch.no_memory = True
+            else:
+                batch.refused += 1
         unlock(&self._lock)
-        if taken and self._on_change is not None:
+
+    cdef int report(self, Batch* batch) except -1:
+        cdef size_t i
+        cdef Incoming* incoming
+        if batch.taken and self._on_change is not None:
             self._on_change()
-        for i in range(count):
-            if entries[i].refused:
-                incoming = &entries[i].incoming
-                _log.refused(
-                    self._throttle, entries[i].refused, incoming.parent[:incoming.parent_size].decode("utf-8"),
-                    incoming.child[:incoming.child_size].decode("utf-8"), authority, incoming.stamp_ns,
-                )
-        if no_memory:
+        if batch.refused:
+            for i in range(batch.count):
+                if batch.entries[i].refused:
+                    incoming = &batch.entries[i].incoming
+                    _log.refused(
+                        self._throttle,
+                        batch.entries[i].refused,
+                        incoming.parent[:incoming.parent_size].decode("utf-8"),
+                        incoming.child[:incoming.child_size].decode("utf-8"),
+                        batch.authority[:batch.authority_size].decode("utf-8"),
+                        incoming.stamp_ns,
+                    )
+        if batch.no_memory:
             raise MemoryError
-        return taken
+        return 0
+
+    cdef object malformed(self, const Batch* batch, size_t size):
+        self._malformed += 1
+        return ValueError(
+            f"malformed TFMessage: {batch.problem.decode()}, at byte {batch.problem_at} of {size}"
+        )
+
+    cdef int _set_one(self, object transform, object authority, bint is_static) except -1:
+        cdef Entry entry
+        cdef Batch batch
+        cdef Py_ssize_t size
+        # Whatever the names point into stays alive: the slots of `transform`, or what `keep` holds.
+        cdef list keep = []
+        read_transform_stamped(transform, &entry.incoming, keep)
+        memset(&batch, 0, sizeof(Batch))
+        batch.entries = &entry
+        batch.count = 1
+        batch.is_static = is_static
+        batch.authority = name_utf8(authority, &size)
+        batch.authority_size = size
+        self.insert(&batch)
+        return self.report(&batch)
 
     def set_transform(self, transform, authority):
         """
@@ -139,18 +170,11 @@ cdef class BufferCore:
 
         A transform that cannot be taken (no names, NaN, too old, ...) is logged and counted, not raised.
         """
-        cdef Entry entry
-        # `transform` is read through slots and held by the caller, or by `keep`.
-        keep = []
-        read_transform_stamped(transform, &entry.incoming, keep)
-        self._take(&entry, 1, authority, False)
+        self._set_one(transform, authority, False)
 
     def set_transform_static(self, transform, authority):
         """Add one transform that holds at every time; otherwise as :meth:`set_transform`."""
-        cdef Entry entry
-        keep = []
-        read_transform_stamped(transform, &entry.incoming, keep)
-        self._take(&entry, 1, authority, True)
+        self._set_one(transform, authority, True)
 
     def set_transforms(self, transforms, authority, static=False):
         """
@@ -163,17 +187,23 @@ cdef class BufferCore:
         """
         cdef list messages = list(transforms)
         cdef list keep = []
-        cdef Py_ssize_t i
-        cdef Py_ssize_t count = len(messages)
-        cdef Entry* entries = <Entry*>malloc((count + 1) * sizeof(Entry))
-        if entries == NULL:
+        cdef Batch batch
+        cdef Py_ssize_t size, i
+        memset(&batch, 0, sizeof(Batch))
+        if batch_reserve(&batch, len(messages)) != 0:
             raise MemoryError
         try:
-            for i in range(count):
-                read_transform_stamped(messages[i], &entries[i].incoming, keep)
-            return self._take(entries, count, authority, static)
+            batch.count = len(messages)
+            batch.is_static = static
+            for i in range(len(messages)):
+                read_transform_stamped(messages[i], &batch.entries[i].incoming, keep)
+            batch.authority = name_utf8(authority, &size)
+            batch.authority_size = size
+            self.insert(&batch)
+            self.report(&batch)
+            return batch.taken
         finally:
-            free(entries)
+            batch_free(&batch)
 
     def set_transforms_cdr(self, data, authority, static=False):
         """
@@ -184,27 +214,22 @@ cdef class BufferCore:
         :raises ValueError: the data is malformed; nothing is added.
         """
         cdef Py_buffer view
-        cdef Reader reader
-        cdef Entry* entries = NULL
-        cdef uint32_t count, i
+        cdef Batch batch
+        cdef Py_ssize_t size
+        memset(&batch, 0, sizeof(Batch))
+        batch.is_static = static
+        batch.authority = name_utf8(authority, &size)
+        batch.authority_size = size
         PyObject_GetBuffer(data, &view, PyBUF_SIMPLE)
         try:
-            reader_init(&reader, <const unsigned char*>view.buf, view.len)
-            count = reader_count(&reader)
-            entries = <Entry*>malloc((<size_t>count + 1) * sizeof(Entry))
-            if entries == NULL:
-                raise MemoryError
-            for i in range(count):
-                if not reader_transform(&reader, &entries[i].incoming):
-                    break
-            if not reader_finish(&reader):
-                self._malformed += 1
-                raise ValueError(
-                    f"malformed TFMessage: {reader.problem.decode()}, at byte {reader.position} of {view.len}"
-                )
-            return self._take(entries, count, authority, static)
+            if batch_read_cdr(&batch, <const unsigned char*>view.buf, view.len):
+                self.insert(&batch)
+            elif batch.problem != NULL:
+                raise self.malformed(&batch, view.len)
+            self.report(&batch)
+            return batch.taken
         finally:
-            free(entries)
+            batch_free(&batch)
             PyBuffer_Release(&view)
 
     def clear(self):

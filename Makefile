@@ -1,0 +1,58 @@
+# make test and make demo work from a fresh clone; make build is the quick way while developing.
+PYTHON ?= python3
+VENV := .venv
+PY := $(VENV)/bin/python
+PACKAGES := tf2_py tf2_ros tf2_geometry_msgs tf2_sensor_msgs
+SOURCES := pyproject.toml setup.py $(wildcard build_backend/*.py $(PACKAGES:%=%/*.pyx) $(PACKAGES:%=%/*.pxd)) \
+	$(wildcard tf2_msgs/*/*.msg tf2_msgs/*/*.srv tf2_msgs/*/*.action)
+
+# A Python that has the ROS wheels leaves this mark and its own library path to its children, and the Python of .venv
+# would take it for its own and not find its libraries.
+ifdef _ROS_WHEELS_BOOTSTRAP_COMPLETE
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+unexport LD_LIBRARY_PATH
+endif
+
+# Beside a sourced ROS 2 no second one is installed.
+ifdef AMENT_PREFIX_PATH
+EXTRAS := test
+else
+EXTRAS := ros,test
+endif
+
+.PHONY: build clean demo lint test
+
+test: $(VENV)/installed.stamp
+	$(PY) -m pytest
+
+demo: $(VENV)/installed.stamp
+	$(PY) examples/demo.py
+
+lint: $(VENV)/dev.stamp
+	$(PY) -m ruff check .
+	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" cython-lint $(PACKAGES)
+	$(PY) -m build_backend.hints $(PACKAGES)
+	$(PY) -m mypy $(PACKAGES)
+
+build: $(VENV)/dev.stamp
+	$(PY) setup.py -q build_ext --inplace
+	touch $(VENV)/installed.stamp
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	find $(PACKAGES) tf2_msgs tests build_backend -name '*.so' -delete -o -name '*.pyc' -delete
+	rm -f tf2_msgs/msg/*.py tf2_msgs/srv/*.py tf2_msgs/action/*.py
+
+$(PY):
+	$(PYTHON) -m venv $(VENV)
+	$(PY) -m pip install --quiet --upgrade pip
+
+$(VENV)/installed.stamp: $(SOURCES) | $(PY)
+	$(PY) -m pip install --quiet --editable '.[$(EXTRAS)]'
+	touch $@
+
+# Made anew only when the requirements change; pip finds the project installed and adds what the extra names.
+$(VENV)/dev.stamp: pyproject.toml
+	$(MAKE) $(VENV)/installed.stamp
+	$(PY) -m pip install --quiet 'tf2-ros-cython[dev]'
+	touch $@

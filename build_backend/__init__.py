@@ -1,0 +1,64 @@
+"""Owns the build's hooks: setuptools' own, after a look at what the machine lacks."""
+
+import shutil
+import sys
+from pathlib import Path
+
+# Before anything else is imported: pip asks the hooks before it looks at requires-python.
+if sys.version_info < (3, 10):  # noqa: UP036
+    raise SystemExit(
+        "tf2-ros-cython needs Python 3.10 or newer, and this is"
+        f" {sys.version_info[0]}.{sys.version_info[1]}: install a newer Python and use its pip"
+    )
+
+from setuptools import build_meta
+from setuptools.build_meta import (
+    build_editable,
+    build_sdist,
+    get_requires_for_build_sdist,
+    prepare_metadata_for_build_editable,
+    prepare_metadata_for_build_wheel,
+)
+
+from . import environment
+
+__all__ = [
+    "build_editable",
+    "build_sdist",
+    "build_wheel",
+    "get_requires_for_build_editable",
+    "get_requires_for_build_sdist",
+    "get_requires_for_build_wheel",
+    "prepare_metadata_for_build_editable",
+    "prepare_metadata_for_build_wheel",
+]
+
+# The generators that make tf2_msgs are among them.
+ROS_WHEELS = ("ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces")
+
+
+def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
+    """Build from the sources alone.
+
+    setuptools puts into the wheel whatever an earlier build left in its folder: modules that are gone, and a
+    `tf2_msgs` that would shadow the one of a ROS 2 sourced since.
+    """
+    for left in Path("build").glob("lib*"):
+        shutil.rmtree(left)
+    return build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
+
+
+def get_requires_for_build_wheel(config_settings=None):
+    """What the build needs besides pyproject.toml's list: the ROS wheels, where no ROS 2 is sourced."""
+    environment.refuse_incomplete()
+    return build_meta.get_requires_for_build_wheel(config_settings) + _ros_requirements()
+
+
+def get_requires_for_build_editable(config_settings=None):
+    """The same for an editable install."""
+    environment.refuse_incomplete()
+    return build_meta.get_requires_for_build_editable(config_settings) + _ros_requirements()
+
+
+def _ros_requirements():
+    return [] if environment.ros_is_sourced() else list(ROS_WHEELS)

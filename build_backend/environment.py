@@ -1,0 +1,86 @@
+"""Owns what the build asks of the machine: a sourced ROS 2, where ROS is installed, the tools."""
+
+import importlib.metadata
+import os
+import shlex
+import shutil
+import sysconfig
+from pathlib import Path
+
+# One wheel stands for all: the files it installed tell the prefix that holds share/, include/ and lib/.
+_LANDMARK = "ros-geometry-msgs"
+
+
+def ament_prefixes(environ=os.environ):
+    """The install prefixes of a sourced ROS 2, the overlay first; none where nothing is sourced."""
+    return [Path(entry) for entry in environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
+
+
+def ament_offers(package, environ=os.environ):
+    """Whether a sourced ROS 2 holds `package`, by the marker that every ament package installs."""
+    marker = Path("share", "ament_index", "resource_index", "packages", package)
+    return any((prefix / marker).is_file() for prefix in ament_prefixes(environ))
+
+
+def ros_is_sourced(environ=os.environ):
+    """Whether ROS 2 for Python comes from the environment, so that no wheel of it is pulled in beside it."""
+    return ament_offers("rclpy", environ)
+
+
+def must_build_tf2_msgs(environ=os.environ):
+    """Whether this distribution brings `tf2_msgs`: never where it would shadow the environment's own."""
+    return not ament_offers("tf2_msgs", environ)
+
+
+def ros_prefixes(environ=os.environ):
+    """The prefixes to generate from and to link with.
+
+    Without a sourced ROS 2 that is where the wheels lie: under build isolation the build environment's own
+    prefix, which is not `sys.prefix`.
+    """
+    if ros_is_sourced(environ):
+        return ament_prefixes(environ)
+    try:
+        files = importlib.metadata.files(_LANDMARK) or []
+    except importlib.metadata.PackageNotFoundError:
+        files = []
+    for file in files:
+        if file.parts[-3:] == ("share", "geometry_msgs", "package.xml"):
+            return [Path(file.locate()).resolve().parents[2]]
+    raise SystemExit(
+        "tf2-ros-cython found no ROS 2 to build tf2_msgs with. Build with isolation (plain `pip install .`),"
+        " or source a ROS 2, or first: pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces"
+    )
+
+
+def share_directory(package, prefixes):
+    """`share/<package>` of the first prefix that has it."""
+    for prefix in prefixes:
+        if (prefix / "share" / package).is_dir():
+            return prefix / "share" / package
+    searched = os.pathsep.join(map(str, prefixes))
+    raise SystemExit(f"tf2-ros-cython needs {package}, which the ROS 2 in {searched} lacks: install it there")
+
+
+def missing_tools(environ=os.environ):
+    """One line for each thing that the build needs and pip cannot bring, with what to install."""
+    wanted = [("C", "CC", "gcc")]
+    if must_build_tf2_msgs(environ):
+        # The type support of Fast DDS is C++; everything else is C.
+        wanted.append(("C++", "CXX", "g++"))
+    missing = []
+    for language, variable, package in wanted:
+        command = environ.get(variable) or sysconfig.get_config_var(variable) or package
+        program = shlex.split(command)[0]
+        if not shutil.which(program, path=environ.get("PATH")):
+            missing.append(f"no {language} compiler ({program}): install {package}")
+    if not Path(sysconfig.get_path("include"), "Python.h").is_file():
+        missing.append("no headers of this Python: install its development package, python3-dev on Debian")
+    return missing
+
+
+def refuse_incomplete(environ=os.environ):
+    """End the build with a message that pip shows, and no traceback, where a tool is missing."""
+    missing = missing_tools(environ)
+    if missing:
+        raise SystemExit("tf2-ros-cython cannot be built here: " + "; ".join(missing))

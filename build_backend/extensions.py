@@ -1,0 +1,111 @@
+"""Owns the compiling: which extensions there are, with which flags, and the `build_ext` that makes them."""
+
+import fcntl
+import os
+import sys
+from pathlib import Path
+
+import numpy
+from setuptools import Extension
+from setuptools.command.build_ext import build_ext
+
+from . import environment, tf2_msgs
+
+# No -ffast-math: comparisons with NaN and infinity decide what is refused. And no contraction into fused
+# multiply-adds: it would give other last bits on other machines.
+COMPILE_ARGS = ["-O3", "-ffp-contract=off", "-fno-math-errno"]
+DIRECTIVES = {
+    "language_level": 3,
+    "boundscheck": False,
+    "wraparound": False,
+    "initializedcheck": False,
+    "cdivision": True,
+    "embedsignature": True,
+    "binding": True,
+}
+
+
+def cython_extensions(root, packages):
+    """One extension for each `.pyx` of the packages, which may have none."""
+    return [
+        Extension(
+            f"{package}.{path.stem}",
+            [path.relative_to(root).as_posix()],
+            include_dirs=[numpy.get_include()],
+            define_macros=[("NPY_NO_DEPRECATED_API", "NPY_1_7_API_VERSION")],
+            extra_compile_args=COMPILE_ARGS,
+        )
+        for package in packages
+        for path in sorted(Path(root, *package.split(".")).glob("*.pyx"))
+    ]
+
+
+class BuildExtensions(build_ext):
+    """Generates first, in one thread, then compiles in several."""
+
+    def finalize_options(self):
+        super().finalize_options()
+        if self.parallel is None:
+            self.parallel = os.cpu_count()
+
+    def run(self):
+        environment.refuse_incomplete()
+        # An in-place build keeps its folders, so that the next one makes only what has changed; an editable
+        # install would give it new ones every time.
+        if self.inplace:
+            folder = Path("build", "inplace", sys.implementation.cache_tag)
+            self.build_lib, self.build_temp = str(folder / "lib"), str(folder / "temp")
+            folder.mkdir(parents=True, exist_ok=True)
+            # Two builds of one checkout would write into each other's files; the end of the process lets go.
+            self._lock = open(folder / "lock", "w")
+            fcntl.flock(self._lock, fcntl.LOCK_EX)
+        refused = self._cythonize()
+        for ext in self._messages():
+            made = Path(self.build_lib, self.get_ext_filename(ext.name))
+            if self.force or not tf2_msgs.is_current(ext, made):
+                # Not in a thread of its own: the template engine takes over sys.stdout meanwhile.
+                tf2_msgs.generate(ext, Path(self.build_temp, tf2_msgs.NAME))
+        super().run()
+        if refused:
+            raise SystemExit(f"Cython refused {', '.join(refused)}; what it says is above")
+
+    def build_extension(self, ext):
+        if isinstance(ext, tf2_msgs.MessagesExtension):
+            if ext.generated is None:
+                return
+            tf2_msgs.build(ext, self.compiler, Path(self.get_ext_fullpath(ext.name)).parent, self.build_temp)
+        super().build_extension(ext)
+
+    def copy_extensions_to_source(self):
+        super().copy_extensions_to_source()
+        for ext in self._messages():
+            tf2_msgs.copy_made(Path(self.build_lib, tf2_msgs.NAME), ext.source, self.copy_file)
+
+    def _messages(self):
+        return [ext for ext in self.extensions if isinstance(ext, tf2_msgs.MessagesExtension)]
+
+    def _cythonize(self):
+        """Turn each `.pyx` into C; return the modules that Cython refused, which are left out of the rest.
+
+        So one broken module shows all its errors and does not keep the others from being built.
+        """
+        import Cython
+        from Cython.Build import cythonize
+        from Cython.Compiler.Errors import CompileError
+
+        refused = []
+        for ext in [ext for ext in self.extensions if ext not in self._messages()]:
+            try:
+                [done] = cythonize(
+                    ext,
+                    # A newer Cython looks at the sources' age alone and would take the older one's C.
+                    build_dir=os.path.join("build", f"cython-{Cython.__version__}"),
+                    compiler_directives=DIRECTIVES,
+                    force=self.force,
+                    quiet=True,
+                )
+                ext.sources = done.sources
+            except CompileError:
+                refused.append(ext.name)
+                self.extensions.remove(ext)
+        return refused

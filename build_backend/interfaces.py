@@ -1,0 +1,97 @@
+"""Owns the generating: the interface files of a ROS package become C, C++ and Python, without CMake."""
+
+import importlib
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+from . import environment
+
+KINDS = ("msg", "srv", "action")
+
+# Fast DDS asks for both: one writes the bytes, the other tells the fields.
+_TYPE_SUPPORTS = ["rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c"]
+
+# Each generator's package, and its function with what it takes besides the file of arguments. The `rosidl`
+# command would find them by itself, but dies on the wheels, which announce each twice.
+GENERATORS = {
+    "rosidl_generator_c": ("generate_c",),
+    "rosidl_typesupport_fastrtps_c": ("generate_typesupport_fastrtps_c",),
+    "rosidl_typesupport_introspection_c": ("generate_c",),
+    "rosidl_typesupport_c": ("generate_c", _TYPE_SUPPORTS),
+    "rosidl_generator_py": ("generate_py", ["rosidl_typesupport_c"]),
+}
+
+
+def interface_files(source):
+    """The package's interface files, relative to `source`, in a fixed order."""
+    return sorted(path.relative_to(source) for kind in KINDS for path in source.glob(f"{kind}/*.{kind}"))
+
+
+def generate(package, source, output, dependencies, prefixes):
+    """Generate `package` from `source` into one folder of `output` per generator.
+
+    `dependencies` are the ROS packages whose interfaces it uses, directly or not; they are looked up in
+    `prefixes`. All paths are absolute.
+    """
+    _let_import_from(prefixes)
+    try:
+        from rosidl_adapter import convert_to_idl
+    except ImportError as error:
+        raise SystemExit(
+            f"tf2-ros-cython finds no generators for tf2_msgs ({error}): build with the Python that the"
+            " sourced ROS 2 is for, or install tf2_msgs into it"
+        ) from error
+
+    files = interface_files(source)
+    for file in files:
+        convert_to_idl(source, package, file, output / "idl")
+    descriptions = output / "rosidl_generator_type_description" / package
+    arguments = {
+        "package_name": package,
+        "idl_tuples": [f"{output / 'idl'}:{file.with_suffix('.idl').as_posix()}" for file in files],
+        "ros_interface_files": [str(source / file) for file in files],
+        "ros_interface_dependencies": [],
+        "target_dependencies": [],
+        "include_paths": [f"{name}:{environment.share_directory(name, prefixes)}" for name in dependencies],
+        "type_description_tuples": [
+            f"{file.with_suffix('.idl').as_posix()}:{descriptions / file.with_suffix('.json')}"
+            for file in files
+        ],
+    }
+    # First, for the others write the type hashes that it computes into what they generate.
+    _run("rosidl_generator_type_description", "generate_type_hash", [], arguments, descriptions)
+    for generator, (function, *extra) in GENERATORS.items():
+        templates = environment.share_directory(generator, prefixes) / "resource"
+        folder = output / generator / package
+        for kind in KINDS:
+            (folder / kind).mkdir(parents=True, exist_ok=True)
+        _run(generator, function, extra, {**arguments, "template_dir": str(templates)}, folder)
+        _write_visibility_header(package, generator, templates, folder / "msg")
+
+
+def _let_import_from(prefixes):
+    """Build isolation hides PYTHONPATH, and with it the generators of a sourced ROS 2."""
+    python = f"python{sys.version_info.major}.{sys.version_info.minor}"
+    for prefix in prefixes:
+        for packages in ("site-packages", "dist-packages"):
+            folder = str(prefix / "lib" / python / packages)
+            if folder not in sys.path:
+                sys.path.append(folder)
+
+
+def _run(module, function, extra, arguments, folder):
+    with tempfile.TemporaryDirectory() as scratch:
+        path = Path(scratch, "arguments.json")
+        path.write_text(json.dumps({**arguments, "output_dir": str(folder)}), encoding="utf-8")
+        getattr(importlib.import_module(module), function)(str(path), *extra)
+
+
+def _write_visibility_header(package, generator, templates, folder):
+    """What CMake's configure_file does for the generated headers, where the generator has such a template."""
+    template = templates / f"{generator}__visibility_control.h.in"
+    if template.is_file():
+        text = template.read_text(encoding="utf-8")
+        text = text.replace("@PROJECT_NAME_UPPER@", package.upper()).replace("@PROJECT_NAME@", package)
+        (folder / f"{generator}__visibility_control.h").write_text(text, encoding="utf-8")

@@ -1,0 +1,164 @@
+"""What gets installed: ROS and tf2_msgs only where the environment lacks them; and what a refusal says."""
+
+import importlib.metadata
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+# By its place and not by the path: the path must not make the checkout's packages importable.
+_spec = importlib.util.spec_from_file_location("build_backend", ROOT / "build_backend" / "__init__.py")
+build_backend = importlib.util.module_from_spec(_spec)
+sys.modules["build_backend"] = build_backend
+_spec.loader.exec_module(build_backend)
+environment = build_backend.environment
+
+
+@pytest.fixture
+def prefix(tmp_path):
+    """An install prefix of ROS 2 with the packages named, as AMENT_PREFIX_PATH would list it."""
+
+    def make(name, *packages):
+        index = tmp_path / name / "share" / "ament_index" / "resource_index" / "packages"
+        index.mkdir(parents=True)
+        for package in packages:
+            (index / package).touch()
+        return str(tmp_path / name)
+
+    return make
+
+
+def sourced(*prefixes):
+    return {"AMENT_PREFIX_PATH": os.pathsep.join(prefixes), "PATH": os.environ["PATH"]}
+
+
+def test_tf2_msgs_is_built_where_nothing_is_sourced():
+    assert environment.must_build_tf2_msgs({})
+    assert environment.must_build_tf2_msgs({"AMENT_PREFIX_PATH": ""})
+
+
+def test_tf2_msgs_is_built_where_the_sourced_ros_lacks_it(prefix):
+    assert environment.must_build_tf2_msgs(sourced(prefix("jazzy", "rclpy")))
+
+
+def test_tf2_msgs_of_any_sourced_prefix_is_not_shadowed(prefix):
+    overlay, underlay = prefix("workspace"), prefix("jazzy", "rclpy", "tf2_msgs")
+    assert not environment.must_build_tf2_msgs(sourced(overlay, underlay))
+
+
+def test_a_prefix_that_is_gone_offers_nothing(tmp_path):
+    assert environment.must_build_tf2_msgs(sourced(str(tmp_path / "gone")))
+
+
+@pytest.mark.parametrize("hook", ["get_requires_for_build_wheel", "get_requires_for_build_editable"])
+def test_ros_wheels_are_asked_for_only_where_no_ros_is_sourced(monkeypatch, tmp_path, prefix, hook):
+    project = checkout_copy(tmp_path / "project")
+    monkeypatch.chdir(project)
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+    assert set(build_backend.ROS_WHEELS) <= set(getattr(build_backend, hook)())
+    monkeypatch.setenv("AMENT_PREFIX_PATH", prefix("jazzy", "rclpy"))
+    assert not set(build_backend.ROS_WHEELS) & set(getattr(build_backend, hook)())
+
+
+def test_missing_compilers_are_named_with_what_to_install(tmp_path):
+    with pytest.raises(SystemExit, match=r"no C compiler .*install gcc; no C\+\+ compiler .*install g\+\+"):
+        environment.refuse_incomplete({"PATH": str(tmp_path)})
+
+
+def test_no_cxx_compiler_is_needed_where_tf2_msgs_is_sourced(tmp_path, prefix):
+    (tmp_path / "gcc").touch(mode=0o755)
+    only_c = {**sourced(prefix("jazzy", "rclpy", "tf2_msgs")), "PATH": str(tmp_path), "CC": "gcc -pthread"}
+    assert environment.missing_tools(only_c) == []
+
+
+def test_an_old_python_is_refused_before_setuptools_is_asked(monkeypatch):
+    monkeypatch.setattr(sys, "version_info", (3, 9, 18, "final", 0))
+    monkeypatch.setitem(sys.modules, "setuptools", None)
+    with pytest.raises(SystemExit, match="needs Python 3.10 or newer, and this is 3.9"):
+        _spec.loader.exec_module(importlib.util.module_from_spec(_spec))
+
+
+def test_numpy_is_all_that_an_install_without_extras_needs():
+    requirements = importlib.metadata.requires("tf2-ros-cython")
+    assert [text for text in requirements if "extra ==" not in text] == ["numpy>=1.21"]
+    assert {"ros", "test", "bench", "dev"} <= set(
+        importlib.metadata.metadata("tf2-ros-cython").get_all("Provides-Extra")
+    )
+
+
+def test_dev_extra_holds_what_the_build_requires():
+    """`make build` runs without isolation, so that the two lists must not drift apart."""
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    required = re.findall(r'"([^";]+); python_version', text.split("[project]")[0])
+    [dev] = re.findall(r"^dev = \[(.*)\]", text, re.MULTILINE)
+    assert required
+    assert set(required) <= set(re.findall(r'"([^"]+)"', dev))
+
+
+def test_source_distribution_holds_what_a_build_needs(monkeypatch, tmp_path):
+    project = checkout_copy(tmp_path / "project")
+    monkeypatch.chdir(project)
+    archive = build_backend.build_sdist(str(tmp_path))
+    with tarfile.open(tmp_path / archive) as opened:
+        held = {name.partition("/")[2] for name in opened.getnames()}
+    files = [path for folder in ("tf2_*", "build_backend") for path in project.glob(f"{folder}/**/*")]
+    sources = {str(path.relative_to(project)) for path in files if path.is_file()}
+    assert sources | {"setup.py", "pyproject.toml", "LICENSE"} <= held
+    assert not [name for name in held if name.endswith((".so", ".c", ".cpp"))]
+
+
+def test_wheel_holds_nothing_that_an_earlier_build_left(tmp_path, prefix):
+    """Above all no tf2_msgs, where a ROS 2 that has it was sourced since."""
+    project = checkout_copy(tmp_path / "project")
+    for source in project.glob("tf2_*/*.pyx"):
+        source.unlink()  # compiling them takes long and decides nothing here
+    for left in ("tf2_msgs/__init__.py", "tf2_py/gone.py"):
+        (project / "build" / "lib" / left).parent.mkdir(parents=True, exist_ok=True)
+        (project / "build" / "lib" / left).touch()
+    program = f"import build_backend; build_backend.build_wheel({str(tmp_path)!r})"
+    ros = {**os.environ, **sourced(prefix("jazzy", "rclpy", "tf2_msgs"))}
+    subprocess.run([sys.executable, "-c", program], cwd=project, env=ros, check=True)
+    [wheel] = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as opened:
+        held = opened.namelist()
+    assert "tf2_py/__init__.py" in held
+    assert "tf2_py/gone.py" not in held
+    assert not [name for name in held if name.startswith("tf2_msgs")]
+
+
+def test_tf2_msgs_of_a_checkout_hands_over_to_the_sourced_one(tmp_path):
+    checkout_copy(tmp_path / "project")
+    theirs = tmp_path / "ros" / "tf2_msgs" / "msg"
+    theirs.mkdir(parents=True)
+    (theirs.parent / "__init__.py").touch()
+    (theirs / "__init__.py").write_text("TFMessage = 'theirs'")
+    program = "from tf2_msgs.msg import TFMessage; assert TFMessage == 'theirs', TFMessage"
+    subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=tmp_path / "project",
+        env={**os.environ, "PYTHONPATH": str(tmp_path / "ros")},
+        check=True,
+    )
+
+
+def checkout_copy(target):
+    """The checkout's own files, without anything built."""
+    skip = ["*.so", "*.egg-info", "__pycache__"]
+    target.mkdir()
+    for name in ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_msgs", "build_backend"):
+        shutil.copytree(ROOT / name, target / name, ignore=shutil.ignore_patterns(*skip))
+    for name in ("setup.py", "pyproject.toml", "MANIFEST.in", "LICENSE", "README.md"):
+        shutil.copy(ROOT / name, target)
+    for kind in ("msg", "srv", "action"):
+        for generated in (target / "tf2_msgs" / kind).glob("*.py"):
+            generated.unlink()
+    return target

@@ -1,0 +1,43 @@
+"""Owns the loading of the type support libraries that the build puts beside this file."""
+
+import ctypes
+import importlib.machinery
+import os
+import pathlib
+import sys
+
+_HERE = pathlib.Path(__file__).resolve().parent
+
+# Each needs the one before it. ROS opens them by bare name later on, and the dynamic linker answers that with
+# what is already loaded under that name; so nobody has to set LD_LIBRARY_PATH for this package.
+_LIBRARIES = (
+    "libtf2_msgs__rosidl_generator_c.so",
+    "libtf2_msgs__rosidl_typesupport_fastrtps_c.so",
+    "libtf2_msgs__rosidl_typesupport_introspection_c.so",
+)
+
+
+def _hand_over() -> None:
+    """Let the other `tf2_msgs` on the path answer: in a checkout beside a sourced ROS 2 none is built."""
+    elsewhere = [entry for entry in sys.path if pathlib.Path(entry or ".").resolve() != _HERE.parent]
+    spec = importlib.machinery.PathFinder.find_spec(__name__, elsewhere)
+    if spec is None or spec.submodule_search_locations is None:
+        raise ImportError(f"tf2_msgs is not built in {_HERE}: install the project with pip", name=__name__)
+    __path__[:] = spec.submodule_search_locations
+
+
+def _load_libraries() -> None:
+    for name in _LIBRARIES:
+        try:
+            ctypes.CDLL(str(_HERE / name), mode=ctypes.RTLD_GLOBAL)
+        except OSError as error:
+            advice = "it needs ROS 2: pip install 'tf2-ros-cython[ros]'"
+            if "_ROS_WHEELS_BOOTSTRAP_COMPLETE" in os.environ:
+                advice += "; where that is installed, start Python without _ROS_WHEELS_BOOTSTRAP_COMPLETE set"
+            raise ImportError(f"tf2_msgs cannot load {name}: {error}; {advice}", name=__name__) from error
+
+
+if (_HERE / _LIBRARIES[0]).is_file():
+    _load_libraries()
+else:
+    _hand_over()

@@ -5,8 +5,9 @@ from libc.stdint cimport int64_t, uint32_t
 from libc.string cimport memset
 
 from tf2_py._batch cimport Batch, Entry, batch_free, batch_read_cdr, batch_reserve
+from tf2_py._engine cimport Engine, Wait
 from tf2_py._geometry cimport vector_rotate
-from tf2_py._lock cimport lock_free, lock_init, lock_read, lock_write, unlock
+from tf2_py._lock cimport lock_read, lock_write, unlock
 from tf2_py._messages cimport (
     duration_to_ns,
     name_utf8,
@@ -15,53 +16,38 @@ from tf2_py._messages cimport (
     read_transform_stamped,
     time_to_ns,
 )
-from tf2_py._names cimport NAME_NO_MEMORY, NAME_UNKNOWN, names_find, names_intern
+from tf2_py._names cimport NAME_UNKNOWN, names_find
 from tf2_py._query cimport (
     Query,
     query_ends,
-    query_error,
     query_fill,
     query_fill_full,
     query_fixed,
     query_is_identity,
-    query_walk,
 )
 from tf2_py._snapshot cimport snapshot_frames, snapshot_names
-from tf2_py._tree cimport (
-    TREE_NO_MEMORY,
-    Tree,
-    tree_bytes,
-    tree_check,
-    tree_clear,
-    tree_free,
-    tree_init,
-    tree_insert,
-    tree_samples,
-)
+from tf2_py._tree cimport Tree, tree_bytes, tree_check, tree_samples
 from tf2_py._twist cimport twist_between
 from tf2_py._types cimport (
     NO_FRAME,
     REFUSAL_KINDS,
     STATUS_BAD_FIXED,
-    STATUS_EXTRAPOLATION,
     STATUS_LOOP,
     STATUS_OK,
     STATUS_UNCONNECTED,
     FrameId,
-    Incoming,
     Status,
     Transform,
 )
 from tf2_py._vector cimport Vector, vector_lookup
+from tf2_py._waiters cimport waiters_check
 from tf2_py._walk cimport Path, walk_common_time, walk_lookup
 
 from tf2_py import _errors, _listings, _log
 from tf2_py._arrays import as_points, as_times_ns, new_rows
 
-cdef int64_t DEFAULT_CACHE_TIME_NS = 10 * <int64_t>1000000000
 
-
-cdef class BufferCore:
+cdef class BufferCore(Engine):
     """
     A tree of coordinate frames that moves in time, as tf2 keeps it.
 
@@ -72,78 +58,18 @@ cdef class BufferCore:
     asks for the latest time that every frame on the path knows. Every method may be called from any thread.
     """
 
-    def __cinit__(self, *args, **kwargs):
-        if lock_init(&self._lock) != 0:
-            raise MemoryError
-        if tree_init(&self._tree, DEFAULT_CACHE_TIME_NS) != 0:
-            raise MemoryError
-        self._throttle = _log.Throttle()
-
     def __init__(self, cache_time=None):
-        cdef int64_t cache_time_ns = DEFAULT_CACHE_TIME_NS
-        if cache_time is not None:
-            cache_time_ns = duration_to_ns(cache_time)
+        cdef int64_t cache_time_ns
+        if cache_time is None:
+            return
+        cache_time_ns = duration_to_ns(cache_time)
         if cache_time_ns < 0:
             raise ValueError(f"cache_time must not be negative, it is {_errors.seconds(cache_time_ns)} s")
         lock_write(&self._lock)
         self._tree.cache_time_ns = cache_time_ns
         unlock(&self._lock)
 
-    def __dealloc__(self):
-        tree_free(&self._tree)
-        lock_free(&self._lock)
-
     # What comes in.
-
-    cdef void insert(self, Batch* batch) noexcept nogil:
-        cdef uint32_t authority
-        cdef size_t i
-        cdef Entry* entry
-        batch.taken = batch.refused = 0
-        lock_write(&self._lock)
-        authority = names_intern(&self._tree.authorities, batch.authority, batch.authority_size)
-        batch.no_memory = authority == NAME_NO_MEMORY
-        for i in range(batch.count):
-            entry = &batch.entries[i]
-            entry.refused = 0
-            if batch.no_memory:
-                break
-            entry.refused = tree_insert(&self._tree, &entry.incoming, authority, batch.is_static)
-            if entry.refused == 0:
-                batch.taken += 1
-            elif entry.refused == TREE_NO_MEMORY:
-                entry.refused = 0
-                batch.no_memory = True
-            else:
-                batch.refused += 1
-        unlock(&self._lock)
-
-    cdef int report(self, Batch* batch) except -1:
-        cdef size_t i
-        cdef Incoming* incoming
-        if batch.taken and self._on_change is not None:
-            self._on_change()
-        if batch.refused:
-            for i in range(batch.count):
-                if batch.entries[i].refused:
-                    incoming = &batch.entries[i].incoming
-                    _log.refused(
-                        self._throttle,
-                        batch.entries[i].refused,
-                        incoming.parent[:incoming.parent_size].decode("utf-8"),
-                        incoming.child[:incoming.child_size].decode("utf-8"),
-                        batch.authority[:batch.authority_size].decode("utf-8"),
-                        incoming.stamp_ns,
-                    )
-        if batch.no_memory:
-            raise MemoryError
-        return 0
-
-    cdef object malformed(self, const Batch* batch, size_t size):
-        self._malformed += 1
-        return ValueError(
-            f"malformed TFMessage: {batch.problem.decode()}, at byte {batch.problem_at} of {size}"
-        )
 
     cdef int _set_one(self, object transform, object authority, bint is_static) except -1:
         cdef Entry entry
@@ -159,7 +85,7 @@ cdef class BufferCore:
         batch.authority = name_utf8(authority, &size)
         batch.authority_size = size
         self.insert(&batch)
-        return self.report(&batch)
+        return self.report(&batch) if batch.news or self._on_change is not None else 0
 
     def set_transform(self, transform, authority):
         """
@@ -200,7 +126,8 @@ cdef class BufferCore:
             batch.authority = name_utf8(authority, &size)
             batch.authority_size = size
             self.insert(&batch)
-            self.report(&batch)
+            if batch.news or self._on_change is not None:
+                self.report(&batch)
             return batch.taken
         finally:
             batch_free(&batch)
@@ -226,7 +153,8 @@ cdef class BufferCore:
                 self.insert(&batch)
             elif batch.problem != NULL:
                 raise self.malformed(&batch, view.len)
-            self.report(&batch)
+            if batch.news or batch.no_memory or self._on_change is not None:
+                self.report(&batch)
             return batch.taken
         finally:
             batch_free(&batch)
@@ -234,40 +162,24 @@ cdef class BufferCore:
 
     def clear(self):
         """Forget every dynamic transform; names, authorities and static transforms stay."""
-        lock_write(&self._lock)
-        tree_clear(&self._tree)
-        unlock(&self._lock)
+        self.forget()
         if self._on_change is not None:
             self._on_change()
 
     # What goes out.
 
-    cdef Status _lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil:
-        cdef Status status
-        lock_read(&self._lock)
-        status = query_walk(&self._tree, query, out, stamp_ns)
-        unlock(&self._lock)
-        return status
-
-    cdef object _error(self, const Query* query, Status status):
-        cdef str child = None
-        cdef str parent = None
-        if status.code == STATUS_EXTRAPOLATION:
-            child, parent = snapshot_names(&self._tree, &self._lock, (status.child, status.parent))
-        return query_error(query, status, child, parent)
-
     cdef int _lookup_or_raise(self, const Query* query, Transform* out, int64_t* stamp_ns) except -1:
-        cdef Status status = self._lookup(query, out, stamp_ns)
+        cdef Status status = self.lookup(query, out, stamp_ns)
         if status.code != STATUS_OK:
-            raise self._error(query, status)
+            raise self.error(query, status)
         return 0
 
     cdef tuple _can(self, const Query* query):
         cdef int64_t stamp_ns
-        cdef Status status = self._lookup(query, NULL, &stamp_ns)
+        cdef Status status = self.lookup(query, NULL, &stamp_ns)
         if status.code == STATUS_OK:
             return (1, "")
-        return (0, str(self._error(query, status)))
+        return (0, str(self.error(query, status)))
 
     def lookup_transform_core(self, target_frame, source_frame, time):
         """
@@ -379,11 +291,11 @@ cdef class BufferCore:
             status.code = STATUS_BAD_FIXED
         unlock(&self._lock)
         if status.code != STATUS_OK:
-            raise self._error(query, status)
+            raise self.error(query, status)
         with nogil:
             answered = vector_lookup(&self._tree, &self._lock, query, vector, &status)
         if answered < vector.count:
-            error = self._error(query, status)
+            error = self.error(query, status)
             raise type(error)(f"times[{answered}]: {error}")
         return 0
 
@@ -420,7 +332,7 @@ cdef class BufferCore:
         unlock(&self._lock)
         if status.code == STATUS_OK:
             return new_time(common_ns)
-        error = self._error(&query, status)
+        error = self.error(&query, status)
         if status.code == STATUS_UNCONNECTED or status.code == STATUS_LOOP:
             raise _errors.TransformException(str(error))
         raise error
@@ -494,6 +406,26 @@ cdef class BufferCore:
         query.source_ns = time_ns
         return self._lookup_or_raise(&query, out, &stamp_ns)
 
+    # Who waits.
+
+    def _wait(self, target_frame, source_frame, time, fixed_frame=None, target_time=None, notify=None):
+        """
+        Wait for a lookup: the simple one, or with ``fixed_frame`` and ``target_time`` that of two times.
+
+        :param notify: called with the answer, once, by the thread that brings it, and not where the
+            answer is there at once; it must not raise. None: :meth:`Wait.block` waits.
+        :return: a ``Wait``; its ``answer`` may be there at once.
+        :raises InvalidArgumentException: a name is empty or begins with ``/``: that would never end.
+        """
+        cdef Query query
+        cdef Wait wait = Wait.__new__(Wait)
+        if fixed_frame is None:
+            query_fill(&query, target_frame, source_frame, time)
+        else:
+            query_fill_full(&query, target_frame, target_time, source_frame, time, fixed_frame)
+        wait._begin(self, (target_frame, source_frame, fixed_frame), &query, notify)
+        return wait
+
     # What is known.
 
     def all_frames_as_yaml(self):
@@ -525,8 +457,10 @@ cdef class BufferCore:
     def _chain(self, target_frame, target_time, source_frame, source_time, fixed_frame):
         """The frames from source up to the common ancestor and down to target, each once."""
         cdef list chain = []
-        _extend_chain(chain, self._frames_between(fixed_frame, source_frame, time_to_ns(source_time)))
-        _extend_chain(chain, self._frames_between(target_frame, fixed_frame, time_to_ns(target_time)))
+        cdef int64_t source_ns = time_to_ns(source_time)
+        cdef int64_t target_ns = time_to_ns(target_time)
+        _extend_chain(chain, self._frames_between(fixed_frame, source_frame, source_ns))
+        _extend_chain(chain, self._frames_between(target_frame, fixed_frame, target_ns))
         return snapshot_names(&self._tree, &self._lock, chain)
 
     cdef list _frames_between(self, target_frame, source_frame, int64_t time_ns):
@@ -545,7 +479,7 @@ cdef class BufferCore:
             status = walk_lookup(&self._tree, target, source, time_ns, &path, NULL, &stamp_ns)
         unlock(&self._lock)
         if status.code != STATUS_OK:
-            raise self._error(&query, status)
+            raise self.error(&query, status)
         return ([path.source[i] for i in range(path.source_hops)]
                 + [path.top]
                 + [path.target[i - 1] for i in range(path.target_hops, 0, -1)])
@@ -555,14 +489,15 @@ cdef class BufferCore:
         What this buffer has done and holds.
 
         :return: a dict: ``taken`` transforms, ``refused`` by reason, ``frames`` and ``samples`` held, ``bytes``
-            allocated for them, ``malformed_messages``.
+            allocated for them, ``waiters``, ``malformed_messages``.
         """
         cdef Tree tree
         cdef size_t size
         cdef unsigned long long samples
-        cdef uint32_t bit
+        cdef uint32_t bit, waiters
         lock_read(&self._lock)
         tree = self._tree
+        waiters = self._waiters.count
         size = tree_bytes(&self._tree)
         samples = tree_samples(&self._tree)
         unlock(&self._lock)
@@ -572,6 +507,7 @@ cdef class BufferCore:
             "frames": tree.names.count - 1,
             "samples": samples,
             "bytes": size,
+            "waiters": waiters,
             "malformed_messages": self._malformed,
         }
 
@@ -580,6 +516,8 @@ cdef class BufferCore:
         cdef const char* problem
         lock_read(&self._lock)
         problem = tree_check(&self._tree)
+        if problem == NULL:
+            problem = waiters_check(&self._waiters)
         unlock(&self._lock)
         if problem != NULL:
             raise AssertionError(problem.decode())

@@ -12,6 +12,7 @@ from tf2_py._cache cimport (
     CACHE_UNBORN,
     Cache,
     CacheInsert,
+    CacheKind,
     cache_bytes,
     cache_check,
     cache_clear,
@@ -95,6 +96,7 @@ cdef uint32_t _frame(Tree* tree, const char* name, size_t size) noexcept nogil:
         tree.capacity = capacity
     id = names_intern(&tree.names, name, size)
     if id != NAME_NO_MEMORY:
+        tree.changes += 1
         memset(&tree.caches[id], 0, sizeof(Cache))
         tree.caches[id].authority = NAME_UNKNOWN
         tree.parents[id] = NO_FRAME
@@ -194,9 +196,11 @@ cdef bint _has_parent(const Cache* cache, FrameId parent) noexcept nogil:
     return False
 
 
-cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static) noexcept nogil:
+cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
+                          FrameId* changed) noexcept nogil:
     cdef uint32_t refused = _check(incoming)
-    cdef uint32_t child, parent, bit
+    cdef uint32_t child, parent, newest, bit
+    cdef CacheKind kind
     cdef Cache* cache
     cdef Sample sample
     cdef CacheInsert outcome
@@ -209,9 +213,11 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
         parent = _frame(tree, incoming.parent, incoming.parent_size)
         if parent == NAME_NO_MEMORY:
             return TREE_NO_MEMORY
+        changed[0] = child
         cache = &tree.caches[child]
         sample.transform = incoming.transform
         sample.parent = parent
+        kind = cache.kind
         new_link = not _has_parent(cache, parent)
         if is_static:
             outcome = cache_set_static(cache, incoming.stamp_ns, &sample)
@@ -222,7 +228,11 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
         if outcome != CACHE_TOO_OLD:
             if new_link and not tree.ever_looped:
                 tree.ever_looped = _can_reach(tree, parent, child)
-            tree.parents[child] = cache_newest_parent(cache) | (MIXED_PARENTS if cache.parent_changes else 0)
+            newest = cache_newest_parent(cache) | (MIXED_PARENTS if cache.parent_changes else 0)
+            # A late sample between others of another parent is not told apart: any insert into such a frame counts.
+            if new_link or cache.kind != kind or newest != tree.parents[child] or newest & MIXED_PARENTS:
+                tree.changes += 1
+            tree.parents[child] = newest
             cache.authority = authority
             tree.taken += 1
             return 0

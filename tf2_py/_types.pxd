@@ -52,7 +52,8 @@ cdef enum StatusCode:
 cdef struct Status:
     StatusCode code
     Gap gap                 # the fields below are facts of STATUS_EXTRAPOLATION only
-    FrameId child           # the edge on the path that lacks data ...
+    bint on_path            # the path is known: without this gap, or another on it, there is an answer
+    FrameId child           # the edge that lacks data ...
     FrameId parent          # ... as far as its newest sample tells; NO_FRAME: it has none
     int64_t requested_ns
     int64_t edge_ns         # the stamp of its data nearest to requested_ns; undefined for GAP_EMPTY

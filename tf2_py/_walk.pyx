@@ -150,6 +150,7 @@ cdef Status _gap_status(const Tree* tree, FrameId frame, int64_t time_ns) noexce
     cdef Status status
     status.code = STATUS_EXTRAPOLATION
     status.gap = gap
+    status.on_path = False
     status.child = frame
     status.parent = cache_newest_parent(cache)
     status.requested_ns = time_ns
@@ -167,13 +168,19 @@ cdef inline Status _plain(StatusCode code) noexcept nogil:
 cdef Status _first_gap(const Tree* tree, const Path* path, int64_t time_ns) noexcept nogil:
     # Of two gaps the target side's; a path without one is an answer.
     cdef uint32_t i
+    cdef FrameId frame = NO_FRAME
+    cdef Status status
     for i in range(path.target_hops):
-        if _gap(tree, path.target[i], time_ns) != GAP_NONE:
-            return _gap_status(tree, path.target[i], time_ns)
+        if frame == NO_FRAME and _gap(tree, path.target[i], time_ns) != GAP_NONE:
+            frame = path.target[i]
     for i in range(path.source_hops):
-        if _gap(tree, path.source[i], time_ns) != GAP_NONE:
-            return _gap_status(tree, path.source[i], time_ns)
-    return _plain(STATUS_OK)
+        if frame == NO_FRAME and _gap(tree, path.source[i], time_ns) != GAP_NONE:
+            frame = path.source[i]
+    if frame == NO_FRAME:
+        return _plain(STATUS_OK)
+    status = _gap_status(tree, frame, time_ns)
+    status.on_path = True
+    return status
 
 
 cdef inline void _aim_side(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t time_ns,

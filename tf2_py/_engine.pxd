@@ -1,0 +1,53 @@
+"""The tree behind its lock, with whoever waits for it."""
+
+cimport cython
+from libc.stddef cimport size_t
+from libc.stdint cimport int64_t
+
+from tf2_py._batch cimport Batch
+from tf2_py._lock cimport Lock
+from tf2_py._query cimport Query
+from tf2_py._tree cimport Tree
+from tf2_py._types cimport Status, Transform
+from tf2_py._waiters cimport Waiter, Waiters
+
+
+cdef extern from "<semaphore.h>" nogil:
+    ctypedef struct sem_t:
+        pass
+
+
+cdef class Engine:
+    cdef Tree _tree                     # with the waiters, read and written under _lock only
+    cdef Waiters _waiters
+    cdef Lock _lock
+    cdef readonly object _throttle      # of log lines
+    cdef unsigned long long _malformed  # messages; guarded by the GIL
+    cdef public object _on_change
+
+    # Takes what the batch holds under one lock. Where `batch.news` is set afterwards, `report` is due, with the GIL
+    # and while the batch and its names are still there.
+    cdef void insert(self, Batch* batch) noexcept nogil
+    cdef int report(self, Batch* batch) except -1
+    # Counts a message that could not be read, and makes the ValueError that says why. `size`: its bytes.
+    cdef object malformed(self, const Batch* batch, size_t size)
+    cdef void forget(self) noexcept nogil
+    # `out` NULL only asks whether there is an answer.
+    cdef Status lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil
+    cdef object error(self, const Query* query, Status status)
+    cdef int _deliver_ready(self) except -1
+
+
+@cython.final
+@cython.no_gc_clear
+cdef class Wait:
+    # Waits for one lookup, from its making until it is answered, cancelled or dropped. The collector must not clear
+    # it: `_engine` is needed to leave.
+    cdef Waiter _waiter                 # under the engine's lock
+    cdef Engine _engine
+    cdef tuple _names                   # keeps the query's UTF-8 alive
+    cdef object _notify                 # called with the answer, or None: a thread blocks
+    cdef sem_t _woken                   # posted with the answer, where a thread blocks
+
+    cdef void _leave(self) noexcept nogil
+    cdef int _begin(self, Engine engine, tuple names, const Query* query, object notify) except -1

@@ -34,8 +34,8 @@ cdef struct Work "tf2_work":
     unsigned char missing[BLOCK]    # 1: some history does not answer for this time
 
 
-# All BLOCK entries are computed; those from `count` on, and the missing ones, hold a filler. The numbers are those
-# of the functions for one time in _cache and _geometry, to the last bit.
+# All BLOCK entries are computed; those from `count` on, and the missing ones, hold a filler. The numbers are
+# those of the functions for one time in _cache and _geometry, to the last bit.
 cdef void block_hop(Work* work, const Cache* cache, const int64_t* times_ns, uint32_t count,
                     uint32_t* hint) noexcept nogil
 cdef void block_begin_source(Work* work) noexcept nogil         # source = hop
@@ -47,6 +47,7 @@ cdef void block_result(Work* work, bint with_target) noexcept nogil     # result
 cdef void block_identity(Work* work) noexcept nogil             # result = identity
 cdef void block_put(Work* work, uint32_t i, const Transform* value) noexcept nogil      # result, one of it
 cdef void block_apply(Work* work, const Transform* outer) noexcept nogil    # result = outer result
-cdef void block_store(const Work* work, uint32_t count, double* translations, double* rotations) noexcept nogil
+cdef void block_store(const Work* work, uint32_t count, double* translations,
+                      double* rotations) noexcept nogil
 # Rows of three coordinates in metres, one for each time; `out` may be `points`.
 cdef void block_carry(const Work* work, uint32_t count, const double* points, double* out) noexcept nogil

@@ -1,4 +1,4 @@
-"""Owns the arithmetic of many times at once: each step goes through a whole block, so that wide registers fill."""
+"""Owns the arithmetic of many times at once: each step goes through a block, so that wide registers fill."""
 
 from libc.math cimport fabs, sqrt
 from libc.stdint cimport int64_t, uint32_t
@@ -260,7 +260,8 @@ cdef void block_apply(Work* work, const Transform* outer) noexcept nogil:
     _apply(work)
 
 
-cdef void block_store(const Work* work, uint32_t count, double* translations, double* rotations) noexcept nogil:
+cdef void block_store(const Work* work, uint32_t count, double* translations,
+                      double* rotations) noexcept nogil:
     cdef uint32_t i
     for i in range(count):
         translations[3 * i] = work.result.tx[i]

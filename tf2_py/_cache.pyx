@@ -278,7 +278,8 @@ cdef Gap cache_find(const Cache* cache, int64_t time_ns, uint32_t* hint, uint32_
     return GAP_NONE
 
 
-cdef Gap cache_transform_at(const Cache* cache, int64_t time_ns, uint32_t hint, Transform* out) noexcept nogil:
+cdef Gap cache_transform_at(const Cache* cache, int64_t time_ns, uint32_t hint,
+                            Transform* out) noexcept nogil:
     # Linear translation, slerp between the two neighbours of time_ns.
     cdef uint32_t older, newer
     cdef Gap gap = cache_find(cache, time_ns, &hint, &older, &newer)

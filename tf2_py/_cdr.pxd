@@ -22,3 +22,14 @@ cdef uint32_t reader_count(Reader* reader) noexcept nogil
 cdef bint reader_transform(Reader* reader, Incoming* out) noexcept nogil
 # False, and `problem` set, where bytes are left.
 cdef bint reader_finish(Reader* reader) noexcept nogil
+
+
+cdef struct Writer:
+    unsigned char* data             # room for the whole message; NULL: only `position` is counted
+    size_t position                 # where the next byte goes
+
+
+# A message of `count` transforms begins; that many are to follow. In this machine's byte order, padded with
+# zeros.
+cdef void writer_init(Writer* writer, unsigned char* data, uint32_t count) noexcept nogil
+cdef void writer_transform(Writer* writer, const Incoming* transform) noexcept nogil

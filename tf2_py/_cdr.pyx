@@ -2,7 +2,7 @@
 
 from libc.stddef cimport size_t
 from libc.stdint cimport int32_t, int64_t, uint32_t, uint64_t
-from libc.string cimport memchr, memcpy
+from libc.string cimport memchr, memcpy, memset
 
 from tf2_py._types cimport Incoming
 
@@ -19,7 +19,7 @@ cdef extern from *:
     uint64_t __builtin_bswap64(uint64_t value) nogil
 
 cdef enum:
-    HEADER_SIZE = 4             # representation id (2 bytes), options (2 bytes); alignment counts from its end
+    HEADER_SIZE = 4             # representation id, options, 2 bytes each; alignment counts from its end
     # Two times, two empty names and seven doubles: no transform is shorter.
     SMALLEST_TRANSFORM = 72
 
@@ -152,3 +152,53 @@ cdef bint reader_finish(Reader* reader) noexcept nogil:
     if reader.problem == NULL and reader.position != reader.size:
         reader.problem = "bytes are left behind the last transform"
     return reader.problem == NULL
+
+
+cdef inline unsigned char* _room(Writer* writer, size_t size, size_t alignment) noexcept nogil:
+    # Every byte is written through here; NULL where nothing is to be written.
+    cdef size_t padding = (0 - (writer.position - HEADER_SIZE)) % alignment
+    if writer.data != NULL:
+        memset(writer.data + writer.position, 0, padding)
+    writer.position += padding + size
+    return NULL if writer.data == NULL else writer.data + writer.position - size
+
+
+cdef inline void _put(Writer* writer, const void* value, size_t size, size_t alignment) noexcept nogil:
+    cdef unsigned char* at = _room(writer, size, alignment)
+    if at != NULL:
+        memcpy(at, value, size)
+
+
+cdef void _put_string(Writer* writer, const char* text, size_t size) noexcept nogil:
+    cdef uint32_t length = <uint32_t>(size + 1)
+    cdef unsigned char end = 0
+    _put(writer, &length, 4, 4)
+    _put(writer, text, size, 1)
+    _put(writer, &end, 1, 1)
+
+
+cdef void writer_init(Writer* writer, unsigned char* data, uint32_t count) noexcept nogil:
+    writer.data = data
+    writer.position = HEADER_SIZE
+    if data != NULL:
+        data[0] = data[2] = data[3] = 0
+        data[1] = TF2_THIS_ENDIAN
+    _put(writer, &count, 4, 4)
+
+
+cdef void writer_transform(Writer* writer, const Incoming* transform) noexcept nogil:
+    cdef int64_t whole = transform.stamp_ns // 1000000000
+    cdef int64_t rest = transform.stamp_ns % 1000000000
+    cdef int32_t sec
+    cdef uint32_t nanosec
+    if rest < 0:                # C rounds towards zero
+        whole -= 1
+        rest += 1000000000
+    sec = <int32_t>whole
+    nanosec = <uint32_t>rest
+    _put(writer, &sec, 4, 4)
+    _put(writer, &nanosec, 4, 4)
+    _put_string(writer, transform.parent, transform.parent_size)
+    _put_string(writer, transform.child, transform.child_size)
+    _put(writer, transform.transform.translation, 24, 8)
+    _put(writer, transform.transform.rotation, 32, 8)

@@ -25,8 +25,8 @@ cdef class Engine:
     cdef unsigned long long _malformed  # messages; guarded by the GIL
     cdef public object _on_change
 
-    # Takes what the batch holds under one lock. Where `batch.news` is set afterwards, `report` is due, with the GIL
-    # and while the batch and its names are still there.
+    # Takes what the batch holds under one lock. Where `batch.news` is set afterwards, `report` is due, with
+    # the GIL and while the batch and its names are still there.
     cdef void insert(self, Batch* batch) noexcept nogil
     cdef int report(self, Batch* batch) except -1
     # Counts a message that could not be read, and makes the ValueError that says why. `size`: its bytes.
@@ -41,8 +41,8 @@ cdef class Engine:
 @cython.final
 @cython.no_gc_clear
 cdef class Wait:
-    # Waits for one lookup, from its making until it is answered, cancelled or dropped. The collector must not clear
-    # it: `_engine` is needed to leave.
+    # Waits for one lookup, from its making until it is answered, cancelled or dropped. The collector must not
+    # clear it: `_engine` is needed to leave.
     cdef Waiter _waiter                 # under the engine's lock
     cdef Engine _engine
     cdef tuple _names                   # keeps the query's UTF-8 alive

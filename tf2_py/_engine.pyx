@@ -34,7 +34,7 @@ from tf2_py._waiters cimport (
     waiters_wake,
 )
 
-from tf2_py import _errors, _log
+from tf2_py import _log
 
 cdef extern from "<semaphore.h>" nogil:
     int sem_init(sem_t* semaphore, int shared, unsigned int value)
@@ -234,7 +234,7 @@ cdef class Wait:
         return new_transform_stamped(&self._waiter.answer, self._waiter.stamp_ns, target, source)
 
     def cancel(self):
-        """End the wait. Whether it was still going on: False where the answer is there, or has been delivered."""
+        """End the wait. Whether it was going on: False where the answer is there, or has been delivered."""
         cdef bint waiting
         lock_write(&self._engine._lock)
         waiting = self._waiter.place != PLACE_NONE

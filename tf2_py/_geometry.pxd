@@ -92,7 +92,8 @@ cdef inline double slerp_distance(const double* a, const double* b, double* sign
     return 0.5 * (dx * dx + dy * dy + dz * dz + dw * dw)
 
 
-cdef inline void slerp_weights_near(double distance, double ratio, double* weight_a, double* weight_b) noexcept nogil:
+cdef inline void slerp_weights_near(double distance, double ratio, double* weight_a,
+                                    double* weight_b) noexcept nogil:
     # For distance <= SLERP_NEAR. With cos(t) = 1 - d, t^2 is a short series in d
     # (t^2 = 2 sum (2 d)^n / (n^2 C(2n, n))), and the sines are short series in t^2: no acos, no sin.
     cdef double squared = distance * (2.0 + distance * (1.0 / 3.0 + distance * (4.0 / 45.0 + distance * (
@@ -103,7 +104,8 @@ cdef inline void slerp_weights_near(double distance, double ratio, double* weigh
     weight_b[0] = ratio * sinc_series(ratio * ratio * squared) * scale
 
 
-cdef inline void slerp_weights_far(double distance, double ratio, double* weight_a, double* weight_b) noexcept nogil:
+cdef inline void slerp_weights_far(double distance, double ratio, double* weight_a,
+                                   double* weight_b) noexcept nogil:
     cdef double angle = acos(1.0 - distance)
     cdef double scale = 1.0 / sin(angle)
     weight_a[0] = sin((1.0 - ratio) * angle) * scale
@@ -143,7 +145,8 @@ cdef inline void transform_compose(const Transform* a, const Transform* b, Trans
     quaternion_multiply(a.rotation, b.rotation, out.rotation)
 
 
-cdef inline void transform_between(const Transform* target, const Transform* source, Transform* out) noexcept nogil:
+cdef inline void transform_between(const Transform* target, const Transform* source,
+                                   Transform* out) noexcept nogil:
     # out = target^-1 source: from `source`'s child to `target`'s child, both given in one frame.
     cdef double inverse[4]
     cdef double apart[3]

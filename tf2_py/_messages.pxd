@@ -45,7 +45,11 @@ cdef int64_t duration_to_ns(object duration) except? -1
 # `keep`, where not None, is given a reference to every object that `out` points into; where it is None
 # the caller holds `message` and runs no Python code while it uses `out`.
 cdef int read_transform_stamped(object message, Incoming* out, list keep) except -1
+# Whether the message is just what its class makes: real rosidl messages down to the numbers, with a stamp
+# whose nanoseconds are below a second. Only then is what read_transform_stamped reads all that there is.
+cdef bint is_plain_transform_stamped(object message) except -1
 cdef int read_transform(object message, Transform* out) except -1
 cdef object new_time(int64_t time_ns)      # an rclpy.time.Time, or a stand-in without rclpy
 cdef object new_header(int64_t stamp_ns, object frame_id)
-cdef object new_transform_stamped(const Transform* transform, int64_t stamp_ns, object frame_id, object child_frame_id)
+cdef object new_transform_stamped(const Transform* transform, int64_t stamp_ns, object frame_id,
+                                  object child_frame_id)

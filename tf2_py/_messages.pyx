@@ -243,7 +243,9 @@ cdef int _read_transform(object transform, Transform* out) except -1:
 
 
 cdef _misfit(object message, str wanted, AttributeError missing):
-    return TypeError(f"expected {wanted} or an object with its fields, got {type(message).__name__}: {missing}")
+    return TypeError(
+        f"expected {wanted} or an object with its fields, got {type(message).__name__}: {missing}"
+    )
 
 
 cdef int read_transform(object message, Transform* out) except -1:
@@ -285,6 +287,37 @@ cdef int read_transform_stamped(object message, Incoming* out, list keep) except
     return 0
 
 
+cdef inline bint _is_plain(Layout layout, object message, int count):
+    # Of this very class, and its first `count` fields floats.
+    cdef int i
+    if not layout.by_slot or type(message) is not layout.message_class:
+        return False
+    for i in range(count):
+        if not PyFloat_CheckExact(layout.get(message, i)):
+            return False
+    return True
+
+
+cdef bint is_plain_transform_stamped(object message) except -1:
+    load()
+    if not (_is_plain(transform_stamped_layout, message, 0)):
+        return False
+    header = transform_stamped_layout.get(message, 0)
+    transform = transform_stamped_layout.get(message, 2)
+    if not (_is_plain(header_layout, header, 0) and _is_plain(transform_layout, transform, 0)):
+        return False
+    stamp = header_layout.get(header, 0)
+    if not _is_plain(time_layout, stamp, 0):
+        return False
+    sec, nanosec = time_layout.get(stamp, 0), time_layout.get(stamp, 1)
+    return (type(sec) is int and -0x80000000 <= sec < 0x80000000
+            and type(nanosec) is int and 0 <= nanosec < NS_PER_S
+            and type(header_layout.get(header, 1)) is str
+            and type(transform_stamped_layout.get(message, 1)) is str
+            and _is_plain(vector3_layout, transform_layout.get(transform, 0), 3)
+            and _is_plain(quaternion_layout, transform_layout.get(transform, 1), 4))
+
+
 cdef object new_time(int64_t time_ns):
     load()
     try:
@@ -313,7 +346,8 @@ cdef object new_header(int64_t stamp_ns, object frame_id):
     return header
 
 
-cdef object new_transform_stamped(const Transform* transform, int64_t stamp_ns, object frame_id, object child_frame_id):
+cdef object new_transform_stamped(const Transform* transform, int64_t stamp_ns, object frame_id,
+                                  object child_frame_id):
     load()
     inner = transform_layout.new()
     transform_layout.put(inner, 0, vector3_layout.new_doubles(transform.translation, 3))

@@ -76,7 +76,8 @@ cdef bint query_is_identity(const Query* query) noexcept nogil:
             and memcmp(query.target, query.source, query.source_size) == 0)
 
 
-cdef Status query_walk(const Tree* tree, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil:
+cdef Status query_walk(const Tree* tree, const Query* query, Transform* out,
+                       int64_t* stamp_ns) noexcept nogil:
     # Both lookups of tf2, with the lock held; `out` NULL only asks whether there is an answer.
     cdef Path path
     cdef FrameId target, source, fixed

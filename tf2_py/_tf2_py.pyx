@@ -51,8 +51,8 @@ cdef class BufferCore(Engine):
     """
     A tree of coordinate frames that moves in time, as tf2 keeps it.
 
-    :param cache_time: how far each frame's history reaches back; anything with ``nanoseconds`` or with ``sec``
-        and ``nanosec``. Default 10 s.
+    :param cache_time: how far each frame's history reaches back; anything with ``nanoseconds`` or with
+        ``sec`` and ``nanosec``. Default 10 s.
 
     Frame names are ``str``. Times are anything with ``nanoseconds``, or with ``sec`` and ``nanosec``; time 0
     asks for the latest time that every frame on the path knows. Every method may be called from any thread.
@@ -222,8 +222,8 @@ cdef class BufferCore(Engine):
         :param times: N times: integer nanoseconds (array-like of shape (N,)) or a sequence of time objects.
         :param fixed_frame: with ``target_time``, a two-time lookup: the source at each of ``times``, the
             target at ``target_time``.
-        :param on_missing: ``'raise'`` raises what the first time without an answer raises, and names its index;
-            ``'nan'`` fills NaN there. Names that are no known frames always raise.
+        :param on_missing: ``'raise'`` raises what the first time without an answer raises, and names its
+            index; ``'nan'`` fills NaN there. Names that are no known frames always raise.
         :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), metres, and (N, 4), x y z w.
 
         Other threads run meanwhile: the GIL is released.
@@ -253,7 +253,8 @@ cdef class BufferCore(Engine):
         """
         Carry each point with the transform of its own time.
 
-        :param points: array-like of shape (N, 3), metres, in ``source_frame`` at its time; float32 or float64.
+        :param points: array-like of shape (N, 3), metres, in ``source_frame`` at its time; float32 or
+            float64.
         :param times: N times, as in :meth:`lookup_transforms`; so are the other arguments.
         :return: an array of shape (N, 3) of the points' dtype, in ``target_frame``.
         """
@@ -265,7 +266,7 @@ cdef class BufferCore(Engine):
         rows_array, dtype = as_points(points)
         vector.count = times_ns.shape[0]
         if len(rows_array) != vector.count:
-            raise ValueError(f"{len(rows_array)} points and {vector.count} times; every point needs its own time")
+            raise ValueError(f"{len(rows_array)} points, {vector.count} times: each point needs its own time")
         carried_array = new_rows(vector.count, 3)
         _fill_vector(&query, target_frame, source_frame, fixed_frame, target_time)
         if vector.count:
@@ -354,15 +355,15 @@ cdef class BufferCore(Engine):
         The mean twist of ``tracking_frame`` relative to ``observation_frame`` around a time.
 
         :param reference_frame: the twist is expressed in the axes of this frame.
-        :param reference_point: three floats, metres, in ``reference_point_frame``: the linear velocity is that
-            of the point of the tracking frame's body that is there at ``time``.
+        :param reference_point: three floats, metres, in ``reference_point_frame``: the linear velocity
+            is that of the point of the tracking frame's body that is there at ``time``.
         :param time: the middle of the interval; 0 is the time 0, not "latest".
         :param averaging_interval: a duration; the interval ends at the newest common stamp at the latest. 0
             gives NaN.
         :return: ``((vx, vy, vz), (wx, wy, wz))`` in m/s and rad/s.
 
-        Angular: the rotation vector between the two poses over the time between them. Linear: the chord of the
-        origin over that time, plus angular x (reference point - origin).
+        Angular: the rotation vector between the two poses over the time between them. Linear: the chord
+        of the origin over that time, plus angular x (reference point - origin).
         """
         cdef int64_t time_ns = max(time_to_ns(time), 1)     # a lookup would take 0 for "latest"
         cdef int64_t interval_ns = duration_to_ns(averaging_interval)
@@ -438,7 +439,8 @@ cdef class BufferCore(Engine):
 
     def _allFramesAsDot(self, time=None):
         """The frames that hold data as a Graphviz digraph; ages are as of ``time``."""
-        return _listings.as_dot(snapshot_frames(&self._tree, &self._lock), 0 if time is None else time_to_ns(time))
+        cdef int64_t time_ns = 0 if time is None else time_to_ns(time)
+        return _listings.as_dot(snapshot_frames(&self._tree, &self._lock), time_ns)
 
     def _frameExists(self, name):
         """Whether the name was ever a parent or a child."""
@@ -488,8 +490,8 @@ cdef class BufferCore(Engine):
         """
         What this buffer has done and holds.
 
-        :return: a dict: ``taken`` transforms, ``refused`` by reason, ``frames`` and ``samples`` held, ``bytes``
-            allocated for them, ``waiters``, ``malformed_messages``.
+        :return: a dict: ``taken`` transforms, ``refused`` by reason, ``frames`` and ``samples`` held,
+            ``bytes`` allocated for them, ``waiters``, ``malformed_messages``.
         """
         cdef Tree tree
         cdef size_t size

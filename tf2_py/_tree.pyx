@@ -125,7 +125,8 @@ cdef uint32_t _check(Incoming* incoming) noexcept nogil:
         refused |= REFUSED_NO_PARENT
     if incoming.child_size == 0:
         refused |= REFUSED_NO_CHILD
-    if _is_reserved(incoming.parent, incoming.parent_size) or _is_reserved(incoming.child, incoming.child_size):
+    if _is_reserved(incoming.parent, incoming.parent_size) \
+            or _is_reserved(incoming.child, incoming.child_size):
         refused |= REFUSED_RESERVED_NAME
     if isnan(t[0]) or isnan(t[1]) or isnan(t[2]) or isnan(q[0]) or isnan(q[1]) or isnan(q[2]) or isnan(q[3]):
         refused |= REFUSED_NAN
@@ -229,7 +230,8 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
             if new_link and not tree.ever_looped:
                 tree.ever_looped = _can_reach(tree, parent, child)
             newest = cache_newest_parent(cache) | (MIXED_PARENTS if cache.parent_changes else 0)
-            # A late sample between others of another parent is not told apart: any insert into such a frame counts.
+            # A late sample between others of another parent is not told apart: any insert into such a frame
+            # counts.
             if new_link or cache.kind != kind or newest != tree.parents[child] or newest & MIXED_PARENTS:
                 tree.changes += 1
             tree.parents[child] = newest

@@ -28,7 +28,8 @@ cdef struct Waiter:
     bint answered           # and then:
     Transform answer
     int64_t stamp_ns
-    # Called with the lock held, once, when the answer is there. True: it has been delivered. False: to PLACE_READY.
+    # Called with the lock held, once, when the answer is there. True: it has been delivered. False: to
+    # PLACE_READY.
     bint (*deliver)(Waiter* waiter) noexcept nogil
     void* owner             # whoever made the waiter; for `deliver` and those with the GIL
     void* woken             # likewise
@@ -69,4 +70,5 @@ cdef Status waiters_add(Waiters* waiters, const Tree* tree, Waiter* waiter) noex
 cdef void waiters_remove(Waiters* waiters, Waiter* waiter) noexcept nogil
 # Looks after an insert at those that it can have helped. Not due where `count` is 0.
 cdef void waiters_wake(Waiters* waiters, const Tree* tree, FrameId changed) noexcept nogil
-cdef const char* waiters_check(const Waiters* waiters) noexcept nogil   # NULL, or which invariant does not hold
+# NULL, or which invariant does not hold.
+cdef const char* waiters_check(const Waiters* waiters) noexcept nogil

@@ -55,7 +55,8 @@ cdef inline void _see(Seen* seen, FrameId frame) noexcept nogil:
     seen.bits[(frame >> 6) & (SEEN_WORDS - 1)] |= (<uint64_t>1) << (frame & 63)
 
 
-cdef inline uint32_t _position(const Seen* seen, const FrameId* frames, uint32_t count, FrameId wanted) noexcept nogil:
+cdef inline uint32_t _position(const Seen* seen, const FrameId* frames, uint32_t count,
+                               FrameId wanted) noexcept nogil:
     # Where among `count` frames `wanted` is; `count` where it is not.
     cdef uint32_t i
     if not (seen.bits[(wanted >> 6) & (SEEN_WORDS - 1)] >> (wanted & 63)) & 1:
@@ -120,7 +121,8 @@ cdef bint walk_climb(const Tree* tree, FrameId target, FrameId source, int64_t t
     return False
 
 
-cdef inline int64_t _newest_common(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t common_ns) noexcept nogil:
+cdef inline int64_t _newest_common(const Tree* tree, const FrameId* frames, uint32_t hops,
+                                   int64_t common_ns) noexcept nogil:
     # Static frames and those whose newest stamp is 0 have no say.
     cdef uint32_t i
     cdef int64_t newest_ns
@@ -184,7 +186,7 @@ cdef Status _first_gap(const Tree* tree, const Path* path, int64_t time_ns) noex
 
 
 cdef inline void _aim_side(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t time_ns,
-                                uint32_t* hints) noexcept nogil:
+                           uint32_t* hints) noexcept nogil:
     cdef uint32_t i
     for i in range(hops):
         hints[i] = cache_aim(&tree.caches[frames[i]], time_ns)
@@ -230,10 +232,12 @@ cdef Status _compose(const Tree* tree, const Path* path, int64_t time_ns, Transf
     return _plain(STATUS_OK)
 
 
-# The reference's order: up from the source to its root or first gap, then up from the target. It decides which
-# error wins, and what a tree with a loop answers; lookups that succeed in loop-free trees never come here.
+# The reference's order: up from the source to its root or first gap, then up from the target. It decides
+# which error wins, and what a tree with a loop answers; lookups that succeed in loop-free trees never come
+# here.
 
-cdef Status _reference_walk(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, Path* path) noexcept nogil:
+cdef Status _reference_walk(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
+                            Path* path) noexcept nogil:
     cdef FrameId frame = source
     cdef FrameId top = source
     cdef FrameId parent
@@ -342,7 +346,8 @@ cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_
         if out != NULL:
             transform_identity(out)
         return _plain(STATUS_OK)
-    found = not tree.ever_looped and walk_climb(tree, target, source, LATEST if latest else time_ns, path, &mixed)
+    found = (not tree.ever_looped
+             and walk_climb(tree, target, source, LATEST if latest else time_ns, path, &mixed))
     if latest:
         if found:
             stamp_ns[0] = walk_path_common_time(tree, path)

@@ -1,0 +1,3 @@
+from geometry_msgs.msg import TransformStamped
+
+def serialize_transforms(transforms: list[TransformStamped]) -> bytes | None: ...

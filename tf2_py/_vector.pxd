@@ -19,7 +19,7 @@ cdef struct Vector:
     bint nan_missing            # fill NaN where there is no answer, instead of stopping there
 
 
-# Answers of `query` at each of the times; its own source time is not looked at. How many were answered: less than
-# `count` where the one after them failed, with its status. Takes the lock in slices.
+# Answers of `query` at each of the times; its own source time is not looked at. How many were answered: less
+# than `count` where the one after them failed, with its status. Takes the lock in slices.
 cdef Py_ssize_t vector_lookup(const Tree* tree, Lock* lock, const Query* query, const Vector* vector,
                               Status* status) noexcept nogil

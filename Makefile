@@ -20,13 +20,20 @@ else
 EXTRAS := ros,test
 endif
 
-.PHONY: build clean demo lint test
+.PHONY: bench build clean demo guard lint test
 
 test: $(VENV)/installed.stamp
 	$(PY) -m pytest
 
 demo: $(VENV)/installed.stamp
 	$(PY) examples/demo.py
+
+# QUICK=1 ends within two minutes. The libraries compared with are fetched into .bench.
+bench: $(VENV)/bench.stamp $(VENV)/installed.stamp
+	$(PY) -m bench $(if $(QUICK),--quick)
+
+guard: $(VENV)/installed.stamp
+	$(PY) -m bench.guard
 
 lint: $(VENV)/dev.stamp
 	$(PY) -m ruff check .
@@ -39,7 +46,7 @@ build: $(VENV)/dev.stamp
 	touch $(VENV)/installed.stamp
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .bench build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find $(PACKAGES) tf2_msgs tests build_backend -name '*.so' -delete -o -name '*.pyc' -delete
 	rm -f tf2_msgs/msg/*.py tf2_msgs/srv/*.py tf2_msgs/action/*.py
 
@@ -55,4 +62,9 @@ $(VENV)/installed.stamp: $(SOURCES) | $(PY)
 $(VENV)/dev.stamp: pyproject.toml
 	$(MAKE) $(VENV)/installed.stamp
 	$(PY) -m pip install --quiet 'tf2-ros-cython[dev]'
+	touch $@
+
+$(VENV)/bench.stamp: pyproject.toml
+	$(MAKE) $(VENV)/installed.stamp
+	$(PY) -m pip install --quiet 'tf2-ros-cython[bench]'
 	touch $@

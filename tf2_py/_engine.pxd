@@ -23,7 +23,6 @@ cdef class Engine:
     cdef Lock _lock
     cdef readonly object _throttle      # of log lines
     cdef unsigned long long _malformed  # messages; guarded by the GIL
-    cdef public object _on_change
 
     # Takes what the batch holds under one lock. Where `batch.news` is set afterwards, `report` is due, with
     # the GIL and while the batch and its names are still there.

@@ -96,8 +96,6 @@ cdef class Engine:
         cdef size_t i
         cdef Incoming* incoming
         self._deliver_ready()
-        if batch.taken and self._on_change is not None:
-            self._on_change()
         if batch.refused:
             for i in range(batch.count):
                 if batch.entries[i].refused:

@@ -28,10 +28,17 @@ class _Statistics(TypedDict):
     frames: int
     samples: int
     bytes: int
+    waiters: int
     malformed_messages: int
 
+class _Wait:
+    @property
+    def answer(self) -> TransformStamped | None: ...
+    def cancel(self) -> bool: ...
+    def reason(self) -> Exception | None: ...
+    def block(self, timeout_ns: int, alive: Callable[[], bool]) -> bool: ...
+
 class BufferCore:
-    _on_change: Callable[[], Any] | None
     @property
     def _throttle(self) -> Any: ...
     def __init__(self, cache_time: _DurationLike | None = None) -> None: ...
@@ -117,5 +124,14 @@ class BufferCore:
         source_time: _TimeLike,
         fixed_frame: str,
     ) -> list[str]: ...
+    def _wait(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: _TimeLike,
+        fixed_frame: str | None = None,
+        target_time: _TimeLike | None = None,
+        notify: Callable[[TransformStamped], Any] | None = None,
+    ) -> _Wait: ...
     def statistics(self) -> _Statistics: ...
     def _self_check(self) -> None: ...

@@ -85,7 +85,7 @@ cdef class BufferCore(Engine):
         batch.authority = name_utf8(authority, &size)
         batch.authority_size = size
         self.insert(&batch)
-        return self.report(&batch) if batch.news or self._on_change is not None else 0
+        return self.report(&batch) if batch.news else 0
 
     def set_transform(self, transform, authority):
         """
@@ -126,7 +126,7 @@ cdef class BufferCore(Engine):
             batch.authority = name_utf8(authority, &size)
             batch.authority_size = size
             self.insert(&batch)
-            if batch.news or self._on_change is not None:
+            if batch.news:
                 self.report(&batch)
             return batch.taken
         finally:
@@ -153,7 +153,7 @@ cdef class BufferCore(Engine):
                 self.insert(&batch)
             elif batch.problem != NULL:
                 raise self.malformed(&batch, view.len)
-            if batch.news or batch.no_memory or self._on_change is not None:
+            if batch.news or batch.no_memory:
                 self.report(&batch)
             return batch.taken
         finally:
@@ -163,8 +163,6 @@ cdef class BufferCore(Engine):
     def clear(self):
         """Forget every dynamic transform; names, authorities and static transforms stay."""
         self.forget()
-        if self._on_change is not None:
-            self._on_change()
 
     # What goes out.
 

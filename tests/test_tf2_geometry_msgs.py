@@ -1,0 +1,401 @@
+"""What each type of geometry_msgs becomes in another frame, by arithmetic that shares no code with it."""
+
+import array
+import math
+from collections import UserList
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from carrying import (
+    AWKWARD_TURNS,
+    Maker,
+    carried,
+    covariance_carried,
+    inverse,
+    matrix,
+    transforms,
+    turn,
+    turns,
+    vectors,
+    xyz,
+    xyzw,
+)
+from geometry_msgs.msg import (
+    AccelStamped,
+    Point,
+    Point32,
+    PointStamped,
+    Polygon,
+    PolygonStamped,
+    Pose,
+    PoseArray,
+    PoseStamped,
+    PoseWithCovariance,
+    PoseWithCovarianceStamped,
+    Quaternion,
+    TransformStamped,
+    Twist,
+    TwistStamped,
+    Vector3,
+    Vector3Stamped,
+    VelocityStamped,
+    Wrench,
+)
+from hypothesis import given
+from hypothesis import strategies as st
+from making import about_z, transform
+from nav_msgs.msg import Odometry, Path
+from numpy.testing import assert_allclose
+from scipy.spatial import transform as scipy_transform
+
+import tf2_geometry_msgs as tf2
+
+ours = pytest.mark.ours
+
+NAN, INF = math.nan, math.inf
+
+
+def close(got, wanted):
+    # Rounding grows with the numbers that go in, which reach 1e6.
+    assert_allclose(got, wanted, rtol=1e-12, atol=1e-8)
+
+
+def point_stamped(x, y, z):
+    return PointStamped(point=Point(x=x, y=y, z=z))
+
+
+def pose(position, q):
+    return Pose(
+        position=Point(**dict(zip("xyz", position, strict=True))),
+        orientation=Quaternion(**dict(zip("xyzw", q, strict=True))),
+    )
+
+
+@given(vectors, transforms)
+def test_a_point_is_rotated_and_moved(p, t):
+    got = tf2.do_transform_point(point_stamped(*p), t)
+    close(xyz(got.point), carried(np.array([p]), t)[0])
+
+
+@ours
+@given(vectors, transforms)
+def test_a_plain_point_is_treated_as_a_stamped_one(p, t):
+    stamped = tf2.do_transform_point(point_stamped(*p), t)
+    plain = tf2.do_transform_point(Point(x=p[0], y=p[1], z=p[2]), t)
+    assert type(plain) is Point and plain == stamped.point
+    small = tf2.do_transform_point(Point32(x=p[0], y=p[1], z=p[2]), t.transform)
+    assert type(small) is Point32 and np.array_equal(xyz(small), xyz(plain))
+
+
+@given(vectors, transforms)
+def test_a_vector_is_rotated_and_not_moved(v, t):
+    vector = Vector3Stamped(vector=Vector3(x=v[0], y=v[1], z=v[2]))
+    close(xyz(tf2.do_transform_vector3(vector, t).vector), turn(t.transform.rotation).apply(v))
+
+
+@ours
+@given(vectors, transforms)
+def test_a_plain_vector_is_treated_as_a_stamped_one(v, t):
+    vector = Vector3(x=v[0], y=v[1], z=v[2])
+    got = tf2.do_transform_vector3(vector, t.transform)
+    assert got == tf2.do_transform_vector3(Vector3Stamped(vector=vector), t).vector
+
+
+@given(vectors, turns, transforms)
+def test_a_pose_is_the_product_of_two_matrices(p, q, t):
+    got = tf2.do_transform_pose(pose(p, q), t)
+    local = matrix(transform("base", "tool", 0, p, q))
+    product = matrix(t) @ local
+    close(xyz(got.position), product[:3, 3])
+    assert_allclose(turn(got.orientation).as_matrix(), product[:3, :3], atol=1e-12)
+
+
+@pytest.mark.skipif(not hasattr(scipy_transform, "RigidTransform"), reason="this SciPy has no RigidTransform")
+@given(vectors, turns, transforms)
+def test_a_pose_is_what_a_rigid_transform_says(p, q, t):
+    def rigid(xyz, q):
+        return scipy_transform.RigidTransform.from_components(xyz, turn(q))
+
+    got = tf2.do_transform_pose_stamped(PoseStamped(pose=pose(p, q)), t).pose
+    wanted = rigid(xyz(t.transform.translation), t.transform.rotation) * rigid(p, tuple(q))
+    close(xyz(got.position), wanted.translation)
+    assert_allclose(turn(got.orientation).as_matrix(), wanted.rotation.as_matrix(), atol=1e-12)
+
+
+@ours
+@given(turns, transforms)
+def test_orientations_come_out_of_length_one_with_w_not_negative(q, t):
+    q_in = Quaternion(**dict(zip("xyzw", q, strict=True)))
+    for got in (
+        tf2.do_transform_pose(pose((1.0, 2.0, 3.0), q), t).orientation,
+        tf2.do_transform_quaternion(q_in, t),
+    ):
+        assert_allclose(np.linalg.norm(xyzw(got)), 1, atol=1e-14)
+        assert got.w >= 0
+        wanted = turn(t.transform.rotation) * turn(q)
+        assert_allclose(turn(got).as_matrix(), wanted.as_matrix(), atol=1e-12)
+
+
+@ours
+@pytest.mark.parametrize("length", [1e-300, 1e-200, 1e-155, 1e150, 1e200, 1e300])
+@pytest.mark.parametrize("q", AWKWARD_TURNS)
+def test_an_orientation_of_any_length_counts(q, length):
+    t = transform("map", "base", 0, xyzw=(0.1, 0.2, 0.3, 0.9))
+    got = tf2.do_transform_quaternion(Quaternion(**dict(zip("xyzw", np.multiply(q, length), strict=True))), t)
+    wanted = tf2.do_transform_quaternion(Quaternion(**dict(zip("xyzw", q, strict=True))), t)
+    assert_allclose(xyzw(got), xyzw(wanted), atol=1e-14)
+
+
+@ours
+def test_an_orientation_without_length_is_no_rotation():
+    t = transform("map", "base", 0, (1, 2, 3), about_z(1))
+    got = tf2.do_transform_pose(pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)), t)
+    assert_allclose(xyzw(got.orientation), about_z(1))
+
+
+@ours
+def test_nan_stays_nan():
+    t = transform("map", "base", 0, (1, 2, 3), about_z(1))
+    assert np.isnan(xyz(tf2.do_transform_point(point_stamped(NAN, NAN, NAN), t).point)).all()
+    got = tf2.do_transform_pose(pose((1.0, 2.0, 3.0), (0.0, 0.0, NAN, 0.0)), t)
+    assert np.isnan(xyzw(got.orientation)).all()
+    close(xyz(got.position), carried(np.array([[1, 2, 3]]), t)[0])
+    assert np.isnan(
+        xyzw(tf2.do_transform_pose(pose((1.0, 2.0, 3.0), (INF, 0.0, 0.0, 1.0)), t).orientation)
+    ).all()
+
+
+square = st.lists(st.floats(-1e3, 1e3), min_size=36, max_size=36)
+
+
+@ours
+@given(square, transforms)
+def test_a_covariance_is_rotated_in_all_four_blocks(values, t):
+    got = tf2.transform_covariance(values, t)
+    assert type(got) is np.ndarray and got.dtype == np.float64 and got.shape == (36,)
+    assert_allclose(got.reshape(6, 6), covariance_carried(values, t), atol=1e-9)
+
+
+@ours
+@given(square, transforms)
+def test_a_symmetric_covariance_stays_symmetric_to_the_last_bit(values, t):
+    half = np.reshape(values, (6, 6))
+    got = tf2.transform_covariance((half + half.T).ravel(), t).reshape(6, 6)
+    assert np.array_equal(got, got.T)
+
+
+WAYS = {
+    "ndarray": np.asarray,
+    "matrix": lambda values: np.reshape(values, (6, 6)),
+    "fortran": lambda values: np.asfortranarray(np.reshape(values, (6, 6))),
+    "strided": lambda values: np.repeat(values, 2)[::2],
+    "read-only": lambda values: np.frombuffer(np.asarray(values).tobytes()),
+    "other byte order": lambda values: np.asarray(values).astype(">f8"),
+    "array.array": lambda values: array.array("d", values),
+    "list": list,
+    "tuple": tuple,
+    "UserList": UserList,
+}
+
+
+@ours
+@pytest.mark.parametrize("way", WAYS)
+def test_a_covariance_may_come_in_every_form(way):
+    maker = Maker(1)
+    values = maker.covariance().tolist()
+    t = transform("map", "base", 0, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))
+    form = WAYS[way](values)
+    assert_allclose(
+        tf2.transform_covariance(form, t).reshape(6, 6), covariance_carried(values, t), atol=1e-12
+    )
+    message = PoseWithCovariance(pose=maker.pose(), covariance=form)
+    got = tf2.do_transform_pose_with_covariance(message, t)
+    assert np.array_equal(got.covariance, tf2.transform_covariance(values, t))
+
+
+@ours
+@pytest.mark.parametrize("wrong", [[1.0] * 35, np.zeros((6, 7)), []])
+def test_a_covariance_of_another_size_is_a_value_error(wrong):
+    with pytest.raises(ValueError, match="36 numbers, got"):
+        tf2.transform_covariance(wrong, TransformStamped())
+
+
+@ours
+@pytest.mark.parametrize("wrong", [None, "x" * 36, ["a"] * 36, {1, 2}, object()])
+def test_a_covariance_of_no_numbers_is_a_type_error(wrong):
+    with pytest.raises(TypeError, match="36 numbers"):
+        tf2.transform_covariance(wrong, TransformStamped())
+
+
+@ours
+def test_a_pose_with_covariance_has_both():
+    message = Maker(2).message(PoseWithCovarianceStamped)
+    t = transform("map", "base", 0, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))
+    got = tf2.do_transform_pose_with_covariance_stamped(message, t)
+    assert got.pose.pose == tf2.do_transform_pose(message.pose.pose, t)
+    assert np.array_equal(got.pose.covariance, tf2.transform_covariance(message.pose.covariance, t))
+    assert type(got.pose.covariance) is np.ndarray
+
+
+@ours
+@pytest.mark.parametrize("count", [0, 1, 3, 1000])
+@pytest.mark.parametrize("sequence", [list, tuple, UserList])
+def test_a_polygon_is_carried_point_by_point(count, sequence):
+    corners = np.random.default_rng(count).uniform(-100, 100, (count, 3))
+    polygon = Polygon(points=sequence(Point32(x=x, y=y, z=z) for x, y, z in corners.tolist()))
+    t = transform("map", "base", 0, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))
+    for got in (
+        tf2.do_transform_polygon_stamped(PolygonStamped(polygon=polygon), t).polygon,
+        tf2.do_transform_polygon(polygon, t),
+    ):
+        assert type(got.points) is list and {type(p) for p in got.points} <= {Point32}
+        close(np.array([xyz(p) for p in got.points]).reshape(-1, 3), carried(corners, t))
+
+
+@ours
+def test_the_poses_of_an_array_are_carried_one_by_one():
+    poses = Maker(3).message(PoseArray)
+    t = transform("map", "base", 0, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))
+    got = tf2.do_transform_pose_array(poses, t)
+    assert got.poses == [tf2.do_transform_pose(p, t) for p in poses.poses]
+
+
+@ours
+@given(vectors, turns, transforms)
+def test_a_transform_goes_behind_another(p, q, t):
+    content = transform("base", "tool", 1, p, q)
+    got = tf2.do_transform_transform_stamped(content, t)
+    product = matrix(t) @ matrix(content)
+    close(xyz(got.transform.translation), product[:3, 3])
+    assert_allclose(turn(got.transform.rotation).as_matrix(), product[:3, :3], atol=1e-12)
+    assert (got.header.frame_id, got.child_frame_id) == ("map", "tool")
+    assert got.transform == tf2.do_transform_transform(content.transform, t.transform)
+
+
+@ours
+@given(vectors, vectors, transforms)
+def test_a_force_has_its_torque_about_the_new_origin(force, torque, t):
+    wrench = Wrench(force=Vector3(), torque=Vector3())
+    wrench.force.x, wrench.force.y, wrench.force.z = force
+    wrench.torque.x, wrench.torque.y, wrench.torque.z = torque
+    got = tf2.do_transform_wrench(wrench, t)
+    r = turn(t.transform.rotation)
+    assert_allclose(xyz(got.force), r.apply(force), rtol=1e-12, atol=1e-8)
+    # The moment of the force about the new origin, from two points on its line.
+    ends = carried(np.array([[0, 0, 0], force]), t)
+    moment = np.cross(ends[0], ends[1])
+    assert_allclose(xyz(got.torque), r.apply(torque) + moment, rtol=1e-9, atol=1e-3)
+
+
+@ours
+def test_a_wrench_by_hand():
+    wrench = Wrench(force=Vector3(x=2.0, y=1.0, z=3.0), torque=Vector3(x=2.0, y=1.0, z=3.0))
+    t = transform("map", "base", 0, (0, -2, 0), about_z(-math.pi / 2))
+    got = tf2.do_transform_wrench(wrench, t)
+    assert_allclose(xyz(got.force), (1, -2, 3), atol=1e-12)
+    assert_allclose(xyz(got.torque), (1 - 6, -2, 3 + 2), atol=1e-12)
+
+
+@ours
+def test_a_velocity_is_that_of_the_bodys_point_at_the_new_origin():
+    # Seen from base the body turns about base's z axis; map's origin lies 2 m off that axis.
+    velocity = VelocityStamped(body_frame_id="body", reference_frame_id="odom")
+    velocity.velocity.angular.z = 3.0
+    t = transform("map", "base", 0, (2, 0, 0))
+    got = tf2.do_transform_velocity_stamped(velocity, t)
+    assert_allclose(xyz(got.velocity.linear), (0, -6, 0), atol=1e-12)
+    assert_allclose(xyz(got.velocity.angular), (0, 0, 3), atol=1e-12)
+    assert (got.body_frame_id, got.reference_frame_id) == ("body", "odom")
+
+
+@ours
+@given(vectors, vectors, transforms)
+def test_a_velocity_moves_points_alike_in_both_frames(linear, angular, t):
+    linear, angular = np.multiply(linear, 1e-3), np.multiply(angular, 1e-3)
+    velocity = VelocityStamped(velocity=Twist())
+    v, w = velocity.velocity.linear, velocity.velocity.angular
+    (v.x, v.y, v.z), (w.x, w.y, w.z) = linear.tolist(), angular.tolist()
+    got = tf2.do_transform_velocity_stamped(velocity, t).velocity
+    point = np.array([0.5, -2.0, 1.0])
+    seen_in_base = linear + np.cross(angular, point)
+    seen_in_map = xyz(got.linear) + np.cross(xyz(got.angular), carried(point[None], t)[0])
+    assert_allclose(seen_in_map, turn(t.transform.rotation).apply(seen_in_base), rtol=1e-9, atol=1e-4)
+
+
+@ours
+@pytest.mark.parametrize(("cls", "name"), [(TwistStamped, "twist"), (AccelStamped, "accel")])
+def test_twist_and_acceleration_are_turned_and_not_moved(cls, name):
+    message = Maker(4).message(cls)
+    t = transform("map", "base", 0, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))
+    got = getattr(tf2, f"do_transform_{name}_stamped")(message, t)
+    for part in ("linear", "angular"):
+        before, after = (getattr(getattr(m, name), part) for m in (message, got))
+        close(xyz(after), turn(t.transform.rotation).apply(xyz(before)))
+
+
+@ours
+def test_the_poses_of_a_path_keep_their_stamps_and_change_their_frame():
+    path = Maker(20).message(Path)
+    path.poses[1].header.frame_id = ""
+    t = transform("map", "base", 7.25, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))
+    got = tf2.do_transform_path(path, t)
+    assert [p.header.stamp for p in got.poses] == [p.header.stamp for p in path.poses]
+    assert {p.header.frame_id for p in got.poses} == {"map"}
+    assert [p.pose for p in got.poses] == [tf2.do_transform_pose(p.pose, t) for p in path.poses]
+
+
+@ours
+def test_a_pose_in_another_frame_than_its_path_is_a_value_error():
+    path = Maker(21).message(Path)
+    path.poses[2].header.frame_id = "camera"
+    with pytest.raises(ValueError, match="in frame 'camera', the path itself in 'base'"):
+        tf2.do_transform_path(path, transform("map", "base"))
+
+
+@ours
+def test_an_odometry_has_its_pose_carried_and_its_twist_left_alone():
+    odometry = Maker(22).message(Odometry)
+    t = transform("map", "base", 0, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))
+    got = tf2.do_transform_odometry(odometry, t)
+    assert got.pose == tf2.do_transform_pose_with_covariance(odometry.pose, t)
+    assert got.twist == odometry.twist
+    assert (got.header.frame_id, got.child_frame_id) == ("map", "wheels")
+
+
+@ours
+def test_objects_with_the_fields_will_do():
+    duck = SimpleNamespace(point=SimpleNamespace(x=1, y=np.float32(2), z=3.0))
+    header = SimpleNamespace(frame_id="map", stamp=SimpleNamespace(sec=7, nanosec=5))
+    t = SimpleNamespace(
+        header=header,
+        transform=SimpleNamespace(
+            translation=SimpleNamespace(x=1, y=0, z=0), rotation=SimpleNamespace(x=0, y=0, z=1, w=1)
+        ),
+    )
+    got = tf2.do_transform_point(duck, t)
+    assert type(got) is PointStamped
+    assert (got.header.frame_id, got.header.stamp.sec, got.header.stamp.nanosec) == ("map", 7, 5)
+    close(xyz(got.point), (-1, 1, 3))
+
+
+@ours
+def test_there_and_back_is_the_same_point():
+    t = transform("map", "base", 0, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))
+    there = tf2.do_transform_point(point_stamped(4.0, 5.0, 6.0), t)
+    close(xyz(tf2.do_transform_point(there, inverse(t)).point), (4, 5, 6))
+
+
+@ours
+def test_message_classes_are_importable_from_here_and_stay_out_of_all():
+    from tf2_geometry_msgs import tf2_geometry_msgs as inner
+
+    for cls in (PoseStamped, PointStamped, Vector3Stamped, PoseWithCovarianceStamped, TransformStamped):
+        assert getattr(tf2, cls.__name__) is getattr(inner, cls.__name__) is cls
+        assert cls.__name__ not in tf2.__all__
+
+
+@ours
+def test_messages_convert_to_themselves():
+    message = PoseStamped()
+    assert tf2.to_msg_msg(message) is tf2.from_msg_msg(message) is message

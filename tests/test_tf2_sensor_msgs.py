@@ -1,0 +1,468 @@
+"""What clouds and sensor readings become in another frame; clouds are judged byte by byte."""
+
+import array
+import copy
+import gc
+import math
+import sys
+import threading
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from carrying import Maker, carried, inverse, matrix, transforms, turn, xyz, xyzw
+from geometry_msgs.msg import Quaternion, TransformStamped
+from hypothesis import given
+from hypothesis import strategies as st
+from making import stamp_ns, transform
+from numpy.testing import assert_allclose
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import Imu, MagneticField, PointCloud2, PointField
+
+import tf2_sensor_msgs as tf2
+
+pytestmark = pytest.mark.ours
+
+DATATYPES = {
+    "f4": PointField.FLOAT32,
+    "f8": PointField.FLOAT64,
+    "u2": PointField.UINT16,
+    "i4": PointField.INT32,
+}
+# Coordinates up to some hundred metres; float32 is rounded once, from the exact result.
+TOLERANCE = {"f4": {"rtol": 2e-7, "atol": 1e-5}, "f8": {"rtol": 1e-13, "atol": 1e-9}}
+XYZ = ("x", "y", "z")
+NORMAL = ("normal_x", "normal_y", "normal_z")
+VIEWPOINT = ("vp_x", "vp_y", "vp_z")
+
+
+@pytest.fixture
+def t():
+    return transform("map", "base", 7.25, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))
+
+
+class Arrangement:
+    """How a cloud's bytes lie: fields in order with the gaps before them, rows, and what follows."""
+
+    def __init__(self, columns, rows=1, gap=0, after_row=0, after_all=0, big=False, height=1, width=100):
+        self.columns, self.height, self.width, self.big = columns, height, width, big
+        self.order = ">" if big else "<"
+        self.offsets, offset = {}, gap
+        for name, kind in columns:
+            self.offsets[name] = offset
+            offset += int(kind[1]) + gap
+        self.point_step = offset
+        self.row_step = self.point_step * width + after_row
+        self.size = self.row_step * height + after_all
+
+    def column(self, data, name):
+        """A view of one field, of shape (height, width)."""
+        shape, dtype = (self.height, self.width), self.order + dict(self.columns)[name]
+        if 0 in shape:
+            return np.empty(shape, dtype)
+        return np.ndarray(shape, dtype, data, self.offsets[name], (self.row_step, self.point_step))
+
+    def triple(self, data, names):
+        return np.stack([self.column(data, name) for name in names], axis=-1).reshape(-1, 3)
+
+    def cloud(self, seed=0):
+        random = np.random.default_rng(seed)
+        data = bytearray(random.bytes(self.size))
+        for name, kind in self.columns:
+            if kind[0] == "f":
+                self.column(data, name)[:] = random.uniform(-100, 100, (self.height, self.width))
+        message = PointCloud2(height=self.height, width=self.width, is_dense=True, is_bigendian=self.big)
+        message.header.frame_id, message.header.stamp.sec, message.header.stamp.nanosec = "base", 3, 7
+        message.fields = [
+            PointField(name=name, offset=self.offsets[name], datatype=DATATYPES[kind], count=1)
+            for name, kind in self.columns
+        ]
+        message.point_step, message.row_step = self.point_step, self.row_step
+        message.data = array.array("B", data)
+        return message
+
+    def expected(self, cloud, t, triples):
+        """The bytes that a cloud has after NumPy carried it; triples of a name and whether they move."""
+        data = bytearray(cloud.data)
+        for names, moves in triples:
+            by = copy.deepcopy(t)
+            if not moves:
+                by.transform.translation = type(by.transform.translation)()
+            new = carried(self.triple(data, names).astype(np.float64), by)
+            for i, name in enumerate(names):
+                self.column(data, name)[:] = new[:, i].reshape(self.height, self.width)
+        return data
+
+
+def judge(arrangement, cloud, got, t, triples):
+    """Carried coordinates are equal but for the last bits, every other byte is the same."""
+    wanted = arrangement.expected(cloud, t, triples)
+    got_bytes = bytearray(got.data)
+    assert len(got_bytes) == len(wanted)
+    for names, _ in triples:
+        kind = dict(arrangement.columns)[names[0]]
+        left, right = (arrangement.triple(data, names).astype(np.float64) for data in (got_bytes, wanted))
+        assert_allclose(left, right, **TOLERANCE[kind])
+        for name in names:
+            arrangement.column(got_bytes, name)[:] = arrangement.column(wanted, name)
+    assert got_bytes == wanted
+
+
+extra_fields = st.sampled_from([[], [("intensity", "f4")], [("ring", "u2"), ("time", "f8")], [("rgb", "i4")]])
+
+
+@st.composite
+def arrangements(draw):
+    kind = draw(st.sampled_from(["f4", "f8"]))
+    columns = [(name, kind) for name in XYZ]
+    if draw(st.booleans()):
+        columns += [(name, draw(st.shared(st.sampled_from(["f4", "f8"]), key="normal"))) for name in NORMAL]
+    if draw(st.booleans()):
+        columns += [(name, "f4") for name in VIEWPOINT]
+    columns += draw(extra_fields)
+    if draw(st.booleans()):
+        columns = draw(st.permutations(columns))
+    return Arrangement(
+        columns,
+        gap=draw(st.sampled_from([0, 0, 1, 4])),
+        after_row=draw(st.sampled_from([0, 3, 16])),
+        after_all=draw(st.sampled_from([0, 1, 64])),
+        big=draw(st.booleans()),
+        height=draw(st.sampled_from([0, 1, 2, 5])),
+        width=draw(st.sampled_from([0, 1, 7, 8, 9, 40, 1000])),
+    )
+
+
+@given(arrangements(), transforms, st.booleans())
+def test_clouds_of_every_arrangement(arrangement, t, only_xyz):
+    # Coordinates of clouds do not reach 1e6 in float32.
+    for axis in "xyz":
+        setattr(t.transform.translation, axis, getattr(t.transform.translation, axis) * 1e-4)
+    cloud = arrangement.cloud()
+    before = copy.deepcopy(cloud)
+    got = tf2.do_transform_cloud(cloud, t, only_xyz=only_xyz)
+    names = dict(arrangement.columns)
+    triples = [(XYZ, True)]
+    if not only_xyz:
+        triples += [(NORMAL, False)] * ("normal_x" in names) + [(VIEWPOINT, True)] * ("vp_x" in names)
+    judge(arrangement, cloud, got, t, triples)
+    assert cloud == before
+    for field in ("height", "width", "fields", "is_bigendian", "point_step", "row_step", "is_dense"):
+        assert getattr(got, field) == getattr(cloud, field)
+
+
+@pytest.mark.parametrize("kind", ["f4", "f8"])
+@pytest.mark.parametrize("extra", [0, 1, 4, 5, 8, 20])
+def test_many_points_at_once_are_what_each_is_alone(kind, extra, t):
+    # One point alone is too few for wide registers: the plain loop carries it.
+    columns = [(name, kind) for name in XYZ]
+    many = Arrangement(columns, width=1003)
+    many.point_step += extra
+    many.row_step = many.size = many.point_step * many.width
+    cloud = many.cloud()
+    one = Arrangement(columns, width=1)
+    alone = b""
+    for i in range(many.width):
+        begin = i * many.point_step
+        single = one.cloud()
+        single.data = cloud.data[begin : begin + one.point_step]
+        alone += tf2.do_transform_cloud(single, t).data.tobytes()
+        alone += cloud.data[begin + one.point_step : begin + many.point_step].tobytes()
+    assert tf2.do_transform_cloud(cloud, t).data.tobytes() == alone
+
+
+def test_a_million_points(t):
+    arrangement = Arrangement([*((name, "f4") for name in XYZ), ("intensity", "f4")], height=1000, width=1000)
+    cloud = arrangement.cloud()
+    judge(arrangement, cloud, tf2.do_transform_cloud(cloud, t), t, [(XYZ, True)])
+
+
+@pytest.fixture
+def arrangement():
+    columns = [(name, "f4") for name in (*XYZ, *NORMAL, *VIEWPOINT)]
+    return Arrangement(columns, height=3, width=20)
+
+
+def test_a_cloud_keeps_its_own_stamp_and_gets_the_frame_of_the_transform(arrangement, t):
+    cloud = arrangement.cloud()
+    got = tf2.do_transform_cloud(cloud, t)
+    assert (got.header.frame_id, stamp_ns(got)) == ("map", 3_000_000_007)
+    got.header.stamp.sec, got.fields[0].name = 0, "changed"
+    assert stamp_ns(cloud) == 3_000_000_007 and cloud.fields[0].name == "x" and stamp_ns(t) == 7_250_000_000
+
+
+def test_normals_turn_and_viewpoints_move(arrangement, t):
+    cloud = arrangement.cloud()
+    judge(
+        arrangement,
+        cloud,
+        tf2.do_transform_cloud(cloud, t),
+        t,
+        [(XYZ, True), (NORMAL, False), (VIEWPOINT, True)],
+    )
+
+
+def test_normals_and_viewpoints_stay_where_they_are_not_wanted(arrangement, t):
+    cloud = arrangement.cloud()
+    judge(arrangement, cloud, tf2.do_transform_cloud(cloud, t, only_xyz=True), t, [(XYZ, True)])
+
+
+def test_points_that_are_no_points_stay_so(arrangement, t):
+    cloud = arrangement.cloud()
+    cloud.is_dense = False
+    data = bytearray(cloud.data)
+    invalid = np.zeros((3, 20), bool)
+    invalid[1, ::3] = True
+    for name in XYZ:
+        arrangement.column(data, name)[invalid] = math.nan
+    cloud.data = array.array("B", data)
+    got = tf2.do_transform_cloud(cloud, t)
+    points = arrangement.triple(bytearray(got.data), XYZ).reshape(3, 20, 3)
+    assert np.isnan(points[invalid]).all() and np.isfinite(points[~invalid]).all()
+    assert got.is_dense is False
+
+
+def test_there_and_back_is_the_same_cloud(arrangement, t):
+    cloud = arrangement.cloud()
+    back = tf2.do_transform_cloud(tf2.do_transform_cloud(cloud, t), inverse(t))
+    for names in (XYZ, NORMAL, VIEWPOINT):
+        left, right = (arrangement.triple(bytearray(c.data), names) for c in (back, cloud))
+        assert_allclose(left, right, atol=1e-4)
+
+
+def test_the_result_goes_over_the_wire(arrangement, t):
+    got = tf2.do_transform_cloud(arrangement.cloud(), t)
+    assert type(got) is PointCloud2 and type(got.data) is array.array and got.data.typecode == "B"
+    assert deserialize_message(serialize_message(got), PointCloud2) == got
+    assert repr(got).startswith("sensor_msgs.msg.PointCloud2(")
+
+
+WAYS = {
+    "array.array": lambda data: data,
+    "bytes": bytes,
+    "bytearray": bytearray,
+    "ndarray": lambda data: np.frombuffer(data, np.uint8),
+    "ndarray with strides": lambda data: np.repeat(np.frombuffer(data, np.uint8), 2)[::2],
+    "list": list,
+    "tuple": tuple,
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_data_may_come_in_every_form(arrangement, t, way):
+    cloud = arrangement.cloud()
+    wanted = tf2.do_transform_cloud(cloud, t)
+    data = WAYS[way](cloud.data)
+    cloud.data = data  # what rosidl makes of it
+    assert tf2.do_transform_cloud(cloud, t) == wanted
+    cloud._data = data  # the thing itself
+    assert tf2.do_transform_cloud(cloud, t) == wanted
+    fields = {name: getattr(cloud, name) for name in PointCloud2.get_fields_and_field_types()}
+    assert tf2.do_transform_cloud(SimpleNamespace(**fields), t) == wanted
+
+
+def spoil(cloud, **changes):
+    for name, value in changes.items():
+        if name in PointCloud2.get_fields_and_field_types():
+            setattr(cloud, name, value)
+        else:
+            field = next(f for f in cloud.fields if f.name == name)
+            for key, part in value.items():
+                setattr(field, key, part)
+    return cloud
+
+
+@pytest.mark.parametrize("name", [*XYZ, *NORMAL, *VIEWPOINT])
+def test_a_missing_field_is_named(arrangement, t, name):
+    cloud = spoil(arrangement.cloud(), **{name: {"name": "other"}})
+    with pytest.raises(ValueError, match=f"no field '{name}'"):
+        tf2.do_transform_cloud(cloud, t)
+    if name not in XYZ:
+        tf2.do_transform_cloud(cloud, t, only_xyz=True)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"x": {"datatype": PointField.INT32}}, "field 'x' is of datatype 5"),
+        ({"z": {"datatype": 0}}, "field 'z' is of datatype 0"),
+        ({"y": {"datatype": PointField.FLOAT64}}, "field 'y' is of another datatype than 'x'"),
+        ({"normal_z": {"datatype": PointField.UINT8}}, "field 'normal_z' is of datatype 2"),
+        ({"y": {"offset": 33}}, "field 'y' at offset 33 reaches beyond point_step 36"),
+        ({"vp_z": {"offset": 2**32 - 1}}, "field 'vp_z' at offset 4294967295 reaches beyond"),
+        ({"point_step": 35}, "field 'vp_z' at offset 32 reaches beyond point_step 35"),
+        ({"point_step": 0}, "field 'x' at offset 0 reaches beyond point_step 0"),
+        ({"row_step": 719}, "row_step 719 is less than width 20 x point_step 36"),
+        ({"row_step": 0}, "row_step 0 is less than width 20"),
+        ({"width": 21}, "row_step 720 is less than width 21"),
+        ({"height": 4}, "data has 2160 bytes, less than height 4 x row_step 720"),
+        ({"height": 2**32 - 1, "row_step": 2**32 - 1}, "data has 2160 bytes, less than"),
+        ({"width": 2**32 - 1, "point_step": 2**32 - 1}, "row_step 720 is less than width 4294967295"),
+        ({"data": array.array("B", bytes(2159))}, "data has 2159 bytes, less than height 3"),
+        ({"data": []}, "data has 0 bytes"),
+        ({"fields": []}, "no field 'x'"),
+        ({"height": -1}, "height = -1 is out of the range of a uint32"),
+        ({"row_step": 2**32}, "row_step = 4294967296 is out of the range"),
+        ({"x": {"offset": -4}}, "offset = -4 is out of the range"),
+    ],
+)
+def test_a_cloud_that_contradicts_itself_is_a_value_error(arrangement, t, changes, reason):
+    with pytest.raises(ValueError, match=reason):
+        tf2.do_transform_cloud(spoil(arrangement.cloud(), **changes), t)
+
+
+@pytest.mark.parametrize("name", ["height", "point_step"])
+def test_a_size_that_is_no_whole_number_is_a_type_error(arrangement, t, name):
+    with pytest.raises(TypeError, match=f"{name} must be an int, not float"):
+        tf2.do_transform_cloud(spoil(arrangement.cloud(), **{name: 1.0}), t)
+
+
+def test_the_first_of_two_fields_of_one_name_counts(arrangement, t):
+    cloud = arrangement.cloud()
+    cloud.fields = [*cloud.fields, PointField(name="x", offset=12, datatype=PointField.FLOAT32, count=1)]
+    assert tf2.do_transform_cloud(cloud, t).data == tf2.do_transform_cloud(arrangement.cloud(), t).data
+
+
+@pytest.mark.parametrize("wrong", [None, 5, TransformStamped()], ids=lambda w: type(w).__name__)
+def test_another_type_than_a_cloud_is_a_type_error(t, wrong):
+    with pytest.raises(TypeError, match="expected a sensor_msgs/PointCloud2"):
+        tf2.do_transform_cloud(wrong, t)
+
+
+def test_a_cloud_needs_a_transform_with_a_header_and_a_rotation(arrangement, t):
+    with pytest.raises(TypeError, match="expected a geometry_msgs/TransformStamped.*got Transform"):
+        tf2.do_transform_cloud(arrangement.cloud(), t.transform)
+    with pytest.raises(ValueError, match="rotation of a transform"):
+        tf2.do_transform_cloud(arrangement.cloud(), transform("map", "base", 0, xyzw=(0, 0, 0, 0)))
+
+
+def test_other_threads_run_meanwhile(t):
+    cloud = Arrangement([(name, "f4") for name in XYZ], width=1_000_000).cloud()
+    ran, go, interval = [], threading.Event(), sys.getswitchinterval()
+    thread = threading.Thread(target=lambda: (go.wait(), ran.append(True)))
+    thread.start()
+    sys.setswitchinterval(1000)  # nobody is made to let go of the GIL
+    try:
+        go.set()
+        for _ in range(1000):
+            tf2.do_transform_cloud(cloud, t)
+            if ran:
+                break
+        assert ran
+    finally:
+        sys.setswitchinterval(interval)
+        thread.join()
+
+
+VIEWS = {
+    "plain": lambda p: p,
+    "fortran": np.asfortranarray,
+    "reversed": lambda p: p[::-1],
+    "every third": lambda p: np.repeat(p, 3, axis=0)[::3],
+    "columns of more": lambda p: np.hstack([p, p, p])[:, 3:6],
+    "columns backwards": lambda p: p[:, ::-1].copy()[:, ::-1],
+    "unaligned": lambda p: np.frombuffer(b"x" + p.tobytes(), np.uint8)[1:].view(p.dtype).reshape(p.shape),
+    "broadcast": lambda p: np.broadcast_to(p[:1], p.shape),
+    "read-only": lambda p: np.frombuffer(p.tobytes(), p.dtype).reshape(p.shape),
+    "other byte order": lambda p: p.astype(p.dtype.newbyteorder()),
+}
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@given(t=transforms, count=st.sampled_from([0, 1, 2, 8, 9, 1000]), seed=st.integers(0, 9))
+def test_points_of_an_array_of_any_strides(view, dtype, t, count, seed):
+    points = VIEWS[view](np.random.default_rng(seed).uniform(-100, 100, (count, 3)).astype(dtype))
+    before = points.copy()
+    got = tf2.transform_points(points, t)
+    assert got.dtype == dtype and got.shape == (count, 3)
+    wanted = carried(before.astype(np.float64), t)
+    # The translation reaches 1e6.
+    assert_allclose(got, wanted, rtol=2e-7 if dtype == np.float32 else 1e-12, atol=1e-8)
+    assert np.array_equal(points, before)
+    assert np.array_equal(tf2.transform_points(points, t.transform), got)
+
+
+@pytest.mark.parametrize("points", [[(1, 2, 3), (4, 5, 6)], np.array([[1, 2, 3], [4, 5, 6]], np.int16)])
+def test_whole_numbers_and_lists_come_out_as_doubles(points, t):
+    got = tf2.transform_points(points, t)
+    assert got.dtype == np.float64
+    assert_allclose(got, carried(np.array([[1, 2, 3], [4, 5, 6]]), t))
+
+
+@pytest.mark.parametrize("shape", [(3,), (2, 2), (2, 4), (1, 2, 3), (0,), ()])
+def test_another_shape_than_n_by_3_is_a_value_error(shape, t):
+    with pytest.raises(ValueError, match=r"shape \(n, 3\)"):
+        tf2.transform_points(np.zeros(shape), t)
+
+
+@pytest.mark.parametrize(
+    "points", [np.zeros((2, 3), complex), [["a", "b", "c"]], np.zeros((2, 3), object), None]
+)
+def test_points_of_no_numbers_are_a_type_error(points, t):
+    with pytest.raises(TypeError, match="points must be real numbers"):
+        tf2.transform_points(points, t)
+
+
+def test_an_imu_is_turned_and_its_attitude_is_that_of_the_new_frame(t):
+    imu = Maker(1).message(Imu)
+    got = tf2.do_transform_imu(imu, t)
+    r = turn(t.transform.rotation)
+    assert_allclose(xyz(got.angular_velocity), r.apply(xyz(imu.angular_velocity)))
+    assert_allclose(xyz(got.linear_acceleration), r.apply(xyz(imu.linear_acceleration)))
+    # Turned into the world by the new attitude, the new vectors are the old ones.
+    assert_allclose(
+        turn(got.orientation).apply(xyz(got.angular_velocity)),
+        turn(imu.orientation).apply(xyz(imu.angular_velocity)),
+    )
+    assert got.orientation.w >= 0 and math.isclose(np.linalg.norm(xyzw(got.orientation)), 1)
+    assert np.array_equal(got.orientation_covariance, imu.orientation_covariance)
+    for name in ("angular_velocity_covariance", "linear_acceleration_covariance"):
+        c = getattr(imu, name).reshape(3, 3)
+        assert_allclose(getattr(got, name).reshape(3, 3), r.as_matrix() @ c @ r.as_matrix().T)
+
+
+def test_what_an_imu_marks_as_absent_stays_so(t):
+    imu = Maker(2).message(Imu)
+    imu.orientation = Quaternion(x=0.0, y=0.0, z=0.0, w=0.0)
+    for name in ("orientation", "angular_velocity", "linear_acceleration"):
+        setattr(imu, f"{name}_covariance", [-1.0] + [0.0] * 8)
+    got = tf2.do_transform_imu(imu, t)
+    assert got.orientation == imu.orientation
+    for name in ("orientation", "angular_velocity", "linear_acceleration"):
+        assert getattr(got, f"{name}_covariance").tolist() == [-1.0] + [0.0] * 8
+
+
+def test_a_magnetic_field_is_turned(t):
+    field = Maker(3).message(MagneticField)
+    got = tf2.do_transform_magnetic_field(field, t)
+    r = matrix(t)[:3, :3]
+    assert_allclose(xyz(got.magnetic_field), r @ xyz(field.magnetic_field))
+    c = field.magnetic_field_covariance.reshape(3, 3)
+    assert_allclose(got.magnetic_field_covariance.reshape(3, 3), r @ c @ r.T)
+
+
+def test_messages_convert_to_themselves():
+    cloud = PointCloud2()
+    assert tf2.to_msg_msg(cloud) is tf2.from_msg_msg(cloud) is cloud
+
+
+def test_calls_leave_nothing_behind(arrangement, t):
+    cloud, points = arrangement.cloud(), np.zeros((9, 3))
+    broken = arrangement.cloud()
+    broken.height = 99
+
+    def often(times):
+        for _ in range(times):
+            tf2.do_transform_cloud(cloud, t)
+            tf2.transform_points(points, t)
+            for function, wrong in ((tf2.do_transform_cloud, broken), (tf2.transform_points, points[0])):
+                with pytest.raises(ValueError):
+                    function(wrong, t)
+        gc.collect()
+        return sys.getallocatedblocks(), sys.getrefcount(cloud.data), sys.getrefcount(points)
+
+    often(100)
+    before = often(10)
+    after = often(1000)
+    assert abs(after[0] - before[0]) < 50 and after[1:] == before[1:]

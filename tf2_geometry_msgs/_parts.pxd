@@ -1,0 +1,24 @@
+"""What geometry messages are made of, to C doubles and back: vectors, poses, covariances, headers."""
+
+from tf2_py._messages cimport Layout
+from tf2_py._types cimport Transform
+
+# Layouts of the classes of geometry_msgs, ready once this module is imported.
+cdef Layout point_layout, point32_layout, vector3_layout, quaternion_layout, pose_layout
+
+# All that read a message raise a TypeError that names the message wanted, where it is another one.
+cdef object part(Layout layout, object message, int index)
+cdef int read_doubles(Layout layout, object message, double* out, int count) except -1
+# The orientation normalised; as upstream, one of zero length counts as no rotation at all.
+cdef int read_pose(object pose, Transform* out) except -1
+cdef int read_orientation(object quaternion, double* out) except -1
+# `side` x `side` doubles, row by row, from anything that NumPy takes for that many numbers.
+cdef int read_covariance(object covariance, int side, double* out) except -1
+# The frame that a TransformStamped leads to, and a header for results: that frame and the transform's stamp.
+cdef object target_frame(object transform)
+cdef object target_header(object transform)
+
+# Of -q and q, the same rotation, a message gets the one with w >= 0.
+cdef object new_orientation(const double* q)
+cdef object new_pose(const Transform* pose)
+cdef object new_covariance(const double* values, int side)

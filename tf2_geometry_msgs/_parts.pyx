@@ -1,0 +1,129 @@
+"""Owns the parts that geometry messages share: reading them into C doubles, and making new ones."""
+
+from cpython.unicode cimport PyUnicode_Check
+from libc.math cimport NAN, fabs
+from libc.string cimport memcpy
+
+cimport numpy as cnp
+
+from tf2_py._geometry cimport quaternion_normalise
+from tf2_py._messages cimport (
+    Layout,
+    header_layout,
+    load,
+    new_header,
+    time_to_ns,
+    transform_stamped_layout,
+)
+from tf2_py._types cimport Transform
+
+import numpy as np
+from geometry_msgs.msg import Point, Point32, Pose, Quaternion, Vector3
+
+cnp.import_array()
+load()
+
+cdef Layout point_layout = Layout(Point, ("x", "y", "z"))
+cdef Layout point32_layout = Layout(Point32, ("x", "y", "z"))
+cdef Layout vector3_layout = Layout(Vector3, ("x", "y", "z"))
+cdef Layout quaternion_layout = Layout(Quaternion, ("x", "y", "z", "w"))
+cdef Layout pose_layout = Layout(Pose, ("position", "orientation"))
+
+
+cdef _misfit(Layout layout, object message, Exception reason):
+    cls = layout.message_class
+    name = f"{cls.__module__.partition('.')[0]}/{cls.__name__}"
+    got = type(message).__name__
+    return TypeError(f"expected a {name} or an object with its fields, got {got}: {reason}")
+
+
+cdef object part(Layout layout, object message, int index):
+    try:
+        return layout.get(message, index)
+    except AttributeError as missing:
+        raise _misfit(layout, message, missing) from None
+
+
+cdef int read_doubles(Layout layout, object message, double* out, int count) except -1:
+    try:
+        return layout.get_doubles(message, out, count)
+    except (AttributeError, TypeError) as missing:
+        raise _misfit(layout, message, missing) from None
+
+
+cdef int read_orientation(object quaternion, double* out) except -1:
+    cdef double size
+    cdef int i
+    read_doubles(quaternion_layout, quaternion, out, 4)
+    size = fabs(out[0]) + fabs(out[1]) + fabs(out[2]) + fabs(out[3])
+    if size == 0.0:
+        out[3] = 1.0
+    elif not 1e-140 < size < 1e140:     # where squares leave the range of doubles; also NaN and infinity
+        for i in range(4):
+            out[i] /= size
+    if not quaternion_normalise(out):
+        out[0] = out[1] = out[2] = out[3] = NAN
+    return 0
+
+
+cdef int read_pose(object pose, Transform* out) except -1:
+    read_doubles(point_layout, part(pose_layout, pose, 0), out.translation, 3)
+    return read_orientation(part(pose_layout, pose, 1), out.rotation)
+
+
+cdef int read_covariance(object covariance, int side, double* out) except -1:
+    cdef cnp.ndarray values
+    cdef int count = side * side
+    if not cnp.PyArray_CheckExact(covariance) or not _is_plain(covariance):
+        try:
+            covariance = np.asarray(covariance, dtype=np.float64, order="C")
+        except (TypeError, ValueError) as reason:
+            raise TypeError(f"a covariance must be {count} numbers: {reason}") from None
+    values = covariance
+    if cnp.PyArray_NDIM(values) == 0:
+        raise TypeError(f"a covariance must be {count} numbers, not one value")
+    if cnp.PyArray_SIZE(values) != count:
+        raise ValueError(f"a covariance must be {count} numbers, got {cnp.PyArray_SIZE(values)}")
+    memcpy(out, cnp.PyArray_DATA(values), count * sizeof(double))
+    return 0
+
+
+cdef bint _is_plain(cnp.ndarray values):
+    return cnp.PyArray_TYPE(values) == cnp.NPY_DOUBLE and cnp.PyArray_ISCARRAY_RO(values)
+
+
+cdef object target_frame(object transform):
+    frame_id = part(header_layout, part(transform_stamped_layout, transform, 0), 1)
+    if not PyUnicode_Check(frame_id):
+        raise TypeError(f"a frame_id must be a str, not {type(frame_id).__name__}")
+    return frame_id
+
+
+cdef object target_header(object transform):
+    stamp = part(header_layout, part(transform_stamped_layout, transform, 0), 0)
+    return new_header(time_to_ns(stamp), target_frame(transform))
+
+
+cdef object new_orientation(const double* q):
+    cdef double turned[4]
+    if q[3] >= 0.0:
+        return quaternion_layout.new_doubles(q, 4)
+    turned[0] = -q[0]
+    turned[1] = -q[1]
+    turned[2] = -q[2]
+    turned[3] = -q[3]
+    return quaternion_layout.new_doubles(turned, 4)
+
+
+cdef object new_pose(const Transform* pose):
+    message = pose_layout.new()
+    pose_layout.put(message, 0, point_layout.new_doubles(pose.translation, 3))
+    pose_layout.put(message, 1, new_orientation(pose.rotation))
+    return message
+
+
+cdef object new_covariance(const double* values, int side):
+    cdef cnp.npy_intp count = side * side
+    array = cnp.PyArray_SimpleNew(1, &count, cnp.NPY_DOUBLE)
+    memcpy(cnp.PyArray_DATA(array), values, count * sizeof(double))
+    return array

@@ -1,0 +1,7 @@
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import Imu, MagneticField
+
+def do_transform_imu(imu: Imu, transform: TransformStamped) -> Imu: ...
+def do_transform_magnetic_field(
+    magnetic_field: MagneticField, transform: TransformStamped
+) -> MagneticField: ...

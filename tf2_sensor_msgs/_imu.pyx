@@ -1,0 +1,118 @@
+"""Owns carrying what an IMU and a magnetometer measure into another frame."""
+
+from libc.string cimport memcpy
+
+from tf2_geometry_msgs._matrix cimport covariance_rotate, matrix_from_quaternion
+from tf2_geometry_msgs._parts cimport (
+    new_covariance,
+    new_orientation,
+    part,
+    quaternion_layout,
+    read_covariance,
+    read_doubles,
+    read_orientation,
+    target_header,
+)
+from tf2_geometry_msgs._transform cimport carried_vector
+from tf2_py._geometry cimport quaternion_conjugate, quaternion_multiply
+from tf2_py._messages cimport Layout, read_transform
+from tf2_py._types cimport Transform
+
+from sensor_msgs.msg import Imu, MagneticField
+
+cdef Layout imu_layout = Layout(
+    Imu,
+    (
+        "header",
+        "orientation",
+        "orientation_covariance",
+        "angular_velocity",
+        "angular_velocity_covariance",
+        "linear_acceleration",
+        "linear_acceleration_covariance",
+    ),
+)
+cdef Layout magnetic_field_layout = Layout(
+    MagneticField, ("header", "magnetic_field", "magnetic_field_covariance")
+)
+
+
+cdef object _carried_covariance(object covariance, const Transform* transform, bint may_be_absent):
+    cdef double values[9]
+    cdef double turned[9]
+    cdef double matrix[9]
+    read_covariance(covariance, 3, values)
+    if may_be_absent and values[0] == -1.0:
+        memcpy(turned, values, sizeof(values))
+    else:
+        matrix_from_quaternion(transform.rotation, matrix)
+        covariance_rotate(matrix, values, 3, turned)
+    return new_covariance(turned, 3)
+
+
+cdef object _carried_attitude(object quaternion, const Transform* transform):
+    # The attitude of the new frame, instead of the old one's, in the same world: q' = q r^-1.
+    cdef double q[4]
+    cdef double back[4]
+    read_doubles(quaternion_layout, quaternion, q, 4)
+    if q[0] == 0.0 and q[1] == 0.0 and q[2] == 0.0 and q[3] == 0.0:
+        return quaternion_layout.new_doubles(q, 4)
+    read_orientation(quaternion, q)
+    quaternion_conjugate(transform.rotation, back)
+    quaternion_multiply(q, back, q)
+    return new_orientation(q)
+
+
+cdef object _copied_covariance(object covariance):
+    cdef double values[9]
+    read_covariance(covariance, 3, values)
+    return new_covariance(values, 3)
+
+
+def do_transform_imu(imu, transform):
+    """Express what an IMU measured in the axes of another frame that is fixed to it: w' = R w, a' = R a.
+
+    Both vectors and their covariances (R C R^T) are rotated; the lever arm does not count: the acceleration
+    is still that of the IMU's place. The orientation becomes that of the new frame in the same world,
+    q' = q r^-1, with the covariance it had, as in upstream's C++. A covariance that begins with -1 marks an
+    estimate as absent and stays as it is, and so does an orientation of zero length.
+
+    :param imu: an Imu
+    :param transform: a TransformStamped
+    :returns: a new Imu with the transform's frame and stamp; its orientation has length one and w >= 0
+    :raises TypeError: for other types
+    :raises ValueError: where the transform's rotation has no length
+    """
+    cdef Transform by
+    cdef Layout layout = imu_layout
+    cdef int i
+    read_transform(transform, &by)
+    message = layout.new()
+    layout.put(message, 0, target_header(transform))
+    layout.put(message, 1, _carried_attitude(part(layout, imu, 1), &by))
+    layout.put(message, 2, _copied_covariance(part(layout, imu, 2)))
+    for i in range(3, 7, 2):
+        layout.put(message, i, carried_vector(part(layout, imu, i), &by))
+        layout.put(message, i + 1, _carried_covariance(part(layout, imu, i + 1), &by, True))
+    return message
+
+
+def do_transform_magnetic_field(magnetic_field, transform):
+    """Express a magnetic field in the axes of another frame: b' = R b, its covariance R C R^T.
+
+    The translation counts for nothing.
+
+    :param magnetic_field: a MagneticField, tesla
+    :param transform: a TransformStamped
+    :returns: a new MagneticField with the transform's frame and stamp
+    :raises TypeError: for other types
+    :raises ValueError: where the transform's rotation has no length
+    """
+    cdef Transform by
+    cdef Layout layout = magnetic_field_layout
+    read_transform(transform, &by)
+    message = layout.new()
+    layout.put(message, 0, target_header(transform))
+    layout.put(message, 1, carried_vector(part(layout, magnetic_field, 1), &by))
+    layout.put(message, 2, _carried_covariance(part(layout, magnetic_field, 2), &by, False))
+    return message

@@ -9,7 +9,7 @@ import numpy
 from setuptools import Extension
 from setuptools.command.build_ext import build_ext
 
-from . import environment, tf2_msgs
+from . import environment, receiver, tf2_msgs
 
 # No -ffast-math: comparisons with NaN and infinity decide what is refused. And no contraction into fused
 # multiply-adds: it would give other last bits on other machines.
@@ -59,6 +59,7 @@ class BuildExtensions(build_ext):
             # Two builds of one checkout would write into each other's files; the end of the process lets go.
             self._lock = open(folder / "lock", "w")
             fcntl.flock(self._lock, fcntl.LOCK_EX)
+        self._complete_receiver()
         refused = self._cythonize()
         for ext in self._messages():
             made = Path(self.build_lib, self.get_ext_filename(ext.name))
@@ -83,6 +84,14 @@ class BuildExtensions(build_ext):
 
     def _messages(self):
         return [ext for ext in self.extensions if isinstance(ext, tf2_msgs.MessagesExtension)]
+
+    def _complete_receiver(self):
+        """Leave the receiver out where it cannot be made; the listener then does without."""
+        for ext in [ext for ext in self.extensions if ext.name == receiver.NAME]:
+            lacking = receiver.complete(ext)
+            if lacking is not None:
+                self.extensions.remove(ext)
+                self.warn(f"{lacking} not found: transforms will need an executor that spins")
 
     def _cythonize(self):
         """Turn each `.pyx` into C; return the modules that Cython refused, which are left out of the rest.

@@ -234,7 +234,7 @@ class TestBlocking:
 
 
 def test_inserts_and_registrations_interleave_in_threads(buffer):
-    # Each reader waits for every second just before it comes; one lost wake-up would let it sleep to its deadline.
+    # Each reader waits for every stamp just before it comes; one lost wake-up would let it sleep to its deadline.
     seconds = 2000
     reached = [0, 0]
 

@@ -93,8 +93,8 @@ def extrapolation(
         )
     elif gap == "single":
         fact = (
-            f"Lookup would require extrapolation at time {requested}, but only time {edge} of frame [{child}] "
-            f"in frame [{parent}] is in the buffer, {apart} s away"
+            f"Lookup would require extrapolation at time {requested}, but only time {edge} of frame "
+            f"[{child}] in frame [{parent}] is in the buffer, {apart} s away"
         )
     else:
         fact = f"Lookup would require extrapolation at time {requested}, but frame [{child}] holds no data"

@@ -77,7 +77,7 @@ def _dot_quoted(text: str) -> str:
 
 
 def as_dot(frames: list[FrameFacts], time_ns: int) -> str:
-    """A Graphviz digraph, one edge from parent to child per frame that holds data; ages as of time_ns unless 0."""
+    """A Graphviz digraph: an edge per frame that holds data, from its parent; ages as of time_ns unless 0."""
     lines = ["digraph G {"]
     if not any(f.parent is not None for f in frames):
         lines.append('"no tf data received"')

@@ -1,0 +1,57 @@
+"""One process keeps the transforms, another asks it: the program tf2_buffer_server and a BufferClient.
+
+Ends by itself; the exit status is 0 only if all that it shows has happened.
+"""
+
+import subprocess
+import sys
+
+import rclpy
+from geometry_msgs.msg import TransformStamped
+from rclpy.duration import Duration
+from rclpy.time import Time
+
+from tf2_ros import BufferClient, LookupException, StaticTransformBroadcaster
+
+PATIENCE = Duration(seconds=15)
+
+
+def main():
+    server = subprocess.Popen([sys.executable, "-m", "tf2_ros.cli.tf2_buffer_server"])
+    rclpy.init()
+    node = rclpy.create_node("asking")
+    client = BufferClient(node, "tf2_buffer_server")
+    try:
+        broadcaster = StaticTransformBroadcaster(node)
+        broadcaster.sendTransform(camera())
+
+        # Blocking lookups need nobody who spins the node.
+        found = client.lookup_transform("base_link", "camera", Time(), PATIENCE)
+        x = found.transform.translation.x
+        print(f"the camera sits {x} m ahead, says the other process")
+
+        can, reason = client.can_transform("base_link", "moon", Time(), return_debug_tuple=True)
+        print(f"the moon: {can}, {reason}")
+        try:
+            client.lookup_transform("base_link", "moon", Time())
+        except LookupException:
+            return 0 if x == 0.3 and not can else 1
+        return 1
+    finally:
+        client.destroy()
+        rclpy.shutdown()
+        server.terminate()
+        server.wait()
+
+
+def camera():
+    """Where the camera sits."""
+    transform = TransformStamped()
+    transform.header.frame_id, transform.child_frame_id = "base_link", "camera"
+    transform.transform.translation.x = 0.3
+    transform.transform.rotation.w = 1.0
+    return transform
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

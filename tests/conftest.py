@@ -1,0 +1,143 @@
+"""Owns the ground that all tests stand on: a ROS domain of their own, and which tf2 they are about."""
+
+import fcntl
+import importlib
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+DOMAINS = range(1, 102)  # the ports of higher ones may be taken by the system
+
+
+def _claim_domain():
+    # The lock is held as long as this process lives: test runs beside each other must not hear each other.
+    for domain in DOMAINS:
+        lock = open(Path(tempfile.gettempdir()) / f"tf2-ros-cython-domain-{domain}.lock", "w")
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            lock.close()
+        else:
+            return domain, lock
+    raise RuntimeError("every ROS domain is in use")
+
+
+# Before anything imports rclpy.
+DOMAIN, _domain_lock = _claim_domain()
+_log_folder = tempfile.TemporaryDirectory(prefix="tf2-ros-cython-log-")
+os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ["ROS_LOG_DIR"] = _log_folder.name
+os.environ.pop("ROS_LOCALHOST_ONLY", None)  # it would override the line before
+# For the tests' own programs.
+os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        "--reference",
+        action="store_true",
+        help="run the tests against the tf2_py and tf2_ros of the environment instead of this project's",
+    )
+
+
+def pytest_configure(config):
+    config.addinivalue_line("markers", "ours: what this project does otherwise than tf2, or in addition")
+    if config.getoption("--reference"):
+        _reveal_reference()
+
+
+def pytest_collection_modifyitems(config, items):
+    if not config.getoption("--reference"):
+        return
+    for item in items:
+        if item.get_closest_marker("ours") is not None:
+            item.add_marker(pytest.mark.skip(reason="not so in the reference"))
+
+
+def _reveal_reference():
+    sys.path[:] = [entry for entry in sys.path if Path(entry).resolve() != ROOT]
+    editable = [finder for finder in sys.meta_path if "__editable__" in getattr(finder, "__module__", "")]
+    sys.meta_path[:] = [finder for finder in sys.meta_path if finder not in editable]
+    os.environ["PYTHONPATH"] = os.pathsep.join(
+        entry for entry in os.environ["PYTHONPATH"].split(os.pathsep) if entry != str(ROOT)
+    )
+    try:
+        reference = importlib.import_module("tf2_py")
+    except ModuleNotFoundError:
+        raise pytest.UsageError("--reference: there is no tf2_py here; source a ROS 2 first") from None
+    if hasattr(reference.BufferCore, "statistics"):
+        raise pytest.UsageError(f"--reference: {reference.__file__} is this project's own tf2_py")
+
+
+@pytest.fixture(scope="session")
+def tf2_py():
+    """The tf2_py under test; tests do not import it."""
+    return importlib.import_module("tf2_py")
+
+
+@pytest.fixture(scope="session")
+def tf2_ros():
+    """The tf2_ros under test; tests do not import it."""
+    return importlib.import_module("tf2_ros")
+
+
+@pytest.fixture
+def ros():
+    """A running rclpy."""
+    import rclpy
+
+    rclpy.init(args=[])
+    yield rclpy
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
+def new_node(ros):
+    """Makes nodes as `rclpy.create_node` does; none of them is still heard of in the next test."""
+    nodes = []
+
+    def create(*arguments, **options):
+        nodes.append(ros.create_node(*arguments, **options))
+        return nodes[-1]
+
+    yield create
+    for node in nodes:
+        node.destroy_node()
+
+
+@pytest.fixture
+def node(new_node):
+    """A node that nobody spins yet."""
+    return new_node("listening")
+
+
+@pytest.fixture
+def executor(ros, node):
+    """An executor that holds `node`; see `until`."""
+    from rclpy.executors import SingleThreadedExecutor
+
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    yield executor
+    executor.shutdown()
+
+
+@pytest.fixture
+def peer():
+    """Starts peers, other processes that publish what they are told; see `processes.Peer`."""
+    from processes import Peer
+
+    peers = []
+
+    def start(*ros_arguments):
+        peers.append(Peer(*ros_arguments))
+        return peers[-1]
+
+    yield start
+    for one in peers:
+        one.end()

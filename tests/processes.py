@@ -1,0 +1,73 @@
+"""Owns the other processes of the tests, and waiting for what they do."""
+
+import json
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+PROGRAMS = Path(__file__).resolve().parent / "programs"
+DEADLINE_S = 20.0
+
+
+def until(condition, executor=None):
+    """Spin, or let others work, until the condition holds; its value."""
+    deadline = time.monotonic() + DEADLINE_S
+    while not (value := condition()):
+        assert time.monotonic() < deadline, "it did not happen"
+        if executor is None:
+            threading.Event().wait(0.005)
+        else:
+            executor.spin_once(timeout_sec=0.02)
+    return value
+
+
+def start(program, *arguments, **popen):
+    """Start one of the tests' programs."""
+    return subprocess.Popen([sys.executable, str(PROGRAMS / program), *arguments], text=True, **popen)
+
+
+class Peer:
+    """A node in a process of its own, `programs/peer.py`: does what it is told, and says when it is done."""
+
+    def __init__(self, *ros_arguments):
+        arguments = ["--ros-args", *ros_arguments] if ros_arguments else []
+        self.process = start("peer.py", *arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+
+    def do(self, what, **how):
+        self.process.stdin.write(json.dumps({"do": what, **how}) + "\n")
+        self.process.stdin.flush()
+        answer = self.process.stdout.readline()
+        assert answer == "ok\n", f"the peer said {answer!r}"
+
+    def send(self, *transforms, static=False):
+        """Publish transforms, each (parent, child, stamp in ns, x in m), once somebody listens."""
+        self.do("send", transforms=transforms, static=static)
+
+    def send_unheard(self, *transforms, static=False):
+        """The same, whether somebody listens or not."""
+        self.do("send", transforms=transforms, static=static, heard=False)
+
+    def send_bytes(self, data, topic="/tf"):
+        self.do("bytes", topic=topic, hex=data.hex())
+
+    def matched(self, count):
+        """Wait until so many listen to /tf."""
+        self.do("matched", count=count)
+
+    def set_clock(self, seconds):
+        self.do("clock", seconds=seconds)
+
+    def kill(self):
+        self.process.kill()
+        self.end()
+
+    def end(self):
+        if not self.process.stdin.closed:
+            self.process.stdin.close()
+        try:
+            self.process.wait(timeout=DEADLINE_S)
+        finally:
+            self.process.kill()
+            self.process.stdout.close()

@@ -1,0 +1,344 @@
+"""The client of a buffer in another process; the server is programs/lookup_server.py."""
+
+import asyncio
+import gc
+import subprocess
+import threading
+import time
+from contextlib import contextmanager
+
+import pytest
+from making import at, stamp_ns, translation
+from processes import DEADLINE_S, start, until
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.time import Time
+from spinning import spun_node
+
+from tf2_ros._deadlines import deadlines
+
+LATEST = Time()
+LONG = Duration(seconds=DEADLINE_S)
+SHORT = Duration(seconds=0.2)
+
+
+@contextmanager
+def serving(action):
+    process = start("lookup_server.py", action, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    try:
+        assert process.stdout.readline() == "ready\n"
+        yield process
+        process.stdin.close()
+        assert process.wait(DEADLINE_S) == 0
+    finally:
+        process.kill()
+        process.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def server():
+    with serving("lookup") as process:
+        yield process
+
+
+@pytest.fixture(scope="module")
+def client(tf2_ros, server):
+    """A client that has found the server: that takes longer than all the rest, so they share it."""
+    with spun_node("asking") as node:
+        client = tf2_ros.BufferClient(node, "lookup", timeout_padding=Duration(seconds=0.5))
+        assert client.action_client.wait_for_server(DEADLINE_S)
+        yield client
+        client.destroy()
+
+
+@pytest.fixture
+def lonely(tf2_ros):
+    """A client without a server."""
+    with spun_node("asking") as node:
+        client = tf2_ros.BufferClient(node, "late_lookup")
+        yield client
+        client.destroy()
+
+
+def seconds_of(call):
+    begin = time.monotonic()
+    call()
+    return time.monotonic() - begin
+
+
+class TestLookup:
+    def test_it_answers_with_what_the_server_answers(self, client):
+        found = client.lookup_transform("map", "robot", at(1.5), LONG)
+        assert (found.header.frame_id, found.child_frame_id) == ("map", "robot")
+        assert stamp_ns(found) == 1_500_000_000
+
+    @pytest.mark.ours
+    def test_full_sends_all_of_it(self, client):
+        found = client.lookup_transform_full("map", at(2.5), "robot", at(1.5), "odom", Duration(seconds=3))
+        assert (found.header.frame_id, found.child_frame_id) == ("map", "robot odom")
+        assert stamp_ns(found) == 2_500_000_000
+        x, timeout, _ = translation(found)
+        assert x == 1.5
+        assert 0 < timeout <= 3
+
+    @pytest.mark.ours
+    def test_a_time_may_be_a_message(self, client):
+        assert stamp_ns(client.lookup_transform("map", "robot", at(1.5).to_msg(), LONG)) == 1_500_000_000
+        with pytest.raises(TypeError, match="Time"):
+            client.lookup_transform("map", "robot", 1.5)
+
+    @pytest.mark.ours
+    def test_a_goal_whose_answer_is_lost_is_sent_again(self, client):
+        assert client.lookup_transform("forgotten", "robot", LATEST, LONG).child_frame_id == "robot"
+
+    def test_can_is_a_yes(self, client):
+        assert client.can_transform("map", "robot", LATEST, LONG) is True
+        assert client.can_transform_full("map", at(1), "robot", at(2), "odom", LONG) is True
+
+    @pytest.mark.ours
+    def test_it_transforms_objects(self, client, tf2_ros):
+        class Thing:
+            header = tf2_ros.Header(frame_id="robot")
+
+        tf2_ros.TransformRegistration().add(Thing, lambda thing, found: found.child_frame_id)
+        assert client.transform(Thing(), "map", LONG) == "robot"
+
+
+class TestErrors:
+    @pytest.mark.parametrize("timeout", [Duration(), LONG])
+    @pytest.mark.parametrize(
+        ("code", "name"),
+        [
+            ("LOOKUP_ERROR", "LookupException"),
+            ("CONNECTIVITY_ERROR", "ConnectivityException"),
+            ("EXTRAPOLATION_ERROR", "ExtrapolationException"),
+            ("INVALID_ARGUMENT_ERROR", "InvalidArgumentException"),
+            ("TIMEOUT_ERROR", "TimeoutException"),
+            ("TRANSFORM_ERROR", "TransformException"),
+        ],
+    )
+    def test_the_servers_error_is_raised(self, client, tf2_py, code, name, timeout):
+        with pytest.raises(tf2_py.TransformException, match=f"this is a {code}") as caught:
+            client.lookup_transform(code, "robot", LATEST, timeout)
+        assert type(caught.value) is getattr(tf2_py, name)
+        assert client.can_transform(code, "robot", LATEST, timeout) is False
+        assert client.can_transform_full(code, LATEST, "robot", LATEST, "odom", timeout) is False
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("how", ["too late", "empty"])
+    def test_an_empty_result_is_a_timeout(self, client, tf2_py, how):
+        with pytest.raises(tf2_py.TimeoutException, match=r"\[robot\]"):
+            client.lookup_transform(how, "robot", LATEST, LONG)
+
+    @pytest.mark.ours
+    def test_the_reason_is_told_on_request(self, client):
+        can, reason = client.can_transform("LOOKUP_ERROR", "robot", LATEST, LONG, True)
+        assert (can, reason) == (False, "this is a LOOKUP_ERROR")
+        full = client.can_transform_full("map", at(1), "robot", at(2), "odom", LONG, return_debug_tuple=True)
+        assert full == (True, "")
+
+    def test_a_refused_goal_is_a_timeout(self, client, tf2_py):
+        with pytest.raises(tf2_py.TimeoutException):
+            client.lookup_transform("rejected", "robot", LATEST, LONG)
+
+    @pytest.mark.ours
+    def test_a_server_that_never_answers_is_a_timeout_and_is_told_to_stop(self, client, server, tf2_py):
+        def look():
+            with pytest.raises(tf2_py.TimeoutException, match="did not answer in time"):
+                client.lookup_transform("silent", "robot", LATEST, SHORT)
+
+        assert 0.7 <= seconds_of(look) < 5, "the timeout and its padding"
+        assert server.stdout.readline() == "cancelled\n"
+
+
+@pytest.mark.ours
+class TestWithoutServer:
+    def test_it_is_waited_for_no_longer_than_the_timeout(self, lonely, tf2_py):
+        def look(timeout):
+            with pytest.raises(tf2_py.TimeoutException, match="not ready"):
+                lonely.lookup_transform("map", "robot", LATEST, timeout)
+
+        assert seconds_of(lambda: look(Duration())) < 0.2
+        assert 0.2 <= seconds_of(lambda: look(SHORT)) < 1
+
+    def test_one_that_comes_in_time_is_found(self, lonely):
+        found = []
+
+        def look():
+            found.append(lonely.lookup_transform("map", "robot", LATEST, LONG))
+
+        looking = threading.Thread(target=look)
+        looking.start()
+        with serving("late_lookup"):
+            looking.join(DEADLINE_S)
+        assert [m.child_frame_id for m in found] == ["robot"]
+
+    def test_shutting_down_ends_the_wait(self, lonely, tf2_py):
+        timer = threading.Timer(0.05, lonely.node.context.shutdown)
+        timer.start()
+
+        def look():
+            with pytest.raises(tf2_py.TimeoutException):
+                lonely.lookup_transform("map", "robot", LATEST, LONG)
+
+        assert seconds_of(look) < DEADLINE_S / 2
+        timer.join()
+
+    def test_a_check_frequency_of_zero_is_refused(self, tf2_ros, node):
+        with pytest.raises(ValueError, match="check_frequency"):
+            tf2_ros.BufferClient(node, "lookup", 0.0)
+
+
+@pytest.mark.ours
+class TestThreads:
+    def test_the_node_need_not_be_spun(self, tf2_ros, node, server):
+        client = tf2_ros.BufferClient(node, "lookup")
+        assert client.lookup_transform("map", "robot", at(1.5), LONG).child_frame_id == "robot"
+        client.destroy()
+
+    def test_it_blocks_in_a_callback_of_a_single_threaded_executor(self, client):
+        executor = client.node.executor
+        assert isinstance(executor, SingleThreadedExecutor)
+        found = executor.create_task(client.lookup_transform, "map", "robot", at(1.5), LONG)
+        assert until(found.done)
+        assert found.result().child_frame_id == "robot"
+
+    def test_many_threads_ask_at_once(self, client):
+        found = []
+
+        def look(i):
+            for j in range(20):
+                stamp = at(1 + i + j / 100)
+                answer = client.lookup_transform("map", "robot", stamp, LONG)
+                found.append(stamp_ns(answer) == stamp.nanoseconds)
+
+        threads = [threading.Thread(target=look, args=(i,)) for i in range(5)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(DEADLINE_S)
+        assert found == [True] * 100
+
+    def test_destroying_it_ends_the_wait_and_its_thread(self, tf2_ros, node, tf2_py):
+        before = set(threading.enumerate())
+        client = tf2_ros.BufferClient(node, "nobody")
+        timer = threading.Timer(0.05, client.destroy)
+        timer.start()
+        with pytest.raises(tf2_py.TimeoutException, match="destroyed"):
+            client.lookup_transform("map", "robot", LATEST, LONG)
+        timer.join()
+        with pytest.raises(tf2_py.TimeoutException, match="destroyed"):
+            client.lookup_transform("map", "robot", LATEST, LONG)
+        assert set(threading.enumerate()) - before <= {_deadlines_thread()}
+
+    def test_dropping_it_ends_its_thread(self, tf2_ros, node):
+        before = set(threading.enumerate())
+        client = tf2_ros.BufferClient(node, "nobody")
+        thread = client._asking._spinner.thread
+        assert thread in threading.enumerate()
+        del client
+        gc.collect()
+        assert not thread.is_alive()
+        assert set(threading.enumerate()) - before <= {_deadlines_thread()}
+
+    def test_its_action_is_named_as_the_nodes_own(self, tf2_ros, new_node):
+        node = new_node(
+            "asking",
+            namespace="robot",
+            cli_args=["--ros-args", "-r", "old/_action/send_goal:=/new/_action/send_goal"],
+        )
+        names = [("lookup", "/robot/lookup"), ("~/lookup", "/robot/asking/lookup"), ("old", "/new")]
+        for given, expected in names:
+            client = tf2_ros.BufferClient(node, given)
+            assert client._asking._name == expected
+            client.destroy()
+
+
+@pytest.mark.ours
+class TestAsync:
+    def run(self, client, coroutine):
+        outcome = []
+
+        async def await_it():
+            try:
+                outcome.append((await coroutine, None))
+            except Exception as error:  # it would end who spins
+                outcome.append((None, error))
+
+        client.node.executor.create_task(await_it)
+        until(lambda: outcome)
+        found, error = outcome[0]
+        if error is not None:
+            raise error
+        return found
+
+    def test_an_executor_awaits(self, client):
+        found = self.run(client, client.lookup_transform_async("map", "robot", at(1.5), timeout=LONG))
+        assert stamp_ns(found) == 1_500_000_000
+
+    def test_an_executor_awaits_without_an_end(self, client):
+        found = self.run(client, client.lookup_transform_full_async("map", at(2.5), "robot", at(1.5), "odom"))
+        assert found.child_frame_id == "robot odom"
+        assert translation(found)[1] == 2**31 - 1
+
+    def test_objects_are_transformed(self, client, tf2_ros):
+        class Thing:
+            header = tf2_ros.Header(frame_id="robot")
+
+        tf2_ros.TransformRegistration().add(Thing, lambda thing, found: found.child_frame_id)
+        assert self.run(client, client.transform_async(Thing(), "map", LONG)) == "robot"
+
+    def test_plain_asyncio_awaits(self, client):
+        found = asyncio.run(client.lookup_transform_async("map", "robot", at(1.5), timeout=LONG))
+        assert found.child_frame_id == "robot"
+
+    def test_errors_are_raised(self, client, tf2_py):
+        with pytest.raises(tf2_py.LookupException, match="this is a"):
+            self.run(client, client.lookup_transform_async("LOOKUP_ERROR", "robot", LATEST, timeout=LONG))
+
+    def test_no_server_is_a_timeout(self, lonely, tf2_py):
+        with pytest.raises(tf2_py.TimeoutException, match="no server of"):
+            self.run(lonely, lonely.lookup_transform_async("map", "robot", LATEST, timeout=SHORT))
+
+    def test_who_is_no_longer_waited_for_is_told_to_stop(self, tf2_ros, node):
+        with serving("quiet_lookup") as server:
+            client = tf2_ros.BufferClient(node, "quiet_lookup")
+            coroutine = client.lookup_transform_async("silent", "robot", LATEST)
+            coroutine.send(None)
+            until(lambda: any(question.handle for question in client._asking._open))
+            coroutine.close()
+            assert server.stdout.readline() == "cancelled\n"
+            assert not client._asking._open
+            client.destroy()
+
+
+def _deadlines_thread():
+    return deadlines._thread
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize("how", ["blocking", "async"])
+def test_a_server_that_is_killed_in_the_middle_of_a_goal_is_a_timeout(tf2_ros, tf2_py, node, how):
+    process = start("lookup_server.py", "doomed_lookup", stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    client = tf2_ros.BufferClient(node, "doomed_lookup", timeout_padding=Duration(seconds=1))
+    errors = []
+
+    def look():
+        try:
+            if how == "async":
+                # Without a timeout: its absence alone ends it.
+                asyncio.run(client.lookup_transform_async("silent", "robot", LATEST))
+            else:
+                client.lookup_transform("silent", "robot", LATEST, Duration(seconds=2))
+        except tf2_py.TransformException as error:
+            errors.append(error)
+
+    looking = threading.Thread(target=look)
+    looking.start()
+    until(lambda: any(question.handle for question in client._asking._open))
+    process.kill()
+    process.communicate()
+    looking.join(3 * DEADLINE_S)
+    assert [type(error) for error in errors] == [tf2_py.TimeoutException]
+    assert "buffer server" in str(errors[0])
+    client.destroy()

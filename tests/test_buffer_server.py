@@ -1,0 +1,299 @@
+"""A buffer that other processes look things up in."""
+
+import json
+import subprocess
+import threading
+from contextlib import contextmanager
+
+import pytest
+from action_msgs.msg import GoalStatus
+from builtin_interfaces.msg import Time as TimeMsg
+from making import S, transform
+from processes import DEADLINE_S, start, until
+from rclpy.action import ActionClient
+from rclpy.duration import Duration
+from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from spinning import spinning, spun_node
+
+from tf2_msgs.action import LookupTransform
+from tf2_msgs.msg import TF2Error
+from tf2_ros._qos import lookup_qos
+
+pytestmark = pytest.mark.ours
+
+LONG = Duration(seconds=DEADLINE_S)
+SHORT = Duration(seconds=0.1)
+NONE = Duration()
+
+
+@pytest.fixture
+def buffer(tf2_ros):
+    return tf2_ros.Buffer(Duration(seconds=10))
+
+
+@pytest.fixture(params=[SingleThreadedExecutor, MultiThreadedExecutor])
+def serving(request, ros, new_node, tf2_ros, buffer):
+    """The executor that answers for `buffer`; another thread spins it."""
+    node = new_node("serving")
+    server = tf2_ros.BufferServer(buffer, node, "lookup")
+    executor = request.param()
+    executor.add_node(node)
+    with spinning(executor):
+        yield executor
+    server.destroy()
+
+
+class Asker:
+    """Sends goals as any client of the action may, in a context of its own."""
+
+    def __init__(self, node):
+        # The usual queue of ten would lose answers that come all at once.
+        keep_all = {"result_service_qos_profile": lookup_qos()}
+        self.client = ActionClient(node, LookupTransform, "lookup", **keep_all)
+        # A server answers only those clients that it has found itself.
+        until(lambda: self.client.server_is_ready() and self.try_out())
+
+    def try_out(self):
+        return _within(self.client.send_goal_async(LookupTransform.Goal()), 0.5) is not None
+
+    def send(self, target="map", source="robot", ns=S, timeout=LONG, fixed=None, target_ns=0):
+        goal = LookupTransform.Goal(target_frame=target, source_frame=source, timeout=timeout.to_msg())
+        goal.source_time = _time(ns)
+        if fixed is not None:
+            goal.advanced, goal.fixed_frame, goal.target_time = True, fixed, _time(target_ns)
+        handle = _wait(self.client.send_goal_async(goal))
+        assert handle.accepted
+        return handle
+
+    def ask(self, *what, **how):
+        """The status and the result of a goal."""
+        return _answer(self.send(*what, **how).get_result_async())
+
+
+def _time(ns):
+    sec, nanosec = divmod(ns, S)
+    return TimeMsg(sec=sec, nanosec=nanosec)
+
+
+def _within(future, seconds):
+    done = threading.Event()
+    future.add_done_callback(lambda _: done.set())
+    return future.result() if done.wait(seconds) else None
+
+
+def _wait(future):
+    result = _within(future, DEADLINE_S)
+    assert result is not None, "no answer"
+    return result
+
+
+def _answer(future):
+    response = _wait(future)
+    return response.status, response.result
+
+
+@pytest.fixture
+def asker(serving):
+    with spun_node("asking") as node:
+        asker = Asker(node)
+        yield asker
+        asker.client.destroy()
+
+
+def insert(buffer, parent="map", child="robot", seconds=1.0, x=0.0):
+    buffer.set_transform(transform(parent, child, seconds, (x, 0, 0)), "me")
+
+
+class TestAnswers:
+    def test_what_is_there_is_answered_at_once(self, asker, buffer):
+        insert(buffer, x=2)
+        for timeout in (NONE, LONG):
+            status, result = asker.ask(timeout=timeout)
+            assert status == GoalStatus.STATUS_SUCCEEDED
+            assert result.error.error == TF2Error.NO_ERROR
+            assert result.transform == buffer.lookup_transform("map", "robot", _time(S))
+
+    def test_an_advanced_goal_is_a_full_lookup(self, asker, buffer):
+        insert(buffer, seconds=1, x=1)
+        insert(buffer, seconds=2, x=5)
+        _, result = asker.ask("robot", "robot", S, NONE, "map", 2 * S)
+        assert result.transform == buffer.lookup_transform_full(
+            "robot", _time(2 * S), "robot", _time(S), "map"
+        )
+        assert result.transform.transform.translation.x == -4
+
+    def test_a_waiting_goal_is_answered_when_its_transform_comes(self, asker, buffer):
+        future = asker.send().get_result_async()
+        until(lambda: buffer.statistics()["waiters"] == 1)
+        assert not future.done()
+        insert(buffer, x=3)
+        status, result = _answer(future)
+        assert status == GoalStatus.STATUS_SUCCEEDED
+        assert result.transform.transform.translation.x == 3
+
+    def test_a_waiting_advanced_goal_too(self, asker, buffer):
+        insert(buffer, seconds=1, x=1)
+        future = asker.send("robot", "robot", S, LONG, "map", 2 * S).get_result_async()
+        until(lambda: buffer.statistics()["waiters"] == 1)
+        insert(buffer, seconds=2, x=5)
+        assert _answer(future)[1].transform.transform.translation.x == -4
+
+    def test_many_goals_wait_at_once_and_hold_up_nobody(self, asker, buffer, serving):
+        stamps = [S + i for i in range(200)]
+        futures = [asker.send(ns=ns).get_result_async() for ns in stamps]
+        until(lambda: buffer.statistics()["waiters"] == len(stamps))
+        assert asker.ask("map", "map", timeout=NONE)[0] == GoalStatus.STATUS_SUCCEEDED
+        served = threading.Event()
+        serving.create_task(served.set)
+        assert served.wait(DEADLINE_S)
+        insert(buffer, seconds=1)
+        insert(buffer, seconds=2)
+        for ns, future in zip(stamps, futures, strict=True):
+            stamp = _answer(future)[1].transform.header.stamp
+            assert stamp.sec * S + stamp.nanosec == ns
+
+
+class TestErrors:
+    @pytest.mark.parametrize(
+        ("what", "code"),
+        [
+            (("map", "nobody"), TF2Error.LOOKUP_ERROR),
+            (("map", "island"), TF2Error.CONNECTIVITY_ERROR),
+            (("map", "robot", 9 * S), TF2Error.EXTRAPOLATION_ERROR),
+        ],
+    )
+    def test_without_a_timeout_it_is_that_of_the_lookup(self, asker, buffer, tf2_py, what, code):
+        insert(buffer)
+        insert(buffer, "sea", "island")
+        for timeout in (NONE, Duration(seconds=-1)):
+            status, result = asker.ask(*what, timeout=timeout)
+            assert result.error.error == code
+            assert status == GoalStatus.STATUS_SUCCEEDED
+        with pytest.raises(tf2_py.TransformException) as raised:
+            buffer.lookup_transform(*what[:2], _time(what[2] if len(what) > 2 else S))
+        assert result.error.error_string == str(raised.value)
+
+    def test_a_timeout_tells_the_reason_of_the_last_attempt(self, asker, buffer):
+        future = asker.send(timeout=Duration(seconds=0.5), ns=9 * S).get_result_async()
+        until(lambda: buffer.statistics()["waiters"] == 1)
+        insert(buffer)
+        _, result = _answer(future)
+        assert result.error.error == TF2Error.TIMEOUT_ERROR
+        assert "extrapolation" in result.error.error_string
+        assert buffer.statistics()["waiters"] == 0
+
+    @pytest.mark.parametrize("bad", ["", "/map"])
+    @pytest.mark.parametrize("advanced", [False, True])
+    def test_a_malformed_name_is_told_at_once(self, asker, buffer, bad, advanced):
+        insert(buffer)
+        fixed = {"fixed": "map"} if advanced else {}
+        goals = [((bad, "robot"), fixed), (("map", bad), fixed), ((bad, bad), fixed)]
+        if advanced:
+            goals.append((("map", "robot"), {"fixed": bad}))
+        for names, how in goals:
+            _, result = asker.ask(*names, **how)
+            assert result.error.error == TF2Error.INVALID_ARGUMENT_ERROR
+            assert "in tf2 a frame name cannot" in result.error.error_string
+
+
+class TestCancel:
+    def test_a_waiting_goal_ends_and_its_waiter_too(self, asker, buffer):
+        handle = asker.send()
+        future = handle.get_result_async()
+        until(lambda: buffer.statistics()["waiters"] == 1)
+        assert len(_wait(handle.cancel_goal_async()).goals_canceling) == 1
+        status, result = _answer(future)
+        assert status == GoalStatus.STATUS_CANCELED
+        assert result.error.error == TF2Error.TRANSFORM_ERROR
+        assert buffer.statistics()["waiters"] == 0
+        insert(buffer)
+        assert asker.ask()[0] == GoalStatus.STATUS_SUCCEEDED
+
+    def test_others_wait_on(self, asker, buffer):
+        first, second = asker.send(), asker.send()
+        future = second.get_result_async()
+        until(lambda: buffer.statistics()["waiters"] == 2)
+        _wait(first.cancel_goal_async())
+        insert(buffer)
+        assert _answer(future)[0] == GoalStatus.STATUS_SUCCEEDED
+
+    def test_an_answered_goal_is_not_cancelled(self, asker, buffer):
+        insert(buffer)
+        handle = asker.send()
+        _answer(handle.get_result_async())
+        assert _wait(handle.cancel_goal_async()).goals_canceling == []
+
+
+class TestEnd:
+    def test_destroying_it_ends_the_waits_and_the_action(self, tf2_ros, new_node, buffer):
+        node = new_node("serving")
+        server = tf2_ros.BufferServer(buffer, node, "lookup")
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        with spinning(executor), spun_node("asking") as asking:
+            asker = Asker(asking)
+            asker.send()
+            until(lambda: buffer.statistics()["waiters"] == 1)
+            executor.create_task(server.destroy)
+            until(lambda: buffer.statistics()["waiters"] == 0)
+            until(lambda: not asker.client.server_is_ready())
+            asker.client.destroy()
+
+    def test_transforms_may_come_after_the_node_is_gone(self, tf2_ros, ros, buffer, recwarn):
+        node = ros.create_node("serving")
+        tf2_ros.BufferServer(buffer, node, "lookup")
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        with spinning(executor), spun_node("asking") as asking:
+            asker = Asker(asking)
+            asker.send()
+            until(lambda: buffer.statistics()["waiters"] == 1)
+            asker.client.destroy()
+        node.destroy_node()
+        insert(buffer)
+        assert buffer.statistics()["waiters"] == 0
+        assert [str(warning.message) for warning in recwarn] == []
+
+    def test_anything_but_a_buffer_is_refused(self, tf2_ros, node):
+        with pytest.raises(TypeError, match="buffer"):
+            tf2_ros.BufferServer(object(), node, "lookup")
+
+
+class Client:
+    """A client in a process of its own, `programs/asking.py`."""
+
+    def __init__(self, action):
+        self.process = start("asking.py", action, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+
+    def ask(self, target, source, ns, timeout):
+        question = {"target": target, "source": source, "ns": ns, "timeout": timeout}
+        self.process.stdin.write(json.dumps(question) + "\n")
+        self.process.stdin.flush()
+
+    def answer(self):
+        return json.loads(self.process.stdout.readline())
+
+
+@contextmanager
+def client_process(action="lookup"):
+    client = Client(action)
+    try:
+        yield client
+        client.process.stdin.close()
+        assert client.process.wait(DEADLINE_S) == 0
+    finally:
+        client.process.kill()
+        client.process.stdout.close()
+
+
+def test_two_clients_in_other_processes_are_served_at_once(serving, buffer):
+    with client_process() as first, client_process() as second:
+        first.ask("map", "robot", S, DEADLINE_S)
+        second.ask("map", "robot", 2 * S, DEADLINE_S)
+        until(lambda: buffer.statistics()["waiters"] >= 2)
+        insert(buffer, seconds=1, x=1)
+        assert first.answer()["x"] == 1.0
+        insert(buffer, seconds=2, x=2)
+        assert second.answer()["x"] == 2.0
+        second.ask("map", "nobody", 0, 0)
+        assert second.answer()["error"] in ("LookupException", "TimeoutException")

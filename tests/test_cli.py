@@ -1,0 +1,129 @@
+"""The programs, as processes of their own."""
+
+import importlib.util
+import re
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from making import S, at, translation
+from processes import DEADLINE_S, until
+from rclpy.action import ActionClient
+from rclpy.duration import Duration
+
+from tf2_msgs.action import LookupTransform
+
+pytestmark = pytest.mark.ours
+
+LONG = Duration(seconds=DEADLINE_S)
+NONE = Duration()
+PYPROJECT = Path(__file__).resolve().parent.parent / "pyproject.toml"
+
+
+def scripts():
+    """The programs that an installation brings, as (name, module, function)."""
+    section = PYPROJECT.read_text().split("[project.scripts]\n")[1].split("\n[")[0]
+    return re.findall(r'^(\w+) = "([\w.]+):(\w+)"$', section, re.MULTILINE)
+
+
+def run(name, *arguments):
+    command = [sys.executable, "-m", f"tf2_ros.cli.{name}", *arguments]
+    return subprocess.Popen(command, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+@contextmanager
+def running(name, *arguments):
+    process = run(name, *arguments)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_the_installation_names_a_function_of_each_program():
+    assert "tf2_buffer_server" in [name for name, _, _ in scripts()]
+    for name, module, function in scripts():
+        assert module == f"tf2_ros.cli.{name}"
+        assert importlib.util.find_spec(module) is not None
+        assert callable(getattr(importlib.import_module(module), function))
+
+
+class TestBufferServer:
+    @pytest.fixture
+    def server(self):
+        with running("tf2_buffer_server") as process:
+            yield process
+
+    @pytest.fixture
+    def client(self, tf2_ros, node):
+        client = tf2_ros.BufferClient(node, "tf2_buffer_server")
+        yield client
+        client.destroy()
+
+    def test_it_answers_from_what_it_hears(self, server, client, peer, tf2_py):
+        talker = peer()
+        talker.send(("map", "robot", S, 1.0), ("map", "robot", 100 * S, 2.0), ("map", "robot", 120 * S, 3.0))
+        assert translation(client.lookup_transform("map", "robot", at(1), LONG)) == (1.0, 0.0, 0.0)
+        with pytest.raises(tf2_py.LookupException, match="does not exist"):
+            client.lookup_transform("map", "nobody", at(1))
+        can, reason = client.can_transform("map", "robot", at(121), NONE, True)
+        assert can is False
+        assert "extrapolation into the future" in reason
+
+    def test_it_is_found_by_its_names(self, server, node):
+        seen = ActionClient(node, LookupTransform, "/tf2_buffer_server")
+        assert seen.wait_for_server(DEADLINE_S)
+        seen.destroy()
+        until(lambda: ("tf_buffer", "/") in node.get_node_names_and_namespaces())
+
+    def test_the_buffer_size_is_a_parameter(self, client, peer, tf2_py):
+        with running("tf2_buffer_server", "--ros-args", "-p", "buffer_size:=5.0"):
+            talker = peer()
+            talker.send(("map", "robot", S, 1.0))
+            client.lookup_transform("map", "robot", at(1), LONG)
+            talker.send(("map", "robot", 100 * S, 2.0), ("map", "robot", 101 * S, 2.0))
+            client.lookup_transform("map", "robot", at(101), LONG)
+            with pytest.raises(tf2_py.ExtrapolationException):
+                client.lookup_transform("map", "robot", at(1))
+
+    def test_a_negative_buffer_size_is_told(self):
+        with running("tf2_buffer_server", "--ros-args", "-p", "buffer_size:=-1.0") as process:
+            _, err = process.communicate(timeout=DEADLINE_S)
+        assert process.returncode == 1
+        assert "buffer_size must not be negative, it is -1.0 s" in err
+        assert "Traceback" not in err
+
+    @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+    def test_a_signal_ends_it_without_a_trace(self, server, client, how):
+        assert client.can_transform("map", "map", at(0), LONG)
+        server.send_signal(how)
+        out, err = server.communicate(timeout=DEADLINE_S)
+        assert (server.returncode, out) == (0, "")
+        assert "Traceback" not in err
+
+    def test_killed_in_the_middle_of_a_goal_it_is_a_timeout(self, server, tf2_ros, tf2_py, node):
+        client = tf2_ros.BufferClient(node, "tf2_buffer_server", timeout_padding=Duration(seconds=0.5))
+        assert client.can_transform("map", "map", at(0), LONG)
+        task = client.lookup_transform_async("map", "robot", at(1), timeout=Duration(seconds=1))
+        task.send(None)
+        (question,) = client._asking._open
+        until(lambda: question.handle is not None)
+        server.kill()
+        until(question.outcome.done)
+        with pytest.raises(tf2_py.TimeoutException, match="buffer server"):
+            task.send(None)
+        client.destroy()
+
+
+@pytest.mark.parametrize("name", ["buffer_server", "message_filter"])
+def test_an_example_shows_what_it_says(name):
+    example = PYPROJECT.parent / "examples" / f"{name}.py"
+    ended = subprocess.run(
+        [sys.executable, str(example)], text=True, capture_output=True, timeout=3 * DEADLINE_S
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert "Traceback" not in ended.stderr

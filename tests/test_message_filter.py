@@ -1,0 +1,765 @@
+"""Messages that wait for their transforms."""
+
+import asyncio
+import subprocess
+import threading
+from contextlib import contextmanager
+
+import pytest
+from geometry_msgs.msg import PointStamped
+from making import S, at, transform
+from processes import DEADLINE_S, start, until
+from rclpy.duration import Duration
+from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from sensor_msgs.msg import LaserScan
+from spinning import spinning
+
+pytestmark = pytest.mark.ours
+
+NO_FAILURE = {"OUT_THE_BACK": 0, "EMPTY_FRAME_ID": 0, "NO_TRANSFORM_FOUND": 0, "QUEUE_FULL": 0, "TIMEOUT": 0}
+
+
+def point(seconds=1.0, frame="lidar", ns=None):
+    message = PointStamped()
+    message.header.frame_id = frame
+    message.header.stamp = at(seconds).to_msg() if ns is None else at(ns / S).to_msg()
+    return message
+
+
+def insert(buffer, seconds=1.0, parent="map", child="lidar", x=0.0):
+    buffer.set_transform(transform(parent, child, seconds, (x, 0, 0)), "me")
+
+
+class Watched:
+    """A filter, what passed it, and what it dropped."""
+
+    def __init__(self, make, executor, input=None, buffer=None, frames="map", queue_size=0, **options):
+        self.passed, self.dropped, self.threads = [], [], set()
+        self.executor = executor
+        self.filter = make(input, buffer, frames, queue_size, **options)
+        self.filter.registerCallback(self.take)
+        self.filter.registerFailureCallback(lambda message, reason: self.dropped.append((message, reason)))
+
+    def take(self, message):
+        self.threads.add(threading.current_thread())
+        self.passed.append(message)
+
+    def seconds(self):
+        """The stamps of what passed."""
+        self.settle()
+        return [m.header.stamp.sec + m.header.stamp.nanosec / 1e9 for m in self.passed]
+
+    def reasons(self):
+        self.settle()
+        return [reason.name for _, reason in self.dropped]
+
+    def settle(self):
+        """Let everything that is due happen."""
+        while self.filter._done._things:
+            self.executor.spin_once(timeout_sec=1)
+
+
+@pytest.fixture
+def buffer(tf2_ros):
+    return tf2_ros.Buffer(Duration(seconds=10))
+
+
+@pytest.fixture
+def make(tf2_ros, node, executor, buffer):
+    made = []
+
+    def make(**options):
+        made.append(Watched(tf2_ros.MessageFilter, executor, buffer=buffer, node=node, **options))
+        return made[-1]
+
+    yield make
+    for watched in made:
+        counts = watched.filter.statistics()
+        gone = counts["passed"] + sum(counts["dropped"].values()) + counts["cleared"] + counts["waiting"]
+        assert counts["received"] == gone
+        watched.filter.close()
+    assert buffer.statistics()["waiters"] == 0, "somebody is left waiting"
+
+
+@pytest.fixture
+def watched(make):
+    return make()
+
+
+class TestPassing:
+    def test_a_message_waits_for_its_transform(self, watched, buffer):
+        message = point(2)
+        watched.filter.add(message)
+        insert(buffer, 1)
+        assert watched.seconds() == []
+        assert watched.filter.statistics()["waiting"] == 1
+        insert(buffer, 3)
+        assert watched.seconds() == [2]
+        assert watched.passed[0] is message
+        assert watched.filter.statistics() == {
+            "received": 1,
+            "passed": 1,
+            "dropped": NO_FAILURE,
+            "cleared": 0,
+            "waiting": 0,
+        }
+
+    def test_one_that_waits_for_nothing_passes_too(self, watched, buffer):
+        insert(buffer, 1)
+        watched.filter.add(point(1))
+        watched.filter.add(point(9, frame="map"))
+        assert watched.seconds() == [1, 9]
+
+    def test_a_leading_slash_is_stripped(self, make, buffer):
+        watched = make(frames="/map")
+        insert(buffer)
+        watched.filter.add(point(frame="/lidar"))
+        assert watched.seconds() == [1]
+
+    def test_time_0_is_the_latest(self, make, buffer):
+        watched = make(tolerance=Duration(seconds=1))
+        watched.filter.add(point(0))
+        insert(buffer, 5)
+        assert watched.seconds() == [0]
+
+    def test_they_come_in_the_order_their_transforms_complete(self, watched, buffer):
+        for seconds in (4, 2, 3, 1):
+            watched.filter.add(point(seconds))
+        watched.filter.add(point(1, frame="camera"))
+        insert(buffer, 1)
+        insert(buffer, 1, child="camera")
+        insert(buffer, 3)
+        insert(buffer, 5)
+        assert watched.seconds() == [1, 1, 2, 3, 4]
+        assert watched.passed[1].header.frame_id == "camera"
+
+    def test_each_comes_once_however_often_its_transform_comes(self, watched, buffer):
+        watched.filter.add(point(1))
+        for _ in range(3):
+            insert(buffer, 1)
+            insert(buffer, 2)
+        assert watched.seconds() == [1]
+
+    def test_a_message_added_twice_passes_twice(self, watched, buffer):
+        message = point(1)
+        watched.filter.add(message)
+        watched.filter.add(message)
+        insert(buffer, 1)
+        assert watched.seconds() == [1, 1]
+
+    def test_a_cleared_buffer_leaves_them_waiting(self, watched, buffer):
+        watched.filter.add(point(2))
+        insert(buffer, 1)
+        buffer.clear()
+        insert(buffer, 3)
+        assert watched.seconds() == []
+        insert(buffer, 2)
+        assert watched.seconds() == [2]
+
+
+class TestSeveralFrames:
+    def test_all_of_them_are_needed(self, make, buffer):
+        watched = make(frames=["map", "odom", "earth"])
+        watched.filter.add(point())
+        insert(buffer, 1, "map")
+        insert(buffer, 1, "earth", "map")
+        assert watched.seconds() == []
+        insert(buffer, 1, "odom", "earth")
+        assert watched.seconds() == [1]
+
+    def test_what_was_found_and_lost_again_is_waited_for_anew(self, make, buffer):
+        watched = make(frames=["map", "odom"])
+        watched.filter.add(point())
+        insert(buffer, 1)
+        buffer.clear()
+        insert(buffer, 1, "odom", "map")
+        assert watched.seconds() == []
+        insert(buffer, 1)
+        assert watched.seconds() == [1]
+
+    def test_they_can_be_changed_for_those_that_wait(self, watched, buffer):
+        watched.filter.add(point())
+        watched.filter.setTargetFrames(["odom"])
+        insert(buffer, 1, "map")
+        assert watched.seconds() == []
+        insert(buffer, 1, "odom", "map")
+        assert watched.seconds() == [1]
+
+    def test_none_is_refused(self, watched):
+        with pytest.raises(ValueError, match="target frame"):
+            watched.filter.setTargetFrames([])
+
+
+class TestTolerance:
+    def test_the_transform_must_be_there_for_later_too(self, make, buffer):
+        watched = make(tolerance=Duration(seconds=0.5))
+        watched.filter.add(point(1))
+        insert(buffer, 1)
+        insert(buffer, 1.4)
+        assert watched.seconds() == []
+        insert(buffer, 1.5)
+        assert watched.seconds() == [1]
+
+    def test_it_can_be_changed_for_those_that_wait(self, make, buffer):
+        watched = make(tolerance=Duration(seconds=5))
+        watched.filter.add(point(1))
+        insert(buffer, 1)
+        watched.filter.setTolerance(Duration())
+        assert watched.seconds() == [1]
+
+    def test_a_negative_one_is_refused(self, watched):
+        with pytest.raises(ValueError, match="tolerance"):
+            watched.filter.setTolerance(Duration(seconds=-1))
+
+
+class TestQueue:
+    def test_one_too_many_drops_the_oldest(self, make, buffer):
+        watched = make(queue_size=2)
+        for seconds in (1, 2, 3, 4):
+            watched.filter.add(point(seconds))
+        assert watched.reasons() == ["QUEUE_FULL"] * 2
+        assert [m.header.stamp.sec for m, _ in watched.dropped] == [1, 2]
+        insert(buffer, 1)
+        insert(buffer, 5)
+        assert watched.seconds() == [3, 4]
+        assert watched.filter.statistics()["dropped"] == {**NO_FAILURE, "QUEUE_FULL": 2}
+
+    def test_one_that_need_not_wait_drops_nobody(self, make, buffer):
+        watched = make(queue_size=1)
+        watched.filter.add(point(9))
+        insert(buffer, 1)
+        watched.filter.add(point(1))
+        watched.filter.add(point(1))
+        assert watched.seconds() == [1, 1]
+        assert watched.reasons() == []
+
+    def test_zero_holds_any_number(self, make):
+        watched = make(queue_size=0)
+        for _ in range(1000):
+            watched.filter.add(point())
+        assert watched.filter.statistics()["waiting"] == 1000
+        assert watched.reasons() == []
+
+    def test_making_it_smaller_drops_the_oldest(self, watched):
+        for seconds in (1, 2, 3):
+            watched.filter.add(point(seconds))
+        watched.filter.setQueueSize(1)
+        assert watched.reasons() == ["QUEUE_FULL"] * 2
+        assert [m.header.stamp.sec for m, _ in watched.dropped] == [1, 2]
+
+    def test_a_negative_size_is_refused(self, make):
+        with pytest.raises(ValueError, match="queue_size"):
+            make(queue_size=-1)
+
+    def test_clear_forgets_those_that_wait(self, watched, buffer):
+        watched.filter.add(point(1))
+        watched.filter.clear()
+        insert(buffer, 1)
+        assert watched.seconds() == []
+        assert watched.reasons() == []
+        assert watched.filter.statistics()["cleared"] == 1
+        assert watched.filter.statistics()["waiting"] == 0
+
+    def test_clear_forgets_what_passed_and_was_not_told_yet(self, watched, buffer):
+        insert(buffer, 1)
+        watched.filter.add(point(1))
+        watched.filter.clear()
+        assert watched.seconds() == []
+        assert watched.filter.statistics()["cleared"] == 1
+
+
+class TestFailures:
+    def test_an_empty_frame(self, watched):
+        watched.filter.add(point(frame=""))
+        watched.filter.add(point(frame="/"))
+        assert watched.reasons() == ["EMPTY_FRAME_ID"] * 2
+
+    def test_a_name_that_no_lookup_accepts(self, make):
+        watched = make(frames=["map", "//odom"])
+        watched.filter.add(point())
+        watched.filter.add(point(frame="//lidar"))
+        assert watched.reasons() == ["NO_TRANSFORM_FOUND"] * 2
+
+    def test_a_timeout(self, make, buffer):
+        watched = make(buffer_timeout=Duration(seconds=0.05))
+        insert(buffer, 1)
+        watched.filter.add(point(2))
+        until(lambda: watched.dropped, watched.executor)
+        assert watched.reasons() == ["TIMEOUT"]
+        insert(buffer, 3)
+        assert watched.seconds() == []
+
+    def test_what_passed_has_no_timeout(self, make, buffer):
+        watched = make(buffer_timeout=Duration(seconds=0.05))
+        watched.filter.add(point(1))
+        insert(buffer, 1)
+        watched.filter.add(point(2))
+        until(lambda: watched.dropped, watched.executor)
+        assert watched.seconds() == [1]
+        assert [m.header.stamp.sec for m, _ in watched.dropped] == [2]
+
+    def test_not_to_be_waited_for(self, make, buffer):
+        watched = make(buffer_timeout=Duration())
+        watched.filter.add(point(1))
+        insert(buffer, 1)
+        watched.filter.add(point(1))
+        assert watched.reasons() == ["NO_TRANSFORM_FOUND"]
+        assert watched.seconds() == [1]
+
+    def test_older_than_all_that_the_buffer_keeps(self, watched, buffer):
+        insert(buffer, 20)
+        insert(buffer, 21)
+        watched.filter.add(point(10.9))
+        assert watched.reasons() == ["OUT_THE_BACK"]
+        watched.filter.add(point(11))
+        assert watched.filter.statistics()["waiting"] == 1, "a transform of 11 s would still be taken"
+        insert(buffer, 11)
+        assert watched.seconds() == [11]
+
+    def test_too_old_only_after_it_had_waited(self, watched, buffer):
+        watched.filter.add(point(1))
+        insert(buffer, 20)
+        assert watched.reasons() == []
+        watched.filter.add(point(20))
+        assert watched.reasons() == ["OUT_THE_BACK"]
+        assert watched.seconds() == [20]
+
+    def test_nearly_all_dropped_is_warned_of_once(self, make, capfd):
+        watched = make(queue_size=1)
+        for i in range(100):
+            watched.filter.add(point(i + 1))
+        watched.settle()
+        warnings = [
+            line for line in capfd.readouterr().err.splitlines() if "MessageFilter [target=map]" in line
+        ]
+        assert len(warnings) == 1
+        assert "20 of the last 20 messages were dropped" in warnings[0]
+        assert "QUEUE_FULL" in warnings[0]
+        assert "does not exist" in warnings[0]
+
+    def test_half_of_them_dropped_is_not_warned_of(self, make, buffer, capfd):
+        watched = make()
+        insert(buffer, 1)
+        for _ in range(50):
+            watched.filter.add(point(1))
+            watched.filter.add(point(frame=""))
+        watched.settle()
+        assert len(watched.dropped) == 50
+        assert "MessageFilter" not in capfd.readouterr().err
+
+    def test_a_message_without_header_is_refused(self, watched, tf2_ros):
+        with pytest.raises(TypeError, match="header"):
+            watched.filter.add(tf2_ros.Header())
+
+
+class TestCallbacks:
+    @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
+    def test_they_run_in_the_executor_whoever_inserts_and_adds(self, tf2_ros, new_node, buffer, kind):
+        node = new_node("filtering")
+        executor = kind()
+        executor.add_node(node)
+        threads, passed = set(), []
+        running = threading.Lock()
+
+        def take(message):
+            assert running.acquire(blocking=False), "two callbacks at once"
+            threads.add(threading.current_thread())
+            passed.append(message.header.stamp.nanosec)
+            running.release()
+
+        filter = tf2_ros.MessageFilter(None, buffer, "map", 0, node=node)
+        filter.registerCallback(take)
+        with spinning(executor):
+            for i in range(500):
+                filter.add(point(ns=S + i))
+            insert(buffer, 1)
+            insert(buffer, 2)
+            for i in range(500, 1000):
+                filter.add(point(ns=S + i))
+            until(lambda: len(passed) == 1000)
+        assert passed == list(range(1000))
+        assert threading.current_thread() not in threads
+        filter.close()
+
+    def test_arguments_are_handed_on(self, watched, buffer):
+        seen = []
+        watched.filter.registerCallback(lambda *arguments: seen.append(arguments[1:]), 1, "two")
+        watched.filter.registerFailureCallback(lambda *arguments: seen.append(arguments[2:]), 3)
+        insert(buffer)
+        watched.filter.add(point())
+        watched.filter.add(point(frame=""))
+        watched.settle()
+        assert seen == [(1, "two"), (3,)]
+
+    def test_one_can_be_taken_out(self, watched, buffer):
+        seen = []
+        connection = watched.filter.registerCallback(seen.append)
+        watched.filter.callbacks.pop(connection)
+        insert(buffer)
+        watched.filter.add(point())
+        assert watched.seconds() == [1]
+        assert seen == []
+
+    def test_one_that_raises_does_not_lose_the_messages_behind(self, watched, buffer):
+        raising = [RuntimeError("mine")]
+
+        def fail(message):
+            if raising:
+                raise raising.pop()
+
+        watched.filter.registerCallback(fail)
+        insert(buffer)
+        for _ in range(3):
+            watched.filter.add(point())
+        with pytest.raises(RuntimeError, match="mine"):
+            watched.settle()
+        assert watched.seconds() == [1, 1, 1]
+
+    def test_one_may_use_the_filter_and_the_buffer(self, watched, buffer):
+        def more(message):
+            if message.header.stamp.sec < 5:
+                insert(buffer, message.header.stamp.sec + 1)
+                watched.filter.add(point(message.header.stamp.sec + 1))
+
+        watched.filter.registerCallback(more)
+        insert(buffer)
+        watched.filter.add(point())
+        assert watched.seconds() == [1, 2, 3, 4, 5]
+
+
+class Subscriber:
+    """The shape of a subscriber of message_filters, which is not on PyPI."""
+
+    def __init__(self):
+        self.callbacks = {}
+
+    def registerCallback(self, callback, *arguments):
+        self.callbacks[len(self.callbacks)] = (callback, arguments)
+        return len(self.callbacks) - 1
+
+    def signalMessage(self, *messages):
+        for callback, arguments in self.callbacks.values():
+            callback(*messages, *arguments)
+
+
+class TestInput:
+    def test_a_topic(self, make, node, executor, buffer):
+        watched = make(input=(PointStamped, "points", 10))
+        publisher = node.create_publisher(PointStamped, "points", 10)
+        until(lambda: publisher.get_subscription_count() == 1)
+        insert(buffer)
+        publisher.publish(point())
+        until(lambda: watched.passed, executor)
+        assert watched.seconds() == [1]
+        watched.filter.close()
+        until(lambda: publisher.get_subscription_count() == 0, executor)
+
+    @pytest.mark.parametrize("with_info", [False, True])
+    def test_a_subscription_of_rclpy_keeps_its_own_callback(self, make, node, executor, buffer, with_info):
+        seen = []
+        theirs = (lambda message, info: seen.append(message)) if with_info else seen.append
+        subscription = node.create_subscription(PointStamped, "points", theirs, 10)
+        watched = make(input=subscription)
+        publisher = node.create_publisher(PointStamped, "points", 10)
+        until(lambda: publisher.get_subscription_count() == 1)
+        insert(buffer)
+        publisher.publish(point())
+        until(lambda: watched.passed, executor)
+        assert seen == watched.passed
+        watched.filter.close()
+        assert subscription.callback is theirs
+
+    def test_a_filter(self, make, buffer):
+        subscriber = Subscriber()
+        watched = make(input=subscriber)
+        insert(buffer)
+        subscriber.signalMessage(point())
+        assert watched.seconds() == [1]
+
+    def test_another_input_takes_the_place_of_the_first(self, make, buffer):
+        first, second = Subscriber(), Subscriber()
+        watched = make(input=first)
+        watched.filter.connectInput(second)
+        insert(buffer)
+        first.signalMessage(point())
+        assert watched.seconds() == []
+        second.signalMessage(point())
+        assert watched.seconds() == [1]
+
+    def test_a_filter_may_follow_another(self, make, buffer):
+        first = make(frames="map")
+        second = make(frames="odom", input=first.filter)
+        first.filter.add(point())
+        insert(buffer, 1)
+        first.settle()
+        assert second.filter.statistics()["received"] == 1
+        assert second.seconds() == []
+        insert(buffer, 1, "odom", "map")
+        assert second.seconds() == [1]
+
+    def test_it_is_an_input_of_a_time_synchronizer(self, make, buffer):
+        message_filters = pytest.importorskip("message_filters", reason="it is not on PyPI")
+        first, second = make(), make()
+        pairs = []
+        synchronizer = message_filters.TimeSynchronizer([first.filter, second.filter], 10)
+        synchronizer.registerCallback(lambda *messages: pairs.append(messages))
+        for seconds in (1, 2, 3):
+            first.filter.add(point(seconds))
+        second.filter.add(point(2))
+        insert(buffer, 1)
+        insert(buffer, 3)
+        first.settle()
+        second.settle()
+        assert [[m.header.stamp.sec for m in pair] for pair in pairs] == [[2, 2]]
+
+    @pytest.mark.parametrize("input", ["points", object(), (PointStamped, "points")])
+    def test_anything_else_is_refused(self, make, input):
+        with pytest.raises(TypeError, match="input"):
+            make(input=input)
+
+    def test_a_type_without_header_is_refused(self, make, tf2_ros):
+        with pytest.raises(TypeError, match="header"):
+            make(input=(tf2_ros.Header, "headers", 10))
+
+    def test_anything_but_a_buffer_is_refused(self, tf2_ros, node):
+        with pytest.raises(TypeError, match="buffer"):
+            tf2_ros.MessageFilter(None, object(), "map", 0, node=node)
+
+
+class TestAsync:
+    def test_an_executor_iterates(self, make, buffer):
+        watched = make()
+        seen = []
+
+        async def take():
+            async for message, found in watched.filter:
+                seen.append((message.header.stamp.sec, found.transform.translation.x))
+                if len(seen) == 3:
+                    watched.filter.close()
+
+        task = watched.executor.create_task(take)
+        for seconds in (1, 2, 3):
+            watched.filter.add(point(seconds))
+        watched.executor.spin_once(timeout_sec=1)
+        for seconds in (1, 2, 3):
+            insert(buffer, seconds, x=10 * seconds)
+        until(task.done, watched.executor)
+        assert seen == [(1, 10.0), (2, 20.0), (3, 30.0)]
+
+    def test_plain_asyncio_iterates_beside_an_executor(self, make, buffer):
+        watched = make(frames=["map", "odom"])
+        insert(buffer, 1, "map")
+        insert(buffer, 1, "odom", "map", x=5)
+
+        async def take():
+            seen = []
+            iteration = watched.filter.__aiter__()
+            for _ in range(100):
+                watched.filter.add(point())
+            async for message, found in iteration:
+                assert found.header.frame_id == "map"
+                seen.append(message)
+                if len(seen) == 100:
+                    watched.filter.close()
+            return seen
+
+        with spinning(watched.executor):
+            assert len(asyncio.run(asyncio.wait_for(take(), DEADLINE_S))) == 100
+
+    def test_closing_ends_it_after_what_has_passed(self, make, buffer):
+        watched = make()
+        iteration = watched.filter.__aiter__()
+        insert(buffer)
+        watched.filter.add(point(1))
+        watched.filter.add(point(2))
+        watched.settle()
+        watched.filter.close()
+
+        async def take(iteration):
+            return [message.header.stamp.sec async for message, _ in iteration]
+
+        assert asyncio.run(take(iteration)) == [1]
+        assert asyncio.run(take(watched.filter)) == []
+
+    def test_several_iterate_over_the_same(self, make, buffer):
+        watched = make()
+        iterations = [watched.filter.__aiter__(), watched.filter.__aiter__()]
+        insert(buffer)
+        watched.filter.add(point(1))
+        watched.settle()
+        watched.filter.close()
+
+        async def take(iteration):
+            return [message async for message, _ in iteration]
+
+        assert [len(asyncio.run(take(iteration))) for iteration in iterations] == [1, 1]
+
+    def test_a_cancelled_iteration_loses_nothing(self, make, buffer):
+        watched = make()
+
+        async def take():
+            iteration = watched.filter.__aiter__()
+            with pytest.raises(asyncio.TimeoutError):
+                await asyncio.wait_for(iteration.__anext__(), 0.05)
+            insert(buffer)
+            watched.filter.add(point())
+            return await asyncio.wait_for(iteration.__anext__(), DEADLINE_S)
+
+        with spinning(watched.executor):
+            assert asyncio.run(take())[0].header.stamp.sec == 1
+
+
+def test_threads_that_add_insert_and_change_lose_nothing(tf2_ros, new_node, buffer):
+    node = new_node("filtering")
+    executor = MultiThreadedExecutor()
+    executor.add_node(node)
+    filter = tf2_ros.MessageFilter(None, buffer, ["map", "odom"], 0, node=node)
+    passed, count = [], 3000
+    filter.registerCallback(lambda message: passed.append(id(message)))
+    messages = [[point(ns=S + 1000 * i) for i in range(count)] for _ in range(2)]
+
+    def add(mine):
+        for message in mine:
+            filter.add(message)
+
+    def insert_all():
+        for i in range(count):
+            buffer.set_transform(transform("map", "lidar", ns=S + 1000 * i), "me")
+            buffer.set_transform(transform("odom", "map", ns=S + 1000 * i), "me")
+
+    def change():
+        while any(thread.is_alive() for thread in threads[:-1]):
+            filter.setTargetFrames(["map"])
+            filter.setTargetFrames(["odom", "map"])
+
+    threads = [threading.Thread(target=add, args=(mine,)) for mine in messages]
+    threads += [threading.Thread(target=insert_all), threading.Thread(target=change)]
+    with spinning(executor):
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        until(lambda: len(passed) >= 2 * count)
+        filter.close()
+    assert sorted(passed) == sorted(id(message) for mine in messages for message in mine)
+    assert buffer.statistics()["waiters"] == 0
+
+
+class TestEnd:
+    def test_close_ends_everything(self, watched, buffer):
+        watched.filter.add(point(1))
+        watched.filter.close()
+        watched.filter.close()
+        watched.filter.add(point(2))
+        assert buffer.statistics()["waiters"] == 0
+        insert(buffer)
+        assert watched.passed == []
+        counts = watched.filter.statistics()
+        assert (counts["received"], counts["cleared"], counts["waiting"]) == (1, 1, 0)
+
+    @pytest.mark.parametrize("how", ["shutdown", "node", "close", "nothing"])
+    def test_a_process_ends_with_a_full_queue(self, how):
+        process = start("full_queue.py", how, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        try:
+            out, err = process.communicate(timeout=DEADLINE_S)
+        finally:
+            process.kill()
+        assert (out, err, process.returncode) == ("at the end\n", "", 0)
+
+
+@contextmanager
+def lidar(scans, transforms):
+    process = start("lidar.py", str(scans), str(transforms), stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    try:
+        yield process
+        process.communicate("\n", timeout=DEADLINE_S)
+        assert process.returncode == 0
+    finally:
+        process.kill()
+
+
+def run_lidar(process):
+    assert process.stdout.readline() == "begins\n"
+    process.stdin.write("\n")
+    process.stdin.flush()
+    assert process.stdout.readline() == "done\n"
+
+
+@pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
+class TestLidar:
+    """A lidar in another process: 100 scans a second, transforms 50 ms late."""
+
+    @pytest.fixture
+    def filtering(self, tf2_ros, new_node, kind, buffer):
+        node = new_node("filtering")
+        executor = kind()
+        executor.add_node(node)
+        listener = tf2_ros.TransformListener(buffer, node)
+        # The lidar's first scan needs what was before it.
+        buffer.set_transform(transform("map", "lidar", 0.5), "me")
+        filters = []
+
+        def make(queue_size, **options):
+            topic = (LaserScan, "scan", 100)
+            filter = tf2_ros.MessageFilter(topic, buffer, "map", queue_size, node=node, **options)
+            filters.append(filter)
+            filter.passed, filter.dropped = [], []
+            filter.registerCallback(lambda m: filter.passed.append(m.header.stamp))
+            filter.registerFailureCallback(lambda m, reason: filter.dropped.append(reason.name))
+            return filter
+
+        with spinning(executor):
+            yield make
+            for filter in filters:
+                filter.close()
+            listener.unregister()
+        assert buffer.statistics()["waiters"] == 0
+
+    def numbers(self, filter):
+        """Which scans passed, in the order they did."""
+        return [round((stamp.sec * S + stamp.nanosec - S) / 10_000_000) for stamp in filter.passed]
+
+    def test_every_message_passes_exactly_once(self, filtering):
+        filter = filtering(0)
+        with lidar(300, 300) as process:
+            run_lidar(process)
+            until(lambda: filter.statistics()["passed"] == 300)
+        assert self.numbers(filter) == list(range(300))
+        assert filter.statistics()["dropped"] == NO_FAILURE
+
+    def test_without_transforms_they_time_out(self, filtering):
+        filter = filtering(0, buffer_timeout=Duration(seconds=0.3))
+        with lidar(100, 40) as process:
+            run_lidar(process)
+            until(lambda: filter.statistics()["waiting"] == 0 and len(filter.dropped) == 60)
+        assert self.numbers(filter) == list(range(40))
+        assert filter.dropped == ["TIMEOUT"] * 60
+        counts = filter.statistics()
+        assert (counts["received"], counts["passed"]) == (100, 40)
+        assert counts["dropped"] == {**NO_FAILURE, "TIMEOUT": 60}
+
+    def test_without_transforms_the_queue_overflows(self, filtering):
+        filter = filtering(20)
+        with lidar(100, 40) as process:
+            run_lidar(process)
+            until(lambda: filter.statistics()["received"] == 100 and len(filter.dropped) == 40)
+        assert self.numbers(filter) == list(range(40))
+        counts = filter.statistics()
+        assert counts["dropped"] == {**NO_FAILURE, "QUEUE_FULL": 40}
+        assert counts["waiting"] == 20
+
+
+def test_ten_thousand_messages_are_not_looked_at_by_other_inserts(watched, buffer):
+    count = 10_000
+    insert(buffer, 1)
+    messages = [point(ns=S + 1 + i) for i in range(count)]
+    for message in messages:
+        watched.filter.add(message)
+    assert buffer.statistics()["waiters"] == count
+    insert(buffer, 2, child="camera")
+    insert(buffer, 3, child="camera")
+    assert watched.filter.statistics()["waiting"] == count
+    insert(buffer, 2)
+    watched.settle()
+    assert watched.passed == messages
+    assert watched.filter.statistics()["waiting"] == 0

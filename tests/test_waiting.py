@@ -1,0 +1,444 @@
+"""Futures of transforms: what completes them, what ends them, and that nothing is left behind."""
+
+import asyncio
+import gc
+import sys
+import threading
+import time
+import weakref
+
+import pytest
+from making import at, stamp_ns, transform, translation
+from processes import until
+from rclpy.duration import Duration
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.task import Future
+from rclpy.time import Time
+
+LATEST = Time()
+SHORT = Duration(seconds=0.05)
+
+
+@pytest.fixture
+def buffer(tf2_ros):
+    buffer = tf2_ros.Buffer()
+    yield buffer
+    if hasattr(buffer, "statistics"):
+        gc.collect()
+        assert buffer.statistics()["waiters"] == 0, "somebody is left waiting"
+
+
+def wait(buffer, time=LATEST, **how):
+    return buffer.wait_for_transform_async("map", "robot", time, **how)
+
+
+def insert(buffer, seconds=1.0, child="robot", parent="map", x=0.0):
+    buffer.set_transform(transform(parent, child, seconds, (x, 0, 0)), "me")
+
+
+class TestCompletion:
+    def test_what_is_there_completes_it_at_once(self, buffer):
+        insert(buffer, x=2)
+        future = wait(buffer)
+        assert isinstance(future, Future)
+        assert future.done()
+        assert translation(future.result()) == (2.0, 0.0, 0.0)
+
+    def test_the_missing_transform_completes_it(self, buffer):
+        future = wait(buffer, at(2))
+        insert(buffer, 1)
+        assert not future.done()
+        insert(buffer, 3)
+        assert future.done()
+        assert stamp_ns(future.result()) == 2 * 10**9
+
+    def test_full_waits_for_both_times(self, buffer):
+        future = buffer.wait_for_transform_full_async("robot", at(2), "robot", at(1), "map")
+        insert(buffer, 1, x=1)
+        assert not future.done()
+        insert(buffer, 2, x=2)
+        assert translation(future.result()) == (-1.0, 0.0, 0.0)
+
+    @pytest.mark.ours
+    def test_it_may_come_by_any_way_in(self, buffer):
+        future = wait(buffer)
+        buffer.set_transforms([transform("map", "robot", 1)], "me")
+        assert future.done()
+        future = wait(buffer, at(9))
+        buffer.set_transform_static(transform("map", "robot"), "me")
+        assert future.done()
+
+    @pytest.mark.ours
+    def test_it_may_be_wired_together_later(self, buffer):
+        future = wait(buffer)
+        insert(buffer, 1, "robot", "odom")
+        insert(buffer, 1, "map", "world")
+        assert not future.done()
+        insert(buffer, 1, "odom", "world")
+        assert future.done()
+
+    def test_one_insert_completes_many(self, buffer):
+        futures = [wait(buffer, at(seconds)) for seconds in (1, 1.5, 2, 2.5)]
+        insert(buffer, 1)
+        insert(buffer, 2)
+        assert [future.done() for future in futures] == [True, True, True, False]
+        futures[-1].cancel()
+
+    @pytest.mark.ours
+    def test_clear_keeps_it_waiting(self, buffer):
+        future = wait(buffer, at(2))
+        insert(buffer, 1)
+        buffer.clear()
+        assert not future.done()
+        insert(buffer, 3)
+        assert not future.done(), "the sample before the clear is forgotten"
+        insert(buffer, 1.5)
+        assert future.done()
+
+    @pytest.mark.ours
+    def test_a_callback_runs_in_the_thread_that_inserts(self, buffer):
+        threads = []
+        future = wait(buffer)
+        future.add_done_callback(lambda _: threads.append(threading.current_thread()))
+        thread = threading.Thread(target=insert, args=(buffer,))
+        thread.start()
+        thread.join()
+        assert threads == [thread]
+
+    @pytest.mark.ours
+    def test_a_callback_may_use_the_buffer(self, buffer):
+        found = []
+
+        def use(_):
+            insert(buffer, 1, "camera", "robot")
+            found.append(buffer.lookup_transform("map", "camera", at(1)))
+            found.append(buffer.wait_for_transform_async("map", "camera", at(1)).result())
+
+        wait(buffer).add_done_callback(use)
+        insert(buffer)
+        assert [m.child_frame_id for m in found] == ["camera", "camera"]
+
+    @pytest.mark.ours
+    def test_a_callback_that_raises_does_not_hurt_who_inserts(self, buffer):
+        def fail(_):
+            raise RuntimeError("mine")
+
+        first, second = wait(buffer), wait(buffer)
+        first.add_done_callback(fail)
+        with pytest.warns(UserWarning, match="mine"):
+            insert(buffer)
+        assert second.done()
+
+
+class TestError:
+    @pytest.mark.ours
+    def test_a_name_that_can_never_be_found_ends_it_at_once(self, buffer, tf2_py):
+        future = buffer.wait_for_transform_async("", "robot", LATEST)
+        assert future.done()
+        with pytest.raises(tf2_py.InvalidArgumentException, match="cannot be empty"):
+            future.result()
+
+    @pytest.mark.ours
+    def test_arguments_of_the_wrong_type_are_raised_at_once(self, buffer):
+        with pytest.raises(TypeError):
+            buffer.wait_for_transform_async("map", 1, LATEST)
+        with pytest.raises(TypeError):
+            wait(buffer, "now")
+        with pytest.raises(TypeError, match="Duration"):
+            wait(buffer, timeout=1.0)
+
+
+@pytest.mark.ours
+class TestTimeout:
+    def test_it_tells_the_time_and_the_reason(self, buffer, tf2_py):
+        future = wait(buffer, timeout=SHORT)
+        begin = time.monotonic()
+        until(future.done)
+        assert time.monotonic() - begin < 1
+        with pytest.raises(tf2_py.TimeoutException, match="0.05 s.*does not exist"):
+            future.result()
+
+    def test_the_reason_is_that_of_the_last_look(self, buffer, tf2_py):
+        future = wait(buffer, at(5), timeout=SHORT)
+        insert(buffer, 1)
+        insert(buffer, 2)
+        until(future.done)
+        with pytest.raises(tf2_py.TimeoutException, match="extrapolation into the future"):
+            future.result()
+
+    def test_full_has_one_too(self, buffer, tf2_py):
+        future = buffer.wait_for_transform_full_async("map", at(1), "robot", at(2), "map", timeout=SHORT)
+        until(future.done)
+        with pytest.raises(tf2_py.TimeoutException):
+            future.result()
+
+    def test_none_at_all_ends_it_at_once(self, buffer, tf2_py):
+        future = wait(buffer, timeout=Duration())
+        until(future.done)
+        assert type(future.exception()) is tf2_py.TimeoutException
+
+    def test_an_answer_before_it_counts(self, buffer):
+        future = wait(buffer, timeout=SHORT)
+        insert(buffer)
+        other = wait(buffer, at(7), timeout=SHORT)
+        until(other.done)
+        assert other.exception() is not None
+        assert future.exception() is None
+
+    def test_they_end_in_their_order(self, buffer):
+        ended = []
+        futures = []
+        for milliseconds in (90, 30, 60, 0):
+            futures.append(wait(buffer, timeout=Duration(nanoseconds=milliseconds * 10**6)))
+            futures[-1].add_done_callback(lambda f, ms=milliseconds: ended.append((ms, f.exception())))
+        until(lambda: len(ended) == 4)
+        assert [ms for ms, _ in ended] == [0, 30, 60, 90]
+
+    def test_its_thread_ends_with_the_last(self, buffer):
+        futures = [wait(buffer, timeout=SHORT) for _ in range(3)]
+        assert deadline_threads() == 1
+        until(lambda: deadline_threads() == 0)
+        assert all(future.exception() is not None for future in futures)
+        again = wait(buffer, timeout=SHORT)
+        until(again.done)
+        assert again.exception() is not None
+
+    def test_waits_that_ended_leave_nothing_until_their_deadline(self, buffer):
+        from tf2_ros import _waiting
+
+        for _ in range(5000):
+            wait(buffer, timeout=Duration(seconds=3)).cancel()
+        assert len(_waiting._deadlines._heap) < 500
+
+    def test_it_needs_no_executor_and_holds_no_future(self, buffer):
+        future = wait(buffer, timeout=Duration(seconds=60))
+        reference = weakref.ref(future)
+        del future
+        assert reference() is None
+
+
+def deadline_threads():
+    return sum(thread.name == "tf2_ros deadlines" for thread in threading.enumerate())
+
+
+@pytest.mark.ours
+class TestEndOfTheWait:
+    def test_cancelling_ends_it(self, buffer):
+        future = wait(buffer)
+        future.cancel()
+        assert buffer.statistics()["waiters"] == 0
+        insert(buffer)
+        assert future.cancelled()
+        assert not future.done()
+
+    def test_a_result_from_elsewhere_ends_it(self, buffer):
+        for end in (lambda f: f.set_result("mine"), lambda f: f.set_exception(KeyError("mine"))):
+            future = wait(buffer, at(5))
+            end(future)
+            assert buffer.statistics()["waiters"] == 0
+            assert future.exception() is not None or future.result() == "mine"
+
+    def test_dropping_it_ends_it(self, buffer):
+        future = wait(buffer)
+        assert buffer.statistics()["waiters"] == 1
+        del future
+        assert buffer.statistics()["waiters"] == 0
+
+    def test_dropping_it_in_a_cycle_ends_it_with_the_cycle(self, buffer):
+        future = wait(buffer)
+        future.itself = future
+        del future
+        gc.collect()
+        assert buffer.statistics()["waiters"] == 0
+
+    def test_a_callback_keeps_it_without_anybody_holding_it(self, buffer):
+        found = []
+        wait(buffer).add_done_callback(lambda future: found.append(future.result()))
+        gc.collect()
+        insert(buffer)
+        assert [m.child_frame_id for m in found] == ["robot"]
+
+    def test_a_removed_callback_keeps_it_no_more(self, buffer):
+        future = wait(buffer)
+        callbacks = [lambda _: None, lambda _: None]
+        for callback in callbacks:
+            future.add_done_callback(callback)
+        assert future.remove_done_callback(callbacks[0])
+        assert not future.remove_done_callback(callbacks[0])
+        reference = weakref.ref(future)
+        del future
+        gc.collect()
+        assert reference() is not None
+        assert reference().remove_done_callback(callbacks[1])
+        gc.collect()
+        assert reference() is None
+
+    def test_an_executor_that_gave_up_does_not_keep_it(self, buffer, ros, node):
+        ros.spin_until_future_complete(node, wait(buffer), timeout_sec=0.05)
+        ros.spin_once(node, timeout_sec=0)  # rclpy remembers the last future it spun for
+        gc.collect()
+        assert buffer.statistics()["waiters"] == 0
+
+    def test_the_buffer_goes_with_its_future(self, tf2_ros):
+        buffer = tf2_ros.Buffer()
+        future = wait(buffer)
+        reference = weakref.ref(buffer)
+        del buffer
+        assert reference() is not None, "the future needs it"
+        del future
+        assert reference() is None
+
+    def test_a_completed_future_does_not_keep_the_buffer(self, tf2_ros):
+        buffer = tf2_ros.Buffer()
+        future = wait(buffer)
+        insert(buffer)
+        reference = weakref.ref(buffer)
+        del buffer
+        assert reference() is None
+        assert future.result() is not None
+
+    def test_ten_thousand_waits_leave_no_reference(self, buffer):
+        insert(buffer)
+        message_class = type(buffer.lookup_transform("map", "robot", LATEST))
+        gc.collect()
+        before = sys.getrefcount(message_class), sys.getrefcount(buffer)
+        for _ in range(10_000):
+            future = wait(buffer, at(5))
+            future.cancel()
+        del future
+        gc.collect()
+        assert (sys.getrefcount(message_class), sys.getrefcount(buffer)) == before
+
+
+@pytest.mark.ours
+def test_no_insert_falls_between_looking_and_waiting(buffer):
+    """Each round, an insert and a wait for it begin together; one that misses the other waits for ever."""
+    rounds = 3000
+    start, futures = threading.Barrier(2), []
+
+    def inserting():
+        for i in range(rounds):
+            start.wait()
+            insert(buffer, 1 + i)
+
+    thread = threading.Thread(target=inserting)
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        thread.start()
+        for i in range(rounds):
+            start.wait()
+            futures.append(wait(buffer, at(1 + i)))
+        thread.join()
+    finally:
+        sys.setswitchinterval(interval)
+    assert [stamp_ns(future.result()) for future in futures] == [(1 + i) * 10**9 for i in range(rounds)]
+
+
+@pytest.mark.ours
+def test_of_cancelling_timing_out_and_completing_one_wins(buffer):
+    """All at once, many times: a future ends once, and its callback is called once."""
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    ends = []
+    try:
+        for i in range(500):
+            start, calls = threading.Barrier(2), []
+            future = wait(buffer, at(1 + i), timeout=Duration(nanoseconds=100_000))
+            future.add_done_callback(calls.append)
+
+            def inserting(i=i, start=start):
+                start.wait()
+                insert(buffer, 1 + i)
+
+            thread = threading.Thread(target=inserting)
+            thread.start()
+            start.wait()
+            future.cancel()
+            thread.join()
+            until(lambda future=future: future.done() or future.cancelled())
+            until(lambda calls=calls: calls)
+            assert calls == [future]
+            ends.append((future.cancelled(), future.exception() is not None))
+    finally:
+        sys.setswitchinterval(interval)
+    assert len(ends) == 500
+
+
+class TestAwaiting:
+    def test_a_task_of_an_executor_awaits_it(self, buffer, executor):
+        task = executor.create_task(buffer.lookup_transform_async("map", "robot", at(1)))
+        executor.spin_once(timeout_sec=0)
+        assert not task.done()
+        insert(buffer)
+        until(task.done, executor)
+        assert task.result().child_frame_id == "robot"
+
+    @pytest.mark.ours
+    def test_an_executor_that_has_nothing_else_to_do_is_woken_for_its_task(self, buffer, executor):
+        task = executor.create_task(buffer.lookup_transform_async("map", "robot", at(1)))
+        executor.spin_once(timeout_sec=0)
+        timer = threading.Timer(0.05, insert, (buffer,))
+        begin = time.monotonic()
+        timer.start()
+        executor.spin_until_future_complete(task, timeout_sec=20)
+        timer.join()
+        assert task.done()
+        assert time.monotonic() - begin < 10
+
+    def test_full_is_awaited_likewise(self, buffer, executor):
+        insert(buffer, 1)
+        insert(buffer, 2)
+        coroutine = buffer.lookup_transform_full_async("map", at(2), "robot", at(1), "map")
+        task = executor.create_task(coroutine)
+        until(task.done, executor)
+        assert stamp_ns(task.result()) == 2 * 10**9
+
+    @pytest.mark.ours
+    def test_awaiting_has_a_timeout(self, buffer, executor, tf2_py):
+        coroutines = [
+            buffer.lookup_transform_async("map", "robot", at(1), timeout=SHORT),
+            buffer.lookup_transform_full_async("map", at(2), "robot", at(1), "map", timeout=SHORT),
+        ]
+        for coroutine in coroutines:
+            task = executor.create_task(coroutine)
+            with pytest.raises(tf2_py.TimeoutException):  # rclpy raises it out of spinning, too
+                until(task.done, executor)
+            assert type(task.exception()) is tf2_py.TimeoutException
+
+    def test_spinning_until_it_is_complete_wakes_the_executor(self, buffer, executor):
+        future = wait(buffer)
+        timer = threading.Timer(0.05, insert, (buffer,))
+        timer.start()
+        executor.spin_until_future_complete(future, timeout_sec=20)
+        timer.join()
+        assert future.done()
+
+    def test_any_executor_will_do(self, buffer, ros, node):
+        executor = MultiThreadedExecutor(2)
+        executor.add_node(node)
+        tasks = [executor.create_task(buffer.lookup_transform_async("map", "robot", at(s))) for s in (1, 2)]
+        executor.spin_once(timeout_sec=0)
+        insert(buffer, 1)
+        insert(buffer, 2)
+        until(lambda: all(task.done() for task in tasks), executor)
+        assert [stamp_ns(task.result()) for task in tasks] == [10**9, 2 * 10**9]
+        executor.shutdown()
+
+    def test_plain_asyncio_awaits_it(self, buffer):
+        async def main():
+            timer = threading.Timer(0.05, insert, (buffer,))
+            timer.start()
+            found = await asyncio.wait_for(buffer.lookup_transform_async("map", "robot", at(1)), 20)
+            timer.join()
+            return found
+
+        assert asyncio.run(main()).child_frame_id == "robot"
+
+    @pytest.mark.ours
+    def test_an_awaiting_coroutine_that_is_closed_waits_no_more(self, buffer):
+        coroutine = buffer.lookup_transform_async("map", "robot", at(1))
+        coroutine.send(None)
+        assert buffer.statistics()["waiters"] == 1
+        coroutine.close()
+        assert buffer.statistics()["waiters"] == 0

@@ -1,0 +1,318 @@
+"""Owns the loop that takes transforms from rcl's subscriptions into a buffer, without the GIL."""
+
+import traceback
+import weakref
+
+from libc.stddef cimport size_t
+from libc.stdint cimport int64_t, uintptr_t
+from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
+
+from tf2_py._batch cimport Batch, batch_free, batch_read_cdr
+from tf2_py._engine cimport Engine
+from tf2_py._lock cimport Lock, lock_free, lock_init, lock_write, unlock
+from tf2_py._messages cimport name_utf8
+from tf2_py._rcl cimport (
+    RCL_RET_OK,
+    RCL_RET_SUBSCRIPTION_TAKE_FAILED,
+    RCL_RET_TIMEOUT,
+    rcl_allocator_t,
+    rcl_context_is_valid,
+    rcl_context_t,
+    rcl_error_string_t,
+    rcl_event_t,
+    rcl_get_default_allocator,
+    rcl_get_error_string,
+    rcl_get_zero_initialized_wait_set,
+    rcl_guard_condition_t,
+    rcl_reset_error,
+    rcl_ret_t,
+    rcl_serialized_message_t,
+    rcl_subscription_t,
+    rcl_take_serialized_message,
+    rcl_wait,
+    rcl_wait_set_add_event,
+    rcl_wait_set_add_guard_condition,
+    rcl_wait_set_add_subscription,
+    rcl_wait_set_clear,
+    rcl_wait_set_fini,
+    rcl_wait_set_init,
+    rcl_wait_set_t,
+    rmw_get_zero_initialized_serialized_message,
+    rmw_serialized_message_fini,
+    rmw_serialized_message_init,
+)
+
+from tf2_py import _log
+
+from tf2_py import _log
+
+cdef enum:
+    MAX_SOURCES = 2             # dynamic and static transforms
+    MAX_IN_A_ROW = 100          # messages of one source, before the other and the guard get their turn
+    KEEP_BYTES = 1 << 20        # more memory than that is not kept from one message to the next
+
+# A signal ends a context without a word to those who wait in it; and an event would make each message dearer.
+cdef int64_t LOOK_UP_NS = 1000000000
+
+
+cdef struct Source:
+    const rcl_subscription_t* subscription
+    const rcl_event_t* event    # may happen to it; or NULL
+    bint happened
+    bint is_static
+
+
+cdef enum Outcome:
+    OUTCOME_WOKEN               # the guard condition was triggered, or an event happened
+    OUTCOME_ENDED               # the context has ended
+    OUTCOME_FAILED              # rcl tells why
+
+
+cdef bint _take_in(Engine engine, Batch* batch) noexcept nogil:
+    engine.insert(batch)
+    return _report_is_due(engine, batch)
+
+
+cdef inline bint _report_is_due(Engine engine, const Batch* batch) noexcept nogil:
+    return batch.news
+
+
+# Without the GIL nobody can count references: the loop knows the engine by its address alone.
+ctypedef bint (*TakeIn)(void* engine, Batch* batch) noexcept nogil
+cdef TakeIn take_in = <TakeIn>_take_in
+
+
+cdef class Receiver:
+    """
+    Takes messages from subscriptions into a buffer.
+
+    :param buffer: a BufferCore. It is not kept alive, for what waits in it may lead to the node: a thread in
+        :meth:`run` would keep both for ever. Only one that cannot be referenced weakly is kept.
+    :param str authority: who says so.
+    """
+
+    cdef void* _engine          # NULL: it is gone; guarded by _door
+    cdef Lock _door             # held while the engine is at work
+    cdef object _reference      # called, gives the engine or None
+    cdef object _held           # the engine, between hold() and release()
+    cdef str _authority         # keeps the batch's UTF-8 alive
+    cdef Batch _batch
+    cdef rcl_serialized_message_t _message
+    cdef rcl_wait_set_t _set
+    cdef rcl_context_t* _context
+    cdef const rcl_guard_condition_t* _guard
+    cdef Source _sources[MAX_SOURCES]
+    cdef size_t _count          # of sources
+    cdef list _topics           # their names
+
+    def __cinit__(self, Engine buffer not None, str authority not None):
+        cdef Py_ssize_t size
+        if lock_init(&self._door) != 0:
+            raise MemoryError
+        if not _message_init(&self._message):
+            raise MemoryError
+        self._authority = authority
+        self._batch.authority = name_utf8(authority, &size)
+        self._batch.authority_size = size
+        if type(buffer).__weakrefoffset__:
+            self._reference = weakref.ref(buffer, self._forget)
+        else:
+            self._reference = lambda: buffer
+        self._engine = <void*>buffer
+
+    def __dealloc__(self):
+        batch_free(&self._batch)
+        _message_free(&self._message)
+        lock_free(&self._door)
+
+    def _forget(self, _):
+        with nogil:
+            lock_write(&self._door)
+        self._engine = NULL
+        unlock(&self._door)
+
+    def hold(self):
+        """Let nothing into the buffer until :meth:`release`, so that the process can fork meanwhile."""
+        self._held = self._reference()  # for _forget would wait
+        with nogil:
+            lock_write(&self._door)
+
+    def release(self):
+        """End what :meth:`hold` began, in the same thread or in its copy in a forked child."""
+        unlock(&self._door)
+        self._held = None
+
+    def run(self, context, guard, sources):
+        """
+        Take in what comes, until the guard condition is triggered, an event happens or the context ends.
+
+        :param context: address of the ``rcl_context_t``.
+        :param guard: address of an ``rcl_guard_condition_t`` that nobody else waits for.
+        :param sources: at most two tuples: address of an ``rcl_subscription_t``, address of an
+            ``rcl_event_t`` or 0, the topic's name, whether its transforms are static.
+        :return: which events have happened, by their addresses; None if the context has ended.
+        :raises RuntimeError: rcl failed; the text says how.
+
+        What is behind the addresses must stay. An event is told within a second.
+        """
+        cdef Outcome outcome
+        cdef size_t i
+        if len(sources) > MAX_SOURCES:
+            raise ValueError(f"{len(sources)} sources, at most {MAX_SOURCES} are possible")
+        self._context = <rcl_context_t*><uintptr_t>context
+        self._guard = <const rcl_guard_condition_t*><uintptr_t>guard
+        self._topics = []
+        self._count = 0
+        for subscription, event, topic, is_static in sources:
+            self._sources[self._count].subscription = <const rcl_subscription_t*><uintptr_t>subscription
+            self._sources[self._count].event = <const rcl_event_t*><uintptr_t>event
+            self._sources[self._count].happened = False
+            self._sources[self._count].is_static = is_static
+            self._topics.append(topic)
+            self._count += 1
+        with nogil:
+            outcome = self._serve()
+        if outcome == OUTCOME_FAILED:
+            raise RuntimeError(_last_error())
+        if outcome == OUTCOME_ENDED:
+            return None
+        return [<uintptr_t>self._sources[i].event for i in range(self._count) if self._sources[i].happened]
+
+    cdef Outcome _serve(self) noexcept nogil:
+        cdef Outcome outcome = OUTCOME_FAILED
+        self._set = rcl_get_zero_initialized_wait_set()
+        if rcl_wait_set_init(&self._set, self._count, 1, 0, 0, 0, self._count, self._context,
+                             rcl_get_default_allocator()) == RCL_RET_OK:
+            outcome = self._loop()
+            if rcl_wait_set_fini(&self._set) != RCL_RET_OK:
+                rcl_reset_error()
+        if outcome == OUTCOME_FAILED and not rcl_context_is_valid(self._context):
+            rcl_reset_error()
+            return OUTCOME_ENDED
+        return outcome
+
+    cdef Outcome _loop(self) noexcept nogil:
+        cdef rcl_ret_t result
+        cdef size_t i
+        cdef int64_t now_ns
+        cdef int64_t look_up_ns = 0
+        while rcl_context_is_valid(self._context):
+            now_ns = _now_ns()
+            result = self._arm(now_ns >= look_up_ns)
+            if now_ns >= look_up_ns:
+                look_up_ns = now_ns + LOOK_UP_NS
+            if result == RCL_RET_OK:
+                result = rcl_wait(&self._set, LOOK_UP_NS)
+            if result == RCL_RET_TIMEOUT:
+                continue
+            if result != RCL_RET_OK:
+                return OUTCOME_FAILED
+            for i in range(self._count):
+                if self._set.subscriptions[i] != NULL:
+                    self._drain(i)
+            if self._set.guard_conditions[0] != NULL or self._events_happened():
+                return OUTCOME_WOKEN
+        return OUTCOME_ENDED
+
+    cdef bint _events_happened(self) noexcept nogil:
+        cdef bint any_happened = False
+        cdef size_t i, j
+        for i in range(self._count):
+            for j in range(self._count):
+                if self._set.events[j] != NULL and self._set.events[j] == self._sources[i].event:
+                    self._sources[i].happened = any_happened = True
+        return any_happened
+
+    cdef rcl_ret_t _arm(self, bint with_events) noexcept nogil:
+        # Waiting strikes out what is not ready, so the set is filled anew each time.
+        cdef rcl_ret_t result = rcl_wait_set_clear(&self._set)
+        cdef size_t i
+        if result == RCL_RET_OK:
+            result = rcl_wait_set_add_guard_condition(&self._set, self._guard, NULL)
+        for i in range(self._count):
+            if result == RCL_RET_OK:
+                result = rcl_wait_set_add_subscription(&self._set, self._sources[i].subscription, NULL)
+            if result == RCL_RET_OK and with_events and self._sources[i].event != NULL:
+                result = rcl_wait_set_add_event(&self._set, self._sources[i].event, NULL)
+        return result
+
+    cdef void _drain(self, size_t index) noexcept nogil:
+        cdef rcl_ret_t result
+        cdef int _
+        self._batch.is_static = self._sources[index].is_static
+        for _ in range(MAX_IN_A_ROW):
+            result = rcl_take_serialized_message(
+                self._sources[index].subscription, &self._message, NULL, NULL
+            )
+            if result == RCL_RET_SUBSCRIPTION_TAKE_FAILED:
+                return
+            if result != RCL_RET_OK:
+                self._complain(index)
+                return
+            self._take_message(index)
+            if self._message.buffer_capacity > KEEP_BYTES:
+                self._give_back()
+
+    cdef void _take_message(self, size_t index) noexcept nogil:
+        cdef bint due = True
+        self._batch.taken = self._batch.refused = 0
+        if batch_read_cdr(&self._batch, self._message.buffer, self._message.buffer_length):
+            lock_write(&self._door)
+            due = self._engine != NULL and take_in(self._engine, &self._batch)
+            unlock(&self._door)
+        if due:
+            self._report(index)
+
+    cdef void _give_back(self) noexcept nogil:
+        batch_free(&self._batch)
+        _message_free(&self._message)
+        _message_init(&self._message)
+
+    cdef void _report(self, size_t index) noexcept with gil:
+        cdef Engine engine = self._reference()
+        if engine is None:
+            return
+        try:
+            if self._batch.problem != NULL:
+                error = engine.malformed(&self._batch, self._message.buffer_length)
+                _log.malformed(engine._throttle, self._topics[index], str(error))
+            else:
+                engine.report(&self._batch)
+        except BaseException:
+            # Of a callback that somebody added to a future, or no memory; the next message may fare better.
+            _log_failure(engine, traceback.format_exc())
+
+    cdef void _complain(self, size_t index) noexcept with gil:
+        cdef Engine engine = self._reference()
+        text = _last_error()
+        if engine is not None:
+            _log_failure(engine, f"cannot take a message from {self._topics[index]}: {text}")
+
+
+cdef int64_t _now_ns() noexcept nogil:
+    cdef timespec now
+    clock_gettime(CLOCK_MONOTONIC, &now)
+    return now.tv_sec * <int64_t>1000000000 + now.tv_nsec
+
+
+cdef bint _message_init(rcl_serialized_message_t* message) noexcept nogil:
+    # Of no bytes: rcl gives it as many as it needs.
+    cdef rcl_allocator_t allocator = rcl_get_default_allocator()
+    message[0] = rmw_get_zero_initialized_serialized_message()
+    return rmw_serialized_message_init(message, 0, &allocator) == RCL_RET_OK
+
+
+cdef void _message_free(rcl_serialized_message_t* message) noexcept nogil:
+    if rmw_serialized_message_fini(message) != RCL_RET_OK:
+        rcl_reset_error()
+
+
+cdef str _last_error():
+    cdef rcl_error_string_t error = rcl_get_error_string()
+    rcl_reset_error()
+    return error.str.decode("utf-8", "replace")
+
+
+cdef _log_failure(Engine engine, str text):
+    if engine._throttle.passes("receiver"):
+        _log._logger().error(f"Receiving transforms: {text}")

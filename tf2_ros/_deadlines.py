@@ -1,0 +1,86 @@
+"""Owns the one thread of the process that ends asynchronous waits whose time is over."""
+
+import heapq
+import itertools
+import threading
+import time
+import weakref
+from typing import Protocol
+
+__all__ = ["Deadlines", "Expiring", "deadlines"]
+
+FEW = 64  # entries that are not worth sweeping
+LONGEST_WAIT_S = 3600.0  # more than some platforms can wait for in one go
+
+
+class Expiring(Protocol):
+    """What has a deadline."""
+
+    def over(self) -> bool:
+        """Whether it ended before its deadline."""
+
+    def expire(self) -> None:
+        """The deadline has come."""
+
+
+class Deadlines:
+    """
+    Calls ``expire()`` of things when their time has come, unless they were over, or dropped, before.
+
+    The thread is a daemon, starts with the first deadline and ends when none is left.
+    """
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._order = itertools.count()
+        self._heap: list[tuple[int, int, weakref.ref[Expiring]]] = []
+        self._sweep_at = FEW
+        self._thread: threading.Thread | None = None
+
+    def add(self, deadline_ns: int, thing: Expiring) -> None:
+        """Call ``thing.expire()`` when ``time.monotonic_ns()`` comes to ``deadline_ns``; holds it weakly."""
+        entry = (deadline_ns, next(self._order), weakref.ref(thing))
+        with self._changed:
+            heapq.heappush(self._heap, entry)
+            if len(self._heap) >= self._sweep_at:
+                self._sweep()
+            if self._thread is None or not self._thread.is_alive():  # not alive: in a forked child
+                self._thread = threading.Thread(target=self._run, name="tf2_ros deadlines", daemon=True)
+                self._thread.start()
+            elif self._heap[0] is entry:
+                self._changed.notify()
+
+    def _sweep(self) -> None:
+        # Waits usually end well before their deadline; without this their entries would pile up until then.
+        self._heap = [entry for entry in self._heap if _pending(entry[2]) is not None]
+        heapq.heapify(self._heap)
+        self._sweep_at = 2 * len(self._heap) + FEW
+
+    def _run(self) -> None:
+        while (thing := self._next()) is not None:
+            thing.expire()
+            del thing  # not held while waiting for the next
+
+    def _next(self) -> Expiring | None:
+        with self._changed:
+            while self._heap:
+                deadline_ns, _, reference = self._heap[0]
+                left_ns = deadline_ns - time.monotonic_ns()
+                if left_ns > 0:
+                    self._changed.wait(min(left_ns / 1e9, LONGEST_WAIT_S))
+                    continue
+                heapq.heappop(self._heap)
+                thing = _pending(reference)
+                if thing is not None:
+                    return thing
+            self._thread = None
+            return None
+
+
+def _pending(reference: "weakref.ref[Expiring]") -> Expiring | None:
+    thing = reference()
+    return None if thing is None or thing.over() else thing
+
+
+# Of the whole process.
+deadlines = Deadlines()

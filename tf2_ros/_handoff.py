@@ -1,0 +1,79 @@
+"""Owns handing things from any thread to a function that runs in a node's executor."""
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
+from rclpy.exceptions import InvalidHandle
+from rclpy.node import Node
+
+__all__ = ["Handoff"]
+
+
+class Handoff:
+    """
+    Hands things to ``take``, which the node's executor calls: one thing at a time, in the order they came.
+
+    :param node: whoever spins it runs ``take``.
+    :param take: called with each thing. What it raises goes to whoever spins; the things behind are not lost.
+    :param group: a mutually exclusive callback group. None: one of its own.
+    """
+
+    def __init__(
+        self, node: Node, take: Callable[[Any], None], group: MutuallyExclusiveCallbackGroup | None = None
+    ) -> None:
+        self._node = node
+        self._take = take
+        self._things: deque[Any] = deque()
+        # One that a signal handler or a finaliser may take again, in the middle of something.
+        self._closing = threading.RLock()
+        self._closed = False
+        own: CallbackGroup = MutuallyExclusiveCallbackGroup() if group is None else group
+        self._guard = node.create_guard_condition(self._run, own)
+
+    def put(self, thing: Any) -> None:
+        """Hand a thing over, from any thread; without effect when this is closed, or the node gone."""
+        self._things.append(thing)
+        self._wake()
+
+    def clear(self) -> list[Any]:
+        """Forget what has not been taken yet, and return it."""
+        forgotten = []
+        while self._things:
+            forgotten.append(self._things.popleft())
+        return forgotten
+
+    def close(self) -> None:
+        """Forget what has not been taken yet, and end."""
+        with self._closing:
+            if self._closed:
+                return
+            self._closed = True
+        self._node.destroy_guard_condition(self._guard)
+        self._things.clear()
+
+    def _wake(self) -> None:
+        with self._closing:
+            if self._closed:
+                return
+            try:
+                self._guard.trigger()
+            except InvalidHandle:
+                self._closed = True  # the node was destroyed
+        if self._closed:
+            self._things.clear()
+
+    def _run(self) -> None:
+        # No more than there are now: what is added meanwhile must not keep others from their turn.
+        for _ in range(len(self._things)):
+            try:
+                thing = self._things.popleft()
+            except IndexError:
+                return  # taken back meanwhile
+            try:
+                self._take(thing)
+            except BaseException:
+                self._wake()
+                raise

@@ -1,0 +1,190 @@
+"""Owns which function transforms or converts which type."""
+
+import importlib
+import importlib.util
+from collections.abc import Callable
+from copy import deepcopy
+from typing import Any
+
+__all__ = [
+    "ConvertRegistration",
+    "NotImplementedException",
+    "TransformRegistration",
+    "TypeException",
+    "convert",
+]
+
+# Which package registers the types of a message package. It is imported when the first such type is seen, so
+# that a program that has a message need not know where its transformation lives.
+_REGISTERED_BY = {
+    "geometry_msgs": "tf2_geometry_msgs",
+    "nav_msgs": "tf2_geometry_msgs",
+    "sensor_msgs": "tf2_sensor_msgs",
+}
+
+
+class TypeException(Exception):
+    """
+    No function is registered for a type.
+
+    :param str errstr: what is missing; also the attribute ``errstr``.
+    """
+
+    def __init__(self, errstr: str) -> None:
+        super().__init__(errstr)
+        self.errstr = errstr
+
+
+class NotImplementedException(Exception):
+    """A buffer lacks the method that was called; the attribute ``errstr`` says so in words."""
+
+    def __init__(self) -> None:
+        self.errstr = "CanTransform or LookupTransform not implemented"
+        super().__init__(self.errstr)
+
+
+def _name(key: Any) -> str:
+    # rosidl keeps each class in a private module and exports it from the one above.
+    if not isinstance(key, type):
+        return str(key)
+    modules = [part for part in key.__module__.split(".") if not part.startswith("_")]
+    return ".".join([*modules, key.__qualname__])
+
+
+def _package(key: Any) -> str:
+    return getattr(key, "__module__", "").partition(".")[0]
+
+
+class _Functions:
+    """Functions by key: those that programs registered, and under them the ones of this project."""
+
+    def __init__(self, what: str) -> None:
+        self._what = what
+        self._chosen: dict[Any, Callable[..., Any]] = {}
+        self._defaults: dict[Any, Callable[..., Any]] = {}
+
+    def add(self, key: Any, function: Callable[..., Any], default: bool) -> None:
+        (self._defaults if default else self._chosen)[key] = function
+
+    def find(self, key: Any) -> Callable[..., Any] | None:
+        """The function for ``key``, or None; imports what registers the types in it, if that is known."""
+        function = self._registered(key)
+        if function is not None:
+            return function
+        for package in self._providers(key):
+            if importlib.util.find_spec(package) is not None:
+                importlib.import_module(package)
+        return self._registered(key)
+
+    def get(self, key: Any) -> Callable[..., Any]:
+        """The function for ``key``; TypeException says what would make it known."""
+        function = self.find(key)
+        if function is None:
+            raise TypeException(self._missing(key))
+        return function
+
+    def all(self) -> dict[Any, Callable[..., Any]]:
+        return {**self._defaults, **self._chosen}
+
+    def _registered(self, key: Any) -> Callable[..., Any] | None:
+        return self._chosen.get(key) or self._defaults.get(key)
+
+    @staticmethod
+    def _providers(key: Any) -> list[str]:
+        types = key if isinstance(key, tuple) else (key,)
+        providers = (_REGISTERED_BY.get(_package(one)) for one in types)
+        return list(dict.fromkeys(provider for provider in providers if provider is not None))
+
+    def _missing(self, key: Any) -> str:
+        names = " to ".join(map(_name, key)) if isinstance(key, tuple) else _name(key)
+        absent = [package for package in self._providers(key) if importlib.util.find_spec(package) is None]
+        if absent:
+            cure = f"install {' and '.join(absent)}, which knows the messages of its package"
+        else:
+            cure = f"import the package that registers it, or register a function with {self._what}"
+        return f"Type {names} is not loaded or supported: {cure}"
+
+
+class TransformRegistration:
+    """The functions that transform objects, by type; one table for the whole process."""
+
+    _functions = _Functions("tf2_ros.TransformRegistration().add()")
+
+    def add(self, key: type, callback: Callable[[Any, Any], Any], *, default: bool = False) -> None:
+        """
+        Register the function that transforms objects of one type.
+
+        :param key: the type.
+        :param callback: takes the object and a ``TransformStamped``, returns the transformed object.
+        :param default: only where no program registers a function of its own for the type, before or after.
+        """
+        self._functions.add(key, callback, default)
+
+    def get(self, key: type) -> Callable[[Any, Any], Any]:
+        """
+        Find the function that transforms objects of one type.
+
+        :raises TypeException: none is registered.
+        """
+        return self._functions.get(key)
+
+    def print_me(self) -> None:
+        """Print the table."""
+        print(self._functions.all())
+
+
+class ConvertRegistration:
+    """The functions that turn objects of one type into another, by type; one table for the whole process."""
+
+    _to_msg = _Functions("tf2_ros.ConvertRegistration().add_to_msg()")
+    _from_msg = _Functions("tf2_ros.ConvertRegistration().add_from_msg()")
+    _convert = _Functions("tf2_ros.ConvertRegistration().add_convert()")
+
+    def add_from_msg(self, key: type, callback: Callable[[Any], Any], *, default: bool = False) -> None:
+        """Register the function that makes an object of type ``key`` of a message."""
+        self._from_msg.add(key, callback, default)
+
+    def add_to_msg(self, key: type, callback: Callable[[Any], Any], *, default: bool = False) -> None:
+        """Register the function that makes a message of an object of type ``key``."""
+        self._to_msg.add(key, callback, default)
+
+    def add_convert(
+        self, key: tuple[type, type], callback: Callable[[Any], Any], *, default: bool = False
+    ) -> None:
+        """Register the function that goes straight from the first type of ``key`` to the second."""
+        self._convert.add(key, callback, default)
+
+    def get_from_msg(self, key: type) -> Callable[[Any], Any]:
+        """Find what :meth:`add_from_msg` registered; TypeException where nothing is."""
+        return self._from_msg.get(key)
+
+    def get_to_msg(self, key: type) -> Callable[[Any], Any]:
+        """Find what :meth:`add_to_msg` registered; TypeException where nothing is."""
+        return self._to_msg.get(key)
+
+    def get_convert(self, key: tuple[type, type]) -> Callable[[Any], Any]:
+        """Find what :meth:`add_convert` registered; TypeException where nothing is."""
+        return self._convert.get(key)
+
+    def find_convert(self, key: tuple[type, type]) -> Callable[[Any], Any] | None:
+        """Find what :meth:`add_convert` registered, or None."""
+        return self._convert.find(key)
+
+
+def convert(a: Any, b_type: type) -> Any:
+    """
+    Turn an object into another type: straight, as a deep copy if it has that type, or through a message.
+
+    :param a: the object; it is not changed.
+    :param b_type: the type wanted.
+    :raises TypeException: no way leads from the one type to the other.
+    """
+    registration = ConvertRegistration()
+    straight = registration.find_convert((type(a), b_type))
+    if straight is not None:
+        return straight(a)
+    if type(a) is b_type:
+        return deepcopy(a)
+    to_msg = registration.get_to_msg(type(a))
+    from_msg = registration.get_from_msg(b_type)
+    return from_msg(to_msg(a))

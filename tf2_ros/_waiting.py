@@ -1,0 +1,240 @@
+"""Owns waiting for transforms on top of the engine: blocked threads, futures, and what ends each wait."""
+
+import asyncio
+import sys
+import time
+import weakref
+from collections.abc import Callable, Generator
+from types import FrameType
+from typing import Any
+
+from rclpy.task import Future, Task
+
+from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
+from tf2_ros._deadlines import deadlines as _deadlines
+
+__all__ = ["Lookup", "TransformFuture", "WakingFuture", "block", "duration_ns"]
+
+# Modules whose callbacks on a future only wake an executor: with no other, nobody awaits the future.
+EXECUTOR_MODULES = {"rclpy.executors", "rclpy.task"}
+
+# As BufferCore._wait takes it: target and source frame, time, then fixed frame and target time or None twice.
+Lookup = tuple[str, str, Any, str | None, Any]
+
+
+def duration_ns(duration: Any) -> int:
+    """The nanoseconds of an rclpy ``Duration``, or of a duration message; TypeError for anything else."""
+    if hasattr(duration, "nanoseconds"):
+        return int(duration.nanoseconds)
+    if hasattr(duration, "sec") and hasattr(duration, "nanosec"):
+        return int(duration.sec) * 1_000_000_000 + int(duration.nanosec)
+    raise TypeError(f"a timeout is an rclpy.duration.Duration, not {type(duration).__name__}")
+
+
+def block(core: BufferCore, lookup: Lookup, timeout_ns: int, context: Any) -> Any:
+    """
+    Wait, without the GIL, until there is an answer, and return it.
+
+    :param timeout_ns: nanoseconds of steady time; after that, what the lookup raises is raised.
+    :param context: the rclpy context whose end ends the wait, unless it was not alive to begin with.
+
+    A name that can never be looked up is raised at once.
+    """
+    # A buffer can be used where ROS was never started; then there is nothing whose end to watch for.
+    alive = context.ok if context.ok() else _always
+    while True:
+        wait = core._wait(*lookup)
+        answer = wait.answer
+        if answer is not None:
+            return answer
+        if wait.block(timeout_ns, alive):
+            return wait.answer
+        reason = wait.reason()
+        if reason is not None:
+            raise reason
+        # It has just come: the next look finds it.
+
+
+def _always() -> bool:
+    return True
+
+
+class WakingFuture(Future):
+    """A future that may be completed in any thread: it wakes whatever runs the tasks that await it."""
+
+    def __await__(self) -> Generator[Any, Any, Any]:
+        # Callbacks that only wake are none that a future is kept for: they go past those of a subclass.
+        executor = _awaiting_executor()
+        if executor is not None:
+            # rclpy looks at a task that awaits only when its executor has something else to do, and whoever
+            # completes this future gives it nothing.
+            Future.add_done_callback(self, _waker(executor))
+        elif (loop := _running_loop()) is not None:
+            # asyncio would ask again and again instead.
+            woken = loop.create_future()
+            Future.add_done_callback(self, _loop_waker(loop, woken))
+            yield from woken
+        return (yield from super().__await__())
+
+
+class TransformFuture(WakingFuture):
+    """
+    The future of a transform that a buffer may not know yet.
+
+    :param lookup: what to wait for; what is wrong with it is raised, but for a name that can never be looked
+        up: that ends the future at once.
+    :param timeout: an rclpy Duration of steady time, after which the future holds a TimeoutException. None:
+        never.
+
+    The thread that brings the missing data completes it. It lives as long as somebody holds it or has added a
+    callback to it; when nobody does, nobody waits any more.
+    """
+
+    # Those that live by their callbacks alone.
+    _held: "set[TransformFuture]" = set()
+
+    # Two leading underscores keep these names clear of those of rclpy's Future, whatever its release.
+
+    def __init__(self, core: BufferCore, lookup: Lookup, timeout: Any = None) -> None:
+        super().__init__()
+        self.__timeout_ns = None if timeout is None else duration_ns(timeout)
+        self.__callbacks = 0  # that somebody else than an executor added
+        self.__claims = [None]  # who takes it ends the wait
+        self.__wait: Any = None
+        try:
+            self.__wait = core._wait(*lookup, notify=_succeed_later(weakref.ref(self)))
+        except InvalidArgumentException as error:
+            self.__fail(error)
+            return
+        answer = self.__wait.answer
+        if answer is not None:
+            self.succeed(answer)
+        elif self.__timeout_ns is not None:
+            _deadlines.add(time.monotonic_ns() + self.__timeout_ns, self)
+
+    def succeed(self, answer: Any) -> None:
+        """The answer is there."""
+        if self.__claim():
+            super().set_result(answer)
+
+    def expire(self) -> None:
+        """The timeout is over: the answer if it has just come, or a TimeoutException."""
+        wait = self.__wait
+        if wait is None or not self.__claim():
+            return
+        wait.cancel()
+        answer = wait.answer
+        if answer is not None:
+            super().set_result(answer)
+            return
+        assert self.__timeout_ns is not None
+        error = TimeoutException(f"Waited {self.__timeout_ns / 1e9} s for the transform: {wait.reason()}")
+        super().set_exception(error)
+
+    def over(self) -> bool:
+        """Whether the wait has ended, in whatever way."""
+        return not self.__claims
+
+    def cancel(self) -> None:
+        """End the wait; nothing happens if an answer is there, or is just coming."""
+        if self.__claim():
+            super().cancel()
+
+    def set_result(self, result: Any) -> None:
+        """End the wait with this result."""
+        self.__claim()
+        super().set_result(result)
+
+    def set_exception(self, exception: BaseException) -> None:
+        """End the wait with this exception."""
+        self.__claim()
+        super().set_exception(exception)
+
+    def add_done_callback(self, callback: Callable[[Any], None]) -> None:
+        """Add a callback; from now on the future need not be held by anybody else."""
+        super().add_done_callback(callback)
+        if _only_wakes(callback):
+            return
+        self.__callbacks += 1
+        TransformFuture._held.add(self)
+        if self.over():
+            TransformFuture._held.discard(self)
+
+    def remove_done_callback(self, callback: Callable[[Any], None]) -> bool:
+        """Remove a callback; whether it was there."""
+        removed: bool = super().remove_done_callback(callback)
+        if removed and not _only_wakes(callback):
+            self.__callbacks -= 1
+            if self.__callbacks == 0:
+                TransformFuture._held.discard(self)
+        return removed
+
+    def __fail(self, error: BaseException) -> None:
+        if self.__claim():
+            # Its traceback would lead back to this future, and both would wait for the collector.
+            super().set_exception(error.with_traceback(None))
+
+    def __claim(self) -> bool:
+        # Of those that want to end the wait, in any thread, the one that gets True does it.
+        try:
+            self.__claims.pop()
+        except IndexError:
+            return False
+        wait, self.__wait = self.__wait, None  # it holds the buffer
+        if wait is not None:
+            wait.cancel()
+        TransformFuture._held.discard(self)
+        return True
+
+
+def _succeed_later(reference: "weakref.ref[TransformFuture]") -> Callable[[Any], None]:
+    # The engine holds this for as long as the future waits, and must not keep the future from going.
+    def succeed(answer: Any) -> None:
+        future = reference()
+        if future is not None:
+            future.succeed(answer)
+
+    return succeed
+
+
+def _awaiting_executor() -> Any:
+    # Nobody tells the awaited which task awaits it; the task is further up on the stack.
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None and frame.f_code is not Task.__call__.__code__:
+        frame = frame.f_back
+    return None if frame is None else frame.f_locals["self"]._executor()
+
+
+def _waker(executor: Any) -> Callable[[Any], None]:
+    reference = weakref.ref(executor)
+
+    def wake(_: Any) -> None:
+        sleeping = reference()
+        if sleeping is not None:
+            sleeping.wake()
+
+    return wake
+
+
+def _running_loop() -> asyncio.AbstractEventLoop | None:
+    try:
+        return asyncio.get_running_loop()
+    except RuntimeError:
+        return None
+
+
+def _loop_waker(loop: asyncio.AbstractEventLoop, woken: asyncio.Future[None]) -> Callable[[Any], None]:
+    def end() -> None:
+        if not woken.done():
+            woken.set_result(None)
+
+    def wake(_: Any) -> None:
+        # Who awaited in a loop that is closed is gone.
+        if not loop.is_closed():
+            loop.call_soon_threadsafe(end)
+
+    return wake
+
+
+def _only_wakes(callback: Any) -> bool:
+    return getattr(callback, "__module__", None) in EXECUTOR_MODULES

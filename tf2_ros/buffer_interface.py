@@ -1,0 +1,186 @@
+"""Owns what every buffer offers: transforming objects on top of a lookup."""
+
+from typing import Any, TypeVar
+
+from geometry_msgs.msg import (
+    PointStamped,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    TransformStamped,
+    Vector3Stamped,
+)
+from rclpy.duration import Duration
+from rclpy.time import Time
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+
+from tf2_ros._registration import (
+    ConvertRegistration,
+    NotImplementedException,
+    TransformRegistration,
+    TypeException,
+    convert,
+)
+
+# Programs came to rely on finding the message classes here; they stay, outside __all__.
+__all__ = [
+    "BufferInterface",
+    "ConvertRegistration",
+    "MsgStamped",
+    "NotImplementedException",
+    "PyKDLType",
+    "Stamped",
+    "TransformRegistration",
+    "TransformableObject",
+    "TransformableObjectType",
+    "TypeException",
+    "convert",
+]
+
+MsgStamped = PointStamped | PoseStamped | PoseWithCovarianceStamped | Vector3Stamped | PointCloud2
+PyKDLType = TypeVar("PyKDLType")
+TransformableObject = MsgStamped | PyKDLType
+TransformableObjectType = TypeVar("TransformableObjectType")
+
+# The default of every `timeout`: one object, so that "none" is an identity, not a comparison of Durations.
+NO_TIMEOUT = Duration()
+
+
+class BufferInterface:
+    """
+    What :class:`tf2_ros.Buffer` and :class:`tf2_ros.BufferClient` share.
+
+    A subclass has the lookups; ``transform`` and its relatives stand on them. The attribute ``registration``
+    is the table of functions that transform objects.
+    """
+
+    def __init__(self) -> None:
+        self.registration = TransformRegistration()
+
+    def transform(
+        self,
+        object_stamped: Any,
+        target_frame: str,
+        timeout: Duration = NO_TIMEOUT,
+        new_type: type | None = None,
+    ) -> Any:
+        """
+        Carry an object into another frame, at the object's own time.
+
+        :param object_stamped: an object with a ``header``, of a registered type.
+        :param target_frame: where to.
+        :param timeout: how long to wait for the transform, in steady time.
+        :param new_type: convert the result to this type.
+        :return: a new object; the one given is not changed.
+        :raises TypeException: the type is not registered, or no conversion to ``new_type`` is.
+        :raises TransformException: what the lookup raises.
+        """
+        do_transform = self.registration.get(type(object_stamped))
+        header = object_stamped.header
+        result = do_transform(
+            object_stamped, self.lookup_transform(target_frame, header.frame_id, header.stamp, timeout)
+        )
+        return result if new_type is None else convert(result, new_type)
+
+    def transform_full(
+        self,
+        object_stamped: Any,
+        target_frame: str,
+        target_time: Time,
+        fixed_frame: str,
+        timeout: Duration = NO_TIMEOUT,
+        new_type: type | None = None,
+    ) -> Any:
+        """
+        Carry an object from its own time into another frame at another time.
+
+        :param target_time: the time to carry it to; 0 is the latest.
+        :param fixed_frame: the frame that is taken to stand still between the two times.
+
+        Otherwise as :meth:`transform`.
+        """
+        do_transform = self.registration.get(type(object_stamped))
+        header = object_stamped.header
+        transform = self.lookup_transform_full(
+            target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout
+        )
+        result = do_transform(object_stamped, transform)
+        return result if new_type is None else convert(result, new_type)
+
+    async def transform_async(
+        self,
+        object_stamped: Any,
+        target_frame: str,
+        timeout: Duration | None = None,
+        new_type: type | None = None,
+    ) -> Any:
+        """
+        Carry an object into another frame as soon as that is possible.
+
+        :param timeout: how long to wait for the transform, in steady time; None: for ever.
+        :raises TimeoutException: the transform did not come in time.
+
+        Otherwise as :meth:`transform`.
+        """
+        do_transform = self.registration.get(type(object_stamped))
+        header = object_stamped.header
+        transform = await self.lookup_transform_async(
+            target_frame, header.frame_id, header.stamp, timeout=timeout
+        )
+        result = do_transform(object_stamped, transform)
+        return result if new_type is None else convert(result, new_type)
+
+    def lookup_transform(
+        self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
+    ) -> TransformStamped:
+        """Get the transform from ``source_frame`` to ``target_frame``; a subclass does it."""
+        raise NotImplementedException()
+
+    def lookup_transform_full(
+        self,
+        target_frame: str,
+        target_time: Time,
+        source_frame: str,
+        source_time: Time,
+        fixed_frame: str,
+        timeout: Duration = NO_TIMEOUT,
+    ) -> TransformStamped:
+        """Get the transform between two frames at two times; a subclass does it."""
+        raise NotImplementedException()
+
+    async def lookup_transform_async(
+        self, target_frame: str, source_frame: str, time: Time, *, timeout: Duration | None = None
+    ) -> TransformStamped:
+        """Await the transform from ``source_frame`` to ``target_frame``; a subclass does it."""
+        raise NotImplementedException()
+
+    def can_transform(
+        self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
+    ) -> Any:
+        """Tell whether :meth:`lookup_transform` would answer; a subclass does it."""
+        raise NotImplementedException()
+
+    def can_transform_full(
+        self,
+        target_frame: str,
+        target_time: Time,
+        source_frame: str,
+        source_time: Time,
+        fixed_frame: str,
+        timeout: Duration = NO_TIMEOUT,
+    ) -> Any:
+        """Tell whether :meth:`lookup_transform_full` would answer; a subclass does it."""
+        raise NotImplementedException()
+
+
+def Stamped(obj: Any, stamp: Any, frame_id: str) -> Any:
+    """
+    Give an object a header.
+
+    :param obj: the object; it gets the attribute ``header``.
+    :param stamp: a ``builtin_interfaces/Time`` or an ``rclpy.time.Time``.
+    :param frame_id: the frame.
+    :return: the same object.
+    """
+    obj.header = Header(frame_id=frame_id, stamp=stamp.to_msg() if isinstance(stamp, Time) else stamp)
+    return obj

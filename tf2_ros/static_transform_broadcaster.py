@@ -1,0 +1,43 @@
+"""Owns sending transforms on /tf_static."""
+
+from collections.abc import Iterable
+from copy import deepcopy
+
+from geometry_msgs.msg import TransformStamped
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from tf2_msgs.msg import TFMessage
+from tf2_ros._qos import static_broadcaster_qos, static_overrides
+from tf2_ros.transform_broadcaster import publish_transforms, transforms_of
+
+__all__ = ["StaticTransformBroadcaster"]
+
+
+class StaticTransformBroadcaster:
+    """
+    Sends transforms on ``/tf_static``, where late subscribers get them, too.
+
+    :param node: publishes them; the attribute ``pub_tf`` is the publisher.
+    :param qos: a profile, or the depth of its queue.
+
+    Every message holds all transforms sent so far (the attribute ``net_message``), one for each child frame.
+    """
+
+    def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:
+        self.net_message = TFMessage()
+        self.pub_tf = node.create_publisher(
+            TFMessage,
+            "/tf_static",
+            static_broadcaster_qos() if qos is None else qos,
+            qos_overriding_options=static_overrides(),
+        )
+
+    def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
+        """Send one transform, or several; each replaces what was sent before for its child frame."""
+        transforms = {sent.child_frame_id: sent for sent in self.net_message.transforms}
+        for new in transforms_of(transform):
+            # A copy: programs fill in one message again and again.
+            transforms[new.child_frame_id] = deepcopy(new)
+        self.net_message.transforms = list(transforms.values())
+        publish_transforms(self.pub_tf, self.net_message.transforms)

@@ -1,0 +1,5 @@
+"""Owns nothing: the path by which upstream's StaticTransformListener is imported."""
+
+from tf2_ros.transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, StaticTransformListener
+
+__all__ = ["DEFAULT_STATIC_TF_TOPIC", "DEFAULT_TF_TOPIC", "StaticTransformListener"]

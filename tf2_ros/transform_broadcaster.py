@@ -1,0 +1,46 @@
+"""Owns sending transforms on /tf."""
+
+from collections.abc import Iterable
+
+from geometry_msgs.msg import TransformStamped
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+
+from tf2_msgs.msg import TFMessage
+from tf2_py._wire import serialize_transforms
+from tf2_ros._qos import dynamic_broadcaster_qos, dynamic_overrides
+
+__all__ = ["TransformBroadcaster"]
+
+
+class TransformBroadcaster:
+    """
+    Sends transforms on ``/tf``.
+
+    :param node: publishes them; the attribute ``pub_tf`` is the publisher.
+    :param qos: a profile, or the depth of its queue.
+    """
+
+    def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:
+        self.pub_tf = node.create_publisher(
+            TFMessage,
+            "/tf",
+            dynamic_broadcaster_qos() if qos is None else qos,
+            qos_overriding_options=dynamic_overrides(),
+        )
+
+    def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
+        """Send one transform, or several in one message."""
+        publish_transforms(self.pub_tf, transforms_of(transform))
+
+
+def transforms_of(transform: TransformStamped | Iterable[TransformStamped]) -> list[TransformStamped]:
+    """Make a list of what a broadcaster was given."""
+    return list(transform) if isinstance(transform, Iterable) else [transform]
+
+
+def publish_transforms(publisher: Publisher, transforms: list[TransformStamped]) -> None:
+    """Publish one TFMessage, written by the engine where that is sure to say what ROS's conversion would."""
+    data = serialize_transforms(transforms)
+    publisher.publish(TFMessage(transforms=transforms) if data is None else data)

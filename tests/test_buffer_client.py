@@ -300,15 +300,22 @@ class TestAsync:
         with pytest.raises(tf2_py.TimeoutException, match="no server of"):
             self.run(lonely, lonely.lookup_transform_async("map", "robot", LATEST, timeout=SHORT))
 
-    def test_who_is_no_longer_waited_for_is_told_to_stop(self, tf2_ros, node):
+    @pytest.mark.parametrize("since", ["ask", "handle"])
+    def test_who_is_no_longer_waited_for_is_told_to_stop(self, tf2_ros, node, since):
+        # Whether the goal has been accepted by then or is only on its way.
         with serving("quiet_lookup") as server:
             client = tf2_ros.BufferClient(node, "quiet_lookup")
             coroutine = client.lookup_transform_async("silent", "robot", LATEST)
             coroutine.send(None)
-            until(lambda: any(question.handle for question in client._asking._open))
+            (question,) = client._asking._open
+            until(lambda: getattr(question, since) is not None)
             coroutine.close()
-            assert server.stdout.readline() == "cancelled\n"
-            assert not client._asking._open
+            said = []
+            listening = threading.Thread(target=lambda: said.append(server.stdout.readline()), daemon=True)
+            listening.start()
+            listening.join(DEADLINE_S)
+            assert said == ["cancelled\n"]
+            until(lambda: not client._asking._open)
             client.destroy()
 
 

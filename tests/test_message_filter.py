@@ -55,8 +55,7 @@ class Watched:
 
     def settle(self):
         """Let everything that is due happen."""
-        while self.filter._done._things:
-            self.executor.spin_once(timeout_sec=1)
+        until(lambda: not self.filter._done._things, self.executor)
 
 
 @pytest.fixture
@@ -168,11 +167,11 @@ class TestSeveralFrames:
         assert watched.seconds() == [1]
 
     def test_what_was_found_and_lost_again_is_waited_for_anew(self, make, buffer):
-        watched = make(frames=["map", "odom"])
+        watched = make(frames=["map", "mirror"])
         watched.filter.add(point())
         insert(buffer, 1)
         buffer.clear()
-        insert(buffer, 1, "odom", "map")
+        insert(buffer, 1, "lidar", "mirror")
         assert watched.seconds() == []
         insert(buffer, 1)
         assert watched.seconds() == [1]

@@ -117,6 +117,14 @@ def test_many_answers_of_one_insert_come_by_time(buffer):
     assert [w.answer is not None for w in waits] == [True, True, True, False, True]
 
 
+def test_of_equal_times_the_first_to_wait_is_the_first_to_know(buffer):
+    buffer.set_transforms([transform("map", "odom", 0.5), transform("map", "odom", 1)], "x")
+    order = []
+    waits = [buffer._wait("map", "odom", at(2), notify=lambda _, i=i: order.append(i)) for i in range(50)]
+    buffer.set_transform(transform("map", "odom", 2), "x")
+    assert order == list(range(len(waits)))
+
+
 def test_a_late_sample_wakes_who_waits_for_earlier_data(buffer):
     buffer.set_transform(transform("map", "odom", 5), "x")
     buffer.set_transform(transform("map", "odom", 6), "x")
@@ -234,7 +242,7 @@ class TestBlocking:
 
 
 def test_inserts_and_registrations_interleave_in_threads(buffer):
-    # Each reader waits for every stamp just before it comes; one lost wake-up would let it sleep to its deadline.
+    # Each reader waits for every stamp before it comes; one lost wake-up would let it sleep to its deadline.
     seconds = 2000
     reached = [0, 0]
 

@@ -1,6 +1,6 @@
 """Lookups that have no answer yet, filed under what they lack."""
 
-from libc.stdint cimport int64_t, uint32_t
+from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 from tf2_py._query cimport Query
 from tf2_py._tree cimport Tree
@@ -22,6 +22,7 @@ cdef struct Waiter:
     Place place
     FrameId frame           # of the first three places
     int64_t time_ns         # of the first two
+    uint64_t arrival        # ordinal among all waiters: of equal ones the first comes first
     uint32_t position       # in its heap
     Waiter* before          # in its list
     Waiter* after
@@ -60,7 +61,8 @@ cdef struct Waiters:
     WaiterList tree
     WaiterList any
     WaiterList ready
-    unsigned long long changes  # Tree.changes when the waiters were last looked at
+    uint64_t changes        # Tree.changes when the waiters were last looked at
+    uint64_t arrivals       # how many have ever been added
 
 
 # Zero a Waiters before its first use. All of these are called with the tree's lock held for writing.

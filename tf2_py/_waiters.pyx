@@ -32,9 +32,9 @@ cdef inline void _unlink(WaiterList* list, Waiter* waiter) noexcept nogil:
 
 
 cdef inline bint _precedes(const Waiter* a, const Waiter* b) noexcept nogil:
-    if a.place == PLACE_LATER:
-        return a.time_ns < b.time_ns
-    return a.time_ns > b.time_ns
+    if a.time_ns == b.time_ns:
+        return a.arrival < b.arrival
+    return (a.time_ns < b.time_ns) == (a.place == PLACE_LATER)
 
 
 cdef inline void _put(WaiterHeap* heap, uint32_t position, Waiter* waiter) noexcept nogil:
@@ -172,6 +172,8 @@ cdef Status waiters_add(Waiters* waiters, const Tree* tree, Waiter* waiter) noex
     if waiters.count == 0:
         # Nobody has looked at the tree's changes while nobody waited.
         waiters.changes = tree.changes
+    waiters.arrivals += 1
+    waiter.arrival = waiters.arrivals
     return _attempt(waiters, tree, waiter)
 
 

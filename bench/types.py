@@ -38,8 +38,14 @@ POINTS = 100_000
 JAZZY_US = {"point": 22.7, "pose": 33.5, "pose with covariance": 57.0, "polygon of 100": 2638.0}
 TARGETS = {"point": 30, "vector": 30, "pose": 30, "pose with covariance": 20, "polygon of 100": 100}
 # Bytes from point to point, and the type of x y z.
-CLOUDS = {"xyz": (12, "f4"), "xyz + intensity": (16, "f4"), "22 bytes": (22, "f4"), "32 bytes": (32, "f4"),
-          "48 bytes": (48, "f4"), "xyz double": (24, "f8")}
+CLOUDS = {
+    "xyz": (12, "f4"),
+    "xyz + intensity": (16, "f4"),
+    "22 bytes": (22, "f4"),
+    "32 bytes": (32, "f4"),
+    "48 bytes": (48, "f4"),
+    "xyz double": (24, "f8"),
+}
 
 Call = Callable[[], Any]
 
@@ -137,18 +143,21 @@ def _messages(t: TransformStamped) -> dict[str, tuple[Call, Call]]:
             lambda: _covariance_by_numpy(with_covariance, t),
         ),
         f"polygon of {CORNERS}": (
-            lambda: ours.do_transform_polygon_stamped(polygon, t), lambda: _polygon_by_numpy(polygon, t)
+            lambda: ours.do_transform_polygon_stamped(polygon, t),
+            lambda: _polygon_by_numpy(polygon, t),
         ),
     }
 
 
 def _rotation(q: Quaternion) -> np.ndarray:
     x, y, z, w = np.array([q.x, q.y, q.z, q.w]) / np.sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w)
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
 
 
 def _translation(t: TransformStamped) -> np.ndarray:
@@ -213,13 +222,25 @@ def _cloud(step: int, kind: str) -> PointCloud2:
     size = int(kind[1])
     datatype = PointField.FLOAT32 if kind == "f4" else PointField.FLOAT64
     fields = [PointField(name=n, offset=i * size, datatype=datatype, count=1) for i, n in enumerate("xyz")]
-    points = np.zeros(POINTS, np.dtype({"names": list("xyz"), "formats": [kind] * 3,
-                                        "offsets": [0, size, 2 * size], "itemsize": step}))
+    points = np.zeros(
+        POINTS,
+        np.dtype(
+            {"names": list("xyz"), "formats": [kind] * 3, "offsets": [0, size, 2 * size], "itemsize": step}
+        ),
+    )
     random = np.random.default_rng(1)
     for axis in "xyz":
         points[axis] = random.uniform(-100, 100, POINTS)
-    return PointCloud2(header=Header(frame_id="base"), height=1, width=POINTS, fields=fields, point_step=step,
-                       row_step=step * POINTS, data=array.array("B", points.tobytes()), is_dense=True)
+    return PointCloud2(
+        header=Header(frame_id="base"),
+        height=1,
+        width=POINTS,
+        fields=fields,
+        point_step=step,
+        row_step=step * POINTS,
+        data=array.array("B", points.tobytes()),
+        is_dense=True,
+    )
 
 
 def _cloud_by_numpy(cloud: PointCloud2, t: TransformStamped, kind: str) -> array.array[int]:

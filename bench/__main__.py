@@ -1,0 +1,130 @@
+"""The benchmark's command line: `python -m bench [--quick]` measures, prints, writes JSON and pictures."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from bench import (
+    growth,
+    inserts,
+    instructions,
+    lookups,
+    machine,
+    memory,
+    online,
+    peers,
+    pictures,
+    report,
+    targets,
+    types,
+    vectors,
+)
+from bench.arena import Arena
+from bench.processes import Failure
+from bench.rows import Row
+from bench.sizes import FULL, QUICK
+
+SECTIONS = (lookups, growth, vectors, inserts, memory, online, instructions)
+RESULTS = Path(__file__).resolve().parent / "results"
+QUICK_RESULTS = peers.FETCHED / "results"
+
+
+class Progress:
+    """One line a step, with the time since the start, beside the tables."""
+
+    def __init__(self) -> None:
+        self._start = time.monotonic()
+
+    def __call__(self, text: str) -> None:
+        print(f"{time.monotonic() - self._start:6.1f} s  {text}", file=sys.stderr, flush=True)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m bench", description="Measure this project beside its peers."
+    )
+    parser.add_argument("--quick", action="store_true", help="fewer rounds and sizes: within two minutes")
+    quick = parser.parse_args(arguments).quick
+    say = Progress()
+    load_before = machine.load_average()
+    ours = peers.ours()
+    others, missing = peers.all_peers(say)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Arena([ours, *others], QUICK if quick else FULL, Path(folder), say) as arena,
+    ):
+        try:
+            ours.about = arena.ask(ours.key, "about")
+        except Failure as failure:
+            print(f"this project does not run here: {failure}", file=sys.stderr)
+            return 1
+        for section in SECTIONS:
+            try:
+                section.run(arena)
+            except Failure as failure:
+                arena.absent.append({"who": ours.key, "what": section.SECTION, "reason": str(failure)})
+    say("functions of the types")
+    types_rows = types.run(quick)
+    arena.rows.extend(Row(**row) for row in types_rows)
+    result = {
+        "machine": machine.describe(peers.ROOT),
+        "load_average": {"before": load_before, "after": machine.load_average()},
+        "quick": quick,
+        "libraries": [
+            {"key": library.key, "title": library.title, "note": library.note, **library.about}
+            for library in arena.libraries.values()
+        ],
+        "missing": missing,
+        "absent": arena.absent,
+        "rows": arena.rows.as_json(),
+        "targets": [asdict(verdict) for verdict in targets.verdicts(arena.rows)],
+    }
+    _print(result, arena, types.table(types_rows))
+    _write(result, arena, QUICK_RESULTS if quick else RESULTS)
+    return 0
+
+
+def _print(result: dict[str, Any], arena: Arena, types_text: str) -> None:
+    load = [result["load_average"][when][0] for when in ("before", "after")]
+    parts = [
+        report.introduction(result["machine"], load, arena.libraries.values(), result["missing"]),
+        report.tables(arena.rows, arena.libraries),
+        report.part("Functions of the types", types_text),
+        report.remarks(arena.rows, arena.libraries, arena.absent),
+        report.verdict_table(targets.verdicts(arena.rows)),
+    ]
+    print(redacted("\n\n".join(parts)))
+
+
+def _write(result: dict[str, Any], arena: Arena, folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{machine.slug()}.json"
+    path.write_text(redacted(json.dumps(result, indent=1)) + "\n")
+    print(f"\nwrote {path.relative_to(peers.ROOT)}")
+    try:
+        for picture in pictures.draw(arena.rows, arena.libraries, folder, machine.slug()):
+            print(f"wrote {picture.relative_to(peers.ROOT)}")
+    except ImportError:
+        print("no pictures: matplotlib is missing (pip install '.[bench]')")
+
+
+def redacted(text: str) -> str:
+    """Without the places of this machine and its registries, which some reasons for a failure name."""
+    text = re.sub(r"\b(?:https?|file)://[^\s\"']+", "(an address)", text)
+    for place in (peers.ROOT, Path(sys.prefix), Path.home()):
+        if place != Path(place.anchor):
+            text = text.replace(str(place), "...")
+    return text
+
+
+if __name__ == "__main__":
+    sys.exit(main())

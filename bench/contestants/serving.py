@@ -1,0 +1,195 @@
+"""Owns the process that is measured: its orders, the trees it loads and the loop that times each call.
+
+Standard library only, and no newer Python than a distribution's: other interpreters run this file, too.
+"""
+
+import ctypes
+import itertools
+import json
+import os
+import struct
+import sys
+import traceback
+from time import perf_counter_ns
+
+RECORD = struct.Struct("<IIIIq7d")  # child, parent, static, 0, stamp in ns, x y z, qx qy qz qw
+QUERY = struct.Struct("<IIq")  # target, source, time in ns (0: latest)
+CHUNK = 4096  # records read at a time
+STEP_NS = 10_000_000  # inserts go on at 100 Hz
+
+# One text for every number of arguments, as timeit does it: a call with `*arguments` would cost extra.
+LOOP = """
+def loop(function, calls, stop_ns, clock, add):
+    failed = 0
+    for {names} in calls:
+        start = clock()
+        try:
+            result = {call}
+        except Exception:
+            result = None
+        end = clock()
+        if result is None and {must_answer}:
+            failed += 1
+        else:
+            add(end - start)
+        if end > stop_ns:
+            break
+    return failed
+"""
+
+
+def make_loop(arity, empty=False, must_answer=True):
+    names = ", ".join(f"a{i}" for i in range(arity)) + ","
+    text = LOOP.format(names=names, call="True" if empty else f"function({names})", must_answer=must_answer)
+    scope = {}
+    exec(text, scope)
+    return scope["loop"]
+
+
+def time_calls(function, calls, count, budget_s, must_answer=True):
+    """
+    Time `count` calls one by one, going round `calls`; fewer where the budget is used up.
+
+    :return: ns of each successful call, how many failed, ns of the same loop without the call.
+    """
+    arity = len(calls[0])
+    stop_ns = perf_counter_ns() + int(budget_s * 1e9)
+    empty = []
+    round_and_round = itertools.islice(itertools.cycle(calls), min(count, 1000))
+    make_loop(arity, empty=True)(function, round_and_round, stop_ns, perf_counter_ns, empty.append)
+    times = []
+    round_and_round = itertools.islice(itertools.cycle(calls), count)
+    loop = make_loop(arity, must_answer=must_answer)
+    failed = loop(function, round_and_round, stop_ns, perf_counter_ns, times.append)
+    return times, failed, sorted(empty)[len(empty) // 2]
+
+
+class Tree:
+    """A tree of frames with its history, read from a file that `bench.trees` wrote."""
+
+    def __init__(self, path):
+        self._path = path
+        with open(path, "rb") as file:
+            words = file.readline().split()
+            name_count, self.record_count, self.cache_ns, self.newest_ns = map(int, words)
+            self.names = [file.readline().decode().rstrip("\n") for _ in range(name_count)]
+            self._start = file.tell()
+
+    def records(self):
+        """(child, parent, static, stamp in ns, pose) of each transform, as they would have come in."""
+        names = self.names
+        with open(self._path, "rb") as file:
+            file.seek(self._start)
+            while data := file.read(RECORD.size * CHUNK):
+                for child, parent, static, _, stamp_ns, *pose in RECORD.iter_unpack(data):
+                    yield names[child], names[parent], bool(static), stamp_ns, pose
+
+    def queries(self, path):
+        """(target, source, time in ns) of each query in a file."""
+        with open(path, "rb") as file:
+            return [
+                (self.names[target], self.names[source], time_ns)
+                for target, source, time_ns in QUERY.iter_unpack(file.read())
+            ]
+
+
+def by_pair(queries):
+    """(target, source, times in ns) of each run of queries between the same two frames: one vector lookup."""
+    return [
+        (target, source, [ns for _, _, ns in run])
+        for (target, source), run in itertools.groupby(queries, lambda query: query[:2])
+    ]
+
+
+def rss_bytes():
+    """What the process holds now, without what its allocator only keeps for later."""
+    ctypes.CDLL(None).malloc_trim(0)
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+class Contestant:
+    """
+    One library under measurement. A subclass says how its calls look:
+
+    `about()`: a dict with `version`, and what a lookup `returns`.
+    `load(tree)`: make a new buffer and fill it.
+    `calls(way, queries)`: a function and the argument tuples, one for each query, for a way of asking.
+    `numbers(answer)`: x y z qx qy qz qw of what the function returned.
+    `inserts(way, transforms)`: a function, the argument tuples, and how many transforms each call carries.
+    """
+
+    def __init__(self):
+        self.tree = None
+        self.sets = {}
+        self.moving = []
+        self.next_ns = 0
+
+    def order_about(self):
+        version = "{}.{}.{}".format(*sys.version_info[:3])
+        return dict(self.about(), python=version)
+
+    def order_load(self, path, keep):
+        """Take a tree in. Trees before it go, with their sets of queries, unless they are to be kept."""
+        if not int(keep):
+            self.sets.clear()
+        before = rss_bytes()
+        start = perf_counter_ns()
+        self.tree = Tree(path)
+        self.load(self.tree)
+        self.moving = []
+        self.next_ns = self.tree.newest_ns + 2 * STEP_NS
+        return {"seconds": (perf_counter_ns() - start) / 1e9, "rss_bytes": rss_bytes() - before}
+
+    def order_aim(self, way, name, path, check):
+        """Prepare a set of queries; the numbers of the first few answers show that all mean the same."""
+        function, calls = self.calls(way, self.tree.queries(path))
+        self.sets[way, name] = function, calls
+        answers = []
+        for arguments in calls[: int(check)]:
+            try:
+                answer = function(*arguments)
+            except Exception:
+                answer = None
+            answers.append(None if answer is None else [float(v) for v in self.numbers(answer)])
+        return {"answers": answers}
+
+    def order_time(self, way, name, count, budget_s):
+        function, calls = self.sets[way, name]
+        # Others have run since, and the caches of the machine have forgotten these queries.
+        time_calls(function, calls, min(len(calls), int(count)), float(budget_s) / 2)
+        times, failed, empty = time_calls(function, calls, int(count), float(budget_s))
+        return {"ns": times, "failed": failed, "empty_ns": empty}
+
+    def order_insert(self, way, count, budget_s):
+        """Time inserts that go on where the tree's dynamic frames end."""
+        if not self.moving:
+            moving = {
+                child: (child, parent, pose)
+                for child, parent, static, _, pose in self.tree.records()
+                if not static
+            }
+            self.moving = list(moving.values())
+        transforms = []
+        while len(transforms) < int(count):
+            transforms += [(child, parent, self.next_ns, pose) for child, parent, pose in self.moving]
+            self.next_ns += STEP_NS
+        function, calls, batch = self.inserts(way, transforms)
+        times, failed, empty = time_calls(function, calls, len(calls), float(budget_s), must_answer=False)
+        return {"ns": times, "failed": failed, "empty_ns": empty, "batch": batch}
+
+
+def serve(contestant):
+    """Take orders from standard input, one a line, words between tabs; answer each with a line of JSON."""
+    # Libraries print to standard output when they please.
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    for line in sys.stdin:
+        order, *words = line.rstrip("\n").split("\t")
+        try:
+            answer = getattr(contestant, "order_" + order)(*words)
+        except Exception as error:
+            traceback.print_exc()
+            answer = {"error": f"{type(error).__name__}: {error}"}
+        answers.write(json.dumps(answer) + "\n")
+        answers.flush()

@@ -1,0 +1,121 @@
+"""Owns the processes that measure: each library in its own, told what to do line by line."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import subprocess
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+CONTESTANTS = Path(__file__).resolve().parent / "contestants"
+ANSWER_S = 300.0  # the longest order is loading the largest tree
+
+
+class Failure(Exception):
+    """Something cannot be had, or a process did not do what it was told."""
+
+
+class Refusal(Failure):
+    """A process could not do what it was told, and says so; it goes on."""
+
+
+def clean_environment(extra: Mapping[str, str] = {}) -> dict[str, str]:
+    """This environment without what a Python with ROS wheels leaves to its children, plus `extra`."""
+    environment = dict(os.environ)
+    if environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None):
+        environment.pop("LD_LIBRARY_PATH", None)
+    # It would override the range of discovery.
+    environment.pop("ROS_LOCALHOST_ONLY", None)
+    # As in the published figures of upstream; and it makes no library slower.
+    environment["PYTHONOPTIMIZE"] = "1"
+    # NumPy's helper threads spin for a while, beside whatever is measured.
+    environment["OPENBLAS_NUM_THREADS"] = "1"
+    environment.update(extra)
+    return environment
+
+
+@dataclass
+class Library:
+    """A library to measure: how its process is started, and what it is called."""
+
+    key: str
+    title: str
+    command: Sequence[str]
+    ways: tuple[str, ...]  # of a single lookup
+    environment: dict[str, str] = field(default_factory=dict)
+    note: str = ""
+    about: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        return f"{self.title} {self.about.get('version', '')}".strip()
+
+
+class Process:
+    """A running library."""
+
+    def __init__(self, library: Library) -> None:
+        self.library = library
+        self._log = tempfile.TemporaryFile(mode="w+")
+        self._process = subprocess.Popen(
+            library.command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._log,
+            env=clean_environment(library.environment),
+        )
+        self._unread = b""
+
+    def ask(self, *words: object, seconds: float = ANSWER_S) -> dict[str, Any]:
+        """Give an order, wait for its answer. Failure where it fails, ends or takes longer than `seconds`."""
+        assert self._process.stdin is not None and self._process.stdout is not None
+        try:
+            self._process.stdin.write(("\t".join(map(str, words)) + "\n").encode())
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            raise Failure(self._last_words()) from None
+        deadline = time.monotonic() + seconds
+        stdout = self._process.stdout.fileno()
+        while b"\n" not in self._unread:
+            ready, _, _ = select.select([stdout], [], [], max(0.0, deadline - time.monotonic()))
+            if not ready:
+                raise Failure(f"no answer to {words[0]} within {seconds:.0f} s")
+            data = os.read(stdout, 1 << 20)
+            if not data:
+                raise Failure(self._last_words())
+            self._unread += data
+        line, self._unread = self._unread.split(b"\n", 1)
+        answer = json.loads(line)
+        if "error" in answer:
+            raise Refusal(answer["error"])
+        return answer
+
+    def _last_words(self) -> str:
+        self._process.wait(timeout=10)
+        self._log.seek(0)
+        lines = [line for line in self._log.read().splitlines() if line.strip()]
+        return f"it ended with {self._process.returncode}: {lines[-1] if lines else 'no word'}"
+
+    def end(self) -> None:
+        assert self._process.stdin is not None and self._process.stdout is not None
+        try:
+            self._process.stdin.close()
+            self._process.wait(timeout=10)
+        except (BrokenPipeError, subprocess.TimeoutExpired):
+            pass
+        finally:
+            self.kill()
+
+    def kill(self) -> None:
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._process.kill()
+        self._process.wait()
+        self._process.stdin.close()
+        self._process.stdout.close()
+        self._log.close()

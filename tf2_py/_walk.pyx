@@ -46,25 +46,37 @@ cdef enum:
 cdef int64_t LATEST = INT64_MIN
 
 
-cdef struct Seen:
-    # Which frames a climb has met: a bit says maybe, then the list is searched.
+cdef struct Side:
+    # One of the two climbs, and which frames it has met: a bit says maybe, then the list is searched.
+    FrameId* frames
+    uint32_t count
+    FrameId top                 # the frame to go on from; NO_FRAME: there is none above
     uint64_t bits[SEEN_WORDS]
 
 
-cdef inline void _see(Seen* seen, FrameId frame) noexcept nogil:
-    seen.bits[(frame >> 6) & (SEEN_WORDS - 1)] |= (<uint64_t>1) << (frame & 63)
+cdef inline void _begin(Side* side, FrameId* frames, FrameId frame) noexcept nogil:
+    memset(side.bits, 0, sizeof(side.bits))
+    side.frames = frames
+    side.count = 0
+    _add(side, frame)
 
 
-cdef inline uint32_t _position(const Seen* seen, const FrameId* frames, uint32_t count,
-                               FrameId wanted) noexcept nogil:
-    # Where among `count` frames `wanted` is; `count` where it is not.
+cdef inline void _add(Side* side, FrameId frame) noexcept nogil:
+    side.bits[(frame >> 6) & (SEEN_WORDS - 1)] |= (<uint64_t>1) << (frame & 63)
+    side.frames[side.count] = frame
+    side.count += 1
+    side.top = frame
+
+
+cdef inline uint32_t _position(const Side* side, FrameId wanted) noexcept nogil:
+    # Where among its frames `wanted` is; their count where it is not.
     cdef uint32_t i
-    if not (seen.bits[(wanted >> 6) & (SEEN_WORDS - 1)] >> (wanted & 63)) & 1:
-        return count
-    for i in range(count):
-        if frames[i] == wanted:
+    if not (side.bits[(wanted >> 6) & (SEEN_WORDS - 1)] >> (wanted & 63)) & 1:
+        return side.count
+    for i in range(side.count):
+        if side.frames[i] == wanted:
             return i
-    return count
+    return side.count
 
 
 cdef inline FrameId _parent(const Tree* tree, FrameId frame, int64_t time_ns, bint* mixed) noexcept nogil:
@@ -77,47 +89,38 @@ cdef inline FrameId _parent(const Tree* tree, FrameId frame, int64_t time_ns, bi
     return cache_parent_at(&tree.caches[frame], time_ns)
 
 
+cdef inline bint _step(const Tree* tree, Side* side, const Side* other, int64_t time_ns, bint* mixed,
+                       uint32_t* met_at) noexcept nogil:
+    # One hop up. True where that is a frame of the other side, at `met_at` among them.
+    side.top = NO_FRAME if side.count > MAX_HOPS else _parent(tree, side.top, time_ns, mixed)
+    if side.top == NO_FRAME:
+        return False
+    met_at[0] = _position(other, side.top)
+    if met_at[0] < other.count:
+        return True
+    _add(side, side.top)
+    return False
+
+
 cdef bint walk_climb(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, Path* path,
                      bint* mixed) noexcept nogil:
     # Climb from both ends in turn to the lowest common ancestor: the cost follows the hops between the two.
     # For trees in which no link ever closed a loop. False: no path, or too long a one.
-    cdef Seen seen_source, seen_target
-    cdef uint32_t source_count = 1
-    cdef uint32_t target_count = 1
-    cdef FrameId source_top = source
-    cdef FrameId target_top = target
-    cdef uint32_t position
-    memset(&seen_source, 0, sizeof(Seen))
-    memset(&seen_target, 0, sizeof(Seen))
-    path.source[0] = source
-    path.target[0] = target
-    _see(&seen_source, source)
-    _see(&seen_target, target)
-    while source_top != NO_FRAME or target_top != NO_FRAME:
-        if source_top != NO_FRAME:
-            source_top = NO_FRAME if source_count > MAX_HOPS else _parent(tree, source_top, time_ns, mixed)
-            if source_top != NO_FRAME:
-                position = _position(&seen_target, path.target, target_count, source_top)
-                if position < target_count:
-                    path.top = source_top
-                    path.source_hops = source_count
-                    path.target_hops = position
-                    return True
-                path.source[source_count] = source_top
-                source_count += 1
-                _see(&seen_source, source_top)
-        if target_top != NO_FRAME:
-            target_top = NO_FRAME if target_count > MAX_HOPS else _parent(tree, target_top, time_ns, mixed)
-            if target_top != NO_FRAME:
-                position = _position(&seen_source, path.source, source_count, target_top)
-                if position < source_count:
-                    path.top = target_top
-                    path.source_hops = position
-                    path.target_hops = target_count
-                    return True
-                path.target[target_count] = target_top
-                target_count += 1
-                _see(&seen_target, target_top)
+    cdef Side source_side, target_side
+    cdef uint32_t met_at
+    _begin(&source_side, path.source, source)
+    _begin(&target_side, path.target, target)
+    while source_side.top != NO_FRAME or target_side.top != NO_FRAME:
+        if source_side.top != NO_FRAME and _step(tree, &source_side, &target_side, time_ns, mixed, &met_at):
+            path.top = source_side.top
+            path.source_hops = source_side.count
+            path.target_hops = met_at
+            return True
+        if target_side.top != NO_FRAME and _step(tree, &target_side, &source_side, time_ns, mixed, &met_at):
+            path.top = target_side.top
+            path.source_hops = met_at
+            path.target_hops = target_side.count
+            return True
     return False
 
 

@@ -20,6 +20,7 @@ cdef struct Cache:
     uint32_t count
     uint32_t parent_changes     # how many neighbours have different parents; 0: one parent at all times
     int64_t newest_ns           # stamp of the newest sample; 0 where there is none, and in a static cache
+    int64_t oldest_ns           # likewise, of the oldest sample
     uint32_t authority          # id of who sent last, NAME_UNKNOWN: nobody
     uint32_t sparse_inserts     # inserts since the ring was last a quarter full
     CacheKind kind
@@ -50,9 +51,8 @@ cdef extern from *:
 cdef inline uint32_t cache_guess(const Cache* cache, int64_t time_ns) noexcept nogil:
     # Where time_ns would lie if the stamps were even: a logical index below the newest one, for a dynamic
     # cache of two samples or more and oldest stamp <= time_ns < newest_ns.
-    cdef int64_t oldest_ns = cache.stamps[cache.head]
     cdef uint32_t last = cache.count - 1
-    cdef double part = <double>(time_ns - oldest_ns) / <double>(cache.newest_ns - oldest_ns)
+    cdef double part = <double>(time_ns - cache.oldest_ns) / <double>(cache.newest_ns - cache.oldest_ns)
     return min(<uint32_t>(part * <double>last), last - 1)
 
 
@@ -60,7 +60,7 @@ cdef inline uint32_t cache_aim(const Cache* cache, int64_t time_ns) noexcept nog
     # The hint to find a time with. Also asks for the memory that will be wanted there: where many samples are
     # kept, the waits of several frames or times for it then pass at the same time.
     cdef uint32_t guess, slot
-    if cache.count < AIM_FROM or time_ns >= cache.newest_ns or time_ns < cache.stamps[cache.head]:
+    if cache.count < AIM_FROM or time_ns >= cache.newest_ns or time_ns < cache.oldest_ns:
         return NEWEST_HINT
     guess = cache_guess(cache, time_ns)
     slot = cache_slot(cache, guess)
@@ -84,6 +84,5 @@ cdef Gap cache_find(const Cache* cache, int64_t time_ns, uint32_t* hint, uint32_
 cdef Gap cache_transform_at(const Cache* cache, int64_t time_ns, uint32_t hint, Transform* out) noexcept nogil
 cdef FrameId cache_parent_at(const Cache* cache, int64_t time_ns) noexcept nogil
 cdef FrameId cache_newest_parent(const Cache* cache) noexcept nogil
-cdef int64_t cache_oldest_ns(const Cache* cache) noexcept nogil
 cdef size_t cache_bytes(const Cache* cache) noexcept nogil
 cdef const char* cache_check(const Cache* cache) noexcept nogil     # NULL, or which invariant does not hold

@@ -72,7 +72,7 @@ cdef void cache_free(Cache* cache) noexcept nogil:
     cache.stamps = NULL
     cache.samples = NULL
     cache.capacity = cache.head = cache.count = cache.parent_changes = cache.sparse_inserts = 0
-    cache.newest_ns = 0
+    cache.newest_ns = cache.oldest_ns = 0
     cache.kind = CACHE_UNBORN
 
 
@@ -91,19 +91,20 @@ cdef int _become(Cache* cache, CacheKind kind, uint32_t capacity) noexcept nogil
 
 cdef void cache_clear(Cache* cache) noexcept nogil:
     cache.head = cache.count = cache.parent_changes = 0
-    cache.newest_ns = 0
+    cache.newest_ns = cache.oldest_ns = 0
 
 
 cdef void _prune(Cache* cache, int64_t cache_time_ns) noexcept nogil:
     # The newest sample is never older than itself, so a sample always stays.
     cdef int64_t horizon_ns = cache.newest_ns - cache_time_ns
     cdef uint32_t next_slot
-    while cache.count and cache.stamps[cache.head] < horizon_ns:
+    while cache.count and cache.oldest_ns < horizon_ns:
         next_slot = cache_slot(cache, 1)
         if cache.samples[next_slot].parent != cache.samples[cache.head].parent:
             cache.parent_changes -= 1
         cache.head = next_slot
         cache.count -= 1
+        cache.oldest_ns = cache.stamps[cache.head]
 
 
 cdef void _shrink_if_long_sparse(Cache* cache) noexcept nogil:
@@ -126,7 +127,7 @@ cdef uint32_t _first_after(const Cache* cache, int64_t time_ns) noexcept nogil:
     cdef uint32_t low, high, stride, middle
     if count == 0 or cache.newest_ns <= time_ns:
         return count
-    if cache.stamps[cache.head] > time_ns:
+    if cache.oldest_ns > time_ns:
         return 0
     # From here on: stamp(low) <= time_ns < stamp(high).
     low = 0
@@ -222,6 +223,7 @@ cdef CacheInsert cache_insert(Cache* cache, int64_t stamp_ns, const Sample* samp
     cache.stamps[slot] = stamp_ns
     cache.samples[slot] = sample[0]
     cache.newest_ns = cache.stamps[cache_slot(cache, cache.count - 1)]
+    cache.oldest_ns = cache.stamps[cache.head]
     _shrink_if_long_sparse(cache)
     return CACHE_INSERTED
 
@@ -241,7 +243,6 @@ cdef Gap cache_find(const Cache* cache, int64_t time_ns, uint32_t* hint, uint32_
     # other stamp the last one.
     cdef uint32_t count = cache.count
     cdef uint32_t index
-    cdef int64_t oldest_ns
     if count == 0:
         return GAP_EMPTY
     if cache.kind == CACHE_STATIC:
@@ -254,11 +255,10 @@ cdef Gap cache_find(const Cache* cache, int64_t time_ns, uint32_t* hint, uint32_
         return GAP_SINGLE
     if time_ns > cache.newest_ns:
         return GAP_FUTURE
-    oldest_ns = cache.stamps[cache.head]
-    if time_ns == oldest_ns:
+    if time_ns == cache.oldest_ns:
         older[0] = newer[0] = cache.head
         return GAP_NONE
-    if time_ns < oldest_ns:
+    if time_ns < cache.oldest_ns:
         return GAP_PAST
     index = min(hint[0], count - 1)
     if cache.stamps[cache_slot(cache, index)] <= time_ns:
@@ -316,13 +316,6 @@ cdef FrameId cache_newest_parent(const Cache* cache) noexcept nogil:
     return cache.samples[cache_slot(cache, cache.count - 1)].parent
 
 
-cdef int64_t cache_oldest_ns(const Cache* cache) noexcept nogil:
-    # 0 where there is none, and in a static cache, as newest_ns.
-    if cache.count == 0 or cache.kind == CACHE_STATIC:
-        return 0
-    return cache.stamps[cache.head]
-
-
 cdef size_t cache_bytes(const Cache* cache) noexcept nogil:
     return cache.capacity * (sizeof(int64_t) + sizeof(Sample))
 
@@ -354,6 +347,8 @@ cdef const char* cache_check(const Cache* cache) noexcept nogil:
     if cache.kind == CACHE_DYNAMIC and cache.count:
         if cache.newest_ns != cache.stamps[cache_slot(cache, cache.count - 1)]:
             return "newest_ns is not the newest stamp"
-    elif cache.newest_ns != 0:
-        return "newest_ns without a sample"
+        if cache.oldest_ns != cache.stamps[cache.head]:
+            return "oldest_ns is not the oldest stamp"
+    elif cache.newest_ns != 0 or cache.oldest_ns != 0:
+        return "a stamp without a sample"
     return NULL

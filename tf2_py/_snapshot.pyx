@@ -4,7 +4,7 @@ from libc.stdint cimport int64_t, uint32_t
 from libc.stdlib cimport free, malloc
 from libc.string cimport memset
 
-from tf2_py._cache cimport CACHE_UNBORN, Cache, cache_newest_parent, cache_oldest_ns
+from tf2_py._cache cimport CACHE_UNBORN, Cache, cache_newest_parent
 from tf2_py._lock cimport Lock, lock_read, unlock
 from tf2_py._names cimport Names, names_copy, names_free, names_str
 from tf2_py._tree cimport Tree
@@ -29,7 +29,7 @@ cdef inline void _note(Facts* facts, FrameId frame, const Cache* cache) noexcept
     facts.authority = cache.authority
     facts.count = cache.count
     facts.newest_ns = cache.newest_ns
-    facts.oldest_ns = cache_oldest_ns(cache)
+    facts.oldest_ns = cache.oldest_ns
 
 
 cdef list snapshot_names(const Tree* tree, Lock* lock, frames):

@@ -1,10 +1,10 @@
 """Owns who waits for what, so that an insert looks only at waiters that it can help."""
 
-from libc.stdint cimport int64_t, uint32_t
+from libc.stdint cimport uint32_t
 from libc.stdlib cimport free, realloc
 from libc.string cimport memset
 
-from tf2_py._cache cimport Cache, cache_oldest_ns
+from tf2_py._cache cimport Cache
 from tf2_py._query cimport Query, query_walk
 from tf2_py._tree cimport Tree
 from tf2_py._types cimport GAP_FUTURE, GAP_PAST, STATUS_EXTRAPOLATION, STATUS_OK, FrameId, Status
@@ -198,7 +198,6 @@ cdef void waiters_wake(Waiters* waiters, const Tree* tree, FrameId changed) noex
     cdef WaiterList taken
     cdef FrameWaiters* own
     cdef const Cache* cache = &tree.caches[changed]
-    cdef int64_t oldest_ns = cache_oldest_ns(cache)
     cdef Waiter* waiter
     cdef uint32_t frame
     taken.first = taken.last = NULL
@@ -215,7 +214,7 @@ cdef void waiters_wake(Waiters* waiters, const Tree* tree, FrameId changed) noex
             waiter = own.later.items[0]
             waiters_remove(waiters, waiter)
             _link(&taken, waiter)
-        while own.earlier.count and own.earlier.items[0].time_ns >= oldest_ns:
+        while own.earlier.count and own.earlier.items[0].time_ns >= cache.oldest_ns:
             waiter = own.earlier.items[0]
             waiters_remove(waiters, waiter)
             _link(&taken, waiter)

@@ -9,7 +9,6 @@ from tf2_py._cache cimport (
     Cache,
     cache_find,
     cache_newest_parent,
-    cache_oldest_ns,
     cache_parent_at,
     cache_aim,
     cache_transform_at,
@@ -42,6 +41,9 @@ from tf2_py._types cimport (
 cdef enum:
     SEEN_WORDS = 8          # 512 bits on each side
 
+
+cdef extern from *:
+    void __builtin_prefetch(const void* address) nogil
 
 cdef int64_t LATEST = INT64_MIN
 
@@ -99,6 +101,7 @@ cdef inline bint _step(const Tree* tree, Side* side, const Side* other, int64_t 
     if met_at[0] < other.count:
         return True
     _add(side, side.top)
+    __builtin_prefetch(&tree.caches[side.top])
     return False
 
 
@@ -108,6 +111,8 @@ cdef bint walk_climb(const Tree* tree, FrameId target, FrameId source, int64_t t
     # For trees in which no link ever closed a loop. False: no path, or too long a one.
     cdef Side source_side, target_side
     cdef uint32_t met_at
+    __builtin_prefetch(&tree.caches[source])
+    __builtin_prefetch(&tree.caches[target])
     _begin(&source_side, path.source, source)
     _begin(&target_side, path.target, target)
     while source_side.top != NO_FRAME or target_side.top != NO_FRAME:
@@ -159,7 +164,7 @@ cdef Status _gap_status(const Tree* tree, FrameId frame, int64_t time_ns) noexce
     status.child = frame
     status.parent = cache_newest_parent(cache)
     status.requested_ns = time_ns
-    status.edge_ns = cache_oldest_ns(cache) if gap == GAP_PAST else cache.newest_ns
+    status.edge_ns = cache.oldest_ns if gap == GAP_PAST else cache.newest_ns
     return status
 
 

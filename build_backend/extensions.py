@@ -59,7 +59,7 @@ class BuildExtensions(build_ext):
             # Two builds of one checkout would write into each other's files; the end of the process lets go.
             self._lock = open(folder / "lock", "w")
             fcntl.flock(self._lock, fcntl.LOCK_EX)
-        self._complete_receiver()
+        self.complete_receiver()
         refused = self._cythonize()
         for ext in self._messages():
             made = Path(self.build_lib, self.get_ext_filename(ext.name))
@@ -85,13 +85,13 @@ class BuildExtensions(build_ext):
     def _messages(self):
         return [ext for ext in self.extensions if isinstance(ext, tf2_msgs.MessagesExtension)]
 
-    def _complete_receiver(self):
-        """Leave the receiver out where it cannot be made; the listener then does without."""
+    def complete_receiver(self):
+        """Leave the receiver out where it cannot be made: listeners do without."""
         for ext in [ext for ext in self.extensions if ext.name == receiver.NAME]:
             lacking = receiver.complete(ext)
             if lacking is not None:
                 self.extensions.remove(ext)
-                self.warn(f"{lacking} not found: transforms will need an executor that spins")
+                self.warn(f"ROS 2 has no {lacking} here: listeners will need an executor that spins")
 
     def _cythonize(self):
         """Turn each `.pyx` into C; return the modules that Cython refused, which are left out of the rest.

@@ -1,24 +1,26 @@
 """Owns what the receiver is compiled with: the headers and libraries of rcl, where there are any."""
 
+import os
+
 from . import environment
 
 NAME = "tf2_py._receiver"
 
-_LIBRARIES = ("rcl", "rcutils")  # of these it calls functions, rmw's are macros
+# Of these it calls functions; rmw's, which it also uses, are macros.
+_LIBRARIES = ("rcl", "rcutils")
+_NEEDED = ("include/rcl/rcl/rcl.h", *(f"lib/lib{library}.so" for library in _LIBRARIES))
 
 
-def complete(ext):
-    """Note in `ext` what it is compiled and linked with; return what is lacking, or None.
+def complete(ext, environ=os.environ):
+    """Note in `ext` what it is compiled and linked with; return which file is lacking for that, or None.
 
     No path to the libraries goes into the extension: rclpy has loaded them before, and the loader knows them
-    by their names. Of two installations no other one must come in.
+    by name. So of two installations only one is ever in use.
     """
-    prefixes = environment.ros_prefixes()
-    if not any((prefix / "include" / "rcl" / "rcl" / "rcl.h").is_file() for prefix in prefixes):
-        return "the headers of rcl"
-    for library in _LIBRARIES:
-        if not any((prefix / "lib" / f"lib{library}.so").is_file() for prefix in prefixes):
-            return f"lib{library}.so"
+    prefixes = environment.ros_prefixes(environ)
+    for file in _NEEDED:
+        if not any((prefix / file).is_file() for prefix in prefixes):
+            return file
     for prefix in prefixes:
         # Each package has a folder of its own in there, and rcl's headers use those of some twenty.
         folders = sorted((prefix / "include").glob("*"))

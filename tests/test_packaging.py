@@ -1,5 +1,6 @@
 """What gets installed: ROS and tf2_msgs only where the environment lacks them; and what a refusal says."""
 
+import importlib
 import importlib.metadata
 import importlib.util
 import os
@@ -12,6 +13,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from setuptools import Distribution, Extension
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -21,6 +23,8 @@ build_backend = importlib.util.module_from_spec(_spec)
 sys.modules["build_backend"] = build_backend
 _spec.loader.exec_module(build_backend)
 environment = build_backend.environment
+extensions = importlib.import_module("build_backend.extensions")
+receiver = extensions.receiver
 
 
 @pytest.fixture
@@ -78,6 +82,49 @@ def test_no_cxx_compiler_is_needed_where_tf2_msgs_is_sourced(tmp_path, prefix):
     (tmp_path / "gcc").touch(mode=0o755)
     only_c = {**sourced(prefix("jazzy", "rclpy", "tf2_msgs")), "PATH": str(tmp_path), "CC": "gcc -pthread"}
     assert environment.missing_tools(only_c) == []
+
+
+@pytest.fixture
+def with_rcl(prefix):
+    """A sourced ROS 2 with the headers and libraries of rcl."""
+    root = Path(prefix("jazzy", "rclpy"))
+    for file in (
+        "include/rcl/rcl/rcl.h",
+        "include/python3.12/Python.h",
+        "lib/librcl.so",
+        "lib/librcutils.so",
+    ):
+        (root / file).parent.mkdir(parents=True, exist_ok=True)
+        (root / file).touch()
+    return root
+
+
+def test_the_receiver_is_made_with_the_headers_of_ros_packages_alone(with_rcl):
+    ext = Extension(receiver.NAME, [])
+    assert receiver.complete(ext, sourced(str(with_rcl))) is None
+    assert ext.include_dirs == [str(with_rcl / "include" / "rcl")]
+    assert ext.library_dirs == [str(with_rcl / "lib")]
+
+
+@pytest.mark.parametrize("file", ["include/rcl/rcl/rcl.h", "lib/librcl.so", "lib/librcutils.so"])
+def test_the_receiver_is_left_out_with_a_notice_where_rcl_is_lacking(monkeypatch, caplog, with_rcl, file):
+    (with_rcl / file).unlink()
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(with_rcl))
+    others = Extension("tf2_py._tf2_py", [])
+    command = extensions.BuildExtensions(Distribution())
+    command.extensions = [Extension(receiver.NAME, []), others]
+    command.complete_receiver()
+    assert command.extensions == [others]
+    assert f"no {file} here" in caplog.text
+
+
+def test_the_receiver_uses_the_libraries_that_rclpy_has_loaded():
+    program = (
+        "import tf2_ros, tf2_py._receiver\n"
+        "loaded = {line.split()[-1] for line in open('/proc/self/maps') if '/librcl.so' in line}\n"
+        "assert len(loaded) == 1, loaded"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
 
 
 def test_an_old_python_is_refused_before_setuptools_is_asked(monkeypatch):

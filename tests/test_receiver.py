@@ -184,7 +184,7 @@ class TestLoad:
             stamp = at_ns(flooding.START_NS + n * flooding.NS_PER_S // rate)
             for i in (0, 9, count - 1):
                 assert translation(buffer.lookup_transform("map", f"f{i}", stamp))[0] == n
-        assert float(took_s) < 1.1 * messages / rate
+        assert float(took_s) < 1.1 * messages / rate, "the machine was too busy to send so many"
 
     def test_a_publisher_that_is_killed_may_come_back(self, buffer, listener, flood):
         for _ in range(3):
@@ -269,19 +269,21 @@ class TestTrouble:
 
 
 class TestForkedChild:
-    def test_it_has_none_and_says_so(self, buffer, listener, flood, capfd):
+    def test_it_has_none_and_says_so(self, buffer, listener, flood, caplog):
         """While transforms come in: forking without care would copy a locked buffer."""
         flood(2000, 20)
         until(lambda: taken(buffer) > 100)
         for _ in range(50):
-            assert in_a_child(lambda: use_in_a_child(buffer, listener)) == 0
+            assert in_a_child(lambda: use_in_a_child(buffer, listener, caplog)) == 0
         before = taken(buffer)
         until(lambda: taken(buffer) > before)
-        assert capfd.readouterr().err.count("no transforms will come in here") == 50
+        assert listener.receives
+        assert caplog.text == ""
 
 
-def use_in_a_child(buffer, listener):
+def use_in_a_child(buffer, listener, caplog):
     assert not listener.receives
+    assert caplog.text.count("no transforms will come in here") == 1
     buffer.set_transform(transform("map", "grandchild", 1), "child")
     assert buffer.can_transform("map", "grandchild", LATEST)
     listener.unregister()
@@ -310,16 +312,19 @@ def in_a_child(what):
 
 @pytest.mark.filterwarnings("error")
 class TestEnd:
-    ORDERS = list(itertools.permutations(["unregister", "node", "context", "drop"]))
-
     @pytest.mark.parametrize("spin_thread", [False, True])
     def test_any_order_hundreds_of_times(self, tf2_ros, ros, flood, capfd, spin_thread):
         flood(200, 5)
+        orders = list(itertools.permutations(["unregister", "node", "context", "drop"]))
+        if spin_thread:
+            # A node that is spun is not garbage.
+            orders = [order for order in orders if order[0] in ("unregister", "context")]
+        names = (f"passing_{n}" for n in itertools.count())
 
         def live_and_end(order):
             context = ros.Context()
             context.init(args=[])
-            node = ros.create_node("passing", context=context)
+            node = ros.create_node(next(names), context=context)
             buffer = tf2_ros.Buffer(node=node)
             buffer.node = node  # a program's own ways from the buffer to the node keep nothing alive
             listener = tf2_ros.TransformListener(buffer, node, spin_thread=spin_thread)
@@ -336,13 +341,13 @@ class TestEnd:
             return references
 
         def all_orders():
-            for order in self.ORDERS:
+            for order in orders:
                 references = live_and_end(order)
                 until(lambda found=references: gc.collect() or not any(reference() for reference in found))
 
         all_orders()
         before = threads(), files()
-        for _ in range(9):
+        for _ in range(200 // len(orders)):
             all_orders()
         until(lambda: threads() <= before[0] and files() <= before[1])
         assert capfd.readouterr().err == ""

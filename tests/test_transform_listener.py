@@ -22,9 +22,24 @@ S = 10**9
 LATEST = Time()
 
 
+@pytest.fixture(autouse=True, params=["thread", pytest.param("executor", marks=pytest.mark.ours)])
+def road(request, monkeypatch):
+    """By which of its two roads a listener gets transforms: a thread of its own, or who spins the node."""
+    if request.param == "executor":
+        monkeypatch.setattr("tf2_ros._receiving.Receiver", None)
+    return request.param
+
+
 @pytest.fixture
 def buffer(tf2_ros):
     return tf2_ros.Buffer()
+
+
+@pytest.mark.ours
+def test_it_takes_the_road(tf2_ros, buffer, node, road):
+    with tf2_ros.TransformListener(buffer, node) as listener:
+        assert listener.receives == (road == "thread")
+    assert not listener.receives
 
 
 def knows(buffer, child, parent="map", time=LATEST):
@@ -385,8 +400,8 @@ class TestEnd:
         assert list(node.subscriptions) == []
 
     @pytest.mark.ours
-    @pytest.mark.parametrize("how", ["thread", "hidden", "shutdown", "waiting", "future"])
-    def test_the_interpreter_exits_without_a_word(self, how):
-        program = start("exits.py", how, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    @pytest.mark.parametrize("how", ["unspun", "thread", "hidden", "shutdown", "waiting", "future"])
+    def test_the_interpreter_exits_without_a_word(self, how, road):
+        program = start("exits.py", how, road, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         output, errors = program.communicate(timeout=DEADLINE_S)
         assert (program.returncode, output, errors) == (0, "at the end\n", "")

@@ -44,8 +44,6 @@ from tf2_py._rcl cimport (
 
 from tf2_py import _log
 
-from tf2_py import _log
-
 cdef enum:
     MAX_SOURCES = 2             # dynamic and static transforms
     MAX_IN_A_ROW = 100          # messages of one source, before the other and the guard get their turn
@@ -69,11 +67,8 @@ cdef enum Outcome:
 
 
 cdef bint _take_in(Engine engine, Batch* batch) noexcept nogil:
+    # Whether a report is due.
     engine.insert(batch)
-    return _report_is_due(engine, batch)
-
-
-cdef inline bint _report_is_due(Engine engine, const Batch* batch) noexcept nogil:
     return batch.news
 
 
@@ -208,8 +203,8 @@ cdef class Receiver:
             if result != RCL_RET_OK:
                 return OUTCOME_FAILED
             for i in range(self._count):
-                if self._set.subscriptions[i] != NULL:
-                    self._drain(i)
+                if self._set.subscriptions[i] != NULL and self._drain(i) != RCL_RET_OK:
+                    return OUTCOME_FAILED
             if self._set.guard_conditions[0] != NULL or self._events_happened():
                 return OUTCOME_WOKEN
         return OUTCOME_ENDED
@@ -236,30 +231,31 @@ cdef class Receiver:
                 result = rcl_wait_set_add_event(&self._set, self._sources[i].event, NULL)
         return result
 
-    cdef void _drain(self, size_t index) noexcept nogil:
-        cdef rcl_ret_t result
+    cdef rcl_ret_t _drain(self, size_t index) noexcept nogil:
+        cdef rcl_ret_t result = RCL_RET_OK
         cdef int _
         self._batch.is_static = self._sources[index].is_static
         for _ in range(MAX_IN_A_ROW):
             result = rcl_take_serialized_message(
                 self._sources[index].subscription, &self._message, NULL, NULL
             )
-            if result == RCL_RET_SUBSCRIPTION_TAKE_FAILED:
-                return
             if result != RCL_RET_OK:
-                self._complain(index)
-                return
+                break
             self._take_message(index)
             if self._message.buffer_capacity > KEEP_BYTES:
                 self._give_back()
+        return RCL_RET_OK if result == RCL_RET_SUBSCRIPTION_TAKE_FAILED else result
 
     cdef void _take_message(self, size_t index) noexcept nogil:
-        cdef bint due = True
+        cdef bint due = False
         self._batch.taken = self._batch.refused = 0
-        if batch_read_cdr(&self._batch, self._message.buffer, self._message.buffer_length):
-            lock_write(&self._door)
-            due = self._engine != NULL and take_in(self._engine, &self._batch)
-            unlock(&self._door)
+        lock_write(&self._door)
+        if self._engine != NULL:
+            if batch_read_cdr(&self._batch, self._message.buffer, self._message.buffer_length):
+                due = take_in(self._engine, &self._batch)
+            else:
+                due = True
+        unlock(&self._door)
         if due:
             self._report(index)
 
@@ -280,13 +276,8 @@ cdef class Receiver:
                 engine.report(&self._batch)
         except BaseException:
             # Of a callback that somebody added to a future, or no memory; the next message may fare better.
-            _log_failure(engine, traceback.format_exc())
-
-    cdef void _complain(self, size_t index) noexcept with gil:
-        cdef Engine engine = self._reference()
-        text = _last_error()
-        if engine is not None:
-            _log_failure(engine, f"cannot take a message from {self._topics[index]}: {text}")
+            if engine._throttle.passes("receiver"):
+                _log._logger().error(f"While transforms came in: {traceback.format_exc()}")
 
 
 cdef int64_t _now_ns() noexcept nogil:
@@ -311,8 +302,3 @@ cdef str _last_error():
     cdef rcl_error_string_t error = rcl_get_error_string()
     rcl_reset_error()
     return error.str.decode("utf-8", "replace")
-
-
-cdef _log_failure(Engine engine, str text):
-    if engine._throttle.passes("receiver"):
-        _log._logger().error(f"Receiving transforms: {text}")

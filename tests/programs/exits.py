@@ -1,4 +1,4 @@
-"""Comes to its end with something still going on, as its argument says."""
+"""Comes to its end with something still going on: the first argument says what, the second by which road."""
 
 import sys
 import threading
@@ -7,18 +7,22 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from tf2_ros import Buffer, TransformListener
+from tf2_ros import Buffer, TransformListener, _receiving
 
 
 def look(buffer):
     buffer.can_transform("map", "robot", Time(), Duration(seconds=60))
 
 
-def main(how):
+def main(how, road):
+    if road == "executor":
+        _receiving.Receiver = None
     rclpy.init()
     node = rclpy.create_node("ending")
     buffer = Buffer(node=node)
-    if how == "thread":
+    if how == "unspun":
+        TransformListener(buffer, node)
+    elif how == "thread":
         TransformListener(buffer, node, spin_thread=True)
     elif how == "hidden":
         TransformListener(buffer, None)
@@ -37,4 +41,4 @@ def main(how):
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(*sys.argv[1:])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import statistics
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -160,28 +161,33 @@ def _us(row: dict[str, Any]) -> str:
 
 
 def _verdicts(at: dict[tuple[str, str, int | None], dict[str, Any]]) -> Iterator[str]:
-    yield "Targets"
+    yield "Targets (ratios are medians of the rounds' ratios)"
     for transforms in LOADS:
-        own = at["ours", "listener", transforms]["median"]
+        own, floor = at["ours", "listener", transforms], at["ours", "floor", transforms]
         peer, title = at.get(("ros2", "listener", transforms)), "upstream's"
         if peer is None:
             peer, title = at["ours", "executor", transforms], "every transform through Python"
+        published = JAZZY_US[transforms] * 1e3 / own["median"]
+        wanted = LESS_THAN_JAZZY[transforms]
         yield (
-            f"  5  {transforms} transforms: {peer['median'] / own:.1f}x less CPU than {title}, "
-            f"{JAZZY_US[transforms] * 1e3 / own:.1f}x less than published of Jazzy; wanted at least "
-            f"{LESS_THAN_JAZZY[transforms]:.0f}x less than Jazzy"
+            f"  5  {transforms} transforms: {_ratio(peer, own):.1f}x less CPU than {title}, {published:.1f}x "
+            f"less than published of Jazzy; wanted at least {wanted:.0f}x less than Jazzy"
         )
-        floor = at["ours", "floor", transforms]["median"]
-        yield f"  5  {transforms} transforms: {own / floor:.2f}x the floor; wanted at most {ABOVE_FLOOR}x"
+        above = _ratio(own, floor)
+        yield f"  5  {transforms} transforms: {above:.2f}x the floor; wanted at most {ABOVE_FLOOR}x"
     blocked, polled = at["ours", "listener, block", None], at["ours", "listener, poll", None]
+    # Who polls sees what is in the buffer at once.
     wake_ms = (blocked["median"] - polled["median"]) / 1e6
-    # All the way from the publisher, so more than the waking alone.
-    most_ms = blocked["p95"] / 1e6
     yield f"  7  wake-up: {wake_ms:.3f} ms later than who polls (medians); wanted under {WAKE_MEDIAN_MS} ms"
     yield (
-        f"  7  wake-up: 19 of 20 within {most_ms:.3f} ms of the sending of the message; wanted within "
-        f"{WAKE_MOST_MS} ms of the insert"
+        f"  7  wake-up: 19 of 20 within {blocked['p95'] / 1e6:.3f} ms of the sending of the message; wanted "
+        f"within {WAKE_MOST_MS} ms of the insert"
     )
+
+
+def _ratio(above: dict[str, Any], below: dict[str, Any]) -> float:
+    # Of what was measured within seconds of each other: whatever else the machine does, weighs on both.
+    return statistics.median(a / b for a, b in zip(above["rounds"], below["rounds"], strict=True))
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ from typing import Protocol
 __all__ = ["Deadlines", "Expiring", "deadlines"]
 
 FEW = 64  # entries that are not worth sweeping
-LONGEST_WAIT_S = 3600.0  # more than some platforms can wait for in one go
+LOOK_AGAIN_S = 1.0  # how long the thread may outlive the last wait, if that ended before its deadline
 
 
 class Expiring(Protocol):
@@ -65,12 +65,13 @@ class Deadlines:
         with self._changed:
             while self._heap:
                 deadline_ns, _, reference = self._heap[0]
+                thing = _pending(reference)
                 left_ns = deadline_ns - time.monotonic_ns()
-                if left_ns > 0:
-                    self._changed.wait(min(left_ns / 1e9, LONGEST_WAIT_S))
+                if thing is not None and left_ns > 0:
+                    del thing  # not held while waiting
+                    self._changed.wait(min(left_ns / 1e9, LOOK_AGAIN_S))
                     continue
                 heapq.heappop(self._heap)
-                thing = _pending(reference)
                 if thing is not None:
                     return thing
             self._thread = None

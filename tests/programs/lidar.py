@@ -43,7 +43,7 @@ def heard(publisher):
 def main(scans, transforms):
     rclpy.init(args=[])
     node = rclpy.create_node("lidar")
-    publisher = node.create_publisher(LaserScan, "scan", 100)
+    publisher = node.create_publisher(LaserScan, "scan", 1000)
     broadcaster = TransformBroadcaster(node)
     heard(publisher)
     heard(broadcaster.pub_tf)

@@ -319,6 +319,125 @@ class TestTimeJump:
         assert seen == [ClockChange.ROS_TIME_ACTIVATED]
         assert buffer.jump_handle is not None
 
+    def test_it_may_be_called_with_nothing(self, full):
+        full.set_transform(transform("map", "robot", 1), "me")
+        full.time_jump_callback(None)
+        assert not full.can_transform("map", "robot", LATEST)
+
     def test_the_callback_may_be_called_by_hand(self, full):
         full.time_jump_callback(TimeJump(ClockChange.ROS_TIME_NO_CHANGE, Duration(seconds=-3)))
         assert not full.can_transform("map", "robot", LATEST)
+
+
+class TestReplacedMethods:
+    """What a subclass, a test or a program puts in the place of a method is asked by the waits, too."""
+
+    @pytest.fixture
+    def prefixed(self, tf2_ros):
+        """Sees the frames of one robot under short names."""
+
+        class Prefixed(tf2_ros.Buffer):
+            def can_transform_core(self, target_frame, source_frame, time):
+                return super().can_transform_core("r1/" + target_frame, "r1/" + source_frame, time)
+
+            def lookup_transform_core(self, target_frame, source_frame, time):
+                return super().lookup_transform_core("r1/" + target_frame, "r1/" + source_frame, time)
+
+        return Prefixed()
+
+    def test_a_lookup_waits_with_them(self, prefixed, later):
+        asked = threading.Event()
+        can_transform_core = prefixed.can_transform_core
+
+        def ask(*arguments):
+            asked.set()
+            return can_transform_core(*arguments)
+
+        prefixed.can_transform_core = ask
+        later(prefixed.set_transform, transform("r1/map", "r1/robot", 1), "me", when=asked.is_set)
+        assert prefixed.lookup_transform("map", "robot", at(1), LONG).child_frame_id == "r1/robot"
+        assert not prefixed.can_transform("map", "nobody", at(1), SHORT)
+
+    def test_a_future_asks_them(self, prefixed):
+        future = prefixed.wait_for_transform_async("map", "robot", at(1))
+        called = []
+        future.add_done_callback(called.append)
+        prefixed.set_transform(transform("r1/map", "r1/other", 1), "me")
+        assert not future.done()
+        prefixed.set_transform(transform("r1/map", "r1/robot", 1), "me")
+        assert called == [future]
+        assert future.result().child_frame_id == "r1/robot"
+        assert prefixed.wait_for_transform_async("map", "robot", at(1)).done()
+
+    def test_a_coroutine_asks_them(self, prefixed):
+        coroutine = prefixed.lookup_transform_async("map", "robot", LATEST)
+        coroutine.send(None)
+        prefixed.set_transform(transform("r1/map", "r1/robot", 1), "me")
+        prefixed.set_transform(transform("r1/map", "r1/robot", 2), "me")
+        with pytest.raises(StopIteration) as stop:
+            coroutine.send(None)
+        assert stamp_ns(stop.value.value) == 2 * 10**9
+
+    def test_a_future_holds_what_they_raise(self, prefixed):
+        def fail(*arguments):
+            raise KeyError("mine")
+
+        future = prefixed.wait_for_transform_async("map", "robot", at(1))
+        prefixed.can_transform_core = fail
+        prefixed.set_transform(transform("r1/map", "r1/robot", 1), "me")
+        assert type(future.exception()) is KeyError
+
+    @pytest.mark.ours
+    def test_a_future_of_them_may_time_out_or_be_cancelled(self, prefixed, tf2_py):
+        future = prefixed.wait_for_transform_async("map", "robot", at(1), timeout=SHORT)
+        until(future.done)
+        assert type(future.exception()) is tf2_py.TimeoutException
+        future = prefixed.wait_for_transform_async("map", "robot", at(1))
+        future.cancel()
+        prefixed.set_transform(transform("r1/map", "r1/robot", 1), "me")
+        assert future.cancelled()
+        assert not future.done()
+
+    @pytest.mark.parametrize("full", [False, True])
+    def test_a_lookup_asks_whether_it_can(self, tf2_ros, full):
+        asked = []
+
+        class Mine(tf2_ros.Buffer):
+            def can_transform(self, *arguments):
+                asked.append(arguments[:2])
+                return super().can_transform(*arguments)
+
+            def can_transform_full(self, *arguments):
+                asked.append((arguments[0], arguments[2]))
+                return super().can_transform_full(*arguments)
+
+        buffer = Mine()
+        buffer.set_transform_static(transform("map", "robot"), "me")
+        if full:
+            buffer.lookup_transform_full("map", at(1), "robot", at(1), "map")
+        else:
+            buffer.lookup_transform("map", "robot", at(1))
+        assert asked == [("map", "robot")]
+
+    def test_a_patched_class_is_asked(self, tf2_ros, buffer, monkeypatch):
+        asked = []
+        monkeypatch.setattr(tf2_ros.Buffer, "can_transform", lambda self, *arguments: asked.append(arguments))
+        buffer.set_transform_static(transform("map", "robot"), "me")
+        buffer.lookup_transform("map", "robot", at(1), SHORT)
+        assert [arguments[:2] for arguments in asked] == [("map", "robot")]
+
+
+def test_latest_is_what_is_latest_when_a_coroutine_goes_on(buffer):
+    coroutine = buffer.lookup_transform_async("map", "robot", LATEST)
+    coroutine.send(None)
+    buffer.set_transform(transform("map", "robot", 1), "me")
+    buffer.set_transform(transform("map", "robot", 2), "me")
+    with pytest.raises(StopIteration) as stop:
+        coroutine.send(None)
+    assert stamp_ns(stop.value.value) == 2 * 10**9
+
+
+def test_its_finalizer_may_be_called_by_hand(tf2_ros):
+    buffer = tf2_ros.Buffer()
+    buffer.__del__()
+    buffer.__del__()

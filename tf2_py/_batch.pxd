@@ -4,6 +4,7 @@ from libc.stddef cimport size_t
 from libc.stdint cimport uint32_t
 
 from tf2_py._types cimport Incoming
+from tf2_py._waiters cimport WaiterList
 
 
 cdef struct Entry:
@@ -21,6 +22,7 @@ cdef struct Batch:
     size_t taken                # outcome: how many entries were taken
     size_t refused              # outcome: how many were not
     bint no_memory              # outcome: the rest was dropped for want of memory
+    WaiterList ready            # outcome: whom it completed, and whose answers are still to be delivered
     bint news                   # outcome: there is something to log, or an answer to deliver
     const char* problem         # why a serialised message could not be read, or NULL ...
     size_t problem_at           # ... and the byte at which

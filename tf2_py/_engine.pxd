@@ -9,7 +9,7 @@ from tf2_py._lock cimport Lock
 from tf2_py._query cimport Query
 from tf2_py._tree cimport Tree
 from tf2_py._types cimport Status, Transform
-from tf2_py._waiters cimport Waiter, Waiters
+from tf2_py._waiters cimport Waiter, WaiterList, Waiters
 
 
 cdef extern from "<semaphore.h>" nogil:
@@ -23,18 +23,22 @@ cdef class Engine:
     cdef Lock _lock
     cdef readonly object _throttle      # of log lines
     cdef unsigned long long _malformed  # messages; guarded by the GIL
+    cdef list _observers                # called after every insert; guarded by the GIL
+    cdef bint _observed                 # whether there are any
 
     # Takes what the batch holds under one lock. Where `batch.news` is set afterwards, `report` is due, with
     # the GIL and while the batch and its names are still there.
     cdef void insert(self, Batch* batch) noexcept nogil
-    cdef int report(self, Batch* batch) except -1
+    # `later`: a list of what would run a user's code, for the caller to hand over; None: it runs at once.
+    cdef int report(self, Batch* batch, list later) except -1
     # Counts a message that could not be read, and makes the ValueError that says why. `size`: its bytes.
     cdef object malformed(self, const Batch* batch, size_t size)
     cdef void forget(self) noexcept nogil
     # `out` NULL only asks whether there is an answer.
     cdef Status lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil
     cdef object error(self, const Query* query, Status status)
-    cdef int _deliver_ready(self) except -1
+    cdef int _log_refused(self, Batch* batch) except -1
+    cdef int _deliver(self, WaiterList* ready, list later) except -1
 
 
 @cython.final

@@ -28,6 +28,7 @@ from tf2_py._types cimport (
 from tf2_py._waiters cimport (
     PLACE_NONE,
     Waiter,
+    WaiterList,
     waiters_add,
     waiters_free,
     waiters_remove,
@@ -57,6 +58,7 @@ cdef class Engine:
         if tree_init(&self._tree, DEFAULT_CACHE_TIME_NS) != 0:
             raise MemoryError
         self._throttle = _log.Throttle()
+        self._observers = []
 
     def __dealloc__(self):
         # Nobody waits any more: every Wait holds its engine.
@@ -70,6 +72,7 @@ cdef class Engine:
         cdef Entry* entry
         cdef FrameId changed
         batch.taken = batch.refused = 0
+        batch.ready.first = batch.ready.last = NULL
         lock_write(&self._lock)
         authority = names_intern(&self._tree.authorities, batch.authority, batch.authority_size)
         batch.no_memory = authority == NAME_NO_MEMORY
@@ -81,7 +84,7 @@ cdef class Engine:
             entry.refused = tree_insert(&self._tree, &entry.incoming, authority, batch.is_static, &changed)
             if self._waiters.count and (entry.refused == 0 or entry.refused == REFUSED_OLD):
                 # Too old a sample brings its names, too.
-                waiters_wake(&self._waiters, &self._tree, changed)
+                waiters_wake(&self._waiters, &self._tree, changed, &batch.ready)
             if entry.refused == 0:
                 batch.taken += 1
             elif entry.refused == TREE_NO_MEMORY:
@@ -89,27 +92,35 @@ cdef class Engine:
                 batch.no_memory = True
             else:
                 batch.refused += 1
-        batch.news = batch.refused > 0 or batch.no_memory or self._waiters.ready.first != NULL
+        batch.news = batch.refused > 0 or batch.no_memory or batch.ready.first != NULL or self._observed
         unlock(&self._lock)
 
-    cdef int report(self, Batch* batch) except -1:
-        cdef size_t i
-        cdef Incoming* incoming
-        self._deliver_ready()
-        if batch.refused:
-            for i in range(batch.count):
-                if batch.entries[i].refused:
-                    incoming = &batch.entries[i].incoming
-                    _log.refused(
-                        self._throttle,
-                        batch.entries[i].refused,
-                        incoming.parent[:incoming.parent_size].decode("utf-8"),
-                        incoming.child[:incoming.child_size].decode("utf-8"),
-                        batch.authority[:batch.authority_size].decode("utf-8"),
-                        incoming.stamp_ns,
-                    )
+    cdef int report(self, Batch* batch, list later) except -1:
+        try:
+            self._deliver(&batch.ready, later)
+        finally:
+            # Whatever a waiter's callback raises.
+            self._log_refused(batch)
         if batch.no_memory:
             raise MemoryError
+        return 0
+
+    cdef int _log_refused(self, Batch* batch) except -1:
+        cdef size_t i
+        cdef Incoming* incoming
+        if batch.refused == 0:
+            return 0
+        for i in range(batch.count):
+            if batch.entries[i].refused:
+                incoming = &batch.entries[i].incoming
+                _log.refused(
+                    self._throttle,
+                    batch.entries[i].refused,
+                    incoming.parent[:incoming.parent_size].decode("utf-8"),
+                    incoming.child[:incoming.child_size].decode("utf-8"),
+                    batch.authority[:batch.authority_size].decode("utf-8"),
+                    incoming.stamp_ns,
+                )
         return 0
 
     cdef object malformed(self, const Batch* batch, size_t size):
@@ -118,21 +129,53 @@ cdef class Engine:
             f"malformed TFMessage: {batch.problem.decode()}, at byte {batch.problem_at} of {size}"
         )
 
-    cdef int _deliver_ready(self) except -1:
-        # One by one: what is called may insert, wait or cancel.
+    cdef int _deliver(self, WaiterList* ready, list later) except -1:
+        # One by one: what is called may insert, wait or cancel. Whatever one of them raises, all are served.
         cdef Waiter* waiter
         cdef Wait wait
+        error = None
         while True:
             lock_write(&self._lock)
-            waiter = self._waiters.ready.first
+            waiter = ready.first
             if waiter != NULL:
                 waiters_remove(&self._waiters, waiter)
             unlock(&self._lock)
             if waiter == NULL:
-                return 0
+                break
             # Still there: a Wait leaves under the lock and with the GIL, before it goes.
             wait = <Wait>waiter.owner
-            wait._notify(wait.answer)
+            try:
+                rest = wait._notify(wait.answer)
+                if rest is None:
+                    continue
+                if later is None:
+                    rest()
+                else:
+                    later.append(rest)
+            except BaseException as raised:
+                error = error or raised
+        if later is not None:
+            later.extend(self._observers)
+        else:
+            for observer in list(self._observers):
+                try:
+                    observer()
+                except BaseException as raised:
+                    error = error or raised
+        if error is not None:
+            raise error
+        return 0
+
+    def _observe(self, observer):
+        """Call this, which may run a user's code, after every insert, until :meth:`_unobserve`."""
+        self._observers.append(observer)
+        self._observed = True
+
+    def _unobserve(self, observer):
+        """End what :meth:`_observe` began; without effect where it has ended."""
+        if observer in self._observers:
+            self._observers.remove(observer)
+        self._observed = bool(self._observers)
 
     cdef void forget(self) noexcept nogil:
         lock_write(&self._lock)

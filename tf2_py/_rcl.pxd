@@ -3,6 +3,9 @@
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint8_t
 
+cdef extern from "<stdbool.h>" nogil:
+    ctypedef bint c_bool "bool"
+
 cdef extern from "rcl/rcl.h" nogil:
     ctypedef int rcl_ret_t
     rcl_ret_t RCL_RET_OK
@@ -16,6 +19,8 @@ cdef extern from "rcl/rcl.h" nogil:
     ctypedef struct rcl_guard_condition_t:
         pass
     ctypedef struct rcl_event_t:
+        pass
+    ctypedef struct rcl_clock_t:
         pass
     ctypedef struct rcl_allocator_t:
         pass
@@ -33,6 +38,9 @@ cdef extern from "rcl/rcl.h" nogil:
 
     rcl_allocator_t rcl_get_default_allocator()
     bint rcl_context_is_valid(const rcl_context_t* context)
+    rcl_ret_t rcl_trigger_guard_condition(rcl_guard_condition_t* guard_condition)
+    rcl_ret_t rcl_is_enabled_ros_time_override(rcl_clock_t* clock, c_bool* is_enabled)
+    rcl_ret_t rcl_clock_get_now(rcl_clock_t* clock, int64_t* time_ns)
 
     rcl_wait_set_t rcl_get_zero_initialized_wait_set()
     rcl_ret_t rcl_wait_set_init(

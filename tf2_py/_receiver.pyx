@@ -4,18 +4,23 @@ import traceback
 import weakref
 
 from libc.stddef cimport size_t
-from libc.stdint cimport int64_t, uintptr_t
+from libc.stdint cimport int64_t, uint64_t, uintptr_t
+from libc.string cimport memset
 from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
 
 from tf2_py._batch cimport Batch, batch_free, batch_read_cdr
 from tf2_py._engine cimport Engine
+from tf2_py._journal cimport Journal, KeptMessage, journal_clear, journal_keep, kept_data
 from tf2_py._lock cimport Lock, lock_free, lock_init, lock_write, unlock
 from tf2_py._messages cimport name_utf8
 from tf2_py._rcl cimport (
     RCL_RET_OK,
     RCL_RET_SUBSCRIPTION_TAKE_FAILED,
     RCL_RET_TIMEOUT,
+    c_bool,
     rcl_allocator_t,
+    rcl_clock_get_now,
+    rcl_clock_t,
     rcl_context_is_valid,
     rcl_context_t,
     rcl_error_string_t,
@@ -24,11 +29,13 @@ from tf2_py._rcl cimport (
     rcl_get_error_string,
     rcl_get_zero_initialized_wait_set,
     rcl_guard_condition_t,
+    rcl_is_enabled_ros_time_override,
     rcl_reset_error,
     rcl_ret_t,
     rcl_serialized_message_t,
     rcl_subscription_t,
     rcl_take_serialized_message,
+    rcl_trigger_guard_condition,
     rcl_wait,
     rcl_wait_set_add_event,
     rcl_wait_set_add_guard_condition,
@@ -44,8 +51,14 @@ from tf2_py._rcl cimport (
 
 from tf2_py import _log
 
+cdef extern from "Python.h":
+    ctypedef struct CPythonType "PyTypeObject":
+        # Another one after every change of an attribute of the type or of one of its bases; 0: none given yet.
+        unsigned int tp_version_tag
+
 cdef enum:
     MAX_SOURCES = 2             # dynamic and static transforms
+    MAX_TYPES = 2               # whose attributes decide: the listener's and the buffer's
     MAX_IN_A_ROW = 100          # messages of one source, before the other and the guard get their turn
     KEEP_BYTES = 1 << 20        # more memory than that is not kept from one message to the next
 
@@ -54,6 +67,7 @@ cdef int64_t LOOK_UP_NS = 1000000000
 
 
 cdef struct Source:
+    size_t number               # under which its messages are counted
     const rcl_subscription_t* subscription
     const rcl_event_t* event    # may happen to it; or NULL
     bint happened
@@ -61,7 +75,7 @@ cdef struct Source:
 
 
 cdef enum Outcome:
-    OUTCOME_WOKEN               # the guard condition was triggered, or an event happened
+    OUTCOME_WOKEN               # the guard was triggered, an event happened, a watched type changed
     OUTCOME_ENDED               # the context has ended
     OUTCOME_FAILED              # rcl tells why
 
@@ -77,6 +91,85 @@ ctypedef bint (*TakeIn)(void* engine, Batch* batch) noexcept nogil
 cdef TakeIn take_in = <TakeIn>_take_in
 
 
+cdef struct Arrivals:
+    Lock lock
+    uint64_t counts[MAX_SOURCES]    # messages of each source that no round of an executor has accounted for
+    uint64_t depths[MAX_SOURCES]    # of the queues: more messages an executor would not have found there
+    bint waiting                    # an executor sleeps, and wants to wake for each message
+    rcl_guard_condition_t* guard    # wakes it
+
+
+cdef void _count(Arrivals* arrivals, size_t source) noexcept nogil:
+    cdef bint wake
+    lock_write(&arrivals.lock)
+    if arrivals.counts[source] < arrivals.depths[source]:
+        arrivals.counts[source] += 1
+    wake = arrivals.waiting
+    unlock(&arrivals.lock)
+    if wake and rcl_trigger_guard_condition(arrivals.guard) != RCL_RET_OK:
+        rcl_reset_error()
+
+
+cdef class ArrivalCount:
+    """
+    Counts the messages that a receiver took and that no round of an executor has accounted for.
+
+    :param guard: the guard condition that wakes the executor: a handle with a ``pointer``.
+    :param depths: of the queue of each source; at most so many messages of it are counted.
+    """
+
+    cdef Arrivals _arrivals
+    cdef object _handle             # keeps the guard condition
+
+    def __cinit__(self, guard, depths):
+        cdef size_t i
+        if lock_init(&self._arrivals.lock) != 0:
+            raise MemoryError
+        if len(depths) > MAX_SOURCES:
+            raise ValueError(f"{len(depths)} sources, at most {MAX_SOURCES} are possible")
+        self._handle = guard
+        self._arrivals.guard = <rcl_guard_condition_t*><uintptr_t>guard.pointer
+        for i in range(len(depths)):
+            self._arrivals.depths[i] = depths[i]
+
+    def __dealloc__(self):
+        lock_free(&self._arrivals.lock)
+
+    def any(self, bint waiting):
+        """
+        Whether there are any.
+
+        :param waiting: from now on, trigger the guard condition for each message.
+        """
+        cdef bint found = False
+        cdef size_t i
+        lock_write(&self._arrivals.lock)
+        self._arrivals.waiting = waiting
+        for i in range(MAX_SOURCES):
+            found = found or self._arrivals.counts[i] > 0
+        unlock(&self._arrivals.lock)
+        return found
+
+    def take_one(self):
+        """Account for one, if there are any."""
+        cdef size_t i
+        lock_write(&self._arrivals.lock)
+        for i in range(MAX_SOURCES):
+            if self._arrivals.counts[i]:
+                self._arrivals.counts[i] -= 1
+                break
+        unlock(&self._arrivals.lock)
+
+    def clear(self):
+        """Account for all, and trigger the guard condition no more."""
+        cdef size_t i
+        lock_write(&self._arrivals.lock)
+        self._arrivals.waiting = False
+        for i in range(MAX_SOURCES):
+            self._arrivals.counts[i] = 0
+        unlock(&self._arrivals.lock)
+
+
 cdef class Receiver:
     """
     Takes messages from subscriptions into a buffer.
@@ -84,6 +177,9 @@ cdef class Receiver:
     :param buffer: a BufferCore. It is not kept alive, for what waits in it may lead to the node: a thread in
         :meth:`run` would keep both for ever. Only one that cannot be referenced weakly is kept.
     :param str authority: who says so.
+    :param arrivals: an ArrivalCount of the messages.
+    :param hand_over: called with a list of callables that run a user's code: what a message completed. That
+        message is not counted in `arrivals`.
     """
 
     cdef void* _engine          # NULL: it is gone; guarded by _door
@@ -99,8 +195,19 @@ cdef class Receiver:
     cdef Source _sources[MAX_SOURCES]
     cdef size_t _count          # of sources
     cdef list _topics           # their names
+    cdef Arrivals* _arrivals
+    cdef ArrivalCount _arrival_count    # keeps _arrivals
+    cdef object _hand_over
+    cdef list _watched          # types; keeps _types
+    cdef CPythonType* _types[MAX_TYPES]
+    cdef unsigned int _versions[MAX_TYPES]
+    cdef bint _changed          # an attribute that decides was set on an object
+    cdef bint _spent            # the one message that may be taken where a type has no version
+    cdef rcl_clock_t* _clock    # of the buffer, or NULL
+    cdef Journal _journal       # guarded by _door
 
-    def __cinit__(self, Engine buffer not None, str authority not None):
+    def __cinit__(self, Engine buffer not None, str authority not None, ArrivalCount arrivals not None,
+                  hand_over):
         cdef Py_ssize_t size
         if lock_init(&self._door) != 0:
             raise MemoryError
@@ -114,8 +221,13 @@ cdef class Receiver:
         else:
             self._reference = lambda: buffer
         self._engine = <void*>buffer
+        self._arrival_count = arrivals
+        self._arrivals = &arrivals._arrivals
+        self._hand_over = hand_over
+        self._watched = []
 
     def __dealloc__(self):
+        journal_clear(&self._journal)
         batch_free(&self._batch)
         _message_free(&self._message)
         lock_free(&self._door)
@@ -137,15 +249,81 @@ cdef class Receiver:
         unlock(&self._door)
         self._held = None
 
-    def run(self, context, guard, sources):
+    def watch(self, types):
+        """
+        Let :meth:`run` return before it takes another message, once an attribute of one of these changed.
+
+        :param types: at most two. :meth:`changed` is for the attributes of objects.
+        """
+        cdef size_t i = 0
+        self._changed = False
+        if len(types) > MAX_TYPES:
+            raise ValueError(f"{len(types)} types, at most {MAX_TYPES} are possible")
+        self._types[0] = self._types[1] = NULL
+        self._watched = list(types)
+        for one in self._watched:
+            getattr(one, "__init__", None)  # looking an attribute up gives a type its version
+            self._types[i] = <CPythonType*><void*>one
+            self._versions[i] = self._types[i].tp_version_tag
+            i += 1
+
+    def changed(self):
+        """Let :meth:`run` return before it takes another message; the caller triggers the guard condition."""
+        self._changed = True
+
+    def fills(self, Engine buffer not None):
+        """Whether the transforms go into this buffer."""
+        return self._engine == <void*>buffer
+
+    def replay(self, int64_t until_ns):
+        """
+        Insert again what arrived since the clock last moved forward, but for stamps after `until_ns`.
+
+        For the jump callback of the clock, after the buffer was cleared.
+        """
+        cdef Journal journal
+        cdef KeptMessage* kept
+        cdef Batch batch
+        cdef Engine engine = self._reference()
+        cdef list later = []
+        with nogil:
+            lock_write(&self._door)
+        journal = self._journal
+        self._journal.first = self._journal.last = NULL
+        self._journal.bytes = 0
+        self._journal.time_ns = until_ns
+        unlock(&self._door)
+        memset(&batch, 0, sizeof(Batch))
+        batch.authority = self._batch.authority
+        batch.authority_size = self._batch.authority_size
+        try:
+            kept = journal.first
+            while kept != NULL and engine is not None:
+                if batch_read_cdr(&batch, kept_data(kept), kept.size):
+                    _keep_until(&batch, until_ns)
+                    engine.insert(&batch)
+                    if batch.news:
+                        engine.report(&batch, later)
+                kept = kept.after
+        finally:
+            batch_free(&batch)
+            journal_clear(&journal)
+            if later:
+                self._hand_over(later)
+
+    def run(self, context, guard, clock, sources):
         """
         Take in what comes, until the guard condition is triggered, an event happens or the context ends.
 
+        :param clock: address of the ``rcl_clock_t`` of the buffer, or 0.
+
         :param context: address of the ``rcl_context_t``.
         :param guard: address of an ``rcl_guard_condition_t`` that nobody else waits for.
-        :param sources: at most two tuples: address of an ``rcl_subscription_t``, address of an
-            ``rcl_event_t`` or 0, the topic's name, whether its transforms are static.
-        :return: which events have happened, by their addresses; None if the context has ended.
+        :param sources: at most two tuples: the number under which its messages are counted, address of an
+            ``rcl_subscription_t``, address of an ``rcl_event_t`` or 0, the topic's name, whether its
+            transforms are static.
+        :return: which events have happened, by their addresses; None if the context has ended. An empty list
+            where what :meth:`watch` is about has changed.
         :raises RuntimeError: rcl failed; the text says how.
 
         What is behind the addresses must stay. An event is told within a second.
@@ -156,9 +334,14 @@ cdef class Receiver:
             raise ValueError(f"{len(sources)} sources, at most {MAX_SOURCES} are possible")
         self._context = <rcl_context_t*><uintptr_t>context
         self._guard = <const rcl_guard_condition_t*><uintptr_t>guard
+        self._clock = <rcl_clock_t*><uintptr_t>clock
+        self._spent = False
         self._topics = []
         self._count = 0
-        for subscription, event, topic, is_static in sources:
+        for number, subscription, event, topic, is_static in sources:
+            if not 0 <= number < MAX_SOURCES:
+                raise ValueError(f"a source has the number {number}, {MAX_SOURCES} are possible")
+            self._sources[self._count].number = number
             self._sources[self._count].subscription = <const rcl_subscription_t*><uintptr_t>subscription
             self._sources[self._count].event = <const rcl_event_t*><uintptr_t>event
             self._sources[self._count].happened = False
@@ -205,9 +388,35 @@ cdef class Receiver:
             for i in range(self._count):
                 if self._set.subscriptions[i] != NULL and self._drain(i) != RCL_RET_OK:
                     return OUTCOME_FAILED
+            if not self._is_unchanged():
+                return OUTCOME_WOKEN
             if self._set.guard_conditions[0] != NULL or self._events_happened():
                 return OUTCOME_WOKEN
         return OUTCOME_ENDED
+
+    cdef inline bint _is_unchanged(self) noexcept nogil:
+        cdef size_t i
+        for i in range(MAX_TYPES):
+            if self._types[i] != NULL and self._types[i].tp_version_tag != self._versions[i]:
+                return False
+        return not self._changed
+
+    cdef bint _may_take(self) noexcept nogil:
+        # A type whose attributes change very often gets no version: it is looked at for each message.
+        cdef size_t i
+        cdef bint versioned = True
+        if not self._is_unchanged():
+            return False
+        for i in range(MAX_TYPES):
+            if self._types[i] != NULL and self._versions[i] == 0:
+                versioned = False
+        if versioned:
+            return True
+        if self._spent:
+            self._changed = True
+            return False
+        self._spent = True
+        return True
 
     cdef bint _events_happened(self) noexcept nogil:
         cdef bint any_happened = False
@@ -236,6 +445,8 @@ cdef class Receiver:
         cdef int _
         self._batch.is_static = self._sources[index].is_static
         for _ in range(MAX_IN_A_ROW):
+            if not self._may_take():
+                break
             result = rcl_take_serialized_message(
                 self._sources[index].subscription, &self._message, NULL, NULL
             )
@@ -248,36 +459,66 @@ cdef class Receiver:
 
     cdef void _take_message(self, size_t index) noexcept nogil:
         cdef bint due = False
+        cdef bint handed_over = False
         self._batch.taken = self._batch.refused = 0
         lock_write(&self._door)
         if self._engine != NULL:
             if batch_read_cdr(&self._batch, self._message.buffer, self._message.buffer_length):
+                self._keep_for_jump()
                 due = take_in(self._engine, &self._batch)
             else:
                 due = True
         unlock(&self._door)
         if due:
-            self._report(index)
+            handed_over = self._report(index)
+        if not handed_over:
+            _count(self._arrivals, self._sources[index].number)
+
+    cdef void _keep_for_jump(self) noexcept nogil:
+        # Where time is simulated, a message of a restarted recording may overtake the clock's jump.
+        cdef c_bool simulated = False
+        cdef int64_t now_ns
+        if self._batch.is_static or self._clock == NULL:
+            return
+        if rcl_is_enabled_ros_time_override(self._clock, &simulated) != RCL_RET_OK or not simulated:
+            return
+        if rcl_clock_get_now(self._clock, &now_ns) == RCL_RET_OK:
+            journal_keep(&self._journal, now_ns, self._message.buffer, self._message.buffer_length)
 
     cdef void _give_back(self) noexcept nogil:
         batch_free(&self._batch)
         _message_free(&self._message)
         _message_init(&self._message)
 
-    cdef void _report(self, size_t index) noexcept with gil:
+    cdef bint _report(self, size_t index) noexcept with gil:
+        # Whether the message has been handed over, with what it completed.
         cdef Engine engine = self._reference()
+        cdef list later = []
         if engine is None:
-            return
+            return False
         try:
             if self._batch.problem != NULL:
                 error = engine.malformed(&self._batch, self._message.buffer_length)
                 _log.malformed(engine._throttle, self._topics[index], str(error))
             else:
-                engine.report(&self._batch)
+                engine.report(&self._batch, later)
         except BaseException:
-            # Of a callback that somebody added to a future, or no memory; the next message may fare better.
+            # No memory, mostly; the next message may fare better.
             if engine._throttle.passes("receiver"):
                 _log._logger().error(f"While transforms came in: {traceback.format_exc()}")
+        if later:
+            self._hand_over(later)
+        return bool(later)
+
+
+cdef void _keep_until(Batch* batch, int64_t until_ns) noexcept nogil:
+    cdef size_t i
+    cdef size_t count = 0
+    for i in range(batch.count):
+        if batch.entries[i].incoming.stamp_ns <= until_ns:
+            batch.entries[count] = batch.entries[i]
+            count += 1
+    batch.count = count
 
 
 cdef int64_t _now_ns() noexcept nogil:

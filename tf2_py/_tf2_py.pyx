@@ -85,7 +85,7 @@ cdef class BufferCore(Engine):
         batch.authority = name_utf8(authority, &size)
         batch.authority_size = size
         self.insert(&batch)
-        return self.report(&batch) if batch.news else 0
+        return self.report(&batch, None) if batch.news else 0
 
     def set_transform(self, transform, authority):
         """
@@ -127,7 +127,7 @@ cdef class BufferCore(Engine):
             batch.authority_size = size
             self.insert(&batch)
             if batch.news:
-                self.report(&batch)
+                self.report(&batch, None)
             return batch.taken
         finally:
             batch_free(&batch)
@@ -154,7 +154,7 @@ cdef class BufferCore(Engine):
             elif batch.problem != NULL:
                 raise self.malformed(&batch, view.len)
             if batch.news or batch.no_memory:
-                self.report(&batch)
+                self.report(&batch, None)
             return batch.taken
         finally:
             batch_free(&batch)
@@ -411,8 +411,9 @@ cdef class BufferCore(Engine):
         """
         Wait for a lookup: the simple one, or with ``fixed_frame`` and ``target_time`` that of two times.
 
-        :param notify: called with the answer, once, by the thread that brings it, and not where the
-            answer is there at once; it must not raise. None: :meth:`Wait.block` waits.
+        :param notify: called with the answer, once, by the thread that inserts what was missing, and not
+            where the answer is available at once. It runs no code of a user; it may return a callable that does.
+            A thread of the user calls that at once, a receiver hands it over. None: :meth:`Wait.block` waits.
         :return: a ``Wait``; its ``answer`` may be there at once.
         :raises InvalidArgumentException: a name is empty or begins with ``/``: that would never end.
         """

@@ -14,7 +14,15 @@ cdef enum Place:
     PLACE_FRAME             # in a frame's list: any sample
     PLACE_TREE              # a change of the tree: an unknown name, a missing connection
     PLACE_ANY               # every insert: what it lacks moves with the data
-    PLACE_READY             # it has an answer, and somebody with the GIL must deliver it
+    PLACE_READY             # it has an answer; whose insert completed it must deliver it, with the GIL
+
+
+cdef struct Waiter
+
+cdef struct WaiterList:
+    # First come, first served.
+    Waiter* first
+    Waiter* last
 
 
 cdef struct Waiter:
@@ -29,17 +37,12 @@ cdef struct Waiter:
     bint answered           # and then:
     Transform answer
     int64_t stamp_ns
+    WaiterList* ready       # in PLACE_READY: the list that it is in
     # Called with the lock held, once, when the answer is there. True: it has been delivered. False: to
     # PLACE_READY.
     bint (*deliver)(Waiter* waiter) noexcept nogil
     void* owner             # whoever made the waiter; for `deliver` and those with the GIL
     void* woken             # likewise
-
-
-cdef struct WaiterList:
-    # First come, first served.
-    Waiter* first
-    Waiter* last
 
 
 cdef struct WaiterHeap:
@@ -55,12 +58,11 @@ cdef struct FrameWaiters:
 
 
 cdef struct Waiters:
-    uint32_t count          # filed anywhere but in `ready`
+    uint32_t count          # filed anywhere but in PLACE_READY
     FrameWaiters* frames    # by frame
     uint32_t frames_capacity
     WaiterList tree
     WaiterList any
-    WaiterList ready
     uint64_t changes        # Tree.changes when the waiters were last looked at
     uint64_t arrivals       # how many have ever been added
 
@@ -70,7 +72,10 @@ cdef void waiters_free(Waiters* waiters) noexcept nogil
 # Answers the waiter, or files it; which of them shows in `answered`. Returns the status of the attempt.
 cdef Status waiters_add(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcept nogil
 cdef void waiters_remove(Waiters* waiters, Waiter* waiter) noexcept nogil
-# Looks after an insert at those that it can have helped. Not due where `count` is 0.
-cdef void waiters_wake(Waiters* waiters, const Tree* tree, FrameId changed) noexcept nogil
+# Looks after an insert at those that it can have helped; whom `deliver` leaves is appended to `ready`.
+# Not due where `count` is 0.
+cdef void waiters_wake(
+    Waiters* waiters, const Tree* tree, FrameId changed, WaiterList* ready
+) noexcept nogil
 # NULL, or which invariant does not hold.
 cdef const char* waiters_check(const Waiters* waiters) noexcept nogil

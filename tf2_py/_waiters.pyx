@@ -142,7 +142,7 @@ cdef void waiters_remove(Waiters* waiters, Waiter* waiter) noexcept nogil:
     if waiter.place == PLACE_NONE:
         return
     if waiter.place == PLACE_READY:
-        _unlink(&waiters.ready, waiter)
+        _unlink(waiter.ready, waiter)
         waiter.place = PLACE_NONE
         return
     waiters.count -= 1
@@ -193,7 +193,9 @@ cdef void _take_heap(Waiters* waiters, WaiterHeap* heap, WaiterList* taken) noex
         _link(taken, waiter)
 
 
-cdef void waiters_wake(Waiters* waiters, const Tree* tree, FrameId changed) noexcept nogil:
+cdef void waiters_wake(
+    Waiters* waiters, const Tree* tree, FrameId changed, WaiterList* ready
+) noexcept nogil:
     # All of them are taken out before the first is tried, for one that fails again may be filed where it was.
     cdef WaiterList taken
     cdef FrameWaiters* own
@@ -225,7 +227,8 @@ cdef void waiters_wake(Waiters* waiters, const Tree* tree, FrameId changed) noex
         _unlink(&taken, waiter)
         if _attempt(waiters, tree, waiter).code == STATUS_OK and not waiter.deliver(waiter):
             waiter.place = PLACE_READY
-            _link(&waiters.ready, waiter)
+            waiter.ready = ready
+            _link(ready, waiter)
 
 
 cdef void waiters_free(Waiters* waiters) noexcept nogil:

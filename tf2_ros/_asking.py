@@ -90,7 +90,7 @@ class Asking:
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = hidden.create_timer(period_s, partial(self._step, self._look), clock=steady)
         self._timer.cancel()
-        self._spinner = Spinner(hidden)
+        self._spinner = Spinner(hidden, daemon=True)
         self._spinner.thread.name = "tf2_ros buffer client"
 
     def ask(self, goal: Any, timeout_ns: int | None, padding_ns: int) -> Question:
@@ -234,7 +234,7 @@ class Asking:
 def _hidden_node(asking: Asking, node: Node) -> Node:
     # Nothing of it depends on the time, and it is nobody's to configure.
     return Node(
-        f"buffer_client_impl_{id(asking):010x}",
+        f"_buffer_client_impl_{id(asking):010x}",
         context=node.context,
         namespace=node.get_namespace(),
         use_global_arguments=False,

@@ -4,8 +4,11 @@ import heapq
 import itertools
 import threading
 import time
+import traceback
 import weakref
 from typing import Protocol
+
+from rclpy.logging import get_logger
 
 __all__ = ["Deadlines", "Expiring", "deadlines"]
 
@@ -58,7 +61,11 @@ class Deadlines:
 
     def _run(self) -> None:
         while (thing := self._next()) is not None:
-            thing.expire()
+            try:
+                thing.expire()
+            except BaseException:
+                # A callback's own; the other deadlines must not suffer from it.
+                get_logger("tf2_ros").error(f"At the end of a timeout: {traceback.format_exc()}")
             del thing  # not held while waiting for the next
 
     def _next(self) -> Expiring | None:

@@ -1,5 +1,8 @@
 """Owns the quality of service of /tf, /tf_static and the lookup action, and what parameters may override."""
 
+from typing import Any
+
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
@@ -12,6 +15,15 @@ __all__ = [
     "static_listener_qos",
     "static_overrides",
 ]
+
+_DYNAMIC_POLICIES = [
+    QoSPolicyKind.DEPTH,
+    QoSPolicyKind.DURABILITY,
+    QoSPolicyKind.HISTORY,
+    QoSPolicyKind.RELIABILITY,
+]
+# Without its durability /tf_static would be a topic like any other.
+_STATIC_POLICIES = [QoSPolicyKind.DEPTH, QoSPolicyKind.HISTORY, QoSPolicyKind.RELIABILITY]
 
 # Functions, for rclpy writes the overrides into the profile it is given.
 
@@ -38,12 +50,23 @@ def lookup_qos() -> QoSProfile:
     return QoSProfile(history=HistoryPolicy.KEEP_ALL)
 
 
-def dynamic_overrides() -> QoSOverridingOptions:
-    return QoSOverridingOptions(
-        [QoSPolicyKind.DEPTH, QoSPolicyKind.DURABILITY, QoSPolicyKind.HISTORY, QoSPolicyKind.RELIABILITY]
-    )
+def dynamic_overrides(node: Node, topic: str, kind: str) -> dict[str, Any]:
+    """The keyword that lets the node's parameters override the default profile of a dynamic topic."""
+    return _overrides(node, topic, kind, _DYNAMIC_POLICIES)
 
 
-def static_overrides() -> QoSOverridingOptions:
-    # Without its durability /tf_static would be a topic like any other.
-    return QoSOverridingOptions([QoSPolicyKind.DEPTH, QoSPolicyKind.HISTORY, QoSPolicyKind.RELIABILITY])
+def static_overrides(node: Node, topic: str, kind: str) -> dict[str, Any]:
+    """The same for a static topic; `kind` is 'publisher' or 'subscription'."""
+    return _overrides(node, topic, kind, _STATIC_POLICIES)
+
+
+def _overrides(node: Node, topic: str, kind: str, policies: list[QoSPolicyKind]) -> dict[str, Any]:
+    # rclpy declares a parameter for each policy, and a program's parameter callbacks may refuse what they do
+    # not know. So it is asked for only where somebody started the node with such a parameter.
+    given = getattr(node, "_parameter_overrides", None)
+    if not isinstance(given, dict) or not any(name.startswith("qos_overrides.") for name in given):
+        return {}
+    prefix = f"qos_overrides.{node.resolve_topic_name(topic)}.{kind}."
+    if not any(name.startswith(prefix) for name in given):
+        return {}
+    return {"qos_overriding_options": QoSOverridingOptions(policies)}

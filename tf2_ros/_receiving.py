@@ -1,4 +1,4 @@
-"""Owns the thread that takes in what comes on a listener's subscriptions, beside all executors."""
+"""Owns the thread that takes what arrives on a listener's subscriptions, beside all executors."""
 
 import atexit
 import logging
@@ -7,36 +7,43 @@ import threading
 import time
 import traceback
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.context import Context
-from rclpy.event_handler import (
-    QoSSubscriptionEventType,
-    SubscriptionEventCallbacks,
-    UnsupportedEventTypeError,
-)
+from rclpy.clock import ROSClock
+from rclpy.event_handler import EventHandler, QoSSubscriptionEventType, UnsupportedEventTypeError
 from rclpy.exceptions import InvalidHandle
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
+from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind
 from rclpy.subscription import Subscription
 
 from tf2_py import BufferCore
+from tf2_ros._arrivals import Arrivals, Completion, queue_depth
 
 Receiver: Any
+ArrivalCount: Any
 try:
     # After rclpy, which loads the libraries that it needs.
-    from tf2_py._receiver import Receiver
+    from tf2_py._receiver import ArrivalCount, Receiver
 except ModuleNotFoundError:
-    Receiver = None  # there was nothing to build it with
+    Receiver = ArrivalCount = None  # there was nothing to build it with
 
-__all__ = ["ReceivedGroup", "Receiving", "can_receive", "no_events"]
+__all__ = [
+    "ListenerGroup",
+    "Receiving",
+    "attribute_changed",
+    "can_receive",
+    "hand_over",
+    "replay",
+    "wake_executor",
+]
 
-CALLBACK_WAIT_S = 1.0  # for a future's callback that runs in the thread when it is to end
+END_WAIT_S = 1.0
 RETRY_S = 0.5
 
 _running: "weakref.WeakSet[Receiving]" = weakref.WeakSet()
@@ -47,47 +54,141 @@ def can_receive() -> bool:
     return Receiver is not None
 
 
-class ReceivedGroup(ReentrantCallbackGroup):
-    """The callback group of received subscriptions: no executor waits for them, or takes from them."""
+def attribute_changed() -> None:
+    """Tell every receiver that an attribute was set which may concern it; none takes a message before."""
+    for receiving in list(_running):
+        receiving.changed()
+
+
+def replay(buffer: BufferCore, until_ns: int) -> None:
+    """
+    Insert again what receivers took since the buffer's clock last moved forward.
+
+    :param until_ns: the clock's time after its jump; what is stamped later is not inserted.
+    """
+    for receiving in list(_running):
+        if receiving.fills(buffer):
+            receiving.replay(until_ns)
+
+
+def hand_over(buffer: BufferCore, completion: Completion) -> None:
+    """Call this in the executor of a listener of the buffer; here, where it has none that receives."""
+    for receiving in list(_running):
+        if receiving.fills(buffer):
+            receiving.arrivals.hand_over([completion])
+            return
+    completion()
+
+
+def wake_executor(node: Any) -> None:
+    """Let the executor of a node, if it has one, look anew for what it waits for."""
+    executor = node.executor if isinstance(node, Node) else None
+    if executor is not None:
+        executor.wake()
+
+
+class ListenerGroup(ReentrantCallbackGroup):
+    """
+    The callback group of a listener: no executor waits for subscriptions that a receiver takes from.
+
+    Reentrant, so that transforms arrive while another callback of the node waits for them. What a program
+    adds to it is executed as in any other group.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._received: weakref.WeakSet[Any] = weakref.WeakSet()
+        self._undecided = True
 
     def can_execute(self, entity: Any) -> bool:
         """Whether an executor may run it."""
-        return not isinstance(entity, Subscription)
+        if self._undecided:
+            return not isinstance(entity, (Subscription, EventHandler))
+        return entity not in self._received
+
+    def decide(self, received: Sequence[Subscription]) -> None:
+        """Until this is called no executor takes from any subscription, afterwards from all but these."""
+        for subscription in received:
+            # Its events, too: waiting for one, an executor would be woken by each message.
+            self._received.update((subscription, *subscription.event_handlers))
+        self._undecided = False
+
+    def give_back(self, subscription: Subscription) -> None:
+        """From now on executors take from it."""
+        self._received.difference_update((subscription, *subscription.event_handlers))
 
 
-def no_events() -> SubscriptionEventCallbacks:
-    """The events of a received subscription: by any of them, each message would wake the executor."""
-    return SubscriptionEventCallbacks(use_default_callbacks=False)
+class ReceivedSubscription(Subscription):
+    """A subscription that a receiver takes from: the receiver must hear of what is done to it."""
+
+    tf2_receiving: Any  # the Receiving
+
+    @property
+    def callback(self) -> Any:
+        """What is called with each message."""
+        return self._callback
+
+    @callback.setter
+    def callback(self, value: Any) -> None:
+        Subscription.callback.fset(self, value)
+        self.tf2_receiving.changed()
+
+    def destroy(self) -> None:
+        """End it. A subscription lives while somebody uses it, and the receiver's thread always does."""
+        self.tf2_receiving.leave(self)
+        super().destroy()
 
 
 class Receiving:
     """
-    Takes what comes on subscriptions into a buffer, in a thread of its own.
+    Takes what arrives on subscriptions into a buffer, in a thread of its own.
 
-    :param subscriptions: at most two, each with whether its transforms are static.
+    :param node: whose executor is told.
+    :param group: the callback group of the subscriptions.
+    :param subscriptions: at most two, each with whether its transforms are static; all of class Subscription.
+    :param choose: given one of these pairs, the buffer into which its messages go without Python; None where
+        Python must see them, then the subscription is left to executors for good. It must hold neither node
+        nor buffer. The types of what it looks at are `types()`.
+    :param types: the types whose attributes `choose` looks at; :meth:`changed` is for those of objects.
 
     The thread ends with :meth:`stop`, with the last of the subscriptions, with the context and with the
-    interpreter; a forked child has none. It keeps alive neither the buffer nor the node.
+    interpreter; a forked child has none. It keeps alive neither the buffer nor the node, and runs no code of
+    a user.
     """
 
     def __init__(
         self,
-        buffer: BufferCore,
+        node: Node,
         authority: str,
-        context: Context,
+        group: ListenerGroup,
         subscriptions: Sequence[tuple[Subscription, bool]],
+        choose: Callable[[Subscription, bool], BufferCore | None],
+        types: Callable[[], Sequence[type]],
     ) -> None:
-        self._receiver = Receiver(buffer, authority)
-        self._context = context.handle
-        self._guard = GuardCondition(None, None, context)
-        self._sources = [_Source(*subscription) for subscription in subscriptions]
+        self._node = weakref.ref(node)
+        self._authority = authority
+        self._group = group
+        self._choose = choose
+        self._types = types
+        self._context = node.context.handle
+        self._guard = GuardCondition(None, None, node.context)
+        depths = [queue_depth(subscription) for subscription, _ in subscriptions]
+        self.arrivals = Arrivals(node, group, lambda guard: ArrivalCount(guard, depths))
+        self._sources = [
+            _Source(number, subscription, is_static, self._subscription_gone)
+            for number, (subscription, is_static) in enumerate(subscriptions)
+        ]
+        self._receiver: Any = None
         self._stopping = False
         self._forked = False
         # A daemon, so that the interpreter does not wait for it before it runs the exit handlers.
         self._thread = threading.Thread(target=self._run, name="tf2_ros receiver", daemon=True)
         for subscription, _ in subscriptions:
-            self._leave_before_it_goes(subscription)
-        context.on_shutdown(self._context_ended)  # held weakly there
+            subscription.tf2_receiving = self
+            subscription.__class__ = ReceivedSubscription
+        group.decide([subscription for subscription, _ in subscriptions])
+        node.context.on_shutdown(self._context_ended)  # held weakly there
+        node.add_waitable(self.arrivals)
         _running.add(self)
         self._thread.start()
 
@@ -96,45 +197,55 @@ class Receiving:
         """Whether it goes on."""
         return self._thread.is_alive()
 
+    def fills(self, buffer: BufferCore) -> bool:
+        """Whether the transforms go into this buffer."""
+        return self._receiver is not None and self._receiver.fills(buffer)
+
+    def changed(self) -> None:
+        """Ask `choose` and `types` again before the next message is taken."""
+        if self._receiver is not None:
+            self._receiver.changed()
+        self._wake(wait=False)
+
+    def replay(self, until_ns: int) -> None:
+        """See the function of this name."""
+        self._receiver.replay(until_ns)
+
     def stop(self, *, wait: bool = True) -> None:
         """
         End the thread.
 
         :param wait: until it has ended, unless this is that thread.
         """
+        wait = wait and not self._stopping
         self._stopping = True
         self._wake(wait)
+
+    def leave(self, subscription: Subscription) -> None:
+        """Take no more from this subscription."""
+        self._group.give_back(subscription)
+        for source in self._sources:
+            if source.handle is subscription.handle:
+                source.destroy()
+        self._sources = [source for source in self._sources if source.handle is not subscription.handle]
+        if not self._sources:
+            self.arrivals.close()
+        self._wake(wait=not self._sources and not self._stopping)
 
     def _wake(self, wait: bool) -> None:
         if self._forked:
             return  # what it would be woken by may have been in use when the process forked
         self._guard.trigger()
         if wait and self._thread is not threading.current_thread():
-            # Not for ever: the callback that it may be in may itself wait for whoever waits here.
-            self._thread.join(CALLBACK_WAIT_S)
+            self._thread.join(END_WAIT_S)
+
+    def _subscription_gone(self, _: Any) -> None:
+        # Nobody destroyed it: its node was dropped.
+        self.changed()
 
     def _context_ended(self) -> None:
         # The context is locked meanwhile.
         self.stop(wait=False)
-
-    def _leave_before_it_goes(self, subscription: Subscription) -> None:
-        # A subscription goes when nobody uses it any more, and the thread always does. This is how its node
-        # destroys it, by itself or together with the node.
-        handle, destroy = subscription.handle, subscription.destroy
-
-        def leave_and_destroy() -> None:
-            subscription.__dict__.pop("destroy", None)
-            self._leave(handle)
-            destroy()
-
-        subscription.destroy = leave_and_destroy
-
-    def _leave(self, handle: Any) -> None:
-        for source in self._sources:
-            if source.handle is handle:
-                source.destroy()
-        self._sources = [source for source in self._sources if source.handle is not handle]
-        self._wake(wait=not self._sources)
 
     def _run(self) -> None:
         while not self._stopping:
@@ -148,27 +259,75 @@ class Receiving:
     def _serve(self) -> bool:
         """Work until something changes; whether there is more to do."""
         with ExitStack() as uses:
+            clock = self._prepare(uses)
             sources = [source for source in self._sources if source.use(uses)]
             if not sources or not _use(self._context, uses):
                 return False
             uses.enter_context(self._guard.handle)
             happened = self._receiver.run(
-                self._context.pointer, self._guard.handle.pointer, [source.as_tuple() for source in sources]
+                self._context.pointer,
+                self._guard.handle.pointer,
+                clock,
+                [source.as_tuple() for source in sources],
             )
             if happened is None:
                 return False
             for source in sources:
-                source.tell_of(happened)
+                source.report_event(happened)
             return True
+
+    def _prepare(self, uses: ExitStack) -> int:
+        """Choose the buffer, and give back the subscriptions whose messages Python must see; its clock."""
+        buffer = self._choose_buffer()
+        clock = getattr(buffer, "clock", None)
+        if not isinstance(clock, ROSClock) or not _use(clock.handle, uses):
+            return 0
+        pointer: int = clock.handle.pointer
+        return pointer
+
+    def _choose_buffer(self) -> BufferCore | None:
+        while True:
+            found = (self._chosen(source) for source in self._sources)
+            buffer = next((one for one in found if one is not None), None)
+            if buffer is not None:
+                if not self.fills(buffer):
+                    self._receiver = Receiver(
+                        buffer, self._authority, self.arrivals.count, self.arrivals.hand_over
+                    )
+                # From here on a change is noticed, so what is found now holds.
+                self._receiver.watch(self._types())
+            chosen = [(source, self._chosen(source)) for source in self._sources]
+            if all(one is None or one is buffer for _, one in chosen):
+                for source, one in chosen:
+                    if one is None:
+                        self._give_back(source)
+                return buffer
+
+    def _chosen(self, source: "_Source") -> BufferCore | None:
+        subscription = source.subscription()
+        return None if subscription is None else self._choose(subscription, source.is_static)
+
+    def _give_back(self, source: "_Source") -> None:
+        subscription = source.subscription()
+        if subscription is None:
+            self._sources.remove(source)
+            source.destroy()
+        else:
+            self.leave(subscription)
+            wake_executor(self._node())
 
 
 class _Source:
     """A subscription without its node, and what is to be told of it: publishers that it cannot hear."""
 
-    def __init__(self, subscription: Subscription, is_static: bool) -> None:
+    def __init__(
+        self, number: int, subscription: Subscription, is_static: bool, gone: Callable[[Any], None]
+    ) -> None:
+        self.number = number
+        self.is_static = is_static
+        self.subscription = weakref.ref(subscription, gone)
         self.handle = subscription.handle
         self._topic = subscription.topic_name
-        self._is_static = is_static
         self._logger = get_logger(subscription.logger_name)
         self._event: Any = None
         try:
@@ -183,12 +342,12 @@ class _Source:
         """Keep it from being destroyed; whether it was still there."""
         return _use(self.handle, uses) and (self._event is None or _use(self._event, uses))
 
-    def as_tuple(self) -> tuple[int, int, str, bool]:
+    def as_tuple(self) -> tuple[int, int, int, str, bool]:
         """It as the receiver takes it."""
         event = 0 if self._event is None else self._event.pointer
-        return self.handle.pointer, event, self._topic, self._is_static
+        return self.number, self.handle.pointer, event, self._topic, self.is_static
 
-    def tell_of(self, happened: list[int]) -> None:
+    def report_event(self, happened: list[int]) -> None:
         """Say so if its event is among those that happened."""
         if self._event is None or self._event.pointer not in happened:
             return

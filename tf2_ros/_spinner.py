@@ -9,9 +9,9 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
-__all__ = ["Spinner"]
+__all__ = ["END_WAIT_S", "Spinner"]
 
-EXIT_WAIT_S = 1.0  # for a callback that runs while the interpreter exits
+END_WAIT_S = 1.0  # for a callback that runs when the thread is to end
 
 _running: "weakref.WeakSet[Spinner]" = weakref.WeakSet()
 
@@ -20,45 +20,46 @@ class Spinner:
     """
     Spins a node in a thread of its own.
 
-    The thread ends with :meth:`stop`, with the node's context and with the interpreter. It idles when another
-    executor takes the node.
+    :param daemon: let the interpreter exit while the thread runs. Otherwise the program goes on until the
+        node's context is shut down.
+    :param owner: kept alive by the thread.
+
+    The thread ends with :meth:`stop`, with the shutdown of ``executor``, and with the node's context. It
+    idles when another executor takes the node.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, *, daemon: bool, owner: object = None) -> None:
+        self._owner = owner
         self.executor = SingleThreadedExecutor(context=node.context)
-        self._stopping = threading.Event()
         self._ended = False
         self._ending = threading.Lock()
         self.executor.add_node(node)
-        # A daemon, so that the interpreter does not wait for it before it runs the exit handlers.
-        self.thread = threading.Thread(target=self._run, name="tf2_ros listener", daemon=True)
-        _running.add(self)
+        self.thread = threading.Thread(target=self._run, name="tf2_ros listener", daemon=daemon)
+        if daemon:
+            # It must not run while the interpreter is taken apart.
+            _running.add(self)
         self.thread.start()
 
-    def stop(self, wait_s: float | None = None) -> None:
-        """
-        End the thread, and wait until it has ended, unless this is that thread.
-
-        :param wait_s: wait so many seconds at most.
-        """
-        self._stopping.set()
+    def stop(self) -> None:
+        """End the thread, and wait for a moment until it has ended, unless this is that thread."""
         with self._ending:
             if not self._ended:
-                # Waking an executor alone does not make it return: it waits until there is something to do.
-                self.executor.create_task(_nothing)
+                # In its own thread: shutting it down from another one may pull parts away that it is using.
+                self.executor.create_task(self.executor.shutdown)
         if self.thread is not threading.current_thread():
-            self.thread.join(wait_s)
+            self.thread.join(END_WAIT_S)
 
     def _run(self) -> None:
         try:
             self._spin()
         except ExternalShutdownException:
             return
-        except rclpy_implementation.RCLError:
-            if self.executor.context.ok():
+        except (AttributeError, rclpy_implementation.RCLError):
+            if self.executor.context.ok() and not self.executor._is_shutdown:
                 raise
-            # It ended after the executor had looked.
+            # The context ended, or a program shut the executor down, between two looks of the executor.
         finally:
+            self._owner = None
             with self._ending:
                 self._ended = True
                 for node in self.executor.get_nodes():
@@ -66,20 +67,14 @@ class Spinner:
                 self.executor.shutdown()
 
     def _spin(self) -> None:
-        while not self._stopping.is_set() and self.executor.context.ok():
+        while self.executor.context.ok() and not self.executor._is_shutdown:
             try:
-                self.executor.spin_once()
+                self.executor.spin()
             except InvalidHandle:
                 continue  # a part of the node was destroyed while the executor gathered them
-            if not self.executor.get_nodes():
-                return
-
-
-def _nothing() -> None:
-    pass
 
 
 @atexit.register
 def _stop_all() -> None:
     for spinner in list(_running):
-        spinner.stop(EXIT_WAIT_S)
+        spinner.stop()

@@ -2,9 +2,11 @@
 
 import asyncio
 import sys
+import threading
 import time
 import weakref
 from collections.abc import Callable, Generator
+from functools import partial
 from types import FrameType
 from typing import Any
 
@@ -12,6 +14,7 @@ from rclpy.task import Future, Task
 
 from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
 from tf2_ros._deadlines import deadlines as _deadlines
+from tf2_ros._receiving import hand_over
 
 __all__ = ["Lookup", "TransformFuture", "WakingFuture", "block", "duration_ns"]
 
@@ -72,22 +75,35 @@ class WakingFuture(Future):
         elif (loop := _running_loop()) is not None:
             # asyncio would ask again and again instead.
             woken = loop.create_future()
-            Future.add_done_callback(self, _loop_waker(loop, woken))
+            self._wake_when_known(_loop_waker(loop, woken))
             yield from woken
+            if not self.done() and not self.cancelled():
+                return self._known_outcome()
         return (yield from super().__await__())
+
+    def _wake_when_known(self, waker: Callable[[Any], None]) -> None:
+        """Call this as soon as the outcome is known, in whatever thread."""
+        Future.add_done_callback(self, waker)
+
+    def _known_outcome(self) -> Any:
+        """The outcome of a future that is not done, but has woken who waits for the outcome."""
+        raise NotImplementedError
 
 
 class TransformFuture(WakingFuture):
     """
-    The future of a transform that a buffer may not know yet.
+    The future of a transform that a buffer may not have yet.
 
     :param lookup: what to wait for; what is wrong with it is raised, but for a name that can never be looked
         up: that ends the future at once.
     :param timeout: an rclpy Duration of steady time, after which the future holds a TimeoutException. None:
         never.
 
-    The thread that brings the missing data completes it. It lives as long as somebody holds it or has added a
-    callback to it; when nobody does, nobody waits any more.
+    The thread that inserts the missing data completes it. Callbacks are a user's code: where a receiver
+    inserts the data, a future that has callbacks is completed by the executor of the listener's node. An
+    asyncio loop that awaits it does not wait for that executor.
+
+    It lives as long as somebody holds it or has added a callback to it; when nobody does, the wait ends.
     """
 
     # Those that live by their callbacks alone.
@@ -99,10 +115,15 @@ class TransformFuture(WakingFuture):
         super().__init__()
         self.__timeout_ns = None if timeout is None else duration_ns(timeout)
         self.__callbacks = 0  # that somebody else than an executor added
+        # Held to add a callback, and to decide by them who completes this. Reentrant for finalizers' sake.
+        self.__deciding = threading.RLock()
         self.__claims = [None]  # who takes it ends the wait
+        self.__outcome: Callable[[], Any] | None = None  # known, and about to be set by an executor
+        self.__wakers: list[Callable[[Any], None]] = []
+        self.__core: BufferCore | None = core
         self.__wait: Any = None
         try:
-            self.__wait = core._wait(*lookup, notify=_succeed_later(weakref.ref(self)))
+            self.__wait = core._wait(*lookup, notify=_notify(weakref.ref(self)))
         except InvalidArgumentException as error:
             self.__fail(error)
             return
@@ -112,24 +133,30 @@ class TransformFuture(WakingFuture):
         elif self.__timeout_ns is not None:
             _deadlines.add(time.monotonic_ns() + self.__timeout_ns, self)
 
+    def answered(self, answer: Any) -> Callable[[], None] | None:
+        """Complete this, or return what completes it, because that runs callbacks."""
+        return self.__end_with(lambda: answer, partial(self.succeed, answer))
+
     def succeed(self, answer: Any) -> None:
-        """The answer is there."""
+        """The answer is available."""
         if self.__claim():
             super().set_result(answer)
 
     def expire(self) -> None:
-        """The timeout is over: the answer if it has just come, or a TimeoutException."""
-        wait = self.__wait
-        if wait is None or not self.__claim():
+        """The timeout is over: the answer if it has just arrived, or a TimeoutException."""
+        wait, core = self.__wait, self.__core
+        if wait is None or core is None:
             return
         wait.cancel()
         answer = wait.answer
         if answer is not None:
-            super().set_result(answer)
-            return
-        assert self.__timeout_ns is not None
-        error = TimeoutException(f"Waited {self.__timeout_ns / 1e9} s for the transform: {wait.reason()}")
-        super().set_exception(error)
+            rest = self.answered(answer)
+        else:
+            assert self.__timeout_ns is not None
+            error = TimeoutException(f"Waited {self.__timeout_ns / 1e9} s for the transform: {wait.reason()}")
+            rest = self.__end_with(partial(_raise, error), partial(self.__fail, error))
+        if rest is not None:
+            hand_over(core, rest)
 
     def over(self) -> bool:
         """Whether the wait has ended, in whatever way."""
@@ -152,22 +179,51 @@ class TransformFuture(WakingFuture):
 
     def add_done_callback(self, callback: Callable[[Any], None]) -> None:
         """Add a callback; from now on the future need not be held by anybody else."""
+        if not _only_wakes(callback):
+            with self.__deciding:
+                if not self.over():
+                    self.__callbacks += 1
+                    TransformFuture._held.add(self)
+                    super().add_done_callback(callback)
+                    if self.over():  # a finalizer ended it meanwhile
+                        TransformFuture._held.discard(self)
+                    return
         super().add_done_callback(callback)
-        if _only_wakes(callback):
-            return
-        self.__callbacks += 1
-        TransformFuture._held.add(self)
-        if self.over():
-            TransformFuture._held.discard(self)
 
     def remove_done_callback(self, callback: Callable[[Any], None]) -> bool:
         """Remove a callback; whether it was there."""
-        removed: bool = super().remove_done_callback(callback)
-        if removed and not _only_wakes(callback):
-            self.__callbacks -= 1
-            if self.__callbacks == 0:
-                TransformFuture._held.discard(self)
+        with self.__deciding:
+            removed: bool = super().remove_done_callback(callback)
+            if removed and not _only_wakes(callback):
+                self.__callbacks -= 1
+                if self.__callbacks == 0:
+                    TransformFuture._held.discard(self)
         return removed
+
+    def _wake_when_known(self, waker: Callable[[Any], None]) -> None:
+        with self.__deciding:
+            if self.__outcome is None:
+                self.__wakers.append(waker)
+                super()._wake_when_known(waker)
+                return
+        waker(self)
+
+    def _known_outcome(self) -> Any:
+        assert self.__outcome is not None
+        return self.__outcome()
+
+    def __end_with(self, outcome: Callable[[], Any], end: Callable[[], None]) -> Callable[[], None] | None:
+        # Ends this where that runs no user's code; else returns what ends it.
+        with self.__deciding:
+            if self.__callbacks == 0:
+                end()
+                return None
+            if self.__outcome is None:
+                self.__outcome = outcome
+            wakers, self.__wakers = self.__wakers, []
+        for waker in wakers:
+            waker(self)
+        return end
 
     def __fail(self, error: BaseException) -> None:
         if self.__claim():
@@ -180,21 +236,24 @@ class TransformFuture(WakingFuture):
             self.__claims.pop()
         except IndexError:
             return False
-        wait, self.__wait = self.__wait, None  # it holds the buffer
+        wait, self.__wait, self.__core = self.__wait, None, None  # they hold the buffer
         if wait is not None:
             wait.cancel()
         TransformFuture._held.discard(self)
         return True
 
 
-def _succeed_later(reference: "weakref.ref[TransformFuture]") -> Callable[[Any], None]:
+def _notify(reference: "weakref.ref[TransformFuture]") -> Callable[[Any], Callable[[], None] | None]:
     # The engine holds this for as long as the future waits, and must not keep the future from going.
-    def succeed(answer: Any) -> None:
+    def notify(answer: Any) -> Callable[[], None] | None:
         future = reference()
-        if future is not None:
-            future.succeed(answer)
+        return None if future is None else future.answered(answer)
 
-    return succeed
+    return notify
+
+
+def _raise(error: BaseException) -> None:
+    raise error
 
 
 def _awaiting_executor() -> Any:

@@ -1,10 +1,13 @@
 """Owns the buffer that a node uses: the engine, waiting for it, its service and its clock."""
 
 import weakref
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.clock import Clock, ClockChange, JumpHandle, JumpThreshold, TimeJump
+from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.logging import get_logger
 from rclpy.node import Node
@@ -15,6 +18,8 @@ from rclpy.utilities import get_default_context
 
 from tf2_msgs.srv import FrameGraph
 from tf2_py import BufferCore, TransformException
+from tf2_ros._receiving import attribute_changed, replay
+from tf2_ros._replaced import AskingFuture, wait_until
 from tf2_ros._waiting import Lookup, TransformFuture, block, duration_ns
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 
@@ -22,6 +27,8 @@ __all__ = ["Buffer"]
 
 DEFAULT_CACHE_TIME_NS = 10 * 1_000_000_000  # of a BufferCore
 JUMP_BACK = Duration(seconds=-1)  # from here on a buffer forgets what it knew
+
+SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
 
 
 class Buffer(BufferCore, BufferInterface):
@@ -45,7 +52,33 @@ class Buffer(BufferCore, BufferInterface):
         self.clock: Clock = Clock() if node is None else node.get_clock()
         if node is not None:
             self.srv = node.create_service(FrameGraph, "tf2_frames", self._answer_frames)
-        self.jump_handle = _forget_at_jumps(self)
+        if "jump_handle" in self.__dict__:
+            self.jump_handle.unregister()  # __init__ was called again
+        self.jump_handle: JumpHandle = _forget_at_jumps(self)
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        # A lookup asks what a subclass put in the place of these. Here, and not at each lookup.
+        if cls._replaces(*_CAN) and cls.lookup_transform is Buffer.lookup_transform:
+            cls.lookup_transform = _lookup_transform_by_asking  # type: ignore[method-assign]
+        if cls._replaces(*_CAN_FULL) and cls.lookup_transform_full is Buffer.lookup_transform_full:
+            cls.lookup_transform_full = _lookup_transform_full_by_asking  # type: ignore[method-assign]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        super().__setattr__(name, value)
+        if name in SETTERS:
+            attribute_changed()
+
+    def __delattr__(self, name: str) -> None:
+        super().__delattr__(name)
+        if name in SETTERS:
+            attribute_changed()
+
+    def __del__(self) -> None:
+        """Follow the clock no more; may be called again."""
+        handle = self.__dict__.get("jump_handle")
+        if handle is not None:
+            handle.unregister()
 
     def lookup_transform(
         self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
@@ -62,6 +95,8 @@ class Buffer(BufferCore, BufferInterface):
         """
         if timeout is NO_TIMEOUT:
             return self.lookup_transform_core(target_frame, source_frame, time)
+        if self._is_replaced(*_CAN, "lookup_transform_core"):
+            return _lookup_transform_by_asking(self, target_frame, source_frame, time, timeout)
         return self._block((target_frame, source_frame, time, None, None), timeout)
 
     def lookup_transform_full(
@@ -84,6 +119,10 @@ class Buffer(BufferCore, BufferInterface):
             return self.lookup_transform_full_core(
                 target_frame, target_time, source_frame, source_time, fixed_frame
             )
+        if self._is_replaced(*_CAN_FULL, "lookup_transform_full_core"):
+            return _lookup_transform_full_by_asking(
+                self, target_frame, target_time, source_frame, source_time, fixed_frame, timeout
+            )
         return self._block((target_frame, source_frame, source_time, fixed_frame, target_time), timeout)
 
     def can_transform(
@@ -100,8 +139,12 @@ class Buffer(BufferCore, BufferInterface):
         :param timeout: how long to wait until it would.
         :param return_debug_tuple: return the answer and the reason of a "no", which is empty for a "yes".
         """
-        if timeout is not NO_TIMEOUT and self._comes((target_frame, source_frame, time, None, None), timeout):
-            return (True, "") if return_debug_tuple else True
+        if timeout is not NO_TIMEOUT:
+            if self._is_replaced("can_transform_core"):
+                ask = partial(self.can_transform_core, target_frame, source_frame, time)
+                wait_until(lambda: ask()[0], duration_ns(timeout), self._context().ok)
+            elif self._becomes_available((target_frame, source_frame, time, None, None), timeout):
+                return (True, "") if return_debug_tuple else True
         can, reason = self.can_transform_core(target_frame, source_frame, time)
         return (bool(can), reason) if return_debug_tuple else bool(can)
 
@@ -116,10 +159,21 @@ class Buffer(BufferCore, BufferInterface):
         return_debug_tuple: bool = False,
     ) -> bool | tuple[bool, str]:
         """Tell whether :meth:`lookup_transform_full` would answer; otherwise as :meth:`can_transform`."""
-        if timeout is not NO_TIMEOUT and self._comes(
-            (target_frame, source_frame, source_time, fixed_frame, target_time), timeout
-        ):
-            return (True, "") if return_debug_tuple else True
+        if timeout is not NO_TIMEOUT:
+            if self._is_replaced("can_transform_full_core"):
+                ask = partial(
+                    self.can_transform_full_core,
+                    target_frame,
+                    target_time,
+                    source_frame,
+                    source_time,
+                    fixed_frame,
+                )
+                wait_until(lambda: ask()[0], duration_ns(timeout), self._context().ok)
+            elif self._becomes_available(
+                (target_frame, source_frame, source_time, fixed_frame, target_time), timeout
+            ):
+                return (True, "") if return_debug_tuple else True
         can, reason = self.can_transform_full_core(
             target_frame, target_time, source_frame, source_time, fixed_frame
         )
@@ -133,10 +187,19 @@ class Buffer(BufferCore, BufferInterface):
 
         :param timeout: when to end the future with a ``TimeoutException`` that tells the reason. None: never.
 
-        The thread that inserts the missing transform completes the future and runs its callbacks, unless it
-        belongs to an executor. A name that can never be looked up ends it at once, with an
-        ``InvalidArgumentException``.
+        The thread that inserts the missing transform completes the future. Its callbacks run in that thread,
+        too, but those that a listener's thread would run, in the executor that spins the listener's node;
+        where that node never had one, in a thread for callbacks. A name that can never be looked up ends it
+        at once, with an ``InvalidArgumentException``.
         """
+        if self._is_replaced(*_CAN, *_LOOKUP):
+            arguments = (target_frame, source_frame, time)
+            return AskingFuture(
+                self,
+                partial(self.can_transform_core, *arguments),
+                partial(self.lookup_transform, *arguments),
+                None if timeout is None else duration_ns(timeout),
+            )
         return TransformFuture(self, (target_frame, source_frame, time, None, None), timeout)
 
     def wait_for_transform_full_async(
@@ -150,6 +213,14 @@ class Buffer(BufferCore, BufferInterface):
         timeout: Duration | None = None,
     ) -> Future:
         """Get a future of what :meth:`lookup_transform_full` will answer; see the simple one."""
+        if self._is_replaced(*_CAN_FULL, *_LOOKUP_FULL):
+            arguments = (target_frame, target_time, source_frame, source_time, fixed_frame)
+            return AskingFuture(
+                self,
+                partial(self.can_transform_full_core, *arguments),
+                partial(self.lookup_transform_full_core, *arguments),
+                None if timeout is None else duration_ns(timeout),
+            )
         lookup = (target_frame, source_frame, source_time, fixed_frame, target_time)
         return TransformFuture(self, lookup, timeout)
 
@@ -163,7 +234,8 @@ class Buffer(BufferCore, BufferInterface):
         :raises TimeoutException: it did not come in time; the text tells the reason.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
         """
-        return await self.wait_for_transform_async(target_frame, source_frame, time, timeout=timeout)
+        answer = await self.wait_for_transform_async(target_frame, source_frame, time, timeout=timeout)
+        return self._renewed(answer, self.lookup_transform_core, target_frame, source_frame, time)
 
     async def lookup_transform_full_async(
         self,
@@ -176,13 +248,24 @@ class Buffer(BufferCore, BufferInterface):
         timeout: Duration | None = None,
     ) -> TransformStamped:
         """Await what :meth:`lookup_transform_full` answers; otherwise as :meth:`lookup_transform_async`."""
-        return await self.wait_for_transform_full_async(
+        answer = await self.wait_for_transform_full_async(
             target_frame, target_time, source_frame, source_time, fixed_frame, timeout=timeout
         )
+        return self._renewed(
+            answer,
+            self.lookup_transform_full_core,
+            target_frame,
+            target_time,
+            source_frame,
+            source_time,
+            fixed_frame,
+        )
 
-    def time_jump_callback(self, time_jump: TimeJump) -> None:
+    def time_jump_callback(self, time_jump: TimeJump | None) -> None:
         """Forget what was known before the clock jumped, and warn of it."""
-        if time_jump.clock_change == ClockChange.ROS_TIME_ACTIVATED:
+        if time_jump is None:
+            happened = "Detected jump back in time"
+        elif time_jump.clock_change == ClockChange.ROS_TIME_ACTIVATED:
             happened = "Simulated time was switched on"
         elif time_jump.clock_change == ClockChange.ROS_TIME_DEACTIVATED:
             happened = "Simulated time was switched off"
@@ -191,19 +274,69 @@ class Buffer(BufferCore, BufferInterface):
         get_logger("tf2_buffer").warning(f"{happened}. Clearing TF buffer.")
         self.clear()
 
-    def _block(self, lookup: Lookup, timeout: Duration) -> TransformStamped:
-        return block(self, lookup, duration_ns(timeout), self._node_context or get_default_context())
+    @classmethod
+    def _replaces(cls, *names: str) -> bool:
+        return any(getattr(cls, name) is not _ORIGINALS[name] for name in names)
 
-    def _comes(self, lookup: Lookup, timeout: Duration) -> bool:
+    def _is_replaced(self, *names: str) -> bool:
+        """Whether a subclass, or anybody since, put something else in the place of one of these methods."""
+        own = self.__dict__
+        return self._replaces(*names) or any(name in own for name in names)
+
+    def _context(self) -> Context:
+        return self._node_context or get_default_context()
+
+    def _block(self, lookup: Lookup, timeout: Duration) -> TransformStamped:
+        return block(self, lookup, duration_ns(timeout), self._context())
+
+    def _becomes_available(self, lookup: Lookup, timeout: Duration) -> bool:
         try:
             self._block(lookup, timeout)
         except TransformException:
             return False
         return True
 
+    @staticmethod
+    def _renewed(
+        answer: TransformStamped, look_up: Callable[..., TransformStamped], *arguments: Any
+    ) -> TransformStamped:
+        """The answer as of now: "latest" may have moved on since the future was completed."""
+        try:
+            return look_up(*arguments)
+        except TransformException:
+            return answer  # forgotten meanwhile
+
     def _answer_frames(self, request: Any, response: Any) -> Any:
         response.frame_yaml = self.all_frames_as_yaml()
         return response
+
+
+# What the waits ask, in tf2's own order.
+_CAN = ("can_transform", "can_transform_core")
+_LOOKUP = ("lookup_transform", "lookup_transform_core")
+_CAN_FULL = ("can_transform_full", "can_transform_full_core")
+_LOOKUP_FULL = ("lookup_transform_full", "lookup_transform_full_core")
+_ORIGINALS = {name: getattr(Buffer, name) for name in (*_CAN, *_LOOKUP, *_CAN_FULL, *_LOOKUP_FULL)}
+
+
+def _lookup_transform_by_asking(
+    self: Buffer, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
+) -> TransformStamped:
+    self.can_transform(target_frame, source_frame, time, timeout)
+    return self.lookup_transform_core(target_frame, source_frame, time)
+
+
+def _lookup_transform_full_by_asking(
+    self: Buffer,
+    target_frame: str,
+    target_time: Time,
+    source_frame: str,
+    source_time: Time,
+    fixed_frame: str,
+    timeout: Duration = NO_TIMEOUT,
+) -> TransformStamped:
+    self.can_transform_full(target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
+    return self.lookup_transform_full_core(target_frame, target_time, source_frame, source_time, fixed_frame)
 
 
 def _forget_at_jumps(buffer: Buffer) -> JumpHandle:
@@ -213,8 +346,12 @@ def _forget_at_jumps(buffer: Buffer) -> JumpHandle:
 
     def on_jump(time_jump: TimeJump) -> None:
         jumping = reference()
-        if jumping is not None:
-            jumping.time_jump_callback(time_jump)
+        if jumping is None:
+            return
+        jumping.time_jump_callback(time_jump)
+        if time_jump.clock_change == ClockChange.ROS_TIME_NO_CHANGE:
+            # Transforms may have arrived before the executor had seen /clock.
+            replay(jumping, jumping.clock.now().nanoseconds)
 
     threshold = JumpThreshold(min_forward=None, min_backward=JUMP_BACK, on_clock_change=True)
     handle = buffer.clock.create_jump_callback(threshold, post_callback=on_jump)

@@ -26,12 +26,11 @@ class StaticTransformBroadcaster:
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:
         self.net_message = TFMessage()
-        self.pub_tf = node.create_publisher(
-            TFMessage,
-            "/tf_static",
-            static_broadcaster_qos() if qos is None else qos,
-            qos_overriding_options=static_overrides(),
-        )
+        overrides = {}
+        if qos is None:
+            qos = static_broadcaster_qos()
+            overrides = static_overrides(node, "/tf_static", "publisher")
+        self.pub_tf = node.create_publisher(TFMessage, "/tf_static", qos, **overrides)
 
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
         """Send one transform, or several; each replaces what was sent before for its child frame."""

@@ -23,12 +23,11 @@ class TransformBroadcaster:
     """
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:
-        self.pub_tf = node.create_publisher(
-            TFMessage,
-            "/tf",
-            dynamic_broadcaster_qos() if qos is None else qos,
-            qos_overriding_options=dynamic_overrides(),
-        )
+        overrides = {}
+        if qos is None:
+            qos = dynamic_broadcaster_qos()
+            overrides = dynamic_overrides(node, "/tf", "publisher")
+        self.pub_tf = node.create_publisher(TFMessage, "/tf", qos, **overrides)
 
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
         """Send one transform, or several in one message."""
@@ -42,5 +41,15 @@ def transforms_of(transform: TransformStamped | Iterable[TransformStamped]) -> l
 
 def publish_transforms(publisher: Publisher, transforms: list[TransformStamped]) -> None:
     """Publish one TFMessage, written by the engine where that is sure to say what ROS's conversion would."""
-    data = serialize_transforms(transforms)
+    data = serialize_transforms(transforms) if _takes_bytes(publisher) else None
     publisher.publish(TFMessage(transforms=transforms) if data is None else data)
+
+
+_publish = Publisher.publish
+
+
+def _takes_bytes(publisher: Publisher) -> bool:
+    # Whatever a program puts in the place of rclpy's publisher expects messages.
+    return (
+        type(publisher) is Publisher and Publisher.publish is _publish and "publish" not in publisher.__dict__
+    )

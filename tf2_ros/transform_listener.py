@@ -1,10 +1,9 @@
 """Owns how transforms come from the topics into a buffer."""
 
 import weakref
+from collections.abc import Callable
 from typing import Any
 
-from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
@@ -12,10 +11,9 @@ from rclpy.subscription import Subscription
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
-from tf2_py._log import malformed
 from tf2_ros._qos import dynamic_overrides, listener_qos, static_listener_qos, static_overrides
-from tf2_ros._receiving import ReceivedGroup, Receiving, can_receive, no_events
-from tf2_ros._spinner import Spinner
+from tf2_ros._receiving import ListenerGroup, Receiving, can_receive, wake_executor
+from tf2_ros._spinner import END_WAIT_S, Spinner
 
 __all__ = [
     "DEFAULT_STATIC_TF_TOPIC",
@@ -31,6 +29,9 @@ AUTHORITY = "default_authority"  # the topics do not tell who published
 
 SETTERS = ("set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr")
 
+# Setting one of these redirects what arrives.
+REDIRECTING = frozenset({"buffer", "callback", "static_callback"})
+
 
 class TransformListener:
     """
@@ -39,21 +40,32 @@ class TransformListener:
     :param buffer: a :class:`tf2_ros.Buffer`, or anything with its ``set_transform`` and
         ``set_transform_static``.
     :param node: subscribes. None: a hidden node that spins itself.
-    :param spin_thread: spin the node in a thread of its own, until another executor takes it.
+    :param spin_thread: spin the node in a thread of its own, until another executor takes it or its context
+        ends; the program goes on so long.
     :param qos: a profile, or the depth of the queue, for dynamic transforms.
     :param static_qos: the same for static transforms.
     :param static_only: do not subscribe to dynamic transforms.
 
-    A thread of its own takes the transforms in, whether anybody spins the node or not, and while callbacks
-    wait. Only where a subclass has a ``callback`` or ``static_callback`` of its own, the buffer is not a
-    :class:`tf2_ros.Buffer` or has a ``set_transform*`` of its own, or the thread's code could not be built,
-    whoever spins the node takes them in; ``receives`` tells.
+    A thread of its own inserts the transforms, whether anybody spins the node or not, and while callbacks
+    wait. Only where a program replaces ``callback``, ``static_callback``, the callback of a subscription or a
+    ``set_transform*`` of the buffer, now or later, where the buffer is not a :class:`tf2_ros.Buffer`, where
+    the node makes subscriptions of another kind than rclpy's, or where the thread's code could not be built,
+    whoever spins the node inserts them; ``receives`` tells.
 
-    The node keeps the listener alive. ``unregister()`` ends it, as does the end of a ``with`` block.
+    Another buffer may be assigned to ``buffer`` at any time. The node keeps the listener alive.
+    ``unregister()`` ends its subscriptions; the end of a ``with`` block ends the thread that spins the node,
+    too.
 
     Attributes: ``buffer``, ``node``, ``group`` (the callback group of the subscriptions), ``tf_sub``,
     ``tf_static_sub``; where a thread spins the node, ``executor`` and ``dedicated_listener_thread``.
     """
+
+    # Where a subclass does not call __init__.
+    _owns_node = False
+    _spinner: Spinner | None = None
+    _receiving: Receiving | None = None
+    tf_sub: Subscription | None = None
+    tf_static_sub: Subscription | None = None
 
     def __init__(
         self,
@@ -70,68 +82,82 @@ class TransformListener:
         self.buffer = buffer
         self._owns_node = node is None
         self.node = node = _hidden_node(self) if node is None else node
-        raw = self._may_take_bytes()
-        receives = raw and can_receive()
-        # Reentrant, so that transforms come in while another callback of the node waits for them.
-        self.group = ReceivedGroup() if receives else ReentrantCallbackGroup()
-        events = no_events() if receives else SubscriptionEventCallbacks()
-        self._spinner: Spinner | None = None
-        self._receiving: Receiving | None = None
-        self.tf_sub: Subscription | None = None
-        self.tf_static_sub: Subscription | None = None
+        self.group = ListenerGroup()
         try:
             if not static_only:
+                overrides = {}
+                if qos is None:
+                    qos, overrides = listener_qos(), dynamic_overrides(node, tf_topic, "subscription")
                 self.tf_sub = node.create_subscription(
-                    TFMessage,
-                    tf_topic,
-                    self._take_bytes if raw else self.callback,
-                    listener_qos() if qos is None else qos,
-                    callback_group=self.group,
-                    event_callbacks=events,
-                    qos_overriding_options=dynamic_overrides(),
-                    raw=raw,
+                    TFMessage, tf_topic, self.callback, qos, callback_group=self.group, **overrides
                 )
+            overrides = {}
+            if static_qos is None:
+                static_qos = static_listener_qos()
+                overrides = static_overrides(node, tf_static_topic, "subscription")
             self.tf_static_sub = node.create_subscription(
                 TFMessage,
                 tf_static_topic,
-                self._take_static_bytes if raw else self.static_callback,
-                static_listener_qos() if static_qos is None else static_qos,
+                self.static_callback,
+                static_qos,
                 callback_group=self.group,
-                event_callbacks=events,
-                qos_overriding_options=static_overrides(),
-                raw=raw,
+                **overrides,
             )
-            if receives:
-                self._receive()
+            self._receive()
             if spin_thread or self._owns_node:
                 self._spin()
         except BaseException:
-            self.unregister()
+            self.__del__()
             raise
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        super().__setattr__(name, value)
+        if name in REDIRECTING and self._receiving is not None:
+            self._receiving.changed()
+
+    def __delattr__(self, name: str) -> None:
+        super().__delattr__(name)
+        if name in REDIRECTING and self._receiving is not None:
+            self._receiving.changed()
 
     @property
     def receives(self) -> bool:
-        """Whether a thread of its own takes transforms in: not after its end, nor in a forked child."""
+        """Whether a thread of its own inserts transforms: not after its end, nor in a forked child."""
         return self._receiving is not None and self._receiving.alive
 
     def unregister(self) -> None:
-        """End the subscriptions, the threads and the hidden node; what the buffer knows stays."""
-        if self._spinner is not None:
-            self._spinner.stop()
-        if self._receiving is not None:
-            self._receiving.stop()
+        """End the subscriptions and the hidden node; what the buffer knows stays."""
         if self._owns_node:
+            if self._spinner is not None:
+                self._spinner.stop()
             self.node.destroy_node()
             return
         for subscription in (self.tf_sub, self.tf_static_sub):
             if subscription is not None:
                 self.node.destroy_subscription(subscription)
 
+    def __del__(self) -> None:
+        """End the thread that spins the node, and the subscriptions; may be called again."""
+        attributes = self.__dict__
+        if self._receiving is not None:
+            # The collector runs in any thread, so it must not wait.
+            self._receiving.stop(wait=False)
+        if self._spinner is not None:
+            self._spinner.stop()
+        elif "executor" in attributes and "dedicated_listener_thread" in attributes:
+            # A subclass made them, as this class would have.
+            self.executor.shutdown()
+            self.dedicated_listener_thread.join(END_WAIT_S)
+        if "node" in attributes:
+            self.unregister()
+
     def __enter__(self) -> "TransformListener":
         return self
 
     def __exit__(self, *_: object) -> None:
         self.unregister()
+        if self._spinner is not None:
+            self._spinner.stop()
 
     def callback(self, data: TFMessage) -> None:
         """Put the transforms of a message into the buffer; a subclass may do something else."""
@@ -143,45 +169,72 @@ class TransformListener:
         for transform in data.transforms:
             self.buffer.set_transform_static(transform, AUTHORITY)
 
-    def _may_take_bytes(self) -> bool:
-        # Whoever wants to see the messages, or the transforms one by one, gets them so.
-        mine, buffer = type(self), self.buffer
-        return (
-            mine.callback is TransformListener.callback
-            and mine.static_callback is TransformListener.static_callback
-            and isinstance(buffer, BufferCore)
-            and all(getattr(type(buffer), name) is getattr(BufferCore, name) for name in SETTERS)
-            and not any(name in getattr(buffer, "__dict__", {}) for name in SETTERS)
+    def _receive(self) -> None:
+        # A thread takes from the subscriptions where nobody can tell the difference.
+        subscriptions = [
+            (subscription, static)
+            for subscription, static in ((self.tf_static_sub, True), (self.tf_sub, False))
+            if type(subscription) is Subscription and _direct_buffer(self, subscription, static)
+        ]
+        if not (subscriptions and can_receive() and isinstance(self.node, Node)):
+            self.group.decide([])
+            wake_executor(self.node)
+            return
+        reference = weakref.ref(self)
+        self._receiving = Receiving(
+            self.node, AUTHORITY, self.group, subscriptions, _chooser(reference), _types_of(reference)
         )
 
-    # These two also serve an executor that takes from a received subscription without asking its group.
-
-    def _take_bytes(self, data: bytes) -> None:
-        self._insert(data, self.tf_sub, False)
-
-    def _take_static_bytes(self, data: bytes) -> None:
-        self._insert(data, self.tf_static_sub, True)
-
-    def _insert(self, data: bytes, subscription: Subscription | None, static: bool) -> None:
-        try:
-            self.buffer.set_transforms_cdr(data, AUTHORITY, static)
-        except ValueError as error:
-            topic = "a topic" if subscription is None else subscription.topic
-            malformed(self.buffer._throttle, topic, str(error))
-
-    def _receive(self) -> None:
-        subscriptions = [(self.tf_static_sub, True)]
-        if self.tf_sub is not None:
-            subscriptions.append((self.tf_sub, False))
-        receiving = self._receiving = Receiving(self.buffer, AUTHORITY, self.node.context, subscriptions)
-        # Nothing of the thread's holds the listener; where the node goes without being destroyed, nobody is
-        # left to call unregister(). The collector runs in any thread, so it must not wait.
-        weakref.finalize(self, receiving.stop, wait=False).atexit = False
-
     def _spin(self) -> None:
-        spinner = self._spinner = Spinner(self.node)
+        # A hidden node is the listener's alone; a program's own is spun whatever becomes of the listener.
+        if self._owns_node:
+            spinner = Spinner(self.node, daemon=True)
+        else:
+            spinner = Spinner(self.node, daemon=False, owner=self)
+        self._spinner = spinner
         self.executor = spinner.executor
         self.dedicated_listener_thread = spinner.thread
+
+
+_CALLBACKS = {False: TransformListener.callback, True: TransformListener.static_callback}
+
+
+def _direct_buffer(
+    listener: TransformListener, subscription: Subscription, static: bool
+) -> BufferCore | None:
+    """The buffer that a message of the subscription ends in; None where a program has a part in that."""
+    buffer = listener.__dict__.get("buffer")
+    if not isinstance(buffer, BufferCore):
+        return None
+    kind, own = type(buffer), getattr(buffer, "__dict__", {})
+    if any(name in own or getattr(kind, name) is not getattr(BufferCore, name) for name in SETTERS):
+        return None
+    method, function = subscription.callback, _CALLBACKS[static]
+    if getattr(method, "__func__", None) is not function or method.__self__ is not listener:
+        return None
+    # What a program puts in the place of the method afterwards is called, too.
+    name = function.__name__
+    if getattr(type(listener), name) is not function or name in listener.__dict__:
+        return None
+    return buffer
+
+
+def _chooser(
+    reference: "weakref.ref[TransformListener]",
+) -> Callable[[Subscription, bool], BufferCore | None]:
+    def choose(subscription: Subscription, static: bool) -> BufferCore | None:
+        listener = reference()
+        return None if listener is None else _direct_buffer(listener, subscription, static)
+
+    return choose
+
+
+def _types_of(reference: "weakref.ref[TransformListener]") -> Callable[[], list[type]]:
+    def types() -> list[type]:
+        listener = reference()
+        return [] if listener is None else [type(listener), type(listener.__dict__.get("buffer"))]
+
+    return types
 
 
 class StaticTransformListener(TransformListener):

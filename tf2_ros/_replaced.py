@@ -1,0 +1,96 @@
+"""Owns waiting on a buffer whose methods a program has replaced: the waits ask these, as in tf2."""
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from tf2_py import BufferCore, TimeoutException
+from tf2_ros._deadlines import deadlines
+from tf2_ros._waiting import WakingFuture
+
+__all__ = ["AskingFuture", "wait_until"]
+
+ASK_AGAIN_S = 0.02  # what replaced methods answer may depend on anything
+
+
+def wait_until(can: Callable[[], Any], timeout_ns: int, alive: Callable[[], bool]) -> None:
+    """Ask again and again, until the answer is yes, the time is over, or the context has ended."""
+    deadline_ns = time.monotonic_ns() + timeout_ns
+    was_alive = alive()
+    while time.monotonic_ns() < deadline_ns and not can():
+        if was_alive and not alive():
+            return
+        threading.Event().wait(ASK_AGAIN_S)
+
+
+class AskingFuture(WakingFuture):
+    """
+    The future of what a method answers, asked again after every insert.
+
+    :param can: whether it would answer, and if not, why: the tuple of ``can_transform_core``.
+    :param look_up: gives the answer.
+    :param timeout_ns: nanoseconds of steady time, after which the future holds a TimeoutException. None:
+        never.
+    """
+
+    def __init__(
+        self,
+        core: BufferCore,
+        can: Callable[[], tuple[Any, str]],
+        look_up: Callable[[], Any],
+        timeout_ns: int | None,
+    ) -> None:
+        super().__init__()
+        self.__core = core
+        self.__can = can
+        self.__look_up = look_up
+        self.__timeout_ns = timeout_ns
+        self.__asking = threading.RLock()
+        core._observe(self.__ask)
+        self.__ask()
+        if timeout_ns is not None and not self.over():
+            deadlines.add(time.monotonic_ns() + timeout_ns, self)
+
+    def over(self) -> bool:
+        """Whether the wait has ended, in whatever way."""
+        return bool(self.done() or self.cancelled())
+
+    def expire(self) -> None:
+        """The timeout is over."""
+        with self.__asking:
+            self.__ask()
+            if not self.over():
+                assert self.__timeout_ns is not None
+                reason = self.__can()[1]
+                self.set_exception(
+                    TimeoutException(f"Waited {self.__timeout_ns / 1e9} s for the transform: {reason}")
+                )
+
+    def cancel(self) -> None:
+        """End the wait."""
+        self.__core._unobserve(self.__ask)
+        super().cancel()
+
+    def set_result(self, result: Any) -> None:
+        """End the wait with this result."""
+        self.__core._unobserve(self.__ask)
+        super().set_result(result)
+
+    def set_exception(self, exception: BaseException) -> None:
+        """End the wait with this exception."""
+        self.__core._unobserve(self.__ask)
+        super().set_exception(exception)
+
+    def __ask(self) -> None:
+        with self.__asking:
+            if self.over():
+                return
+            try:
+                if not self.__can()[0]:
+                    return
+                answer = self.__look_up()
+            except BaseException as error:
+                self.set_exception(error)
+                return
+            self.set_result(answer)

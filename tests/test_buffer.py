@@ -419,6 +419,20 @@ class TestReplacedMethods:
             buffer.lookup_transform("map", "robot", at(1))
         assert asked == [("map", "robot")]
 
+    @pytest.mark.ours
+    def test_a_callback_in_the_list_of_tf2_is_called_after_each_insert(self, buffer):
+        """Here nothing else is in it."""
+        called = []
+        callback = lambda: called.append(1)  # noqa: E731
+        buffer._new_data_callbacks.append(callback)
+        buffer.set_transform(transform("map", "robot", 1), "me")
+        buffer.set_transforms([transform("map", "robot", 2), transform("map", "arm", 2)], "me")
+        assert len(called) == 2
+        buffer._call_new_data_callbacks()
+        buffer._remove_callback(callback)
+        buffer.set_transform(transform("map", "robot", 3), "me")
+        assert len(called) == 3
+
     def test_a_patched_class_is_asked(self, tf2_ros, buffer, monkeypatch):
         asked = []
         monkeypatch.setattr(tf2_ros.Buffer, "can_transform", lambda self, *arguments: asked.append(arguments))
@@ -437,6 +451,7 @@ def test_latest_is_what_is_latest_when_a_coroutine_goes_on(buffer):
     assert stamp_ns(stop.value.value) == 2 * 10**9
 
 
+@pytest.mark.ours
 def test_its_finalizer_may_be_called_by_hand(tf2_ros):
     buffer = tf2_ros.Buffer()
     buffer.__del__()

@@ -23,8 +23,7 @@ cdef class Engine:
     cdef Lock _lock
     cdef readonly object _throttle      # of log lines
     cdef unsigned long long _malformed  # messages; guarded by the GIL
-    cdef list _observers                # called after every insert; guarded by the GIL
-    cdef bint _observed                 # whether there are any
+    cdef list _observers                # called after every insert; changed with the GIL, counted without
 
     # Takes what the batch holds under one lock. Where `batch.news` is set afterwards, `report` is due, with
     # the GIL and while the batch and its names are still there.

@@ -37,6 +37,10 @@ from tf2_py._waiters cimport (
 
 from tf2_py import _log
 
+cdef extern from "Python.h":
+    ctypedef struct CPythonSized "PyVarObject":
+        Py_ssize_t ob_size
+
 cdef extern from "<semaphore.h>" nogil:
     int sem_init(sem_t* semaphore, int shared, unsigned int value)
     int sem_destroy(sem_t* semaphore)
@@ -92,7 +96,7 @@ cdef class Engine:
                 batch.no_memory = True
             else:
                 batch.refused += 1
-        batch.news = batch.refused > 0 or batch.no_memory or batch.ready.first != NULL or self._observed
+        batch.news = batch.refused > 0 or batch.no_memory or batch.ready.first != NULL or _is_filled(<void*>self._observers)
         unlock(&self._lock)
 
     cdef int report(self, Batch* batch, list later) except -1:
@@ -166,16 +170,10 @@ cdef class Engine:
             raise error
         return 0
 
-    def _observe(self, observer):
-        """Call this, which may run a user's code, after every insert, until :meth:`_unobserve`."""
-        self._observers.append(observer)
-        self._observed = True
-
-    def _unobserve(self, observer):
-        """End what :meth:`_observe` began; without effect where it has ended."""
-        if observer in self._observers:
-            self._observers.remove(observer)
-        self._observed = bool(self._observers)
+    @property
+    def _new_data_callbacks(self):
+        """The list of what is called after every insert, by the thread that runs users' code."""
+        return self._observers
 
     cdef void forget(self) noexcept nogil:
         lock_write(&self._lock)
@@ -196,6 +194,10 @@ cdef class Engine:
             ends = (status.child, status.parent)
             child, parent = snapshot_names(&self._tree, &self._lock, ends)
         return query_error(query, status, child, parent)
+
+
+cdef inline bint _is_filled(void* objects) noexcept nogil:
+    return (<CPythonSized*>objects).ob_size > 0
 
 
 cdef bint _post(Waiter* waiter) noexcept nogil:

@@ -53,7 +53,7 @@ from tf2_py import _log
 
 cdef extern from "Python.h":
     ctypedef struct CPythonType "PyTypeObject":
-        # Another one after every change of an attribute of the type or of one of its bases; 0: none given yet.
+        # Another one after every change of an attribute of the type or of one of its bases; 0: none.
         unsigned int tp_version_tag
 
 cdef enum:

@@ -412,8 +412,9 @@ cdef class BufferCore(Engine):
         Wait for a lookup: the simple one, or with ``fixed_frame`` and ``target_time`` that of two times.
 
         :param notify: called with the answer, once, by the thread that inserts what was missing, and not
-            where the answer is available at once. It runs no code of a user; it may return a callable that does.
-            A thread of the user calls that at once, a receiver hands it over. None: :meth:`Wait.block` waits.
+            where the answer is available at once. It runs no code of a user; it may return a callable that
+            does. A thread of the user calls that at once, a receiver hands it over. None:
+            :meth:`Wait.block` waits.
         :return: a ``Wait``; its ``answer`` may be there at once.
         :raises InvalidArgumentException: a name is empty or begins with ``/``: that would never end.
         """

@@ -47,7 +47,7 @@ class AskingFuture(WakingFuture):
         self.__look_up = look_up
         self.__timeout_ns = timeout_ns
         self.__asking = threading.RLock()
-        core._observe(self.__ask)
+        core._new_data_callbacks.append(self.__ask)
         self.__ask()
         if timeout_ns is not None and not self.over():
             deadlines.add(time.monotonic_ns() + timeout_ns, self)
@@ -69,18 +69,22 @@ class AskingFuture(WakingFuture):
 
     def cancel(self) -> None:
         """End the wait."""
-        self.__core._unobserve(self.__ask)
+        self.__end()
         super().cancel()
 
     def set_result(self, result: Any) -> None:
         """End the wait with this result."""
-        self.__core._unobserve(self.__ask)
+        self.__end()
         super().set_result(result)
 
     def set_exception(self, exception: BaseException) -> None:
         """End the wait with this exception."""
-        self.__core._unobserve(self.__ask)
+        self.__end()
         super().set_exception(exception)
+
+    def __end(self) -> None:
+        if self.__ask in self.__core._new_data_callbacks:
+            self.__core._new_data_callbacks.remove(self.__ask)
 
     def __ask(self) -> None:
         with self.__asking:

@@ -51,7 +51,7 @@ class Buffer(BufferCore, BufferInterface):
         self.srv: Service | None = None
         self.clock: Clock = Clock() if node is None else node.get_clock()
         if node is not None:
-            self.srv = node.create_service(FrameGraph, "tf2_frames", self._answer_frames)
+            self.srv = node.create_service(FrameGraph, "tf2_frames", self.__get_frames)
         if "jump_handle" in self.__dict__:
             self.jump_handle.unregister()  # __init__ was called again
         self.jump_handle: JumpHandle = _forget_at_jumps(self)
@@ -306,9 +306,19 @@ class Buffer(BufferCore, BufferInterface):
         except TransformException:
             return answer  # forgotten meanwhile
 
-    def _answer_frames(self, request: Any, response: Any) -> Any:
-        response.frame_yaml = self.all_frames_as_yaml()
-        return response
+    def __get_frames(self, req: Any, res: Any) -> Any:
+        res.frame_yaml = self.all_frames_as_yaml()
+        return res
+
+    # A program's own set_transform calls these, as tf2's does.
+
+    def _call_new_data_callbacks(self) -> None:
+        for callback in list(self._new_data_callbacks):
+            callback()
+
+    def _remove_callback(self, callback: Callable[[], Any]) -> None:
+        if callback in self._new_data_callbacks:
+            self._new_data_callbacks.remove(callback)
 
 
 # What the waits ask, in tf2's own order.

@@ -3,6 +3,7 @@ A node that listens to /tf, and tells what that costs it and how soon it knows. 
 
 `listener`: a TransformListener as programs make it, which spins its node in a thread.
 `executor`: the same, but every message and every transform through Python, as upstream does it.
+`spin_once`: a program that calls `spin_once` again and again, and looks at the buffer between.
 `floor`: a thread without the GIL that takes the serialised messages and drops them.
 """
 
@@ -37,16 +38,29 @@ class Listening:
         self._node = rclpy.create_node("bench_listening")
         self.buffer = Buffer()
         make = ThroughPython if road == "executor" else TransformListener
-        self._listener = make(self.buffer, self._node, spin_thread=True)
+        self._listener = make(self.buffer, self._node, spin_thread=road != "spin_once")
+        self._ending = threading.Event()
+        self._spinning = threading.Thread(target=self._spin)
+        if road == "spin_once":
+            self._spinning.start()
         if road == "floor":
-            # The receiver keeps no buffer alive, and without one drops what it takes.
-            self._listener.buffer = self.buffer = None
+            # The receiver keeps no buffer alive, and without one drops what it takes. Not assigned, for the
+            # receiver would notice.
+            vars(self._listener)["buffer"] = self.buffer = None
 
     def end(self):
         """Say good-bye: otherwise the publisher waits for this one for as long as it may be just silent."""
+        self._ending.set()
+        if self._spinning.is_alive():
+            self._spinning.join()
         self._listener.unregister()
         self._node.destroy_node()
         rclpy.shutdown()
+
+    def _spin(self):
+        while not self._ending.is_set():
+            rclpy.spin_once(self._node, timeout_sec=0.1)
+            self.buffer.can_transform_core("map", "f0", Time())
 
     def order_cost(self):
         """ns of CPU so far: of the process, and of its threads by name."""

@@ -33,7 +33,8 @@ cdef class Engine:
     cdef void forget(self) noexcept nogil
     # `out` NULL only asks whether there is an answer.
     cdef Status lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil
-    cdef object error(self, const Query* query, Status status)
+    # The exception for a status; `call` is what it says was called.
+    cdef object error(self, const Query* query, Status status, str call=*)
     cdef int _deliver_ready(self) except -1
 
 

@@ -146,13 +146,13 @@ cdef class Engine:
         unlock(&self._lock)
         return status
 
-    cdef object error(self, const Query* query, Status status):
+    cdef object error(self, const Query* query, Status status, str call="lookupTransform"):
         cdef str child = None
         cdef str parent = None
         if status.code == STATUS_EXTRAPOLATION:
             ends = (status.child, status.parent)
             child, parent = snapshot_names(&self._tree, &self._lock, ends)
-        return query_error(query, status, child, parent)
+        return query_error(query, status, child, parent, call)
 
 
 cdef bint _post(Waiter* waiter) noexcept nogil:

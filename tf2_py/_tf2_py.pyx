@@ -177,7 +177,7 @@ cdef class BufferCore(Engine):
         cdef Status status = self.lookup(query, NULL, &stamp_ns)
         if status.code == STATUS_OK:
             return (1, "")
-        return (0, str(self.error(query, status)))
+        return (0, str(self.error(query, status, "canTransform")))
 
     def lookup_transform_core(self, target_frame, source_frame, time):
         """
@@ -324,6 +324,7 @@ cdef class BufferCore(Engine):
         cdef Status status
         query.target = name_utf8(target_frame, &query.target_size)
         query.source = name_utf8(source_frame, &query.source_size)
+        query.fixed = NULL
         lock_read(&self._lock)
         status = query_ends(&self._tree, &query, &target, &source)
         if status.code == STATUS_OK:
@@ -331,7 +332,7 @@ cdef class BufferCore(Engine):
         unlock(&self._lock)
         if status.code == STATUS_OK:
             return new_time(common_ns)
-        error = self.error(&query, status)
+        error = self.error(&query, status, "get_latest_common_time")
         if status.code == STATUS_UNCONNECTED or status.code == STATUS_LOOP:
             raise _errors.TransformException(str(error))
         raise error

@@ -5,9 +5,9 @@ from libc.stdint cimport int64_t, uint32_t
 from libc.string cimport memset
 
 from tf2_py._batch cimport Batch, Entry, batch_free, batch_read_cdr, batch_reserve
-from tf2_py._engine cimport Engine, Wait
+from tf2_py._engine cimport DEFAULT_CACHE_TIME_NS, Engine, Wait
 from tf2_py._geometry cimport vector_rotate
-from tf2_py._lock cimport lock_read, lock_write, unlock
+from tf2_py._lock cimport lock_read, unlock
 from tf2_py._messages cimport (
     duration_to_ns,
     name_utf8,
@@ -56,18 +56,16 @@ cdef class BufferCore(Engine):
 
     Frame names are ``str``. Times are anything with ``nanoseconds``, or with ``sec`` and ``nanosec``; time 0
     asks for the latest time that every frame on the path knows. Every method may be called from any thread.
+    Calling ``__init__`` again empties the buffer; whoever waits goes on waiting.
     """
 
     def __init__(self, cache_time=None):
-        cdef int64_t cache_time_ns
-        if cache_time is None:
-            return
-        cache_time_ns = duration_to_ns(cache_time)
+        cdef int64_t cache_time_ns = DEFAULT_CACHE_TIME_NS
+        if cache_time is not None:
+            cache_time_ns = duration_to_ns(cache_time)
         if cache_time_ns < 0:
             raise ValueError(f"cache_time must not be negative, it is {_errors.seconds(cache_time_ns)} s")
-        lock_write(&self._lock)
-        self._tree.cache_time_ns = cache_time_ns
-        unlock(&self._lock)
+        self.start_over(cache_time_ns)
 
     # What comes in.
 

@@ -225,6 +225,17 @@ class TestDuckTypes:
         with pytest.raises((TypeError, AttributeError)):
             buffer.set_transform(message, "x")
 
+    @pytest.mark.parametrize("missing", ["header", "child_frame_id", "transform"])
+    def test_a_missing_attribute_is_an_attribute_error(self, buffer, missing):
+        message = self.namespace()
+        delattr(message, missing)
+        with pytest.raises(AttributeError, match=missing):
+            buffer.set_transform(message, "x")
+        for nothing in (None, 5):
+            with pytest.raises(AttributeError, match="header"):
+                buffer.set_transform_static(nothing, "x")
+        assert frames(buffer) == []
+
     @pytest.mark.ours
     def test_a_stamp_beyond_64_bits_is_an_overflow_error(self, buffer):
         for stamp in (

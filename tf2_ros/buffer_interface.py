@@ -76,7 +76,7 @@ class BufferInterface:
         :raises TransformException: what the lookup raises.
         """
         do_transform = self.registration.get(type(object_stamped))
-        header = object_stamped.header
+        header = _header_of(object_stamped)
         result = do_transform(
             object_stamped, self.lookup_transform(target_frame, header.frame_id, header.stamp, timeout)
         )
@@ -100,7 +100,7 @@ class BufferInterface:
         Otherwise as :meth:`transform`.
         """
         do_transform = self.registration.get(type(object_stamped))
-        header = object_stamped.header
+        header = _header_of(object_stamped)
         transform = self.lookup_transform_full(
             target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout
         )
@@ -123,7 +123,7 @@ class BufferInterface:
         Otherwise as :meth:`transform`.
         """
         do_transform = self.registration.get(type(object_stamped))
-        header = object_stamped.header
+        header = _header_of(object_stamped)
         transform = await self.lookup_transform_async(
             target_frame, header.frame_id, header.stamp, timeout=timeout
         )
@@ -171,6 +171,19 @@ class BufferInterface:
     ) -> Any:
         """Tell whether :meth:`lookup_transform_full` would answer; a subclass does it."""
         raise NotImplementedException()
+
+
+def _header_of(object_stamped: Any) -> Any:
+    try:
+        return object_stamped.header
+    except AttributeError:
+        # tf2's Python does not know these types at all.
+        if TransformRegistration().is_default(type(object_stamped)):
+            raise TypeException(
+                f"Type {type(object_stamped).__name__} is not supported here: it has no header that tells "
+                f"where it is, and when"
+            ) from None
+        raise
 
 
 def Stamped(obj: Any, stamp: Any, frame_id: str) -> Any:

@@ -36,6 +36,10 @@ class TimeoutException(TransformException):
     """An answer did not come in time."""
 
 
+class MalformedObjectError(AttributeError, TypeError):
+    """An object lacks what its role needs. tf2 lets the AttributeError through; it is a wrong type as well."""
+
+
 for _exception in (TransformException, *TransformException.__subclasses__()):
     _exception.__module__ = "tf2_py"
 

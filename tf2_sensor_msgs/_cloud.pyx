@@ -213,7 +213,7 @@ def do_transform_cloud(cloud, transform, *, only_xyz=False):
     :returns: a new PointCloud2 with the transform's frame and the cloud's own stamp
     :raises TypeError: for other types
     :raises ValueError: where x, y or z is missing, of another type than float32 and float64 or beyond
-        `point_step`, where `row_step` or `data` is too short, or the transform's rotation has no length
+        `point_step`, where `row_step` or `data` is too short, or the transform's rotation is not finite
     """
     cdef Transform by
     cdef Grid grid

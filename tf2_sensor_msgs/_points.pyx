@@ -157,7 +157,7 @@ def transform_points(point_cloud, transform):
     :param transform: a TransformStamped or Transform
     :returns: a new array of shape (n, 3): float32 for float32, otherwise float64
     :raises TypeError: for another transform, or points that are no real numbers
-    :raises ValueError: for another shape, or a transform whose rotation has no length
+    :raises ValueError: for another shape, or a transform whose rotation is not finite
     """
     cdef Transform by
     cdef Rigid rigid

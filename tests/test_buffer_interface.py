@@ -225,7 +225,10 @@ class TestConvert:
                 call()
 
     def test_types_that_are_not_registered_are_not_converted(self, interface):
-        for a, wanted in ((PoseWithCovarianceStamped(), PoseStamped), (PointStamped(), PoseWithCovarianceStamped)):
+        for a, wanted in (
+            (PoseWithCovarianceStamped(), PoseStamped),
+            (PointStamped(), PoseWithCovarianceStamped),
+        ):
             with pytest.raises(interface.TypeException):
                 interface.convert(a, wanted)
 

@@ -256,7 +256,9 @@ class TestErrors:
         for part in ("2.500000000", "2.250000000", "[camera]", "[map]", "0.250000000 s"):
             assert part in text
         assert "base in odom" in text
-        with pytest.raises(tf2_py.ExtrapolationException, match=r"into the past.* 0\.500000000 s are missing"):
+        with pytest.raises(
+            tf2_py.ExtrapolationException, match=r"into the past.* 0\.500000000 s are missing"
+        ):
             buffer.lookup_transform_core("map", "camera", at(0.5))
 
     @pytest.mark.ours

@@ -7,6 +7,7 @@ from cpython.object cimport PyObject, PyTypeObject
 from cpython.ref cimport Py_INCREF
 from cpython.unicode cimport PyUnicode_Check
 from libc.float cimport DBL_EPSILON
+from libc.math cimport isfinite
 from libc.stdint cimport INT64_MAX, int64_t
 from libc.string cimport memchr
 
@@ -251,11 +252,7 @@ cdef _misfit(object message, str wanted, AttributeError missing):
     )
 
 
-cdef int read_transform(object message, Transform* out) except -1:
-    """A Transform, or the `transform` of a TransformStamped; the rotation normalised.
-
-    As in tf2, a rotation whose squared length is below a double's epsilon, so also a zero one, is none.
-    """
+cdef int read_any_rotation(object message, Transform* out) except -1:
     cdef double squared
     cdef double* q = out.rotation
     load()
@@ -268,11 +265,17 @@ cdef int read_transform(object message, Transform* out) except -1:
     except AttributeError as missing:
         raise _misfit(message, "a geometry_msgs/TransformStamped or Transform", missing) from None
     squared = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    if not isfinite(squared):
+        raise ValueError("the rotation of a transform must have a finite length")
     if squared < DBL_EPSILON:
         q[0] = q[1] = q[2] = 0.0
         q[3] = 1.0
-    elif not quaternion_normalise(q):
-        raise ValueError("the rotation of a transform must have a finite length")
+    return 0
+
+
+cdef int read_transform(object message, Transform* out) except -1:
+    read_any_rotation(message, out)
+    quaternion_normalise(out.rotation)
     return 0
 
 

@@ -48,7 +48,9 @@ def buffer(tf2_ros, t):
 
 @every_function
 @pytest.mark.parametrize(
-    "wrong", [None, 5, "text", object(), SimpleNamespace(header=1), Quaternion()], ids=lambda w: type(w).__name__
+    "wrong",
+    [None, 5, "text", object(), SimpleNamespace(header=1), Quaternion()],
+    ids=lambda w: type(w).__name__,
 )
 def test_another_object_is_an_attribute_error(name, t, wrong):
     with pytest.raises(AttributeError):
@@ -76,7 +78,10 @@ def test_a_transform_without_a_header_is_an_attribute_error(name, t):
 @every_function
 def test_a_zero_rotation_counts_as_none(name):
     message = FUNCTIONS[name]()
-    straight, zero = transform("map", "base", 1, (1, 2, 3)), transform("map", "base", 1, (1, 2, 3), (0, 0, 0, 0))
+    straight, zero = (
+        transform("map", "base", 1, (1, 2, 3)),
+        transform("map", "base", 1, (1, 2, 3), (0, 0, 0, 0)),
+    )
     function = getattr(tf2_geometry_msgs, name)
     assert function(message, zero) == function(message, straight)
 
@@ -86,7 +91,9 @@ def test_a_rotation_that_is_no_number_is_a_value_error(name):
     if name == "do_transform_polygon_stamped":
         pytest.skip("an empty polygon asks for no rotation")
     with pytest.raises(ValueError):  # NumPy's LinAlgError is one
-        getattr(tf2_geometry_msgs, name)(FUNCTIONS[name](), transform("map", "base", 1, xyzw=(float("nan"), 0, 0, 1)))
+        getattr(tf2_geometry_msgs, name)(
+            FUNCTIONS[name](), transform("map", "base", 1, xyzw=(float("nan"), 0, 0, 1))
+        )
 
 
 def test_a_covariance_under_a_zero_rotation_is_as_it_was():
@@ -95,7 +102,9 @@ def test_a_covariance_under_a_zero_rotation_is_as_it_was():
     assert np.array_equal(tf2_geometry_msgs.transform_covariance(covariance, zero), covariance)
 
 
-@pytest.mark.parametrize("wrong", [None, 5, Pose(), Point(), Vector3(), Quaternion(), Transform(), SimpleNamespace()])
+@pytest.mark.parametrize(
+    "wrong", [None, 5, Pose(), Point(), Vector3(), Quaternion(), Transform(), SimpleNamespace()]
+)
 def test_an_object_that_cannot_be_transformed_is_a_type_exception(tf2_ros, buffer, wrong):
     # Of some of them a buffer knows how, but not when and from where.
     with pytest.raises(tf2_ros.TypeException):

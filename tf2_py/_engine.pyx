@@ -147,7 +147,7 @@ cdef class Engine:
             raise MemoryError
         lock_write(&self._lock)
         old = self._tree
-        # Waiters are filed under frames of the old tree: the next insert finds a change and looks at them all.
+        # Waiters are filed under the old tree's frames: the next insert finds a change and looks at them all.
         empty.changes = old.changes + 1
         self._tree = empty
         unlock(&self._lock)

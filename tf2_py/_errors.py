@@ -37,7 +37,7 @@ class TimeoutException(TransformException):
 
 
 class MalformedObjectError(AttributeError, TypeError):
-    """An object lacks what its role needs. tf2 lets the AttributeError through; it is a wrong type as well."""
+    """An object lacks what its role needs: tf2 raises the AttributeError; it is of a wrong type as well."""
 
 
 for _exception in (TransformException, *TransformException.__subclasses__()):
@@ -51,8 +51,8 @@ def seconds(ns: int) -> str:
     return f"{sign}{whole}.{rest:09d}"
 
 
-# Programs take these texts apart with regular expressions that were written for tf2's; tests/test_error_texts.py
-# lists them. What tf2 does not tell stands at the end, in words that no such expression looks for.
+# Programs take these texts apart with regular expressions that were written for tf2's; see
+# tests/test_error_texts.py. What tf2 does not tell stands at the end, in words that none of them looks for.
 
 
 def bad_name(name: str, argument: str, call: str = "lookupTransform") -> TransformException:

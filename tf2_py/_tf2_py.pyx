@@ -45,6 +45,25 @@ from tf2_py._walk cimport Path, walk_common_time, walk_lookup
 
 from tf2_py import _errors, _listings, _log
 from tf2_py._arrays import as_points, as_times_ns, new_rows
+# Programs catch them by the name of tf2's extension module, too.
+from tf2_py._errors import (
+    ConnectivityException,
+    ExtrapolationException,
+    InvalidArgumentException,
+    LookupException,
+    TimeoutException,
+    TransformException,
+)
+
+__all__ = [
+    "BufferCore",
+    "ConnectivityException",
+    "ExtrapolationException",
+    "InvalidArgumentException",
+    "LookupException",
+    "TimeoutException",
+    "TransformException",
+]
 
 
 cdef class BufferCore(Engine):

@@ -21,25 +21,55 @@ from tf2_ros._registration import (
     TypeException,
     convert,
 )
+from tf2_ros._tf2_names import (
+    Callable,
+    Optional,
+    Tuple,
+    Union,
+    deepcopy,
+    rclpy,
+    tf2,
+    tf2_ros,
+)
 
-# Programs came to rely on finding the message classes here; they stay, outside __all__.
+# What `import *` gives from tf2's module.
 __all__ = [
+    "Any",
     "BufferInterface",
+    "Callable",
     "ConvertRegistration",
+    "Duration",
+    "Header",
     "MsgStamped",
     "NotImplementedException",
+    "Optional",
+    "PointCloud2",
+    "PointStamped",
+    "PoseStamped",
+    "PoseWithCovarianceStamped",
     "PyKDLType",
     "Stamped",
+    "Time",
     "TransformRegistration",
+    "TransformStamped",
     "TransformableObject",
     "TransformableObjectType",
+    "Tuple",
     "TypeException",
+    "TypeVar",
+    "Union",
+    "Vector3Stamped",
     "convert",
+    "deepcopy",
+    "rclpy",
+    "tf2",
+    "tf2_ros",
 ]
 
-MsgStamped = PointStamped | PoseStamped | PoseWithCovarianceStamped | Vector3Stamped | PointCloud2
+# Typing's, as in tf2: programs use them as default values and cast with them.
+MsgStamped = Union[PointStamped, PoseStamped, PoseWithCovarianceStamped, Vector3Stamped, PointCloud2]
 PyKDLType = TypeVar("PyKDLType")
-TransformableObject = MsgStamped | PyKDLType
+TransformableObject = Union[MsgStamped, PyKDLType]
 TransformableObjectType = TypeVar("TransformableObjectType")
 
 # The default of every `timeout`: one object, so that "none" is an identity, not a comparison of Durations.

@@ -16,12 +16,34 @@ from tf2_py._log import malformed
 from tf2_ros._qos import dynamic_overrides, listener_qos, static_listener_qos, static_overrides
 from tf2_ros._receiving import ReceivedGroup, Receiving, can_receive, no_events
 from tf2_ros._spinner import Spinner
+from tf2_ros._tf2_names import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    Optional,
+    SingleThreadedExecutor,
+    Thread,
+    Union,
+    tf2_ros,
+)
+from tf2_ros.buffer import Buffer
 
+# What `import *` gives from tf2's module.
 __all__ = [
     "DEFAULT_STATIC_TF_TOPIC",
     "DEFAULT_TF_TOPIC",
-    "StaticTransformListener",
+    "Buffer",
+    "DurabilityPolicy",
+    "HistoryPolicy",
+    "Node",
+    "Optional",
+    "QoSProfile",
+    "ReentrantCallbackGroup",
+    "SingleThreadedExecutor",
+    "TFMessage",
+    "Thread",
     "TransformListener",
+    "Union",
+    "tf2_ros",
 ]
 
 DEFAULT_TF_TOPIC = "/tf"

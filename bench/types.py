@@ -222,6 +222,9 @@ def _cloud(step: int, kind: str) -> PointCloud2:
     size = int(kind[1])
     datatype = PointField.FLOAT32 if kind == "f4" else PointField.FLOAT64
     fields = [PointField(name=n, offset=i * size, datatype=datatype, count=1) for i, n in enumerate("xyz")]
+    if step > 3 * size:
+        # Otherwise the rest were padding, which a cloud of x, y and z alone loses.
+        fields.append(PointField(name="intensity", offset=3 * size, datatype=PointField.FLOAT32, count=1))
     points = np.zeros(
         POINTS,
         np.dtype(

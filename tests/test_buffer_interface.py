@@ -4,7 +4,14 @@ import subprocess
 import sys
 
 import pytest
-from geometry_msgs.msg import PointStamped, PoseStamped, QuaternionStamped, Wrench
+from geometry_msgs.msg import (
+    PointStamped,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    QuaternionStamped,
+    Vector3Stamped,
+    Wrench,
+)
 from making import at, transform
 from processes import until
 from rclpy.duration import Duration
@@ -216,6 +223,56 @@ class TestConvert:
         ):
             with pytest.raises(interface.TypeException, match="is not loaded or supported"):
                 call()
+
+    def test_types_that_are_not_registered_are_not_converted(self, interface):
+        for a, wanted in (
+            (PoseWithCovarianceStamped(), PoseStamped),
+            (PointStamped(), PoseWithCovarianceStamped),
+        ):
+            with pytest.raises(interface.TypeException):
+                interface.convert(a, wanted)
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("wanted", [PoseStamped, Vector3Stamped, Wrench, PointCloud2])
+    def test_a_message_never_passes_for_one_of_another_type(self, buffer, interface, wanted):
+        point = interface.Stamped(PointStamped(), at(1), "map")
+        with pytest.raises(interface.TypeException, match="PointStamped cannot be converted to"):
+            interface.convert(point, wanted)
+        with pytest.raises(interface.TypeException, match="PointStamped cannot be converted to"):
+            buffer.transform(point, "map", new_type=wanted)
+        with pytest.raises(interface.TypeException, match="PointStamped cannot be converted to"):
+            buffer.transform_full(point, "map", at(1), "map", new_type=wanted)
+
+    @pytest.mark.ours
+    def test_neither_does_what_a_program_registers(self, interface, table):
+        class A:
+            pass
+
+        class B:
+            pass
+
+        table.add_to_msg(A, lambda a: PointStamped())
+        table.add_from_msg(B, lambda message: message)
+        with pytest.raises(interface.TypeException, match="A cannot be converted to .*B"):
+            interface.convert(A(), B)
+        table.add_convert((A, B), lambda a: a)
+        with pytest.raises(interface.TypeException, match="A cannot be converted to .*B"):
+            interface.convert(A(), B)
+
+    def test_a_message_is_converted_from_and_to_a_type_of_ones_own(self, interface, table):
+        class Spot:
+            def __init__(self, x):
+                self.x = x
+
+        class Point(PointStamped):
+            pass
+
+        table.add_from_msg(Spot, lambda message: Spot(message.point.x))
+        table.add_to_msg(Spot, lambda spot: PointStamped())
+        assert interface.convert(PointStamped(), Spot).x == 0.0
+        assert type(interface.convert(Spot(1), PointStamped)) is PointStamped
+        table.add_to_msg(Spot, lambda spot: Point())
+        assert type(interface.convert(Spot(1), PointStamped)) is Point
 
     @pytest.mark.ours
     def test_nothing_is_printed(self, interface, capsys):

@@ -9,7 +9,7 @@ import textwrap
 import numpy as np
 import pytest
 from carrying import ALL, STAMPED, UNSTAMPED, Maker, inverse, numbers
-from geometry_msgs.msg import Pose, Transform, Vector3
+from geometry_msgs.msg import Pose, Quaternion, Transform, Vector3
 from making import stamp_ns, transform
 from numpy.testing import assert_allclose
 from rclpy.serialization import deserialize_message, serialize_message
@@ -133,10 +133,19 @@ def test_a_message_without_a_header_takes_a_plain_transform(cls, t):
 
 
 @every_type
-@pytest.mark.parametrize("q", [(0, 0, 0, 0), (np.nan, 0, 0, 1), (0, np.inf, 0, 1)], ids=str)
-def test_a_transform_whose_rotation_has_no_length_is_a_value_error(cls, q):
+@pytest.mark.parametrize("q", [(np.nan, 0, 0, 1), (0, np.inf, 0, 1)], ids=str)
+def test_a_transform_whose_rotation_is_not_finite_is_a_value_error(cls, q):
     with pytest.raises(ValueError, match="rotation of a transform must have a finite length"):
         carry(Maker(15).message(cls), transform("map", "base", 0, xyzw=q))
+
+
+@every_type
+@pytest.mark.parametrize("q", [(0, 0, 0, 0), (1e-300, 0, 0, 0), (0, 0, 1e-8, 0)], ids=str)
+def test_a_transform_without_a_rotation_only_moves(cls, t, q):
+    message = Maker(15).message(cls)
+    t.transform.rotation = Quaternion(**dict(zip("xyzw", map(float, q), strict=True)))
+    straight = transform("map", "base", 7.25, (1, 2, 3))
+    assert carry(message, t) == carry(message, straight)
 
 
 @every_type
@@ -159,17 +168,20 @@ def test_every_type_is_registered_for_conversion_too(cls):
 
 
 def test_what_a_program_registers_itself_wins_over_ours():
-    class Table(TransformRegistration):
-        _functions = copy.deepcopy(TransformRegistration._functions)
+    table = TransformRegistration()
+    ours = table.get(Pose)
+    assert ours(Pose(), transform("map", "base")) == Pose()
 
     def own(message, t):
         return "own"
 
-    assert Table().get(Pose)(Pose(), transform("map", "base")) == Pose()
-    Table().add(Pose, own)
-    assert Table().get(Pose) is own
-    Table().add(Pose, TransformRegistration().get(Pose), default=True)
-    assert Table().get(Pose) is own
+    try:
+        table.add(Pose, own)
+        assert table.get(Pose) is own
+        table.add(Pose, ours, default=True)
+        assert table.get(Pose) is own
+    finally:
+        table.add(Pose, ours)
 
 
 def test_a_type_that_nobody_registers_is_refused_by_name():

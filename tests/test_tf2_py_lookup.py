@@ -253,30 +253,24 @@ class TestErrors:
         with pytest.raises(tf2_py.ExtrapolationException) as caught:
             buffer.lookup_transform_core("map", "camera", at(2.5))
         text = str(caught.value)
-        for part in (
-            "into the future",
-            "[base]",
-            "[odom]",
-            "2.500000000",
-            "2.250000000",
-            "0.250000000 s",
-            "[camera]",
-            "[map]",
-        ):
+        for part in ("2.500000000", "2.250000000", "[camera]", "[map]", "0.250000000 s"):
             assert part in text
-        with pytest.raises(tf2_py.ExtrapolationException, match=r"into the past.* 0\.500000000 s later"):
+        assert "base in odom" in text
+        with pytest.raises(
+            tf2_py.ExtrapolationException, match=r"into the past.* 0\.500000000 s are missing"
+        ):
             buffer.lookup_transform_core("map", "camera", at(0.5))
 
     @pytest.mark.ours
     def test_of_two_gaps_the_target_sides_is_told(self, tf2_py, buffer):
         fill(buffer, ("map left", 1, 2), ("map right", 1, 2))
-        with pytest.raises(tf2_py.ExtrapolationException, match=r"frame \[left\] in frame \[map\]"):
+        with pytest.raises(tf2_py.ExtrapolationException, match="left in map"):
             buffer.lookup_transform_core("left", "right", at(3))
 
     @pytest.mark.ours
     def test_a_gap_above_the_common_ancestor_is_not_blamed(self, tf2_py, buffer):
         fill(buffer, ("map odom", 1), ("odom left", 1, 2), ("odom right", 5, 6))
-        with pytest.raises(tf2_py.ExtrapolationException, match=r"frame \[right\] in frame \[odom\]"):
+        with pytest.raises(tf2_py.ExtrapolationException, match="right in odom"):
             buffer.lookup_transform_core("left", "right", at(1.5))
 
     def test_can_transform_full_asks_the_target_half_first(self, buffer):

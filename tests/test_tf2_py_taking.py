@@ -225,6 +225,17 @@ class TestDuckTypes:
         with pytest.raises((TypeError, AttributeError)):
             buffer.set_transform(message, "x")
 
+    @pytest.mark.parametrize("missing", ["header", "child_frame_id", "transform"])
+    def test_a_missing_attribute_is_an_attribute_error(self, buffer, missing):
+        message = self.namespace()
+        delattr(message, missing)
+        with pytest.raises(AttributeError, match=missing):
+            buffer.set_transform(message, "x")
+        for nothing in (None, 5):
+            with pytest.raises(AttributeError, match="header"):
+                buffer.set_transform_static(nothing, "x")
+        assert frames(buffer) == []
+
     @pytest.mark.ours
     def test_a_stamp_beyond_64_bits_is_an_overflow_error(self, buffer):
         for stamp in (
@@ -307,4 +318,36 @@ class TestConstruction:
     def test_an_object_without_init_works_with_defaults(self, tf2_py):
         buffer = tf2_py.BufferCore.__new__(tf2_py.BufferCore)
         buffer.set_transform(transform("map", "odom", 1), "x")
+        assert buffer.can_transform_core("map", "odom", at(1)) == (1, "")
+
+    def test_init_again_empties_the_buffer(self, buffer):
+        buffer.set_transform(transform("map", "odom", 1), "x")
+        buffer.set_transform_static(transform("odom", "base", 1), "x")
+        buffer.__init__()
+        assert not buffer._frameExists("map")
+        assert buffer.can_transform_core("odom", "base", at(1))[0] == 0
+        buffer.set_transform(transform("base", "map", 1), "x")
+        assert buffer.can_transform_core("base", "map", at(1))[0] == 1
+
+    def test_init_again_sets_the_cache_time_anew(self, tf2_py):
+        buffer = tf2_py.BufferCore(Duration(seconds=1))
+        for arguments, old_is_known in (((), 1), ((Duration(seconds=1),), 0)):
+            buffer.__init__(*arguments)
+            for second in (10, 12, 12.5):
+                buffer.set_transform(transform("map", "odom", second), "x")
+            assert buffer.can_transform_core("map", "odom", at(10))[0] == old_is_known
+
+    @pytest.mark.ours
+    def test_init_again_forgets_what_was_counted(self, buffer):
+        fresh = buffer.statistics()
+        buffer.set_transforms([transform("map", "odom", 1), transform("a", "a", 1)], "x")
+        buffer.__init__()
+        assert buffer.statistics() == fresh
+        buffer._self_check()
+
+    @pytest.mark.ours
+    def test_init_again_with_a_wrong_cache_time_changes_nothing(self, buffer):
+        buffer.set_transform(transform("map", "odom", 1), "x")
+        with pytest.raises(ValueError):
+            buffer.__init__(Duration(seconds=-1))
         assert buffer.can_transform_core("map", "odom", at(1)) == (1, "")

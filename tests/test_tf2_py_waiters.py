@@ -53,6 +53,7 @@ operation = st.one_of(
     st.tuples(st.just("wait_full"), frame, frame, ns, frame, ns),
     st.tuples(st.just("cancel"), st.integers(0, 20)),
     st.tuples(st.just("clear")),
+    st.tuples(st.just("init")),
 )
 
 
@@ -79,6 +80,8 @@ def test_nobody_waits_for_what_is_there(tf2_py, operations, cache_ns):
             assert dropped.wait.cancel() == (not dropped.answers)
         elif op == "clear":
             buffer.clear()
+        elif op == "init":
+            buffer.__init__(Duration(nanoseconds=cache_ns))
         for waiting in [p for p in pending if not p.answers]:
             assert not waiting.possible(buffer), waiting.ends
             assert waiting.wait.reason() is not None
@@ -143,6 +146,19 @@ def test_waiting_goes_on_over_a_clear(buffer):
     assert pending.answers == []
     buffer.set_transform(transform("map", "odom", 8), "x")
     assert len(pending.answers) == 1
+
+
+def test_waiting_goes_on_over_an_init(buffer):
+    for i in range(100):
+        buffer.set_transform(transform("map", f"frame{i}", 5), "x")
+    pending = Pending(buffer, "map", "frame99", 7 * S)
+    buffer.__init__()
+    buffer.set_transform(transform("map", "odom", 8), "x")
+    assert pending.answers == []
+    buffer.set_transform_static(transform("odom", "frame99", 8), "x")
+    buffer.set_transform(transform("map", "odom", 6), "x")
+    assert len(pending.answers) == 1
+    buffer._self_check()
 
 
 def test_a_frame_that_turns_static_answers(buffer):

@@ -101,12 +101,11 @@ class Spot:
 
 
 @pytest.fixture
-def spots(tf2_ros, monkeypatch):
+def spots(tf2_ros):
     """Spots are known, for as long as the test runs."""
-    for registration in (tf2_ros.TransformRegistration, tf2_ros.ConvertRegistration):
-        for table in vars(registration).values():
-            if hasattr(table, "_chosen"):
-                monkeypatch.setattr(table, "_chosen", dict(table._chosen))
+    registrations = (tf2_ros.TransformRegistration, tf2_ros.ConvertRegistration)
+    tables = [table for cls in registrations for table in vars(cls).values() if isinstance(table, dict)]
+    before = [dict(table) for table in tables]
 
     def carry(spot, t):
         return Spot(t.header, [x + 100 for x in spot.xyz])
@@ -122,6 +121,10 @@ def spots(tf2_ros, monkeypatch):
     tf2_ros.TransformRegistration().add(Spot, carry)
     tf2_ros.ConvertRegistration().add_from_msg(Spot, from_msg)
     tf2_ros.ConvertRegistration().add_to_msg(Spot, to_msg)
+    yield
+    for table, entries in zip(tables, before, strict=True):
+        table.clear()
+        table.update(entries)
 
 
 @pytest.mark.parametrize("way", ["transform", "transform_full", "transform_async"])
@@ -161,8 +164,8 @@ def test_an_unknown_new_type_is_refused_by_name_and_with_a_cure(tf2_ros, buffer)
         buffer.transform(stamped(PointStamped(), 2), "map", new_type=Spot)
 
 
-def test_a_type_without_a_header_has_no_frame_to_come_from(buffer):
-    with pytest.raises(AttributeError, match="header"):
+def test_a_type_without_a_header_has_no_frame_to_come_from(tf2_ros, buffer):
+    with pytest.raises(tf2_ros.TypeException, match="header"):
         buffer.transform(UNSTAMPED[0](), "map")
 
 

@@ -28,7 +28,7 @@ def do_transform_polygon(polygon, transform):
     :param transform: a TransformStamped or Transform
     :returns: a new Polygon
     :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation has no length
+    :raises ValueError: where the transform's rotation is not finite
     """
     cdef Transform by
     read_transform(transform, &by)
@@ -51,7 +51,7 @@ def do_transform_pose_array(poses, transform):
 
     :returns: a new PoseArray with the transform's frame and stamp
     :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation has no length
+    :raises ValueError: where the transform's rotation is not finite
     """
     cdef Transform by
     read_transform(transform, &by)

@@ -69,7 +69,7 @@ def do_transform_wrench(wrench, transform):
     :param transform: a TransformStamped or Transform
     :returns: a new Wrench
     :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation has no length
+    :raises ValueError: where the transform's rotation is not finite
     """
     cdef Transform by
     read_transform(transform, &by)
@@ -99,7 +99,7 @@ def do_transform_velocity_stamped(velocity, transform):
     :param transform: a TransformStamped
     :returns: a new VelocityStamped with the transform's frame and stamp, and the frames that `velocity` names
     :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation has no length
+    :raises ValueError: where the transform's rotation is not finite
     """
     cdef Transform by
     cdef Layout layout = velocity_stamped_layout
@@ -123,7 +123,7 @@ def do_transform_twist_stamped(twist, transform):
     :param transform: a TransformStamped
     :returns: a new TwistStamped with the transform's frame and stamp
     :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation has no length
+    :raises ValueError: where the transform's rotation is not finite
     """
     cdef Transform by
     read_transform(transform, &by)
@@ -141,7 +141,7 @@ def do_transform_accel_stamped(accel, transform):
     :param transform: a TransformStamped
     :returns: a new AccelStamped with the transform's frame and stamp
     :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation has no length
+    :raises ValueError: where the transform's rotation is not finite
     """
     cdef Transform by
     read_transform(transform, &by)

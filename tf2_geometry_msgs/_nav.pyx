@@ -84,7 +84,7 @@ def do_transform_odometry(odometry, transform):
     :param transform: a TransformStamped
     :returns: a new Odometry with the transform's frame and stamp
     :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation has no length
+    :raises ValueError: where the transform's rotation is not finite
     """
     cdef Transform by
     cdef Layout layout = odometry_layout

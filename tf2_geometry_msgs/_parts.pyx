@@ -20,6 +20,8 @@ from tf2_py._types cimport Transform
 import numpy as np
 from geometry_msgs.msg import Point, Point32, Pose, Quaternion, Vector3
 
+from tf2_py._errors import MalformedObjectError
+
 cnp.import_array()
 load()
 
@@ -31,10 +33,11 @@ cdef Layout pose_layout = Layout(Pose, ("position", "orientation"))
 
 
 cdef _misfit(Layout layout, object message, Exception reason):
+    kind = MalformedObjectError if isinstance(reason, AttributeError) else TypeError
     cls = layout.message_class
     name = f"{cls.__module__.partition('.')[0]}/{cls.__name__}"
     got = type(message).__name__
-    return TypeError(f"expected a {name} or an object with its fields, got {got}: {reason}")
+    return kind(f"expected a {name} or an object with its fields, got {got}: {reason}")
 
 
 cdef object part(Layout layout, object message, int index):

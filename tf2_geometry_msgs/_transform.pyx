@@ -106,6 +106,11 @@ cdef object _carried_transform(object content, const Transform* transform):
     return message
 
 
+cdef bint _has_axes(object message):
+    # A quaternion has x, y and z, too, and is no vector.
+    return hasattr(message, "x") and not hasattr(message, "w")
+
+
 def transform_covariance(cov_in, transform):
     """Rotate the covariance matrix of a pose.
 
@@ -119,7 +124,7 @@ def transform_covariance(cov_in, transform):
     :param transform: a TransformStamped or Transform
     :returns: a float64 array of shape (36,)
     :raises TypeError: for anything else
-    :raises ValueError: for another count of numbers, or a transform whose rotation has no length
+    :raises ValueError: for another count of numbers, or a transform whose rotation is not finite
     """
     cdef Transform by
     read_transform(transform, &by)
@@ -133,12 +138,12 @@ def do_transform_point(point, transform):
     :param transform: a TransformStamped; for a point without a header a Transform will do
     :returns: a new message of the type given; its header, if any, has the transform's frame and stamp
     :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation has no length
+    :raises ValueError: where the transform's rotation is not finite
     """
     cdef Transform by
     cdef Layout layout = point_layout
     read_transform(transform, &by)
-    if type(point) is point_stamped_layout.message_class or not hasattr(point, "x"):
+    if type(point) is point_stamped_layout.message_class or not _has_axes(point):
         content = carried_point(point_layout, part(point_stamped_layout, point, 1), &by)
         return stamped(point_stamped_layout, content, transform)
     if isinstance(point, point32_layout.message_class):
@@ -153,11 +158,11 @@ def do_transform_vector3(vector3, transform):
     :param transform: a TransformStamped, which stays as it is; for a Vector3 a Transform will do
     :returns: a new message of the type given; its header, if any, has the transform's frame and stamp
     :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation has no length
+    :raises ValueError: where the transform's rotation is not finite
     """
     cdef Transform by
     read_transform(transform, &by)
-    if type(vector3) is vector3_stamped_layout.message_class or not hasattr(vector3, "x"):
+    if type(vector3) is vector3_stamped_layout.message_class or not _has_axes(vector3):
         content = carried_vector(part(vector3_stamped_layout, vector3, 1), &by)
         return stamped(vector3_stamped_layout, content, transform)
     return carried_vector(vector3, &by)
@@ -170,7 +175,7 @@ def do_transform_quaternion(quaternion, transform):
     :param transform: a TransformStamped or Transform
     :returns: a new Quaternion of length one with w >= 0
     :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation has no length
+    :raises ValueError: where the transform's rotation is not finite
     """
     cdef Transform by
     read_transform(transform, &by)
@@ -195,7 +200,7 @@ def do_transform_pose(pose, transform):
     :param transform: a TransformStamped or Transform
     :returns: a new Pose; its orientation has length one and w >= 0
     :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation has no length
+    :raises ValueError: where the transform's rotation is not finite
     """
     cdef Transform by
     read_transform(transform, &by)
@@ -241,7 +246,7 @@ def do_transform_transform(content, transform):
     :param transform: a TransformStamped or Transform
     :returns: a new Transform; its rotation has length one and w >= 0
     :raises TypeError: for other types
-    :raises ValueError: where the rotation of `transform` has no length
+    :raises ValueError: where the rotation of `transform` is not finite
     """
     cdef Transform by
     read_transform(transform, &by)

@@ -3,7 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
-# Public programs take message classes from here too; they stay outside __all__.
+import numpy as np
+
+# Public programs take message classes from here, too.
 from geometry_msgs.msg import (
     AccelStamped,
     Point,
@@ -28,6 +30,13 @@ from geometry_msgs.msg import (
     WrenchStamped,
 )
 
+from tf2_geometry_msgs._affine import (  # noqa: F401  used by programs, private as they are in tf2
+    _build_affine,
+    _decompose_affine,
+    _get_mat_from_quat,
+    _get_quat_from_mat,
+    _transform_to_affine,
+)
 from tf2_geometry_msgs._lists import (
     do_transform_polygon,
     do_transform_polygon_stamped,
@@ -53,28 +62,32 @@ from tf2_geometry_msgs._transform import (
     do_transform_vector3,
     transform_covariance,
 )
+from tf2_ros._tf2_names import Iterable, Optional, Tuple, tf2_ros
 from tf2_ros.buffer_interface import ConvertRegistration, TransformRegistration
 
+# What `import *` gives from tf2's module, and nothing more: a name of ours could hide one of a program's.
 __all__ = [
-    "do_transform_accel_stamped",
+    "Iterable",
+    "Optional",
+    "Point",
+    "Point32",
+    "PointStamped",
+    "PolygonStamped",
+    "Pose",
+    "PoseStamped",
+    "PoseWithCovarianceStamped",
+    "TransformStamped",
+    "Tuple",
+    "Vector3Stamped",
     "do_transform_point",
-    "do_transform_polygon",
     "do_transform_polygon_stamped",
     "do_transform_pose",
-    "do_transform_pose_array",
     "do_transform_pose_stamped",
-    "do_transform_pose_with_covariance",
     "do_transform_pose_with_covariance_stamped",
-    "do_transform_quaternion",
-    "do_transform_quaternion_stamped",
-    "do_transform_transform",
-    "do_transform_transform_stamped",
-    "do_transform_twist_stamped",
     "do_transform_vector3",
-    "do_transform_velocity_stamped",
-    "do_transform_wrench",
-    "do_transform_wrench_stamped",
     "from_msg_msg",
+    "np",
+    "tf2_ros",
     "to_msg_msg",
     "transform_covariance",
 ]
@@ -111,7 +124,6 @@ except ModuleNotFoundError as missing:
 else:
     from tf2_geometry_msgs._nav import do_transform_odometry, do_transform_path
 
-    __all__ += ["do_transform_odometry", "do_transform_path"]
     _FUNCTIONS |= {Odometry: do_transform_odometry, Path: do_transform_path}
 
 

@@ -1,5 +1,9 @@
 """The tf2 buffer core and its exceptions, without ROS nodes or topics."""
 
+import importlib
+import sys
+
+from tf2_py._dll import add_dll_directories_from_env
 from tf2_py._errors import (
     ConnectivityException,
     ExtrapolationException,
@@ -10,6 +14,7 @@ from tf2_py._errors import (
 )
 from tf2_py._tf2_py import BufferCore
 
+# What `import *` gives from tf2's package.
 __all__ = [
     "BufferCore",
     "ConnectivityException",
@@ -18,4 +23,10 @@ __all__ = [
     "LookupException",
     "TimeoutException",
     "TransformException",
+    "add_dll_directories_from_env",
 ]
+
+# tf2's extension imports these two, and programs that import rclpy alone use them as its attributes.
+if "rclpy" in sys.modules:
+    importlib.import_module("rclpy.duration")
+    importlib.import_module("rclpy.time")

@@ -17,6 +17,13 @@ cdef extern from "<semaphore.h>" nogil:
         pass
 
 
+cdef extern from *:
+    """
+    #define TF2_DEFAULT_CACHE_TIME_NS 10000000000LL
+    """
+    const int64_t DEFAULT_CACHE_TIME_NS "TF2_DEFAULT_CACHE_TIME_NS"
+
+
 cdef class Engine:
     cdef Tree _tree                     # with the waiters, read and written under _lock only
     cdef Waiters _waiters
@@ -33,9 +40,12 @@ cdef class Engine:
     # Counts a message that could not be read, and makes the ValueError that says why. `size`: its bytes.
     cdef object malformed(self, const Batch* batch, size_t size)
     cdef void forget(self) noexcept nogil
+    # As if newly made; whoever waits goes on waiting.
+    cdef int start_over(self, int64_t cache_time_ns) except -1
     # `out` NULL only asks whether there is an answer.
     cdef Status lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil
-    cdef object error(self, const Query* query, Status status)
+    # The exception for a status; `call` is what it says was called.
+    cdef object error(self, const Query* query, Status status, str call=*)
     cdef int _log_refused(self, Batch* batch) except -1
     cdef int _deliver(self, WaiterList* ready, list later) except -1
 

@@ -4,6 +4,7 @@ cimport cython
 from cpython.exc cimport PyErr_CheckSignals
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t
+from libc.string cimport memset
 from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
 
 from tf2_py._batch cimport Batch, Entry
@@ -12,7 +13,7 @@ from tf2_py._messages cimport new_transform_stamped
 from tf2_py._names cimport NAME_NO_MEMORY, names_intern
 from tf2_py._query cimport Query, query_error, query_walk
 from tf2_py._snapshot cimport snapshot_names
-from tf2_py._tree cimport TREE_NO_MEMORY, tree_clear, tree_free, tree_init, tree_insert
+from tf2_py._tree cimport TREE_NO_MEMORY, Tree, tree_clear, tree_free, tree_init, tree_insert
 from tf2_py._types cimport (
     REFUSED_OLD,
     STATUS_BAD_FIXED,
@@ -46,8 +47,6 @@ cdef extern from "<semaphore.h>" nogil:
     int sem_destroy(sem_t* semaphore)
     int sem_post(sem_t* semaphore)
     int sem_clockwait(sem_t* semaphore, int clock, const timespec* deadline)
-
-cdef int64_t DEFAULT_CACHE_TIME_NS = 10 * <int64_t>1000000000
 
 # How often a blocked thread looks for signals and for the end of its context.
 cdef int64_t LOOK_UP_NS = 100 * <int64_t>1000000
@@ -180,6 +179,23 @@ cdef class Engine:
         tree_clear(&self._tree)
         unlock(&self._lock)
 
+    cdef int start_over(self, int64_t cache_time_ns) except -1:
+        cdef Tree empty
+        cdef Tree old
+        memset(&empty, 0, sizeof(Tree))
+        if tree_init(&empty, cache_time_ns) != 0:
+            tree_free(&empty)
+            raise MemoryError
+        lock_write(&self._lock)
+        old = self._tree
+        # Waiters are filed under the old tree's frames: the next insert finds a change and looks at them all.
+        empty.changes = old.changes + 1
+        self._tree = empty
+        unlock(&self._lock)
+        tree_free(&old)
+        self._malformed = 0
+        return 0
+
     cdef Status lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil:
         cdef Status status
         lock_read(&self._lock)
@@ -187,13 +203,13 @@ cdef class Engine:
         unlock(&self._lock)
         return status
 
-    cdef object error(self, const Query* query, Status status):
+    cdef object error(self, const Query* query, Status status, str call="lookupTransform"):
         cdef str child = None
         cdef str parent = None
         if status.code == STATUS_EXTRAPOLATION:
             ends = (status.child, status.parent)
             child, parent = snapshot_names(&self._tree, &self._lock, ends)
-        return query_error(query, status, child, parent)
+        return query_error(query, status, child, parent, call)
 
 
 cdef inline bint _is_filled(void* objects) noexcept nogil:

@@ -36,6 +36,10 @@ class TimeoutException(TransformException):
     """An answer did not come in time."""
 
 
+class MalformedObjectError(AttributeError, TypeError):
+    """An object lacks what its role needs: tf2 raises the AttributeError; it is of a wrong type as well."""
+
+
 for _exception in (TransformException, *TransformException.__subclasses__()):
     _exception.__module__ = "tf2_py"
 
@@ -47,15 +51,21 @@ def seconds(ns: int) -> str:
     return f"{sign}{whole}.{rest:09d}"
 
 
-def bad_name(name: str, argument: str) -> TransformException:
-    """What is wrong with the name of a frame that no lookup accepts."""
-    if not name:
-        return InvalidArgumentException(f"Invalid argument {argument}: in tf2 a frame name cannot be empty")
-    if name.startswith("/"):
-        return InvalidArgumentException(
-            f"Invalid argument {argument} \"{name}\": in tf2 a frame name cannot start with a '/'"
+# Programs take these texts apart with regular expressions that were written for tf2's; see
+# tests/test_error_texts.py. What tf2 does not tell stands at the end, in words that none of them looks for.
+
+
+def bad_name(name: str, argument: str, call: str = "lookupTransform") -> TransformException:
+    """What is wrong with the name of a frame that no lookup accepts; ``call`` is who was given it."""
+    is_question = call == "canTransform"
+    given = f'"{name}" passed to {call} argument {argument}'
+    if name and not name.startswith("/"):
+        return LookupException(
+            f"Invalid frame ID {given} - frame does not exist" if is_question else f"{given} does not exist"
         )
-    return LookupException(f'{argument} "{name}" does not exist')
+    wrong = "cannot start with a '/'" if name else "cannot be empty"
+    subject = "frame ID" if is_question else "argument"
+    return InvalidArgumentException(f"Invalid {subject} {given} - in tf2 a frame name {wrong}")
 
 
 def loop(target: str, source: str) -> LookupException:
@@ -82,22 +92,18 @@ def extrapolation(
     edge = seconds(edge_ns)
     apart = seconds(abs(requested_ns - edge_ns))
     if gap == "future":
-        fact = (
-            f"Lookup would require extrapolation into the future. Requested time {requested} but the latest "
-            f"data of frame [{child}] in frame [{parent}] is at time {edge}, {apart} s earlier"
-        )
+        fact = f"into the future.  Requested time {requested} but the latest data is at time {edge}"
+        lack = f"{apart} s are missing after the newest sample of {child} in {parent}"
     elif gap == "past":
-        fact = (
-            f"Lookup would require extrapolation into the past. Requested time {requested} but the earliest "
-            f"data of frame [{child}] in frame [{parent}] is at time {edge}, {apart} s later"
-        )
+        fact = f"into the past.  Requested time {requested} but the earliest data is at time {edge}"
+        lack = f"{apart} s are missing before the oldest sample of {child} in {parent}"
     elif gap == "single":
-        fact = (
-            f"Lookup would require extrapolation at time {requested}, but only time {edge} of frame "
-            f"[{child}] in frame [{parent}] is in the buffer, {apart} s away"
-        )
+        fact = f"at time {requested}, but only time {edge} is in the buffer"
+        lack = f"{apart} s are missing beside the one sample of {child} in {parent}"
     else:
-        fact = f"Lookup would require extrapolation at time {requested}, but frame [{child}] holds no data"
+        fact = f"at time {requested}"
+        lack = f"no sample of {child} is held"
     return ExtrapolationException(
-        f"{fact}, when looking up transform from frame [{source}] to frame [{target}]"
+        f"Lookup would require extrapolation {fact}, when looking up transform from frame [{source}] to "
+        f"frame [{target}]; {lack}"
     )

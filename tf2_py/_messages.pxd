@@ -48,7 +48,10 @@ cdef int read_transform_stamped(object message, Incoming* out, list keep) except
 # Whether the message is just what its class makes: real rosidl messages down to the numbers, with a stamp
 # whose nanoseconds are below a second. Only then is what read_transform_stamped reads all that there is.
 cdef bint is_plain_transform_stamped(object message) except -1
+# A Transform, or the `transform` of a TransformStamped. As in tf2, a rotation whose squared length is below a
+# double's epsilon, so also a zero one, counts as none. ValueError where it is not finite.
 cdef int read_transform(object message, Transform* out) except -1
+cdef int read_any_rotation(object message, Transform* out) except -1   # the same, not normalised
 cdef object new_time(int64_t time_ns)      # an rclpy.time.Time, or a stand-in without rclpy
 cdef object new_header(int64_t stamp_ns, object frame_id)
 cdef object new_transform_stamped(const Transform* transform, int64_t stamp_ns, object frame_id,

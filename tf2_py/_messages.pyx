@@ -6,6 +6,8 @@ from cpython.long cimport PyLong_AsLongLong
 from cpython.object cimport PyObject, PyTypeObject
 from cpython.ref cimport Py_INCREF
 from cpython.unicode cimport PyUnicode_Check
+from libc.float cimport DBL_EPSILON
+from libc.math cimport isfinite
 from libc.stdint cimport INT64_MAX, int64_t
 from libc.string cimport memchr
 
@@ -14,6 +16,8 @@ from tf2_py._types cimport Incoming, Transform
 
 import sys
 import types
+
+from tf2_py._errors import MalformedObjectError
 
 cdef extern from "Python.h":
     ctypedef struct PyMemberDef:
@@ -243,13 +247,14 @@ cdef int _read_transform(object transform, Transform* out) except -1:
 
 
 cdef _misfit(object message, str wanted, AttributeError missing):
-    return TypeError(
+    return MalformedObjectError(
         f"expected {wanted} or an object with its fields, got {type(message).__name__}: {missing}"
     )
 
 
-cdef int read_transform(object message, Transform* out) except -1:
-    """A Transform, or the `transform` of a TransformStamped; the rotation normalised."""
+cdef int read_any_rotation(object message, Transform* out) except -1:
+    cdef double squared
+    cdef double* q = out.rotation
     load()
     try:
         if type(message) is transform_stamped_layout.message_class:
@@ -259,8 +264,18 @@ cdef int read_transform(object message, Transform* out) except -1:
         _read_transform(message, out)
     except AttributeError as missing:
         raise _misfit(message, "a geometry_msgs/TransformStamped or Transform", missing) from None
-    if not quaternion_normalise(out.rotation):
-        raise ValueError("the rotation of a transform must have a finite length above zero")
+    squared = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    if not isfinite(squared):
+        raise ValueError("the rotation of a transform must have a finite length")
+    if squared < DBL_EPSILON:
+        q[0] = q[1] = q[2] = 0.0
+        q[3] = 1.0
+    return 0
+
+
+cdef int read_transform(object message, Transform* out) except -1:
+    read_any_rotation(message, out)
+    quaternion_normalise(out.rotation)
     return 0
 
 

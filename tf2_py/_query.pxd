@@ -29,4 +29,4 @@ cdef FrameId query_fixed(const Tree* tree, const Query* query) noexcept nogil   
 cdef bint query_is_identity(const Query* query) noexcept nogil
 
 # The one place that turns a status into an exception; the names are those of status.child and status.parent.
-cdef object query_error(const Query* query, Status status, str child, str parent)
+cdef object query_error(const Query* query, Status status, str child, str parent, str call)

@@ -7,6 +7,8 @@ from tf2_py._geometry cimport quaternion_canonicalise, transform_compose
 from tf2_py._messages cimport name_utf8, time_to_ns
 from tf2_py._tree cimport Tree, tree_frame
 from tf2_py._types cimport (
+    HALF_SOURCE,
+    HALF_TARGET,
     NO_FRAME,
     STATUS_BAD_FIXED,
     STATUS_BAD_SOURCE,
@@ -98,14 +100,19 @@ cdef Status query_walk(const Tree* tree, const Query* query, Transform* out,
     if out == NULL:
         # Which half fails first shows in the reason: can_transform begins with the target's ...
         status = walk_lookup(tree, target, fixed, query.target_ns, &path, NULL, stamp_ns)
+        status.half = HALF_TARGET
         if status.code != STATUS_OK:
             return status
-        return walk_lookup(tree, fixed, source, query.source_ns, &path, NULL, &source_stamp_ns)
+        status = walk_lookup(tree, fixed, source, query.source_ns, &path, NULL, &source_stamp_ns)
+        status.half = HALF_SOURCE
+        return status
     # ... the lookup with the source's.
     status = walk_lookup(tree, fixed, source, query.source_ns, &path, &source_half, &source_stamp_ns)
+    status.half = HALF_SOURCE
     if status.code != STATUS_OK:
         return status
     status = walk_lookup(tree, target, fixed, query.target_ns, &path, out, stamp_ns)
+    status.half = HALF_TARGET
     if status.code != STATUS_OK:
         return status
     transform_compose(out, &source_half, out)
@@ -113,15 +120,23 @@ cdef Status query_walk(const Tree* tree, const Query* query, Transform* out,
     return status
 
 
-cdef object query_error(const Query* query, Status status, str child, str parent):
+cdef object query_error(const Query* query, Status status, str child, str parent, str call):
     cdef str target = query.target[:query.target_size].decode("utf-8")
     cdef str source = query.source[:query.source_size].decode("utf-8")
+    cdef str fixed = None
+    if query.fixed != NULL:
+        fixed = query.fixed[:query.fixed_size].decode("utf-8")
     if status.code == STATUS_BAD_TARGET:
-        return _errors.bad_name(target, "target_frame")
+        return _errors.bad_name(target, "target_frame", call)
     if status.code == STATUS_BAD_SOURCE:
-        return _errors.bad_name(source, "source_frame")
+        return _errors.bad_name(source, "source_frame", call)
     if status.code == STATUS_BAD_FIXED:
-        return _errors.bad_name(query.fixed[:query.fixed_size].decode("utf-8"), "fixed_frame")
+        return _errors.bad_name(fixed, "fixed_frame", call)
+    # As tf2, which does a two-time lookup in halves: the text names the ends of the half that failed.
+    if status.half == HALF_SOURCE:
+        target = fixed
+    elif status.half == HALF_TARGET:
+        source = fixed
     if status.code == STATUS_UNCONNECTED:
         return _errors.unconnected(target, source)
     if status.code == STATUS_LOOP:

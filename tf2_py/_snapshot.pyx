@@ -41,7 +41,10 @@ cdef list snapshot_names(const Tree* tree, Lock* lock, frames):
     if failed:
         raise MemoryError
     try:
-        return [names_str(&names, frame) for frame in (range(names.count) if frames is None else frames)]
+        if frames is None:
+            frames = range(names.count)
+        # Frames that were read before the buffer was emptied may be unknown by now.
+        return [names_str(&names, frame if frame < names.count else NO_FRAME) for frame in frames]
     finally:
         names_free(&names)
 

@@ -5,9 +5,9 @@ from libc.stdint cimport int64_t, uint32_t
 from libc.string cimport memset
 
 from tf2_py._batch cimport Batch, Entry, batch_free, batch_read_cdr, batch_reserve
-from tf2_py._engine cimport Engine, Wait
+from tf2_py._engine cimport DEFAULT_CACHE_TIME_NS, Engine, Wait
 from tf2_py._geometry cimport vector_rotate
-from tf2_py._lock cimport lock_read, lock_write, unlock
+from tf2_py._lock cimport lock_read, unlock
 from tf2_py._messages cimport (
     duration_to_ns,
     name_utf8,
@@ -45,6 +45,25 @@ from tf2_py._walk cimport Path, walk_common_time, walk_lookup
 
 from tf2_py import _errors, _listings, _log
 from tf2_py._arrays import as_points, as_times_ns, new_rows
+# Programs catch them by the name of tf2's extension module, too.
+from tf2_py._errors import (
+    ConnectivityException,
+    ExtrapolationException,
+    InvalidArgumentException,
+    LookupException,
+    TimeoutException,
+    TransformException,
+)
+
+__all__ = [
+    "BufferCore",
+    "ConnectivityException",
+    "ExtrapolationException",
+    "InvalidArgumentException",
+    "LookupException",
+    "TimeoutException",
+    "TransformException",
+]
 
 
 cdef class BufferCore(Engine):
@@ -56,18 +75,16 @@ cdef class BufferCore(Engine):
 
     Frame names are ``str``. Times are anything with ``nanoseconds``, or with ``sec`` and ``nanosec``; time 0
     asks for the latest time that every frame on the path knows. Every method may be called from any thread.
+    Calling ``__init__`` again empties the buffer; whoever waits goes on waiting.
     """
 
     def __init__(self, cache_time=None):
-        cdef int64_t cache_time_ns
-        if cache_time is None:
-            return
-        cache_time_ns = duration_to_ns(cache_time)
+        cdef int64_t cache_time_ns = DEFAULT_CACHE_TIME_NS
+        if cache_time is not None:
+            cache_time_ns = duration_to_ns(cache_time)
         if cache_time_ns < 0:
             raise ValueError(f"cache_time must not be negative, it is {_errors.seconds(cache_time_ns)} s")
-        lock_write(&self._lock)
-        self._tree.cache_time_ns = cache_time_ns
-        unlock(&self._lock)
+        self.start_over(cache_time_ns)
 
     # What comes in.
 
@@ -177,7 +194,7 @@ cdef class BufferCore(Engine):
         cdef Status status = self.lookup(query, NULL, &stamp_ns)
         if status.code == STATUS_OK:
             return (1, "")
-        return (0, str(self.error(query, status)))
+        return (0, str(self.error(query, status, "canTransform")))
 
     def lookup_transform_core(self, target_frame, source_frame, time):
         """
@@ -324,6 +341,7 @@ cdef class BufferCore(Engine):
         cdef Status status
         query.target = name_utf8(target_frame, &query.target_size)
         query.source = name_utf8(source_frame, &query.source_size)
+        query.fixed = NULL
         lock_read(&self._lock)
         status = query_ends(&self._tree, &query, &target, &source)
         if status.code == STATUS_OK:
@@ -331,7 +349,7 @@ cdef class BufferCore(Engine):
         unlock(&self._lock)
         if status.code == STATUS_OK:
             return new_time(common_ns)
-        error = self.error(&query, status)
+        error = self.error(&query, status, "get_latest_common_time")
         if status.code == STATUS_UNCONNECTED or status.code == STATUS_LOOP:
             raise _errors.TransformException(str(error))
         raise error

@@ -49,8 +49,16 @@ cdef enum StatusCode:
     STATUS_BAD_FIXED
 
 
+cdef enum Half:
+    # Which part of a two-time lookup a status tells of.
+    HALF_NONE               # a simple lookup, or both
+    HALF_SOURCE             # source frame to fixed frame, at the source's time
+    HALF_TARGET             # fixed frame to target frame, at the target's time
+
+
 cdef struct Status:
     StatusCode code
+    Half half
     Gap gap                 # the fields below are facts of STATUS_EXTRAPOLATION only
     bint on_path            # the path is known: without this gap, or another on it, there is an answer
     FrameId child           # the edge that lacks data ...

@@ -24,6 +24,7 @@ from tf2_py._tree cimport MIXED_PARENTS, Tree
 from tf2_py._types cimport (
     GAP_NONE,
     GAP_PAST,
+    HALF_NONE,
     MAX_HOPS,
     NO_FRAME,
     STATUS_EXTRAPOLATION,
@@ -159,6 +160,7 @@ cdef Status _gap_status(const Tree* tree, FrameId frame, int64_t time_ns) noexce
     cdef Gap gap = _gap(tree, frame, time_ns)
     cdef Status status
     status.code = STATUS_EXTRAPOLATION
+    status.half = HALF_NONE
     status.gap = gap
     status.on_path = False
     status.child = frame

@@ -1,19 +1,20 @@
 """tf2 for nodes: buffers, listeners and broadcasters; and everything of tf2_py."""
 
-# Classes that programs came to rely on finding here; they stay, outside __all__.
-from geometry_msgs.msg import PointStamped as PointStamped
-from geometry_msgs.msg import PoseStamped as PoseStamped
-from geometry_msgs.msg import PoseWithCovarianceStamped as PoseWithCovarianceStamped
-from geometry_msgs.msg import TransformStamped as TransformStamped
-from geometry_msgs.msg import Vector3Stamped as Vector3Stamped
-from rclpy.duration import Duration as Duration
-from rclpy.time import Time as Time
-from sensor_msgs.msg import PointCloud2 as PointCloud2
-from std_msgs.msg import Header as Header
+from geometry_msgs.msg import (
+    PointStamped,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    TransformStamped,
+    Vector3Stamped,
+)
+from rclpy.duration import Duration
+from rclpy.time import Time
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
 
-from tf2_msgs.action import LookupTransform as LookupTransform
-from tf2_msgs.msg import TFMessage as TFMessage
-from tf2_msgs.srv import FrameGraph as FrameGraph
+from tf2_msgs.action import LookupTransform
+from tf2_msgs.msg import TFMessage
+from tf2_msgs.srv import FrameGraph
 from tf2_py import (
     BufferCore,
     ConnectivityException,
@@ -22,9 +23,50 @@ from tf2_py import (
     LookupException,
     TimeoutException,
     TransformException,
+    add_dll_directories_from_env,
+)
+from tf2_ros import (
+    buffer,
+    buffer_client,
+    buffer_interface,
+    static_transform_broadcaster,
+    transform_broadcaster,
+    transform_listener,
+)
+from tf2_ros._tf2_names import (
+    Any,
+    Callable,
+    Clock,
+    DurabilityPolicy,
+    FrameGraphSrvRequest,
+    FrameGraphSrvResponse,
+    Future,
+    HistoryPolicy,
+    JumpThreshold,
+    List,
+    LookupTransformGoal,
+    LookupTransformResult,
+    Node,
+    Optional,
+    QoSProfile,
+    ReentrantCallbackGroup,
+    SingleThreadedExecutor,
+    Thread,
+    TimeJump,
+    Tuple,
+    TypeVar,
+    Union,
+    builtin_interfaces,
+    deepcopy,
+    rclpy,
+    sleep,
+    tf2,
+    tf2_ros,
+    threading,
+    warnings,
 )
 from tf2_ros.buffer import Buffer
-from tf2_ros.buffer_client import BufferClient
+from tf2_ros.buffer_client import ActionClient, BufferClient
 from tf2_ros.buffer_interface import (
     BufferInterface,
     ConvertRegistration,
@@ -38,45 +80,94 @@ from tf2_ros.buffer_interface import (
     TypeException,
     convert,
 )
-from tf2_ros.buffer_server import BufferServer
-from tf2_ros.message_filter import FilterFailureReason, MessageFilter
+from tf2_ros.buffer_server import BufferServer as BufferServer
+from tf2_ros.message_filter import FilterFailureReason as FilterFailureReason
+from tf2_ros.message_filter import MessageFilter as MessageFilter
 from tf2_ros.static_transform_broadcaster import StaticTransformBroadcaster
 from tf2_ros.transform_broadcaster import TransformBroadcaster
 from tf2_ros.transform_listener import (
     DEFAULT_STATIC_TF_TOPIC,
     DEFAULT_TF_TOPIC,
-    StaticTransformListener,
     TransformListener,
 )
+from tf2_ros.transform_listener import StaticTransformListener as StaticTransformListener
 
+# What `import *` gives from tf2's package, accidental names included, and nothing more: a name of ours could
+# hide one of a program's. The others are imported by name.
 __all__ = [
     "DEFAULT_STATIC_TF_TOPIC",
     "DEFAULT_TF_TOPIC",
+    "ActionClient",
+    "Any",
     "Buffer",
     "BufferClient",
     "BufferCore",
     "BufferInterface",
-    "BufferServer",
+    "Callable",
+    "Clock",
     "ConnectivityException",
     "ConvertRegistration",
+    "DurabilityPolicy",
+    "Duration",
     "ExtrapolationException",
-    "FilterFailureReason",
+    "FrameGraph",
+    "FrameGraphSrvRequest",
+    "FrameGraphSrvResponse",
+    "Future",
+    "Header",
+    "HistoryPolicy",
     "InvalidArgumentException",
+    "JumpThreshold",
+    "List",
     "LookupException",
-    "MessageFilter",
+    "LookupTransform",
+    "LookupTransformGoal",
+    "LookupTransformResult",
     "MsgStamped",
+    "Node",
     "NotImplementedException",
+    "Optional",
+    "PointCloud2",
+    "PointStamped",
+    "PoseStamped",
+    "PoseWithCovarianceStamped",
     "PyKDLType",
+    "QoSProfile",
+    "ReentrantCallbackGroup",
+    "SingleThreadedExecutor",
     "Stamped",
     "StaticTransformBroadcaster",
-    "StaticTransformListener",
+    "TFMessage",
+    "Thread",
+    "Time",
+    "TimeJump",
     "TimeoutException",
     "TransformBroadcaster",
     "TransformException",
     "TransformListener",
     "TransformRegistration",
+    "TransformStamped",
     "TransformableObject",
     "TransformableObjectType",
+    "Tuple",
     "TypeException",
+    "TypeVar",
+    "Union",
+    "Vector3Stamped",
+    "add_dll_directories_from_env",
+    "buffer",
+    "buffer_client",
+    "buffer_interface",
+    "builtin_interfaces",
     "convert",
+    "deepcopy",
+    "rclpy",
+    "sleep",
+    "static_transform_broadcaster",
+    "tf2",
+    "tf2_ros",
+    "threading",
+    "transform_broadcaster",
+    "transform_listener",
+    "warnings",
 ]

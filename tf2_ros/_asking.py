@@ -1,5 +1,6 @@
 """Owns the goals of a buffer client: the thread that sends them, and what becomes of each."""
 
+import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -21,9 +22,10 @@ from tf2_ros._qos import lookup_qos
 from tf2_ros._spinner import Spinner
 from tf2_ros._waiting import WakingFuture
 
-__all__ = ["Asking", "Question"]
+__all__ = ["FOR_EVER", "Asking", "Question", "ask_directly"]
 
 FIRST_PATIENCE_NS = 500_000_000  # before something is asked again; twice as long each time
+DONE_CHECK_S = 0.1  # how often to look at a future that may not call back
 FOR_EVER = Duration(seconds=2**31 - 1)  # the most that a goal can say
 
 DESTROYED = "The buffer client was destroyed."
@@ -71,12 +73,14 @@ class Asking:
     :param period_s: how often to look whether the server is there.
     """
 
+    client_class = ActionClient
+
     def __init__(self, node: Node, ns: str, period_s: float) -> None:
         self._name = _resolved(node, ns)
         self._open: set[Question] = set()
         self._closed = False
         self._node = hidden = _hidden_node(self, node)
-        self.action_client = ActionClient(
+        self.action_client = self.client_class(
             hidden,
             LookupTransform,
             self._name,
@@ -229,6 +233,32 @@ class Asking:
         self._open.discard(question)
         if not question.over():
             question.outcome.set_exception(TimeoutException(text))
+
+
+def ask_directly(client: Any, goal: Any, padding_ns: int) -> Any:
+    """
+    Send a goal with any action client, as tf2 does: whoever spins the client's node must be another thread.
+
+    :param goal: with its timeout.
+    :param padding_ns: how much longer than that to wait until the goal is accepted.
+    :return: the result.
+    """
+    if not client.server_is_ready():
+        raise TimeoutException("The buffer server is not ready.")
+    deadline_ns = time.monotonic_ns() + Duration.from_msg(goal.timeout).nanoseconds + padding_ns
+    sent = client.send_goal_async(goal)
+    done = threading.Event()
+    sent.add_done_callback(lambda _: done.set())
+    # The client may be a stand-in, whose future calls nothing back.
+    while not sent.done():
+        left_ns = deadline_ns - time.monotonic_ns()
+        if left_ns <= 0:
+            raise TimeoutException("The buffer server did not answer in time.")
+        done.wait(min(left_ns / 1e9, DONE_CHECK_S))
+    handle = sent.result()
+    if not handle.accepted:
+        raise TimeoutException("The buffer server refused the goal.")
+    return client._get_result(handle).result
 
 
 def _hidden_node(asking: Asking, node: Node) -> Node:

@@ -55,39 +55,40 @@ def _package(key: Any) -> str:
     return getattr(key, "__module__", "").partition(".")[0]
 
 
-class _Functions:
-    """Functions by key: those that programs registered, and under them the ones of this project."""
+class _Functions(dict[Any, Callable[..., Any]]):
+    """Functions by key; one of this project stands only where no program registered its own."""
 
     def __init__(self, what: str) -> None:
         self._what = what
-        self._chosen: dict[Any, Callable[..., Any]] = {}
         self._defaults: dict[Any, Callable[..., Any]] = {}
 
     def add(self, key: Any, function: Callable[..., Any], default: bool) -> None:
-        (self._defaults if default else self._chosen)[key] = function
+        if default:
+            is_own = key in self and not self.is_default(key)
+            self._defaults[key] = function
+            if is_own:
+                return
+        self[key] = function
+
+    def is_default(self, key: Any) -> bool:
+        """Whether the function for ``key`` is one of this project."""
+        return key in self._defaults and self.get(key) is self._defaults[key]
 
     def find(self, key: Any) -> Callable[..., Any] | None:
         """The function for ``key``, or None; imports what registers the types in it, if that is known."""
-        function = self._registered(key)
-        if function is not None:
-            return function
+        if key in self:
+            return self[key]
         for package in self._providers(key):
             if importlib.util.find_spec(package) is not None:
                 importlib.import_module(package)
-        return self._registered(key)
+        return self.get(key)
 
-    def get(self, key: Any) -> Callable[..., Any]:
+    def demand(self, key: Any) -> Callable[..., Any]:
         """The function for ``key``; TypeException says what would make it known."""
         function = self.find(key)
         if function is None:
             raise TypeException(self._missing(key))
         return function
-
-    def all(self) -> dict[Any, Callable[..., Any]]:
-        return {**self._defaults, **self._chosen}
-
-    def _registered(self, key: Any) -> Callable[..., Any] | None:
-        return self._chosen.get(key) or self._defaults.get(key)
 
     @staticmethod
     def _providers(key: Any) -> list[str]:
@@ -108,7 +109,8 @@ class _Functions:
 class TransformRegistration:
     """The functions that transform objects, by type; one table for the whole process."""
 
-    _functions = _Functions("tf2_ros.TransformRegistration().add()")
+    # Programs reach into the tables of these classes, too, by the names that tf2's have.
+    __type_map = _Functions("tf2_ros.TransformRegistration().add()")
 
     def add(self, key: type, callback: Callable[[Any, Any], Any], *, default: bool = False) -> None:
         """
@@ -118,7 +120,7 @@ class TransformRegistration:
         :param callback: takes the object and a ``TransformStamped``, returns the transformed object.
         :param default: only where no program registers a function of its own for the type, before or after.
         """
-        self._functions.add(key, callback, default)
+        self.__type_map.add(key, callback, default)
 
     def get(self, key: type) -> Callable[[Any, Any], Any]:
         """
@@ -126,49 +128,53 @@ class TransformRegistration:
 
         :raises TypeException: none is registered.
         """
-        return self._functions.get(key)
+        return self.__type_map.demand(key)
+
+    def is_default(self, key: type) -> bool:
+        """Whether the function for a type is one of this project's."""
+        return self.__type_map.is_default(key)
 
     def print_me(self) -> None:
         """Print the table."""
-        print(self._functions.all())
+        print(dict(self.__type_map))
 
 
 class ConvertRegistration:
     """The functions that turn objects of one type into another, by type; one table for the whole process."""
 
-    _to_msg = _Functions("tf2_ros.ConvertRegistration().add_to_msg()")
-    _from_msg = _Functions("tf2_ros.ConvertRegistration().add_from_msg()")
-    _convert = _Functions("tf2_ros.ConvertRegistration().add_convert()")
+    __to_msg_map = _Functions("tf2_ros.ConvertRegistration().add_to_msg()")
+    __from_msg_map = _Functions("tf2_ros.ConvertRegistration().add_from_msg()")
+    __convert_map = _Functions("tf2_ros.ConvertRegistration().add_convert()")
 
     def add_from_msg(self, key: type, callback: Callable[[Any], Any], *, default: bool = False) -> None:
         """Register the function that makes an object of type ``key`` of a message."""
-        self._from_msg.add(key, callback, default)
+        self.__from_msg_map.add(key, callback, default)
 
     def add_to_msg(self, key: type, callback: Callable[[Any], Any], *, default: bool = False) -> None:
         """Register the function that makes a message of an object of type ``key``."""
-        self._to_msg.add(key, callback, default)
+        self.__to_msg_map.add(key, callback, default)
 
     def add_convert(
         self, key: tuple[type, type], callback: Callable[[Any], Any], *, default: bool = False
     ) -> None:
         """Register the function that goes straight from the first type of ``key`` to the second."""
-        self._convert.add(key, callback, default)
+        self.__convert_map.add(key, callback, default)
 
     def get_from_msg(self, key: type) -> Callable[[Any], Any]:
         """Find what :meth:`add_from_msg` registered; TypeException where nothing is."""
-        return self._from_msg.get(key)
+        return self.__from_msg_map.demand(key)
 
     def get_to_msg(self, key: type) -> Callable[[Any], Any]:
         """Find what :meth:`add_to_msg` registered; TypeException where nothing is."""
-        return self._to_msg.get(key)
+        return self.__to_msg_map.demand(key)
 
     def get_convert(self, key: tuple[type, type]) -> Callable[[Any], Any]:
         """Find what :meth:`add_convert` registered; TypeException where nothing is."""
-        return self._convert.get(key)
+        return self.__convert_map.demand(key)
 
     def find_convert(self, key: tuple[type, type]) -> Callable[[Any], Any] | None:
         """Find what :meth:`add_convert` registered, or None."""
-        return self._convert.find(key)
+        return self.__convert_map.find(key)
 
 
 def convert(a: Any, b_type: type) -> Any:
@@ -177,14 +183,29 @@ def convert(a: Any, b_type: type) -> Any:
 
     :param a: the object; it is not changed.
     :param b_type: the type wanted.
-    :raises TypeException: no way leads from the one type to the other.
+    :raises TypeException: no way leads from the one type to the other, or it ends at a third.
     """
     registration = ConvertRegistration()
     straight = registration.find_convert((type(a), b_type))
+    message = a
     if straight is not None:
-        return straight(a)
-    if type(a) is b_type:
-        return deepcopy(a)
-    to_msg = registration.get_to_msg(type(a))
-    from_msg = registration.get_from_msg(b_type)
-    return from_msg(to_msg(a))
+        converted = straight(a)
+    elif type(a) is b_type:
+        converted = deepcopy(a)
+    else:
+        to_msg = registration.get_to_msg(type(a))
+        from_msg = registration.get_from_msg(b_type)
+        message = to_msg(a)
+        converted = from_msg(message)
+    # What a program's own function makes is its own affair; but a message that only passed through is none.
+    if converted is message or hasattr(converted, "get_fields_and_field_types"):
+        _check_type(converted, b_type, a)
+    return converted
+
+
+def _check_type(converted: Any, b_type: Any, a: Any) -> None:
+    if isinstance(b_type, type) and not isinstance(converted, b_type):
+        raise TypeException(
+            f"Type {_name(type(a))} cannot be converted to {_name(b_type)}: the functions registered for "
+            f"them make {_name(type(converted))} of it"
+        )

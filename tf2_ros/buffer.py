@@ -1,7 +1,6 @@
 """Owns the buffer that a node uses: the engine, waiting for it, its service and its clock."""
 
 import weakref
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -20,10 +19,48 @@ from tf2_msgs.srv import FrameGraph
 from tf2_py import BufferCore, TransformException
 from tf2_ros._receiving import attribute_changed, replay
 from tf2_ros._replaced import AskingFuture, wait_until
+from tf2_ros._tf2_names import (
+    Callable,
+    FrameGraphSrvRequest,
+    FrameGraphSrvResponse,
+    List,
+    Optional,
+    Tuple,
+    TypeVar,
+    rclpy,
+    sleep,
+    tf2,
+    tf2_ros,
+    threading,
+)
 from tf2_ros._waiting import Lookup, TransformFuture, block, duration_ns
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 
-__all__ = ["Buffer"]
+# What `import *` gives from tf2's module.
+__all__ = [
+    "Any",
+    "Buffer",
+    "Callable",
+    "Duration",
+    "FrameGraph",
+    "FrameGraphSrvRequest",
+    "FrameGraphSrvResponse",
+    "Future",
+    "JumpThreshold",
+    "List",
+    "Node",
+    "Optional",
+    "Time",
+    "TimeJump",
+    "TransformStamped",
+    "Tuple",
+    "TypeVar",
+    "rclpy",
+    "sleep",
+    "tf2",
+    "tf2_ros",
+    "threading",
+]
 
 DEFAULT_CACHE_TIME_NS = 10 * 1_000_000_000  # of a BufferCore
 JUMP_BACK = Duration(seconds=-1)  # from here on a buffer forgets what it knew

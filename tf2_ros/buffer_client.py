@@ -7,6 +7,7 @@ from typing import Any
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Time as TimeMsg
 from geometry_msgs.msg import TransformStamped
+from rclpy.action.client import ActionClient
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.time import Time
@@ -21,11 +22,41 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_ros._asking import Asking, Question
+from tf2_ros._asking import FOR_EVER, Asking, Question, ask_directly
+from tf2_ros._tf2_names import (
+    Clock,
+    LookupTransformGoal,
+    LookupTransformResult,
+    TypeVar,
+    builtin_interfaces,
+    sleep,
+    tf2,
+    tf2_ros,
+    warnings,
+)
 from tf2_ros._waiting import duration_ns
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 
-__all__ = ["BufferClient"]
+# What `import *` gives from tf2's module.
+__all__ = [
+    "ActionClient",
+    "BufferClient",
+    "Clock",
+    "Duration",
+    "LookupTransform",
+    "LookupTransformGoal",
+    "LookupTransformResult",
+    "Node",
+    "Time",
+    "TransformStamped",
+    "TypeVar",
+    "builtin_interfaces",
+    "sleep",
+    "tf2",
+    "tf2_ros",
+    "threading",
+    "warnings",
+]
 
 ALIVE_CHECK_S = 0.1  # how often a blocked thread looks whether there is still somebody to answer it
 
@@ -47,6 +78,9 @@ class BufferClient(BufferInterface):
     :param ns: the name of the server's action.
     :param check_frequency: how often to look for the server while there is none, in Hz.
     :param timeout_padding: how much longer than a lookup's own timeout to wait for the server's answer.
+
+    Where a program put another class in the place of this module's ``ActionClient``, or another object into
+    the attribute ``action_client``, goals are sent with that, by the thread that asks.
     """
 
     def __init__(
@@ -62,6 +96,10 @@ class BufferClient(BufferInterface):
         self.node = node
         self.check_frequency = check_frequency
         self.timeout_padding = timeout_padding
+        self._asking: Asking | None = None
+        if ActionClient is not Asking.client_class:
+            self.action_client = ActionClient(node, LookupTransform, action_name=ns)
+            return
         self._asking = Asking(node, ns, 1.0 / check_frequency)
         self.action_client = self._asking.action_client
         # Whoever forgets destroy() leaves no thread; at exit it ends by itself.
@@ -70,7 +108,10 @@ class BufferClient(BufferInterface):
 
     def destroy(self) -> None:
         """End the client; lookups that are going on end with a TimeoutException."""
-        self._end()
+        if self._asking is None or self.action_client is not self._asking.action_client:
+            self.action_client.destroy()
+        if self._asking is not None:
+            self._end()
 
     def lookup_transform(
         self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
@@ -83,7 +124,9 @@ class BufferClient(BufferInterface):
         :raises TimeoutException: there is no server, it did not answer, or it waited in vain.
         :raises TransformException: what the lookup in the server raised.
         """
-        return self._block(_simple_goal(target_frame, source_frame, time), timeout)
+        goal = _simple_goal(target_frame, source_frame, time)
+        goal.timeout = _duration_msg(timeout)
+        return self.__process_goal(goal)
 
     def lookup_transform_full(
         self,
@@ -102,7 +145,8 @@ class BufferClient(BufferInterface):
         Otherwise as :meth:`lookup_transform`.
         """
         goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame)
-        return self._block(goal, timeout)
+        goal.timeout = _duration_msg(timeout)
+        return self.__process_goal(goal)
 
     def can_transform(
         self,
@@ -166,30 +210,44 @@ class BufferClient(BufferInterface):
         goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame)
         return await self._await(goal, timeout)
 
-    def _ask(self, goal: Any, timeout: Duration | None) -> Question:
-        timeout_ns = None if timeout is None else duration_ns(timeout)
-        return self._asking.ask(goal, timeout_ns, duration_ns(self.timeout_padding))
+    # The two that follow have the names that programs patch in tf2's class.
 
-    def _block(self, goal: Any, timeout: Duration) -> TransformStamped:
-        question = self._ask(goal, timeout)
+    def __process_goal(self, goal: Any) -> TransformStamped:
+        asking = self._asking
+        if asking is None or self.action_client is not asking.action_client:
+            padding_ns = duration_ns(self.timeout_padding)
+            return self.__process_result(ask_directly(self.action_client, goal, padding_ns))
+        question = self._ask(asking, goal, duration_ns(Duration.from_msg(goal.timeout)))
         done = threading.Event()
         question.outcome.add_done_callback(lambda _: done.set())
         try:
             while not done.wait(ALIVE_CHECK_S):
-                if not self._asking.alive():
+                if not asking.alive():
                     raise TimeoutException(
                         "The context was shut down while the buffer server was being asked."
                     )
-            return _transform_of(question.outcome.result(), goal)
+            return self.__process_result(_result_of(question.outcome.result(), goal))
         finally:
             question.abandon()
 
+    def __process_result(self, result: Any) -> TransformStamped:
+        if result.error.error != TF2Error.NO_ERROR:
+            raise EXCEPTIONS.get(result.error.error, TransformException)(result.error.error_string)
+        return result.transform
+
     async def _await(self, goal: Any, timeout: Duration | None) -> TransformStamped:
-        question = self._ask(goal, timeout)
+        asking = self._asking
+        if asking is None or self.action_client is not asking.action_client:
+            goal.timeout = _duration_msg(FOR_EVER if timeout is None else timeout)
+            return self.__process_goal(goal)
+        question = self._ask(asking, goal, None if timeout is None else duration_ns(timeout))
         try:
-            return _transform_of(await question.outcome, goal)
+            return self.__process_result(_result_of(await question.outcome, goal))
         finally:
             question.abandon()
+
+    def _ask(self, asking: Asking, goal: Any, timeout_ns: int | None) -> Question:
+        return asking.ask(goal, timeout_ns, duration_ns(self.timeout_padding))
 
 
 def _simple_goal(target_frame: str, source_frame: str, time: Any) -> Any:
@@ -211,17 +269,21 @@ def _full_goal(
     )
 
 
-def _transform_of(response: Any, goal: Any) -> TransformStamped:
+def _result_of(response: Any, goal: Any) -> Any:
     result = response.result
-    if result.error.error != TF2Error.NO_ERROR:
-        raise EXCEPTIONS.get(result.error.error, TransformException)(result.error.error_string)
     # A server that waited in vain, or was told to stop, may send an empty result without an error.
-    if response.status != GoalStatus.STATUS_SUCCEEDED or not result.transform.header.frame_id:
+    if result.error.error == TF2Error.NO_ERROR and (
+        response.status != GoalStatus.STATUS_SUCCEEDED or not result.transform.header.frame_id
+    ):
         raise TimeoutException(
             f"The buffer server did not get the transform from [{goal.source_frame}] to "
             f"[{goal.target_frame}] in time."
         )
-    return result.transform
+    return result
+
+
+def _duration_msg(timeout: Any) -> Any:
+    return Duration(nanoseconds=min(duration_ns(timeout), FOR_EVER.nanoseconds)).to_msg()
 
 
 def _time_msg(time: Any) -> TimeMsg:

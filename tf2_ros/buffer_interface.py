@@ -21,25 +21,55 @@ from tf2_ros._registration import (
     TypeException,
     convert,
 )
+from tf2_ros._tf2_names import (
+    Callable,
+    Optional,
+    Tuple,
+    Union,
+    deepcopy,
+    rclpy,
+    tf2,
+    tf2_ros,
+)
 
-# Programs came to rely on finding the message classes here; they stay, outside __all__.
+# What `import *` gives from tf2's module.
 __all__ = [
+    "Any",
     "BufferInterface",
+    "Callable",
     "ConvertRegistration",
+    "Duration",
+    "Header",
     "MsgStamped",
     "NotImplementedException",
+    "Optional",
+    "PointCloud2",
+    "PointStamped",
+    "PoseStamped",
+    "PoseWithCovarianceStamped",
     "PyKDLType",
     "Stamped",
+    "Time",
     "TransformRegistration",
+    "TransformStamped",
     "TransformableObject",
     "TransformableObjectType",
+    "Tuple",
     "TypeException",
+    "TypeVar",
+    "Union",
+    "Vector3Stamped",
     "convert",
+    "deepcopy",
+    "rclpy",
+    "tf2",
+    "tf2_ros",
 ]
 
-MsgStamped = PointStamped | PoseStamped | PoseWithCovarianceStamped | Vector3Stamped | PointCloud2
+# Typing's, as in tf2: programs use them as default values and cast with them.
+MsgStamped = Union[PointStamped, PoseStamped, PoseWithCovarianceStamped, Vector3Stamped, PointCloud2]
 PyKDLType = TypeVar("PyKDLType")
-TransformableObject = MsgStamped | PyKDLType
+TransformableObject = Union[MsgStamped, PyKDLType]
 TransformableObjectType = TypeVar("TransformableObjectType")
 
 # The default of every `timeout`: one object, so that "none" is an identity, not a comparison of Durations.
@@ -76,7 +106,7 @@ class BufferInterface:
         :raises TransformException: what the lookup raises.
         """
         do_transform = self.registration.get(type(object_stamped))
-        header = object_stamped.header
+        header = _header_of(object_stamped)
         result = do_transform(
             object_stamped, self.lookup_transform(target_frame, header.frame_id, header.stamp, timeout)
         )
@@ -100,7 +130,7 @@ class BufferInterface:
         Otherwise as :meth:`transform`.
         """
         do_transform = self.registration.get(type(object_stamped))
-        header = object_stamped.header
+        header = _header_of(object_stamped)
         transform = self.lookup_transform_full(
             target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout
         )
@@ -123,7 +153,7 @@ class BufferInterface:
         Otherwise as :meth:`transform`.
         """
         do_transform = self.registration.get(type(object_stamped))
-        header = object_stamped.header
+        header = _header_of(object_stamped)
         transform = await self.lookup_transform_async(
             target_frame, header.frame_id, header.stamp, timeout=timeout
         )
@@ -171,6 +201,19 @@ class BufferInterface:
     ) -> Any:
         """Tell whether :meth:`lookup_transform_full` would answer; a subclass does it."""
         raise NotImplementedException()
+
+
+def _header_of(object_stamped: Any) -> Any:
+    try:
+        return object_stamped.header
+    except AttributeError:
+        # tf2's Python does not know these types at all.
+        if TransformRegistration().is_default(type(object_stamped)):
+            raise TypeException(
+                f"Type {type(object_stamped).__name__} is not supported here: it has no header that tells "
+                f"where it is, and when"
+            ) from None
+        raise
 
 
 def Stamped(obj: Any, stamp: Any, frame_id: str) -> Any:

@@ -9,9 +9,28 @@ from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros._qos import static_broadcaster_qos, static_overrides
+from tf2_ros._tf2_names import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    List,
+    Optional,
+    Union,
+)
 from tf2_ros.transform_broadcaster import publish_transforms, transforms_of
 
-__all__ = ["StaticTransformBroadcaster"]
+# What `import *` gives from tf2's module.
+__all__ = [
+    "DurabilityPolicy",
+    "HistoryPolicy",
+    "List",
+    "Node",
+    "Optional",
+    "QoSProfile",
+    "StaticTransformBroadcaster",
+    "TFMessage",
+    "TransformStamped",
+    "Union",
+]
 
 
 class StaticTransformBroadcaster:

@@ -10,8 +10,23 @@ from rclpy.qos import QoSProfile
 from tf2_msgs.msg import TFMessage
 from tf2_py._wire import serialize_transforms
 from tf2_ros._qos import dynamic_broadcaster_qos, dynamic_overrides
+from tf2_ros._tf2_names import (
+    List,
+    Optional,
+    Union,
+)
 
-__all__ = ["TransformBroadcaster"]
+# What `import *` gives from tf2's module.
+__all__ = [
+    "List",
+    "Node",
+    "Optional",
+    "QoSProfile",
+    "TFMessage",
+    "TransformBroadcaster",
+    "TransformStamped",
+    "Union",
+]
 
 
 class TransformBroadcaster:

@@ -14,12 +14,35 @@ from tf2_py import BufferCore
 from tf2_ros._qos import dynamic_overrides, listener_qos, static_listener_qos, static_overrides
 from tf2_ros._receiving import ListenerGroup, Receiving, can_receive, wake_executor
 from tf2_ros._spinner import END_WAIT_S, Spinner
+from tf2_ros._tf2_names import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    Optional,
+    ReentrantCallbackGroup,
+    SingleThreadedExecutor,
+    Thread,
+    Union,
+    tf2_ros,
+)
+from tf2_ros.buffer import Buffer
 
+# What `import *` gives from tf2's module.
 __all__ = [
     "DEFAULT_STATIC_TF_TOPIC",
     "DEFAULT_TF_TOPIC",
-    "StaticTransformListener",
+    "Buffer",
+    "DurabilityPolicy",
+    "HistoryPolicy",
+    "Node",
+    "Optional",
+    "QoSProfile",
+    "ReentrantCallbackGroup",
+    "SingleThreadedExecutor",
+    "TFMessage",
+    "Thread",
     "TransformListener",
+    "Union",
+    "tf2_ros",
 ]
 
 DEFAULT_TF_TOPIC = "/tf"

@@ -5,13 +5,10 @@ from libc.stdint cimport uint32_t
 from libc.string cimport memcpy
 
 from tf2_geometry_msgs._parts cimport part, target_frame
-from tf2_py._messages cimport Layout, header_layout, new_header, read_transform, time_to_ns
+from tf2_py._messages cimport Layout, header_layout, new_header, read_any_rotation, time_to_ns
 from tf2_py._types cimport Transform
+from tf2_sensor_msgs._numbers cimport FLOAT32, FLOAT64, OTHER_ORDER, number_size
 from tf2_sensor_msgs._points cimport (
-    FLOAT32,
-    FLOAT32_SWAPPED,
-    FLOAT64,
-    FLOAT64_SWAPPED,
     Rigid,
     Triples,
     rigid_from_transform,
@@ -25,6 +22,8 @@ import sys
 from array import array as byte_array
 
 from sensor_msgs.msg import PointCloud2, PointField
+
+from tf2_sensor_msgs._errors import FieldError, SizeError
 
 cdef enum:
     HEADER, HEIGHT, WIDTH, FIELDS, IS_BIGENDIAN, POINT_STEP, ROW_STEP, DATA, IS_DENSE, CLOUD_FIELDS
@@ -49,6 +48,9 @@ cdef Layout cloud_layout = Layout(
 )
 cdef Layout field_layout = Layout(PointField, ("name", "offset", "datatype", "count"))
 cdef array.array NO_BYTES = byte_array("B")
+cdef tuple COORDINATES = ("x", "y", "z")
+cdef tuple NORMAL = ("normal_x", "normal_y", "normal_z")
+cdef tuple VIEWPOINT = ("vp_x", "vp_y", "vp_z")
 cdef bint IS_BIG_MACHINE = sys.byteorder == "big"
 
 
@@ -56,10 +58,13 @@ cdef struct Grid:
     # The arrangement of a cloud's bytes; checked, so that nothing in it leads out of them.
     Py_ssize_t rows
     Py_ssize_t columns
-    Py_ssize_t point_step       # bytes
-    Py_ssize_t row_step         # bytes
-    Py_ssize_t size             # bytes, all of them
-    Triples triples[MAX_TRIPLES]
+    Py_ssize_t point_step       # bytes, of the cloud given
+    Py_ssize_t row_step
+    Py_ssize_t size             # all of them
+    Py_ssize_t new_point_step   # bytes, of the result; less than point_step where padding is dropped
+    Py_ssize_t new_row_step
+    Py_ssize_t new_size
+    Triples triples[MAX_TRIPLES]    # in the result
     Rigid rigids[MAX_TRIPLES]
     int triple_count
 
@@ -91,31 +96,32 @@ cdef dict _fields_by_name(object cloud):
     return fields
 
 
-cdef int _read_triples(dict fields, str prefix, bint is_swapped, Py_ssize_t point_step,
+cdef int _read_coordinate(object field, str name, Py_ssize_t point_step, Triples* out,
+                          int axis) except -1:
+    cdef Py_ssize_t offset = _whole(field, field_layout, 1)
+    cdef Py_ssize_t size
+    datatype = part(field_layout, field, 2)
+    size = number_size(datatype) if isinstance(datatype, int) and 0 < datatype < <int>OTHER_ORDER else 0
+    if size == 0:
+        raise FieldError(f"field {name!r} is of datatype {datatype}, which is no number")
+    if part(field_layout, field, 3) > 1:
+        raise FieldError(f"field {name!r} holds {part(field_layout, field, 3)} numbers, not one")
+    if offset + size > point_step:
+        raise FieldError(f"field {name!r} at offset {offset} reaches beyond point_step {point_step}")
+    out.offsets[axis] = offset
+    out.numbers[axis] = datatype
+    return 0
+
+
+cdef int _read_triples(dict fields, tuple names, bint is_other_order, Py_ssize_t point_step,
                        Triples* out) except -1:
-    cdef Py_ssize_t offset, size = 0
-    cdef int i
-    for i, axis in enumerate("xyz"):
-        name = prefix + axis
-        field = fields.get(name)
-        if field is None:
-            raise ValueError(f"the cloud has no field {name!r}")
-        datatype = part(field_layout, field, 2)
-        if datatype not in (PointField.FLOAT32, PointField.FLOAT64):
-            raise ValueError(f"field {name!r} is of datatype {datatype}, neither FLOAT32 nor FLOAT64")
-        if i == 0:
-            size = 4 if datatype == PointField.FLOAT32 else 8
-        elif size != (4 if datatype == PointField.FLOAT32 else 8):
-            raise ValueError(f"field {name!r} is of another datatype than {prefix + 'x'!r}")
-        offset = _whole(field, field_layout, 1)
-        if offset + size > point_step:
-            raise ValueError(f"field {name!r} at offset {offset} reaches beyond point_step {point_step}")
-        out.offsets[i] = offset
-    if size == 4:
-        out.number = FLOAT32_SWAPPED if is_swapped else FLOAT32
-    else:
-        out.number = FLOAT64_SWAPPED if is_swapped else FLOAT64
-    out.step = point_step
+    cdef int axis
+    for axis, name in enumerate(names):
+        if name not in fields:
+            raise FieldError(f"the cloud has no field {name!r}")
+        _read_coordinate(fields[name], name, point_step, out, axis)
+        if is_other_order:
+            out.numbers[axis] |= OTHER_ORDER
     return 0
 
 
@@ -126,45 +132,95 @@ cdef int _read_grid(object cloud, Py_ssize_t size, Grid* out) except -1:
     out.row_step = _whole(cloud, cloud_layout, ROW_STEP)
     out.size = size
     # As Python numbers: the products may not fit into 64 bits with a sign.
-    if <object>out.row_step < <object>out.columns * out.point_step:
-        raise ValueError(
-            f"row_step {out.row_step} is less than width {out.columns} x point_step {out.point_step}"
+    used = <object>out.columns * out.point_step
+    if size < <object>out.rows * used:
+        raise SizeError(
+            f"data has {size} bytes, less than height {out.rows} x width {out.columns} x point_step "
+            f"{out.point_step}"
         )
-    if size < <object>out.rows * out.row_step:
-        raise ValueError(f"data has {size} bytes, less than height {out.rows} x row_step {out.row_step}")
+    out.new_point_step = out.point_step
+    out.new_row_step = out.row_step
+    out.new_size = size
+    if out.rows > 0 and (out.row_step < used or size < <object>out.rows * out.row_step):
+        # Where the bytes contradict row_step, row follows row, as in tf2, which never reads it. The padding
+        # of the last row may be left out. Either way the result has none.
+        if out.row_step < used or size < (<object>out.rows - 1) * out.row_step + used:
+            out.row_step = used
+        out.new_row_step = used
+        out.new_size = out.rows * used
     return 0
 
 
-cdef int _add_triples(object cloud, dict fields, str prefix, const Transform* transform, bint moves,
+cdef int _drop_padding(const Triples* triples, Grid* out) except -1:
+    # As tf2 makes a cloud of coordinates alone anew: a point ends with its last coordinate.
+    cdef Py_ssize_t end = 0
+    cdef int axis
+    for axis in range(3):
+        end = max(end, triples.offsets[axis] + number_size(triples.numbers[axis]))
+    if end < out.point_step:
+        out.new_point_step = end
+        out.new_row_step = out.columns * end
+        out.new_size = out.rows * out.new_row_step
+    return 0
+
+
+cdef bint _has_directions(dict fields, tuple names):
+    # Whole numbers stand for something else than a direction or a place.
+    return all(
+        name in fields and part(field_layout, fields[name], 2) in (FLOAT32, FLOAT64) for name in names
+    )
+
+
+cdef int _add_triples(object cloud, dict fields, tuple names, const Transform* transform, bint moves,
                       Grid* grid) except -1:
-    cdef bint is_swapped = bool(part(cloud_layout, cloud, IS_BIGENDIAN)) != IS_BIG_MACHINE
-    _read_triples(fields, prefix, is_swapped, grid.point_step, &grid.triples[grid.triple_count])
+    cdef bint is_other_order = bool(part(cloud_layout, cloud, IS_BIGENDIAN)) != IS_BIG_MACHINE
+    _read_triples(fields, names, is_other_order, grid.point_step, &grid.triples[grid.triple_count])
     rigid_from_transform(transform, moves, &grid.rigids[grid.triple_count])
     grid.triple_count += 1
     return 0
 
 
+cdef void _copy_points(const char* source, char* target, Py_ssize_t count, const Grid* grid) noexcept nogil:
+    cdef Py_ssize_t _
+    if grid.new_point_step == grid.point_step:
+        memcpy(target, source, count * grid.point_step)
+        return
+    if grid.new_point_step == 12:       # a size that the compiler knows
+        for _ in range(count):
+            memcpy(target, source, 12)
+            source += grid.point_step
+            target += 12
+        return
+    for _ in range(count):
+        memcpy(target, source, grid.new_point_step)
+        source += grid.point_step
+        target += grid.new_point_step
+
+
 cdef void _carry_points(const char* source, char* target, Py_ssize_t count, Py_ssize_t behind,
                         const Grid* grid) noexcept nogil:
-    # `count` points without a gap; `behind` bytes follow the last.
+    # `count` points without a gap; `behind` bytes follow the last, in the source as in the target.
+    cdef Py_ssize_t step = grid.new_point_step
     cdef Py_ssize_t done = 0
     cdef Py_ssize_t block, left, after
     cdef const Triples* triples
     cdef int i
-    if grid.triple_count == 1 and triples_fill_points(&grid.triples[0]):
-        done = triples_carry_wide(source, target, &grid.triples[0], count, behind, &grid.rigids[0])
+    if grid.triple_count == 1 and triples_fill_points(&grid.triples[0], grid.point_step):
+        done = triples_carry_wide(
+            source, grid.point_step, target, &grid.triples[0], count, behind, &grid.rigids[0]
+        )
     while done < count:
         left = count - done
-        block = min(left, max(BLOCK // grid.point_step, 1))
-        memcpy(target + done * grid.point_step, source + done * grid.point_step, block * grid.point_step)
+        block = min(left, max(BLOCK // step, 1))
+        _copy_points(source + done * grid.point_step, target + done * step, block, grid)
         for i in range(grid.triple_count):
             triples = &grid.triples[i]
             # Counted as if each coordinate had 8 bytes: never more than there are.
-            after = (left - block) * grid.point_step + behind + grid.point_step - triples.offsets[2] - 8
+            after = (left - block) * step + behind + step - triples.offsets[2] - 8
             triples_carry(
-                target + done * grid.point_step,
+                target + done * step,
                 triples,
-                target + done * grid.point_step,
+                target + done * step,
                 triples,
                 block,
                 after,
@@ -177,18 +233,27 @@ cdef void _carry_grid(const char* source, char* target, const Grid* grid) noexce
     cdef Py_ssize_t rows = grid.rows
     cdef Py_ssize_t columns = grid.columns
     cdef Py_ssize_t used = columns * grid.point_step
-    cdef Py_ssize_t row, start, end = 0
-    if used == grid.row_step:
+    cdef Py_ssize_t new_used = columns * grid.new_point_step
+    cdef Py_ssize_t row, end, new_end
+    if used == grid.row_step and new_used == grid.new_row_step:
         columns *= rows
         used *= rows
-        rows = 1
+        new_used *= rows
+        rows = min(rows, 1)
+    end = new_end = 0
     for row in range(rows):
-        start = row * grid.row_step
-        end = start + used
-        _carry_points(source + start, target + start, columns, grid.size - end, grid)
+        end = row * grid.row_step + used
+        new_end = row * grid.new_row_step + new_used
+        _carry_points(
+            source + end - used,
+            target + new_end - new_used,
+            columns,
+            min(grid.size - end, grid.new_size - new_end),
+            grid,
+        )
         if row + 1 < rows:
-            memcpy(target + end, source + end, grid.row_step - used)
-    memcpy(target + end, source + end, grid.size - end)
+            memcpy(target + new_end, source + end, grid.new_row_step - new_used)
+    memcpy(target + new_end, source + end, grid.new_size - new_end)
 
 
 cdef object _copied_field(object field):
@@ -202,39 +267,48 @@ cdef object _copied_field(object field):
 def do_transform_cloud(cloud, transform, *, only_xyz=False):
     """Carry a point cloud into the frame of a transform: p' = R p + t, in double precision, without the GIL.
 
-    Fields may come in any order, at any offset, with any padding, in either byte order; x y z may be float32
-    or float64. Everything else stays as it is: other fields, padding, rows, `is_dense`; a point with a NaN
-    has three afterwards. Normals (`normal_x/y/z`) are turned, viewpoints (`vp_x/y/z`) turned and moved, where
-    there are any. Upstream's C++ turns normals, too, and leaves viewpoints; its Python carries x y z alone.
+    Fields may come in any order, at any offset, with any padding, in either byte order; x, y and z may be of
+    any type, even of different ones; whole numbers are cut off, as by tf2. Everything else stays as it is:
+    other fields, padding, rows, `is_dense`; a point with a NaN has three afterwards. But a cloud of x, y and
+    z alone loses the padding after them, as in tf2, and a `row_step` that the data contradicts is put right.
+    Normals (`normal_x/y/z`) are turned, viewpoints (`vp_x/y/z`) turned and moved, where all three are there
+    and are float32 or float64. Upstream's C++ turns normals, too, and leaves viewpoints; its Python carries
+    x y z alone.
 
     :param cloud: a PointCloud2, coordinates in metres
-    :param transform: a TransformStamped
+    :param transform: a TransformStamped, or a Transform: then the cloud's frame stays
     :param only_xyz: leave normals and viewpoints as they are
     :returns: a new PointCloud2 with the transform's frame and the cloud's own stamp
-    :raises TypeError: for other types
-    :raises ValueError: where x, y or z is missing, of another type than float32 and float64 or beyond
-        `point_step`, where `row_step` or `data` is too short, or the transform's rotation has no length
+    :raises AttributeError: for other types (a TypeError, too)
+    :raises ValueError: where x, y or z is missing, no number or beyond `point_step` (as in tf2 also an
+        AssertionError), where `data` is too short for the points (also a TypeError), or the transform's
+        rotation is not finite
     """
     cdef Transform by
     cdef Grid grid
     cdef array.array carried
     cdef const unsigned char[::1] source
     cdef int i
-    read_transform(transform, &by)
-    stamp_ns = time_to_ns(part(header_layout, part(cloud_layout, cloud, HEADER), 0))
-    header = new_header(stamp_ns, target_frame(transform))
+    read_any_rotation(transform, &by)
+    old_header = part(cloud_layout, cloud, HEADER)
+    frame = target_frame(transform) if hasattr(transform, "transform") else part(header_layout, old_header, 1)
+    header = new_header(time_to_ns(part(header_layout, old_header, 0)), frame)
     source = _bytes_of(part(cloud_layout, cloud, DATA))
     _read_grid(cloud, source.shape[0], &grid)
     fields = _fields_by_name(cloud)
     grid.triple_count = 0
-    _add_triples(cloud, fields, "", &by, True, &grid)
-    if not only_xyz:
-        if not fields.keys().isdisjoint(("normal_x", "normal_y", "normal_z")):
-            _add_triples(cloud, fields, "normal_", &by, False, &grid)
-        if not fields.keys().isdisjoint(("vp_x", "vp_y", "vp_z")):
-            _add_triples(cloud, fields, "vp_", &by, True, &grid)
-    carried = array.clone(NO_BYTES, grid.size, False)
-    if grid.size > 0:
+    _add_triples(cloud, fields, COORDINATES, &by, True, &grid)
+    if len(fields) == 3:
+        _drop_padding(&grid.triples[0], &grid)
+    elif not only_xyz:
+        if _has_directions(fields, NORMAL):
+            _add_triples(cloud, fields, NORMAL, &by, False, &grid)
+        if _has_directions(fields, VIEWPOINT):
+            _add_triples(cloud, fields, VIEWPOINT, &by, True, &grid)
+    for i in range(grid.triple_count):
+        grid.triples[i].step = grid.new_point_step
+    carried = array.clone(NO_BYTES, grid.new_size, False)
+    if grid.new_size > 0:
         with nogil:
             _carry_grid(<const char*>&source[0], carried.data.as_chars, &grid)
     message = cloud_layout.new()
@@ -243,6 +317,10 @@ def do_transform_cloud(cloud, transform, *, only_xyz=False):
             value = header
         elif i == FIELDS:
             value = [_copied_field(field) for field in part(cloud_layout, cloud, FIELDS)]
+        elif i == POINT_STEP:
+            value = grid.new_point_step
+        elif i == ROW_STEP:
+            value = grid.new_row_step
         elif i == DATA:
             value = carried
         else:

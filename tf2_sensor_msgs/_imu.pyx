@@ -81,7 +81,7 @@ def do_transform_imu(imu, transform):
     :param transform: a TransformStamped
     :returns: a new Imu with the transform's frame and stamp; its orientation has length one and w >= 0
     :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation has no length
+    :raises ValueError: where the transform's rotation is not finite
     """
     cdef Transform by
     cdef Layout layout = imu_layout
@@ -106,7 +106,7 @@ def do_transform_magnetic_field(magnetic_field, transform):
     :param transform: a TransformStamped
     :returns: a new MagneticField with the transform's frame and stamp
     :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation has no length
+    :raises ValueError: where the transform's rotation is not finite
     """
     cdef Transform by
     cdef Layout layout = magnetic_field_layout

@@ -1,88 +1,65 @@
 """Owns carrying points by the thousand: arrays of them, and whatever lies in memory like clouds do."""
 
-from libc.stdint cimport uint32_t, uint64_t
-from libc.string cimport memcpy
-
 cimport numpy as cnp
 
-from tf2_geometry_msgs._matrix cimport matrix_from_quaternion
-from tf2_py._messages cimport read_transform
+from tf2_py._messages cimport read_any_rotation
 from tf2_py._types cimport Transform
+from tf2_sensor_msgs._numbers cimport (
+    FLOAT32,
+    FLOAT64,
+    OTHER_ORDER,
+    number_load,
+    number_size,
+    number_store,
+)
 from tf2_sensor_msgs._wide cimport wide_carry_doubles, wide_carry_floats
 
 import numpy as np
 
-cdef extern from *:
-    uint32_t __builtin_bswap32(uint32_t bits) noexcept nogil
-    uint64_t __builtin_bswap64(uint64_t bits) noexcept nogil
-
 cnp.import_array()
+
+cdef enum:
+    OTHER_FLOAT32 = FLOAT32 | OTHER_ORDER
+    OTHER_FLOAT64 = FLOAT64 | OTHER_ORDER
 
 
 cdef void rigid_from_transform(const Transform* transform, bint moves, Rigid* out) noexcept nogil:
+    cdef const double* q = transform.rotation
+    cdef double squared = q[3] * q[3] + q[0] * q[0] + q[1] * q[1] + q[2] * q[2]
+    cdef double x = q[0] * 2.0 / squared
+    cdef double y = q[1] * 2.0 / squared
+    cdef double z = q[2] * 2.0 / squared
     cdef int i
-    matrix_from_quaternion(transform.rotation, out.matrix)
+    out.matrix[0] = 1.0 - (y * q[1] + z * q[2])
+    out.matrix[1] = y * q[0] - z * q[3]
+    out.matrix[2] = z * q[0] + y * q[3]
+    out.matrix[3] = y * q[0] + z * q[3]
+    out.matrix[4] = 1.0 - (x * q[0] + z * q[2])
+    out.matrix[5] = z * q[1] - x * q[3]
+    out.matrix[6] = z * q[0] - y * q[3]
+    out.matrix[7] = z * q[1] + x * q[3]
+    out.matrix[8] = 1.0 - (x * q[0] + y * q[1])
     for i in range(3):
         out.translation[i] = transform.translation[i] if moves else 0.0
 
 
-cdef inline double _load(const char* place, Number number) noexcept nogil:
-    # Copied byte by byte, because coordinates may lie at any address.
-    cdef float single
-    cdef double whole
-    cdef uint32_t bits32
-    cdef uint64_t bits64
-    if number == FLOAT32:
-        memcpy(&single, place, 4)
-        return single
-    if number == FLOAT64:
-        memcpy(&whole, place, 8)
-        return whole
-    if number == FLOAT32_SWAPPED:
-        memcpy(&bits32, place, 4)
-        bits32 = __builtin_bswap32(bits32)
-        memcpy(&single, &bits32, 4)
-        return single
-    memcpy(&bits64, place, 8)
-    bits64 = __builtin_bswap64(bits64)
-    memcpy(&whole, &bits64, 8)
-    return whole
-
-
-cdef inline void _store(char* place, Number number, double value) noexcept nogil:
-    cdef float single = <float>value
-    cdef uint32_t bits32
-    cdef uint64_t bits64
-    if number == FLOAT32:
-        memcpy(place, &single, 4)
-    elif number == FLOAT64:
-        memcpy(place, &value, 8)
-    elif number == FLOAT32_SWAPPED:
-        memcpy(&bits32, &single, 4)
-        bits32 = __builtin_bswap32(bits32)
-        memcpy(place, &bits32, 4)
-    else:
-        memcpy(&bits64, &value, 8)
-        bits64 = __builtin_bswap64(bits64)
-        memcpy(place, &bits64, 8)
-
-
 cdef inline void _carry_each(const char* source, const Triples* here, char* target, const Triples* there,
-                             Py_ssize_t count, const Rigid* rigid, Number number) noexcept nogil:
-    # Called with a constant `number`, so that the loop has no branches. And with copies of all it needs: a
-    # store through a char* might change what a pointer leads to.
+                             Py_ssize_t count, const Rigid* rigid, int number_x, int number_y,
+                             int number_z) noexcept nogil:
+    # Called with constant numbers where they are common, so that the loop has no branches. And with copies of
+    # all it needs: a store through a char* might change what a pointer leads to.
     cdef Triples a = here[0]
     cdef Triples b = there[0]
     cdef Rigid r = rigid[0]
     cdef double x, y, z
     cdef Py_ssize_t _
     for _ in range(count):
-        x = _load(source + a.offsets[0], number)
-        y = _load(source + a.offsets[1], number)
-        z = _load(source + a.offsets[2], number)
-        _store(target + b.offsets[0], number, _row(&r, 0, x, y, z))
-        _store(target + b.offsets[1], number, _row(&r, 1, x, y, z))
-        _store(target + b.offsets[2], number, _row(&r, 2, x, y, z))
+        x = number_load(source + a.offsets[0], number_x)
+        y = number_load(source + a.offsets[1], number_y)
+        z = number_load(source + a.offsets[2], number_z)
+        number_store(target + b.offsets[0], number_x, _row(&r, 0, x, y, z))
+        number_store(target + b.offsets[1], number_y, _row(&r, 1, x, y, z))
+        number_store(target + b.offsets[2], number_z, _row(&r, 2, x, y, z))
         source += a.step
         target += b.step
 
@@ -91,9 +68,16 @@ cdef inline double _row(const Rigid* r, int row, double x, double y, double z) n
     return r.matrix[3 * row] * x + r.matrix[3 * row + 1] * y + r.matrix[3 * row + 2] * z + r.translation[row]
 
 
+cdef int _common_number(const Triples* triples) noexcept nogil:
+    # What all three coordinates are, or 0.
+    cdef int number = triples.numbers[0]
+    return number if triples.numbers[1] == number and triples.numbers[2] == number else 0
+
+
 cdef Py_ssize_t _wide_size(const Triples* triples) noexcept nogil:
     # Bytes of a number where x y z lie beside each other, in this order and this machine's; otherwise 0.
-    cdef Py_ssize_t size = 4 if triples.number == FLOAT32 else 8 if triples.number == FLOAT64 else 0
+    cdef int number = _common_number(triples)
+    cdef Py_ssize_t size = number_size(number) if number in (FLOAT32, FLOAT64) else 0
     if (
         triples.offsets[1] == triples.offsets[0] + size
         and triples.offsets[2] == triples.offsets[1] + size
@@ -103,14 +87,18 @@ cdef Py_ssize_t _wide_size(const Triples* triples) noexcept nogil:
     return 0
 
 
-cdef bint triples_fill_points(const Triples* triples) noexcept nogil:
+cdef bint triples_fill_points(const Triples* triples, Py_ssize_t source_step) noexcept nogil:
     cdef Py_ssize_t size = _wide_size(triples)
-    return triples.offsets[0] == 0 and size != 0 and triples.step in (3 * size, 4 * size)
+    if triples.offsets[0] != 0 or size == 0:
+        return False
+    return triples.step == 3 * size or (triples.step == 4 * size and source_step == triples.step)
 
 
-cdef Py_ssize_t triples_carry_wide(const char* source, char* target, const Triples* triples,
-                                   Py_ssize_t count, Py_ssize_t behind, const Rigid* rigid) noexcept nogil:
+cdef Py_ssize_t triples_carry_wide(const char* source, Py_ssize_t source_step, char* target,
+                                   const Triples* triples, Py_ssize_t count, Py_ssize_t behind,
+                                   const Rigid* rigid) noexcept nogil:
     cdef Py_ssize_t size = _wide_size(triples)
+    cdef Py_ssize_t step = triples.step
     if behind < size:
         count -= 1
     if count <= 0:
@@ -118,9 +106,9 @@ cdef Py_ssize_t triples_carry_wide(const char* source, char* target, const Tripl
     source += triples.offsets[0]
     target += triples.offsets[0]
     if size == 4:
-        return wide_carry_floats(source, target, triples.step, count, rigid.matrix, rigid.translation)
+        return wide_carry_floats(source, source_step, target, step, count, rigid.matrix, rigid.translation)
     if size == 8:
-        return wide_carry_doubles(source, target, triples.step, count, rigid.matrix, rigid.translation)
+        return wide_carry_doubles(source, source_step, target, step, count, rigid.matrix, rigid.translation)
     return 0
 
 
@@ -129,25 +117,33 @@ cdef bint _lie_alike(const Triples* a, const Triples* b) noexcept nogil:
     for i in range(3):
         if a.offsets[i] != b.offsets[i]:
             return False
-    return a.step == b.step and a.number == b.number
+        if a.numbers[i] != b.numbers[i]:
+            return False
+    return a.step == b.step
 
 
 cdef void triples_carry(const char* source, const Triples* here, char* target, const Triples* there,
                         Py_ssize_t count, Py_ssize_t behind, const Rigid* rigid) noexcept nogil:
     cdef Py_ssize_t done = 0
+    cdef int number
     if _lie_alike(here, there):
-        done = triples_carry_wide(source, target, here, count, behind, rigid)
+        done = triples_carry_wide(source, here.step, target, here, count, behind, rigid)
     source += done * here.step
     target += done * there.step
     count -= done
-    if here.number == FLOAT32:
-        _carry_each(source, here, target, there, count, rigid, FLOAT32)
-    elif here.number == FLOAT64:
-        _carry_each(source, here, target, there, count, rigid, FLOAT64)
-    elif here.number == FLOAT32_SWAPPED:
-        _carry_each(source, here, target, there, count, rigid, FLOAT32_SWAPPED)
+    number = _common_number(here)
+    if number == FLOAT32:
+        _carry_each(source, here, target, there, count, rigid, FLOAT32, FLOAT32, FLOAT32)
+    elif number == FLOAT64:
+        _carry_each(source, here, target, there, count, rigid, FLOAT64, FLOAT64, FLOAT64)
+    elif number == OTHER_FLOAT32:
+        _carry_each(source, here, target, there, count, rigid, OTHER_FLOAT32, OTHER_FLOAT32, OTHER_FLOAT32)
+    elif number == OTHER_FLOAT64:
+        _carry_each(source, here, target, there, count, rigid, OTHER_FLOAT64, OTHER_FLOAT64, OTHER_FLOAT64)
     else:
-        _carry_each(source, here, target, there, count, rigid, FLOAT64_SWAPPED)
+        _carry_each(
+            source, here, target, there, count, rigid, here.numbers[0], here.numbers[1], here.numbers[2]
+        )
 
 
 def transform_points(point_cloud, transform):
@@ -157,7 +153,7 @@ def transform_points(point_cloud, transform):
     :param transform: a TransformStamped or Transform
     :returns: a new array of shape (n, 3): float32 for float32, otherwise float64
     :raises TypeError: for another transform, or points that are no real numbers
-    :raises ValueError: for another shape, or a transform whose rotation has no length
+    :raises ValueError: for another shape, or a transform whose rotation is not finite
     """
     cdef Transform by
     cdef Rigid rigid
@@ -165,18 +161,18 @@ def transform_points(point_cloud, transform):
     cdef cnp.ndarray points, carried
     cdef Py_ssize_t count, size
     cdef int i
-    read_transform(transform, &by)
+    read_any_rotation(transform, &by)
     rigid_from_transform(&by, True, &rigid)
     points = _real_points(point_cloud)
     count = cnp.PyArray_DIM(points, 0)
     carried = np.empty((count, 3), dtype=points.dtype)
     size = cnp.PyArray_ITEMSIZE(points)
-    here.number = there.number = FLOAT32 if size == 4 else FLOAT64
     here.step = cnp.PyArray_STRIDE(points, 0)
     there.step = 3 * size
     for i in range(3):
         here.offsets[i] = i * cnp.PyArray_STRIDE(points, 1)
         there.offsets[i] = i * size
+        here.numbers[i] = there.numbers[i] = FLOAT32 if size == 4 else FLOAT64
     with nogil:
         triples_carry(
             cnp.PyArray_BYTES(points), &here, cnp.PyArray_BYTES(carried), &there, count, 0, &rigid

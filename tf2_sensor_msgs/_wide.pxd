@@ -32,15 +32,16 @@ cdef extern from *:
     }
 
     /* Eight points at a time, in two registers: x y z w of each, w being what follows z; or, where points
-       of 12 bytes leave no w, in one and a half. */
+       of 12 bytes leave no w, in one and a half. Steps are alike, or the target's is 12. */
     __attribute__((target("avx512f")))
-    static size_t wide_eight(const char *source, char *target, size_t step, size_t count,
+    static size_t wide_eight(const char *source, size_t step, char *target, size_t target_step, size_t count,
                              const double *matrix, const double *translation)
     {
         __m512d m[9], t[3];
         int split[2][16], join[2][16];
-        int floats = step == 12 ? 3 : 4;
+        int floats = step == 12 ? 3 : 4, target_floats = target_step == 12 ? 3 : 4;
         __mmask16 second = floats == 3 ? 0x00ff : 0xffff;
+        __mmask16 target_second = target_floats == 3 ? 0x00ff : 0xffff;
         size_t done;
         for (int i = 0; i < 9; i++) m[i] = _mm512_set1_pd(matrix[i]);
         for (int i = 0; i < 3; i++) t[i] = _mm512_set1_pd(translation[i]);
@@ -52,10 +53,10 @@ cdef extern from *:
             split[1][8 + i] = floats == 4 ? floats * i + 3 : 0;
         }
         for (int i = 0; i < 32; i++)
-            join[i / 16][i % 16] = i < 8 * floats ? 8 * (i % floats) + i / floats : 0;
+            join[i / 16][i % 16] = i < 8 * target_floats ? 8 * (i % target_floats) + i / target_floats : 0;
         __m512i split_xy = _mm512_loadu_si512(split[0]), split_zw = _mm512_loadu_si512(split[1]);
         __m512i join_first = _mm512_loadu_si512(join[0]), join_second = _mm512_loadu_si512(join[1]);
-        for (done = 0; done + 8 <= count; done += 8, source += 8 * step, target += 8 * step) {
+        for (done = 0; done + 8 <= count; done += 8, source += 8 * step, target += 8 * target_step) {
             __m512 a, b;
             if (step > 16) {
                 a = wide_gather(source, step);
@@ -76,12 +77,12 @@ cdef extern from *:
             zw = _mm512_castpd_ps(_mm512_insertf64x4(lower, _mm256_castps_pd(WIDE_ROW(2)), 0));
             a = _mm512_permutex2var_ps(xy, join_first, zw);
             b = _mm512_permutex2var_ps(xy, join_second, zw);
-            if (step > 16) {
-                wide_scatter(target, step, a);
-                wide_scatter(target + 4 * step, step, b);
+            if (target_step > 16) {
+                wide_scatter(target, target_step, a);
+                wide_scatter(target + 4 * target_step, target_step, b);
             } else {
                 _mm512_storeu_ps(target, a);
-                _mm512_mask_storeu_ps(target + 64, second, b);
+                _mm512_mask_storeu_ps(target + 64, target_second, b);
             }
         }
         return done;
@@ -100,11 +101,11 @@ cdef extern from *:
             _mm256_mul_pd(column2, _mm256_permute4x64_pd(point, 0xaa))), column3)
 
     __attribute__((target("avx2")))
-    static size_t wide_floats(const char *source, char *target, size_t step, size_t count,
-                              const double *matrix, const double *translation)
+    static size_t wide_floats(const char *source, size_t step, char *target, size_t target_step,
+                              size_t count, const double *matrix, const double *translation)
     {
         WIDE_COLUMNS;
-        for (size_t i = 0; i < count; i++, source += step, target += step) {
+        for (size_t i = 0; i < count; i++, source += step, target += target_step) {
             __m128 point = _mm_loadu_ps((const float *)source);
             __m256d wider = _mm256_cvtps_pd(point);
             _mm_storeu_ps((float *)target, _mm_blend_ps(_mm256_cvtpd_ps(WIDE_POINT(wider)), point, 8));
@@ -113,45 +114,46 @@ cdef extern from *:
     }
 
     __attribute__((target("avx2")))
-    static size_t wide_doubles(const char *source, char *target, size_t step, size_t count,
-                               const double *matrix, const double *translation)
+    static size_t wide_doubles(const char *source, size_t step, char *target, size_t target_step,
+                               size_t count, const double *matrix, const double *translation)
     {
         WIDE_COLUMNS;
-        for (size_t i = 0; i < count; i++, source += step, target += step) {
+        for (size_t i = 0; i < count; i++, source += step, target += target_step) {
             __m256d point = _mm256_loadu_pd((const double *)source);
             _mm256_storeu_pd((double *)target, _mm256_blend_pd(WIDE_POINT(point), point, 8));
         }
         return count;
     }
 
-    static size_t wide_carry_floats(const char *source, char *target, size_t step, size_t count,
-                                    const double *matrix, const double *translation)
+    static size_t wide_carry_floats(const char *source, size_t step, char *target, size_t target_step,
+                                    size_t count, const double *matrix, const double *translation)
     {
         if ((step == 12 || step >= 16) && __builtin_cpu_supports("avx512f"))
-            return wide_eight(source, target, step, count, matrix, translation);
+            return wide_eight(source, step, target, target_step, count, matrix, translation);
         if (__builtin_cpu_supports("avx2"))
-            return wide_floats(source, target, step, count, matrix, translation);
+            return wide_floats(source, step, target, target_step, count, matrix, translation);
         return 0;
     }
 
-    static size_t wide_carry_doubles(const char *source, char *target, size_t step, size_t count,
-                                     const double *matrix, const double *translation)
+    static size_t wide_carry_doubles(const char *source, size_t step, char *target, size_t target_step,
+                                     size_t count, const double *matrix, const double *translation)
     {
         if (__builtin_cpu_supports("avx2"))
-            return wide_doubles(source, target, step, count, matrix, translation);
+            return wide_doubles(source, step, target, target_step, count, matrix, translation);
         return 0;
     }
 
     #else
-    #define wide_carry_floats(source, target, step, count, matrix, translation) ((size_t)0)
-    #define wide_carry_doubles(source, target, step, count, matrix, translation) ((size_t)0)
+    #define wide_carry_floats(source, step, target, target_step, count, matrix, translation) ((size_t)0)
+    #define wide_carry_doubles(source, step, target, target_step, count, matrix, translation) ((size_t)0)
     #endif
     """
-    # From `source` to `target`, which lie alike and may be the same: x y z beside each other, of this
-    # machine's byte order, at the start of each of `count` points that do not overlap, `step` bytes apart.
-    # The bytes after the last z, as many as a number has, must be there; they are written as they were read.
+    # x y z beside each other, of this machine's byte order, at the start of each of `count` points that do
+    # not overlap. Where the steps are alike, `source` and `target` may be the same; otherwise `target_step`
+    # is that of three numbers. The bytes after the last z, as many as a number has, must be there in both;
+    # in the target they are written as they were read.
     # How many points were done, from the first on; 0 where the machine has no wide registers.
-    size_t wide_carry_floats(const char* source, char* target, size_t step, size_t count,
+    size_t wide_carry_floats(const char* source, size_t step, char* target, size_t target_step, size_t count,
                              const double* matrix, const double* translation) noexcept nogil
-    size_t wide_carry_doubles(const char* source, char* target, size_t step, size_t count,
+    size_t wide_carry_doubles(const char* source, size_t step, char* target, size_t target_step, size_t count,
                               const double* matrix, const double* translation) noexcept nogil

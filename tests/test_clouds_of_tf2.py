@@ -1,0 +1,202 @@
+"""Clouds that tf2's Python transforms, and what it makes of them."""
+
+import array
+import math
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import Transform
+from making import about_z, transform
+from sensor_msgs.msg import PointCloud2, PointField
+
+try:
+    import tf2_sensor_msgs
+except ModuleNotFoundError as missing:
+    # The reference reads clouds with sensor_msgs_py, which not every environment has.
+    if missing.name != "sensor_msgs_py":
+        raise
+    pytest.skip("sensor_msgs_py is absent", allow_module_level=True)
+
+DATATYPES = {
+    "i1": PointField.INT8,
+    "u1": PointField.UINT8,
+    "i2": PointField.INT16,
+    "u2": PointField.UINT16,
+    "i4": PointField.INT32,
+    "u4": PointField.UINT32,
+    "f4": PointField.FLOAT32,
+    "f8": PointField.FLOAT64,
+}
+WHOLE = ["i1", "u1", "i2", "u2", "i4", "u4"]
+
+
+def cloud(columns, points, point_step=None, **fields):
+    """A cloud of columns (name, kind), and of points, one tuple each."""
+    dtype = np.dtype([(name, f"<{kind}") for name, kind in columns])
+    if point_step is not None:
+        offsets = [dtype.fields[name][1] for name, _ in columns]
+        names, formats = zip(*((name, f"<{kind}") for name, kind in columns), strict=True)
+        dtype = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": point_step})
+    rows = np.zeros(len(points), dtype)
+    rows[:] = points
+    message = PointCloud2(height=1, width=len(points), point_step=dtype.itemsize)
+    message.row_step = dtype.itemsize * len(points)
+    message.header.frame_id = "base"
+    message.fields = [
+        PointField(name=name, offset=dtype.fields[name][1], datatype=DATATYPES[kind], count=1)
+        for name, kind in columns
+    ]
+    message.data = array.array("B", rows.tobytes())
+    for name, value in fields.items():
+        setattr(message, name, value)
+    return message
+
+
+def columns_of(message):
+    """Each field's values, by name."""
+    names = {datatype: f"<{kind}" for kind, datatype in DATATYPES.items()}
+    dtype = np.dtype(
+        {
+            "names": [field.name for field in message.fields],
+            "formats": [names[field.datatype] for field in message.fields],
+            "offsets": [field.offset for field in message.fields],
+            "itemsize": message.point_step,
+        }
+    )
+    count = message.width * message.height
+    rows = np.frombuffer(message.data, dtype, count)
+    return {name: rows[name].tolist() for name in dtype.names}
+
+
+FLOATS = [("x", "f4"), ("y", "f4"), ("z", "f4")]
+POINTS = [(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)]
+
+
+@pytest.fixture
+def t():
+    return transform("map", "base", 7, (10, 20, 30))
+
+
+def test_a_stamped_transform_gives_its_frame_a_bare_one_leaves_it(t):
+    stamped = tf2_sensor_msgs.do_transform_cloud(cloud(FLOATS, POINTS), t)
+    bare = tf2_sensor_msgs.do_transform_cloud(cloud(FLOATS, POINTS), t.transform)
+    assert (stamped.header.frame_id, bare.header.frame_id) == ("map", "base")
+    assert columns_of(stamped) == columns_of(bare) == {"x": [11, 14], "y": [22, 25], "z": [33, 36]}
+
+
+@pytest.mark.parametrize("row_step", [0, 1, 7, 2**31])
+def test_a_wrong_row_step_does_not_matter(t, row_step):
+    got = tf2_sensor_msgs.do_transform_cloud(cloud(FLOATS, POINTS, row_step=row_step), t)
+    assert columns_of(got)["x"] == [11, 14]
+    assert (got.width, got.row_step, len(got.data)) == (2, 24, 24)
+
+
+@pytest.mark.parametrize("row_step", [0, 5])
+def test_a_wrong_row_step_of_several_rows_does_not_matter(t, row_step):
+    points = [(float(i), 0.0, 0.0) for i in range(6)]
+    got = tf2_sensor_msgs.do_transform_cloud(cloud(FLOATS, points, height=3, width=2, row_step=row_step), t)
+    assert columns_of(got)["x"] == [10, 11, 12, 13, 14, 15]
+
+
+@pytest.mark.parametrize("kind", WHOLE)
+def test_whole_coordinates_are_cut_off(kind):
+    columns = [(axis, kind) for axis in "xyz"]
+    points = [(1, 2, 3), (100, 7, 0)] if kind[0] == "u" else [(1, -2, 3), (100, 7, -4)]
+    got = tf2_sensor_msgs.do_transform_cloud(
+        cloud(columns, points), transform("map", "base", 1, (0.5, 0.25, 0.75))
+    )
+    wanted = {
+        axis: [math.trunc(point[i] + moved) for point in points]
+        for i, (axis, moved) in enumerate((("x", 0.5), ("y", 0.25), ("z", 0.75)))
+    }
+    assert columns_of(got) == wanted
+
+
+def test_whole_coordinates_turn():
+    got = tf2_sensor_msgs.do_transform_cloud(
+        cloud([(axis, "i2") for axis in "xyz"], [(1000, 0, 0), (0, 1000, 5)]),
+        transform("map", "base", 1, (0.5, 0.5, 0.5), about_z(math.pi / 2)),
+    )
+    assert columns_of(got) == {"x": [0, -999], "y": [1000, 0], "z": [0, 5]}
+
+
+@pytest.mark.parametrize(
+    "kinds", [("f4", "f8", "f4"), ("i2", "f4", "u1"), ("u4", "i4", "f8"), ("i4", "f4", "f4")]
+)
+def test_coordinates_of_different_types_are_carried(t, kinds):
+    columns = [*zip("xyz", kinds, strict=True), ("intensity", "f4")]
+    got = tf2_sensor_msgs.do_transform_cloud(cloud(columns, [(1, 2, 3, 0.5), (4, 5, 6, 0.25)]), t)
+    assert columns_of(got) == {"x": [11, 14], "y": [22, 25], "z": [33, 36], "intensity": [0.5, 0.25]}
+
+
+@pytest.mark.parametrize(
+    "extra",
+    [
+        [("normal_x", "f4")],
+        [("normal_y", "f4"), ("normal_z", "f4")],
+        [("normal_x", "i2"), ("normal_y", "i2"), ("normal_z", "i2")],
+        [("vp_x", "f4")],
+    ],
+    ids=str,
+)
+def test_part_of_a_normal_is_a_field_like_any_other(extra):
+    points = [(*point, *range(1, 1 + len(extra))) for point in POINTS]
+    got = tf2_sensor_msgs.do_transform_cloud(
+        cloud(FLOATS + extra, points), transform("map", "base", 1, (0, 0, 1), about_z(math.pi))
+    )
+    columns = columns_of(got)
+    assert columns["z"] == [4, 7]
+    assert [columns[name] for name, _ in extra] == [[i + 1, i + 1] for i in range(len(extra))]
+
+
+@pytest.mark.parametrize(
+    ("kind", "point_step", "packed"), [("f4", 16, 12), ("f4", 15, 12), ("f8", 32, 24), ("i2", 8, 6)]
+)
+def test_coordinates_alone_lose_the_padding_after_them(t, kind, point_step, packed):
+    points = [(float(i), float(i + 1), float(i + 2)) for i in range(100)]
+    columns = [(axis, kind) for axis in "xyz"]
+    got = tf2_sensor_msgs.do_transform_cloud(cloud(columns, points, point_step), t)
+    assert (got.point_step, got.row_step, len(got.data)) == (packed, 100 * packed, 100 * packed)
+    assert columns_of(got)["x"] == [i + 10 for i in range(100)]
+    assert columns_of(got)["z"] == [i + 32 for i in range(100)]
+
+
+def test_a_zero_rotation_counts_as_none(t):
+    zero = transform("map", "base", 7, (10, 20, 30), (0, 0, 0, 0))
+    straight = tf2_sensor_msgs.do_transform_cloud(cloud(FLOATS, POINTS), t)
+    assert tf2_sensor_msgs.do_transform_cloud(cloud(FLOATS, POINTS), zero).data == straight.data
+    points = np.array(POINTS)
+    assert np.array_equal(tf2_sensor_msgs.transform_points(points, zero.transform), points + (10, 20, 30))
+
+
+@pytest.mark.parametrize("missing", ["x", "y", "z"])
+def test_a_cloud_without_a_coordinate_is_an_assertion_error(t, missing):
+    columns = [("other" if axis == missing else axis, "f4") for axis in "xyz"]
+    with pytest.raises(AssertionError):
+        tf2_sensor_msgs.do_transform_cloud(cloud(columns, POINTS), t)
+
+
+def test_fewer_bytes_than_points_are_a_type_error(t):
+    with pytest.raises(TypeError):
+        tf2_sensor_msgs.do_transform_cloud(cloud(FLOATS, POINTS, width=3), t)
+
+
+def test_a_field_beyond_the_point_is_a_value_error(t):
+    message = cloud([*FLOATS, ("intensity", "f4")], [(1, 2, 3, 4)])
+    message.fields[2].offset = 14
+    with pytest.raises(ValueError):
+        tf2_sensor_msgs.do_transform_cloud(message, t)
+
+
+@pytest.mark.parametrize("wrong", [None, 5, Transform()], ids=lambda w: type(w).__name__)
+def test_another_object_than_a_cloud_is_an_attribute_error(t, wrong):
+    with pytest.raises(AttributeError):
+        tf2_sensor_msgs.do_transform_cloud(wrong, t)
+
+
+@pytest.mark.parametrize("wrong", [None, 5, PointField()], ids=lambda w: type(w).__name__)
+def test_another_object_than_a_transform_is_an_attribute_error(wrong):
+    with pytest.raises(AttributeError):
+        tf2_sensor_msgs.do_transform_cloud(cloud(FLOATS, POINTS), wrong)
+    with pytest.raises(AttributeError):
+        tf2_sensor_msgs.transform_points(np.zeros((2, 3)), wrong)

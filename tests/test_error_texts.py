@@ -1,0 +1,177 @@
+"""What programs find in error texts with regular expressions, greedy ones included."""
+
+import re
+
+import pytest
+from making import at, transform
+
+# Expressions of public programs: which of them an error matches, and what each of them finds.
+PATTERNS = {
+    "future": r"extrapolation into the future\.  Requested time ([\d.]+) but the latest data is at",
+    "past": r"extrapolation into the past\.  Requested time ([\d.]+) but the earliest data is at",
+    "latest": r"Requested time ([\d.]+) but the latest data is at time ([\d.]+)",
+    "earliest": r"Requested time ([\d.]+) but the earliest data is at time ([\d.]+)",
+    "any edge": r"Requested time (.*) but the (.*) data is at time (.*), when looking up",
+    "first comma": r"data is at time (.*),",
+    "only": r"extrapolation at time ([\d.]+), but only time ([\d.]+) is in the buffer",
+    "frames": r"when looking up transform from frame \[(.*)\] to frame \[(.*)\]",
+    "frames, greedy": r"frame \[(.*)\] to frame \[(.*)\]",
+    "last bracket": r".*\[(.*)\]",
+    "quoted": r'"(.*)"',
+    "argument": r'"(.*)" passed to (lookupTransform|canTransform) argument (\w+)',
+    "unknown": r'"(.*)" passed to lookupTransform argument ([a-z_]+) does not exist',
+    "unknown to can": r'frame ID "(.*)" passed to canTransform argument (\w+) - (frame does not exist)',
+    "empty": r"argument (\w+) - .*(cannot be empty)",
+    "slash": r"argument (\w+) - .*(cannot start with a '/')",
+    "unconnected": r"Could not find a connection between '(.*)' and '(.*)' .* (not part of the same tree)",
+    "unconnected, greedy": r"'(.*)' and '(.*)'",
+    "loop": r"(tf tree is invalid because it contains a loop)",
+}
+
+
+def number(text):
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def found(text):
+    """What the patterns find in a text, numbers as numbers."""
+    matches = {name: re.search(pattern, text, re.DOTALL) for name, pattern in PATTERNS.items()}
+    return {name: tuple(map(number, match.groups())) for name, match in matches.items() if match}
+
+
+@pytest.fixture
+def buffer(tf2_py):
+    buffer = tf2_py.BufferCore()
+    for seconds in (1, 2, 3):
+        buffer.set_transform(transform("map", "odom", seconds), "x")
+        buffer.set_transform(transform("odom", "base", seconds + 0.5), "x")
+    buffer.set_transform(transform("map", "once", 5), "x")
+    buffer.set_transform(transform("moon", "crater", 1), "x")
+    return buffer
+
+
+ENDS = {"frames": ("base", "map"), "frames, greedy": ("base", "map"), "last bracket": ("map",)}
+FUTURE = {
+    "future": (9,),
+    "latest": (9, 3.5),
+    "any edge": (9, "latest", 3.5),
+    "first comma": (3.5,),
+    **ENDS,
+}
+SIMPLE = [
+    ("map", "base", 9, FUTURE),
+    (
+        "map",
+        "base",
+        0.5,
+        {
+            "past": (0.5,),
+            "earliest": (0.5, 1.5),
+            "any edge": (0.5, "earliest", 1.5),
+            "first comma": (1.5,),
+            **ENDS,
+        },
+    ),
+    (
+        "map",
+        "once",
+        6,
+        {
+            "only": (6, 5),
+            "frames": ("once", "map"),
+            "frames, greedy": ("once", "map"),
+            "last bracket": ("map",),
+        },
+    ),
+    (
+        "map",
+        "crater",
+        1,
+        {
+            "unconnected": ("map", "crater", "not part of the same tree"),
+            "unconnected, greedy": ("map", "crater"),
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize(("target", "source", "seconds", "wanted"), SIMPLE)
+def test_what_is_found_in_the_error_of_a_lookup(tf2_py, buffer, target, source, seconds, wanted):
+    with pytest.raises(tf2_py.TransformException) as caught:
+        buffer.lookup_transform_core(target, source, at(seconds))
+    assert found(str(caught.value)) == wanted
+
+
+@pytest.mark.parametrize(("target", "source", "seconds", "wanted"), SIMPLE)
+def test_what_is_found_in_the_reason_of_a_can_transform(buffer, target, source, seconds, wanted):
+    possible, reason = buffer.can_transform_core(target, source, at(seconds))
+    assert (possible, found(reason)) == (0, wanted)
+
+
+@pytest.mark.parametrize("argument", ["target_frame", "source_frame", "fixed_frame"])
+@pytest.mark.parametrize(
+    ("name", "in_lookup", "in_can"),
+    [
+        ("nowhere", "unknown", "unknown to can"),
+        ("", "empty", "empty"),
+        ("/map", "slash", "slash"),
+    ],
+)
+def test_a_bad_name_is_quoted_with_the_call_and_the_argument(
+    tf2_py, buffer, argument, name, in_lookup, in_can
+):
+    names = {"target_frame": "map", "source_frame": "base", "fixed_frame": "odom"} | {argument: name}
+    arguments = (names["target_frame"], at(2), names["source_frame"], at(2), names["fixed_frame"])
+    with pytest.raises(tf2_py.TransformException) as caught:
+        buffer.lookup_transform_full_core(*arguments)
+    in_text = found(str(caught.value))
+    assert in_text["argument"] == (name, "lookupTransform", argument)
+    assert in_text["quoted"] == (name,)
+    assert argument in in_text[in_lookup]
+    in_reason = found(buffer.can_transform_full_core(*arguments)[1])
+    assert in_reason["argument"] == (name, "canTransform", argument)
+    assert in_reason["quoted"] == (name,)
+    assert argument in in_reason[in_can]
+
+
+def test_a_failing_half_of_a_two_time_lookup_names_its_own_ends(tf2_py, buffer):
+    for arguments, ends in (
+        (("map", at(2), "base", at(9), "odom"), ("base", "odom")),
+        (("base", at(9), "map", at(2), "odom"), ("odom", "base")),
+    ):
+        with pytest.raises(tf2_py.ExtrapolationException) as caught:
+            buffer.lookup_transform_full_core(*arguments)
+        assert found(str(caught.value))["frames"] == ends
+        assert found(buffer.can_transform_full_core(*arguments)[1])["frames"] == ends
+    with pytest.raises(tf2_py.ConnectivityException) as caught:
+        buffer.lookup_transform_full_core("map", at(2), "crater", at(1), "moon")
+    assert found(str(caught.value))["unconnected, greedy"] == ("map", "moon")
+
+
+def test_a_cleared_frame_still_tells_which_transform_was_looked_up(tf2_py, buffer):
+    buffer.clear()
+    with pytest.raises(tf2_py.ExtrapolationException) as caught:
+        buffer.lookup_transform_core("map", "base", at(2))
+    assert found(str(caught.value)) == ENDS
+
+
+def test_a_loop_is_called_a_loop(tf2_py):
+    buffer = tf2_py.BufferCore()
+    buffer.set_transform(transform("a", "b", 1), "x")
+    buffer.set_transform(transform("b", "a", 1), "x")
+    buffer.set_transform(transform("c", "d", 1), "x")
+    with pytest.raises(tf2_py.LookupException) as caught:
+        buffer.lookup_transform_core("a", "d", at(1))
+    assert "loop" in found(str(caught.value))
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize(("target", "source", "seconds", "wanted"), SIMPLE[:3])
+def test_what_tf2_does_not_tell_follows_after_it(buffer, target, source, seconds, wanted):
+    reason = buffer.can_transform_core(target, source, at(seconds))[1]
+    added = reason.partition(f"to frame [{target}]")[2]
+    assert re.search(r"[\d.]+ s", added) and source in added
+    assert not re.search(r"[][(){}\"]|frame|time|data", added)

@@ -1,0 +1,62 @@
+"""Owns names that programs take from tf2's modules, where they are by accident: those modules import them."""
+
+import threading
+import warnings
+from copy import deepcopy
+from threading import Thread
+from time import sleep
+from typing import Any, Callable, Iterable, List, Optional, Tuple, TypeVar, Union  # noqa: UP035
+
+import builtin_interfaces.msg
+import rclpy
+import rclpy.clock
+import rclpy.logging
+import rclpy.time
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import Clock, JumpThreshold, TimeJump
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
+from rclpy.task import Future
+
+import tf2_py as tf2
+import tf2_ros
+
+__all__ = [
+    "Any",
+    "Callable",
+    "Clock",
+    "DurabilityPolicy",
+    "FrameGraphSrvRequest",
+    "FrameGraphSrvResponse",
+    "Future",
+    "HistoryPolicy",
+    "Iterable",
+    "JumpThreshold",
+    "List",
+    "LookupTransformGoal",
+    "LookupTransformResult",
+    "Node",
+    "Optional",
+    "QoSProfile",
+    "ReentrantCallbackGroup",
+    "SingleThreadedExecutor",
+    "Thread",
+    "TimeJump",
+    "Tuple",
+    "TypeVar",
+    "Union",
+    "builtin_interfaces",
+    "deepcopy",
+    "rclpy",
+    "sleep",
+    "tf2",
+    "tf2_ros",
+    "threading",
+    "warnings",
+]
+
+FrameGraphSrvRequest = TypeVar("FrameGraphSrvRequest")
+FrameGraphSrvResponse = TypeVar("FrameGraphSrvResponse")
+LookupTransformGoal = TypeVar("LookupTransformGoal")
+LookupTransformResult = TypeVar("LookupTransformResult")

@@ -13,14 +13,13 @@ if sys.version_info < (3, 10):  # noqa: UP036
 
 from setuptools import build_meta
 from setuptools.build_meta import (
-    build_editable,
     build_sdist,
     get_requires_for_build_sdist,
     prepare_metadata_for_build_editable,
     prepare_metadata_for_build_wheel,
 )
 
-from . import environment
+from . import environment, startup
 
 __all__ = [
     "build_editable",
@@ -45,7 +44,16 @@ def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     """
     for left in Path("build").glob("lib*"):
         shutil.rmtree(left)
-    return build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
+    name = build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
+    startup.add_to(Path(wheel_directory, name))
+    return name
+
+
+def build_editable(wheel_directory, config_settings=None, metadata_directory=None):
+    """Build in place."""
+    name = build_meta.build_editable(wheel_directory, config_settings, metadata_directory)
+    startup.add_to(Path(wheel_directory, name))
+    return name
 
 
 def get_requires_for_build_wheel(config_settings=None):

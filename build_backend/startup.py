@@ -7,8 +7,8 @@ from pathlib import Path
 
 NAME = "tf2_ros_cython.pth"
 
-# Python runs this line at every start. Without a sourced ROS 2 it loads nothing. An editable install leaves it behind
-# when its checkout is gone: then it must not complain at every start.
+# Python runs this line at every start. Without a sourced ROS 2 it loads nothing. It must not complain when
+# the checkout of an editable install is gone.
 LINE = (
     'import os; os.environ.get("AMENT_PREFIX_PATH") and os.environ.get("TF2_ROS_CYTHON") != "0" and exec('
     '"try:\\n from tf2_ros_cython import _finder\\nexcept ImportError: pass\\nelse: _finder.install()")\n'
@@ -18,7 +18,7 @@ LINE = (
 def add_to(wheel):
     """Put the file into the wheel at the path given, and into its list of files.
 
-    setuptools knows no such files, and for an editable install it puts no module of the project into the wheel.
+    setuptools knows no such files, and puts no file of the project into an editable install's wheel.
     """
     wheel = Path(wheel)
     made = wheel.with_suffix(".new")

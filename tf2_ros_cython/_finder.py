@@ -1,7 +1,7 @@
 """Owns the precedence over the tf2 of a sourced ROS 2, whose folder precedes site-packages on the path.
 
-The installation's .pth file imports this module at Python's start wherever AMENT_PREFIX_PATH is set. So it imports
-nothing that Python has not loaded by then, and looks at the disk only when one of our packages is imported.
+The installation's .pth file imports this module at Python's start wherever AMENT_PREFIX_PATH is set. So it
+imports nothing that Python has not loaded by then, and looks at the disk only when one of ours is imported.
 """
 
 import os
@@ -34,8 +34,8 @@ def install():
 def precedes(name):
     """Whether ours takes precedence over the package `name` that the path offers.
 
-    That is the distribution's, and no layer below it is somebody's own: a workspace with a fork of one package keeps
-    it, together with those of the distribution that stand on it.
+    It does where that is the distribution's, and no layer below it is somebody's own: a workspace with a fork
+    of one package keeps it, together with the distribution's packages that stand on it.
     """
     prefix = distribution_prefix()
     if prefix is None or not _lies_in(found_on_path(name), prefix):
@@ -56,8 +56,8 @@ def found_on_path(name):
 def distribution_prefix(environ=os.environ):
     """The folder in which the ROS 2 distribution is installed: the undermost one that holds rclpy.
 
-    So a workspace over it that has rclpy of its own is a workspace still. Where each package was installed in a
-    folder of its own, as colcon does unless told to merge, the folder of all of them is meant.
+    So a workspace over it that has an rclpy of its own is a workspace still. A distribution that colcon built
+    may have a folder for each package: then it is the folder of all of them.
     """
     for prefix in reversed(environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
         if prefix and os.path.isfile(os.path.join(prefix, _RCLPY_MARKER)):

@@ -17,6 +17,13 @@ _LIBRARIES = (
 )
 
 
+def _is_sourced() -> bool:
+    """Whether a sourced ROS 2 holds the package, by the marker that every ament package installs."""
+    marker = pathlib.Path("share", "ament_index", "resource_index", "packages", __name__)
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    return any((pathlib.Path(prefix) / marker).is_file() for prefix in prefixes if prefix)
+
+
 def _hand_over() -> None:
     """Let the other `tf2_msgs` on the path answer: in a checkout beside a sourced ROS 2 none is built."""
     elsewhere = [entry for entry in sys.path if pathlib.Path(entry or ".").resolve() != _HERE.parent]
@@ -37,7 +44,8 @@ def _load_libraries() -> None:
             raise ImportError(f"tf2_msgs cannot load {name}: {error}; {advice}", name=__name__) from error
 
 
-if (_HERE / _LIBRARIES[0]).is_file():
+# A checkout may hold what was built before that ROS 2 was sourced.
+if (_HERE / _LIBRARIES[0]).is_file() and not _is_sourced():
     _load_libraries()
 else:
     _hand_over()

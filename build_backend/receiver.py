@@ -18,7 +18,7 @@ def complete(ext, environ=os.environ):
     by name. So of two installations only one is ever in use.
     """
     if environment.without_ros():
-        return "it was built without ROS 2 (-C ros=none)"
+        return "the build was without ROS 2 (-C ros=none)"
     prefixes = environment.ros_prefixes(environ)
     for file in _NEEDED:
         if not any((prefix / file).is_file() for prefix in prefixes):

@@ -17,11 +17,13 @@ _LIBRARIES = (
 )
 
 
-def _is_sourced() -> bool:
+def _is_sourced_elsewhere() -> bool:
     """Whether a sourced ROS 2 holds the package, by the marker that every ament package installs."""
     marker = pathlib.Path("share", "ament_index", "resource_index", "packages", __name__)
-    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    return any((pathlib.Path(prefix) / marker).is_file() for prefix in prefixes if prefix)
+    for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
+        if (pathlib.Path(prefix) / marker).is_file():
+            return not _HERE.is_relative_to(pathlib.Path(prefix).resolve())
+    return False
 
 
 def _hand_over() -> None:
@@ -45,7 +47,7 @@ def _load_libraries() -> None:
 
 
 # A checkout may hold what was built before that ROS 2 was sourced.
-if (_HERE / _LIBRARIES[0]).is_file() and not _is_sourced():
+if (_HERE / _LIBRARIES[0]).is_file() and not _is_sourced_elsewhere():
     _load_libraries()
 else:
     _hand_over()

@@ -82,10 +82,10 @@ def _rebuild(running: str | None) -> str:
 
 def _without_rclpy() -> str:
     record = built()
-    missing = f"tf2_ros needs ROS 2, and {sys.executable} finds no rclpy"
+    missing = f"tf2_ros needs ROS 2, and no rclpy is found by {sys.executable}"
     if record is None or record.RCLPY is None:
         return (
-            f"{missing}; nor was this built with ROS 2. In its sources: pip install '.[ros]', which brings"
+            f"{missing}; it was built without ROS 2, too. In its sources: pip install '.[ros]', which brings"
             " ROS 2 from PyPI; or, with a ROS 2 sourced: pip install ."
         )
     name = _DISTRIBUTIONS.get(_major(record.RCLPY), "")

@@ -101,7 +101,7 @@ def _receiver(folder: Path | None) -> str:
     if record is None:
         return "not built; build first, with pip install . or make build"
     if record.RECEIVER is None:
-        return f"not built, for {record.RECEIVER_LACKS}; listeners need an executor that spins"
+        return f"not built: {record.RECEIVER_LACKS}; listeners need an executor that spins"
     try:
         _ros.require_ros()
         importlib.import_module("rclpy")

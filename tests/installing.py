@@ -1,4 +1,4 @@
-"""Owns what tests of installations need: copies of the checkout, a ROS 2 to source, Pythons to install into."""
+"""Owns what tests of installations need: copies of the checkout, a ROS 2 to source, Pythons of their own."""
 
 import os
 import shutil

@@ -1,4 +1,4 @@
-"""A workspace built by colcon over a ROS 2 made of the wheels: what it holds, and what is imported from it."""
+"""A workspace built by colcon over a ROS 2 made of the wheels: what it holds, and what it makes imported."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""Where a ROS 2 is sourced: which tf2 a program imports, with each kind of installation, and what it is told."""
+"""Where a ROS 2 is sourced: which tf2 a program imports, from each kind of install, and what it is told."""
 
 import os
 import shutil

@@ -98,13 +98,11 @@ def ros_prefixes(environ=os.environ):
         return []
     if ros_is_sourced(environ):
         return ament_prefixes(environ)
-    try:
-        files = importlib.metadata.files(_LANDMARK) or []
-    except importlib.metadata.PackageNotFoundError:
-        files = []
-    for file in files:
-        if file.parts[-3:] == ("share", "geometry_msgs", "package.xml"):
-            return [Path(file.locate()).resolve().parents[2]]
+    # All answers: the finder by which pip finds a build backend answers any name with the project itself.
+    for found in importlib.metadata.distributions(name=_LANDMARK):
+        for file in found.files or []:
+            if file.parts[-3:] == ("share", "geometry_msgs", "package.xml"):
+                return [Path(file.locate()).resolve().parents[2]]
     raise SystemExit(
         "tf2-ros-cython found no ROS 2 to build tf2_msgs with. Build with isolation (plain `pip install .`),"
         " or source a ROS 2, or first: pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces;"

@@ -1,5 +1,6 @@
 """Owns what the build asks of the machine: a sourced ROS 2, where ROS is installed, the tools."""
 
+import importlib
 import importlib.metadata
 import os
 import re
@@ -134,6 +135,20 @@ def missing_tools(environ=os.environ):
     if not Path(sysconfig.get_path("include"), "Python.h").is_file():
         missing.append("no headers of this Python: install its development package, python3-dev on Debian")
     return missing
+
+
+def refuse_old_cython():
+    """End the build where Cython is lacking or too old: colcon, unlike pip, installs nothing for a build."""
+    try:
+        version = importlib.import_module("Cython").__version__
+    except ImportError:
+        version = None
+    if version is None or tuple(map(int, version.split(".")[:2])) < (3, 1):
+        found = f"has {version}" if version else "has none"
+        raise SystemExit(
+            f"tf2-ros-cython needs Cython 3.1 or newer, and {sys.executable} {found}: with that Python,"
+            " pip install --user 'Cython>=3.1'"
+        )
 
 
 def refuse_incomplete(environ=os.environ):

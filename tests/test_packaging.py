@@ -80,6 +80,17 @@ def test_missing_compilers_are_named_with_what_to_install(tmp_path):
         environment.refuse_incomplete({"PATH": str(tmp_path)})
 
 
+@pytest.mark.parametrize(("installed", "said"), [("3.0.8", "has 3.0.8"), (None, "has none")])
+def test_an_old_cython_is_refused_with_what_to_install(monkeypatch, tmp_path, installed, said):
+    if installed:
+        (tmp_path / "Cython.py").write_text(f"__version__ = {installed!r}")
+    monkeypatch.setattr(sys, "path", [str(tmp_path)])
+    monkeypatch.setitem(sys.modules, "Cython", None)  # so that what is imported now is not there afterwards
+    monkeypatch.delitem(sys.modules, "Cython")
+    with pytest.raises(SystemExit, match=f"{said}: with that Python, pip install --user 'Cython>=3.1'"):
+        environment.refuse_old_cython()
+
+
 def test_no_cxx_compiler_is_needed_where_tf2_msgs_is_sourced(tmp_path, prefix):
     (tmp_path / "gcc").touch(mode=0o755)
     only_c = {**sourced(prefix("jazzy", "rclpy", "tf2_msgs")), "PATH": str(tmp_path), "CC": "gcc -pthread"}

@@ -2,8 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 PY := $(VENV)/bin/python
-PACKAGES := tf2_py tf2_ros tf2_geometry_msgs tf2_sensor_msgs
-SOURCES := pyproject.toml setup.py $(wildcard build_backend/*.py $(PACKAGES:%=%/*.pyx) $(PACKAGES:%=%/*.pxd)) \
+PACKAGES := tf2_py tf2_ros tf2_geometry_msgs tf2_sensor_msgs tf2_ros_cython
+SOURCES := pyproject.toml setup.py setup.cfg $(wildcard build_backend/*.py $(PACKAGES:%=%/*.pyx) $(PACKAGES:%=%/*.pxd)) \
 	$(wildcard tf2_msgs/*/*.msg tf2_msgs/*/*.srv tf2_msgs/*/*.action)
 
 # A Python that has the ROS wheels leaves this mark and its own library path to its children, and the Python of .venv
@@ -13,11 +13,23 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 unexport LD_LIBRARY_PATH
 endif
 
-# Beside a sourced ROS 2 no second one is installed.
+# Beside a sourced ROS 2 no second one is installed, and what that needs of the system's packages, as yaml, is seen.
 ifdef AMENT_PREFIX_PATH
 EXTRAS := test
+VENV_OPTIONS := --system-site-packages
+VENV_KIND := sourced
+VENV_OTHER := wheels
 else
 EXTRAS := ros,test
+VENV_OPTIONS :=
+VENV_KIND := wheels
+VENV_OTHER := sourced
+endif
+
+# Whoever sources a ROS 2 later, or no longer, gets a new .venv.
+ifneq ($(wildcard $(VENV)/$(VENV_OTHER).stamp),)
+$(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS wheels)
+$(shell rm -rf $(VENV))
 endif
 
 .PHONY: bench build clean demo guard lint test
@@ -49,11 +61,12 @@ build: $(VENV)/dev.stamp
 clean:
 	rm -rf $(VENV) .bench build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find $(PACKAGES) tf2_msgs tests build_backend -name '*.so' -delete -o -name '*.pyc' -delete
-	rm -f tf2_msgs/msg/*.py tf2_msgs/srv/*.py tf2_msgs/action/*.py
+	rm -f tf2_msgs/msg/*.py tf2_msgs/srv/*.py tf2_msgs/action/*.py tf2_ros_cython/_built.py
 
 $(PY):
-	$(PYTHON) -m venv $(VENV)
+	$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV)
 	$(PY) -m pip install --quiet --upgrade pip
+	touch $(VENV)/$(VENV_KIND).stamp
 
 $(VENV)/installed.stamp: $(SOURCES) | $(PY)
 	$(PY) -m pip install --quiet --editable '.[$(EXTRAS)]'

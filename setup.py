@@ -11,6 +11,11 @@ sys.path.insert(0, str(ROOT))
 
 from build_backend import environment, extensions, tf2_msgs  # noqa: E402
 
+# `colcon build --symlink-install` runs this file in a folder of its own, with links to the packages alone.
+for name in ("pyproject.toml", "README.md", "LICENSE"):
+    if not Path(name).exists():
+        Path(name).symlink_to(ROOT / name)
+
 packages = find_packages(str(ROOT), include=["tf2_py*", "tf2_ros*", "tf2_geometry_msgs*", "tf2_sensor_msgs*"])
 modules = extensions.cython_extensions(ROOT, packages)
 data = {name: ["*.pxd", "*.pyi", "py.typed"] for name in packages}
@@ -20,9 +25,19 @@ if environment.must_build_tf2_msgs():
     data[tf2_msgs.NAME] = ["package.xml", "msg/*.msg", "srv/*.srv", "action/*.action"]
 
 setup(
+    # Here for colcon's sake: requires-python of pyproject.toml becomes an object that it cannot read, and the
+    # setuptools of Ubuntu 24.04 takes a license from there only in a form that newer ones drop.
+    python_requires=">=3.10",
+    license="BSD-3-Clause",
+    license_files=["LICENSE"],
     packages=packages,
     package_data=data,
     include_package_data=False,
+    # By these the tools of ROS find the package.
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/tf2_ros_cython"]),
+        ("share/tf2_ros_cython", ["package.xml"]),
+    ],
     ext_modules=modules,
     cmdclass={"build_ext": extensions.BuildExtensions},
     zip_safe=False,

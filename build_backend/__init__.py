@@ -13,14 +13,11 @@ if sys.version_info < (3, 10):  # noqa: UP036
 
 from setuptools import build_meta
 from setuptools.build_meta import (
-    build_editable,
     build_sdist,
     get_requires_for_build_sdist,
-    prepare_metadata_for_build_editable,
-    prepare_metadata_for_build_wheel,
 )
 
-from . import environment
+from . import environment, startup
 
 __all__ = [
     "build_editable",
@@ -33,9 +30,6 @@ __all__ = [
     "prepare_metadata_for_build_wheel",
 ]
 
-# The generators that make tf2_msgs are among them.
-ROS_WHEELS = ("ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces")
-
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     """Build from the sources alone.
@@ -43,22 +37,43 @@ def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     setuptools puts into the wheel whatever an earlier build left in its folder: modules that are gone, and a
     `tf2_msgs` that would shadow the one of a ROS 2 sourced since.
     """
+    environment.choose(config_settings)
     for left in Path("build").glob("lib*"):
         shutil.rmtree(left)
-    return build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
+    name = build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
+    startup.add_to(Path(wheel_directory, name))
+    return name
+
+
+def build_editable(wheel_directory, config_settings=None, metadata_directory=None):
+    """Build in place."""
+    environment.choose(config_settings)
+    name = build_meta.build_editable(wheel_directory, config_settings, metadata_directory)
+    startup.add_to(Path(wheel_directory, name))
+    return name
 
 
 def get_requires_for_build_wheel(config_settings=None):
-    """What the build needs besides pyproject.toml's list: the ROS wheels, where no ROS 2 is sourced."""
+    """What the build needs besides pyproject.toml's list: the ROS wheels, unless a ROS 2 is sourced."""
+    environment.choose(config_settings)
     environment.refuse_incomplete()
-    return build_meta.get_requires_for_build_wheel(config_settings) + _ros_requirements()
+    return build_meta.get_requires_for_build_wheel(config_settings) + environment.ros_wheels()
 
 
 def get_requires_for_build_editable(config_settings=None):
     """The same for an editable install."""
+    environment.choose(config_settings)
     environment.refuse_incomplete()
-    return build_meta.get_requires_for_build_editable(config_settings) + _ros_requirements()
+    return build_meta.get_requires_for_build_editable(config_settings) + environment.ros_wheels()
 
 
-def _ros_requirements():
-    return [] if environment.ros_is_sourced() else list(ROS_WHEELS)
+def prepare_metadata_for_build_wheel(metadata_directory, config_settings=None):
+    """Metadata without a build: which packages there are depends on the choice of ROS, too."""
+    environment.choose(config_settings)
+    return build_meta.prepare_metadata_for_build_wheel(metadata_directory, config_settings)
+
+
+def prepare_metadata_for_build_editable(metadata_directory, config_settings=None):
+    """The same for an editable install."""
+    environment.choose(config_settings)
+    return build_meta.prepare_metadata_for_build_editable(metadata_directory, config_settings)

@@ -9,11 +9,13 @@ import numpy
 from setuptools import Extension
 from setuptools.command.build_ext import build_ext
 
-from . import environment, receiver, tf2_msgs
+from . import environment, receiver, record, tf2_msgs
 
 # No -ffast-math: comparisons with NaN and infinity decide what is refused. And no contraction into fused
 # multiply-adds: it would give other last bits on other machines.
 COMPILE_ARGS = ["-O3", "-ffp-contract=off", "-fno-math-errno"]
+# Python's own flags ask for debug information, which is three quarters of what gets installed.
+NO_DEBUG_ARGS = ["-g0"]
 DIRECTIVES = {
     "language_level": 3,
     "boundscheck": False,
@@ -50,16 +52,20 @@ class BuildExtensions(build_ext):
 
     def run(self):
         environment.refuse_incomplete()
+        environment.refuse_old_cython()
         # An in-place build keeps its folders, so that the next one makes only what has changed; an editable
         # install would give it new ones every time.
         if self.inplace:
-            folder = Path("build", "inplace", sys.implementation.cache_tag)
+            # What was compiled for one ROS 2 must not be taken for another's.
+            ros = environment.rclpy_version(environment.ros_prefixes()) or "none"
+            folder = Path("build", "inplace", f"{sys.implementation.cache_tag}-ros-{ros}")
             self.build_lib, self.build_temp = str(folder / "lib"), str(folder / "temp")
             folder.mkdir(parents=True, exist_ok=True)
             # Two builds of one checkout would write into each other's files; the end of the process lets go.
             self._lock = open(folder / "lock", "w")
             fcntl.flock(self._lock, fcntl.LOCK_EX)
-        self.complete_receiver()
+        lacking = self.complete_receiver()
+        self._made = [record.write(Path(self.build_lib), lacking)]
         refused = self._cythonize()
         for ext in self._messages():
             made = Path(self.build_lib, self.get_ext_filename(ext.name))
@@ -75,10 +81,14 @@ class BuildExtensions(build_ext):
             if ext.generated is None:
                 return
             tf2_msgs.build(ext, self.compiler, Path(self.get_ext_fullpath(ext.name)).parent, self.build_temp)
+        elif not (self.inplace or self.debug):
+            ext.extra_compile_args = ext.extra_compile_args + NO_DEBUG_ARGS
         super().build_extension(ext)
 
     def copy_extensions_to_source(self):
         super().copy_extensions_to_source()
+        for made in self._made:
+            self.copy_file(str(made), str(made.relative_to(self.build_lib)))
         for ext in self._messages():
             tf2_msgs.copy_made(Path(self.build_lib, tf2_msgs.NAME), ext.source, self.copy_file)
 
@@ -86,12 +96,14 @@ class BuildExtensions(build_ext):
         return [ext for ext in self.extensions if isinstance(ext, tf2_msgs.MessagesExtension)]
 
     def complete_receiver(self):
-        """Leave the receiver out where it cannot be made: listeners do without."""
+        """Leave the receiver out where it cannot be made, and return why: listeners do without it."""
         for ext in [ext for ext in self.extensions if ext.name == receiver.NAME]:
             lacking = receiver.complete(ext)
             if lacking is not None:
                 self.extensions.remove(ext)
-                self.warn(f"ROS 2 has no {lacking} here: listeners will need an executor that spins")
+                self.warn(f"{lacking}: listeners will need an executor that spins")
+                return lacking
+        return None
 
     def _cythonize(self):
         """Turn each `.pyx` into C; return the modules that Cython refused, which are left out of the rest.
@@ -103,12 +115,13 @@ class BuildExtensions(build_ext):
         from Cython.Compiler.Errors import CompileError
 
         refused = []
+        base = self.get_finalized_command("build").build_base
         for ext in [ext for ext in self.extensions if ext not in self._messages()]:
             try:
                 [done] = cythonize(
                     ext,
                     # A newer Cython looks at the sources' age alone and would take the older one's C.
-                    build_dir=os.path.join("build", f"cython-{Cython.__version__}"),
+                    build_dir=os.path.join(base, f"cython-{Cython.__version__}"),
                     compiler_directives=DIRECTIVES,
                     force=self.force,
                     quiet=True,

@@ -12,15 +12,17 @@ _NEEDED = ("include/rcl/rcl/rcl.h", *(f"lib/lib{library}.so" for library in _LIB
 
 
 def complete(ext, environ=os.environ):
-    """Note in `ext` what it is compiled and linked with; return which file is lacking for that, or None.
+    """Note in `ext` what it is compiled and linked with; return what is lacking for that, or None.
 
     No path to the libraries goes into the extension: rclpy has loaded them before, and the loader knows them
     by name. So of two installations only one is ever in use.
     """
+    if environment.without_ros():
+        return "the build was without ROS 2 (-C ros=none)"
     prefixes = environment.ros_prefixes(environ)
     for file in _NEEDED:
         if not any((prefix / file).is_file() for prefix in prefixes):
-            return file
+            return f"the ROS 2 in {os.pathsep.join(map(str, prefixes))} has no {file}"
     for prefix in prefixes:
         # Each package has a folder of its own in there, and rcl's headers use those of some twenty.
         folders = sorted((prefix / "include").glob("*"))

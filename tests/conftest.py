@@ -62,7 +62,12 @@ def pytest_collection_modifyitems(config, items):
 def _reveal_reference():
     sys.path[:] = [entry for entry in sys.path if Path(entry).resolve() != ROOT]
     editable = [finder for finder in sys.meta_path if "__editable__" in getattr(finder, "__module__", "")]
-    sys.meta_path[:] = [finder for finder in sys.meta_path if finder not in editable]
+    sys.meta_path[:] = [
+        finder
+        for finder in sys.meta_path
+        if finder not in editable and getattr(finder, "__module__", "") != "tf2_ros_cython._finder"
+    ]
+    os.environ["TF2_ROS_CYTHON"] = "0"  # the same for the tests' own programs
     os.environ["PYTHONPATH"] = os.pathsep.join(
         entry for entry in os.environ["PYTHONPATH"].split(os.pathsep) if entry != str(ROOT)
     )

@@ -5,7 +5,6 @@ import importlib.metadata
 import importlib.util
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tarfile
@@ -13,6 +12,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from installing import checkout_copy
 from setuptools import Distribution, Extension
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -68,14 +68,27 @@ def test_ros_wheels_are_asked_for_only_where_no_ros_is_sourced(monkeypatch, tmp_
     project = checkout_copy(tmp_path / "project")
     monkeypatch.chdir(project)
     monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
-    assert set(build_backend.ROS_WHEELS) <= set(getattr(build_backend, hook)())
+    assert "ros-jazzy-rclpy[fastrtps]" in getattr(build_backend, hook)({"ros": "jazzy"})
+    assert "ros-kilted-rclpy[fastrtps]" in getattr(build_backend, hook)({"ros": "kilted"})
+    assert not [name for name in getattr(build_backend, hook)({"ros": "none"}) if name.startswith("ros-")]
     monkeypatch.setenv("AMENT_PREFIX_PATH", prefix("jazzy", "rclpy"))
-    assert not set(build_backend.ROS_WHEELS) & set(getattr(build_backend, hook)())
+    assert not [name for name in getattr(build_backend, hook)() if name.startswith("ros-")]
 
 
 def test_missing_compilers_are_named_with_what_to_install(tmp_path):
     with pytest.raises(SystemExit, match=r"no C compiler .*install gcc; no C\+\+ compiler .*install g\+\+"):
         environment.refuse_incomplete({"PATH": str(tmp_path)})
+
+
+@pytest.mark.parametrize(("installed", "said"), [("3.0.8", "has 3.0.8"), (None, "has none")])
+def test_an_old_cython_is_refused_with_what_to_install(monkeypatch, tmp_path, installed, said):
+    if installed:
+        (tmp_path / "Cython.py").write_text(f"__version__ = {installed!r}")
+    monkeypatch.setattr(sys, "path", [str(tmp_path)])
+    monkeypatch.setitem(sys.modules, "Cython", None)  # so that what is imported now is not there afterwards
+    monkeypatch.delitem(sys.modules, "Cython")
+    with pytest.raises(SystemExit, match=f"{said}: with that Python, pip install --user 'Cython>=3.1'"):
+        environment.refuse_old_cython()
 
 
 def test_no_cxx_compiler_is_needed_where_tf2_msgs_is_sourced(tmp_path, prefix):
@@ -115,7 +128,7 @@ def test_the_receiver_is_left_out_with_a_notice_where_rcl_is_lacking(monkeypatch
     command.extensions = [Extension(receiver.NAME, []), others]
     command.complete_receiver()
     assert command.extensions == [others]
-    assert f"no {file} here" in caplog.text
+    assert f"{with_rcl} has no {file}" in caplog.text
 
 
 def test_the_receiver_uses_the_libraries_that_rclpy_has_loaded():
@@ -137,7 +150,7 @@ def test_an_old_python_is_refused_before_setuptools_is_asked(monkeypatch):
 def test_numpy_is_all_that_an_install_without_extras_needs():
     requirements = importlib.metadata.requires("tf2-ros-cython")
     assert [text for text in requirements if "extra ==" not in text] == ["numpy>=1.21"]
-    assert {"ros", "test", "bench", "dev"} <= set(
+    assert {"ros", "ros-kilted", "test", "bench", "dev"} <= set(
         importlib.metadata.metadata("tf2-ros-cython").get_all("Provides-Extra")
     )
 
@@ -159,7 +172,8 @@ def test_source_distribution_holds_what_a_build_needs(monkeypatch, tmp_path):
         held = {name.partition("/")[2] for name in opened.getnames()}
     files = [path for folder in ("tf2_*", "build_backend") for path in project.glob(f"{folder}/**/*")]
     sources = {str(path.relative_to(project)) for path in files if path.is_file()}
-    assert sources | {"setup.py", "pyproject.toml", "LICENSE"} <= held
+    assert sources | {"setup.py", "setup.cfg", "pyproject.toml", "LICENSE"} <= held
+    assert {"package.xml", "resource/tf2_ros_cython"} <= held
     assert not [name for name in held if name.endswith((".so", ".c", ".cpp"))]
 
 
@@ -182,6 +196,46 @@ def test_wheel_holds_nothing_that_an_earlier_build_left(tmp_path, prefix):
     assert not [name for name in held if name.startswith("tf2_msgs")]
 
 
+@pytest.fixture
+def chosen():
+    """Chooses as `pip install -C` does."""
+    yield environment.choose
+    environment.choose(None)
+
+
+def test_without_ros_neither_tf2_msgs_nor_the_receiver_is_built(chosen):
+    chosen({"ros": "none"})
+    assert not environment.must_build_tf2_msgs({})
+    assert environment.ros_prefixes({}) == []
+    assert "-C ros=none" in receiver.complete(Extension(receiver.NAME, []), {})
+
+
+def test_an_unknown_choice_of_ros_is_refused_with_the_known_ones(chosen):
+    with pytest.raises(SystemExit, match="no -C ros=humble: give one of jazzy, kilted, none"):
+        chosen({"ros": "humble"})
+
+
+def test_a_choice_that_is_not_the_sourced_ros_is_refused(monkeypatch, chosen, with_rcl):
+    manifest = with_rcl / "share" / "rclpy" / "package.xml"
+    manifest.parent.mkdir()
+    manifest.write_text("<version>7.1.9</version>")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(with_rcl))
+    chosen({"ros": "jazzy"})
+    with pytest.raises(SystemExit, match="built for kilted where a ROS 2 with rclpy 7.1.9 is sourced"):
+        chosen({"ros": "kilted"})
+
+
+@pytest.mark.parametrize(("version", "name"), [("7.1.5", "jazzy"), ("9.1.2", "kilted"), ("10.0.1", "jazzy")])
+def test_the_wheels_are_those_of_the_distribution_that_is_installed(monkeypatch, tmp_path, version, name):
+    """Build isolation hides the packages, and not the folder in which they lie."""
+    manifest = tmp_path / "share" / "rclpy" / "package.xml"
+    manifest.parent.mkdir(parents=True)
+    manifest.write_text(f"<version>{version}</version>")
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    assert environment.ros_wheels() == [f"ros-{name}-rclpy[fastrtps]", f"ros-{name}-common-interfaces"]
+
+
 def test_tf2_msgs_of_a_checkout_hands_over_to_the_sourced_one(tmp_path):
     checkout_copy(tmp_path / "project")
     theirs = tmp_path / "ros" / "tf2_msgs" / "msg"
@@ -195,17 +249,3 @@ def test_tf2_msgs_of_a_checkout_hands_over_to_the_sourced_one(tmp_path):
         env={**os.environ, "PYTHONPATH": str(tmp_path / "ros")},
         check=True,
     )
-
-
-def checkout_copy(target):
-    """The checkout's own files, without anything built."""
-    skip = ["*.so", "*.egg-info", "__pycache__"]
-    target.mkdir()
-    for name in ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_msgs", "build_backend"):
-        shutil.copytree(ROOT / name, target / name, ignore=shutil.ignore_patterns(*skip))
-    for name in ("setup.py", "pyproject.toml", "MANIFEST.in", "LICENSE", "README.md"):
-        shutil.copy(ROOT / name, target)
-    for kind in ("msg", "srv", "action"):
-        for generated in (target / "tf2_msgs" / kind).glob("*.py"):
-            generated.unlink()
-    return target

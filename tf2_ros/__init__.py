@@ -1,5 +1,10 @@
 """tf2 for nodes: buffers, listeners and broadcasters; and everything of tf2_py."""
 
+# Before the imports below fail without a word of advice or, on another ROS 2 than the one built for, crash.
+from tf2_ros_cython import _requirement as _requirement
+
+# isort: split
+
 from geometry_msgs.msg import (
     PointStamped,
     PoseStamped,

@@ -1,0 +1,86 @@
+"""Owns the precedence over the tf2 of a sourced ROS 2, whose folder precedes site-packages on the path.
+
+The installation's .pth file imports this module at Python's start wherever AMENT_PREFIX_PATH is set. So it
+imports nothing that Python has not loaded by then, and looks at the disk only when one of ours is imported.
+"""
+
+import os
+import sys
+
+# In the order of their layers: each of ours builds on ours of the layers before it.
+PACKAGES = ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs")
+
+HOME = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+
+_RCLPY_MARKER = os.path.join("share", "ament_index", "resource_index", "packages", "rclpy")
+
+
+class Finder:
+    """Answers for our packages where the answer of the path is the ROS 2 distribution's."""
+
+    @staticmethod
+    def find_spec(name, path=None, target=None):
+        if name not in PACKAGES or not precedes(name):
+            return None
+        return _path_finder().find_spec(name, [HOME])
+
+
+def install():
+    """Put the finder before those of Python, once."""
+    if Finder not in sys.meta_path:
+        sys.meta_path.insert(0, Finder)
+
+
+def precedes(name):
+    """Whether ours takes precedence over the package `name` that the path offers.
+
+    It does where that is the distribution's, and no layer below it is somebody's own: a workspace with a fork
+    of one package keeps it, together with the distribution's packages that stand on it.
+    """
+    prefix = distribution_prefix()
+    if prefix is None or not _lies_in(found_on_path(name), prefix):
+        return False
+    below = PACKAGES[: PACKAGES.index(name)]
+    found = [found_on_path(package) for package in below]
+    return all(folder in (None, HOME) or _lies_in(folder, prefix) for folder in found)
+
+
+def found_on_path(name):
+    """The folder of the path that holds the package `name`, or None."""
+    spec = _path_finder().find_spec(name)
+    if spec is None or not spec.submodule_search_locations:
+        return None
+    return os.path.dirname(os.path.abspath(next(iter(spec.submodule_search_locations))))
+
+
+def distribution_prefix(environ=os.environ):
+    """The folder in which the ROS 2 distribution is installed: the undermost one that holds rclpy.
+
+    So a workspace over it that has an rclpy of its own is a workspace still. A distribution that colcon built
+    may have a folder for each package: then it is the folder of all of them.
+    """
+    for prefix in reversed(environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
+        if prefix and os.path.isfile(os.path.join(prefix, _RCLPY_MARKER)):
+            parent = os.path.dirname(os.path.abspath(prefix))
+            return parent if _is_isolated(parent) else os.path.abspath(prefix)
+    return None
+
+
+def _is_isolated(folder):
+    try:
+        with open(os.path.join(folder, ".colcon_install_layout"), encoding="utf-8") as file:
+            return file.read().strip() == "isolated"
+    except OSError:
+        return False
+
+
+def _lies_in(folder, prefix):
+    if folder is None:
+        return False
+    return os.path.realpath(folder).startswith(os.path.join(os.path.realpath(prefix), ""))
+
+
+def _path_finder():
+    from importlib.machinery import PathFinder
+
+    return PathFinder

@@ -1,0 +1,5 @@
+"""Importing this module raises ImportError, naming what to do, where tf2_ros cannot run."""
+
+from tf2_ros_cython._ros import require_ros
+
+require_ros()

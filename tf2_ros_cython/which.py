@@ -1,0 +1,130 @@
+"""Owns the program that tells which tf2 a program started like this one imports, and why."""
+
+import importlib
+import importlib.util
+import os
+import sys
+from importlib.machinery import PathFinder
+from pathlib import Path
+
+from tf2_ros_cython import _finder, _ros
+
+__all__ = ["main"]
+
+
+def main(args: list[str] | None = None) -> int:
+    """
+    Print which tf2 is imported, from where, and what it took precedence over.
+
+    :param args: taken for the sake of the other programs, which have it, and not looked at.
+    :return: 0 where all of our packages are in use, otherwise 1.
+    """
+    folders = {name: _imported_from(name) for name in (*_finder.PACKAGES, "tf2_msgs")}
+    for name, folder in folders.items():
+        print(f"{name}: {_describe(name, folder)}")
+        for other in _others(name, folder):
+            print(f"    takes precedence over {other / name}")
+    print(f"precedence: {_precedence()}")
+    print(f"receiver: {_receiver(folders['tf2_py'])}")
+    print(f"ROS 2: {_running_ros()}")
+    print(f"built for: {_built_for()}")
+    return 0 if all(_is_ours(folders[name]) for name in _finder.PACKAGES) else 1
+
+
+def _imported_from(name: str) -> Path | None:
+    """The folder that holds the package that `import name` gives; nothing is imported for that."""
+    spec = importlib.util.find_spec(name)
+    if spec is None or not spec.submodule_search_locations:
+        return None
+    return Path(next(iter(spec.submodule_search_locations))).absolute().parent
+
+
+def _is_ours(folder: Path | None) -> bool:
+    return folder is not None and (folder / "tf2_ros_cython" / "which.py").is_file()
+
+
+def _describe(name: str, folder: Path | None) -> str:
+    if folder is None:
+        return "not found"
+    if _is_ours(folder):
+        return f"tf2-ros-cython, {folder / name}"
+    if name == "tf2_msgs":
+        return f"the environment's, {folder / name}"
+    return f"not tf2-ros-cython, {folder / name}: {_why_not(name, folder)}"
+
+
+def _why_not(name: str, folder: Path) -> str:
+    prefix = _finder.distribution_prefix()
+    if prefix is None:
+        return "it comes first on the path"
+    if not folder.resolve().is_relative_to(Path(prefix).resolve()):
+        return "a workspace or a folder of your own, which takes precedence over ours"
+    if os.environ.get("TF2_ROS_CYTHON") == "0":
+        return "TF2_ROS_CYTHON=0 is set"
+    if not _finder_is_active():
+        return "no finder of tf2-ros-cython is active; install it into this Python with pip"
+    return "a package that it stands on is a workspace's own"
+
+
+def _others(name: str, folder: Path | None) -> list[Path]:
+    """The folders of the path that hold a package of this name, besides the one that is imported."""
+    found: list[Path] = []
+    for entry in sys.path:
+        if PathFinder.find_spec(name, [entry]) is not None:
+            other = Path(entry).absolute()
+            if folder is not None and other.resolve() != folder.resolve() and other not in found:
+                found.append(other)
+    return found
+
+
+def _finder_is_active() -> bool:
+    return _finder.Finder in sys.meta_path
+
+
+def _precedence() -> str:
+    if "AMENT_PREFIX_PATH" not in os.environ:
+        return "the order of the path; no ROS 2 is sourced"
+    if os.environ.get("TF2_ROS_CYTHON") == "0":
+        return "the order of the path; TF2_ROS_CYTHON=0 turns the finder off"
+    if not _finder_is_active():
+        return "the order of the path; this Python has no finder of a pip install"
+    prefix = _finder.distribution_prefix()
+    if prefix is None:
+        return "the order of the path; AMENT_PREFIX_PATH names no prefix that holds rclpy"
+    return f"ours before the distribution's in {prefix}; a workspace's before ours"
+
+
+def _receiver(folder: Path | None) -> str:
+    if not _is_ours(folder):
+        return "not in use, for tf2_py is not tf2-ros-cython's"
+    record = _ros.built()
+    if record is None:
+        return "not built; build first, with pip install . or make build"
+    if record.RECEIVER is None:
+        return f"not built: {record.RECEIVER_LACKS}; listeners need an executor that spins"
+    try:
+        _ros.require_ros()
+        importlib.import_module("rclpy")
+        importlib.import_module(record.RECEIVER)
+    except ImportError as error:
+        return f"built, but does not load: {error}"
+    return "built; listeners receive in a thread of their own"
+
+
+def _running_ros() -> str:
+    prefix = _ros.running_prefix()
+    if prefix is None:
+        return "none found"
+    version = _ros.rclpy_version(prefix)
+    return f"{_ros.describe(version) if version else 'of unknown version'} in {prefix}"
+
+
+def _built_for() -> str:
+    record = _ros.built()
+    if record is None:
+        return "not built"
+    return "no ROS 2" if record.RCLPY is None else f"ROS 2 {_ros.describe(record.RCLPY)}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -95,7 +95,8 @@ cdef class Engine:
                 batch.no_memory = True
             else:
                 batch.refused += 1
-        batch.news = batch.refused > 0 or batch.no_memory or batch.ready.first != NULL or _is_filled(<void*>self._observers)
+        batch.news = batch.refused > 0 or batch.no_memory or batch.ready.first != NULL
+        batch.news = batch.news or _is_filled(<void*>self._observers)
         unlock(&self._lock)
 
     cdef int report(self, Batch* batch, list later) except -1:

@@ -87,6 +87,55 @@ def wake_executor(node: Any) -> None:
         executor.wake()
 
 
+class ReceivedSubscription(Subscription):
+    """
+    A subscription that a receiver takes from, and no executor.
+
+    ``tf2_receiving`` must hear of what is done to it; None once the subscription was given back to executors.
+    """
+
+    tf2_receiving: Any
+    # Waiting for one of its events, an executor would be woken by each message: the node must not have them.
+    tf2_event_handlers: list[EventHandler]
+
+    @classmethod
+    def adopt(cls, subscription: Subscription, node: Node, receiving: Any) -> None:
+        """Make a subscription one of these."""
+        subscription.tf2_receiving = receiving
+        subscription.tf2_event_handlers = list(subscription.event_handlers)
+        for handler in subscription.tf2_event_handlers:
+            node.remove_waitable(handler)
+        subscription.event_handlers = []
+        subscription.__class__ = cls
+
+    def give_back(self, node: Node | None) -> None:
+        """Let executors take from it."""
+        self.tf2_receiving = None
+        if node is not None:
+            self.event_handlers, self.tf2_event_handlers = self.tf2_event_handlers, []
+            for handler in self.event_handlers:
+                node.add_waitable(handler)
+
+    @property
+    def callback(self) -> Any:
+        """What is called with each message."""
+        return self._callback
+
+    @callback.setter
+    def callback(self, value: Any) -> None:
+        Subscription.callback.fset(self, value)
+        if self.tf2_receiving is not None:
+            self.tf2_receiving.changed()
+
+    def destroy(self) -> None:
+        """End it. A subscription lives while somebody uses it, and the receiver's thread always does."""
+        if self.tf2_receiving is not None:
+            self.tf2_receiving.leave(self)
+        for handler in self.tf2_event_handlers:
+            handler.destroy()
+        super().destroy()
+
+
 class ListenerGroup(ReentrantCallbackGroup):
     """
     The callback group of a listener: no executor waits for subscriptions that a receiver takes from.
@@ -97,46 +146,17 @@ class ListenerGroup(ReentrantCallbackGroup):
 
     def __init__(self) -> None:
         super().__init__()
-        self._received: weakref.WeakSet[Any] = weakref.WeakSet()
         self._undecided = True
 
     def can_execute(self, entity: Any) -> bool:
         """Whether an executor may run it."""
-        if self._undecided:
-            return not isinstance(entity, (Subscription, EventHandler))
-        return entity not in self._received
+        if type(entity) is ReceivedSubscription:
+            return entity.tf2_receiving is None
+        return not (self._undecided and isinstance(entity, (Subscription, EventHandler)))
 
-    def decide(self, received: Sequence[Subscription]) -> None:
-        """Until this is called no executor takes from any subscription, afterwards from all but these."""
-        for subscription in received:
-            # Its events, too: waiting for one, an executor would be woken by each message.
-            self._received.update((subscription, *subscription.event_handlers))
+    def decide(self) -> None:
+        """Until this is called, no executor takes from any subscription."""
         self._undecided = False
-
-    def give_back(self, subscription: Subscription) -> None:
-        """From now on executors take from it."""
-        self._received.difference_update((subscription, *subscription.event_handlers))
-
-
-class ReceivedSubscription(Subscription):
-    """A subscription that a receiver takes from: the receiver must hear of what is done to it."""
-
-    tf2_receiving: Any  # the Receiving
-
-    @property
-    def callback(self) -> Any:
-        """What is called with each message."""
-        return self._callback
-
-    @callback.setter
-    def callback(self, value: Any) -> None:
-        Subscription.callback.fset(self, value)
-        self.tf2_receiving.changed()
-
-    def destroy(self) -> None:
-        """End it. A subscription lives while somebody uses it, and the receiver's thread always does."""
-        self.tf2_receiving.leave(self)
-        super().destroy()
 
 
 class Receiving:
@@ -167,7 +187,6 @@ class Receiving:
     ) -> None:
         self._node = weakref.ref(node)
         self._authority = authority
-        self._group = group
         self._choose = choose
         self._types = types
         self._context = node.context.handle
@@ -184,9 +203,8 @@ class Receiving:
         # A daemon, so that the interpreter does not wait for it before it runs the exit handlers.
         self._thread = threading.Thread(target=self._run, name="tf2_ros receiver", daemon=True)
         for subscription, _ in subscriptions:
-            subscription.tf2_receiving = self
-            subscription.__class__ = ReceivedSubscription
-        group.decide([subscription for subscription, _ in subscriptions])
+            ReceivedSubscription.adopt(subscription, node, self)
+        group.decide()
         node.context.on_shutdown(self._context_ended)  # held weakly there
         node.add_waitable(self.arrivals)
         _running.add(self)
@@ -223,7 +241,6 @@ class Receiving:
 
     def leave(self, subscription: Subscription) -> None:
         """Take no more from this subscription."""
-        self._group.give_back(subscription)
         for source in self._sources:
             if source.handle is subscription.handle:
                 source.destroy()
@@ -313,8 +330,10 @@ class Receiving:
             self._sources.remove(source)
             source.destroy()
         else:
+            node = self._node()
             self.leave(subscription)
-            wake_executor(self._node())
+            subscription.give_back(node)
+            wake_executor(node)
 
 
 class _Source:

@@ -200,7 +200,7 @@ class TransformListener:
             if type(subscription) is Subscription and _direct_buffer(self, subscription, static)
         ]
         if not (subscriptions and can_receive() and isinstance(self.node, Node)):
-            self.group.decide([])
+            self.group.decide()
             wake_executor(self.node)
             return
         reference = weakref.ref(self)

@@ -349,3 +349,17 @@ def test_a_server_that_is_killed_in_the_middle_of_a_goal_is_a_timeout(tf2_ros, t
     assert [type(error) for error in errors] == [tf2_py.TimeoutException]
     assert "buffer server" in str(errors[0])
     client.destroy()
+
+
+@pytest.mark.ours
+def test_the_node_that_helps_it_is_hidden_from_the_tools_of_ros(tf2_ros, new_node):
+    node = new_node("asking")
+    client = tf2_ros.BufferClient(node, "late_lookup")
+
+    def helpers():
+        return [name for name in node.get_node_names() if "buffer_client" in name]
+
+    until(helpers)
+    assert [name[0] for name in helpers()] == ["_"]
+    client.destroy()
+    until(lambda: not helpers())

@@ -513,6 +513,34 @@ class TestProgramsOfTheirOwnKind:
         tf2_ros.TransformBroadcaster(node)
         tf2_ros.StaticTransformBroadcaster(node)
 
+    def test_the_graph_shows_what_tf2_shows(self, tf2_ros, new_node):
+        def seen():
+            whose = (node.get_name(), node.get_namespace())
+            return {
+                "nodes": node.get_node_names(),
+                "parameters": [parameter.name for parameter in node.get_parameters_by_prefix("").values()],
+                "services": dict(node.get_service_names_and_types_by_node(*whose)),
+                "publishers": dict(node.get_publisher_names_and_types_by_node(*whose)),
+                "subscribers": dict(node.get_subscriber_names_and_types_by_node(*whose)),
+                "clients": node.get_client_names_and_types_by_node(*whose),
+            }
+
+        node = new_node("shown")
+        until(lambda: node.get_name() in node.get_node_names())
+        before = seen()
+        buffer = tf2_ros.Buffer(node=node)
+        tf2_ros.TransformListener(buffer, node)
+        tf2_ros.TransformBroadcaster(node)
+        tf2_ros.StaticTransformBroadcaster(node)
+        kind = {topic: ["tf2_msgs/msg/TFMessage"] for topic in ("/tf", "/tf_static")}
+        until(lambda: len(seen()["subscribers"]) == len(before["subscribers"]) + 2)
+        assert seen() == {
+            **before,
+            "services": {**before["services"], "/tf2_frames": ["tf2_msgs/srv/FrameGraph"]},
+            "publishers": {**before["publishers"], **kind},
+            "subscribers": {**before["subscribers"], **kind},
+        }
+
     def test_a_profile_that_is_given_is_used_as_it_is(self, tf2_ros, buffer, node):
         from rclpy.qos import ReliabilityPolicy
 

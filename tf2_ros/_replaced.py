@@ -5,11 +5,21 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from geometry_msgs.msg import TransformStamped
+from rclpy.duration import Duration
+from rclpy.time import Time
+
 from tf2_py import BufferCore, TimeoutException
 from tf2_ros._deadlines import deadlines
 from tf2_ros._waiting import WakingFuture
+from tf2_ros.buffer_interface import NO_TIMEOUT
 
-__all__ = ["AskingFuture", "wait_until"]
+__all__ = [
+    "AskingFuture",
+    "lookup_transform_by_asking",
+    "lookup_transform_full_by_asking",
+    "wait_until",
+]
 
 ASK_AGAIN_S = 0.02  # what replaced methods answer may depend on anything
 
@@ -22,6 +32,28 @@ def wait_until(can: Callable[[], Any], timeout_ns: int, alive: Callable[[], bool
         if was_alive and not alive():
             return
         threading.Event().wait(ASK_AGAIN_S)
+
+
+def lookup_transform_by_asking(
+    self: Any, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
+) -> TransformStamped:
+    """The ``lookup_transform`` of a buffer that has a ``can_transform*`` of its own."""
+    self.can_transform(target_frame, source_frame, time, timeout)
+    return self.lookup_transform_core(target_frame, source_frame, time)
+
+
+def lookup_transform_full_by_asking(
+    self: Any,
+    target_frame: str,
+    target_time: Time,
+    source_frame: str,
+    source_time: Time,
+    fixed_frame: str,
+    timeout: Duration = NO_TIMEOUT,
+) -> TransformStamped:
+    """The same for ``lookup_transform_full``."""
+    self.can_transform_full(target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
+    return self.lookup_transform_full_core(target_frame, target_time, source_frame, source_time, fixed_frame)
 
 
 class AskingFuture(WakingFuture):

@@ -18,7 +18,12 @@ from rclpy.utilities import get_default_context
 from tf2_msgs.srv import FrameGraph
 from tf2_py import BufferCore, TransformException
 from tf2_ros._receiving import attribute_changed, replay
-from tf2_ros._replaced import AskingFuture, wait_until
+from tf2_ros._replaced import (
+    AskingFuture,
+    lookup_transform_by_asking,
+    lookup_transform_full_by_asking,
+    wait_until,
+)
 from tf2_ros._tf2_names import (
     Callable,
     FrameGraphSrvRequest,
@@ -65,6 +70,7 @@ __all__ = [
 DEFAULT_CACHE_TIME_NS = 10 * 1_000_000_000  # of a BufferCore
 JUMP_BACK = Duration(seconds=-1)  # from here on a buffer forgets what it knew
 
+# By which transforms get into a buffer.
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
 
 
@@ -97,9 +103,9 @@ class Buffer(BufferCore, BufferInterface):
         super().__init_subclass__(**kwargs)
         # A lookup asks what a subclass put in the place of these. Here, and not at each lookup.
         if cls._replaces(*_CAN) and cls.lookup_transform is Buffer.lookup_transform:
-            cls.lookup_transform = _lookup_transform_by_asking  # type: ignore[method-assign]
+            cls.lookup_transform = lookup_transform_by_asking  # type: ignore[method-assign]
         if cls._replaces(*_CAN_FULL) and cls.lookup_transform_full is Buffer.lookup_transform_full:
-            cls.lookup_transform_full = _lookup_transform_full_by_asking  # type: ignore[method-assign]
+            cls.lookup_transform_full = lookup_transform_full_by_asking  # type: ignore[method-assign]
 
     def __setattr__(self, name: str, value: Any) -> None:
         super().__setattr__(name, value)
@@ -133,7 +139,7 @@ class Buffer(BufferCore, BufferInterface):
         if timeout is NO_TIMEOUT:
             return self.lookup_transform_core(target_frame, source_frame, time)
         if self._is_replaced(*_CAN, "lookup_transform_core"):
-            return _lookup_transform_by_asking(self, target_frame, source_frame, time, timeout)
+            return lookup_transform_by_asking(self, target_frame, source_frame, time, timeout)
         return self._block((target_frame, source_frame, time, None, None), timeout)
 
     def lookup_transform_full(
@@ -157,7 +163,7 @@ class Buffer(BufferCore, BufferInterface):
                 target_frame, target_time, source_frame, source_time, fixed_frame
             )
         if self._is_replaced(*_CAN_FULL, "lookup_transform_full_core"):
-            return _lookup_transform_full_by_asking(
+            return lookup_transform_full_by_asking(
                 self, target_frame, target_time, source_frame, source_time, fixed_frame, timeout
             )
         return self._block((target_frame, source_frame, source_time, fixed_frame, target_time), timeout)
@@ -364,26 +370,6 @@ _LOOKUP = ("lookup_transform", "lookup_transform_core")
 _CAN_FULL = ("can_transform_full", "can_transform_full_core")
 _LOOKUP_FULL = ("lookup_transform_full", "lookup_transform_full_core")
 _ORIGINALS = {name: getattr(Buffer, name) for name in (*_CAN, *_LOOKUP, *_CAN_FULL, *_LOOKUP_FULL)}
-
-
-def _lookup_transform_by_asking(
-    self: Buffer, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
-) -> TransformStamped:
-    self.can_transform(target_frame, source_frame, time, timeout)
-    return self.lookup_transform_core(target_frame, source_frame, time)
-
-
-def _lookup_transform_full_by_asking(
-    self: Buffer,
-    target_frame: str,
-    target_time: Time,
-    source_frame: str,
-    source_time: Time,
-    fixed_frame: str,
-    timeout: Duration = NO_TIMEOUT,
-) -> TransformStamped:
-    self.can_transform_full(target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
-    return self.lookup_transform_full_core(target_frame, target_time, source_frame, source_time, fixed_frame)
 
 
 def _forget_at_jumps(buffer: Buffer) -> JumpHandle:

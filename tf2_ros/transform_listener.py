@@ -11,8 +11,9 @@ from rclpy.subscription import Subscription
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
+from tf2_ros._listener_group import ListenerGroup, wake_executor
 from tf2_ros._qos import dynamic_overrides, listener_qos, static_listener_qos, static_overrides
-from tf2_ros._receiving import ListenerGroup, Receiving, can_receive, wake_executor
+from tf2_ros._receiving import Receiving, can_receive
 from tf2_ros._spinner import END_WAIT_S, Spinner
 from tf2_ros._tf2_names import (
     DurabilityPolicy,
@@ -24,7 +25,7 @@ from tf2_ros._tf2_names import (
     Union,
     tf2_ros,
 )
-from tf2_ros.buffer import Buffer
+from tf2_ros.buffer import SETTERS, Buffer
 
 # What `import *` gives from tf2's module.
 __all__ = [
@@ -49,8 +50,6 @@ DEFAULT_TF_TOPIC = "/tf"
 DEFAULT_STATIC_TF_TOPIC = "/tf_static"
 
 AUTHORITY = "default_authority"  # the topics do not tell who published
-
-SETTERS = ("set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr")
 
 # Setting one of these redirects what arrives.
 REDIRECTING = frozenset({"buffer", "callback", "static_callback"})

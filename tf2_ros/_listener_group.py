@@ -1,0 +1,89 @@
+"""Owns who takes from a listener's subscriptions: a receiver, or the executors of their node."""
+
+from typing import Any
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.event_handler import EventHandler
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+__all__ = ["ListenerGroup", "ReceivedSubscription", "wake_executor"]
+
+
+def wake_executor(node: Any) -> None:
+    """Let the executor of a node, if it has one, look anew for what it waits for."""
+    executor = node.executor if isinstance(node, Node) else None
+    if executor is not None:
+        executor.wake()
+
+
+class ReceivedSubscription(Subscription):
+    """
+    A subscription that a receiver takes from, and no executor.
+
+    ``tf2_receiving`` must hear of what is done to it; None once the subscription was given back to executors.
+    """
+
+    tf2_receiving: Any
+    # Waiting for one of its events, an executor would be woken by each message: the node must not have them.
+    tf2_event_handlers: list[EventHandler]
+
+    @classmethod
+    def adopt(cls, subscription: Subscription, node: Node, receiving: Any) -> None:
+        """Make a subscription one of these."""
+        subscription.tf2_receiving = receiving
+        subscription.tf2_event_handlers = list(subscription.event_handlers)
+        for handler in subscription.tf2_event_handlers:
+            node.remove_waitable(handler)
+        subscription.event_handlers = []
+        subscription.__class__ = cls
+
+    def give_back(self, node: Node | None) -> None:
+        """Let executors take from it."""
+        self.tf2_receiving = None
+        if node is not None:
+            self.event_handlers, self.tf2_event_handlers = self.tf2_event_handlers, []
+            for handler in self.event_handlers:
+                node.add_waitable(handler)
+
+    @property
+    def callback(self) -> Any:
+        """What is called with each message."""
+        return self._callback
+
+    @callback.setter
+    def callback(self, value: Any) -> None:
+        Subscription.callback.fset(self, value)
+        if self.tf2_receiving is not None:
+            self.tf2_receiving.changed()
+
+    def destroy(self) -> None:
+        """End it. A subscription lives while somebody uses it, and the receiver's thread always does."""
+        if self.tf2_receiving is not None:
+            self.tf2_receiving.leave(self)
+        for handler in self.tf2_event_handlers:
+            handler.destroy()
+        super().destroy()
+
+
+class ListenerGroup(ReentrantCallbackGroup):
+    """
+    The callback group of a listener: no executor waits for subscriptions that a receiver takes from.
+
+    Reentrant, so that transforms arrive while another callback of the node waits for them. What a program
+    adds to it is executed as in any other group.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._undecided = True
+
+    def can_execute(self, entity: Any) -> bool:
+        """Whether an executor may run it."""
+        if type(entity) is ReceivedSubscription:
+            return entity.tf2_receiving is None
+        return not (self._undecided and isinstance(entity, (Subscription, EventHandler)))
+
+    def decide(self) -> None:
+        """Until this is called, no executor takes from any subscription."""
+        self._undecided = False

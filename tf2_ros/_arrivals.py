@@ -84,8 +84,13 @@ class Arrivals(Waitable):
         if self._completed:
             self._start_thread()
 
-    # What an executor asks of a Waitable. Entering and leaving it do nothing, for nobody destroys the guard
-    # condition before it goes together with this.
+    # What an executor asks of a Waitable.
+
+    def __enter__(self) -> None:
+        """Do nothing: nobody destroys the guard condition before it goes together with this."""
+
+    def __exit__(self, *_: object) -> None:
+        """Do nothing, either."""
 
     def get_num_entities(self) -> NumberOfEntities:
         """The guard condition alone."""

@@ -1,7 +1,9 @@
 """Owns the loop that takes transforms from rcl's subscriptions into a buffer, without the GIL."""
 
+import sys
 import traceback
 import weakref
+from collections import deque
 
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint64_t, uintptr_t
@@ -49,6 +51,8 @@ from tf2_py._rcl cimport (
     rmw_serialized_message_init,
 )
 
+from rclpy.waitable import NumberOfEntities
+
 from tf2_py import _log
 
 cdef extern from "Python.h":
@@ -91,83 +95,145 @@ ctypedef bint (*TakeIn)(void* engine, Batch* batch) noexcept nogil
 cdef TakeIn take_in = <TakeIn>_take_in
 
 
-cdef struct Arrivals:
+class _OneGuardCondition(NumberOfEntities):
+    """Added to other numbers in each round of an executor, where the addition of rclpy 7 takes 5 us."""
+
+    def __radd__(self, other):
+        other.num_guard_conditions += 1
+        return other
+
+
+cdef object ONE_GUARD_CONDITION = _OneGuardCondition(0, 1)
+
+
+cdef struct ArrivalCounts:
     Lock lock
-    uint64_t counts[MAX_SOURCES]    # messages of each source that no round of an executor has accounted for
+    uint64_t unseen[MAX_SOURCES]    # messages of each source that no round of an executor has accounted for
     uint64_t depths[MAX_SOURCES]    # of the queues: more messages an executor would not have found there
     bint waiting                    # an executor sleeps, and wants to wake for each message
     rcl_guard_condition_t* guard    # wakes it
 
 
-cdef void _count(Arrivals* arrivals, size_t source) noexcept nogil:
+cdef void _count(ArrivalCounts* arrivals, size_t source) noexcept nogil:
     cdef bint wake
     lock_write(&arrivals.lock)
-    if arrivals.counts[source] < arrivals.depths[source]:
-        arrivals.counts[source] += 1
+    if arrivals.unseen[source] < arrivals.depths[source]:
+        arrivals.unseen[source] += 1
     wake = arrivals.waiting
     unlock(&arrivals.lock)
     if wake and rcl_trigger_guard_condition(arrivals.guard) != RCL_RET_OK:
         rcl_reset_error()
 
 
-cdef class ArrivalCount:
+cdef class ArrivalWaitable:
     """
-    Counts the messages that a receiver took and that no round of an executor has accounted for.
+    Messages that a receiver took and no round of an executor has accounted for, with what they completed.
 
-    :param guard: the guard condition that wakes the executor: a handle with a ``pointer``.
-    :param depths: of the queue of each source; at most so many messages of it are counted.
+    A base for an ``rclpy.waitable.Waitable``: what an executor calls in each of its rounds.
     """
 
-    cdef Arrivals _arrivals
+    cdef ArrivalCounts _counts
     cdef object _handle             # keeps the guard condition
+    cdef dict _loops
+    # One entry for each message that completed something: it counts for that message, too.
+    cdef readonly object completed
+    cdef readonly bint spun         # by any executor, ever
+    cdef bint _watched              # code of a user runs before the executor sleeps again
 
-    def __cinit__(self, guard, depths):
-        cdef size_t i
-        if lock_init(&self._arrivals.lock) != 0:
+    def __cinit__(self, *_, **__):
+        if lock_init(&self._counts.lock) != 0:
             raise MemoryError
+        self._loops = {}
+        self.completed = deque()
+        self._watched = True
+
+    def set_up(self, guard, depths, dict loops not None):
+        """
+        To be called before anything else.
+
+        :param guard: the guard condition that wakes the executor: a handle with a ``pointer``.
+        :param depths: of the queue of each source; at most so many messages of it are counted.
+        :param loops: by the name of a file, the names of its functions that are loops of an executor; in all
+            other functions of these files, an executor is called by a user sooner or later.
+        """
+        cdef size_t i
         if len(depths) > MAX_SOURCES:
             raise ValueError(f"{len(depths)} sources, at most {MAX_SOURCES} are possible")
         self._handle = guard
-        self._arrivals.guard = <rcl_guard_condition_t*><uintptr_t>guard.pointer
+        self._loops = loops
+        self._counts.guard = <rcl_guard_condition_t*><uintptr_t>guard.pointer
         for i in range(len(depths)):
-            self._arrivals.depths[i] = depths[i]
+            self._counts.depths[i] = depths[i]
 
     def __dealloc__(self):
-        lock_free(&self._arrivals.lock)
+        lock_free(&self._counts.lock)
 
-    def any(self, bint waiting):
-        """
-        Whether there are any.
+    def __enter__(self):
+        """Do nothing: nobody destroys the guard condition before it goes together with this."""
 
-        :param waiting: from now on, trigger the guard condition for each message.
-        """
-        cdef bint found = False
+    def __exit__(self, *_):
+        """Do nothing, either."""
+
+    def get_num_entities(self):
+        """The guard condition alone."""
+        return ONE_GUARD_CONDITION
+
+    def add_to_wait_set(self, wait_set):
+        """An executor is going to sleep."""
+        self.spun = True
+        self._watched = self._is_watched()
+        if self._any(waiting=True):
+            self.wake()
+        wait_set.add_guard_condition(self._handle)
+
+    def is_ready(self, wait_set):
+        """Whether there is something to take."""
+        return self._any(waiting=False)
+
+    def take_data(self):
+        """One message with what it completed; in an executor's own loop, all of them."""
         cdef size_t i
-        lock_write(&self._arrivals.lock)
-        self._arrivals.waiting = waiting
+        if not self._watched:
+            return [completion for _ in range(len(self.completed)) for completion in self.completed.popleft()]
+        if self.completed:
+            return self.completed.popleft()
+        lock_write(&self._counts.lock)
         for i in range(MAX_SOURCES):
-            found = found or self._arrivals.counts[i] > 0
-        unlock(&self._arrivals.lock)
+            if self._counts.unseen[i]:
+                self._counts.unseen[i] -= 1
+                break
+        unlock(&self._counts.lock)
+        return []
+
+    def wake(self):
+        """Trigger the guard condition."""
+        if self._handle is None or rcl_trigger_guard_condition(self._counts.guard) != RCL_RET_OK:
+            raise RuntimeError(_last_error())
+
+    cdef bint _any(self, bint waiting):
+        cdef bint found = len(self.completed) > 0
+        cdef size_t i
+        lock_write(&self._counts.lock)
+        self._counts.waiting = waiting and self._watched
+        for i in range(MAX_SOURCES):
+            if not self._watched:
+                self._counts.unseen[i] = 0
+            found = found or self._counts.unseen[i] > 0
+        unlock(&self._counts.lock)
         return found
 
-    def take_one(self):
-        """Account for one, if there are any."""
-        cdef size_t i
-        lock_write(&self._arrivals.lock)
-        for i in range(MAX_SOURCES):
-            if self._arrivals.counts[i]:
-                self._arrivals.counts[i] -= 1
-                break
-        unlock(&self._arrivals.lock)
-
-    def clear(self):
-        """Account for all, and trigger the guard condition no more."""
-        cdef size_t i
-        lock_write(&self._arrivals.lock)
-        self._arrivals.waiting = False
-        for i in range(MAX_SOURCES):
-            self._arrivals.counts[i] = 0
-        unlock(&self._arrivals.lock)
+    cdef bint _is_watched(self) except -1:
+        # It is where the executor was called by something else than its own loops.
+        frame = sys._getframe()
+        while frame is not None:
+            code = frame.f_code
+            loops = self._loops.get(code.co_filename)
+            if loops is None:
+                return True
+            if code.co_name in loops:
+                return False
+            frame = frame.f_back
+        return True
 
 
 cdef class Receiver:
@@ -177,7 +243,7 @@ cdef class Receiver:
     :param buffer: a BufferCore. It is not kept alive, for what waits in it may lead to the node: a thread in
         :meth:`run` would keep both for ever. Only one that cannot be referenced weakly is kept.
     :param str authority: who says so.
-    :param arrivals: an ArrivalCount of the messages.
+    :param arrivals: counts the messages.
     :param hand_over: called with a list of callables that run a user's code: what a message completed. That
         message is not counted in `arrivals`.
     """
@@ -195,8 +261,8 @@ cdef class Receiver:
     cdef Source _sources[MAX_SOURCES]
     cdef size_t _count          # of sources
     cdef list _topics           # their names
-    cdef Arrivals* _arrivals
-    cdef ArrivalCount _arrival_count    # keeps _arrivals
+    cdef ArrivalWaitable _arrivals
+    cdef ArrivalCounts* _counts     # of _arrivals
     cdef object _hand_over
     cdef list _watched          # types; keeps _types
     cdef CPythonType* _types[MAX_TYPES]
@@ -206,7 +272,7 @@ cdef class Receiver:
     cdef rcl_clock_t* _clock    # of the buffer, or NULL
     cdef Journal _journal       # guarded by _door
 
-    def __cinit__(self, Engine buffer not None, str authority not None, ArrivalCount arrivals not None,
+    def __cinit__(self, Engine buffer not None, str authority not None, ArrivalWaitable arrivals not None,
                   hand_over):
         cdef Py_ssize_t size
         if lock_init(&self._door) != 0:
@@ -221,8 +287,8 @@ cdef class Receiver:
         else:
             self._reference = lambda: buffer
         self._engine = <void*>buffer
-        self._arrival_count = arrivals
-        self._arrivals = &arrivals._arrivals
+        self._arrivals = arrivals
+        self._counts = &arrivals._counts
         self._hand_over = hand_over
         self._watched = []
 
@@ -472,7 +538,7 @@ cdef class Receiver:
         if due:
             handed_over = self._report(index)
         if not handed_over:
-            _count(self._arrivals, self._sources[index].number)
+            _count(self._counts, self._sources[index].number)
 
     cdef void _keep_for_jump(self) noexcept nogil:
         # Where time is simulated, a message of a restarted recording may overtake the clock's jump.

@@ -36,11 +36,14 @@ class ReceivedSubscription(Subscription):
         for handler in subscription.tf2_event_handlers:
             node.remove_waitable(handler)
         subscription.event_handlers = []
+        # As if an executor were just about to take from it: none looks any further.
+        subscription._executor_event = True
         subscription.__class__ = cls
 
     def give_back(self, node: Node | None) -> None:
         """Let executors take from it."""
         self.tf2_receiving = None
+        self._executor_event = False
         if node is not None:
             self.event_handlers, self.tf2_event_handlers = self.tf2_event_handlers, []
             for handler in self.event_handlers:
@@ -80,8 +83,6 @@ class ListenerGroup(ReentrantCallbackGroup):
 
     def can_execute(self, entity: Any) -> bool:
         """Whether an executor may run it."""
-        if type(entity) is ReceivedSubscription:
-            return entity.tf2_receiving is None
         return not (self._undecided and isinstance(entity, (Subscription, EventHandler)))
 
     def decide(self) -> None:

@@ -22,16 +22,15 @@ from rclpy.qos import qos_policy_name_from_kind
 from rclpy.subscription import Subscription
 
 from tf2_py import BufferCore
-from tf2_ros._arrivals import Arrivals, Completion, queue_depth
+from tf2_ros._arrivals import Arrivals, Completion
 from tf2_ros._listener_group import ListenerGroup, ReceivedSubscription, wake_executor
 
 Receiver: Any
-ArrivalCount: Any
 try:
     # After rclpy, which loads the libraries that it needs.
-    from tf2_py._receiver import ArrivalCount, Receiver
+    from tf2_py._receiver import Receiver
 except ModuleNotFoundError:
-    Receiver = ArrivalCount = None  # there was nothing to build it with
+    Receiver = None  # there was nothing to build it with
 
 __all__ = [
     "Receiving",
@@ -110,8 +109,7 @@ class Receiving:
         self._types = types
         self._context = node.context.handle
         self._guard = GuardCondition(None, None, node.context)
-        depths = [queue_depth(subscription) for subscription, _ in subscriptions]
-        self.arrivals = Arrivals(node, group, lambda guard: ArrivalCount(guard, depths))
+        self.arrivals = Arrivals(node, group, [subscription for subscription, _ in subscriptions])
         self._sources = [
             _Source(number, subscription, is_static, self._subscription_gone)
             for number, (subscription, is_static) in enumerate(subscriptions)
@@ -227,9 +225,7 @@ class Receiving:
             buffer = next((one for one in found if one is not None), None)
             if buffer is not None:
                 if not self.fills(buffer):
-                    self._receiver = Receiver(
-                        buffer, self._authority, self.arrivals.count, self.arrivals.hand_over
-                    )
+                    self._receiver = Receiver(buffer, self._authority, self.arrivals, self.arrivals.hand_over)
                 # From here on a change is noticed, so what is found now holds.
                 self._receiver.watch(self._types())
             chosen = [(source, self._chosen(source)) for source in self._sources]

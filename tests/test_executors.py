@@ -2,6 +2,7 @@
 
 import asyncio
 import itertools
+import signal
 import threading
 import time
 
@@ -148,6 +149,84 @@ class TestSpinOnce:
             executor.remove_node(node)
             executor.shutdown()
 
+    def test_a_node_that_moves_to_another_executor_misses_nothing(self, ros, tf2_ros, buffer, node, peer):
+        """The executor that had it is woken by that, and must not take from the other what is due."""
+        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
+        publisher = peer()
+        for n in range(1, 11):
+            sender = threading.Thread(target=lambda n=n: publisher.send(("map", "robot", n * S, 1)))
+            sender.start()
+            while not buffer.can_transform("map", "robot", at(n)):
+                ros.spin_once(node)
+            sender.join()
+        listener.unregister()
+        listener.executor.shutdown()
+        listener.dedicated_listener_thread.join(DEADLINE_S)
+
+    @pytest.mark.parametrize("spin", ["spin_once", "spin"])
+    def test_signal_handlers_get_their_turn(self, ros, listener, node, peer, spin):
+        """Python runs them between two rounds, and transforms bring rounds about."""
+        publisher, handled = peer(), []
+
+        def handle(*_):
+            handled.append(1)
+            raise TimeoutError
+
+        def send():
+            n = 0
+            while not handled:
+                n += 1
+                publisher.send(("map", "robot", n * S, 1))
+
+        before = signal.signal(signal.SIGALRM, handle)
+        sender = threading.Thread(target=send)
+        sender.start()
+        try:
+            signal.setitimer(signal.ITIMER_REAL, 0.2)
+            with pytest.raises(TimeoutError):
+                while True:
+                    getattr(ros, spin)(node)
+        finally:
+            handled.append(0)
+            signal.signal(signal.SIGALRM, before)
+            sender.join()
+
+    def test_a_task_that_polls_gets_its_turn(self, buffer, listener, executor, peer):
+        publisher, turns = peer(), itertools.count()
+
+        class Turn:
+            def __await__(self):
+                yield
+
+        async def poll():
+            while not buffer.can_transform("map", "robot", LATEST) or next(turns) < 5:
+                await Turn()
+            return "there"
+
+        def send():
+            n = 0
+            while not task.done():
+                n += 1
+                publisher.send(("map", "robot", n * S, 1))
+
+        task = executor.create_task(poll())
+        sender = threading.Thread(target=send)
+        sender.start()
+        executor.spin_until_future_complete(task, timeout_sec=DEADLINE_S)
+        assert task.result() == "there"
+        sender.join()
+
+    def test_other_work_is_not_kept_waiting(self, listener, node, executor, peer):
+        """By messages in the queue, where each call of spin_once has another timeout."""
+        publisher, ticks, timeouts = peer(), [], itertools.count(1)
+        timer = node.create_timer(0.001, lambda: ticks.append(1))
+        for n in range(1, 51):
+            publisher.send(("map", "robot", n * S, 1))
+        for _ in range(20):
+            until(timer.is_ready)
+            executor.spin_once(timeout_sec=1 + 0.001 * next(timeouts))
+        assert len(ticks) >= 10
+
 
 class TestCallbacksOfFutures:
     def test_they_run_in_the_thread_that_spins(self, buffer, listener, any_executor, peer):
@@ -225,6 +304,26 @@ class TestCallbacksOfFutures:
         buffer.set_transform(transform("map", "robot", 1), "me")
         assert threads == [threading.current_thread()]
 
+    def test_a_future_may_complete_another_one(self, ros, buffer, listener, executor, peer):
+        other, threads = ros.task.Future(), []
+        other.add_done_callback(lambda _: threads.append(threading.current_thread()))
+        executor.spin_once(timeout_sec=0)
+        future = buffer.wait_for_transform_async("map", "robot", LATEST)
+        future.add_done_callback(other.set_result)
+        del future
+        peer().send(("map", "robot", 1 * S, 1))
+        executor.spin_until_future_complete(other, timeout_sec=DEADLINE_S)
+        assert threads == [threading.current_thread()]
+
+    def test_one_transform_completes_futures_in_the_order_in_which_they_were_made(self, buffer):
+        order = []
+        buffer.set_transform(transform("odom", "robot", 2), "me")
+        for n, frame in enumerate(["robot", "odom", "robot", "odom", "robot"]):
+            future = buffer.wait_for_transform_async("map", frame, at(2))
+            future.add_done_callback(lambda _, n=n: order.append(n))
+        buffer.set_transform(transform("map", "odom", 2), "me")
+        assert order == [0, 1, 2, 3, 4]
+
     @pytest.mark.ours
     def test_an_error_that_ends_the_program_comes_after_every_waiter_was_served(
         self, buffer, listener, executor, peer
@@ -267,6 +366,31 @@ class TestCallbacksOfFutures:
         until(knows(buffer, "robot"))
         assert called == []
         until(lambda: ros.spin_once(node, timeout_sec=0.1) or called)
+
+    def test_asyncio_beside_a_spinning_loop_sees_a_future_that_is_done(
+        self, ros, buffer, listener, node, peer
+    ):
+        publisher, order = peer(), []
+
+        async def waiting(future):
+            answer = await future
+            order.append("awaiter")
+            return future.done(), future.result() is answer
+
+        async def main():
+            future = buffer.wait_for_transform_async("map", "robot", LATEST)
+            future.add_done_callback(lambda _: order.append("callback"))
+            task = asyncio.ensure_future(waiting(future))
+            sender = threading.Thread(target=lambda: publisher.send(("map", "robot", 1 * S, 1)))
+            sender.start()
+            while not task.done():
+                ros.spin_once(node, timeout_sec=0)
+                await asyncio.sleep(0.001)
+            sender.join()
+            return task.result()
+
+        assert asyncio.run(asyncio.wait_for(main(), DEADLINE_S)) == (True, True)
+        assert order == ["callback", "awaiter"]
 
     @pytest.mark.ours
     @pytest.mark.parametrize("spun", [False, True])
@@ -368,6 +492,20 @@ class TestProgramsThatReplaceParts:
             buffer.set_transform = lambda *given: seen.append(given)
         running(lambda: seen)
         assert seen[0][0].child_frame_id == "robot"
+        assert not buffer.can_transform("map", "robot", at(2))
+
+    def test_a_listener_that_sets_attributes_in_its_own_way(self, tf2_ros, buffer, node, executor, peer):
+        class Mine(tf2_ros.TransformListener):
+            def __setattr__(self, name, value):
+                self.__dict__[name] = value
+
+        listener = Mine(buffer, node)
+        publisher, other = peer(), tf2_ros.Buffer()
+        publisher.send(("map", "robot", 1 * S, 1))
+        until(knows(buffer, "robot"), executor)
+        listener.buffer = other
+        publisher.send(("map", "robot", 2 * S, 1))
+        until(knows(other, "robot"), executor)
         assert not buffer.can_transform("map", "robot", at(2))
 
     def test_the_callback_of_a_subscription(self, buffer, listener, running):

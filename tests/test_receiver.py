@@ -255,7 +255,7 @@ class TestTrouble:
 
     def test_a_constructor_that_fails_leaves_no_thread(self, tf2_ros, buffer, node):
         class Failing(tf2_ros.TransformListener):
-            def _spin(self):
+            def _TransformListener__spin(self):
                 assert self.receives
                 raise KeyError("too late")
 

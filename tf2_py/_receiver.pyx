@@ -69,6 +69,9 @@ cdef enum:
 # A signal ends a context without a word to those who wait in it; and an event would make each message dearer.
 cdef int64_t LOOK_UP_NS = 1000000000
 
+# How often messages give an executor in its own loop a turn, at most.
+cdef int64_t TURN_NS = 100000000
+
 
 cdef struct Source:
     size_t number               # under which its messages are counted
@@ -111,6 +114,8 @@ cdef struct ArrivalCounts:
     uint64_t unseen[MAX_SOURCES]    # messages of each source that no round of an executor has accounted for
     uint64_t depths[MAX_SOURCES]    # of the queues: more messages an executor would not have found there
     bint waiting                    # an executor sleeps, and wants to wake for each message
+    int64_t wake_at_ns              # or sleeps in its own loop, and wants to wake for one from then on; or 0
+    bint turn_due                   # it was woken so
     rcl_guard_condition_t* guard    # wakes it
 
 
@@ -120,6 +125,9 @@ cdef void _count(ArrivalCounts* arrivals, size_t source) noexcept nogil:
     if arrivals.unseen[source] < arrivals.depths[source]:
         arrivals.unseen[source] += 1
     wake = arrivals.waiting
+    if arrivals.wake_at_ns != 0 and _now_ns() >= arrivals.wake_at_ns:
+        arrivals.wake_at_ns = 0
+        arrivals.turn_due = wake = True
     unlock(&arrivals.lock)
     if wake and rcl_trigger_guard_condition(arrivals.guard) != RCL_RET_OK:
         rcl_reset_error()
@@ -139,6 +147,7 @@ cdef class ArrivalWaitable:
     cdef readonly object completed
     cdef readonly bint spun         # by any executor, ever
     cdef bint _watched              # code of a user runs before the executor sleeps again
+    cdef void* _wait_set            # of the executor that went to sleep last, where it has not woken yet
 
     def __cinit__(self, *_, **__):
         if lock_init(&self._counts.lock) != 0:
@@ -182,13 +191,24 @@ cdef class ArrivalWaitable:
         """An executor is going to sleep."""
         self.spun = True
         self._watched = self._is_watched()
+        self._wait_set = <void*>wait_set
         if self._any(waiting=True):
             self.wake()
         wait_set.add_guard_condition(self._handle)
 
     def is_ready(self, wait_set):
         """Whether there is something to take."""
-        return self._any(waiting=False)
+        if self._wait_set != <void*>wait_set:
+            return False  # the node has gone to another executor, which must not miss anything
+        self._wait_set = NULL
+        if not self._any(waiting=False):
+            return False
+        # What else is ready comes first, as before a subscription; for code of a user nothing is.
+        return not self._watched or len(self.completed) > 0 or not self.others_ready(wait_set)
+
+    def others_ready(self, wait_set):
+        """Whether something else of the node is ready to be executed."""
+        return False
 
     def take_data(self):
         """One message with what it completed; in an executor's own loop, all of them."""
@@ -205,6 +225,12 @@ cdef class ArrivalWaitable:
         unlock(&self._counts.lock)
         return []
 
+    def forget(self, size_t number):
+        """Count no more what came from this source."""
+        lock_write(&self._counts.lock)
+        self._counts.unseen[number] = 0
+        unlock(&self._counts.lock)
+
     def wake(self):
         """Trigger the guard condition."""
         if self._handle is None or rcl_trigger_guard_condition(self._counts.guard) != RCL_RET_OK:
@@ -215,6 +241,11 @@ cdef class ArrivalWaitable:
         cdef size_t i
         lock_write(&self._counts.lock)
         self._counts.waiting = waiting and self._watched
+        # Signal handlers, tasks that poll and errors of other threads get their turn in an executor's rounds,
+        # and programs rely on transforms to bring these about.
+        self._counts.wake_at_ns = _now_ns() + TURN_NS if waiting and not self._watched else 0
+        found = found or (self._counts.turn_due and not waiting)
+        self._counts.turn_due = False
         for i in range(MAX_SOURCES):
             if not self._watched:
                 self._counts.unseen[i] = 0
@@ -244,8 +275,8 @@ cdef class Receiver:
         :meth:`run` would keep both for ever. Only one that cannot be referenced weakly is kept.
     :param str authority: who says so.
     :param arrivals: counts the messages.
-    :param hand_over: called with a list of callables that run a user's code: what a message completed. That
-        message is not counted in `arrivals`.
+    :param hand_over: called with a list of callables that run a user's code: what a message completed. Where
+        it returns true, the message is counted with these, and not in `arrivals`.
     """
 
     cdef void* _engine          # NULL: it is gone; guarded by _door
@@ -572,9 +603,7 @@ cdef class Receiver:
             # No memory, mostly; the next message may fare better.
             if engine._throttle.passes("receiver"):
                 _log._logger().error(f"While transforms came in: {traceback.format_exc()}")
-        if later:
-            self._hand_over(later)
-        return bool(later)
+        return bool(later) and self._hand_over(later)
 
 
 cdef void _keep_until(Batch* batch, int64_t until_ns) noexcept nogil:

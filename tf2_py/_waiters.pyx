@@ -20,6 +20,23 @@ cdef inline void _link(WaiterList* list, Waiter* waiter) noexcept nogil:
     list.last = waiter
 
 
+cdef void _link_in_order(WaiterList* list, Waiter* waiter, Waiter* behind) noexcept nogil:
+    # Behind those that came earlier, and behind `behind` in any case.
+    cdef Waiter* before = list.last
+    while before != behind and before.arrival > waiter.arrival:
+        before = before.before
+    waiter.before = before
+    waiter.after = list.first if before == NULL else before.after
+    if waiter.after == NULL:
+        list.last = waiter
+    else:
+        waiter.after.before = waiter
+    if before == NULL:
+        list.first = waiter
+    else:
+        before.after = waiter
+
+
 cdef inline void _unlink(WaiterList* list, Waiter* waiter) noexcept nogil:
     if waiter.before != NULL:
         waiter.before.after = waiter.after
@@ -201,6 +218,7 @@ cdef void waiters_wake(
     cdef FrameWaiters* own
     cdef const Cache* cache = &tree.caches[changed]
     cdef Waiter* waiter
+    cdef Waiter* behind = ready.last    # completed by another transform of the batch
     cdef uint32_t frame
     taken.first = taken.last = NULL
     if waiters.changes != tree.changes:
@@ -228,7 +246,7 @@ cdef void waiters_wake(
         if _attempt(waiters, tree, waiter).code == STATUS_OK and not waiter.deliver(waiter):
             waiter.place = PLACE_READY
             waiter.ready = ready
-            _link(ready, waiter)
+            _link_in_order(ready, waiter, behind)
 
 
 cdef void waiters_free(Waiters* waiters) noexcept nogil:

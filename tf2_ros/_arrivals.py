@@ -46,7 +46,7 @@ class Arrivals(ArrivalWaitable, Waitable):
 
     ``spin_once()`` returns once for each message, as if the executor had taken it. In the loops of an
     executor (``rclpy.spin``, ``spin``, ``spin_until_future_complete``) that would be for nothing, so these
-    are woken for users' code alone.
+    are woken for users' code, and besides ten times a second at most.
 
     That code runs in the executor as soon as the node has ever had one, otherwise in a thread of its own.
     """
@@ -60,13 +60,20 @@ class Arrivals(ArrivalWaitable, Waitable):
         self._starting = threading.Lock()
         self._thread: threading.Thread | None = None
 
-    def hand_over(self, completions: list[Completion]) -> None:
-        """Have the executor call these, in this order; from any thread."""
+    def hand_over(self, completions: list[Completion]) -> bool:
+        """
+        Have the executor call these, in this order; from any thread.
+
+        :return: False where that changes nothing, for the same ones are the last that it is going to call.
+        """
+        if self.completed and self.completed[-1] == completions:
+            return False
         self.completed.append(completions)
         if self._has_executor():
             self.wake()
         else:
             self._start_thread()
+        return True
 
     def close(self) -> None:
         """Leave the node; what has been handed over is still called."""
@@ -76,6 +83,17 @@ class Arrivals(ArrivalWaitable, Waitable):
             node.remove_waitable(self)
         if self.completed:
             self._start_thread()
+
+    def others_ready(self, wait_set: Any) -> bool:
+        """Whether something else of the node is ready to be executed."""
+        if any(map(wait_set.get_ready_entities, ("subscription", "service", "client"))):
+            return True
+        ready, node = wait_set.get_ready_entities("timer"), self._node()
+        return (
+            bool(ready)
+            and node is not None
+            and any(one.handle.pointer in ready and one.handle.is_timer_ready() for one in node.timers)
+        )
 
     async def execute(self, taken_data: list[Completion]) -> None:
         """Call what was completed; what one of them raises comes after all of them were called."""

@@ -10,7 +10,7 @@ from typing import Any
 
 from rclpy.time import Time
 
-from tf2_py import InvalidArgumentException, TransformException
+from tf2_py import BufferCore, InvalidArgumentException, TransformException
 from tf2_ros._deadlines import deadlines
 from tf2_ros._waiting import Lookup
 from tf2_ros.buffer import Buffer
@@ -180,7 +180,9 @@ class HeldMessages:
         try:
             held.lookups = self._lookups(held)
             for place, lookup in enumerate(held.lookups):
-                wait = self._buffer._wait(*lookup, notify=partial(self._take, held, attempt, place))
+                wait = BufferCore._wait(
+                    self._buffer, *lookup, notify=partial(self._take, held, attempt, place)
+                )
                 answer = wait.answer
                 if answer is None:
                     held.missing[place] = wait

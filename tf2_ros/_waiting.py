@@ -7,7 +7,7 @@ import time
 import weakref
 from collections.abc import Callable, Generator
 from functools import partial
-from types import FrameType
+from types import FrameType, FunctionType
 from typing import Any
 
 from rclpy.task import Future, Task
@@ -18,8 +18,10 @@ from tf2_ros._receiving import hand_over
 
 __all__ = ["Lookup", "TransformFuture", "WakingFuture", "block", "duration_ns"]
 
-# Modules whose callbacks on a future only wake an executor: with no other, nobody awaits the future.
-EXECUTOR_MODULES = {"rclpy.executors", "rclpy.task"}
+# The functions of this module that are added to a future only wake an executor.
+EXECUTOR_MODULE = "rclpy.executors"
+
+GRACE_S = 0.1  # for an executor to complete a future whose outcome is known
 
 # As BufferCore._wait takes it: target and source frame, time, then fixed frame and target time or None twice.
 Lookup = tuple[str, str, Any, str | None, Any]
@@ -46,7 +48,7 @@ def block(core: BufferCore, lookup: Lookup, timeout_ns: int, context: Any) -> An
     # A buffer can be used where ROS was never started; then there is nothing whose end to watch for.
     alive = context.ok if context.ok() else _always
     while True:
-        wait = core._wait(*lookup)
+        wait = BufferCore._wait(core, *lookup)
         answer = wait.answer
         if answer is not None:
             return answer
@@ -75,15 +77,15 @@ class WakingFuture(Future):
         elif (loop := _running_loop()) is not None:
             # asyncio would ask again and again instead.
             woken = loop.create_future()
-            self._wake_when_known(_loop_waker(loop, woken))
+            Future.add_done_callback(self, _loop_waker(loop, woken, 0.0))
+            self._wake_when_known(_loop_waker(loop, woken, GRACE_S))
             yield from woken
             if not self.done() and not self.cancelled():
                 return self._known_outcome()
         return (yield from super().__await__())
 
     def _wake_when_known(self, waker: Callable[[Any], None]) -> None:
-        """Call this as soon as the outcome is known, in whatever thread."""
-        Future.add_done_callback(self, waker)
+        """Call this, in whatever thread, when the outcome is known before the future is done."""
 
     def _known_outcome(self) -> Any:
         """The outcome of a future that is not done, but has woken who waits for the outcome."""
@@ -123,7 +125,7 @@ class TransformFuture(WakingFuture):
         self.__core: BufferCore | None = core
         self.__wait: Any = None
         try:
-            self.__wait = core._wait(*lookup, notify=_notify(weakref.ref(self)))
+            self.__wait = BufferCore._wait(core, *lookup, notify=_notify(weakref.ref(self)))
         except InvalidArgumentException as error:
             self.__fail(error)
             return
@@ -204,7 +206,6 @@ class TransformFuture(WakingFuture):
         with self.__deciding:
             if self.__outcome is None:
                 self.__wakers.append(waker)
-                super()._wake_when_known(waker)
                 return
         waker(self)
 
@@ -282,7 +283,9 @@ def _running_loop() -> asyncio.AbstractEventLoop | None:
         return None
 
 
-def _loop_waker(loop: asyncio.AbstractEventLoop, woken: asyncio.Future[None]) -> Callable[[Any], None]:
+def _loop_waker(
+    loop: asyncio.AbstractEventLoop, woken: asyncio.Future[None], delay_s: float
+) -> Callable[[Any], None]:
     def end() -> None:
         if not woken.done():
             woken.set_result(None)
@@ -290,10 +293,10 @@ def _loop_waker(loop: asyncio.AbstractEventLoop, woken: asyncio.Future[None]) ->
     def wake(_: Any) -> None:
         # Who awaited in a loop that is closed is gone.
         if not loop.is_closed():
-            loop.call_soon_threadsafe(end)
+            loop.call_soon_threadsafe(loop.call_later, delay_s, end)
 
     return wake
 
 
 def _only_wakes(callback: Any) -> bool:
-    return getattr(callback, "__module__", None) in EXECUTOR_MODULES
+    return isinstance(callback, FunctionType) and callback.__module__ == EXECUTOR_MODULE

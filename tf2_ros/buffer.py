@@ -102,9 +102,9 @@ class Buffer(BufferCore, BufferInterface):
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         # A lookup asks what a subclass put in the place of these. Here, and not at each lookup.
-        if cls._replaces(*_CAN) and cls.lookup_transform is Buffer.lookup_transform:
+        if cls.__replaces(*_CAN) and cls.lookup_transform is Buffer.lookup_transform:
             cls.lookup_transform = lookup_transform_by_asking  # type: ignore[method-assign]
-        if cls._replaces(*_CAN_FULL) and cls.lookup_transform_full is Buffer.lookup_transform_full:
+        if cls.__replaces(*_CAN_FULL) and cls.lookup_transform_full is Buffer.lookup_transform_full:
             cls.lookup_transform_full = lookup_transform_full_by_asking  # type: ignore[method-assign]
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -138,9 +138,9 @@ class Buffer(BufferCore, BufferInterface):
         """
         if timeout is NO_TIMEOUT:
             return self.lookup_transform_core(target_frame, source_frame, time)
-        if self._is_replaced(*_CAN, "lookup_transform_core"):
+        if self.__is_replaced(*_CAN, "lookup_transform_core"):
             return lookup_transform_by_asking(self, target_frame, source_frame, time, timeout)
-        return self._block((target_frame, source_frame, time, None, None), timeout)
+        return self.__block((target_frame, source_frame, time, None, None), timeout)
 
     def lookup_transform_full(
         self,
@@ -162,11 +162,11 @@ class Buffer(BufferCore, BufferInterface):
             return self.lookup_transform_full_core(
                 target_frame, target_time, source_frame, source_time, fixed_frame
             )
-        if self._is_replaced(*_CAN_FULL, "lookup_transform_full_core"):
+        if self.__is_replaced(*_CAN_FULL, "lookup_transform_full_core"):
             return lookup_transform_full_by_asking(
                 self, target_frame, target_time, source_frame, source_time, fixed_frame, timeout
             )
-        return self._block((target_frame, source_frame, source_time, fixed_frame, target_time), timeout)
+        return self.__block((target_frame, source_frame, source_time, fixed_frame, target_time), timeout)
 
     def can_transform(
         self,
@@ -183,10 +183,10 @@ class Buffer(BufferCore, BufferInterface):
         :param return_debug_tuple: return the answer and the reason of a "no", which is empty for a "yes".
         """
         if timeout is not NO_TIMEOUT:
-            if self._is_replaced("can_transform_core"):
+            if self.__is_replaced("can_transform_core"):
                 ask = partial(self.can_transform_core, target_frame, source_frame, time)
-                wait_until(lambda: ask()[0], duration_ns(timeout), self._context().ok)
-            elif self._becomes_available((target_frame, source_frame, time, None, None), timeout):
+                wait_until(lambda: ask()[0], duration_ns(timeout), self.__context().ok)
+            elif self.__becomes_available((target_frame, source_frame, time, None, None), timeout):
                 return (True, "") if return_debug_tuple else True
         can, reason = self.can_transform_core(target_frame, source_frame, time)
         return (bool(can), reason) if return_debug_tuple else bool(can)
@@ -203,7 +203,7 @@ class Buffer(BufferCore, BufferInterface):
     ) -> bool | tuple[bool, str]:
         """Tell whether :meth:`lookup_transform_full` would answer; otherwise as :meth:`can_transform`."""
         if timeout is not NO_TIMEOUT:
-            if self._is_replaced("can_transform_full_core"):
+            if self.__is_replaced("can_transform_full_core"):
                 ask = partial(
                     self.can_transform_full_core,
                     target_frame,
@@ -212,8 +212,8 @@ class Buffer(BufferCore, BufferInterface):
                     source_time,
                     fixed_frame,
                 )
-                wait_until(lambda: ask()[0], duration_ns(timeout), self._context().ok)
-            elif self._becomes_available(
+                wait_until(lambda: ask()[0], duration_ns(timeout), self.__context().ok)
+            elif self.__becomes_available(
                 (target_frame, source_frame, source_time, fixed_frame, target_time), timeout
             ):
                 return (True, "") if return_debug_tuple else True
@@ -235,7 +235,7 @@ class Buffer(BufferCore, BufferInterface):
         where that node never had one, in a thread for callbacks. A name that can never be looked up ends it
         at once, with an ``InvalidArgumentException``.
         """
-        if self._is_replaced(*_CAN, *_LOOKUP):
+        if self.__is_replaced(*_CAN, *_LOOKUP):
             arguments = (target_frame, source_frame, time)
             return AskingFuture(
                 self,
@@ -256,7 +256,7 @@ class Buffer(BufferCore, BufferInterface):
         timeout: Duration | None = None,
     ) -> Future:
         """Get a future of what :meth:`lookup_transform_full` will answer; see the simple one."""
-        if self._is_replaced(*_CAN_FULL, *_LOOKUP_FULL):
+        if self.__is_replaced(*_CAN_FULL, *_LOOKUP_FULL):
             arguments = (target_frame, target_time, source_frame, source_time, fixed_frame)
             return AskingFuture(
                 self,
@@ -278,7 +278,7 @@ class Buffer(BufferCore, BufferInterface):
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
         """
         answer = await self.wait_for_transform_async(target_frame, source_frame, time, timeout=timeout)
-        return self._renewed(answer, self.lookup_transform_core, target_frame, source_frame, time)
+        return self.__renewed(answer, self.lookup_transform_core, target_frame, source_frame, time)
 
     async def lookup_transform_full_async(
         self,
@@ -294,7 +294,7 @@ class Buffer(BufferCore, BufferInterface):
         answer = await self.wait_for_transform_full_async(
             target_frame, target_time, source_frame, source_time, fixed_frame, timeout=timeout
         )
-        return self._renewed(
+        return self.__renewed(
             answer,
             self.lookup_transform_full_core,
             target_frame,
@@ -318,29 +318,29 @@ class Buffer(BufferCore, BufferInterface):
         self.clear()
 
     @classmethod
-    def _replaces(cls, *names: str) -> bool:
+    def __replaces(cls, *names: str) -> bool:
         return any(getattr(cls, name) is not _ORIGINALS[name] for name in names)
 
-    def _is_replaced(self, *names: str) -> bool:
+    def __is_replaced(self, *names: str) -> bool:
         """Whether a subclass, or anybody since, put something else in the place of one of these methods."""
         own = self.__dict__
-        return self._replaces(*names) or any(name in own for name in names)
+        return self.__replaces(*names) or any(name in own for name in names)
 
-    def _context(self) -> Context:
+    def __context(self) -> Context:
         return self._node_context or get_default_context()
 
-    def _block(self, lookup: Lookup, timeout: Duration) -> TransformStamped:
-        return block(self, lookup, duration_ns(timeout), self._context())
+    def __block(self, lookup: Lookup, timeout: Duration) -> TransformStamped:
+        return block(self, lookup, duration_ns(timeout), self.__context())
 
-    def _becomes_available(self, lookup: Lookup, timeout: Duration) -> bool:
+    def __becomes_available(self, lookup: Lookup, timeout: Duration) -> bool:
         try:
-            self._block(lookup, timeout)
+            self.__block(lookup, timeout)
         except TransformException:
             return False
         return True
 
     @staticmethod
-    def _renewed(
+    def __renewed(
         answer: TransformStamped, look_up: Callable[..., TransformStamped], *arguments: Any
     ) -> TransformStamped:
         """The answer as of now: "latest" may have moved on since the future was completed."""

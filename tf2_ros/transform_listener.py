@@ -125,9 +125,9 @@ class TransformListener:
                 callback_group=self.group,
                 **overrides,
             )
-            self._receive()
+            self.__receive()
             if spin_thread or self._owns_node:
-                self._spin()
+                self.__spin()
         except BaseException:
             self.__del__()
             raise
@@ -191,7 +191,7 @@ class TransformListener:
         for transform in data.transforms:
             self.buffer.set_transform_static(transform, AUTHORITY)
 
-    def _receive(self) -> None:
+    def __receive(self) -> None:
         # A thread takes from the subscriptions where nobody can tell the difference.
         subscriptions = [
             (subscription, static)
@@ -207,7 +207,7 @@ class TransformListener:
             self.node, AUTHORITY, self.group, subscriptions, _chooser(reference), _types_of(reference)
         )
 
-    def _spin(self) -> None:
+    def __spin(self) -> None:
         # A hidden node is the listener's alone; a program's own is spun whatever becomes of the listener.
         if self._owns_node:
             spinner = Spinner(self.node, daemon=True)
@@ -229,6 +229,8 @@ def _direct_buffer(
     if not isinstance(buffer, BufferCore):
         return None
     kind, own = type(buffer), getattr(buffer, "__dict__", {})
+    if _hides(kind, Buffer) or _hides(type(listener), TransformListener):
+        return None
     if any(name in own or getattr(kind, name) is not getattr(BufferCore, name) for name in SETTERS):
         return None
     method, function = subscription.callback, _CALLBACKS[static]
@@ -239,6 +241,12 @@ def _direct_buffer(
     if getattr(type(listener), name) is not function or name in listener.__dict__:
         return None
     return buffer
+
+
+def _hides(kind: type, ours: type) -> bool:
+    # Whether attributes may be set, or found, in a way of its own, which nobody here would notice.
+    names = ("__setattr__", "__delattr__", "__getattribute__")
+    return issubclass(kind, ours) and any(getattr(kind, name) is not getattr(ours, name) for name in names)
 
 
 def _chooser(

@@ -21,7 +21,7 @@ __all__ = ["Lookup", "TransformFuture", "WakingFuture", "block", "duration_ns"]
 # The functions of this module that are added to a future only wake an executor.
 EXECUTOR_MODULE = "rclpy.executors"
 
-GRACE_S = 0.1  # for an executor to complete a future whose outcome is known
+GRACE_S = 1.0  # for an executor to complete a future whose outcome is known
 
 # As BufferCore._wait takes it: target and source frame, time, then fixed frame and target time or None twice.
 Lookup = tuple[str, str, Any, str | None, Any]

@@ -27,7 +27,7 @@ __all__ = ["Arrivals"]
 
 ENDLESS = 2**63 - 1
 
-# The executor's own loops: between their rounds no code of a user runs that could look at a buffer.
+# The executor's own loops: between their rounds no user's code is waiting for `spin_once` to return.
 _LOOPS = {
     loop.__code__.co_filename: frozenset({"spin", "spin_until_future_complete"})
     for loop in (rclpy.spin, Executor.spin)

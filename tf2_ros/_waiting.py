@@ -103,7 +103,7 @@ class TransformFuture(WakingFuture):
 
     The thread that inserts the missing data completes it. Callbacks are a user's code: where a receiver
     inserts the data, a future that has callbacks is completed by the executor of the listener's node. An
-    asyncio loop that awaits it does not wait for that executor.
+    asyncio loop that awaits it waits for that executor for GRACE_S at most.
 
     It lives as long as somebody holds it or has added a callback to it; when nobody does, the wait ends.
     """

@@ -1,4 +1,8 @@
-"""The benchmark's command line: `python -m bench [--quick]` measures, prints, writes JSON and pictures."""
+"""
+The benchmark's command line: `python -m bench [--quick]` measures, prints, writes JSON and pictures.
+
+`python -m bench --only waiters load` measures these sections of this project alone, and only prints.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from bench import (
+    failing,
     growth,
     inserts,
     instructions,
+    load,
     lookups,
     machine,
     memory,
@@ -27,13 +33,14 @@ from bench import (
     targets,
     types,
     vectors,
+    waiters,
 )
 from bench.arena import Arena
 from bench.processes import Failure
 from bench.rows import Row
 from bench.sizes import FULL, QUICK
 
-SECTIONS = (lookups, growth, vectors, inserts, memory, online, instructions)
+SECTIONS = (lookups, growth, vectors, inserts, waiters, failing, memory, online, load, instructions)
 RESULTS = Path(__file__).resolve().parent / "results"
 QUICK_RESULTS = peers.FETCHED / "results"
 
@@ -53,11 +60,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="python -m bench", description="Measure this project beside its peers."
     )
     parser.add_argument("--quick", action="store_true", help="fewer rounds and sizes: within two minutes")
-    quick = parser.parse_args(arguments).quick
+    names = [section.SECTION for section in SECTIONS]
+    parser.add_argument("--only", nargs="+", choices=names, help="of this project alone; nothing is written")
+    options = parser.parse_args(arguments)
+    quick, wanted = options.quick, options.only or names
     say = Progress()
     load_before = machine.load_average()
     ours = peers.ours()
-    others, missing = peers.all_peers(say)
+    others, missing = ([], {}) if options.only else peers.all_peers(say)
     with (
         tempfile.TemporaryDirectory() as folder,
         Arena([ours, *others], QUICK if quick else FULL, Path(folder), say) as arena,
@@ -68,12 +78,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"this project does not run here: {failure}", file=sys.stderr)
             return 1
         for section in SECTIONS:
+            if section.SECTION not in wanted:
+                continue
             try:
                 section.run(arena)
             except Failure as failure:
                 arena.absent.append({"who": ours.key, "what": section.SECTION, "reason": str(failure)})
-    say("functions of the types")
-    types_rows = types.run(quick)
+    types_rows = []
+    if not options.only:
+        say("functions of the types")
+        types_rows = types.run(quick)
     arena.rows.extend(Row(**row) for row in types_rows)
     result = {
         "machine": machine.describe(peers.ROOT),
@@ -88,20 +102,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "rows": arena.rows.as_json(),
         "targets": [asdict(verdict) for verdict in targets.verdicts(arena.rows)],
     }
-    _print(result, arena, types.table(types_rows))
-    _write(result, arena, QUICK_RESULTS if quick else RESULTS)
+    _print(result, arena, types_rows)
+    if not options.only:
+        _write(result, arena, QUICK_RESULTS if quick else RESULTS)
     return 0
 
 
-def _print(result: dict[str, Any], arena: Arena, types_text: str) -> None:
-    load = [result["load_average"][when][0] for when in ("before", "after")]
+def _print(result: dict[str, Any], arena: Arena, types_rows: list[dict[str, Any]]) -> None:
+    busy = [result["load_average"][when][0] for when in ("before", "after")]
     parts = [
-        report.introduction(result["machine"], load, arena.libraries.values(), result["missing"]),
+        report.introduction(result["machine"], busy, arena.libraries.values(), result["missing"]),
         report.tables(arena.rows, arena.libraries),
-        report.part("Functions of the types", types_text),
-        report.remarks(arena.rows, arena.libraries, arena.absent),
-        report.verdict_table(targets.verdicts(arena.rows)),
     ]
+    if any(row.section == waiters.SECTION for row in arena.rows):
+        parts.append(report.part(waiters.TITLE, waiters.table(arena.rows)))
+    verdicts = targets.verdicts(arena.rows)
+    if types_rows:
+        parts.append(report.part("Functions of the types", types.table(types_rows)))
+    else:
+        verdicts = [verdict for verdict in verdicts if verdict.verdict != targets.UNKNOWN]
+    parts += [report.remarks(arena.rows, arena.libraries, arena.absent), report.verdict_table(verdicts)]
     print(redacted("\n\n".join(parts)))
 
 

@@ -16,7 +16,13 @@ BUSY = 0.75  # load for each core, this run's own included
 FIRST, COLUMN = 30, 15
 MAIN_WAY = {"lookups": "buffer", "online": "buffer", "growth": "buffer", "vectors": "vector",
             "inserts": "set_transform", "memory": "resident"}  # fmt: skip
-ONE_BY_ONE = ("inserts", "memory", "instructions")  # few things, each its own: a line for each
+ONE_BY_ONE = (
+    "inserts",
+    "failing",
+    "load",
+    "memory",
+    "instructions",
+)  # few things, each its own: a line for each
 WAY_TITLES = {"buffer": "Buffer"}
 SECTION_TITLES = {
     "lookups": "Single lookups, us per call",
@@ -24,6 +30,8 @@ SECTION_TITLES = {
     "vectors": "Lookups at many times in one call, us per transform",
     "growth": "Growth: 4 dynamic hops at random times (vector: sorted), us per transform",
     "inserts": "Inserts into full histories of 50 frames, us per transform",
+    "failing": "Lookups that fail, us per call",
+    "load": "Readers and writers at once, us (readers: in vector lookups; this: the buffer that is timed)",
     "memory": "Memory, bytes per dynamic sample",
     "instructions": "Growth in instructions (callgrind), 4 dynamic hops, per transform",
 }
@@ -122,7 +130,7 @@ def _line(row: Row, main: Row | None, libraries: Mapping[str, Library]) -> str:
         for key, value in row.labels.items()
     )
     value, spread = _cell(row, main)
-    return f"{libraries[row.who].label:26}{row.way:32}{labels:34}{value:>15}  {spread}".rstrip()
+    return f"{libraries[row.who].label:26}{row.way:32}{labels:42}{value:>12}  {spread}".rstrip()
 
 
 def remarks(rows: Rows, libraries: Mapping[str, Library], absent: Sequence[Mapping[str, str]]) -> str:

@@ -65,6 +65,17 @@ def row_of(
     )
 
 
+def ratio_by_rounds(above: Row | None, below: Row | None) -> float | None:
+    """
+    The median of the rounds' ratios; None where one is missing.
+
+    For two rows that were measured in turn: whatever else the machine does, weighs on both.
+    """
+    if above is None or below is None:
+        return None
+    return statistics.median(a / b for a, b in zip(above.rounds, below.rounds, strict=True))
+
+
 class Rows(list[Row]):
     """All rows of a run."""
 

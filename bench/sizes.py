@@ -22,6 +22,12 @@ class Sizes:
     points: int
     inserts: int
     waiters: int
+    waited_inserts: int  # beside the waiters, of each kind, a round
+    failing_frames: tuple[int, int]
+    load_rounds: int
+    load_s: float  # of one round
+    load_calls: int  # in each thread, a round
+    load_messages: int  # beside readers
     ring_samples: int
     resident_samples: int
     thorough: bool  # every library in every part; instructions are counted
@@ -45,6 +51,12 @@ FULL = Sizes(
     points=100_000,
     inserts=5000,
     waiters=10_000,
+    waited_inserts=500,
+    failing_frames=(10, 100_000),
+    load_rounds=5,
+    load_s=1.0,
+    load_calls=20_000,
+    load_messages=1000,
     ring_samples=40_000,
     resident_samples=500_000,
     thorough=True,
@@ -68,6 +80,12 @@ QUICK = Sizes(
     points=100_000,
     inserts=2000,
     waiters=10_000,
+    waited_inserts=500,
+    failing_frames=(10, 100_000),
+    load_rounds=2,
+    load_s=0.5,
+    load_calls=10_000,
+    load_messages=200,
     ring_samples=20_000,
     resident_samples=200_000,
     thorough=False,
@@ -91,6 +109,12 @@ TINY = Sizes(
     points=50,
     inserts=100,
     waiters=10,
+    waited_inserts=10,
+    failing_frames=(5, 50),
+    load_rounds=1,
+    load_s=0.1,
+    load_calls=1000,
+    load_messages=10,
     ring_samples=10_100,
     resident_samples=11_000,
     thorough=False,

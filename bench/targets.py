@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from bench import jazzy
+from bench import failing, jazzy, load, waiters
 from bench.arena import OURS
 from bench.jazzy import CHAIN, Cell, carried
-from bench.rows import Row, Rows
+from bench.rows import Row, Rows, ratio_by_rounds
 
 PASS, SHORT, UNKNOWN = "pass", "falls short", "not measured"
 Values = Iterable[tuple[str, float | None]]  # of cells by name; None: something to compare with is missing
@@ -39,7 +39,15 @@ class Verdict:
 
 
 def verdicts(rows: Rows) -> list[Verdict]:
-    return [*_lookups(rows), *_vectors(rows), *_growth(rows), *_inserts(rows), *_memory(rows)]
+    return [
+        *_lookups(rows),
+        *_vectors(rows),
+        *_growth(rows),
+        *_inserts(rows),
+        *_memory(rows),
+        *_load(rows),
+        *_waiters(rows),
+    ]
 
 
 def at_least(target: int, what: str, values: Values, limit: float, unit: str = "x") -> Verdict:
@@ -189,3 +197,41 @@ def _memory(rows: Rows) -> list[Verdict]:
         return at_most(8, f"memory per sample, {way}", values, limit, " bytes")
 
     return [verdict("ring, fullest", 72), verdict("ring, just grown", 110)]
+
+
+def _load(rows: Rows) -> list[Verdict]:
+    def found(way: str, **labels: object) -> float | None:
+        return _ns(rows.find(load.SECTION, OURS, way, **labels))
+
+    beside = f"beside {load.READERS} threads in vector lookups"
+    lost, insert = found(load.LOST), found(load.INSERT, of="this")
+    late = [rows.find(load.SECTION, OURS, load.LATE, of=which) for which in load.BUFFERS]
+    held_up = []
+    for transforms, rate in load.HEAVY.items():
+        this, other = (found(load.LOOKUP, transforms=transforms, into=which) for which in load.BUFFERS)
+        above = None if this is None or other is None else (this - other) / 1e6
+        held_up.append((f"{rate:,} messages/s of {transforms:,}", above))
+    return [
+        at_most(9, f"messages lost {beside}", [(f"{load.RATE} Hz", lost)], 0, ""),
+        at_most(9, f"insert {beside}, 99th percentile", [("one buffer", _ratio(insert, 1e6))], 1, " ms"),
+        # No more, but for what else the machine does.
+        at_most(
+            9, f"sleep {beside}: how late, over another buffer", [("1 ms, 99th", ratio_by_rounds(*late))], 1.1
+        ),
+        at_most(9, "lookup beside messages, 99.9th percentile above another buffer's", held_up, 0.2, " ms"),
+    ]
+
+
+def _waiters(rows: Rows) -> list[Verdict]:
+    beside = [
+        (f"{kind}, into {into}", waiters.ratio(rows, kind, into))
+        for kind in waiters.KINDS
+        for into in waiters.INTO
+    ]
+    fails = [
+        (f"{way}, {why}", failing.ratio(rows, way, why)) for way in failing.WAYS for why in failing.REASONS
+    ]
+    return [
+        at_most(10, "insert that answers no waiter over one beside none", beside, 1.2),
+        at_most(10, "lookup that fails, in a large tree over in a small one", fails, 1.2),
+    ]

@@ -3,11 +3,13 @@
 import fcntl
 import importlib
 import os
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
 import pytest
+from processes import start
 
 ROOT = Path(__file__).resolve().parent.parent
 DOMAINS = range(1, 102)  # the ports of higher ones may be taken by the system
@@ -146,3 +148,20 @@ def peer():
     yield start
     for one in peers:
         one.end()
+
+
+@pytest.fixture
+def flood():
+    """Starts `programs/flood.py`: messages per second, transforms each, how many messages."""
+    processes = []
+
+    def start_flood(rate, count, messages=0):
+        arguments = map(str, (rate, count, messages))
+        processes.append(start("flood.py", *arguments, stdout=subprocess.PIPE))
+        return processes[-1]
+
+    yield start_flood
+    for process in processes:
+        process.kill()
+        process.wait()
+        process.stdout.close()

@@ -23,10 +23,13 @@ def spinning(executor):
     try:
         yield executor
     finally:
+        # As shutdown() begins; the rest would pull parts away that the thread is using.
+        executor._is_shutdown = True
         if executor.context.ok():
-            executor.create_task(executor.shutdown)
+            executor.wake()
         thread.join(DEADLINE_S)
     assert not thread.is_alive()
+    executor.shutdown()
 
 
 @contextmanager

@@ -10,9 +10,11 @@ from conftest import DOMAIN
 
 from bench import (
     __main__,
+    failing,
     growth,
     guard,
     inserts,
+    load,
     lookups,
     memory,
     online,
@@ -23,6 +25,7 @@ from bench import (
     targets,
     trees,
     vectors,
+    waiters,
 )
 from bench.arena import Arena, largest_deviation
 from bench.processes import CONTESTANTS, Failure, Library, Process
@@ -30,7 +33,10 @@ from bench.rows import Row, Rows, percentile
 
 pytestmark = pytest.mark.ours
 
-SECTIONS = {module.SECTION: module for module in (lookups, growth, vectors, inserts, memory, online)}
+SECTIONS = {
+    module.SECTION: module
+    for module in (lookups, growth, vectors, inserts, waiters, failing, memory, online, load)
+}
 
 
 @pytest.fixture(scope="module")
@@ -54,9 +60,10 @@ def test_each_section_measures_something_of_every_kind(arena, monkeypatch, secti
 
 def test_tables_and_verdicts_are_written_of_what_was_measured(arena):
     tables = report.tables(arena.rows, arena.libraries)
-    assert all(report.SECTION_TITLES[section] in tables for section in SECTIONS)
+    assert all(report.SECTION_TITLES[section] in tables for section in set(SECTIONS) - {"waiters"})
+    assert all(kind in waiters.table(arena.rows) for kind in waiters.KINDS)
     verdicts = targets.verdicts(arena.rows)
-    assert {verdict.target for verdict in verdicts} == {1, 2, 3, 4, 8}
+    assert {verdict.target for verdict in verdicts} == {1, 2, 3, 4, 8, 9, 10}
     assert all(verdict.what in report.verdict_table(verdicts) for verdict in verdicts)
     # Nobody to compare with is no pass.
     assert {verdict.verdict for verdict in verdicts if verdict.target == 1} == {targets.UNKNOWN}
@@ -91,6 +98,16 @@ def test_a_library_that_fails_is_named_and_the_others_go_on(tmp_path):
     assert arena.rows == []
     assert {entry["who"] for entry in arena.absent} == {"broken"}
     assert all("no such library" in entry["reason"] for entry in arena.absent)
+
+
+def test_a_section_can_be_measured_alone(monkeypatch, capsys):
+    monkeypatch.setattr(__main__, "FULL", sizes.TINY)
+    assert __main__.main(["--only", "failing"]) == 0
+    printed = capsys.readouterr().out
+    assert report.SECTION_TITLES["failing"] in printed
+    assert report.SECTION_TITLES["lookups"] not in printed
+    assert "wrote" not in printed
+    assert targets.UNKNOWN not in printed
 
 
 def test_an_order_that_takes_too_long_is_given_up():

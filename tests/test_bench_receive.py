@@ -15,6 +15,8 @@ def test_every_road_is_measured_and_the_targets_are_told(monkeypatch):
     rows = receive.measure(receive.Plan(rounds=1, filling=20, seconds=0.2, wakes=5))
     assert all(math.isfinite(row["median"]) and row["median"] > 0 for row in rows)
     ways = {row["way"] for row in rows if row["who"] == "ours"}
+    # That of the static transforms looks up once a second, and so at times in this one.
+    ways.discard("executor, its thread")
     assert ways == {
         *receive.ROADS,
         *(f"{road}, its thread" for road in receive.ROADS if road != "executor"),

@@ -1,5 +1,7 @@
 """Broadcasters: what they send, and how."""
 
+import threading
+
 import pytest
 from making import transform, translation
 from processes import until
@@ -74,6 +76,25 @@ class TestStatic:
     def test_what_was_sent_is_in_net_message(self, broadcaster):
         broadcaster.sendTransform((transform("map", "a"), transform("map", "b")))
         assert children(broadcaster.net_message) == ["a", "b"]
+
+    @pytest.mark.ours
+    def test_threads_that_send_at_the_same_time_lose_nothing(self, broadcaster, heard, executor):
+        names = [[f"{thread}_{i}" for i in range(100)] for thread in "abcd"]
+
+        def send(own):
+            for name in own:
+                broadcaster.sendTransform(transform("map", name))
+
+        threads = [threading.Thread(target=send, args=(own,)) for own in names]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        expected = sorted(sum(names, []))
+        assert sorted(children(broadcaster.net_message)) == expected
+        messages = heard("/tf_static")
+        until(lambda: messages, executor)
+        assert sorted(children(messages[-1])) == expected, "the message published last holds all"
 
     @pytest.mark.ours
     def test_a_child_sent_again_replaces_its_earlier_transform(self, broadcaster, heard, executor):

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import pytest
 from making import at, stamp_ns, translation
 from processes import DEADLINE_S, start, until
-from rclpy.duration import Duration
+from rclpy.duration import Duration, Infinite
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.time import Time
 from spinning import spun_node
@@ -86,6 +86,13 @@ class TestLookup:
         assert stamp_ns(client.lookup_transform("map", "robot", at(1.5).to_msg(), LONG)) == 1_500_000_000
         with pytest.raises(TypeError, match="Time"):
             client.lookup_transform("map", "robot", 1.5)
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("timeout", [Infinite, Duration(seconds=9223372036)])
+    def test_a_timeout_may_be_infinite(self, client, timeout):
+        assert client.lookup_transform("map", "robot", at(1.5), timeout).child_frame_id == "robot"
+        awaited = client.lookup_transform_async("map", "robot", at(1.5), timeout=timeout)
+        assert asyncio.run(awaited).child_frame_id == "robot"
 
     @pytest.mark.ours
     def test_a_goal_whose_answer_is_lost_is_sent_again(self, client):

@@ -68,6 +68,14 @@ def test_its_errors_are_raised(tf2_ros, client, stand_in, code, name):
     assert not client.can_transform("map", "robot", at(1))
 
 
+def test_what_does_not_print_in_its_errors_is_escaped(tf2_ros, client, stand_in):
+    error = TF2Error(error=TF2Error.LOOKUP_ERROR, error_string="no frame \x1b[31m\n")
+    stand_in._get_result.return_value.result.error = error
+    with pytest.raises(tf2_ros.LookupException) as caught:
+        client.lookup_transform("map", "robot", at(1))
+    assert str(caught.value) == r"no frame \x1b[31m\n"
+
+
 def test_without_a_server_it_is_a_timeout(tf2_ros, client, stand_in):
     stand_in.server_is_ready.return_value = False
     with pytest.raises(tf2_ros.TimeoutException):

@@ -154,6 +154,17 @@ class TestAnswers:
 
 
 class TestErrors:
+    @pytest.mark.parametrize("timeout", [NONE, LONG], ids=["at once", "waiting"])
+    def test_a_time_that_no_stamp_carries_is_an_invalid_argument(self, asker, buffer, timeout):
+        insert(buffer)
+        goal = LookupTransform.Goal(target_frame="map", source_frame="robot", timeout=timeout.to_msg())
+        goal.source_time = TimeMsg(sec=2**31 - 1, nanosec=2**32 - 1)
+        handle = _wait(asker.client.send_goal_async(goal))
+        status, result = _answer(handle.get_result_async())
+        assert status == GoalStatus.STATUS_SUCCEEDED
+        assert result.error.error == TF2Error.INVALID_ARGUMENT_ERROR
+        assert asker.ask(timeout=NONE)[1].error.error == TF2Error.NO_ERROR
+
     @pytest.mark.parametrize(
         ("what", "code"),
         [

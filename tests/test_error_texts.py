@@ -169,6 +169,43 @@ def test_a_loop_is_called_a_loop(tf2_py):
 
 
 @pytest.mark.ours
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("\x1b[31mred", r"\x1b[31mred"),
+        ("a\nb", r"a\nb"),
+        ("a\u202eb", r"a\u202eb"),
+        ("\x7f\U000e0001", r"\x7f\U000e0001"),
+    ],
+)
+def test_what_does_not_print_is_escaped(tf2_py, name, shown):
+    buffer = tf2_py.BufferCore()
+    questions = [("map", "nowhere" + name, 1)]
+    buffer.set_transform(transform("map", name, 5), "x")
+    buffer.set_transform(transform("moon", "crater" + name, 1), "x")
+    questions += [("map", name, 6), ("map", "crater" + name, 1)]
+    buffer.set_transform(transform("other" + name, "loop" + name, 1), "x")
+    buffer.set_transform(transform("loop" + name, "other" + name, 1), "x")
+    questions += [("map", "loop" + name, 1)]
+    kinds = set()
+    for target, source, seconds in questions:
+        with pytest.raises(tf2_py.TransformException) as caught:
+            buffer.lookup_transform_core(target, source, at(seconds))
+        for text in (str(caught.value), buffer.can_transform_core(target, source, at(seconds))[1]):
+            assert text.isprintable()
+            assert shown in text
+        kinds.add(type(caught.value).__name__)
+    assert kinds == {"LookupException", "ExtrapolationException", "ConnectivityException"}
+
+
+@pytest.mark.parametrize("name", ["fäßchen", "机器人", "a b", "a\\b", "😀"])
+def test_a_name_that_prints_is_quoted_as_it_is(tf2_py, name):
+    with pytest.raises(tf2_py.LookupException) as caught:
+        tf2_py.BufferCore().lookup_transform_core(name, "map", at(1))
+    assert found(str(caught.value))["quoted"] == (name,)
+
+
+@pytest.mark.ours
 @pytest.mark.parametrize(("target", "source", "seconds", "wanted"), SIMPLE[:3])
 def test_what_tf2_does_not_tell_follows_after_it(buffer, target, source, seconds, wanted):
     reason = buffer.can_transform_core(target, source, at(seconds))[1]

@@ -102,6 +102,8 @@ class TestSpinOnce:
             for n in range(1, 4):
                 publisher.send(("map", "robot", n * S, 1))
             until(arrived(listener, 3))
+            round_of_the_loop = executor.create_task(lambda: None)
+            until(round_of_the_loop.done)
         other = SingleThreadedExecutor()
         other.add_node(node)
         assert returns_early(other.spin_once, 10) == 0

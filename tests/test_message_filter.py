@@ -9,7 +9,7 @@ import pytest
 from geometry_msgs.msg import PointStamped
 from making import S, at, transform
 from processes import DEADLINE_S, start, until
-from rclpy.duration import Duration
+from rclpy.duration import Duration, Infinite
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from sensor_msgs.msg import LaserScan
 from spinning import spinning
@@ -210,6 +210,18 @@ class TestTolerance:
         with pytest.raises(ValueError, match="tolerance"):
             watched.filter.setTolerance(Duration(seconds=-1))
 
+    @pytest.mark.parametrize(
+        "tolerance", [Infinite, Duration(seconds=9223372036), Duration(nanoseconds=2**62)]
+    )
+    def test_one_that_no_stamp_can_be_added_to_is_refused(self, make, watched, buffer, tolerance):
+        with pytest.raises(ValueError, match="tolerance must be finite"):
+            make(tolerance=tolerance)
+        with pytest.raises(ValueError, match="tolerance must be finite"):
+            watched.filter.setTolerance(tolerance)
+        insert(buffer)
+        watched.filter.add(point(1))
+        assert watched.seconds() == [1], "the one before still holds"
+
 
 class TestQueue:
     def test_one_too_many_drops_the_oldest(self, make, buffer):
@@ -279,6 +291,13 @@ class TestFailures:
         watched.filter.add(point(frame="//lidar"))
         assert watched.reasons() == ["NO_TRANSFORM_FOUND"] * 2
 
+    def test_an_infinite_timeout_never_comes(self, make, buffer):
+        watched = make(buffer_timeout=Infinite)
+        watched.filter.add(point(1))
+        assert watched.reasons() == []
+        insert(buffer, 1)
+        assert watched.seconds() == [1]
+
     def test_a_timeout(self, make, buffer):
         watched = make(buffer_timeout=Duration(seconds=0.05))
         insert(buffer, 1)
@@ -335,6 +354,23 @@ class TestFailures:
         assert "20 of the last 20 messages were dropped" in warnings[0]
         assert "QUEUE_FULL" in warnings[0]
         assert "does not exist" in warnings[0]
+
+    def test_what_does_not_print_is_escaped_in_the_warning(self, make, capfd):
+        watched = make(queue_size=1, frames="map\x1b[31m")
+        for i in range(100):
+            watched.filter.add(point(i + 1, "lidar\nFrame"))
+        watched.settle()
+        warning = next(line for line in capfd.readouterr().err.splitlines() if "MessageFilter" in line)
+        # rclpy colours a warning's line itself.
+        assert r"[target=map\x1b[31m]" in warning
+        assert r"[lidar\nFrame]" in warning
+
+    def test_at_a_time_that_no_stamp_carries(self, make):
+        watched = make(tolerance=Duration(seconds=1))
+        message = point()
+        message.header.stamp.sec, message.header.stamp.nanosec = 2**31 - 1, 10**9 - 1
+        watched.filter.add(message)
+        assert watched.reasons() == ["NO_TRANSFORM_FOUND"]
 
     def test_half_of_them_dropped_is_not_warned_of(self, make, buffer, capfd):
         watched = make()

@@ -110,6 +110,13 @@ def test_arrays_hold_translations_and_rotations_row_by_row(v, q):
     assert_allclose(scipy[0].as_matrix(), to_matrix(messages[0])[:3, :3], atol=1e-12)
 
 
+@pytest.mark.parametrize("length", [1e-300, 1e-200, 1.6e-162, 1e-155, 1e150, 1e200, 1e300])
+@pytest.mark.parametrize("q", AWKWARD_TURNS)
+def test_a_rotation_of_any_length_counts(q, length):
+    _, rotations = to_arrays([transform("map", "base", 0, xyzw=np.multiply(q, length))])
+    assert_allclose(rotations[0], np.array(q) / np.linalg.norm(q), atol=1e-14)
+
+
 def test_arrays_of_nothing_have_their_shapes():
     translations, rotations = to_arrays([])
     assert translations.shape == (0, 3) and rotations.shape == (0, 4)

@@ -7,11 +7,10 @@ import signal
 import subprocess
 import sys
 import threading
-import time
-import traceback
 import weakref
 
 import pytest
+from forking import in_a_child
 from making import at, at_ns, transform, translation
 from processes import DEADLINE_S, start, until
 from programs import flood as flooding
@@ -39,23 +38,6 @@ def listener(tf2_ros, buffer, node):
     assert listener.receives
     yield listener
     listener.unregister()
-
-
-@pytest.fixture
-def flood():
-    """Starts `programs/flood.py`: messages per second, transforms each, how many messages."""
-    processes = []
-
-    def start_flood(rate, count, messages=0):
-        arguments = map(str, (rate, count, messages))
-        processes.append(start("flood.py", *arguments, stdout=subprocess.PIPE))
-        return processes[-1]
-
-    yield start_flood
-    for process in processes:
-        process.kill()
-        process.wait()
-        process.stdout.close()
 
 
 def knows(buffer, child, parent="map", time=LATEST):
@@ -231,6 +213,20 @@ class TestTrouble:
         assert ended == ["tf2_ros callbacks"]
         assert list(node.subscriptions) == []
 
+    def test_a_callback_may_wait_for_a_transform_that_comes_later(self, buffer, listener, peer):
+        publisher, found, waiting = peer(), [], threading.Event()
+
+        def look(future):
+            waiting.set()
+            found.append(buffer.lookup_transform("map", "arm", LATEST, Duration(seconds=DEADLINE_S)))
+
+        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(look)
+        publisher.send(("map", "robot", 1 * S, 1))
+        assert waiting.wait(DEADLINE_S)
+        publisher.send(("map", "arm", 1 * S, 1))
+        until(lambda: found)
+        assert found[0].child_frame_id == "arm"
+
     def test_a_callback_that_waits_for_who_ends_it_holds_it_up_for_a_moment_only(
         self, buffer, listener, peer
     ):
@@ -286,27 +282,6 @@ def use_in_a_child(buffer, listener, caplog):
     buffer.set_transform(transform("map", "grandchild", 1), "child")
     assert buffer.can_transform("map", "grandchild", LATEST)
     listener.unregister()
-
-
-def in_a_child(what):
-    """Its exit status."""
-    child = os.fork()
-    if child == 0:
-        try:
-            what()
-            os._exit(0)
-        except BaseException:
-            traceback.print_exc()
-        finally:
-            os._exit(1)
-    deadline = time.monotonic() + DEADLINE_S
-    while True:
-        pid, status = os.waitpid(child, os.WNOHANG)
-        if pid:
-            return os.waitstatus_to_exitcode(status)
-        if time.monotonic() > deadline:
-            os.kill(child, signal.SIGKILL)
-        time.sleep(0.001)
 
 
 @pytest.mark.filterwarnings("error")

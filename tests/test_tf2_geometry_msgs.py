@@ -138,7 +138,7 @@ def test_orientations_come_out_of_length_one_with_w_not_negative(q, t):
 
 
 @ours
-@pytest.mark.parametrize("length", [1e-300, 1e-200, 1e-155, 1e150, 1e200, 1e300])
+@pytest.mark.parametrize("length", [1e-300, 1e-200, 1.6e-162, 1e-155, 1e150, 1e200, 1e300])
 @pytest.mark.parametrize("q", AWKWARD_TURNS)
 def test_an_orientation_of_any_length_counts(q, length):
     t = transform("map", "base", 0, xyzw=(0.1, 0.2, 0.3, 0.9))

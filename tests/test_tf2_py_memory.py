@@ -113,3 +113,27 @@ def test_buffers_give_their_memory_back(tf2_py):
         live_and_die()
     # Each buffer holds 20 x 500 samples, 720 kB.
     assert resident_bytes() - before < 2_000_000
+
+
+def peak_bytes_of(action):
+    """How far the resident memory rises above what it is now."""
+    with open("/proc/self/clear_refs", "w") as peak:
+        peak.write("5")  # the peak so far is forgotten
+    before = resident_bytes()
+    action()
+    with open("/proc/self/status") as status:
+        return int(status.read().partition("VmHWM:")[2].split()[0]) * 1024 - before
+
+
+def test_an_error_copies_no_more_names_than_it_tells(buffer):
+    names = [f"{i:07d}{'x' * 400}" for i in range(50_000)]
+    buffer.set_transforms([transform("map", name, 1) for name in names], "x")
+    buffer.can_transform_core("map", names[0], at(5))  # whatever is made once
+    assert peak_bytes_of(lambda: buffer.can_transform_core("map", names[1], at(5))) < 1_000_000
+    assert peak_bytes_of(lambda: buffer._chain("map", at(1), names[2], at(1), "map")) < 1_000_000
+
+
+def test_a_count_that_promises_more_than_the_data_holds_allocates_nothing(buffer):
+    data = b"\0\1\0\0" + (2**32 - 1).to_bytes(4, "little") + bytes(2_000_000)
+    raising(buffer.set_transforms_cdr, data, "x")()
+    assert peak_bytes_of(raising(buffer.set_transforms_cdr, data, "x")) < 1_000_000

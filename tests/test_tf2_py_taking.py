@@ -57,6 +57,9 @@ def test_a_rotation_without_a_finite_length_is_refused(buffer, xyzw):
     ("message", "reason"),
     [
         (transform("a", "b", 1, (INF, 0, 0)), "infinite_input"),
+        (transform("a", "b", 1, xyzw=(0, 0, 1e-162, 1.6e-162)), "denormalized_quaternion"),
+        (transform("a", "b", 1, xyzw=(0, 1e-155, 0, 1e-155)), "denormalized_quaternion"),
+        (transform("a", "b", ns=2**31 * S), "stamp_too_late"),
         (transform("a", "b", -1), "negative_stamp"),
         (transform("NO_PARENT", "b", 1), "reserved_frame_id"),
         (transform("a", "/NO_PARENT", 1), "reserved_frame_id"),
@@ -111,6 +114,35 @@ def test_pruning_waits_for_the_insert_after_the_one_that_makes_samples_old(buffe
     assert buffer.can_transform_core("map", "odom", at(5)) == (1, "")
     buffer.set_transform(transform("map", "odom", 21), "x")
     assert buffer.can_transform_core("map", "odom", at(5))[0] == 0
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize("static", [False, True])
+@pytest.mark.parametrize("ns", [2**31 * S, 2**62, 2**63 - 1])
+def test_a_stamp_that_no_message_can_carry_is_refused(buffer, capfd, ns, static):
+    odom = TestDuckTypes().namespace()
+    odom.header.stamp.nanoseconds = ns
+    assert buffer.set_transforms([odom], "x", static=static) == 0
+    assert frames(buffer) == []
+    assert buffer.statistics()["refused"]["stamp_too_late"] == 1
+    assert "TF_STAMP_TOO_LATE" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("static", [False, True])
+def test_the_latest_stamp_that_a_message_can_carry_is_taken(buffer, static):
+    odom = transform("map", "odom", ns=2**31 * S - 1)
+    (buffer.set_transform_static if static else buffer.set_transform)(odom, "x")
+    assert buffer.can_transform_core("map", "odom", at(0)) == (1, "")
+    assert buffer.can_transform_core("map", "odom", odom.header.stamp) == (1, "")
+
+
+@pytest.mark.parametrize("length", [1.5e-154, 1e-150, 1e-20, 1e20, 1e150, 1e154])
+def test_a_rotation_of_any_length_whose_square_is_a_normal_number_is_normalised(buffer, length):
+    q = about_z(0.7)
+    buffer.set_transform(transform("map", "odom", 1, xyzw=tuple(length * x for x in q)), "x")
+    assert rotation(buffer.lookup_transform_core("map", "odom", at(1))) == pytest.approx(q, abs=1e-15)
+    if hasattr(buffer, "_self_check"):
+        buffer._self_check()
 
 
 @pytest.mark.parametrize("scale", [2.0, 0.001, -1.0])

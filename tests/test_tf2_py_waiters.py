@@ -23,6 +23,20 @@ def always():
     return True
 
 
+class Untrue(Exception):
+    """One that cannot be asked whether it is true."""
+
+    def __bool__(self):
+        raise ValueError
+
+
+class Falsy(Exception):
+    """One that counts as false."""
+
+    def __len__(self):
+        return 0
+
+
 class Pending:
     """A wait, what it waits for, and what came."""
 
@@ -214,6 +228,57 @@ def test_a_name_that_no_lookup_accepts_is_raised_at_once(tf2_py, buffer, bad):
         buffer.set_transform_static(transform("map", "odom"), "x")
         buffer._wait("map", "odom", at(1), bad, at(1))
     assert buffer.statistics()["waiters"] == 0
+
+
+@pytest.mark.parametrize("error", [Untrue, Falsy])
+def test_whatever_one_of_them_raises_all_are_notified(buffer, error):
+    told = []
+
+    def notify(answer):
+        told.append(answer)
+        raise error
+
+    waits = [buffer._wait("a", "b", at(5), notify=notify) for _ in range(5)]
+    buffer.set_transform(transform("a", "b", 4), "test")
+    with pytest.raises(error):
+        buffer.set_transform(transform("a", "b", 6), "test")
+    assert len(told) == 5
+    assert not any(wait.cancel() for wait in waits)
+
+
+def test_cancelling_is_too_late_where_the_answer_is_there(buffer):
+    cancelled = []
+    first = buffer._wait("a", "b", at(5), notify=lambda _: cancelled.append(second.cancel()))
+    second = buffer._wait("a", "b", at(5), notify=lambda _: None)
+    buffer.set_transforms([transform("a", "b", 4), transform("a", "b", 6)], "test")
+    assert cancelled == [False]
+    assert first.answer is not None
+    assert second.answer is not None
+
+
+def test_the_others_are_served_while_one_insert_helps_many(buffer):
+    # More than one slice: both threads' inserts and all of their waiters go through each other.
+    buffer.set_transform(transform("a", "b", 1), "test")
+    buffer.set_transform(transform("a", "c", 1), "test")
+    told = {"b": [], "c": []}
+    waits = [
+        buffer._wait("a", child, at_ns(2 * S + i), notify=told[child].append)
+        for i in range(2000)
+        for child in told
+    ]
+
+    def insert(child):
+        buffer.set_transform(transform("a", child, 3), "test")
+        assert len(told[child]) == 2000, "an insert returned before those whom it completed were told"
+
+    threads = [threading.Thread(target=insert, args=(child,)) for child in told]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(wait.answer is not None for wait in waits)
+    assert {child: len(answers) for child, answers in told.items()} == {"b": 2000, "c": 2000}
+    buffer._self_check()
 
 
 def test_waits_are_made_by_buffers_alone(buffer):

@@ -425,6 +425,23 @@ class TestEnd:
         assert list(node.subscriptions) == []
 
     @pytest.mark.ours
+    def test_a_finalizer_takes_no_lock_of_the_executor(self, tf2_ros, ros, buffer):
+        """It may run in the middle of whatever its own thread does."""
+        listener = tf2_ros.TransformListener(buffer, None)
+        executor = listener.executor
+
+        def end():
+            with executor._tasks_lock, executor._nodes_lock, executor._shutdown_lock:
+                listener.__del__()
+
+        ending = threading.Thread(target=end, daemon=True)
+        ending.start()
+        ending.join(DEADLINE_S)
+        assert not ending.is_alive()
+        listener.dedicated_listener_thread.join(DEADLINE_S)
+        assert not listener.dedicated_listener_thread.is_alive()
+
+    @pytest.mark.ours
     def test_it_goes_with_its_node(self, tf2_ros, buffer, ros):
         node = ros.create_node("passing")
         references = [weakref.ref(node), weakref.ref(tf2_ros.TransformListener(buffer, node))]

@@ -10,10 +10,11 @@ import weakref
 import pytest
 from making import at, stamp_ns, transform, translation
 from processes import until
-from rclpy.duration import Duration
+from rclpy.duration import Duration, Infinite
 from rclpy.executors import MultiThreadedExecutor
-from rclpy.task import Future
+from rclpy.task import Future, Task
 from rclpy.time import Time
+from spinning import spinning
 
 LATEST = Time()
 SHORT = Duration(seconds=0.05)
@@ -129,6 +130,20 @@ class TestCompletion:
             insert(buffer)
         assert second.done()
 
+    @pytest.mark.ours
+    @pytest.mark.parametrize("error", [asyncio.CancelledError, SystemExit, KeyboardInterrupt])
+    def test_whoever_raises_more_than_an_exception_keeps_nobody_else_waiting(self, buffer, error):
+        def fail(_):
+            raise error("mine")
+
+        first, second, called = wait(buffer), wait(buffer), []
+        first.add_done_callback(fail)
+        for future in (first, second):
+            future.add_done_callback(called.append)
+        with pytest.raises(error):
+            insert(buffer)
+        assert called == [first, second]
+
 
 class TestError:
     @pytest.mark.ours
@@ -152,6 +167,7 @@ class TestError:
 class TestTimeout:
     def test_it_tells_the_time_and_the_reason(self, buffer, tf2_py):
         future = wait(buffer, timeout=SHORT)
+        assert has_deadline(future)
         begin = time.monotonic()
         until(future.done)
         assert time.monotonic() - begin < 1
@@ -185,6 +201,35 @@ class TestTimeout:
         assert other.exception() is not None
         assert future.exception() is None
 
+    @pytest.mark.parametrize("error", [asyncio.CancelledError, SystemExit])
+    def test_a_callback_that_raises_ends_no_other(self, buffer, error):
+        def fail(_):
+            raise error("mine")
+
+        futures = [wait(buffer, timeout=SHORT), wait(buffer, timeout=Duration(seconds=0.1))]
+        futures[0].add_done_callback(fail)
+        until(lambda: all(future.done() for future in futures))
+        assert all(future.exception() is not None for future in futures)
+
+    @pytest.mark.parametrize("replaces", [False, True])
+    def test_a_callback_that_blocks_holds_up_no_other(self, tf2_ros, buffer, replaces):
+        if replaces:
+            buffer = asking_buffer(tf2_ros)
+        first, second = wait(buffer, timeout=SHORT), wait(buffer, at(5), timeout=Duration(seconds=0.1))
+        seen = []
+        other = tf2_ros.Buffer()
+        third = wait(other, timeout=Duration(seconds=0.1))
+
+        def block(_):
+            until(third.done)
+            seen.append(third.exception())
+
+        first.add_done_callback(block)
+        until(lambda: seen)
+        until(second.done)
+        assert first.exception() is not None
+        assert second.exception() is not None
+
     def test_they_end_in_their_order(self, buffer):
         ended = []
         futures = []
@@ -203,6 +248,19 @@ class TestTimeout:
         until(again.done)
         assert again.exception() is not None
 
+    def test_a_thread_that_cannot_be_started_is_tried_again(self, buffer, monkeypatch):
+        until(lambda: deadline_threads() == 0)
+
+        def fail(_):
+            raise RuntimeError("can't start new thread")
+
+        with monkeypatch.context() as patched, pytest.raises(RuntimeError, match="can't start"):
+            patched.setattr(threading.Thread, "start", fail)
+            wait(buffer, timeout=SHORT)
+        future = wait(buffer, timeout=SHORT)
+        until(future.done)
+        assert future.exception() is not None
+
     def test_waits_that_ended_leave_nothing_until_their_deadline(self, buffer):
         from tf2_ros import _waiting
 
@@ -215,6 +273,86 @@ class TestTimeout:
         reference = weakref.ref(future)
         del future
         assert reference() is None
+
+
+class Long:
+    """A duration that no Duration can be."""
+
+    def __init__(self, nanoseconds):
+        self.nanoseconds = nanoseconds
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize(
+    "timeout",
+    [Infinite, Duration(seconds=9223372036), Long(2**63), Long(10**30), Long(float("inf"))],
+    ids=["Infinite", "292 years", "too long for 64 bits", "longer", "an infinite float"],
+)
+class TestInfiniteTimeout:
+    def test_a_lookup_waits(self, buffer, timeout):
+        inserting = threading.Thread(target=insert_for_a_waiter, args=(buffer,))
+        inserting.start()
+        assert buffer.lookup_transform("map", "robot", LATEST, timeout).child_frame_id == "robot"
+        inserting.join()
+
+    def test_a_full_lookup_waits(self, buffer, timeout):
+        inserting = threading.Thread(target=insert_for_a_waiter, args=(buffer,))
+        inserting.start()
+        assert buffer.can_transform_full("map", at(1), "robot", at(1), "map", timeout)
+        inserting.join()
+
+    def test_a_question_waits(self, buffer, timeout):
+        inserting = threading.Thread(target=insert_for_a_waiter, args=(buffer,))
+        inserting.start()
+        assert buffer.can_transform("map", "robot", LATEST, timeout)
+        inserting.join()
+
+    def test_a_future_waits_without_a_deadline(self, buffer, timeout):
+        future = wait(buffer, timeout=timeout)
+        assert not has_deadline(future)
+        insert(buffer)
+        assert future.result().child_frame_id == "robot"
+
+    def test_a_buffer_that_replaces_methods_waits(self, tf2_ros, timeout):
+        buffer = asking_buffer(tf2_ros)
+        future = wait(buffer, timeout=timeout)
+        assert not has_deadline(future)
+        timer = threading.Timer(0.05, insert, (buffer,))
+        timer.start()
+        assert buffer.can_transform("map", "robot", LATEST, timeout)
+        assert future.result().child_frame_id == "robot"
+        timer.join()
+
+
+@pytest.mark.ours
+def test_a_timeout_before_all_time_ends_at_once(buffer, tf2_py):
+    for timeout in (Duration(nanoseconds=-(2**63)), Long(-(10**30)), Long(float("-inf"))):
+        with pytest.raises(tf2_py.LookupException):
+            buffer.lookup_transform("map", "robot", LATEST, timeout)
+        future = wait(buffer, timeout=timeout)
+        until(future.done)
+        assert type(future.exception()) is tf2_py.TimeoutException
+
+
+def insert_for_a_waiter(buffer):
+    until(lambda: buffer.statistics()["waiters"])
+    insert(buffer)
+
+
+def asking_buffer(tf2_ros):
+    """A buffer whose waits ask its own method."""
+
+    class Asking(tf2_ros.Buffer):
+        def can_transform_core(self, *arguments):
+            return super().can_transform_core(*arguments)
+
+    return Asking()
+
+
+def has_deadline(future):
+    from tf2_ros import _waiting
+
+    return any(entry[2]() is future for entry in _waiting._deadlines._heap)
 
 
 def deadline_threads():
@@ -294,6 +432,36 @@ class TestEndOfTheWait:
         insert(buffer)
         reference = weakref.ref(buffer)
         del buffer
+        assert reference() is None
+        assert future.result() is not None
+
+    def test_a_future_that_timed_out_does_not_keep_the_buffer(self, tf2_ros):
+        buffer = tf2_ros.Buffer()
+        future = wait(buffer, timeout=SHORT)
+        until(future.done)
+        reference = weakref.ref(buffer)
+        del buffer
+        until(lambda: reference() is None)
+        assert future.exception() is not None
+
+    def test_a_future_that_called_back_keeps_neither_its_wait_nor_the_buffer(self, tf2_ros):
+        buffer, called = tf2_ros.Buffer(), []
+        future = wait(buffer)
+        future.add_done_callback(called.append)
+        insert(buffer)
+        reference = weakref.ref(buffer)
+        del buffer
+        assert called == [future]
+        assert reference() is None
+        assert not any(type(thing).__name__ == "Wait" for thing in gc.get_referents(future, vars(future)))
+
+    def test_a_completed_future_of_a_buffer_that_replaces_methods_does_not_keep_it(self, tf2_ros):
+        buffer = asking_buffer(tf2_ros)
+        future = wait(buffer)
+        insert(buffer)
+        reference = weakref.ref(buffer)
+        del buffer
+        gc.collect()
         assert reference() is None
         assert future.result() is not None
 
@@ -425,6 +593,35 @@ class TestAwaiting:
         assert [stamp_ns(task.result()) for task in tasks] == [10**9, 2 * 10**9]
         executor.shutdown()
 
+    @pytest.mark.ours
+    def test_it_is_awaited_by_a_task_that_its_executor_skips_while_it_falls_asleep(
+        self, buffer, ros, monkeypatch
+    ):
+        """Between deciding to sleep and sleeping, the task is still executed, and no executor looks at it."""
+        falling_asleep, skipped = threading.Event(), threading.Event()
+
+        def await_slowly(future):
+            while not future.done():
+                falling_asleep.set()
+                skipped.wait()
+                yield
+            return future.result()
+
+        def executing(task):
+            if task._executing and buffer.can_transform("map", "robot", at(1)):
+                skipped.set()
+            return task._executing
+
+        monkeypatch.setattr(Future, "__await__", await_slowly)
+        monkeypatch.setattr(Task, "executing", executing)
+        executor = MultiThreadedExecutor(2)
+        with spinning(executor):
+            task = executor.create_task(buffer.lookup_transform_async("map", "robot", at(1)))
+            assert falling_asleep.wait(10)
+            insert(buffer)
+            until(task.done)
+        assert task.result().child_frame_id == "robot"
+
     def test_plain_asyncio_awaits_it(self, buffer):
         async def main():
             timer = threading.Timer(0.05, insert, (buffer,))
@@ -434,6 +631,20 @@ class TestAwaiting:
             return found
 
         assert asyncio.run(main()).child_frame_id == "robot"
+
+    @pytest.mark.ours
+    def test_a_task_that_awaits_is_no_cycle(self, buffer, executor):
+        task = executor.create_task(buffer.lookup_transform_async("map", "robot", at(1)))
+        executor.spin_once(timeout_sec=0)
+        assert buffer.statistics()["waiters"] == 1
+        executor._tasks.clear()
+        executor._cb_iter = None
+        gc.disable()
+        try:
+            del task
+            assert buffer.statistics()["waiters"] == 0
+        finally:
+            gc.enable()
 
     @pytest.mark.ours
     def test_an_awaiting_coroutine_that_is_closed_waits_no_more(self, buffer):

@@ -1,12 +1,12 @@
 """Owns the parts that geometry messages share: reading them into C doubles, and making new ones."""
 
 from cpython.unicode cimport PyUnicode_Check
-from libc.math cimport NAN, fabs
+from libc.math cimport NAN
 from libc.string cimport memcpy
 
 cimport numpy as cnp
 
-from tf2_py._geometry cimport quaternion_normalise
+from tf2_py._geometry cimport quaternion_normalise_any
 from tf2_py._messages cimport (
     Layout,
     header_layout,
@@ -55,16 +55,10 @@ cdef int read_doubles(Layout layout, object message, double* out, int count) exc
 
 
 cdef int read_orientation(object quaternion, double* out) except -1:
-    cdef double size
-    cdef int i
     read_doubles(quaternion_layout, quaternion, out, 4)
-    size = fabs(out[0]) + fabs(out[1]) + fabs(out[2]) + fabs(out[3])
-    if size == 0.0:
+    if out[0] == 0.0 and out[1] == 0.0 and out[2] == 0.0 and out[3] == 0.0:
         out[3] = 1.0
-    elif not 1e-140 < size < 1e140:     # where squares leave the range of doubles; also NaN and infinity
-        for i in range(4):
-            out[i] /= size
-    if not quaternion_normalise(out):
+    elif not quaternion_normalise_any(out):
         out[0] = out[1] = out[2] = out[3] = NAN
     return 0
 

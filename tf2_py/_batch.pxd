@@ -4,7 +4,7 @@ from libc.stddef cimport size_t
 from libc.stdint cimport uint32_t
 
 from tf2_py._types cimport Incoming
-from tf2_py._waiters cimport WaiterList
+from tf2_py._waiters cimport WaiterList, Wake
 
 
 cdef struct Entry:
@@ -16,6 +16,9 @@ cdef struct Batch:
     Entry* entries
     size_t count                # in use
     size_t capacity             # allocated; 0 where `entries` belongs to somebody else
+    size_t done                 # progress: how many entries have been looked at
+    bint waking                 # progress: somebody may be helped by the last one
+    Wake wake
     const char* authority       # UTF-8, owned by whoever fills the batch
     size_t authority_size       # bytes
     bint is_static
@@ -30,6 +33,8 @@ cdef struct Batch:
 
 # Zero a Batch before its first use; its memory may be used again and again.
 cdef void batch_free(Batch* batch) noexcept nogil
+# No progress and no outcome yet.
+cdef void batch_begin(Batch* batch) noexcept nogil
 cdef int batch_reserve(Batch* batch, size_t count) noexcept nogil           # 0, or -1: no memory
 # Fills the entries from one serialised TFMessage, whose bytes must outlive them. False: nothing of it can be
 # used, see `problem` and `no_memory`.

@@ -6,6 +6,9 @@ from libc.stdlib cimport free, malloc
 
 from tf2_py._cdr cimport Reader, reader_count, reader_finish, reader_init, reader_transform
 
+cdef enum:
+    KEPT_ENTRIES = 1024     # for the next message
+
 
 cdef void batch_free(Batch* batch) noexcept nogil:
     if batch.capacity:
@@ -14,9 +17,15 @@ cdef void batch_free(Batch* batch) noexcept nogil:
     batch.count = batch.capacity = 0
 
 
+cdef void batch_begin(Batch* batch) noexcept nogil:
+    batch.done = batch.taken = batch.refused = 0
+    batch.waking = batch.no_memory = batch.news = False
+    batch.ready.first = batch.ready.last = NULL
+
+
 cdef int batch_reserve(Batch* batch, size_t count) noexcept nogil:
-    # What was in it is not kept.
-    if count <= batch.capacity and batch.capacity:
+    # What was in it is not kept, nor is the memory that one large message has once needed.
+    if count <= batch.capacity and 0 < batch.capacity <= max(count, <size_t>KEPT_ENTRIES) + 1:
         return 0
     batch_free(batch)
     batch.entries = <Entry*>malloc((count + 1) * sizeof(Entry))

@@ -3,25 +3,35 @@
 cimport cython
 from cpython.exc cimport PyErr_CheckSignals
 from libc.stddef cimport size_t
-from libc.stdint cimport int64_t, uint32_t
+from libc.stdint cimport SIZE_MAX, UINT32_MAX, int64_t, uint32_t, uint64_t
 from libc.string cimport memset
 from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
 
-from tf2_py._batch cimport Batch, Entry
-from tf2_py._lock cimport lock_free, lock_init, lock_read, lock_write, unlock
+from tf2_py._batch cimport Batch, Entry, batch_begin
+from tf2_py._forking cimport FORK_INNER, fork_forget, fork_watch
+from tf2_py._lock cimport lock_free, lock_init, lock_read, lock_write, unlock_read, unlock_write
 from tf2_py._messages cimport new_transform_stamped
-from tf2_py._names cimport NAME_NO_MEMORY, names_intern
+from tf2_py._names cimport NAME_NO_MEMORY, name_for_log
 from tf2_py._query cimport Query, query_error, query_walk
 from tf2_py._snapshot cimport snapshot_names
-from tf2_py._tree cimport TREE_NO_MEMORY, Tree, tree_clear, tree_free, tree_init, tree_insert
+from tf2_py._throttle cimport LINES_PER_MESSAGE, Throttle
+from tf2_py._tree cimport (
+    TREE_NO_MEMORY,
+    Change,
+    Limits,
+    Tree,
+    tree_authority,
+    tree_clear,
+    tree_free,
+    tree_init,
+    tree_insert,
+)
 from tf2_py._types cimport (
-    REFUSED_OLD,
     STATUS_BAD_FIXED,
     STATUS_BAD_SOURCE,
     STATUS_BAD_TARGET,
     STATUS_EXTRAPOLATION,
     STATUS_OK,
-    FrameId,
     Incoming,
     Status,
     Transform,
@@ -30,13 +40,15 @@ from tf2_py._waiters cimport (
     PLACE_NONE,
     Waiter,
     WaiterList,
+    waiter_free,
     waiters_add,
     waiters_free,
     waiters_remove,
-    waiters_wake,
+    wake_begin,
+    wake_step,
 )
 
-from tf2_py import _log
+from tf2_py import _errors, _log
 
 cdef extern from "Python.h":
     ctypedef struct CPythonSized "PyVarObject":
@@ -48,6 +60,9 @@ cdef extern from "<semaphore.h>" nogil:
     int sem_post(sem_t* semaphore)
     int sem_clockwait(sem_t* semaphore, int clock, const timespec* deadline)
 
+NO_LIMITS.frames = NO_LIMITS.waiters = UINT32_MAX
+NO_LIMITS.bytes = SIZE_MAX
+
 # How often a blocked thread looks for signals and for the end of its context.
 cdef int64_t LOOK_UP_NS = 100 * <int64_t>1000000
 
@@ -58,74 +73,113 @@ cdef class Engine:
     def __cinit__(self, *args, **kwargs):
         if lock_init(&self._lock) != 0:
             raise MemoryError
-        if tree_init(&self._tree, DEFAULT_CACHE_TIME_NS) != 0:
+        fork_watch(&self._forked, &self._lock, FORK_INNER)
+        if tree_init(&self._tree, DEFAULT_CACHE_TIME_NS, &NO_LIMITS) != 0:
             raise MemoryError
         self._throttle = _log.Throttle()
         self._observers = []
 
     def __dealloc__(self):
+        fork_forget(&self._forked)
         # Nobody waits any more: every Wait holds its engine.
         waiters_free(&self._waiters)
         tree_free(&self._tree)
         lock_free(&self._lock)
 
-    cdef void insert(self, Batch* batch) noexcept nogil:
-        cdef uint32_t authority
-        cdef size_t i
-        cdef Entry* entry
-        cdef FrameId changed
-        batch.taken = batch.refused = 0
-        batch.ready.first = batch.ready.last = NULL
+    cdef void insert(self, Batch* batch):
+        batch_begin(batch)
+        if self.insert_some(batch):
+            with nogil:
+                while self.insert_some(batch):
+                    pass
+
+    cdef bint insert_some(self, Batch* batch) noexcept nogil:
+        cdef uint32_t authority = 0
+        cdef uint32_t cost
+        cdef uint64_t work
+        cdef int64_t left = SLICE
         lock_write(&self._lock)
-        authority = names_intern(&self._tree.authorities, batch.authority, batch.authority_size)
-        batch.no_memory = authority == NAME_NO_MEMORY
-        for i in range(batch.count):
-            entry = &batch.entries[i]
-            entry.refused = 0
-            if batch.no_memory:
-                continue
-            entry.refused = tree_insert(&self._tree, &entry.incoming, authority, batch.is_static, &changed)
-            if self._waiters.count and (entry.refused == 0 or entry.refused == REFUSED_OLD):
-                # Too old a sample brings its names, too.
-                waiters_wake(&self._waiters, &self._tree, changed, &batch.ready)
-            if entry.refused == 0:
-                batch.taken += 1
-            elif entry.refused == TREE_NO_MEMORY:
-                entry.refused = 0
-                batch.no_memory = True
+        if batch.done < batch.count:
+            # Each time: the buffer may have been emptied meanwhile, with its names.
+            authority = tree_authority(&self._tree, batch.authority, batch.authority_size)
+            batch.no_memory = batch.no_memory or authority == NAME_NO_MEMORY
+        while left > 0 and (batch.waking or batch.done < batch.count):
+            if batch.waking:
+                cost = wake_step(&self._waiters, &self._tree, &batch.wake, &batch.ready)
+                batch.waking = cost > 0
+                left -= cost
             else:
-                batch.refused += 1
+                work = self._tree.work
+                self._insert_next(batch, authority)
+                left -= <int64_t>(1 + self._tree.work - work)
         batch.news = batch.refused > 0 or batch.no_memory or batch.ready.first != NULL
         batch.news = batch.news or _is_filled(<void*>self._observers)
-        unlock(&self._lock)
+        unlock_write(&self._lock)
+        return batch.waking or batch.done < batch.count
+
+    cdef void _insert_next(self, Batch* batch, uint32_t authority) noexcept nogil:
+        cdef Entry* entry = &batch.entries[batch.done]
+        cdef Change* change = &batch.wake.change if self._waiters.count else NULL
+        batch.done += 1
+        entry.refused = 0
+        if batch.no_memory:
+            return
+        entry.refused = tree_insert(&self._tree, &entry.incoming, authority, batch.is_static, change)
+        if entry.refused == 0:
+            batch.taken += 1
+        elif entry.refused == TREE_NO_MEMORY:
+            entry.refused = 0
+            batch.no_memory = True
+        else:
+            batch.refused += 1
+        if change != NULL:
+            wake_begin(&self._waiters, &batch.wake)
+            batch.waking = True
 
     cdef int report(self, Batch* batch, list later) except -1:
-        try:
-            self._deliver(&batch.ready, later)
-        finally:
-            # Whatever a waiter's callback raises.
-            self._log_refused(batch)
+        error = self._deliver(&batch.ready, later)
+        if later is not None:
+            later.extend(self._observers)
+        else:
+            for observer in list(self._observers):
+                try:
+                    observer()
+                except BaseException as raised:
+                    if error is None:
+                        error = raised
+        self._log_refused(batch)
+        if error is not None:
+            raise error
         if batch.no_memory:
             raise MemoryError
         return 0
 
     cdef int _log_refused(self, Batch* batch) except -1:
-        cdef size_t i
-        cdef Incoming* incoming
+        # Text is made only of what is printed.
+        cdef size_t chosen[LINES_PER_MESSAGE]
+        cdef size_t count, i
+        cdef uint64_t more
+        cdef const Incoming* incoming
         if batch.refused == 0:
             return 0
-        for i in range(batch.count):
-            if batch.entries[i].refused:
-                incoming = &batch.entries[i].incoming
-                _log.refused(
-                    self._throttle,
-                    batch.entries[i].refused,
-                    incoming.parent[:incoming.parent_size].decode("utf-8"),
-                    incoming.child[:incoming.child_size].decode("utf-8"),
-                    batch.authority[:batch.authority_size].decode("utf-8"),
-                    incoming.stamp_ns,
-                )
+        count = (<Throttle>self._throttle).choose(batch, chosen, &more)
+        for i in range(count):
+            incoming = &batch.entries[chosen[i]].incoming
+            _log.refused(
+                batch.entries[chosen[i]].refused,
+                name_for_log(incoming.parent, incoming.parent_size),
+                name_for_log(incoming.child, incoming.child_size),
+                name_for_log(batch.authority, batch.authority_size),
+                incoming.stamp_ns,
+            )
+        if more:
+            _log.not_logged(more)
         return 0
+
+    cdef object _too_many_waiters(self):
+        error = _errors.too_many_waiters(self._tree.limits.waiters)
+        _log.too_many_waiters(self._throttle, str(error))
+        return error
 
     cdef object malformed(self, const Batch* batch, size_t size):
         self._malformed += 1
@@ -133,7 +187,7 @@ cdef class Engine:
             f"malformed TFMessage: {batch.problem.decode()}, at byte {batch.problem_at} of {size}"
         )
 
-    cdef int _deliver(self, WaiterList* ready, list later) except -1:
+    cdef object _deliver(self, WaiterList* ready, list later):
         # One by one: what is called may insert, wait or cancel. Whatever one of them raises, all are served.
         cdef Waiter* waiter
         cdef Wait wait
@@ -143,9 +197,9 @@ cdef class Engine:
             waiter = ready.first
             if waiter != NULL:
                 waiters_remove(&self._waiters, waiter)
-            unlock(&self._lock)
+            unlock_write(&self._lock)
             if waiter == NULL:
-                break
+                return error
             # Still there: a Wait leaves under the lock and with the GIL, before it goes.
             wait = <Wait>waiter.owner
             try:
@@ -157,51 +211,65 @@ cdef class Engine:
                 else:
                     later.append(rest)
             except BaseException as raised:
-                error = error or raised
-        if later is not None:
-            later.extend(self._observers)
-        else:
-            for observer in list(self._observers):
-                try:
-                    observer()
-                except BaseException as raised:
-                    error = error or raised
-        if error is not None:
-            raise error
-        return 0
+                if error is None:
+                    error = raised
 
     @property
     def _new_data_callbacks(self):
         """The list of what is called after every insert, by the thread that runs users' code."""
         return self._observers
 
-    cdef void forget(self) noexcept nogil:
+    cdef int forget(self) except -1:
+        cdef Batch batch
         lock_write(&self._lock)
         tree_clear(&self._tree)
-        unlock(&self._lock)
+        # Less data may end a loop; and what the others lack is no longer what they are filed under.
+        self._begin_to_wake_all(&batch)
+        unlock_write(&self._lock)
+        return self._wake_all(&batch)
 
-    cdef int start_over(self, int64_t cache_time_ns) except -1:
+    cdef int start_over(self, int64_t cache_time_ns, const Limits* limits) except -1:
         cdef Tree empty
         cdef Tree old
+        cdef Batch batch
         memset(&empty, 0, sizeof(Tree))
-        if tree_init(&empty, cache_time_ns) != 0:
+        if tree_init(&empty, cache_time_ns, limits) != 0:
             tree_free(&empty)
             raise MemoryError
         lock_write(&self._lock)
         old = self._tree
-        # Waiters are filed under the old tree's frames: the next insert finds a change and looks at them all.
-        empty.changes = old.changes + 1
         self._tree = empty
-        unlock(&self._lock)
-        tree_free(&old)
+        # They are filed under the old tree's frames.
+        self._begin_to_wake_all(&batch)
+        unlock_write(&self._lock)
+        with nogil:
+            tree_free(&old)
         self._malformed = 0
+        return self._wake_all(&batch)
+
+    cdef void _begin_to_wake_all(self, Batch* batch) noexcept nogil:
+        # As if a transform had come that may help everybody. With the lock held.
+        batch.count = 0
+        batch_begin(batch)
+        batch.wake.change.everything = True
+        batch.wake.change.count = 0
+        batch.waking = True
+        wake_begin(&self._waiters, &batch.wake)
+
+    cdef int _wake_all(self, Batch* batch) except -1:
+        with nogil:
+            while self.insert_some(batch):
+                pass
+        error = self._deliver(&batch.ready, None)
+        if error is not None:
+            raise error
         return 0
 
     cdef Status lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil:
         cdef Status status
         lock_read(&self._lock)
         status = query_walk(&self._tree, query, out, stamp_ns)
-        unlock(&self._lock)
+        unlock_read(&self._lock)
         return status
 
     cdef object error(self, const Query* query, Status status, str call="lookupTransform"):
@@ -252,10 +320,12 @@ cdef class Wait:
     def __dealloc__(self):
         if self._engine is not None:
             self._leave()
+        waiter_free(&self._waiter)
         sem_destroy(&self._woken)
 
     cdef int _begin(self, Engine engine, tuple names, const Query* query, object notify) except -1:
         cdef Status status
+        cdef bint too_many
         self._names = names
         self._notify = notify
         self._waiter.query = query[0]
@@ -265,7 +335,13 @@ cdef class Wait:
         self._engine = engine
         lock_write(&engine._lock)
         status = waiters_add(&engine._waiters, &engine._tree, &self._waiter)
-        unlock(&engine._lock)
+        too_many = status.code != STATUS_OK and engine._waiters.count > engine._tree.limits.waiters
+        if too_many:
+            waiters_remove(&engine._waiters, &self._waiter)
+        unlock_write(&engine._lock)
+        if too_many:
+            engine._waits_refused += 1
+            raise engine._too_many_waiters()
         if status.code == STATUS_OK:
             return 0
         # Whatever else is missing, too: with such a name there will never be an answer.
@@ -283,7 +359,7 @@ cdef class Wait:
     cdef void _leave(self) noexcept nogil:
         lock_write(&self._engine._lock)
         waiters_remove(&self._engine._waiters, &self._waiter)
-        unlock(&self._engine._lock)
+        unlock_write(&self._engine._lock)
 
     @property
     def answer(self):
@@ -297,9 +373,9 @@ cdef class Wait:
         """End the wait. Whether it was going on: False where the answer is there, or has been delivered."""
         cdef bint waiting
         lock_write(&self._engine._lock)
-        waiting = self._waiter.place != PLACE_NONE
+        waiting = self._waiter.place != PLACE_NONE and not self._waiter.answered
         waiters_remove(&self._engine._waiters, &self._waiter)
-        unlock(&self._engine._lock)
+        unlock_write(&self._engine._lock)
         return waiting
 
     def reason(self):

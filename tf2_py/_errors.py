@@ -1,5 +1,7 @@
 """Owns the exceptions and their texts."""
 
+from tf2_py._printable import printable
+
 __all__ = [
     "ConnectivityException",
     "ExtrapolationException",
@@ -58,7 +60,7 @@ def seconds(ns: int) -> str:
 def bad_name(name: str, argument: str, call: str = "lookupTransform") -> TransformException:
     """What is wrong with the name of a frame that no lookup accepts; ``call`` is who was given it."""
     is_question = call == "canTransform"
-    given = f'"{name}" passed to {call} argument {argument}'
+    given = f'"{printable(name)}" passed to {call} argument {argument}'
     if name and not name.startswith("/"):
         return LookupException(
             f"Invalid frame ID {given} - frame does not exist" if is_question else f"{given} does not exist"
@@ -68,8 +70,14 @@ def bad_name(name: str, argument: str, call: str = "lookupTransform") -> Transfo
     return InvalidArgumentException(f"Invalid {subject} {given} - in tf2 a frame name {wrong}")
 
 
+def too_many_waiters(most: int) -> TransformException:
+    """The buffer's limit of waits is reached."""
+    return TransformException(f"{most} lookups wait in this buffer already: its max_waiters")
+
+
 def loop(target: str, source: str) -> LookupException:
     """A walk that never came to a root."""
+    target, source = printable(target), printable(source)
     return LookupException(
         f"The tf tree is invalid because it contains a loop, or more than 1000 hops in a row, "
         f"between frame [{source}] and frame [{target}]"
@@ -78,6 +86,7 @@ def loop(target: str, source: str) -> LookupException:
 
 def unconnected(target: str, source: str) -> ConnectivityException:
     """Two frames in different trees."""
+    target, source = printable(target), printable(source)
     return ConnectivityException(
         f"Could not find a connection between '{target}' and '{source}' because they are "
         f"not part of the same tree. Tf has two or more unconnected trees."
@@ -88,6 +97,7 @@ def extrapolation(
     gap: str, child: str, parent: str, requested_ns: int, edge_ns: int, target: str, source: str
 ) -> ExtrapolationException:
     """A history that does not reach the time asked for; ``gap`` is 'empty', 'single', 'future' or 'past'."""
+    child, parent, target, source = map(printable, (child, parent, target, source))
     requested = seconds(requested_ns)
     edge = seconds(edge_ns)
     apart = seconds(abs(requested_ns - edge_ns))

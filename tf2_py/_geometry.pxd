@@ -1,5 +1,6 @@
 """Vector and quaternion maths on C doubles: 3-vectors x y z, quaternions x y z w."""
 
+from libc.float cimport DBL_MAX, DBL_MIN
 from libc.math cimport acos, fabs, isfinite, sin, sqrt
 
 from tf2_py._types cimport Transform
@@ -45,10 +46,10 @@ cdef inline void quaternion_conjugate(const double* q, double* out) noexcept nog
 
 
 cdef inline bint quaternion_normalise(double* q) noexcept nogil:
-    # False, and q unchanged, where the squared norm is zero, infinite or NaN.
+    # False, and q unchanged, where the squared norm is infinite or NaN, or so small that digits are lost.
     cdef double squared = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
     cdef double scale
-    if not isfinite(squared) or squared == 0.0:
+    if not DBL_MIN <= squared <= DBL_MAX:
         return False
     scale = 1.0 / sqrt(squared)
     q[0] *= scale
@@ -56,6 +57,23 @@ cdef inline bint quaternion_normalise(double* q) noexcept nogil:
     q[2] *= scale
     q[3] *= scale
     return True
+
+
+cdef inline bint quaternion_normalise_any(double* q) noexcept nogil:
+    # Of every length that is finite and above zero. False, and q unchanged, for another one.
+    cdef double largest = 0.0
+    cdef int i
+    if quaternion_normalise(q):
+        return True
+    for i in range(4):
+        if not isfinite(q[i]):
+            return False
+        largest = max(largest, fabs(q[i]))
+    if largest == 0.0:
+        return False
+    for i in range(4):
+        q[i] /= largest
+    return quaternion_normalise(q)
 
 
 cdef inline void quaternion_canonicalise(double* q) noexcept nogil:

@@ -4,9 +4,11 @@ import re
 from typing import NamedTuple
 
 from tf2_py._errors import NS_PER_S
+from tf2_py._printable import printable
 
 SHORTEST_SPAN_NS = 100_000  # a shorter history counts as this long when its rate is worked out
 PLAIN_KEY = re.compile(r"[^\W\d][\w.-]*")
+LONGEST_SIMPLE_KEY = 1000  # YAML looks for the colon within 1024 characters
 YAML_WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
 
 
@@ -35,18 +37,21 @@ def _microseconds(ns: int) -> str:
     return f"{whole + 1e-9 * rest:.6f}"
 
 
-def _yaml_key(name: str) -> str:
-    if PLAIN_KEY.fullmatch(name) and name.lower() not in YAML_WORDS:
-        return name
-    return _yaml_quoted(name)
+def _yaml_entry(name: str) -> str:
+    is_plain = PLAIN_KEY.fullmatch(name) and name.lower() not in YAML_WORDS
+    key = name if is_plain else _yaml_quoted(name)
+    return f"{key}: " if len(key) <= LONGEST_SIMPLE_KEY else f"? {key}\n: "
 
 
 def _yaml_quoted(text: str) -> str:
     if text.isprintable():
         return "'" + text.replace("'", "''") + "'"
-    # Only double quotes can escape; YAML takes \UXXXXXXXX.
-    escaped = "".join(c if c.isprintable() and c not in '"\\' else f"\\U{ord(c):08X}" for c in text)
-    return f'"{escaped}"'
+    # Only double quotes can escape; all that printable() makes is an escape there.
+    return '"' + printable(_escaped(text)) + '"'
+
+
+def _escaped(text: str) -> str:
+    return text.replace("\\", "\\\\").replace('"', '\\"')
 
 
 def as_yaml(frames: list[FrameFacts]) -> str:
@@ -56,7 +61,7 @@ def as_yaml(frames: list[FrameFacts]) -> str:
         if f.parent is None:
             continue
         lines += [
-            f"{_yaml_key(f.name)}: ",
+            _yaml_entry(f.name),
             f"  parent: {_yaml_quoted(f.parent)}",
             f"  broadcaster: {_yaml_quoted(f.authority)}",
             f"  rate: {f.rate:.3f}",
@@ -69,11 +74,13 @@ def as_yaml(frames: list[FrameFacts]) -> str:
 
 def as_string(frames: list[FrameFacts]) -> str:
     """One sentence per frame that was ever a child."""
-    return "".join(f"Frame {f.name} exists with parent {f.parent or 'NO_PARENT'}.\n" for f in frames)
+    pairs = ((printable(f.name), printable(f.parent or "NO_PARENT")) for f in frames)
+    return "".join(f"Frame {name} exists with parent {parent}.\n" for name, parent in pairs)
 
 
 def _dot_quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    # Graphviz knows no escapes but these, and would drop the backslash of another one.
+    return '"' + _escaped(printable(text)) + '"'
 
 
 def as_dot(frames: list[FrameFacts], time_ns: int) -> str:

@@ -1,12 +1,12 @@
 """A table of names: UTF-8 bytes to small ids and back, usable without the GIL."""
 
-from libc.stdint cimport uint32_t
+from libc.stdint cimport uint32_t, uint64_t
 
 
 cdef struct Name:
     size_t start            # offset of its first byte in `text`
     uint32_t size           # bytes
-    uint32_t hash
+    uint32_t hash           # the lower half of its name_hash
 
 
 cdef struct Names:
@@ -25,11 +25,14 @@ cdef enum:
     NAME_UNKNOWN = 0xFFFFFFFF
     NAME_NO_MEMORY = 0xFFFFFFFE
 
+# Keyed with a secret of this process: nobody outside can choose names that fall together.
+cdef uint64_t name_hash(const char* text, size_t size) noexcept nogil
+
 # Zero a Names before names_init; after a failed names_init, names_free is still due.
 cdef int names_init(Names* names) noexcept nogil                                    # 0, or -1: no memory
 cdef void names_free(Names* names) noexcept nogil
 cdef uint32_t names_find(const Names* names, const char* text, size_t size) noexcept nogil
 cdef uint32_t names_intern(Names* names, const char* text, size_t size) noexcept nogil
-# A copy good for names_str alone, to be freed with names_free; -1: no memory, nothing to free.
-cdef int names_copy(const Names* names, Names* out) noexcept nogil
-cdef str names_str(const Names* names, uint32_t id)
+# A name as a line of a log shows it: of a long one only the beginning, and its size.
+cdef str name_for_log(const char* text, size_t size)
+cdef const char* names_check(const Names* names) noexcept nogil     # NULL, or which invariant does not hold

@@ -1,32 +1,115 @@
 """Owns names: one append-only text arena, one hash table from bytes to id."""
 
 from libc.stdint cimport UINT32_MAX, uint32_t, uint64_t
-from libc.stdlib cimport calloc, free, malloc, realloc
-from libc.string cimport memcmp, memcpy, memset
+from libc.stdlib cimport calloc, free, realloc
+from libc.string cimport memcmp, memcpy
+
+import os
 
 
 cdef enum:
     FIRST_SLOTS = 64
     FIRST_TEXT = 1024
     LAST_ID = 0x7FFFFFFE    # ids stay below 2^31: the tree keeps a flag in the bit above
+    # In a table half full, a million names by chance lie in a run this long once in 10^15 tables.
+    LONGEST_RUN = 256
+    LOGGED_BYTES = 256      # of a name, in a line of a log
+
+cdef uint64_t KEY[2]    # the secret of this process
 
 
-cdef inline uint32_t _hash(const char* text, size_t size) noexcept nogil:
-    # Eight bytes at a time, folded by multiplication; the multiplier is 2^64 / golden ratio.
-    cdef uint64_t mixed = size
+cdef int _draw_key() except -1:
+    cdef bytes drawn = os.urandom(sizeof(KEY))
+    memcpy(KEY, <const char*>drawn, sizeof(KEY))
+    return 0
+
+
+_draw_key()
+
+
+# SipHash-1-3: J.-P. Aumasson and D. J. Bernstein, SipHash: a fast short-input PRF, 2012, with one round per
+# word and three at the end, as Python, Rust and Ruby hash their strings.
+
+cdef inline uint64_t _rotated(uint64_t word, int bits) noexcept nogil:
+    return word << bits | word >> (64 - bits)
+
+
+cdef inline void _round(uint64_t* v) noexcept nogil:
+    v[0] += v[1]
+    v[2] += v[3]
+    v[1] = _rotated(v[1], 13) ^ v[0]
+    v[3] = _rotated(v[3], 16) ^ v[2]
+    v[0] = _rotated(v[0], 32)
+    v[2] += v[1]
+    v[0] += v[3]
+    v[1] = _rotated(v[1], 17) ^ v[2]
+    v[3] = _rotated(v[3], 21) ^ v[0]
+    v[2] = _rotated(v[2], 32)
+
+
+cdef inline uint64_t _last_word(const char* text, size_t size) noexcept nogil:
+    # The last size % 8 bytes, little-endian, and the size in the highest byte. Reads overlap, so that none
+    # has a length that only shows at run time.
+    cdef size_t left = size & 7
+    cdef uint64_t word = 0
+    cdef uint64_t high = 0
+    if left and size >= 8:
+        memcpy(&word, text + size - 8, 8)
+        word >>= 8 * (8 - left)
+    elif left >= 4:
+        memcpy(&word, text, 4)
+        memcpy(&high, text + left - 4, 4)
+        word |= high << 8 * (left - 4)
+    elif left:
+        word = (<uint64_t><unsigned char>text[0]
+                | <uint64_t><unsigned char>text[left // 2] << 8 * (left // 2)
+                | <uint64_t><unsigned char>text[left - 1] << 8 * (left - 1))
+    return word | <uint64_t>size << 56
+
+
+cdef inline uint64_t _siphash(const char* text, size_t size, uint64_t key_low,
+                              uint64_t key_high) noexcept nogil:
+    # The words are those of a little-endian machine; on another one only the published values would differ.
+    cdef uint64_t v[4]
     cdef uint64_t word
-    while size >= 8:
-        memcpy(&word, text, 8)
-        mixed = (mixed ^ word) * <uint64_t>0x9E3779B97F4A7C15
-        mixed ^= mixed >> 32
-        text += 8
-        size -= 8
-    if size:
-        word = 0
-        memcpy(&word, text, size)
-        mixed = (mixed ^ word) * <uint64_t>0x9E3779B97F4A7C15
-        mixed ^= mixed >> 32
-    return <uint32_t>mixed
+    cdef size_t at
+    v[0] = key_low ^ <uint64_t>0x736F6D6570736575     # "somepseudorandomlygeneratedbytes"
+    v[1] = key_high ^ <uint64_t>0x646F72616E646F6D
+    v[2] = key_low ^ <uint64_t>0x6C7967656E657261
+    v[3] = key_high ^ <uint64_t>0x7465646279746573
+    for at in range(0, size & ~<size_t>7, 8):
+        memcpy(&word, text + at, 8)
+        v[3] ^= word
+        _round(v)
+        v[0] ^= word
+    word = _last_word(text, size)
+    v[3] ^= word
+    _round(v)
+    v[0] ^= word
+    v[2] ^= 0xFF
+    _round(v)
+    _round(v)
+    _round(v)
+    return v[0] ^ v[1] ^ v[2] ^ v[3]
+
+
+cdef uint64_t name_hash(const char* text, size_t size) noexcept nogil:
+    return _siphash(text, size, KEY[0], KEY[1])
+
+
+def hash_with_key(bytes text, bytes key=None):
+    """
+    The hash of a name, as tests see it.
+
+    :param key: 16 bytes; None: the secret of this process.
+    """
+    cdef uint64_t words[2]
+    if key is None:
+        return name_hash(text, len(text))
+    if len(key) != sizeof(words):
+        raise ValueError(f"a key has {sizeof(words)} bytes, not {len(key)}")
+    memcpy(words, <const char*>key, sizeof(words))
+    return _siphash(text, len(text), words[0], words[1])
 
 
 cdef inline uint32_t _find(const Names* names, const char* text, size_t size, uint32_t hash) noexcept nogil:
@@ -58,7 +141,7 @@ cdef void names_free(Names* names) noexcept nogil:
 
 
 cdef uint32_t names_find(const Names* names, const char* text, size_t size) noexcept nogil:
-    return _find(names, text, size, _hash(text, size))
+    return _find(names, text, size, <uint32_t>name_hash(text, size))
 
 
 cdef int _reserve(Names* names, size_t size) noexcept nogil:
@@ -66,7 +149,8 @@ cdef int _reserve(Names* names, size_t size) noexcept nogil:
     cdef size_t wanted
     cdef uint32_t slot, id, capacity
     cdef void* grown
-    if names.text_size + size > names.text_capacity:
+    # Also for an empty name: nobody copies from or to NULL.
+    if names.text == NULL or names.text_size + size > names.text_capacity:
         wanted = names.text_capacity * 2 if names.text_capacity else FIRST_TEXT
         while wanted < names.text_size + size:
             wanted *= 2
@@ -103,7 +187,7 @@ cdef int _reserve(Names* names, size_t size) noexcept nogil:
 
 
 cdef uint32_t names_intern(Names* names, const char* text, size_t size) noexcept nogil:
-    cdef uint32_t hash = _hash(text, size)
+    cdef uint32_t hash = <uint32_t>name_hash(text, size)
     cdef uint32_t id = _find(names, text, size, hash)
     cdef uint32_t slot
     if id != NAME_UNKNOWN:
@@ -124,19 +208,29 @@ cdef uint32_t names_intern(Names* names, const char* text, size_t size) noexcept
     return id
 
 
-cdef int names_copy(const Names* names, Names* out) noexcept nogil:
-    memset(out, 0, sizeof(Names))
-    out.text = <char*>malloc(names.text_size + 1)
-    out.names = <Name*>malloc((names.count + 1) * sizeof(Name))
-    if out.text == NULL or out.names == NULL:
-        names_free(out)
-        return -1
-    memcpy(out.text, names.text, names.text_size)
-    memcpy(out.names, names.names, names.count * sizeof(Name))
-    out.count = names.count
-    return 0
+cdef str name_for_log(const char* text, size_t size):
+    if size <= LOGGED_BYTES:
+        return text[:size].decode("utf-8")
+    # The cut may go through a character.
+    return f"{text[:LOGGED_BYTES].decode('utf-8', 'ignore')}... ({size} bytes)"
 
 
-cdef str names_str(const Names* names, uint32_t id):
-    cdef const Name* name = &names.names[id]
-    return (names.text + name.start)[:name.size].decode("utf-8")
+cdef const char* names_check(const Names* names) noexcept nogil:
+    cdef uint32_t id, slot, run
+    cdef const Name* name
+    for id in range(names.count):
+        name = &names.names[id]
+        if name.start > names.text_size or name.size > names.text_size - name.start:
+            return "a name beyond the text of all names"
+        if name.hash != <uint32_t>name_hash(names.text + name.start, name.size):
+            return "a name's hash is another one's"
+        slot = name.hash & names.slot_mask
+        run = 0
+        while names.slots[slot] != id + 1:
+            if names.slots[slot] == 0:
+                return "a name that its hash does not lead to"
+            slot = (slot + 1) & names.slot_mask
+            run += 1
+            if run > LONGEST_RUN:
+                return "names that fall together in the hash table"
+    return NULL

@@ -9,6 +9,8 @@ from tf2_py._tree cimport Tree, tree_frame
 from tf2_py._types cimport (
     HALF_SOURCE,
     HALF_TARGET,
+    MAX_STAMP_NS,
+    MIN_STAMP_NS,
     NO_FRAME,
     STATUS_BAD_FIXED,
     STATUS_BAD_SOURCE,
@@ -28,11 +30,18 @@ from tf2_py import _errors
 cdef tuple GAP_NAMES = ("none", "empty", "single", "future", "past")
 
 
+cdef int64_t query_time(object time) except? -1:
+    cdef int64_t time_ns = time_to_ns(time)
+    if not MIN_STAMP_NS <= time_ns <= MAX_STAMP_NS:
+        raise OverflowError(f"the time {_errors.seconds(time_ns)} s does not fit into the stamp of a message")
+    return time_ns
+
+
 cdef int query_fill(Query* query, object target_frame, object source_frame, object time) except -1:
     query.target = name_utf8(target_frame, &query.target_size)
     query.source = name_utf8(source_frame, &query.source_size)
     query.fixed = NULL
-    query.source_ns = time_to_ns(time)
+    query.source_ns = query_time(time)
     return 0
 
 
@@ -40,7 +49,7 @@ cdef int query_fill_full(Query* query, object target_frame, object target_time, 
                          object source_time, object fixed_frame) except -1:
     query_fill(query, target_frame, source_frame, source_time)
     query.fixed = name_utf8(fixed_frame, &query.fixed_size)
-    query.target_ns = time_to_ns(target_time)
+    query.target_ns = query_time(target_time)
     return 0
 
 

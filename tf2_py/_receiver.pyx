@@ -10,10 +10,11 @@ from libc.stdint cimport int64_t, uint64_t, uintptr_t
 from libc.string cimport memset
 from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
 
-from tf2_py._batch cimport Batch, batch_free, batch_read_cdr
+from tf2_py._batch cimport Batch, batch_begin, batch_free, batch_read_cdr
 from tf2_py._engine cimport Engine
+from tf2_py._forking cimport FORK_INNER, FORK_OUTER, ForkedLock, fork_forget, fork_watch
 from tf2_py._journal cimport Journal, KeptMessage, journal_clear, journal_keep, kept_data
-from tf2_py._lock cimport Lock, lock_free, lock_init, lock_write, unlock
+from tf2_py._lock cimport Lock, lock_free, lock_init, lock_write, unlock_write
 from tf2_py._messages cimport name_utf8
 from tf2_py._rcl cimport (
     RCL_RET_OK,
@@ -87,15 +88,13 @@ cdef enum Outcome:
     OUTCOME_FAILED              # rcl tells why
 
 
-cdef bint _take_in(Engine engine, Batch* batch) noexcept nogil:
-    # Whether a report is due.
-    engine.insert(batch)
-    return batch.news
+cdef bint _take_some(Engine engine, Batch* batch) noexcept nogil:
+    return engine.insert_some(batch)
 
 
 # Without the GIL nobody can count references: the loop knows the engine by its address alone.
-ctypedef bint (*TakeIn)(void* engine, Batch* batch) noexcept nogil
-cdef TakeIn take_in = <TakeIn>_take_in
+ctypedef bint (*TakeSome)(void* engine, Batch* batch) noexcept nogil
+cdef TakeSome take_some = <TakeSome>_take_some
 
 
 class _OneGuardCondition(NumberOfEntities):
@@ -111,6 +110,7 @@ cdef object ONE_GUARD_CONDITION = _OneGuardCondition(0, 1)
 
 cdef struct ArrivalCounts:
     Lock lock
+    ForkedLock forked               # lock
     uint64_t unseen[MAX_SOURCES]    # messages of each source that no round of an executor has accounted for
     uint64_t depths[MAX_SOURCES]    # of the queues: more messages an executor would not have found there
     bint waiting                    # an executor sleeps, and wants to wake for each message
@@ -128,7 +128,7 @@ cdef void _count(ArrivalCounts* arrivals, size_t source) noexcept nogil:
     if arrivals.wake_at_ns != 0 and _now_ns() >= arrivals.wake_at_ns:
         arrivals.wake_at_ns = 0
         arrivals.turn_due = wake = True
-    unlock(&arrivals.lock)
+    unlock_write(&arrivals.lock)
     if wake and rcl_trigger_guard_condition(arrivals.guard) != RCL_RET_OK:
         rcl_reset_error()
 
@@ -152,6 +152,7 @@ cdef class ArrivalWaitable:
     def __cinit__(self, *_, **__):
         if lock_init(&self._counts.lock) != 0:
             raise MemoryError
+        fork_watch(&self._counts.forked, &self._counts.lock, FORK_INNER)
         self._loops = {}
         self.completed = deque()
         self._watched = True
@@ -175,6 +176,7 @@ cdef class ArrivalWaitable:
             self._counts.depths[i] = depths[i]
 
     def __dealloc__(self):
+        fork_forget(&self._counts.forked)
         lock_free(&self._counts.lock)
 
     def __enter__(self):
@@ -222,14 +224,14 @@ cdef class ArrivalWaitable:
             if self._counts.unseen[i]:
                 self._counts.unseen[i] -= 1
                 break
-        unlock(&self._counts.lock)
+        unlock_write(&self._counts.lock)
         return []
 
     def forget(self, size_t number):
         """Count no more what came from this source."""
         lock_write(&self._counts.lock)
         self._counts.unseen[number] = 0
-        unlock(&self._counts.lock)
+        unlock_write(&self._counts.lock)
 
     def wake(self):
         """Trigger the guard condition."""
@@ -250,7 +252,7 @@ cdef class ArrivalWaitable:
             if not self._watched:
                 self._counts.unseen[i] = 0
             found = found or self._counts.unseen[i] > 0
-        unlock(&self._counts.lock)
+        unlock_write(&self._counts.lock)
         return found
 
     cdef bint _is_watched(self) except -1:
@@ -281,8 +283,8 @@ cdef class Receiver:
 
     cdef void* _engine          # NULL: it is gone; guarded by _door
     cdef Lock _door             # held while the engine is at work
+    cdef ForkedLock _forked     # _door
     cdef object _reference      # called, gives the engine or None
-    cdef object _held           # the engine, between hold() and release()
     cdef str _authority         # keeps the batch's UTF-8 alive
     cdef Batch _batch
     cdef rcl_serialized_message_t _message
@@ -308,6 +310,7 @@ cdef class Receiver:
         cdef Py_ssize_t size
         if lock_init(&self._door) != 0:
             raise MemoryError
+        fork_watch(&self._forked, &self._door, FORK_OUTER)
         if not _message_init(&self._message):
             raise MemoryError
         self._authority = authority
@@ -324,6 +327,7 @@ cdef class Receiver:
         self._watched = []
 
     def __dealloc__(self):
+        fork_forget(&self._forked)
         journal_clear(&self._journal)
         batch_free(&self._batch)
         _message_free(&self._message)
@@ -333,18 +337,7 @@ cdef class Receiver:
         with nogil:
             lock_write(&self._door)
         self._engine = NULL
-        unlock(&self._door)
-
-    def hold(self):
-        """Let nothing into the buffer until :meth:`release`, so that the process can fork meanwhile."""
-        self._held = self._reference()  # for _forget would wait
-        with nogil:
-            lock_write(&self._door)
-
-    def release(self):
-        """End what :meth:`hold` began, in the same thread or in its copy in a forked child."""
-        unlock(&self._door)
-        self._held = None
+        unlock_write(&self._door)
 
     def watch(self, types):
         """
@@ -389,7 +382,7 @@ cdef class Receiver:
         self._journal.first = self._journal.last = NULL
         self._journal.bytes = 0
         self._journal.time_ns = until_ns
-        unlock(&self._door)
+        unlock_write(&self._door)
         memset(&batch, 0, sizeof(Batch))
         batch.authority = self._batch.authority
         batch.authority_size = self._batch.authority_size
@@ -557,15 +550,21 @@ cdef class Receiver:
     cdef void _take_message(self, size_t index) noexcept nogil:
         cdef bint due = False
         cdef bint handed_over = False
-        self._batch.taken = self._batch.refused = 0
+        cdef bint more = False
         lock_write(&self._door)
         if self._engine != NULL:
-            if batch_read_cdr(&self._batch, self._message.buffer, self._message.buffer_length):
+            batch_begin(&self._batch)
+            more = batch_read_cdr(&self._batch, self._message.buffer, self._message.buffer_length)
+            due = not more
+            if more:
                 self._keep_for_jump()
-                due = take_in(self._engine, &self._batch)
-            else:
-                due = True
-        unlock(&self._door)
+        while more and self._engine != NULL:
+            more = take_some(self._engine, &self._batch)
+            due = self._batch.news
+            # A fork, or the end of the buffer, waits for one slice only.
+            unlock_write(&self._door)
+            lock_write(&self._door)
+        unlock_write(&self._door)
         if due:
             handed_over = self._report(index)
         if not handed_over:

@@ -29,6 +29,7 @@ class _Statistics(TypedDict):
     samples: int
     bytes: int
     waiters: int
+    waits_refused: int
     malformed_messages: int
 
 class _Wait:
@@ -41,7 +42,14 @@ class _Wait:
 class BufferCore:
     @property
     def _throttle(self) -> Any: ...
-    def __init__(self, cache_time: _DurationLike | None = None) -> None: ...
+    def __init__(
+        self,
+        cache_time: _DurationLike | None = None,
+        *,
+        max_frames: int | None = None,
+        max_bytes: int | None = None,
+        max_waiters: int | None = None,
+    ) -> None: ...
     def set_transform(self, transform: TransformStamped, authority: str) -> None: ...
     def set_transform_static(self, transform: TransformStamped, authority: str) -> None: ...
     def set_transforms(

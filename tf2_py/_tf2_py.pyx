@@ -7,7 +7,7 @@ from libc.string cimport memset
 from tf2_py._batch cimport Batch, Entry, batch_free, batch_read_cdr, batch_reserve
 from tf2_py._engine cimport DEFAULT_CACHE_TIME_NS, Engine, Wait
 from tf2_py._geometry cimport vector_rotate
-from tf2_py._lock cimport lock_read, unlock
+from tf2_py._lock cimport lock_read, unlock_read
 from tf2_py._messages cimport (
     duration_to_ns,
     name_utf8,
@@ -24,9 +24,10 @@ from tf2_py._query cimport (
     query_fill_full,
     query_fixed,
     query_is_identity,
+    query_time,
 )
 from tf2_py._snapshot cimport snapshot_frames, snapshot_names
-from tf2_py._tree cimport Tree, tree_bytes, tree_check, tree_samples
+from tf2_py._tree cimport Limits, Tree, tree_bytes, tree_check
 from tf2_py._twist cimport twist_between
 from tf2_py._types cimport (
     NO_FRAME,
@@ -43,7 +44,7 @@ from tf2_py._vector cimport Vector, vector_lookup
 from tf2_py._waiters cimport waiters_check
 from tf2_py._walk cimport Path, walk_common_time, walk_lookup
 
-from tf2_py import _errors, _listings, _log
+from tf2_py import _errors, _limits, _listings, _log
 from tf2_py._arrays import as_points, as_times_ns, new_rows
 # Programs catch them by the name of tf2's extension module, too.
 from tf2_py._errors import (
@@ -72,19 +73,31 @@ cdef class BufferCore(Engine):
 
     :param cache_time: how far each frame's history reaches back; anything with ``nanoseconds`` or with
         ``sec`` and ``nanosec``. Default 10 s.
+    :param int max_frames: names of frames. Default: a million.
+    :param int max_bytes: of memory for names and histories. Default: 1 GiB.
+    :param int max_waiters: lookups that wait. Default: a hundred thousand.
+
+    Transforms that would exceed a limit are refused, counted and logged; a wait that would is a
+    ``TransformException``. What is there goes on to answer. The environment's ``TF2_ROS_CYTHON_MAX_FRAMES``,
+    ``TF2_ROS_CYTHON_MAX_BYTES`` and ``TF2_ROS_CYTHON_MAX_WAITERS`` set other defaults.
 
     Frame names are ``str``. Times are anything with ``nanoseconds``, or with ``sec`` and ``nanosec``; time 0
-    asks for the latest time that every frame on the path knows. Every method may be called from any thread.
+    asks for the latest time that every frame on the path knows; one that no message can carry, whose seconds
+    have 32 bits, is an ``OverflowError``. Every method may be called from any thread.
     Calling ``__init__`` again empties the buffer; whoever waits goes on waiting.
     """
 
-    def __init__(self, cache_time=None):
+    def __init__(self, cache_time=None, *, max_frames=None, max_bytes=None, max_waiters=None):
         cdef int64_t cache_time_ns = DEFAULT_CACHE_TIME_NS
+        cdef Limits limits
+        limits.frames = _limits.limit("max_frames", max_frames)
+        limits.bytes = _limits.limit("max_bytes", max_bytes)
+        limits.waiters = _limits.limit("max_waiters", max_waiters)
         if cache_time is not None:
             cache_time_ns = duration_to_ns(cache_time)
         if cache_time_ns < 0:
             raise ValueError(f"cache_time must not be negative, it is {_errors.seconds(cache_time_ns)} s")
-        self.start_over(cache_time_ns)
+        self.start_over(cache_time_ns, &limits)
 
     # What comes in.
 
@@ -121,7 +134,7 @@ cdef class BufferCore(Engine):
 
     def set_transforms(self, transforms, authority, static=False):
         """
-        Add many transforms under one lock.
+        Add many transforms. Other threads may find a part of them meanwhile.
 
         :param transforms: an iterable of what :meth:`set_transform` takes.
         :return: how many were taken; the others are logged and counted.
@@ -305,7 +318,7 @@ cdef class BufferCore(Engine):
             status.code = STATUS_OK
         elif status.code == STATUS_OK and query.fixed != NULL and query_fixed(&self._tree, query) == NO_FRAME:
             status.code = STATUS_BAD_FIXED
-        unlock(&self._lock)
+        unlock_read(&self._lock)
         if status.code != STATUS_OK:
             raise self.error(query, status)
         with nogil:
@@ -346,7 +359,7 @@ cdef class BufferCore(Engine):
         status = query_ends(&self._tree, &query, &target, &source)
         if status.code == STATUS_OK:
             status = walk_common_time(&self._tree, target, source, &path, &common_ns)
-        unlock(&self._lock)
+        unlock_read(&self._lock)
         if status.code == STATUS_OK:
             return new_time(common_ns)
         error = self.error(&query, status, "get_latest_common_time")
@@ -381,7 +394,7 @@ cdef class BufferCore(Engine):
         Angular: the rotation vector between the two poses over the time between them. Linear: the chord
         of the origin over that time, plus angular x (reference point - origin).
         """
-        cdef int64_t time_ns = max(time_to_ns(time), 1)     # a lookup would take 0 for "latest"
+        cdef int64_t time_ns = max(query_time(time), 1)     # a lookup would take 0 for "latest"
         cdef int64_t interval_ns = duration_to_ns(averaging_interval)
         cdef int64_t start_ns, end_ns, common_ns
         cdef Transform start, end, origin, point_frame, reference
@@ -448,15 +461,23 @@ cdef class BufferCore(Engine):
     # What is known.
 
     def all_frames_as_yaml(self):
-        """The frames that hold data as YAML: parent, broadcaster, rate (Hz), times (s), buffer length (s)."""
+        """
+        The frames that hold data as YAML: parent, broadcaster, rate (Hz), times (s), buffer length (s).
+
+        Beyond 1024 frames they need not be of one moment: others use the buffer meanwhile.
+        """
         return _listings.as_yaml(snapshot_frames(&self._tree, &self._lock))
 
     def all_frames_as_string(self):
-        """One sentence for each frame that was ever a child."""
+        """One sentence for each frame that was ever a child; otherwise as :meth:`all_frames_as_yaml`."""
         return _listings.as_string(snapshot_frames(&self._tree, &self._lock))
 
     def _allFramesAsDot(self, time=None):
-        """The frames that hold data as a Graphviz digraph; ages are as of ``time``."""
+        """
+        The frames that hold data as a Graphviz digraph; ages are as of ``time``.
+
+        Otherwise as :meth:`all_frames_as_yaml`.
+        """
         cdef int64_t time_ns = 0 if time is None else time_to_ns(time)
         return _listings.as_dot(snapshot_frames(&self._tree, &self._lock), time_ns)
 
@@ -467,7 +488,7 @@ cdef class BufferCore(Engine):
         cdef bint known
         lock_read(&self._lock)
         known = names_find(&self._tree.names, text, size) != NAME_UNKNOWN
-        unlock(&self._lock)
+        unlock_read(&self._lock)
         return known
 
     def _getFrameStrings(self):
@@ -477,8 +498,8 @@ cdef class BufferCore(Engine):
     def _chain(self, target_frame, target_time, source_frame, source_time, fixed_frame):
         """The frames from source up to the common ancestor and down to target, each once."""
         cdef list chain = []
-        cdef int64_t source_ns = time_to_ns(source_time)
-        cdef int64_t target_ns = time_to_ns(target_time)
+        cdef int64_t source_ns = query_time(source_time)
+        cdef int64_t target_ns = query_time(target_time)
         _extend_chain(chain, self._frames_between(fixed_frame, source_frame, source_ns))
         _extend_chain(chain, self._frames_between(target_frame, fixed_frame, target_ns))
         return snapshot_names(&self._tree, &self._lock, chain)
@@ -497,7 +518,7 @@ cdef class BufferCore(Engine):
         status = query_ends(&self._tree, &query, &target, &source)
         if status.code == STATUS_OK:
             status = walk_lookup(&self._tree, target, source, time_ns, &path, NULL, &stamp_ns)
-        unlock(&self._lock)
+        unlock_read(&self._lock)
         if status.code != STATUS_OK:
             raise self.error(&query, status)
         return ([path.source[i] for i in range(path.source_hops)]
@@ -509,25 +530,24 @@ cdef class BufferCore(Engine):
         What this buffer has done and holds.
 
         :return: a dict: ``taken`` transforms, ``refused`` by reason, ``frames`` and ``samples`` held,
-            ``bytes`` allocated for them, ``waiters``, ``malformed_messages``.
+            ``bytes`` allocated for them, ``waiters``, ``waits_refused``, ``malformed_messages``.
         """
         cdef Tree tree
         cdef size_t size
-        cdef unsigned long long samples
         cdef uint32_t bit, waiters
         lock_read(&self._lock)
         tree = self._tree
         waiters = self._waiters.count
         size = tree_bytes(&self._tree)
-        samples = tree_samples(&self._tree)
-        unlock(&self._lock)
+        unlock_read(&self._lock)
         return {
             "taken": tree.taken,
             "refused": {_log.REFUSALS[bit][1]: tree.refused[bit] for bit in range(REFUSAL_KINDS)},
             "frames": tree.names.count - 1,
-            "samples": samples,
+            "samples": tree.samples,
             "bytes": size,
             "waiters": waiters,
+            "waits_refused": self._waits_refused,
             "malformed_messages": self._malformed,
         }
 
@@ -537,8 +557,8 @@ cdef class BufferCore(Engine):
         lock_read(&self._lock)
         problem = tree_check(&self._tree)
         if problem == NULL:
-            problem = waiters_check(&self._waiters)
-        unlock(&self._lock)
+            problem = waiters_check(&self._waiters, &self._tree)
+        unlock_read(&self._lock)
         if problem != NULL:
             raise AssertionError(problem.decode())
 
@@ -559,5 +579,5 @@ cdef int _fill_vector(Query* query, target_frame, source_frame, fixed_frame, tar
     query.fixed = NULL
     if fixed_frame is not None:
         query.fixed = name_utf8(fixed_frame, &query.fixed_size)
-        query.target_ns = time_to_ns(target_time)
+        query.target_ns = query_time(target_time)
     return 0

@@ -9,6 +9,15 @@ cdef enum:
     NO_FRAME = 0        # id of the reserved name NO_PARENT; as a parent: there is none
     MAX_HOPS = 1000     # hops on each side of a lookup, tf2's limit
 
+cdef extern from *:
+    """
+    #define TF2_MIN_STAMP_NS (-2147483648000000000LL)
+    #define TF2_MAX_STAMP_NS 2147483647999999999LL
+    """
+    # What a stamp of a message can carry: its seconds have 32 bits, with a sign.
+    const int64_t MIN_STAMP_NS "TF2_MIN_STAMP_NS"
+    const int64_t MAX_STAMP_NS "TF2_MAX_STAMP_NS"
+
 
 cdef struct Transform:
     double translation[3]   # x y z in metres: the child's origin in the parent
@@ -78,4 +87,7 @@ cdef enum:
     REFUSED_NEGATIVE_STAMP = 64
     REFUSED_RESERVED_NAME = 128
     REFUSED_OLD = 256
-    REFUSAL_KINDS = 9       # how many bits there are
+    REFUSED_STAMP_TOO_LATE = 512
+    REFUSED_FRAMES = 1024   # the limits of a buffer
+    REFUSED_BYTES = 2048
+    REFUSAL_KINDS = 12      # how many bits there are

@@ -20,6 +20,6 @@ cdef struct Vector:
 
 
 # Answers of `query` at each of the times; its own source time is not looked at. How many were answered: less
-# than `count` where the one after them failed, with its status. Takes the lock in slices.
+# than `count` where the one after them failed, with its status. Takes the lock, but not for long.
 cdef Py_ssize_t vector_lookup(const Tree* tree, Lock* lock, const Query* query, const Vector* vector,
                               Status* status) noexcept nogil

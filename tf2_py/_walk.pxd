@@ -3,7 +3,7 @@
 from libc.stdint cimport int64_t, uint32_t
 
 from tf2_py._tree cimport Tree
-from tf2_py._types cimport MAX_HOPS, FrameId, Status, Transform
+from tf2_py._types cimport MAX_HOPS, FrameId, Gap, Status, Transform
 
 
 cdef struct Path:
@@ -15,9 +15,6 @@ cdef struct Path:
     FrameId top                     # where the two sides meet
 
 
-# As a time of walk_climb: each frame's newest sample, whatever its stamp.
-cdef int64_t LATEST
-
 # All of these read the tree only; the caller holds its lock. `time_ns` 0 asks for the latest common time.
 # `out` NULL only asks whether there is an answer. `stamp_ns` receives the time looked up. `path` is room to
 # work in and afterwards holds the path of a successful lookup.
@@ -25,10 +22,12 @@ cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_
                         Transform* out, int64_t* stamp_ns) noexcept nogil
 cdef Status walk_common_time(const Tree* tree, FrameId target, FrameId source, Path* path,
                              int64_t* common_ns) noexcept nogil
+# Why the history of a frame does not answer for a time.
+cdef Gap walk_gap(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil
 # The newest time that every dynamic frame on the path knows; 0: none of them is dynamic.
 cdef int64_t walk_path_common_time(const Tree* tree, const Path* path) noexcept nogil
-# The path alone, for trees in which no link ever closed a loop; target and source differ. False: there is
-# none, or too long a one. `mixed` is set where a frame met on the way had several parents, so that the path
-# may be another at another time.
+# The path alone, at a time or at NEWEST, for trees in which no link ever closed a loop; target and source
+# differ. False: there is none, or too long a one. `mixed` is set where a frame met on the way had several
+# parents, so that the path may be another at another time.
 cdef bint walk_climb(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, Path* path,
                      bint* mixed) noexcept nogil

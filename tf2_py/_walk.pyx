@@ -1,6 +1,6 @@
 """Owns the way from one frame to another: the path, the time all of it knows, the transform along it."""
 
-from libc.stdint cimport INT64_MAX, INT64_MIN, int64_t, uint32_t, uint64_t
+from libc.stdint cimport INT64_MAX, int64_t, uint32_t, uint64_t
 from libc.string cimport memset
 
 from tf2_py._cache cimport (
@@ -20,7 +20,7 @@ from tf2_py._geometry cimport (
     transform_compose,
     transform_identity,
 )
-from tf2_py._tree cimport MIXED_PARENTS, Tree
+from tf2_py._tree cimport MIXED_PARENTS, NEWEST, Tree
 from tf2_py._types cimport (
     GAP_NONE,
     GAP_PAST,
@@ -45,8 +45,6 @@ cdef enum:
 
 cdef extern from *:
     void __builtin_prefetch(const void* address) nogil
-
-cdef int64_t LATEST = INT64_MIN
 
 
 cdef struct Side:
@@ -87,7 +85,7 @@ cdef inline FrameId _parent(const Tree* tree, FrameId frame, int64_t time_ns, bi
     if not parent & MIXED_PARENTS:
         return parent
     mixed[0] = True
-    if time_ns == LATEST:
+    if time_ns == NEWEST:
         return parent & ~<uint32_t>MIXED_PARENTS
     return cache_parent_at(&tree.caches[frame], time_ns)
 
@@ -149,7 +147,7 @@ cdef int64_t walk_path_common_time(const Tree* tree, const Path* path) noexcept 
     return 0 if common_ns == INT64_MAX else common_ns
 
 
-cdef Gap _gap(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil:
+cdef Gap walk_gap(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil:
     cdef uint32_t older, newer
     cdef uint32_t hint = NEWEST_HINT
     return cache_find(&tree.caches[frame], time_ns, &hint, &older, &newer)
@@ -157,7 +155,7 @@ cdef Gap _gap(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil:
 
 cdef Status _gap_status(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil:
     cdef const Cache* cache = &tree.caches[frame]
-    cdef Gap gap = _gap(tree, frame, time_ns)
+    cdef Gap gap = walk_gap(tree, frame, time_ns)
     cdef Status status
     status.code = STATUS_EXTRAPOLATION
     status.half = HALF_NONE
@@ -183,10 +181,10 @@ cdef Status _first_gap(const Tree* tree, const Path* path, int64_t time_ns) noex
     cdef FrameId frame = NO_FRAME
     cdef Status status
     for i in range(path.target_hops):
-        if frame == NO_FRAME and _gap(tree, path.target[i], time_ns) != GAP_NONE:
+        if frame == NO_FRAME and walk_gap(tree, path.target[i], time_ns) != GAP_NONE:
             frame = path.target[i]
     for i in range(path.source_hops):
-        if frame == NO_FRAME and _gap(tree, path.source[i], time_ns) != GAP_NONE:
+        if frame == NO_FRAME and walk_gap(tree, path.source[i], time_ns) != GAP_NONE:
             frame = path.source[i]
     if frame == NO_FRAME:
         return _plain(STATUS_OK)
@@ -335,7 +333,7 @@ cdef Status walk_common_time(const Tree* tree, FrameId target, FrameId source, P
     if target == source:
         common_ns[0] = tree.caches[source].newest_ns
         return _plain(STATUS_OK)
-    if not tree.ever_looped and walk_climb(tree, target, source, LATEST, path, &mixed):
+    if not tree.ever_looped and walk_climb(tree, target, source, NEWEST, path, &mixed):
         common_ns[0] = walk_path_common_time(tree, path)
         return _plain(STATUS_OK)
     return _reference_common_time(tree, target, source, path, common_ns)
@@ -357,7 +355,7 @@ cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_
             transform_identity(out)
         return _plain(STATUS_OK)
     found = (not tree.ever_looped
-             and walk_climb(tree, target, source, LATEST if latest else time_ns, path, &mixed))
+             and walk_climb(tree, target, source, NEWEST if latest else time_ns, path, &mixed))
     if latest:
         if found:
             stamp_ns[0] = walk_path_common_time(tree, path)

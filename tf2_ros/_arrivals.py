@@ -16,6 +16,8 @@ from rclpy.qos import HistoryPolicy
 from rclpy.subscription import Subscription
 from rclpy.waitable import Waitable
 
+from tf2_ros._forking import keep_for_ever
+
 ArrivalWaitable: Any
 try:
     # After rclpy, which loads the libraries that it needs.
@@ -54,10 +56,10 @@ class Arrivals(ArrivalWaitable, Waitable):
     def __init__(self, node: Node, group: CallbackGroup, subscriptions: Sequence[Subscription]) -> None:
         Waitable.__init__(self, group)
         self._node = weakref.ref(node)
-        guard = GuardCondition(None, None, node.context).handle
-        self.set_up(guard, [_queue_depth(subscription) for subscription in subscriptions], _LOOPS)
+        self._guard = GuardCondition(None, None, node.context).handle
+        self.set_up(self._guard, [_queue_depth(subscription) for subscription in subscriptions], _LOOPS)
         self._closed = False
-        self._starting = threading.Lock()
+        self._starting = threading.RLock()  # reentrant, for a finalizer may close this
         self._thread: threading.Thread | None = None
 
     def hand_over(self, completions: list[Completion]) -> bool:
@@ -83,6 +85,12 @@ class Arrivals(ArrivalWaitable, Waitable):
             node.remove_waitable(self)
         if self.completed:
             self._start_thread()
+
+    def after_fork(self) -> None:
+        """Be dead in a forked child."""
+        keep_for_ever(self._guard)
+        self._closed = True
+        self.completed.clear()
 
     def others_ready(self, wait_set: Any) -> bool:
         """Whether something else of the node is ready to be executed."""
@@ -139,6 +147,7 @@ def _call(completions: list[Completion]) -> None:
         try:
             completion()
         except BaseException as raised:
-            error = error or raised
+            if error is None:
+                error = raised
     if error is not None:
         raise error

@@ -17,6 +17,7 @@ from rclpy.task import Future
 from tf2_msgs.action import LookupTransform
 from tf2_py import TimeoutException
 from tf2_ros._deadlines import deadlines
+from tf2_ros._forking import keep_for_ever, tell_of_fork
 from tf2_ros._handoff import Handoff
 from tf2_ros._qos import lookup_qos
 from tf2_ros._spinner import Spinner
@@ -96,6 +97,7 @@ class Asking:
         self._timer.cancel()
         self._spinner = Spinner(hidden, daemon=True)
         self._spinner.thread.name = "tf2_ros buffer client"
+        tell_of_fork(self)
 
     def ask(self, goal: Any, timeout_ns: int | None, padding_ns: int) -> Question:
         """
@@ -137,6 +139,12 @@ class Asking:
         self._steps.close()
         self.action_client.destroy()
         self._node.destroy_node()
+
+    def after_fork(self) -> None:
+        """Be closed in a forked child; whoever asks there is told so."""
+        self._closed = True
+        self._open.clear()
+        keep_for_ever(self.action_client)
 
     def _step(self, step: Callable[[], None]) -> None:
         try:

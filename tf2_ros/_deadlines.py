@@ -4,11 +4,12 @@ import heapq
 import itertools
 import threading
 import time
-import traceback
 import weakref
+from collections.abc import Callable
 from typing import Protocol
 
-from rclpy.logging import get_logger
+from tf2_ros._forking import LOCK
+from tf2_ros._worker import Worker
 
 __all__ = ["Deadlines", "Expiring", "deadlines"]
 
@@ -26,19 +27,23 @@ class Expiring(Protocol):
         """The deadline has come."""
 
 
-class Deadlines:
+class Deadlines(Worker):
     """
     Calls ``expire()`` of things when their time has come, unless they were over, or dropped, before.
 
-    The thread is a daemon, starts with the first deadline and ends when none is left.
+    The thread starts with the first deadline and ends when none is left.
     """
 
     def __init__(self) -> None:
-        self._changed = threading.Condition()
         self._order = itertools.count()
+        super().__init__("tf2_ros deadlines", "At the end of a timeout")
+
+    def after_fork(self) -> None:
+        """Begin anew: those of before the fork wait in the parent."""
+        super().after_fork()
+        self._changed = threading.Condition(LOCK)
         self._heap: list[tuple[int, int, weakref.ref[Expiring]]] = []
         self._sweep_at = FEW
-        self._thread: threading.Thread | None = None
 
     def add(self, deadline_ns: int, thing: Expiring) -> None:
         """Call ``thing.expire()`` when ``time.monotonic_ns()`` comes to ``deadline_ns``; holds it weakly."""
@@ -47,11 +52,10 @@ class Deadlines:
             heapq.heappush(self._heap, entry)
             if len(self._heap) >= self._sweep_at:
                 self._sweep()
-            if self._thread is None or not self._thread.is_alive():  # not alive: in a forked child
-                self._thread = threading.Thread(target=self._run, name="tf2_ros deadlines", daemon=True)
-                self._thread.start()
-            elif self._heap[0] is entry:
+            starting = self._wanted()
+            if starting is None and self._heap[0] is entry:
                 self._changed.notify()
+        self._start(starting)
 
     def _sweep(self) -> None:
         # Waits usually end well before their deadline; without this their entries would pile up until then.
@@ -59,16 +63,7 @@ class Deadlines:
         heapq.heapify(self._heap)
         self._sweep_at = 2 * len(self._heap) + FEW
 
-    def _run(self) -> None:
-        while (thing := self._next()) is not None:
-            try:
-                thing.expire()
-            except BaseException:
-                # A callback's own; the other deadlines must not suffer from it.
-                get_logger("tf2_ros").error(f"At the end of a timeout: {traceback.format_exc()}")
-            del thing  # not held while waiting for the next
-
-    def _next(self) -> Expiring | None:
+    def _next(self) -> Callable[[], None] | None:
         with self._changed:
             while self._heap:
                 deadline_ns, _, reference = self._heap[0]
@@ -80,7 +75,7 @@ class Deadlines:
                     continue
                 heapq.heappop(self._heap)
                 if thing is not None:
-                    return thing
+                    return thing.expire
             self._thread = None
             return None
 

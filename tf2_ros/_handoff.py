@@ -9,6 +9,8 @@ from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 
+from tf2_ros._forking import keep_for_ever, tell_of_fork
+
 __all__ = ["Handoff"]
 
 
@@ -32,6 +34,7 @@ class Handoff:
         self._closed = False
         own: CallbackGroup = MutuallyExclusiveCallbackGroup() if group is None else group
         self._guard = node.create_guard_condition(self._run, own)
+        tell_of_fork(self)
 
     def put(self, thing: Any) -> None:
         """Hand a thing over, from any thread; without effect when this is closed, or the node gone."""
@@ -53,6 +56,13 @@ class Handoff:
             self._closed = True
         self._node.destroy_guard_condition(self._guard)
         self._things.clear()
+
+    def after_fork(self) -> None:
+        """End, in a forked child: no executor takes anything there."""
+        self._closing = threading.RLock()
+        self._closed = True
+        self._things.clear()
+        keep_for_ever(self._guard.handle)
 
     def _wake(self) -> None:
         with self._closing:

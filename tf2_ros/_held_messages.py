@@ -10,8 +10,9 @@ from typing import Any
 
 from rclpy.time import Time
 
-from tf2_py import BufferCore, InvalidArgumentException, TransformException
+from tf2_py import BufferCore, TransformException
 from tf2_ros._deadlines import deadlines
+from tf2_ros._forking import tell_of_fork
 from tf2_ros._waiting import Lookup
 from tf2_ros.buffer import Buffer
 
@@ -102,6 +103,11 @@ class HeldMessages:
         self._tolerance_ns = 0
         self._queue_size = 0
         self._timeout_ns: int | None = None
+        tell_of_fork(self)
+
+    def after_fork(self) -> None:
+        """Let nobody hold the lock in a forked child."""
+        self._lock = threading.RLock()
 
     def __len__(self) -> int:
         return len(self._held)
@@ -188,7 +194,7 @@ class HeldMessages:
                     held.missing[place] = wait
                 elif place == 0:
                     held.answer = answer
-        except (InvalidArgumentException, ValueError) as error:
+        except (TransformException, OverflowError, ValueError) as error:
             self._drop(held, FilterFailureReason.NO_TRANSFORM_FOUND, str(error))
             return
         if not held.missing:

@@ -63,6 +63,8 @@ class ReceivedSubscription(Subscription):
     def destroy(self) -> None:
         """End it. A subscription lives while somebody uses it, and the receiver's thread always does."""
         if self.tf2_receiving is not None:
+            if self.tf2_receiving.forked:
+                return
             self.tf2_receiving.leave(self)
         for handler in self.tf2_event_handlers:
             handler.destroy()

@@ -1,6 +1,7 @@
 """Owns the asynchronous iteration over what a message filter lets pass."""
 
 from collections import deque
+from contextlib import suppress
 from typing import Any
 
 from tf2_ros._waiting import WakingFuture
@@ -9,11 +10,16 @@ __all__ = ["MessageStream"]
 
 
 class MessageStream:
-    """An asynchronous iterator over things that another thread puts in; ends, when closed, after the last."""
+    """
+    An asynchronous iterator over things that another thread puts in; ends, when closed, after the last.
+
+    Each thing goes to one of those that iterate.
+    """
 
     def __init__(self) -> None:
         self._things: deque[Any] = deque()
-        self._awaiting: list[WakingFuture] = []
+        # Never replaced: whoever is about to be added must be found.
+        self._awaiting: deque[WakingFuture] = deque()
         self._closed = False
 
     def put(self, thing: Any) -> None:
@@ -41,10 +47,11 @@ class MessageStream:
                     raise StopAsyncIteration from None
                 await news
             finally:
-                if news in self._awaiting:
+                with suppress(ValueError):  # it was woken
                     self._awaiting.remove(news)
 
     def _wake(self) -> None:
-        awaiting, self._awaiting = self._awaiting, []
-        for news in awaiting:
-            news.set_result(None)
+        # All of them: one alone might be just leaving. Those that come later see for themselves.
+        for _ in range(len(self._awaiting)):
+            with suppress(IndexError):  # one has left
+                self._awaiting.popleft().set_result(None)

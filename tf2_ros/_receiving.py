@@ -23,6 +23,8 @@ from rclpy.subscription import Subscription
 
 from tf2_py import BufferCore
 from tf2_ros._arrivals import Arrivals, Completion
+from tf2_ros._callback_thread import callback_thread
+from tf2_ros._forking import keep_for_ever
 from tf2_ros._listener_group import ListenerGroup, ReceivedSubscription, wake_executor
 
 Receiver: Any
@@ -69,12 +71,12 @@ def replay(buffer: BufferCore, until_ns: int) -> None:
 
 
 def hand_over(buffer: BufferCore, completion: Completion) -> None:
-    """Call this in the executor of a listener of the buffer; here, where it has none that receives."""
+    """Call this in the executor of a listener of the buffer, or in a thread for callbacks; not here."""
     for receiving in list(_running):
         if receiving.fills(buffer):
             receiving.arrivals.hand_over([completion])
             return
-    completion()
+    callback_thread.put(completion)
 
 
 class Receiving:
@@ -116,7 +118,8 @@ class Receiving:
         ]
         self._receiver: Any = None
         self._stopping = False
-        self._forked = False
+        self._ended = False
+        self.forked = False  # whether the thread is that of a parent process
         # A daemon, so that the interpreter does not wait for it before it runs the exit handlers.
         self._thread = threading.Thread(target=self._run, name="tf2_ros receiver", daemon=True)
         for subscription, _ in subscriptions:
@@ -130,7 +133,7 @@ class Receiving:
     @property
     def alive(self) -> bool:
         """Whether it goes on."""
-        return self._thread.is_alive()
+        return not self.forked and self._thread.is_alive()
 
     def fills(self, buffer: BufferCore) -> bool:
         """Whether the transforms go into this buffer."""
@@ -156,8 +159,18 @@ class Receiving:
         self._stopping = True
         self._wake(wait)
 
+    def after_fork(self) -> bool:
+        """Be dead, in a forked child, without touching the middleware; whether the parent's still works."""
+        self.forked = True
+        # The thread of the parent may have been using them.
+        keep_for_ever(self._guard.handle, self._receiver, *self._sources)
+        self.arrivals.after_fork()
+        return not self._ended
+
     def leave(self, subscription: Subscription) -> None:
         """Take no more from this subscription."""
+        if self.forked:
+            return
         for source in self._sources:
             if source.handle is subscription.handle:
                 source.destroy()
@@ -168,8 +181,8 @@ class Receiving:
         self._wake(wait=not self._sources and not self._stopping)
 
     def _wake(self, wait: bool) -> None:
-        if self._forked:
-            return  # what it would be woken by may have been in use when the process forked
+        if self.forked:
+            return
         self._guard.trigger()
         if wait and self._thread is not threading.current_thread():
             self._thread.join(END_WAIT_S)
@@ -186,10 +199,11 @@ class Receiving:
         while not self._stopping:
             try:
                 if not self._serve():
-                    return
+                    break
             except Exception:
                 get_logger("tf2_ros").error(f"No transforms for {RETRY_S} s: {traceback.format_exc()}")
                 time.sleep(RETRY_S)
+        self._ended = True
 
     def _serve(self) -> bool:
         """Work until something changes; whether there is more to do."""
@@ -313,36 +327,15 @@ def _stop_all() -> None:
         receiving.stop()
 
 
-# A process may fork while another thread inserts: the child's copy of the buffer would stay locked.
-_forking = threading.Lock()
-_held: "list[Receiving]" = []
-
-
-def _before_fork() -> None:
-    _forking.acquire()
-    _held[:] = [receiving for receiving in _running if receiving.alive]
-    for receiving in _held:
-        receiving._receiver.hold()
-
-
-def _release() -> None:
-    for receiving in _held:
-        receiving._receiver.release()
-    _held.clear()
-    _forking.release()
-
-
 def _after_fork_in_child() -> None:
-    count = len(_held)
-    for receiving in _held:
-        receiving._forked = True
-    _release()
-    if count:
+    lost = sum([receiving.after_fork() for receiving in list(_running)])
+    _running.clear()
+    if lost:
         # Not through ROS, whose locks another thread may have held.
         logging.getLogger("tf2_ros").warning(
-            f"Process {os.getpid()} is a fork of one with {count} TransformListener(s): no transforms will "
+            f"Process {os.getpid()} is a fork of one with {lost} TransformListener(s): no transforms will "
             "come in here. Let it be spawned instead, and make listeners of its own."
         )
 
 
-os.register_at_fork(before=_before_fork, after_in_parent=_release, after_in_child=_after_fork_in_child)
+os.register_at_fork(after_in_child=_after_fork_in_child)

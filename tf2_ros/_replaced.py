@@ -11,6 +11,8 @@ from rclpy.time import Time
 
 from tf2_py import BufferCore, TimeoutException
 from tf2_ros._deadlines import deadlines
+from tf2_ros._forking import tell_of_fork
+from tf2_ros._receiving import hand_over
 from tf2_ros._waiting import WakingFuture
 from tf2_ros.buffer_interface import NO_TIMEOUT
 
@@ -27,9 +29,8 @@ ASK_AGAIN_S = 0.02  # what replaced methods answer may depend on anything
 def wait_until(can: Callable[[], Any], timeout_ns: int, alive: Callable[[], bool]) -> None:
     """Ask again and again, until the answer is yes, the time is over, or the context has ended."""
     deadline_ns = time.monotonic_ns() + timeout_ns
-    was_alive = alive()
     while time.monotonic_ns() < deadline_ns and not can():
-        if was_alive and not alive():
+        if not alive():
             return
         threading.Event().wait(ASK_AGAIN_S)
 
@@ -74,15 +75,20 @@ class AskingFuture(WakingFuture):
         timeout_ns: int | None,
     ) -> None:
         super().__init__()
-        self.__core = core
-        self.__can = can
-        self.__look_up = look_up
+        self.__core: BufferCore | None = core
+        self.__can: Callable[[], tuple[Any, str]] | None = can
+        self.__look_up: Callable[[], Any] | None = look_up
         self.__timeout_ns = timeout_ns
-        self.__asking = threading.RLock()
+        self.after_fork()
+        tell_of_fork(self)
         core._new_data_callbacks.append(self.__ask)
         self.__ask()
         if timeout_ns is not None and not self.over():
             deadlines.add(time.monotonic_ns() + timeout_ns, self)
+
+    def after_fork(self) -> None:
+        """Let nobody hold the lock in a forked child."""
+        self.__asking = threading.RLock()
 
     def over(self) -> bool:
         """Whether the wait has ended, in whatever way."""
@@ -90,11 +96,17 @@ class AskingFuture(WakingFuture):
 
     def expire(self) -> None:
         """The timeout is over."""
+        core = self.__core
+        if core is not None:
+            hand_over(core, self.__expire)
+
+    def __expire(self) -> None:
         with self.__asking:
             self.__ask()
-            if not self.over():
+            can = self.__can
+            if can is not None:
                 assert self.__timeout_ns is not None
-                reason = self.__can()[1]
+                reason = can()[1]
                 self.set_exception(
                     TimeoutException(f"Waited {self.__timeout_ns / 1e9} s for the transform: {reason}")
                 )
@@ -115,17 +127,20 @@ class AskingFuture(WakingFuture):
         super().set_exception(exception)
 
     def __end(self) -> None:
-        if self.__ask in self.__core._new_data_callbacks:
-            self.__core._new_data_callbacks.remove(self.__ask)
+        # All three lead to the buffer.
+        core, self.__core, self.__can, self.__look_up = self.__core, None, None, None
+        if core is not None and self.__ask in core._new_data_callbacks:
+            core._new_data_callbacks.remove(self.__ask)
 
     def __ask(self) -> None:
         with self.__asking:
-            if self.over():
+            can, look_up = self.__can, self.__look_up
+            if can is None or look_up is None:
                 return
             try:
-                if not self.__can()[0]:
+                if not can()[0]:
                     return
-                answer = self.__look_up()
+                answer = look_up()
             except BaseException as error:
                 self.set_exception(error)
                 return

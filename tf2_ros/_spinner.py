@@ -3,11 +3,14 @@
 import atexit
 import threading
 import weakref
+from contextlib import suppress
 
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
+
+from tf2_ros._forking import NodeUse, keep_for_ever, tell_of_fork
 
 __all__ = ["END_WAIT_S", "Spinner"]
 
@@ -31,23 +34,37 @@ class Spinner:
     def __init__(self, node: Node, *, daemon: bool, owner: object = None) -> None:
         self._owner = owner
         self.executor = SingleThreadedExecutor(context=node.context)
-        self._ended = False
-        self._ending = threading.Lock()
+        self._guard = self.executor._guard.handle
+        self._node_use = NodeUse(node)
         self.executor.add_node(node)
         self.thread = threading.Thread(target=self._run, name="tf2_ros listener", daemon=daemon)
-        if daemon:
-            # It must not run while the interpreter is taken apart.
-            _running.add(self)
+        # It must not run while the interpreter is taken apart. That waits for threads that are no daemons,
+        # but not where it is interrupted.
+        _running.add(self)
+        tell_of_fork(self)
         self.thread.start()
 
     def stop(self) -> None:
-        """End the thread, and wait for a moment until it has ended, unless this is that thread."""
-        with self._ending:
-            if not self._ended:
-                # In its own thread: shutting it down from another one may pull parts away that it is using.
-                self.executor.create_task(self.executor.shutdown)
+        """
+        End the thread, and wait for a moment until it has ended, unless this is that thread.
+
+        Takes no lock, for finalizers call this.
+        """
+        if self._node_use.forked:
+            return
+        # As the executor's shutdown() begins. The rest is for its own thread: from another one, it may pull
+        # parts away that are in use.
+        self.executor._is_shutdown = True
+        with suppress(InvalidHandle), self._guard:  # it was destroyed: the thread has ended
+            self._guard.trigger_guard_condition()
         if self.thread is not threading.current_thread():
             self.thread.join(END_WAIT_S)
+
+    def after_fork(self) -> None:
+        """Be dead in a forked child."""
+        _running.discard(self)
+        self._owner = None
+        keep_for_ever(self._guard, self.executor._sigint_gc)
 
     def _run(self) -> None:
         try:
@@ -60,11 +77,9 @@ class Spinner:
             # The context ended, or a program shut the executor down, between two looks of the executor.
         finally:
             self._owner = None
-            with self._ending:
-                self._ended = True
-                for node in self.executor.get_nodes():
-                    self.executor.remove_node(node)
-                self.executor.shutdown()
+            for node in self.executor.get_nodes():
+                self.executor.remove_node(node)
+            self.executor.shutdown()
 
     def _spin(self) -> None:
         while self.executor.context.ok() and not self.executor._is_shutdown:

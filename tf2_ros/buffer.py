@@ -38,7 +38,7 @@ from tf2_ros._tf2_names import (
     tf2_ros,
     threading,
 )
-from tf2_ros._waiting import Lookup, TransformFuture, block, duration_ns
+from tf2_ros._waiting import Lookup, TransformFuture, aliveness, block, duration_ns, timeout_ns
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 
 # What `import *` gives from tf2's module.
@@ -80,14 +80,17 @@ class Buffer(BufferCore, BufferInterface):
 
     :param cache_time: how far each frame's history reaches back. Default 10 s.
     :param node: offer the service ``tf2_frames`` and follow the clock of this node.
+    :param limits: ``max_frames``, ``max_bytes``, ``max_waiters``: see :class:`tf2_py.BufferCore`.
 
     It is emptied when its clock jumps back by 1 s or more, and when simulated time is switched on or off.
     Every ``time`` is anything with ``nanoseconds``, or with ``sec`` and ``nanosec``; 0 is the latest time
     that all frames on the path know. Every ``timeout`` is steady time, under simulated time, too.
     """
 
-    def __init__(self, cache_time: Duration | None = None, node: Node | None = None) -> None:
-        BufferCore.__init__(self, cache_time)
+    def __init__(
+        self, cache_time: Duration | None = None, node: Node | None = None, **limits: int | None
+    ) -> None:
+        BufferCore.__init__(self, cache_time, **limits)
         BufferInterface.__init__(self)
         self._cache_time_ns = DEFAULT_CACHE_TIME_NS if cache_time is None else duration_ns(cache_time)
         self._node_context = None if node is None else node.context
@@ -185,7 +188,7 @@ class Buffer(BufferCore, BufferInterface):
         if timeout is not NO_TIMEOUT:
             if self.__is_replaced("can_transform_core"):
                 ask = partial(self.can_transform_core, target_frame, source_frame, time)
-                wait_until(lambda: ask()[0], duration_ns(timeout), self.__context().ok)
+                wait_until(lambda: ask()[0], duration_ns(timeout), aliveness(self.__context()))
             elif self.__becomes_available((target_frame, source_frame, time, None, None), timeout):
                 return (True, "") if return_debug_tuple else True
         can, reason = self.can_transform_core(target_frame, source_frame, time)
@@ -212,7 +215,7 @@ class Buffer(BufferCore, BufferInterface):
                     source_time,
                     fixed_frame,
                 )
-                wait_until(lambda: ask()[0], duration_ns(timeout), self.__context().ok)
+                wait_until(lambda: ask()[0], duration_ns(timeout), aliveness(self.__context()))
             elif self.__becomes_available(
                 (target_frame, source_frame, source_time, fixed_frame, target_time), timeout
             ):
@@ -231,9 +234,9 @@ class Buffer(BufferCore, BufferInterface):
         :param timeout: when to end the future with a ``TimeoutException`` that tells the reason. None: never.
 
         The thread that inserts the missing transform completes the future. Its callbacks run in that thread,
-        too, but those that a listener's thread would run, in the executor that spins the listener's node;
-        where that node never had one, in a thread for callbacks. A name that can never be looked up ends it
-        at once, with an ``InvalidArgumentException``.
+        too, but those that a listener's thread would run, and those of a timeout, in the executor that spins
+        the listener's node; where there is none, or it never had one, in a thread for callbacks. A name that
+        can never be looked up ends it at once, with an ``InvalidArgumentException``.
         """
         if self.__is_replaced(*_CAN, *_LOOKUP):
             arguments = (target_frame, source_frame, time)
@@ -241,7 +244,7 @@ class Buffer(BufferCore, BufferInterface):
                 self,
                 partial(self.can_transform_core, *arguments),
                 partial(self.lookup_transform, *arguments),
-                None if timeout is None else duration_ns(timeout),
+                timeout_ns(timeout),
             )
         return TransformFuture(self, (target_frame, source_frame, time, None, None), timeout)
 
@@ -262,7 +265,7 @@ class Buffer(BufferCore, BufferInterface):
                 self,
                 partial(self.can_transform_full_core, *arguments),
                 partial(self.lookup_transform_full_core, *arguments),
-                None if timeout is None else duration_ns(timeout),
+                timeout_ns(timeout),
             )
         lookup = (target_frame, source_frame, source_time, fixed_frame, target_time)
         return TransformFuture(self, lookup, timeout)

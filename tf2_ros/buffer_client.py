@@ -22,6 +22,7 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
+from tf2_py._printable import printable
 from tf2_ros._asking import FOR_EVER, Asking, Question, ask_directly
 from tf2_ros._tf2_names import (
     Clock,
@@ -34,7 +35,7 @@ from tf2_ros._tf2_names import (
     tf2_ros,
     warnings,
 )
-from tf2_ros._waiting import duration_ns
+from tf2_ros._waiting import duration_ns, timeout_ns
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 
 # What `import *` gives from tf2's module.
@@ -232,7 +233,7 @@ class BufferClient(BufferInterface):
 
     def __process_result(self, result: Any) -> TransformStamped:
         if result.error.error != TF2Error.NO_ERROR:
-            raise EXCEPTIONS.get(result.error.error, TransformException)(result.error.error_string)
+            raise EXCEPTIONS.get(result.error.error, TransformException)(printable(result.error.error_string))
         return result.transform
 
     async def _await(self, goal: Any, timeout: Duration | None) -> TransformStamped:
@@ -240,7 +241,7 @@ class BufferClient(BufferInterface):
         if asking is None or self.action_client is not asking.action_client:
             goal.timeout = _duration_msg(FOR_EVER if timeout is None else timeout)
             return self.__process_goal(goal)
-        question = self._ask(asking, goal, None if timeout is None else duration_ns(timeout))
+        question = self._ask(asking, goal, timeout_ns(timeout))
         try:
             return self.__process_result(_result_of(await question.outcome, goal))
         finally:
@@ -276,14 +277,15 @@ def _result_of(response: Any, goal: Any) -> Any:
         response.status != GoalStatus.STATUS_SUCCEEDED or not result.transform.header.frame_id
     ):
         raise TimeoutException(
-            f"The buffer server did not get the transform from [{goal.source_frame}] to "
-            f"[{goal.target_frame}] in time."
+            f"The buffer server did not get the transform from [{printable(goal.source_frame)}] to "
+            f"[{printable(goal.target_frame)}] in time."
         )
     return result
 
 
 def _duration_msg(timeout: Any) -> Any:
-    return Duration(nanoseconds=min(duration_ns(timeout), FOR_EVER.nanoseconds)).to_msg()
+    longest_ns: int = FOR_EVER.nanoseconds
+    return Duration(nanoseconds=max(-longest_ns, min(duration_ns(timeout), longest_ns))).to_msg()
 
 
 def _time_msg(time: Any) -> TimeMsg:

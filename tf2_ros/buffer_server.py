@@ -106,11 +106,14 @@ class BufferServer:
                 refused.set_exception(bad_name(name, argument))
                 return refused
         timeout_ns = duration_ns(goal.timeout)
-        if timeout_ns > 0:
-            return TransformFuture(self._buffer, lookup, Duration(nanoseconds=timeout_ns))
         future = Future()
         try:
+            if timeout_ns > 0:
+                return TransformFuture(self._buffer, lookup, Duration(nanoseconds=timeout_ns))
             future.set_result(self._look_up_now(goal))
+        except OverflowError as error:
+            # Its nanoseconds add up to a time that no stamp carries.
+            future.set_exception(InvalidArgumentException(str(error)))
         except TransformException as error:
             future.set_exception(error)
         return future

@@ -13,10 +13,12 @@ from rclpy.duration import Duration
 from rclpy.executors import await_or_execute
 from rclpy.node import Node
 
+from tf2_py._printable import printable
+from tf2_ros._forking import tell_of_fork
 from tf2_ros._handoff import Handoff
 from tf2_ros._held_messages import FilterFailureReason, HeldMessages
 from tf2_ros._message_stream import MessageStream
-from tf2_ros._waiting import duration_ns
+from tf2_ros._waiting import FOR_EVER_NS, duration_ns, timeout_ns
 from tf2_ros.buffer import Buffer
 
 __all__ = ["FilterFailureReason", "MessageFilter"]
@@ -39,7 +41,7 @@ class MessageFilter:
     :param queue_size: how many messages may wait; one more drops the oldest. 0: any number.
     :param node: whoever spins it runs the callbacks.
     :param buffer_timeout: how long a message may wait, in steady time. Zero: not at all. None: for ever.
-    :param tolerance: a duration; transforms must be there at the message's stamp and so much later, too.
+    :param tolerance: a finite duration; transforms must be there at the message's stamp and so much later.
 
     Each message passes once or is dropped once, in the order in which its transforms become complete, or it
     is lost for them. Callbacks run one after the other in the node's executor, also where another thread
@@ -67,7 +69,7 @@ class MessageFilter:
         self._node = node
         self._target_frames = _names(target_frames)
         self._queue_size = _size(queue_size)
-        self._timeout_ns = None if buffer_timeout is None else duration_ns(buffer_timeout)
+        self._timeout_ns = timeout_ns(buffer_timeout)
         self._tolerance_ns = _tolerance_ns(tolerance)
         self._failure_callbacks: dict[int, tuple[Callable[..., None], tuple[Any, ...]]] = {}
         self._connections = itertools.count()
@@ -82,6 +84,7 @@ class MessageFilter:
         self._done = Handoff(node, self._deliver)
         self._held = HeldMessages(buffer, self._has_passed, self._has_dropped)
         self._configure()
+        tell_of_fork(self)
         try:
             if input is not None:
                 self.connectInput(input)
@@ -162,6 +165,10 @@ class MessageFilter:
         self._done.close()
         for stream in list(self._streams):
             stream.close()
+
+    def after_fork(self) -> None:
+        """Let nobody hold the lock in a forked child."""
+        self._counting = threading.RLock()
 
     def statistics(self) -> dict[str, Any]:
         """
@@ -269,10 +276,10 @@ class MessageFilter:
         if dropped < NEARLY_ALL or reason is None or time.monotonic() < self._warn_again_at:
             return
         self._warn_again_at = time.monotonic() + WARN_EVERY_S
-        frames = " ".join(self._target_frames)
+        frames = printable(" ".join(self._target_frames))
         self._node.get_logger().warning(
             f"MessageFilter [target={frames}]: {dropped} of the last {SAMPLE} messages were dropped; the "
-            f"last, from frame [{message.header.frame_id}], for {reason.value}. {text}".rstrip()
+            f"last, from frame [{printable(message.header.frame_id)}], for {reason.value}. {text}".rstrip()
         )
 
 
@@ -293,6 +300,8 @@ def _tolerance_ns(tolerance: Duration | None) -> int:
     tolerance_ns = 0 if tolerance is None else duration_ns(tolerance)
     if tolerance_ns < 0:
         raise ValueError(f"tolerance must not be negative, it is {tolerance_ns / 1e9} s")
+    if tolerance_ns >= FOR_EVER_NS:
+        raise ValueError("tolerance must be finite: no transform is there for ever after a stamp")
     return tolerance_ns
 
 

@@ -7,6 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
 
+from tf2_py._rotations import normalise
+
 __all__ = ["from_matrix", "to_arrays", "to_matrix"]
 
 Array = npt.NDArray[np.float64]
@@ -76,12 +78,11 @@ def to_arrays(msgs: Iterable[Any]) -> tuple[Array, Array]:
         numbers = np.array(rows, dtype=np.float64).reshape(len(rows), 7)
     except ValueError as reason:
         raise TypeError(f"the fields of transforms and poses must be numbers: {reason}") from None
-    rotations = numbers[:, 3:]
-    lengths = np.linalg.norm(rotations, axis=1, keepdims=True)
-    bad = ~(np.isfinite(lengths) & (lengths > 0)).ravel()
-    if bad.any():
-        raise ValueError(f"the rotation of message {int(bad.argmax())} must have a finite length above zero")
-    return numbers[:, :3].copy(), rotations / lengths
+    rotations = numbers[:, 3:].copy()
+    bad = normalise(rotations)
+    if bad >= 0:
+        raise ValueError(f"the rotation of message {bad} must have a finite length above zero")
+    return numbers[:, :3].copy(), rotations
 
 
 def _row(msg: Any) -> tuple[float, ...]:

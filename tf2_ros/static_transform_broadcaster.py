@@ -1,5 +1,6 @@
 """Owns sending transforms on /tf_static."""
 
+import threading
 from collections.abc import Iterable
 from copy import deepcopy
 
@@ -8,6 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
+from tf2_ros._forking import tell_of_fork
 from tf2_ros._qos import static_broadcaster_qos, static_overrides
 from tf2_ros._tf2_names import (
     DurabilityPolicy,
@@ -41,10 +43,14 @@ class StaticTransformBroadcaster:
     :param qos: a profile, or the depth of its queue.
 
     Every message holds all transforms sent so far (the attribute ``net_message``), one for each child frame.
+    Several threads may send.
     """
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:
         self.net_message = TFMessage()
+        # Held until a message is published: the last one must hold all.
+        self._sending = threading.RLock()
+        tell_of_fork(self)
         overrides = {}
         if qos is None:
             qos = static_broadcaster_qos()
@@ -53,9 +59,15 @@ class StaticTransformBroadcaster:
 
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
         """Send one transform, or several; each replaces what was sent before for its child frame."""
-        transforms = {sent.child_frame_id: sent for sent in self.net_message.transforms}
-        for new in transforms_of(transform):
-            # A copy: programs fill in one message again and again.
-            transforms[new.child_frame_id] = deepcopy(new)
-        self.net_message.transforms = list(transforms.values())
-        publish_transforms(self.pub_tf, self.net_message.transforms)
+        news = list(transforms_of(transform))
+        with self._sending:
+            transforms = {sent.child_frame_id: sent for sent in self.net_message.transforms}
+            for new in news:
+                # A copy: programs fill in one message again and again.
+                transforms[new.child_frame_id] = deepcopy(new)
+            self.net_message.transforms = list(transforms.values())
+            publish_transforms(self.pub_tf, self.net_message.transforms)
+
+    def after_fork(self) -> None:
+        """Let nobody hold the lock in a forked child."""
+        self._sending = threading.RLock()

@@ -11,6 +11,7 @@ from rclpy.subscription import Subscription
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
+from tf2_ros._forking import NodeUse
 from tf2_ros._listener_group import ListenerGroup, wake_executor
 from tf2_ros._qos import dynamic_overrides, listener_qos, static_listener_qos, static_overrides
 from tf2_ros._receiving import Receiving, can_receive
@@ -86,6 +87,7 @@ class TransformListener:
     _owns_node = False
     _spinner: Spinner | None = None
     _receiving: Receiving | None = None
+    _node_use: NodeUse | None = None
     tf_sub: Subscription | None = None
     tf_static_sub: Subscription | None = None
 
@@ -104,6 +106,7 @@ class TransformListener:
         self.buffer = buffer
         self._owns_node = node is None
         self.node = node = _hidden_node(self) if node is None else node
+        self._node_use = NodeUse(node)
         self.group = ListenerGroup()
         try:
             if not static_only:
@@ -149,6 +152,8 @@ class TransformListener:
 
     def unregister(self) -> None:
         """End the subscriptions and the hidden node; what the buffer knows stays."""
+        if self._is_forked():
+            return
         if self._owns_node:
             if self._spinner is not None:
                 self._spinner.stop()
@@ -160,6 +165,8 @@ class TransformListener:
 
     def __del__(self) -> None:
         """End the thread that spins the node, and the subscriptions; may be called again."""
+        if self._is_forked():
+            return
         attributes = self.__dict__
         if self._receiving is not None:
             # The collector runs in any thread, so it must not wait.
@@ -190,6 +197,10 @@ class TransformListener:
         """Put the static transforms of a message into the buffer; a subclass may do something else."""
         for transform in data.transforms:
             self.buffer.set_transform_static(transform, AUTHORITY)
+
+    def _is_forked(self) -> bool:
+        # The listener is the parent's then: nothing here is to be ended.
+        return self._node_use is not None and self._node_use.forked
 
     def __receive(self) -> None:
         # A thread takes from the subscriptions where nobody can tell the difference.

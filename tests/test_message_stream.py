@@ -1,0 +1,69 @@
+"""The asynchronous iteration of message filters, by several consumers at once."""
+
+import asyncio
+import sys
+import threading
+
+import pytest
+from processes import DEADLINE_S
+
+from tf2_ros._message_stream import MessageStream
+
+pytestmark = pytest.mark.ours
+
+
+def test_a_consumer_that_begins_to_wait_while_others_are_woken_is_woken_next():
+    stream, awaiting = MessageStream(), MessageStream()._awaiting
+    assert not awaiting
+    begin_to_wait = stream._awaiting.append  # as far as a thread has come that is interrupted here
+    stream.put("for another")
+    assert stream._things.popleft() == "for another"
+    woken = []
+
+    class News:
+        def set_result(self, _):
+            woken.append(self)
+
+    begin_to_wait(News())
+    stream.put("for this one")
+    assert len(woken) == 1
+
+
+def test_consumers_in_several_threads_get_each_thing_once_and_all_end():
+    stream, consumers, things = MessageStream(), 4, 2000
+    got = [[] for _ in range(consumers)]
+
+    async def take(own):
+        async for thing in stream:
+            own.append(thing)
+
+    threads = [threading.Thread(target=asyncio.run, args=(take(own),), daemon=True) for own in got]
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        for thread in threads:
+            thread.start()
+        for thing in range(things):
+            stream.put(thing)
+        stream.close()
+        for thread in threads:
+            thread.join(DEADLINE_S)
+    finally:
+        sys.setswitchinterval(interval)
+    assert not any(thread.is_alive() for thread in threads), "a consumer is stranded"
+    assert sorted(sum(got, [])) == list(range(things))
+
+
+def test_a_consumer_that_leaves_takes_nothing_with_it():
+    async def main():
+        stream = MessageStream()
+        leaving = [asyncio.ensure_future(stream.__anext__()) for _ in range(3)]
+        staying = asyncio.ensure_future(stream.__anext__())
+        await asyncio.sleep(0)
+        for one in leaving:
+            one.cancel()
+        stream.put("thing")
+        assert await asyncio.wait_for(staying, DEADLINE_S) == "thing"
+        assert not stream._awaiting
+
+    asyncio.run(main())

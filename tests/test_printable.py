@@ -1,0 +1,40 @@
+"""Text that anybody may have sent, as people see it."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tf2_py._printable import printable
+
+pytestmark = pytest.mark.ours
+
+characters = st.characters() | st.sampled_from("\"'\\\n\x1b\0\u202e\u2028 ")
+
+
+def one_by_one(text):
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+@given(st.text(characters, max_size=20))
+def test_what_does_not_print_is_escaped_and_nothing_else_changes(text):
+    assert printable(text) == one_by_one(text)
+    assert printable(text).isprintable()
+
+
+@pytest.mark.parametrize("text", ["", "base_link", "fäßchen", "机器人", "робот", "a\\nb", "'", '"', "😀"])
+def test_what_prints_stays_the_same_object(text):
+    assert printable(text) is text
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("\x1b[31m", r"\x1b[31m"),
+        ("a\nb\tc\r", r"a\nb\tc\r"),
+        ("\\\n\\\\'\"", "\\\\n\\\\'\""),
+        ("\u202e\u200b\ufeff\u2028", r"\u202e\u200b\ufeff\u2028"),
+        ("\U000e0001\x7f\x85\0", r"\U000e0001\x7f\x85\x00"),
+    ],
+)
+def test_escapes_are_those_of_python(text, shown):
+    assert printable(text) == shown

@@ -1,0 +1,191 @@
+"""What a buffer holds at the most, and that what is there still answers beyond that."""
+
+import threading
+
+import numpy as np
+import pytest
+import rclpy
+from geometry_msgs.msg import PointStamped
+from making import S, at, transform
+from rclpy.duration import Duration
+
+from tf2_py import BufferCore, TransformException
+from tf2_ros import Buffer, MessageFilter
+
+pytestmark = pytest.mark.ours
+
+
+def with_pose(**limits):
+    buffer = BufferCore(**limits)
+    buffer.set_transform(transform("map", "base", 1), "test")
+    return buffer
+
+
+def answers(buffer):
+    buffer._self_check()
+    return buffer.can_transform_core("map", "base", at(1)) == (1, "")
+
+
+def test_frames_beyond_the_limit_are_refused_and_counted():
+    buffer = with_pose(max_frames=100)
+    assert buffer.set_transforms([transform("map", f"frame {i}", 1) for i in range(300)], "test") == 98
+    statistics = buffer.statistics()
+    assert (statistics["frames"], statistics["refused"]["too_many_frames"]) == (100, 202)
+    assert answers(buffer)
+    buffer.set_transform(transform("map", "base", 2), "test")
+    assert buffer.can_transform_core("map", "base", at(2)) == (1, "")
+
+
+def test_a_refused_frame_is_logged_with_its_reason(capfd):
+    buffer = with_pose(max_frames=2)
+    buffer.set_transform(transform("map", "one too many", 1), "test")
+    assert "TF_TOO_MANY_FRAMES" in capfd.readouterr().err
+
+
+def test_samples_beyond_the_limit_of_bytes_are_refused_and_counted():
+    buffer = with_pose(max_bytes=100_000)
+    taken = sum(
+        buffer.set_transforms([transform("map", "base", ns=10**9 + i)], "test") for i in range(1, 5000)
+    )
+    statistics = buffer.statistics()
+    assert 500 < taken < 2000
+    assert statistics["refused"]["too_many_bytes"] == 4999 - taken
+    assert statistics["bytes"] <= 100_000
+    assert answers(buffer)
+
+
+def test_time_goes_on_in_a_buffer_that_is_full():
+    buffer = with_pose(max_bytes=50_000)
+    for i in range(5000):
+        buffer.set_transform(transform("map", "base", ns=10**9 + i), "test")
+    buffer.set_transform(transform("map", "base", 30), "test")
+    assert buffer.can_transform_core("map", "base", at(30)) == (1, "")
+
+
+def test_names_beyond_the_limit_of_bytes_are_refused_and_counted():
+    buffer = with_pose(max_bytes=100_000)
+    for i in range(200):
+        buffer.set_transform(transform("map", f"{i}" + 5000 * "x", 1), "test")
+    statistics = buffer.statistics()
+    assert statistics["refused"]["too_many_bytes"] > 150
+    assert statistics["bytes"] < 250_000
+    assert answers(buffer)
+
+
+def test_authorities_beyond_the_limits_lose_their_name_alone():
+    buffer = with_pose(max_frames=10, max_bytes=100_000)
+    for i in range(100):
+        buffer.set_transform(transform("map", "base", 1 + i / 10), f"authority {i}")
+    assert buffer.statistics()["taken"] == 101
+    assert "(too many authorities)" in buffer.all_frames_as_yaml()
+    assert buffer.statistics()["bytes"] < 100_000
+
+
+def test_waits_beyond_the_limit_are_refused_and_counted():
+    buffer = with_pose(max_waiters=10)
+    waits = [buffer._wait("map", "base", at(2), notify=lambda _: None) for _ in range(10)]
+    for _ in range(5):
+        with pytest.raises(TransformException, match="10 lookups wait in this buffer already"):
+            buffer._wait("map", "base", at(2), notify=lambda _: None)
+    # One that need not wait is served.
+    assert buffer._wait("map", "base", at(1), notify=lambda _: None).answer is not None
+    statistics = buffer.statistics()
+    assert (statistics["waiters"], statistics["waits_refused"]) == (10, 5)
+    buffer.set_transform(transform("map", "base", 3), "test")
+    assert all(wait.answer is not None for wait in waits)
+    buffer._wait("map", "base", at(4), notify=lambda _: None)
+    assert answers(buffer)
+
+
+def test_an_answer_that_is_there_is_given_beyond_the_limit_of_waits():
+    buffer = with_pose()
+    waits = [buffer._wait("map", "nowhere", at(1), notify=lambda _: None) for _ in range(3)]
+    buffer.__init__(max_waiters=1)
+    buffer.set_transform(transform("map", "base", 1), "test")
+    assert buffer._wait("map", "base", at(1), notify=lambda _: None).answer is not None
+    with pytest.raises(TransformException, match="max_waiters"):
+        buffer._wait("map", "base", at(2), notify=lambda _: None)
+    assert buffer.statistics()["waiters"] == len(waits)
+
+
+def test_readers_do_not_make_a_full_buffer_refuse():
+    # The ring just fits; while somebody reads it, it must go on in other memory, which must not be larger.
+    buffer = BufferCore(Duration(nanoseconds=3300), max_bytes=300_000)
+    for i in range(3301):
+        buffer.set_transform(transform("map", "base", ns=S + i), "test")
+    done = threading.Event()
+    times = np.full(100_000, S + 1, dtype=np.int64)
+
+    def read():
+        while not done.is_set():
+            buffer.lookup_transforms("map", "base", times, on_missing="nan")
+
+    thread = threading.Thread(target=read)
+    thread.start()
+    try:
+        for i in range(3301, 20_000):
+            buffer.set_transform(transform("map", "base", ns=S + i), "test")
+    finally:
+        done.set()
+        thread.join()
+    statistics = buffer.statistics()
+    assert (statistics["taken"], statistics["refused"]["too_many_bytes"]) == (20_000, 0)
+    buffer._self_check()
+
+
+def test_a_message_filter_drops_what_it_may_not_wait_for(ros):
+    buffer = Buffer(max_waiters=1)
+    wait = buffer._wait("nowhere", "base", at(1), notify=lambda _: None)
+    node = rclpy.create_node("limited")
+    message_filter = MessageFilter(None, buffer, "map", 10, node=node)
+    point = PointStamped()
+    point.header.frame_id = "base"
+    point.header.stamp.sec = 1
+    message_filter.add(point)
+    statistics = message_filter.statistics()
+    assert (statistics["waiting"], statistics["dropped"]["NO_TRANSFORM_FOUND"]) == (0, 1)
+    message_filter.close()
+    node.destroy_node()
+    wait.cancel()
+
+
+def test_a_future_beyond_the_limit_of_waits_is_refused_to_whoever_asks_for_it():
+    buffer = Buffer(max_waiters=1)
+    first = buffer.wait_for_transform_async("map", "base", at(1))
+    with pytest.raises(TransformException, match="max_waiters"):
+        buffer.wait_for_transform_async("map", "base", at(1))
+    buffer.set_transform(transform("map", "base", 1), "test")
+    assert first.done()
+
+
+@pytest.mark.parametrize("name", ["max_frames", "max_bytes", "max_waiters"])
+def test_the_environment_sets_limits_for_programs_that_do_not(name, monkeypatch):
+    monkeypatch.setenv(f"TF2_ROS_CYTHON_{name.upper()}", "nonsense")
+    with pytest.raises(ValueError, match=name.upper()):
+        BufferCore()
+    BufferCore(**{name: 1000})
+    monkeypatch.setenv(f"TF2_ROS_CYTHON_{name.upper()}", "1000")
+    BufferCore()
+
+
+@pytest.mark.parametrize("value", [0, -1, 1 << 63])
+def test_a_limit_that_is_none_is_a_value_error(value):
+    with pytest.raises(ValueError, match="max_frames must be above 0"):
+        BufferCore(max_frames=value)
+
+
+def test_a_limit_that_is_no_number_is_a_type_error():
+    with pytest.raises(TypeError, match="max_bytes must be an int"):
+        BufferCore(max_bytes="1000")
+
+
+def test_samples_of_one_stamp_are_few_however_many_come():
+    buffer = BufferCore()
+    for i in range(10_000):
+        buffer.set_transform(transform("map", "base", 1, (i, 0, 0)), "test")
+    assert buffer.statistics()["samples"] < 100
+    last = buffer.lookup_transform_core("map", "base", at(1))
+    assert last.transform.translation.x == 9999
+    # Once it is the oldest stamp of several, its first sample answers, as in tf2.
+    buffer.set_transform(transform("map", "base", 2), "test")
+    assert buffer.lookup_transform_core("map", "base", at(1)).transform.translation.x == 0

@@ -1,0 +1,73 @@
+"""Owns what a fork leaves to the child: locks that nobody holds, and a middleware that nobody touches."""
+
+import os
+import threading
+import weakref
+from typing import Any, Protocol
+
+from rclpy.node import Node
+
+from tf2_py._forking import keep_for_ever, skip_exit_handlers
+
+__all__ = ["LOCK", "Inherited", "NodeUse", "keep_for_ever", "tell_of_fork"]
+
+# For short steps of waiting, none of which runs a user's code. One for the whole process, so that a fork can
+# wait for all of them; reentrant, for finalizers and signal handlers may wait, too.
+LOCK = threading.RLock()
+
+
+class Inherited(Protocol):
+    """What a forked child has from its parent."""
+
+    def after_fork(self) -> None:
+        """Called in the child, whose only thread is the one that forked."""
+
+
+# By their addresses: a subclass may have no hash.
+_inherited: "dict[int, weakref.ref[Inherited]]" = {}
+
+
+def tell_of_fork(thing: Inherited) -> None:
+    """Call ``after_fork()`` of this in every forked child; holds it weakly."""
+    address, forget = id(thing), _inherited.pop
+    _inherited[address] = weakref.ref(thing, lambda _: forget(address, None))
+
+
+class NodeUse:
+    """
+    A node that this process communicates by, on behalf of somebody who keeps this.
+
+    In a forked child the threads of the middleware are missing, so that destroying any part of the node may
+    hang, also at the child's exit. Nothing of it is ever destroyed there.
+    """
+
+    def __init__(self, node: Any) -> None:
+        self.forked = False  # whether the node is that of a parent process
+        self._node = weakref.ref(node) if isinstance(node, Node) else None
+        tell_of_fork(self)
+
+    def after_fork(self) -> None:
+        """See the class."""
+        self.forked = True
+        node = None if self._node is None else self._node()
+        if node is not None:
+            keep_for_ever(node.handle, *(part.handle for part in _parts(node)))
+
+
+def _parts(node: Node) -> list[Any]:
+    parts: list[Any] = [*node.publishers, *node.subscriptions, *node.clients, *node.services]
+    return [*parts, *node.timers, *node.guards]
+
+
+def _after_fork_in_child() -> None:
+    LOCK.release()
+    inherited = [reference() for reference in list(_inherited.values())]
+    for thing in inherited:
+        if thing is not None:
+            thing.after_fork()
+    if any(isinstance(thing, NodeUse) for thing in inherited):
+        # Those of the middleware join threads that the child does not have.
+        skip_exit_handlers()
+
+
+os.register_at_fork(before=LOCK.acquire, after_in_parent=LOCK.release, after_in_child=_after_fork_in_child)

@@ -442,6 +442,22 @@ class TestEnd:
         assert not listener.dedicated_listener_thread.is_alive()
 
     @pytest.mark.ours
+    @pytest.mark.parametrize("whose", ["its own", "a program's"])
+    def test_a_finalizer_joins_no_thread(self, tf2_ros, ros, node, buffer, monkeypatch, whose):
+        """Joining takes a lock of `threading`, and the collector may run while this thread holds it."""
+        if whose == "its own":
+            listener = tf2_ros.TransformListener(buffer, None)
+        else:
+            listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
+        thread = listener.dedicated_listener_thread
+        joined = []
+        with monkeypatch.context() as patch:
+            patch.setattr(threading.Thread, "join", lambda thread, timeout=None: joined.append(thread))
+            listener.__del__()
+        assert joined == []
+        until(lambda: not thread.is_alive())
+
+    @pytest.mark.ours
     def test_it_goes_with_its_node(self, tf2_ros, buffer, ros):
         node = ros.create_node("passing")
         references = [weakref.ref(node), weakref.ref(tf2_ros.TransformListener(buffer, node))]

@@ -95,7 +95,7 @@ class Asking:
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = hidden.create_timer(period_s, partial(self._step, self._look), clock=steady)
         self._timer.cancel()
-        self._spinner = Spinner(hidden, daemon=True)
+        self._spinner = Spinner(hidden, daemon=True, at_end=self._destroy)
         self._spinner.thread.name = "tf2_ros buffer client"
         tell_of_fork(self)
 
@@ -128,23 +128,29 @@ class Asking:
         if not question.over():
             self._steps.put(partial(self._abandon, question))
 
-    def close(self) -> None:
-        """End; what is being asked ends with a TimeoutException."""
+    def close(self, *, wait: bool = True) -> None:
+        """
+        End; what is being asked ends with a TimeoutException.
+
+        :param wait: until the thread has ended. Not from a finalizer, see `Spinner.stop`.
+        """
         if self._closed:
             return
         self._closed = True
-        self._spinner.stop()
+        self._spinner.stop(wait=wait)
         for question in list(self._open):
             self._fail(question, DESTROYED)
-        self._steps.close()
-        self.action_client.destroy()
-        self._node.destroy_node()
 
     def after_fork(self) -> None:
         """Be closed in a forked child; whoever asks there is told so."""
         self._closed = True
         self._open.clear()
         keep_for_ever(self.action_client)
+
+    def _destroy(self) -> None:
+        self._steps.close()
+        self.action_client.destroy()
+        self._node.destroy_node()
 
     def _step(self, step: Callable[[], None]) -> None:
         try:

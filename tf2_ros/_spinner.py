@@ -3,6 +3,7 @@
 import atexit
 import threading
 import weakref
+from collections.abc import Callable
 from contextlib import suppress
 
 from rclpy.exceptions import InvalidHandle
@@ -26,13 +27,22 @@ class Spinner:
     :param daemon: let the interpreter exit while the thread runs. Otherwise the program goes on until the
         node's context is shut down.
     :param owner: kept alive by the thread.
+    :param at_end: called by the thread when it ends, to destroy what only it uses.
 
     The thread ends with :meth:`stop`, with the shutdown of ``executor``, and with the node's context. It
     idles when another executor takes the node.
     """
 
-    def __init__(self, node: Node, *, daemon: bool, owner: object = None) -> None:
+    def __init__(
+        self,
+        node: Node,
+        *,
+        daemon: bool,
+        owner: object = None,
+        at_end: Callable[[], None] | None = None,
+    ) -> None:
         self._owner = owner
+        self._at_end = at_end
         self.executor = SingleThreadedExecutor(context=node.context)
         self._guard = self.executor._guard.handle
         self._node_use = NodeUse(node)
@@ -44,11 +54,12 @@ class Spinner:
         tell_of_fork(self)
         self.thread.start()
 
-    def stop(self) -> None:
+    def stop(self, *, wait: bool = True) -> None:
         """
-        End the thread, and wait for a moment until it has ended, unless this is that thread.
+        End the thread.
 
-        Takes no lock, for finalizers call this.
+        :param wait: for a moment until it has ended, unless this is that thread. Not from a finalizer: it may
+            run inside any other function of this thread, also one that holds a lock which joining takes.
         """
         if self._node_use.forked:
             return
@@ -57,13 +68,13 @@ class Spinner:
         self.executor._is_shutdown = True
         with suppress(InvalidHandle), self._guard:  # it was destroyed: the thread has ended
             self._guard.trigger_guard_condition()
-        if self.thread is not threading.current_thread():
+        if wait and self.thread is not threading.current_thread():
             self.thread.join(END_WAIT_S)
 
     def after_fork(self) -> None:
         """Be dead in a forked child."""
         _running.discard(self)
-        self._owner = None
+        self._owner = self._at_end = None
         keep_for_ever(self._guard, self.executor._sigint_gc)
 
     def _run(self) -> None:
@@ -80,6 +91,9 @@ class Spinner:
             for node in self.executor.get_nodes():
                 self.executor.remove_node(node)
             self.executor.shutdown()
+            at_end, self._at_end = self._at_end, None
+            if at_end is not None:
+                at_end()
 
     def _spin(self) -> None:
         while self.executor.context.ok() and not self.executor._is_shutdown:

@@ -104,15 +104,14 @@ class BufferClient(BufferInterface):
         self._asking = Asking(node, ns, 1.0 / check_frequency)
         self.action_client = self._asking.action_client
         # Whoever forgets destroy() leaves no thread; at exit it ends by itself.
-        self._end = weakref.finalize(self, self._asking.close)
-        self._end.atexit = False
+        weakref.finalize(self, self._asking.close, wait=False).atexit = False
 
     def destroy(self) -> None:
         """End the client; lookups that are going on end with a TimeoutException."""
         if self._asking is None or self.action_client is not self._asking.action_client:
             self.action_client.destroy()
         if self._asking is not None:
-            self._end()
+            self._asking.close()
 
     def lookup_transform(
         self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT

@@ -154,30 +154,30 @@ class TransformListener:
         """End the subscriptions and the hidden node; what the buffer knows stays."""
         if self._is_forked():
             return
-        if self._owns_node:
-            if self._spinner is not None:
-                self._spinner.stop()
+        if not self._owns_node:
+            for subscription in (self.tf_sub, self.tf_static_sub):
+                if subscription is not None:
+                    self.node.destroy_subscription(subscription)
+        elif self._spinner is not None:
+            self._spinner.stop()  # whose thread destroys the node
+        else:
             self.node.destroy_node()
-            return
-        for subscription in (self.tf_sub, self.tf_static_sub):
-            if subscription is not None:
-                self.node.destroy_subscription(subscription)
 
     def __del__(self) -> None:
         """End the thread that spins the node, and the subscriptions; may be called again."""
         if self._is_forked():
             return
         attributes = self.__dict__
+        # The collector runs in any thread, inside any function, so it must not wait.
         if self._receiving is not None:
-            # The collector runs in any thread, so it must not wait.
             self._receiving.stop(wait=False)
         if self._spinner is not None:
-            self._spinner.stop()
+            self._spinner.stop(wait=False)
         elif "executor" in attributes and "dedicated_listener_thread" in attributes:
             # A subclass made them, as this class would have.
             self.executor.shutdown()
             self.dedicated_listener_thread.join(END_WAIT_S)
-        if "node" in attributes:
+        if "node" in attributes and not (self._owns_node and self._spinner is not None):
             self.unregister()
 
     def __enter__(self) -> "TransformListener":
@@ -221,7 +221,7 @@ class TransformListener:
     def __spin(self) -> None:
         # A hidden node is the listener's alone; a program's own is spun whatever becomes of the listener.
         if self._owns_node:
-            spinner = Spinner(self.node, daemon=True)
+            spinner = Spinner(self.node, daemon=True, at_end=self.node.destroy_node)
         else:
             spinner = Spinner(self.node, daemon=False, owner=self)
         self._spinner = spinner

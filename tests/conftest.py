@@ -3,13 +3,14 @@
 import fcntl
 import importlib
 import os
+import random
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
 import pytest
-from processes import start
+from processes import DEADLINE_S, start
 
 ROOT = Path(__file__).resolve().parent.parent
 DOMAINS = range(1, 102)  # the ports of higher ones may be taken by the system
@@ -17,7 +18,8 @@ DOMAINS = range(1, 102)  # the ports of higher ones may be taken by the system
 
 def _claim_domain():
     # The lock is held as long as this process lives: test runs beside each other must not hear each other.
-    for domain in DOMAINS:
+    # Not always the same domain: a run that was killed leaves locks of Fast DDS in shared memory.
+    for domain in random.sample(DOMAINS, len(DOMAINS)):
         lock = open(Path(tempfile.gettempdir()) / f"tf2-ros-cython-domain-{domain}.lock", "w")
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -162,6 +164,11 @@ def flood():
 
     yield start_flood
     for process in processes:
-        process.kill()
-        process.wait()
-        process.stdout.close()
+        # Killed, it might hold a lock in the shared memory of those it sends to.
+        process.terminate()
+        try:
+            process.wait(DEADLINE_S)
+        finally:
+            process.kill()
+            process.wait()
+            process.stdout.close()

@@ -10,6 +10,8 @@ import threading
 import time
 
 import rclpy
+from rclpy.exceptions import InvalidHandle
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import QoSProfile
 
 from bench.contestants.serialised import NS_PER_S, Template
@@ -24,19 +26,23 @@ def main(rate, count, messages):
     node = rclpy.create_node("flooding")
     publisher = node.create_publisher(TFMessage, "/tf", QoSProfile(depth=DEPTH))
     template = Template(count)
-    while publisher.get_subscription_count() == 0:
+    while rclpy.ok() and publisher.get_subscription_count() == 0:
         threading.Event().wait(0.005)
     began = time.monotonic()
     n = 0
-    while n < messages or not messages:
+    while rclpy.ok() and (n < messages or not messages):
         early_s = began + n / rate - time.monotonic()
         if early_s > 0:
             time.sleep(early_s)  # the rate is what this program is about
-        publisher.publish(template.message(START_NS + n * NS_PER_S // rate, n))
+        try:
+            publisher.publish(template.message(START_NS + n * NS_PER_S // rate, n))
+        except (InvalidHandle, rclpy_implementation.RCLError):
+            break  # it was told to end
         n += 1
     print(time.monotonic() - began, flush=True)
-    publisher.wait_for_all_acked()
-    rclpy.shutdown()
+    if rclpy.ok():
+        publisher.wait_for_all_acked()
+    rclpy.try_shutdown()
 
 
 if __name__ == "__main__":

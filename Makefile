@@ -3,7 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 PY := $(VENV)/bin/python
 PACKAGES := tf2_py tf2_ros tf2_geometry_msgs tf2_sensor_msgs tf2_ros_cython
-SOURCES := pyproject.toml setup.py setup.cfg $(wildcard build_backend/*.py $(PACKAGES:%=%/*.pyx) $(PACKAGES:%=%/*.pxd)) \
+SOURCES := pyproject.toml setup.py setup.cfg $(wildcard build_backend/*.py) \
+	$(wildcard $(foreach folder,$(PACKAGES) $(PACKAGES:%=%/*),$(folder)/*.pyx $(folder)/*.pxd)) \
 	$(wildcard tf2_msgs/*/*.msg tf2_msgs/*/*.srv tf2_msgs/*/*.action)
 
 # A Python that has the ROS wheels leaves this mark and its own library path to its children, and the Python of .venv

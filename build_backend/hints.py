@@ -21,7 +21,7 @@ def hints(source):
 
 
 def main(packages):
-    sources = [source for package in packages for source in sorted(Path(package).glob("*.pyx"))]
+    sources = [source for package in packages for source in sorted(Path(package).rglob("*.pyx"))]
     said = "".join(map(hints, sources))
     print(said, end="")
     return 1 if said else 0

@@ -4,7 +4,7 @@ import os
 
 from . import environment
 
-NAME = "tf2_py._receiver"
+NAME = "tf2_ros._receive.loop"
 
 # Of these it calls functions; rmw's, which it also uses, are macros.
 _LIBRARIES = ("rcl", "rcutils")

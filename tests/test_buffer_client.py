@@ -15,7 +15,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.time import Time
 from spinning import spun_node
 
-from tf2_ros._deadlines import deadlines
+from tf2_ros._wait.deadlines import deadlines
 
 LATEST = Time()
 LONG = Duration(seconds=DEADLINE_S)

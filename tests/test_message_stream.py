@@ -7,7 +7,7 @@ import threading
 import pytest
 from processes import DEADLINE_S
 
-from tf2_ros._message_stream import MessageStream
+from tf2_ros._wait.message_stream import MessageStream
 
 pytestmark = pytest.mark.ours
 

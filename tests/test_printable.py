@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tf2_py._printable import printable
+from tf2_py._objects.printable import printable
 
 pytestmark = pytest.mark.ours
 

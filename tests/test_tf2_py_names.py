@@ -8,7 +8,7 @@ import sys
 
 import pytest
 from making import transform
-from tf2_py._names import hash_with_key
+from tf2_py._core.names import hash_with_key
 
 pytestmark = pytest.mark.ours
 
@@ -58,7 +58,7 @@ def test_a_key_has_sixteen_bytes():
 
 
 def test_each_process_has_a_key_of_its_own():
-    program = "from tf2_py._names import hash_with_key; print(hash_with_key(b'map'))"
+    program = "from tf2_py._core.names import hash_with_key; print(hash_with_key(b'map'))"
     answers = {answer_of(program, PYTHONHASHSEED="0") for _ in range(3)}
     assert len(answers) == 3
 

@@ -8,7 +8,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from test_tf2_py_cdr import encode
 
 from tf2_msgs.msg import TFMessage
-from tf2_py._wire import serialize_transforms
+from tf2_py._objects.serialize import serialize_transforms
 
 pytestmark = pytest.mark.ours
 

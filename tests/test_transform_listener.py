@@ -27,7 +27,7 @@ LATEST = Time()
 def road(request, monkeypatch):
     """By which of its two roads a listener gets transforms: a thread of its own, or who spins the node."""
     if request.param == "executor":
-        monkeypatch.setattr("tf2_ros._receiving.Receiver", None)
+        monkeypatch.setattr("tf2_ros._receive.thread.Receiver", None)
     return request.param
 
 

@@ -16,8 +16,8 @@ from rclpy.time import Time
 from spinning import spinning
 
 from tf2_py import BufferCore
-from tf2_ros._deadlines import deadlines
-from tf2_ros._waiting import TransformFuture
+from tf2_ros._wait.deadlines import deadlines
+from tf2_ros._wait.waiting import TransformFuture
 
 pytestmark = pytest.mark.ours
 

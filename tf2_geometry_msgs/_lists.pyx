@@ -2,8 +2,8 @@
 
 from tf2_geometry_msgs._parts cimport part, point32_layout
 from tf2_geometry_msgs._transform cimport carried_point, carried_pose, stamped
-from tf2_py._messages cimport Layout, read_transform
-from tf2_py._types cimport Transform
+from tf2_py._core.types cimport Transform
+from tf2_py._objects.messages cimport Layout, read_transform
 
 from geometry_msgs.msg import Polygon, PolygonStamped, PoseArray
 

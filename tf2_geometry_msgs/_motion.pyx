@@ -2,9 +2,9 @@
 
 from tf2_geometry_msgs._parts cimport part, read_doubles, target_header, vector3_layout
 from tf2_geometry_msgs._transform cimport carried_vector, stamped
-from tf2_py._geometry cimport vector_rotate
-from tf2_py._messages cimport Layout, read_transform
-from tf2_py._types cimport Transform
+from tf2_py._core.geometry cimport vector_rotate
+from tf2_py._core.types cimport Transform
+from tf2_py._objects.messages cimport Layout, read_transform
 
 from geometry_msgs.msg import (
     Accel,

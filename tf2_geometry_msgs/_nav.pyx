@@ -15,8 +15,8 @@ from tf2_geometry_msgs._transform cimport (
     pose_stamped_layout,
     stamped,
 )
-from tf2_py._messages cimport Layout, header_layout, new_header, read_transform, time_to_ns
-from tf2_py._types cimport Transform
+from tf2_py._core.types cimport Transform
+from tf2_py._objects.messages cimport Layout, header_layout, new_header, read_transform, time_to_ns
 
 from geometry_msgs.msg import Twist, TwistWithCovariance
 from nav_msgs.msg import Odometry, Path

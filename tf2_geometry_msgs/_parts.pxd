@@ -1,7 +1,7 @@
 """What geometry messages are made of, to C doubles and back: vectors, poses, covariances, headers."""
 
-from tf2_py._messages cimport Layout
-from tf2_py._types cimport Transform
+from tf2_py._core.types cimport Transform
+from tf2_py._objects.messages cimport Layout
 
 # Layouts of the classes of geometry_msgs, ready once this module is imported.
 cdef Layout point_layout, point32_layout, vector3_layout, quaternion_layout, pose_layout

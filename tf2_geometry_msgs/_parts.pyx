@@ -6,8 +6,9 @@ from libc.string cimport memcpy
 
 cimport numpy as cnp
 
-from tf2_py._geometry cimport quaternion_normalise_any
-from tf2_py._messages cimport (
+from tf2_py._core.geometry cimport quaternion_normalise_any
+from tf2_py._core.types cimport Transform
+from tf2_py._objects.messages cimport (
     Layout,
     header_layout,
     load,
@@ -15,12 +16,11 @@ from tf2_py._messages cimport (
     time_to_ns,
     transform_stamped_layout,
 )
-from tf2_py._types cimport Transform
 
 import numpy as np
 from geometry_msgs.msg import Point, Point32, Pose, Quaternion, Vector3
 
-from tf2_py._errors import MalformedObjectError
+from tf2_py._objects.errors import MalformedObjectError
 
 cnp.import_array()
 load()

@@ -1,7 +1,7 @@
 """Points, vectors, poses and covariances carried into another frame, for the types made of them."""
 
-from tf2_py._messages cimport Layout
-from tf2_py._types cimport Transform
+from tf2_py._core.types cimport Transform
+from tf2_py._objects.messages cimport Layout
 
 cdef Layout pose_stamped_layout
 

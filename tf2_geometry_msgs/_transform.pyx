@@ -15,9 +15,9 @@ from tf2_geometry_msgs._parts cimport (
     target_header,
     vector3_layout,
 )
-from tf2_py._geometry cimport quaternion_multiply, transform_compose, vector_rotate
-from tf2_py._messages cimport Layout, read_transform, transform_layout, transform_stamped_layout
-from tf2_py._types cimport Transform
+from tf2_py._core.geometry cimport quaternion_multiply, transform_compose, vector_rotate
+from tf2_py._core.types cimport Transform
+from tf2_py._objects.messages cimport Layout, read_transform, transform_layout, transform_stamped_layout
 
 from geometry_msgs.msg import (
     PointStamped,

@@ -4,7 +4,7 @@ import importlib
 import sys
 
 from tf2_py._dll import add_dll_directories_from_env
-from tf2_py._errors import (
+from tf2_py._objects.errors import (
     ConnectivityException,
     ExtrapolationException,
     InvalidArgumentException,

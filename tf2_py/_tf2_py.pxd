@@ -2,10 +2,10 @@
 
 from libc.stdint cimport int64_t
 
-from tf2_py._engine cimport Engine
-from tf2_py._query cimport Query
-from tf2_py._types cimport Transform
-from tf2_py._vector cimport Vector
+from tf2_py._core.lookup cimport Query
+from tf2_py._core.series cimport Vector
+from tf2_py._core.types cimport Transform
+from tf2_py._engine.engine cimport Engine
 
 
 cdef class BufferCore(Engine):

@@ -4,32 +4,14 @@ from cpython.buffer cimport PyBUF_SIMPLE, PyBuffer_Release, PyObject_GetBuffer
 from libc.stdint cimport int64_t, uint32_t
 from libc.string cimport memset
 
-from tf2_py._batch cimport Batch, Entry, batch_free, batch_read_cdr, batch_reserve
-from tf2_py._engine cimport DEFAULT_CACHE_TIME_NS, Engine, Wait
-from tf2_py._geometry cimport vector_rotate
-from tf2_py._lock cimport lock_read, unlock_read
-from tf2_py._messages cimport (
-    duration_to_ns,
-    name_utf8,
-    new_time,
-    new_transform_stamped,
-    read_transform_stamped,
-    time_to_ns,
-)
-from tf2_py._names cimport NAME_UNKNOWN, names_find
-from tf2_py._query cimport (
-    Query,
-    query_ends,
-    query_fill,
-    query_fill_full,
-    query_fixed,
-    query_is_identity,
-    query_time,
-)
-from tf2_py._snapshot cimport snapshot_frames, snapshot_names
-from tf2_py._tree cimport Limits, Tree, tree_bytes, tree_check
-from tf2_py._twist cimport twist_between
-from tf2_py._types cimport (
+from tf2_py._core.geometry cimport vector_rotate
+from tf2_py._core.lock cimport lock_read, unlock_read
+from tf2_py._core.lookup cimport Query, query_ends, query_fixed, query_is_identity
+from tf2_py._core.names cimport NAME_UNKNOWN, names_find
+from tf2_py._core.series cimport Vector, vector_lookup
+from tf2_py._core.tree cimport Limits, Tree, tree_bytes, tree_check
+from tf2_py._core.twist cimport twist_between
+from tf2_py._core.types cimport (
     NO_FRAME,
     REFUSAL_KINDS,
     STATUS_BAD_FIXED,
@@ -40,14 +22,25 @@ from tf2_py._types cimport (
     Status,
     Transform,
 )
-from tf2_py._vector cimport Vector, vector_lookup
-from tf2_py._waiters cimport waiters_check
-from tf2_py._walk cimport Path, walk_common_time, walk_lookup
+from tf2_py._core.waiters cimport waiters_check
+from tf2_py._core.walk cimport Path, walk_common_time, walk_lookup
+from tf2_py._engine.engine cimport DEFAULT_CACHE_TIME_NS, Engine, Wait
+from tf2_py._engine.snapshot cimport snapshot_frames, snapshot_names
+from tf2_py._objects.arguments cimport query_fill, query_fill_full, query_time
+from tf2_py._objects.messages cimport (
+    duration_to_ns,
+    name_utf8,
+    new_time,
+    new_transform_stamped,
+    read_transform_stamped,
+    time_to_ns,
+)
+from tf2_py._wire.batch cimport Batch, Entry, batch_free, batch_read_cdr, batch_reserve
 
-from tf2_py import _errors, _limits, _listings, _log
-from tf2_py._arrays import as_points, as_times_ns, new_rows
+from tf2_py._objects import errors, listings, log
+from tf2_py._objects.arrays import as_points, as_times_ns, new_rows
 # Programs catch them by the name of tf2's extension module, too.
-from tf2_py._errors import (
+from tf2_py._objects.errors import (
     ConnectivityException,
     ExtrapolationException,
     InvalidArgumentException,
@@ -55,6 +48,7 @@ from tf2_py._errors import (
     TimeoutException,
     TransformException,
 )
+from tf2_py._objects.limits import limit
 
 __all__ = [
     "BufferCore",
@@ -90,13 +84,13 @@ cdef class BufferCore(Engine):
     def __init__(self, cache_time=None, *, max_frames=None, max_bytes=None, max_waiters=None):
         cdef int64_t cache_time_ns = DEFAULT_CACHE_TIME_NS
         cdef Limits limits
-        limits.frames = _limits.limit("max_frames", max_frames)
-        limits.bytes = _limits.limit("max_bytes", max_bytes)
-        limits.waiters = _limits.limit("max_waiters", max_waiters)
+        limits.frames = limit("max_frames", max_frames)
+        limits.bytes = limit("max_bytes", max_bytes)
+        limits.waiters = limit("max_waiters", max_waiters)
         if cache_time is not None:
             cache_time_ns = duration_to_ns(cache_time)
         if cache_time_ns < 0:
-            raise ValueError(f"cache_time must not be negative, it is {_errors.seconds(cache_time_ns)} s")
+            raise ValueError(f"cache_time must not be negative, it is {errors.seconds(cache_time_ns)} s")
         self.start_over(cache_time_ns, &limits)
 
     # What comes in.
@@ -364,7 +358,7 @@ cdef class BufferCore(Engine):
             return new_time(common_ns)
         error = self.error(&query, status, "get_latest_common_time")
         if status.code == STATUS_UNCONNECTED or status.code == STATUS_LOOP:
-            raise _errors.TransformException(str(error))
+            raise errors.TransformException(str(error))
         raise error
 
     def lookupVelocityCore(self, tracking_frame, observation_frame, time, averaging_interval):
@@ -466,11 +460,11 @@ cdef class BufferCore(Engine):
 
         Beyond 1024 frames they need not be of one moment: others use the buffer meanwhile.
         """
-        return _listings.as_yaml(snapshot_frames(&self._tree, &self._lock))
+        return listings.as_yaml(snapshot_frames(&self._tree, &self._lock))
 
     def all_frames_as_string(self):
         """One sentence for each frame that was ever a child; otherwise as :meth:`all_frames_as_yaml`."""
-        return _listings.as_string(snapshot_frames(&self._tree, &self._lock))
+        return listings.as_string(snapshot_frames(&self._tree, &self._lock))
 
     def _allFramesAsDot(self, time=None):
         """
@@ -479,7 +473,7 @@ cdef class BufferCore(Engine):
         Otherwise as :meth:`all_frames_as_yaml`.
         """
         cdef int64_t time_ns = 0 if time is None else time_to_ns(time)
-        return _listings.as_dot(snapshot_frames(&self._tree, &self._lock), time_ns)
+        return listings.as_dot(snapshot_frames(&self._tree, &self._lock), time_ns)
 
     def _frameExists(self, name):
         """Whether the name was ever a parent or a child."""
@@ -542,7 +536,7 @@ cdef class BufferCore(Engine):
         unlock_read(&self._lock)
         return {
             "taken": tree.taken,
-            "refused": {_log.REFUSALS[bit][1]: tree.refused[bit] for bit in range(REFUSAL_KINDS)},
+            "refused": {log.REFUSALS[bit][1]: tree.refused[bit] for bit in range(REFUSAL_KINDS)},
             "frames": tree.names.count - 1,
             "samples": tree.samples,
             "bytes": size,

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from rclpy.node import Node
 
-from tf2_py._forking import keep_for_ever, skip_exit_handlers
+from tf2_py._objects.at_exit import keep_for_ever, skip_exit_handlers
 
 __all__ = ["LOCK", "Inherited", "NodeUse", "keep_for_ever", "tell_of_fork"]
 

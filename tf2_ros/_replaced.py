@@ -10,10 +10,10 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 
 from tf2_py import BufferCore, TimeoutException
-from tf2_ros._deadlines import deadlines
 from tf2_ros._forking import tell_of_fork
-from tf2_ros._receiving import hand_over
-from tf2_ros._waiting import WakingFuture
+from tf2_ros._receive.thread import hand_over
+from tf2_ros._wait.deadlines import deadlines
+from tf2_ros._wait.waiting import WakingFuture
 from tf2_ros.buffer_interface import NO_TIMEOUT
 
 __all__ = [

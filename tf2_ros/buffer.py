@@ -17,7 +17,7 @@ from rclpy.utilities import get_default_context
 
 from tf2_msgs.srv import FrameGraph
 from tf2_py import BufferCore, TransformException
-from tf2_ros._receiving import attribute_changed, replay
+from tf2_ros._receive.thread import attribute_changed, replay
 from tf2_ros._replaced import (
     AskingFuture,
     lookup_transform_by_asking,
@@ -38,7 +38,7 @@ from tf2_ros._tf2_names import (
     tf2_ros,
     threading,
 )
-from tf2_ros._waiting import Lookup, TransformFuture, aliveness, block, duration_ns, timeout_ns
+from tf2_ros._wait.waiting import Lookup, TransformFuture, aliveness, block, duration_ns, timeout_ns
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 
 # What `import *` gives from tf2's module.

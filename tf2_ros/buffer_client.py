@@ -22,8 +22,8 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._printable import printable
-from tf2_ros._asking import FOR_EVER, Asking, Question, ask_directly
+from tf2_py._objects.printable import printable
+from tf2_ros._goals import FOR_EVER, Asking, Question, ask_directly
 from tf2_ros._tf2_names import (
     Clock,
     LookupTransformGoal,
@@ -35,7 +35,7 @@ from tf2_ros._tf2_names import (
     tf2_ros,
     warnings,
 )
-from tf2_ros._waiting import duration_ns, timeout_ns
+from tf2_ros._wait.waiting import duration_ns, timeout_ns
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 
 # What `import *` gives from tf2's module.

@@ -19,10 +19,10 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._errors import bad_name
-from tf2_ros._handoff import Handoff
+from tf2_py._objects.errors import bad_name
 from tf2_ros._qos import lookup_qos
-from tf2_ros._waiting import Lookup, TransformFuture, duration_ns
+from tf2_ros._wait.handoff import Handoff
+from tf2_ros._wait.waiting import Lookup, TransformFuture, duration_ns
 
 __all__ = ["BufferServer"]
 

@@ -13,12 +13,12 @@ from rclpy.duration import Duration
 from rclpy.executors import await_or_execute
 from rclpy.node import Node
 
-from tf2_py._printable import printable
+from tf2_py._objects.printable import printable
 from tf2_ros._forking import tell_of_fork
-from tf2_ros._handoff import Handoff
-from tf2_ros._held_messages import FilterFailureReason, HeldMessages
-from tf2_ros._message_stream import MessageStream
-from tf2_ros._waiting import FOR_EVER_NS, duration_ns, timeout_ns
+from tf2_ros._wait.handoff import Handoff
+from tf2_ros._wait.message_stream import MessageStream
+from tf2_ros._wait.pending_messages import FilterFailureReason, HeldMessages
+from tf2_ros._wait.waiting import FOR_EVER_NS, duration_ns, timeout_ns
 from tf2_ros.buffer import Buffer
 
 __all__ = ["FilterFailureReason", "MessageFilter"]

@@ -12,9 +12,9 @@ from rclpy.subscription import Subscription
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_ros._forking import NodeUse
-from tf2_ros._listener_group import ListenerGroup, wake_executor
 from tf2_ros._qos import dynamic_overrides, listener_qos, static_listener_qos, static_overrides
-from tf2_ros._receiving import Receiving, can_receive
+from tf2_ros._receive.callback_group import ListenerGroup, wake_executor
+from tf2_ros._receive.thread import Receiving, can_receive
 from tf2_ros._spinner import END_WAIT_S, Spinner
 from tf2_ros._tf2_names import (
     DurabilityPolicy,

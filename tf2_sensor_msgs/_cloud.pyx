@@ -5,8 +5,8 @@ from libc.stdint cimport uint32_t
 from libc.string cimport memcpy
 
 from tf2_geometry_msgs._parts cimport part, target_frame
-from tf2_py._messages cimport Layout, header_layout, new_header, read_any_rotation, time_to_ns
-from tf2_py._types cimport Transform
+from tf2_py._core.types cimport Transform
+from tf2_py._objects.messages cimport Layout, header_layout, new_header, read_any_rotation, time_to_ns
 from tf2_sensor_msgs._numbers cimport FLOAT32, FLOAT64, OTHER_ORDER, number_size
 from tf2_sensor_msgs._points cimport (
     Rigid,

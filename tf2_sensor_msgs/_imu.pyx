@@ -14,9 +14,9 @@ from tf2_geometry_msgs._parts cimport (
     target_header,
 )
 from tf2_geometry_msgs._transform cimport carried_vector
-from tf2_py._geometry cimport quaternion_conjugate, quaternion_multiply
-from tf2_py._messages cimport Layout, read_transform
-from tf2_py._types cimport Transform
+from tf2_py._core.geometry cimport quaternion_conjugate, quaternion_multiply
+from tf2_py._core.types cimport Transform
+from tf2_py._objects.messages cimport Layout, read_transform
 
 from sensor_msgs.msg import Imu, MagneticField
 

@@ -1,6 +1,6 @@
 """Coordinates that lie in memory in any arrangement, carried into another frame."""
 
-from tf2_py._types cimport Transform
+from tf2_py._core.types cimport Transform
 
 
 cdef struct Rigid:

@@ -2,16 +2,9 @@
 
 cimport numpy as cnp
 
-from tf2_py._messages cimport read_any_rotation
-from tf2_py._types cimport Transform
-from tf2_sensor_msgs._numbers cimport (
-    FLOAT32,
-    FLOAT64,
-    OTHER_ORDER,
-    number_load,
-    number_size,
-    number_store,
-)
+from tf2_py._core.types cimport Transform
+from tf2_py._objects.messages cimport read_any_rotation
+from tf2_sensor_msgs._numbers cimport FLOAT32, FLOAT64, OTHER_ORDER, number_load, number_size, number_store
 from tf2_sensor_msgs._wide cimport wide_carry_doubles, wide_carry_floats
 
 import numpy as np

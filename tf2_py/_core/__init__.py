@@ -1,0 +1,1 @@
+"""The engine on C structs: no Python objects, no ROS."""

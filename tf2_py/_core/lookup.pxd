@@ -1,0 +1,24 @@
+"""The lookup: what is asked, and its answer from a tree."""
+
+from libc.stdint cimport int64_t
+
+from tf2_py._core.tree cimport Tree
+from tf2_py._core.types cimport FrameId, Status, Transform
+
+
+cdef struct Query:
+    const char* target          # names as UTF-8, owned by the caller's objects
+    Py_ssize_t target_size      # bytes
+    const char* source
+    Py_ssize_t source_size
+    const char* fixed           # NULL: a simple lookup
+    Py_ssize_t fixed_size
+    int64_t target_ns           # of a two-time lookup; 0: the latest common time
+    int64_t source_ns           # of a simple lookup, too
+
+
+# With the tree's lock held. `out` NULL only asks whether there is an answer.
+cdef Status query_walk(const Tree* tree, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil
+cdef Status query_ends(const Tree* tree, const Query* query, FrameId* target, FrameId* source) noexcept nogil
+cdef FrameId query_fixed(const Tree* tree, const Query* query) noexcept nogil      # NO_FRAME: no such frame
+cdef bint query_is_identity(const Query* query) noexcept nogil

@@ -1,0 +1,96 @@
+"""Owns the lookup: names to frames, the walk between them, the halves of a two-time lookup."""
+
+from libc.stdint cimport int64_t
+from libc.string cimport memcmp, memset
+
+from tf2_py._core.geometry cimport quaternion_canonicalise, transform_compose
+from tf2_py._core.tree cimport Tree, tree_frame
+from tf2_py._core.types cimport (
+    HALF_SOURCE,
+    HALF_TARGET,
+    NO_FRAME,
+    STATUS_BAD_FIXED,
+    STATUS_BAD_SOURCE,
+    STATUS_BAD_TARGET,
+    STATUS_OK,
+    FrameId,
+    Status,
+    StatusCode,
+    Transform,
+)
+from tf2_py._core.walk cimport Path, walk_lookup
+
+cdef inline FrameId _frame(const Tree* tree, const char* name, Py_ssize_t size) noexcept nogil:
+    # NO_FRAME for every name that no lookup accepts.
+    if size == 0 or name[0] == b"/":
+        return NO_FRAME
+    return tree_frame(tree, name, size)
+
+
+cdef inline Status _status(StatusCode code) noexcept nogil:
+    cdef Status status
+    memset(&status, 0, sizeof(Status))
+    status.code = code
+    return status
+
+
+cdef Status query_ends(const Tree* tree, const Query* query, FrameId* target, FrameId* source) noexcept nogil:
+    target[0] = _frame(tree, query.target, query.target_size)
+    source[0] = _frame(tree, query.source, query.source_size)
+    if target[0] == NO_FRAME:
+        return _status(STATUS_BAD_TARGET)
+    if source[0] == NO_FRAME:
+        return _status(STATUS_BAD_SOURCE)
+    return _status(STATUS_OK)
+
+
+cdef FrameId query_fixed(const Tree* tree, const Query* query) noexcept nogil:
+    return _frame(tree, query.fixed, query.fixed_size)
+
+
+cdef bint query_is_identity(const Query* query) noexcept nogil:
+    # Equal names in a simple lookup need no frame that anyone has seen.
+    return (query.fixed == NULL and query.target_size == query.source_size
+            and memcmp(query.target, query.source, query.source_size) == 0)
+
+
+cdef Status query_walk(const Tree* tree, const Query* query, Transform* out,
+                       int64_t* stamp_ns) noexcept nogil:
+    # Both lookups of tf2, with the lock held; `out` NULL only asks whether there is an answer.
+    cdef Path path
+    cdef FrameId target, source, fixed
+    cdef Status status
+    cdef Transform source_half
+    cdef int64_t source_stamp_ns
+    if query_is_identity(query):
+        source = tree_frame(tree, query.source, query.source_size)
+        return walk_lookup(tree, source, source, query.source_ns, &path, out, stamp_ns)
+    status = query_ends(tree, query, &target, &source)
+    if status.code != STATUS_OK:
+        return status
+    if query.fixed == NULL:
+        return walk_lookup(tree, target, source, query.source_ns, &path, out, stamp_ns)
+    fixed = query_fixed(tree, query)
+    if fixed == NO_FRAME:
+        return _status(STATUS_BAD_FIXED)
+    if out == NULL:
+        # Which half fails first shows in the reason: can_transform begins with the target's ...
+        status = walk_lookup(tree, target, fixed, query.target_ns, &path, NULL, stamp_ns)
+        status.half = HALF_TARGET
+        if status.code != STATUS_OK:
+            return status
+        status = walk_lookup(tree, fixed, source, query.source_ns, &path, NULL, &source_stamp_ns)
+        status.half = HALF_SOURCE
+        return status
+    # ... the lookup with the source's.
+    status = walk_lookup(tree, fixed, source, query.source_ns, &path, &source_half, &source_stamp_ns)
+    status.half = HALF_SOURCE
+    if status.code != STATUS_OK:
+        return status
+    status = walk_lookup(tree, target, fixed, query.target_ns, &path, out, stamp_ns)
+    status.half = HALF_TARGET
+    if status.code != STATUS_OK:
+        return status
+    transform_compose(out, &source_half, out)
+    quaternion_canonicalise(out.rotation)
+    return status

@@ -1,0 +1,86 @@
+"""The tree: names, parents and every frame's history."""
+
+from libc.stdint cimport int64_t, uint32_t, uint64_t
+
+from tf2_py._core.cache cimport Cache
+from tf2_py._core.names cimport Names
+from tf2_py._core.types cimport REFUSAL_KINDS, FrameId, Incoming
+
+cdef enum:
+    MIXED_PARENTS = 0x80000000      # flag in Tree.parents: the history holds more than one parent
+    TREE_NO_MEMORY = 0x40000000     # what tree_insert answers where nothing could be allocated
+
+
+cdef struct Limits:
+    # What goes beyond is refused; what is there stays.
+    uint32_t frames         # names
+    size_t bytes            # allocated for names and histories; one doubling of the names may come on top
+    uint32_t waiters
+
+
+cdef struct Tree:
+    Names names                     # a frame's id is its name's; id 0 is the reserved NO_PARENT
+    Names authorities
+    Cache* caches                   # by frame; [0] stays unborn
+    uint32_t* parents               # by frame: parent of the newest sample | MIXED_PARENTS; NO_FRAME: none
+    uint32_t capacity               # frames allocated in the two arrays above
+    int64_t cache_time_ns           # how far a history reaches back; >= 0
+    Limits limits
+    bint ever_looped                # a parent link once closed a loop: walks keep to the reference's order
+    uint64_t work                   # how much inserts have cost beyond what each costs: in such costs
+    uint64_t samples                # of all histories
+    size_t history_bytes            # allocated for these
+    uint64_t taken                  # transforms taken
+    uint64_t refused[REFUSAL_KINDS]     # transforms refused, by reason (bit number)
+
+
+cdef enum ChangeKind:
+    CHANGE_NAME             # a name is new; its hash
+    CHANGE_DATA             # the frame has samples around these times, which had none
+    CHANGE_PARENT           # at these times, the frame may hang below another one
+
+cdef enum:
+    MAX_CHANGED = 8         # two names, data once, the parent at up to four ranges of times
+
+
+cdef struct Changed:
+    ChangeKind kind
+    int64_t first           # both included
+    int64_t last
+
+
+cdef struct Change:
+    # What an insert has changed, for those who wait for a lookup. A lookup that failed, and that has met none
+    # of this on its way, fails again.
+    FrameId frame
+    bint everything         # whatever failed may have an answer now
+    uint32_t count
+    Changed changed[MAX_CHANGED]
+
+cdef extern from *:
+    """
+    #include <stdint.h>
+    #define TF2_NEWEST INT64_MIN
+    #define TF2_ANY_TIME (INT64_MIN + 1)
+    """
+    const int64_t NEWEST "TF2_NEWEST"       # as a time: that of the newest sample, whatever its stamp
+    const int64_t ANY_TIME "TF2_ANY_TIME"   # changes with the parent at any time
+
+
+# Zero a Tree before tree_init; after a failed tree_init, tree_free is still due.
+cdef int tree_init(Tree* tree, int64_t cache_time_ns, const Limits* limits) noexcept nogil  # 0; -1: no memory
+cdef void tree_free(Tree* tree) noexcept nogil
+# The id of an authority; where there are too many, of a name that says so. NAME_NO_MEMORY: none.
+cdef uint32_t tree_authority(Tree* tree, const char* name, size_t size) noexcept nogil
+cdef FrameId tree_frame(const Tree* tree, const char* name, size_t size) noexcept nogil    # NO_FRAME: unknown
+
+# Takes a transform, or says why not: 0, or REFUSED_* bits, or TREE_NO_MEMORY and the tree is as it was but
+# for names. Strips one leading '/' from the names and normalises the rotation, both in `incoming`. `change`
+# is told in any case: one that is refused as too old brings its names, too. NULL: nobody wants to know.
+cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
+                          Change* change) noexcept nogil
+# The parent of a frame at a time, or at the NEWEST one, as walks go; NO_FRAME: none, or not known.
+cdef FrameId tree_parent(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil
+cdef void tree_clear(Tree* tree) noexcept nogil
+cdef size_t tree_bytes(const Tree* tree) noexcept nogil
+cdef const char* tree_check(const Tree* tree) noexcept nogil    # NULL, or which invariant does not hold

@@ -1,0 +1,420 @@
+"""Owns the tree of frames: what is taken into it, and which frame hangs below which."""
+
+from libc.math cimport isfinite, isnan
+from libc.stdint cimport INT64_MAX, INT64_MIN, int64_t, uint32_t, uint64_t
+from libc.stdlib cimport calloc, free, malloc, realloc
+from libc.string cimport memcmp, memset
+
+from tf2_py._core.cache cimport (
+    CACHE_DUPLICATE,
+    CACHE_DYNAMIC,
+    CACHE_FULL,
+    CACHE_INSERTED,
+    CACHE_NO_MEMORY,
+    CACHE_TOO_OLD,
+    CACHE_UNBORN,
+    Cache,
+    CacheChange,
+    CacheInsert,
+    cache_check,
+    cache_clear,
+    cache_free,
+    cache_insert,
+    cache_newest_parent,
+    cache_parent_at,
+    cache_set_static,
+    cache_slot,
+    ring_bytes,
+)
+from tf2_py._core.geometry cimport quaternion_canonicalise, quaternion_normalise
+from tf2_py._core.names cimport (
+    NAME_NO_MEMORY,
+    NAME_UNKNOWN,
+    name_hash,
+    names_check,
+    names_find,
+    names_free,
+    names_init,
+    names_intern,
+)
+from tf2_py._core.types cimport (
+    MAX_STAMP_NS,
+    NO_FRAME,
+    REFUSAL_KINDS,
+    REFUSED_BYTES,
+    REFUSED_FRAMES,
+    REFUSED_INFINITE,
+    REFUSED_NAN,
+    REFUSED_NEGATIVE_STAMP,
+    REFUSED_NO_CHILD,
+    REFUSED_NO_PARENT,
+    REFUSED_OLD,
+    REFUSED_QUATERNION,
+    REFUSED_RESERVED_NAME,
+    REFUSED_SELF_TRANSFORM,
+    REFUSED_STAMP_TOO_LATE,
+    FrameId,
+    Incoming,
+    Sample,
+)
+
+cdef enum:
+    # What costs as much as an insert.
+    MOVES = 128             # samples moved or looked at
+    HOPS = 32               # frames climbed
+    LETTERS = 256           # bytes of a name hashed
+
+cdef const char* RESERVED_NAME = "NO_PARENT"
+cdef size_t RESERVED_SIZE = 9
+cdef const char* TOO_MANY = "(too many authorities)"
+cdef size_t TOO_MANY_SIZE = 22
+
+
+cdef int tree_init(Tree* tree, int64_t cache_time_ns, const Limits* limits) noexcept nogil:
+    cdef uint32_t refused = 0
+    tree.cache_time_ns = cache_time_ns
+    tree.limits = limits[0]
+    if names_init(&tree.names) != 0 or names_init(&tree.authorities) != 0:
+        return -1
+    # Both have the id 0.
+    if names_intern(&tree.authorities, TOO_MANY, TOO_MANY_SIZE) == NAME_NO_MEMORY:
+        return -1
+    _add_frame(tree, RESERVED_NAME, RESERVED_SIZE, NULL, &refused)
+    return -1 if refused else 0
+
+
+cdef uint32_t tree_authority(Tree* tree, const char* name, size_t size) noexcept nogil:
+    cdef uint32_t id = names_find(&tree.authorities, name, size)
+    if id != NAME_UNKNOWN:
+        return id
+    if tree.authorities.count > tree.limits.frames or size > _room(tree):
+        return 0
+    return names_intern(&tree.authorities, name, size)
+
+
+cdef void tree_free(Tree* tree) noexcept nogil:
+    cdef uint32_t id
+    for id in range(tree.names.count if tree.caches != NULL else 0):
+        cache_free(&tree.caches[id])
+    free(tree.caches)
+    free(tree.parents)
+    names_free(&tree.names)
+    names_free(&tree.authorities)
+
+
+cdef FrameId tree_frame(const Tree* tree, const char* name, size_t size) noexcept nogil:
+    cdef uint32_t id = names_find(&tree.names, name, size)
+    return NO_FRAME if id == NAME_UNKNOWN else id
+
+
+cdef inline size_t _room(const Tree* tree) noexcept nogil:
+    # Bytes that may still be allocated.
+    cdef size_t used = tree_bytes(tree)
+    return tree.limits.bytes - used if used < tree.limits.bytes else 0
+
+
+cdef FrameId _add_frame(Tree* tree, const char* name, size_t size, Change* change,
+                        uint32_t* refused) noexcept nogil:
+    # A new one; NO_FRAME where that fails: see `refused`.
+    cdef uint32_t id
+    cdef uint32_t capacity
+    cdef int64_t hash = <int64_t>name_hash(name, size)
+    cdef void* grown
+    if tree.names.count == tree.capacity:
+        capacity = tree.capacity * 2 if tree.capacity else 32
+        grown = realloc(tree.caches, capacity * sizeof(Cache))
+        if grown != NULL:
+            tree.caches = <Cache*>grown
+            grown = realloc(tree.parents, capacity * sizeof(uint32_t))
+        if grown == NULL:
+            refused[0] = TREE_NO_MEMORY
+            return NO_FRAME
+        tree.parents = <uint32_t*>grown
+        tree.capacity = capacity
+    id = names_intern(&tree.names, name, size)
+    if id == NAME_NO_MEMORY:
+        refused[0] = TREE_NO_MEMORY
+        return NO_FRAME
+    if change != NULL:
+        _note(change, CHANGE_NAME, hash, hash)
+    memset(&tree.caches[id], 0, sizeof(Cache))
+    tree.caches[id].authority = NAME_UNKNOWN
+    tree.parents[id] = NO_FRAME
+    return id
+
+
+cdef FrameId _frame(Tree* tree, const char* name, size_t size, Change* change,
+                    uint32_t* refused) noexcept nogil:
+    # The frame's id, made where it is new.
+    cdef uint32_t id = names_find(&tree.names, name, size)
+    if id != NAME_UNKNOWN:
+        return id
+    # The reserved name is not counted.
+    if tree.names.count > tree.limits.frames:
+        refused[0] = REFUSED_FRAMES
+    elif size + sizeof(Cache) > _room(tree):
+        refused[0] = REFUSED_BYTES
+    else:
+        return _add_frame(tree, name, size, change, refused)
+    return NO_FRAME
+
+
+cdef inline bint _is_reserved(const char* name, size_t size) noexcept nogil:
+    return size == RESERVED_SIZE and memcmp(name, RESERVED_NAME, RESERVED_SIZE) == 0
+
+
+cdef uint32_t _check(Incoming* incoming) noexcept nogil:
+    # Every reason that applies, and the two changes that tf2 makes on the way in.
+    cdef double* t = incoming.transform.translation
+    cdef double* q = incoming.transform.rotation
+    cdef uint32_t refused = 0
+    if incoming.parent_size and incoming.parent[0] == b"/":
+        incoming.parent += 1
+        incoming.parent_size -= 1
+    if incoming.child_size and incoming.child[0] == b"/":
+        incoming.child += 1
+        incoming.child_size -= 1
+    if incoming.parent_size == incoming.child_size \
+            and memcmp(incoming.parent, incoming.child, incoming.child_size) == 0:
+        refused |= REFUSED_SELF_TRANSFORM
+    if incoming.parent_size == 0:
+        refused |= REFUSED_NO_PARENT
+    if incoming.child_size == 0:
+        refused |= REFUSED_NO_CHILD
+    if _is_reserved(incoming.parent, incoming.parent_size) \
+            or _is_reserved(incoming.child, incoming.child_size):
+        refused |= REFUSED_RESERVED_NAME
+    if isnan(t[0]) or isnan(t[1]) or isnan(t[2]) or isnan(q[0]) or isnan(q[1]) or isnan(q[2]) or isnan(q[3]):
+        refused |= REFUSED_NAN
+    elif not (isfinite(t[0]) and isfinite(t[1]) and isfinite(t[2])):
+        refused |= REFUSED_INFINITE
+    if incoming.stamp_ns < 0:
+        refused |= REFUSED_NEGATIVE_STAMP
+    elif incoming.stamp_ns > MAX_STAMP_NS:
+        refused |= REFUSED_STAMP_TOO_LATE
+    if quaternion_normalise(q):
+        quaternion_canonicalise(q)
+    else:
+        refused |= REFUSED_QUATERNION
+    return refused
+
+
+cdef bint _can_reach(Tree* tree, FrameId start, FrameId wanted) noexcept nogil:
+    # Whether parent links of any time lead from `start` up to `wanted`. Asked once per new link.
+    cdef FrameId frame = start
+    cdef uint32_t hops = 0
+    while not tree.parents[frame] & MIXED_PARENTS:
+        hops += 1
+        if hops % HOPS == 0:
+            tree.work += 1
+        if frame == wanted:
+            return True
+        if frame == NO_FRAME:
+            return False
+        frame = tree.parents[frame]
+    return _can_reach_by_any_parent(tree, frame, wanted)
+
+
+cdef bint _can_reach_by_any_parent(Tree* tree, FrameId start, FrameId wanted) noexcept nogil:
+    # Depth first. Without memory for that the answer is yes: it costs speed, never correctness.
+    cdef size_t frames = tree.names.count
+    cdef char* seen = <char*>calloc(frames, 1)
+    cdef FrameId* waiting = <FrameId*>malloc(frames * sizeof(FrameId))
+    cdef uint32_t waiting_count = 1
+    cdef uint32_t i
+    cdef FrameId frame, parent
+    cdef const Cache* cache
+    cdef bint found = False
+    if seen == NULL or waiting == NULL:
+        free(seen)
+        free(waiting)
+        return True
+    seen[start] = 1
+    waiting[0] = start
+    while waiting_count and not found:
+        waiting_count -= 1
+        frame = waiting[waiting_count]
+        found = frame == wanted
+        cache = &tree.caches[frame]
+        tree.work += 1 + cache.count // MOVES
+        for i in range(cache.count):
+            parent = cache.samples[cache_slot(cache, i)].parent
+            if not seen[parent]:
+                seen[parent] = 1
+                waiting[waiting_count] = parent
+                waiting_count += 1
+    free(seen)
+    free(waiting)
+    return found
+
+
+cdef bint _has_parent(Tree* tree, const Cache* cache, FrameId parent) noexcept nogil:
+    # Newest first: it is nearly always the one.
+    cdef uint32_t i = cache.count
+    while i:
+        i -= 1
+        if cache.samples[cache_slot(cache, i)].parent == parent:
+            return True
+        if cache.parent_changes == 0:
+            return False
+    tree.work += cache.count // MOVES
+    return False
+
+
+cdef inline void _note(Change* change, ChangeKind kind, int64_t first, int64_t last) noexcept nogil:
+    cdef Changed* changed = &change.changed[change.count]
+    if first <= last:
+        changed.kind = kind
+        changed.first = first
+        changed.last = last
+        change.count += 1
+
+
+cdef void _note_parents(const Tree* tree, uint32_t before, uint32_t after, bint newly_timed,
+                        const CacheChange* history, Change* change) noexcept nogil:
+    # `before` and `after`: as in Tree.parents. `newly_timed`: from now on the frame has a say in the latest
+    # common time of the paths through it, which may go back by that.
+    cdef uint32_t noted
+    if not before & MIXED_PARENTS and before != after:
+        _note(change, CHANGE_PARENT, INT64_MIN, INT64_MAX)
+        return
+    if before & MIXED_PARENTS or tree.ever_looped:
+        # With one parent for all times, a frame without data for a time hangs below it all the same.
+        _note(change, CHANGE_PARENT, history.lost.first, history.lost.last)
+    noted = change.count
+    if before & MIXED_PARENTS:
+        _note(change, CHANGE_PARENT, history.relinked.first, history.relinked.last)
+        if before != after:
+            _note(change, CHANGE_PARENT, NEWEST, NEWEST)
+    # That a common time is no longer covered helps only where a loop ends, or one parent stays for all times.
+    if change.count > noted or newly_timed or before & ~after & MIXED_PARENTS or (
+            tree.ever_looped and history.lost.first <= history.lost.last):
+        _note(change, CHANGE_PARENT, ANY_TIME, ANY_TIME)
+
+
+cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
+                          Change* change) noexcept nogil:
+    cdef uint32_t refused = _check(incoming)
+    cdef FrameId child, parent
+    cdef uint32_t bit
+    tree.work += (incoming.child_size + incoming.parent_size) // LETTERS
+    if change != NULL:
+        change.count = 0
+        change.everything = False
+    # The child gets its id first, and both keep theirs even if the sample turns out too old.
+    if refused == 0:
+        child = _frame(tree, incoming.child, incoming.child_size, change, &refused)
+    if refused == 0:
+        parent = _frame(tree, incoming.parent, incoming.parent_size, change, &refused)
+    if refused == 0:
+        refused = _take(tree, child, parent, incoming, authority, is_static, change)
+    for bit in range(REFUSAL_KINDS if refused else 0):
+        tree.refused[bit] += (refused >> bit) & 1
+    return refused
+
+
+cdef uint32_t _take(Tree* tree, FrameId child, FrameId parent, const Incoming* incoming, uint32_t authority,
+                    bint is_static, Change* change) noexcept nogil:
+    # As tree_insert.
+    cdef Cache* cache = &tree.caches[child]
+    cdef Sample sample
+    cdef CacheInsert outcome
+    cdef CacheChange history
+    cdef uint32_t before = tree.parents[child]
+    cdef bint was_timed = cache.newest_ns != 0
+    cdef bint newly_timed
+    cdef bint ever_looped = tree.ever_looped
+    # Only what something hangs below can close a loop.
+    cdef bint may_loop = not ever_looped and cache.is_parent and not _has_parent(tree, cache, parent)
+    cdef uint32_t count = cache.count
+    cdef uint32_t capacity = cache.capacity
+    cdef size_t room = _room(tree)
+    sample.transform = incoming.transform
+    sample.parent = parent
+    if is_static:
+        outcome = cache_set_static(cache, incoming.stamp_ns, &sample, room, &history)
+    else:
+        outcome = cache_insert(cache, incoming.stamp_ns, &sample, tree.cache_time_ns, room, &history)
+    tree.samples += cache.count - <uint64_t>count
+    if cache.capacity != capacity:
+        tree.history_bytes += ring_bytes(cache.capacity) - ring_bytes(capacity)
+    # Whatever the outcome, the history may have been pruned.
+    tree.parents[child] = cache_newest_parent(cache) | (MIXED_PARENTS if cache.parent_changes else 0)
+    if outcome == CACHE_INSERTED or outcome == CACHE_DUPLICATE:
+        if may_loop:
+            tree.ever_looped = _can_reach(tree, parent, child)
+        tree.caches[parent].is_parent = True
+        cache.authority = authority
+        tree.taken += 1
+    tree.work += history.moved // MOVES
+    if change != NULL:
+        change.frame = child
+        # Walks go another way where a link has ever closed a loop.
+        change.everything = tree.ever_looped != ever_looped
+        _note(change, CHANGE_DATA, history.covered.first, history.covered.last)
+        newly_timed = cache.newest_ns != 0 and not was_timed
+        _note_parents(tree, before, tree.parents[child], newly_timed, &history, change)
+    if outcome == CACHE_TOO_OLD:
+        return REFUSED_OLD
+    if outcome == CACHE_FULL:
+        return REFUSED_BYTES
+    return TREE_NO_MEMORY if outcome == CACHE_NO_MEMORY else 0
+
+
+cdef FrameId tree_parent(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil:
+    cdef uint32_t parent = tree.parents[frame]
+    if time_ns == NEWEST:
+        return parent & ~<uint32_t>MIXED_PARENTS
+    if not parent & MIXED_PARENTS and not tree.ever_looped:
+        return parent
+    return cache_parent_at(&tree.caches[frame], time_ns)
+
+
+cdef void tree_clear(Tree* tree) noexcept nogil:
+    cdef uint32_t id
+    for id in range(1, tree.names.count):
+        if tree.caches[id].kind == CACHE_DYNAMIC:
+            tree.samples -= tree.caches[id].count
+            tree.history_bytes -= ring_bytes(tree.caches[id].capacity)
+            cache_clear(&tree.caches[id])
+            tree.history_bytes += ring_bytes(tree.caches[id].capacity)
+            tree.parents[id] = NO_FRAME
+
+
+cdef size_t tree_bytes(const Tree* tree) noexcept nogil:
+    return (tree.names.bytes + tree.authorities.bytes + tree.history_bytes
+            + tree.capacity * (sizeof(Cache) + sizeof(uint32_t)))
+
+
+cdef const char* tree_check(const Tree* tree) noexcept nogil:
+    cdef uint32_t id, expected
+    cdef uint64_t samples = 0
+    cdef size_t history_bytes = 0
+    cdef const Cache* cache
+    cdef const char* problem
+    if tree.names.count == 0 or tree.names.count > tree.capacity:
+        return "frame count beyond capacity"
+    problem = names_check(&tree.names)
+    if problem == NULL:
+        problem = names_check(&tree.authorities)
+    if problem != NULL:
+        return problem
+    if tree.caches[0].kind != CACHE_UNBORN:
+        return "the reserved frame has a history"
+    for id in range(tree.names.count):
+        cache = &tree.caches[id]
+        problem = cache_check(cache)
+        if problem != NULL:
+            return problem
+        expected = cache_newest_parent(cache) | (MIXED_PARENTS if cache.parent_changes else 0)
+        if tree.parents[id] != expected:
+            return "parents disagrees with the history"
+        if (expected & ~<uint32_t>MIXED_PARENTS) >= tree.names.count:
+            return "a parent that is no frame"
+        if cache.authority != NAME_UNKNOWN and cache.authority >= tree.authorities.count:
+            return "an authority that is no name"
+        samples += cache.count
+        history_bytes += ring_bytes(cache.capacity)
+    if samples != tree.samples or history_bytes != tree.history_bytes:
+        return "samples or their bytes miscounted"
+    return NULL

@@ -1,0 +1,162 @@
+"""Owns copies of the tree that outlive its lock, for listings and error texts."""
+
+from cpython.mem cimport PyMem_Free, PyMem_Malloc, PyMem_Realloc
+from libc.stddef cimport size_t
+from libc.stdint cimport int64_t, uint32_t
+from libc.string cimport memcpy
+
+from tf2_py._core.cache cimport CACHE_UNBORN, Cache, cache_newest_parent
+from tf2_py._core.lock cimport Lock, lock_read, unlock_read
+from tf2_py._core.names cimport Name, Names
+from tf2_py._core.tree cimport Tree
+from tf2_py._core.types cimport NO_FRAME, FrameId
+
+from tf2_py._objects.listings import FrameFacts
+
+cdef enum:
+    SLICE_BYTES = 65536     # of names, copied under the lock at once; a longer name is copied alone
+
+
+cdef struct Facts:
+    # A FrameFacts before its names are Python objects.
+    FrameId frame
+    FrameId parent
+    uint32_t authority
+    uint32_t count
+    int64_t newest_ns
+    int64_t oldest_ns
+
+
+cdef struct NameSlice:
+    uint32_t ids[SLICE_FRAMES]
+    uint32_t sizes[SLICE_FRAMES]    # bytes
+    uint32_t count                  # of the ids; after copying, of the names in `text`
+    char* text                      # the names, one after the other
+    size_t capacity                 # bytes allocated for it
+    size_t wanted                   # bytes, where not even the first name fits
+
+
+cdef void _copy_slice(const Names* names, NameSlice* copies) noexcept nogil:
+    # With the lock held.
+    cdef size_t used = 0
+    cdef uint32_t i, id
+    cdef const Name* name
+    for i in range(copies.count):
+        copies.sizes[i] = 0
+        if names.count == 0:
+            continue
+        # An id from before the buffer was emptied may be no one's by now.
+        id = copies.ids[i] if copies.ids[i] < names.count else NO_FRAME
+        name = &names.names[id]
+        if name.size > copies.capacity - used:
+            copies.count = i
+            copies.wanted = name.size
+            return
+        memcpy(copies.text + used, names.text + name.start, name.size)
+        copies.sizes[i] = name.size
+        used += name.size
+
+
+cdef list _names_of(const Names* names, Lock* lock, list ids):
+    cdef NameSlice copies
+    cdef list found = []
+    cdef size_t start
+    cdef uint32_t i
+    cdef char* grown
+    copies.capacity = SLICE_BYTES
+    copies.wanted = 0
+    copies.text = <char*>PyMem_Malloc(SLICE_BYTES)
+    if copies.text == NULL:
+        raise MemoryError
+    try:
+        while len(found) < len(ids):
+            copies.count = 0
+            for id in ids[len(found):len(found) + SLICE_FRAMES]:
+                copies.ids[copies.count] = id
+                copies.count += 1
+            lock_read(lock)
+            _copy_slice(names, &copies)
+            unlock_read(lock)
+            if copies.count == 0:
+                grown = <char*>PyMem_Realloc(copies.text, copies.wanted)
+                if grown == NULL:
+                    raise MemoryError
+                copies.text = grown
+                copies.capacity = copies.wanted
+            start = 0
+            for i in range(copies.count):
+                found.append(copies.text[start:start + copies.sizes[i]].decode("utf-8"))
+                start += copies.sizes[i]
+        return found
+    finally:
+        PyMem_Free(copies.text)
+
+
+cdef list snapshot_names(const Tree* tree, Lock* lock, frames):
+    cdef uint32_t count
+    if frames is None:
+        lock_read(lock)
+        count = tree.names.count
+        unlock_read(lock)
+        frames = range(count)
+    return _names_of(&tree.names, lock, list(frames))
+
+
+cdef inline void _copy_facts(Facts* facts, FrameId frame, const Cache* cache) noexcept nogil:
+    facts.frame = frame
+    facts.parent = cache_newest_parent(cache)
+    facts.authority = cache.authority
+    facts.count = cache.count
+    facts.newest_ns = cache.newest_ns
+    facts.oldest_ns = cache.oldest_ns
+
+
+cdef uint32_t _copy_frames(const Tree* tree, FrameId* first, Facts* facts) noexcept nogil:
+    # With the lock held: the facts of a slice that begins with `first`, which is moved behind it.
+    cdef uint32_t end = min(first[0] + SLICE_FRAMES, tree.names.count)
+    cdef uint32_t count = 0
+    cdef uint32_t id
+    for id in range(first[0], end):
+        if tree.caches[id].kind != CACHE_UNBORN:
+            _copy_facts(&facts[count], id, &tree.caches[id])
+            count += 1
+    first[0] = end
+    return count
+
+
+cdef list _as_objects(const Tree* tree, Lock* lock, const Facts* facts, uint32_t count):
+    cdef uint32_t i
+    names = _names_of(&tree.names, lock, [facts[i].frame for i in range(count)])
+    parents = _names_of(&tree.names, lock, [facts[i].parent for i in range(count)])
+    authorities = _names_of(&tree.authorities, lock, [facts[i].authority for i in range(count)])
+    return [
+        FrameFacts(
+            name=names[i],
+            parent=None if facts[i].parent == NO_FRAME else parents[i],
+            authority=authorities[i],
+            samples=facts[i].count,
+            newest_ns=facts[i].newest_ns,
+            oldest_ns=facts[i].oldest_ns,
+        )
+        for i in range(count)
+    ]
+
+
+cdef list snapshot_frames(const Tree* tree, Lock* lock):
+    cdef list frames = []
+    cdef FrameId first = NO_FRAME
+    cdef bint is_last = False
+    cdef uint32_t count
+    cdef Facts* facts = <Facts*>PyMem_Malloc(SLICE_FRAMES * sizeof(Facts))
+    if facts == NULL:
+        raise MemoryError
+    try:
+        while not is_last:
+            lock_read(lock)
+            count = _copy_frames(tree, &first, facts)
+            is_last = first >= tree.names.count
+            unlock_read(lock)
+            frames += _as_objects(tree, lock, facts, count)
+        return frames
+    finally:
+        PyMem_Free(facts)

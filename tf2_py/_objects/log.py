@@ -1,0 +1,66 @@
+"""Owns what a buffer says about transforms it did not take."""
+
+import logging
+from typing import Any
+
+from tf2_py._objects.errors import seconds
+from tf2_py._objects.printable import printable
+from tf2_py._objects.throttle import Throttle
+
+__all__ = ["OLD_DATA", "REFUSALS", "Throttle", "malformed", "not_logged", "refused", "too_many_waiters"]
+
+# By bit of the engine's REFUSED_*: the tag that users search for, the key in statistics(), the reason.
+REFUSALS = (
+    ("TF_SELF_TRANSFORM", "self_transform", "frame_id and child_frame_id are the same"),
+    ("TF_NO_FRAME_ID", "no_frame_id", "frame_id is not set"),
+    ("TF_NO_CHILD_FRAME_ID", "no_child_frame_id", "child_frame_id is not set"),
+    ("TF_NAN_INPUT", "nan_input", "a number is NaN"),
+    ("TF_DENORMALIZED_QUATERNION", "denormalized_quaternion", "the rotation is too short or too long"),
+    ("TF_INFINITE_INPUT", "infinite_input", "the translation is infinite"),
+    ("TF_NEGATIVE_STAMP", "negative_stamp", "the stamp is negative"),
+    ("TF_RESERVED_FRAME_ID", "reserved_frame_id", 'the frame name "NO_PARENT" is reserved'),
+    ("TF_OLD_DATA", "old_data", "the stamp is older than the newest one less the cache time"),
+    ("TF_STAMP_TOO_LATE", "stamp_too_late", "the stamp is beyond what a message can carry"),
+    ("TF_TOO_MANY_FRAMES", "too_many_frames", "the buffer has max_frames frames already"),
+    ("TF_TOO_MANY_BYTES", "too_many_bytes", "the buffer would hold more than max_bytes bytes"),
+)
+OLD_DATA = 1 << 8
+
+
+def _logger() -> Any:
+    try:
+        from rclpy.logging import get_logger
+    except ModuleNotFoundError:
+        return logging.getLogger("tf2_py")
+    return get_logger("tf2_py")
+
+
+def refused(reasons: int, parent: str, child: str, authority: str, stamp_ns: int) -> None:
+    """Log one refused transform."""
+    named = [refusal for bit, refusal in enumerate(REFUSALS) if reasons >> bit & 1]
+    text = printable(
+        f"{', '.join(tag for tag, _, _ in named)}: ignoring the transform from frame_id '{parent}' to "
+        f"child_frame_id '{child}' at time {seconds(stamp_ns)} from authority '{authority}' because "
+        f"{' and '.join(reason for _, _, reason in named)}"
+    )
+    if reasons == OLD_DATA:
+        _logger().warning(text)
+    else:
+        _logger().error(text)
+
+
+def not_logged(count: int) -> None:
+    """Log that more transforms were refused than there are lines about."""
+    _logger().warning(f"{count} more transforms were refused and not logged; statistics() counts them all")
+
+
+def malformed(throttle: Throttle, what: str, error: str) -> None:
+    """Log one message that could not be read."""
+    if throttle.passes(what):
+        _logger().error(f"Ignoring a malformed message on {what}: {error}")
+
+
+def too_many_waiters(throttle: Throttle, error: str) -> None:
+    """Log that a wait was refused."""
+    if throttle.passes("waiters"):
+        _logger().error(f"Refusing to wait: {error}")

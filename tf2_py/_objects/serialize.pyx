@@ -1,0 +1,46 @@
+"""Owns the making of serialised messages: what broadcasters send."""
+
+from cpython.bytes cimport PyBytes_AS_STRING, PyBytes_FromStringAndSize
+from libc.stddef cimport size_t
+from libc.string cimport memset
+
+from tf2_py._objects.messages cimport is_plain_transform_stamped, read_transform_stamped
+from tf2_py._wire.batch cimport Batch, batch_free, batch_reserve
+from tf2_py._wire.cdr cimport Writer, writer_init, writer_transform
+
+
+def serialize_transforms(list transforms):
+    """
+    The ``tf2_msgs/TFMessage`` of these transforms as plain CDR, ready for a publisher.
+
+    :param transforms: a list of ``geometry_msgs/TransformStamped``.
+    :return: the bytes; None where one of them is not a message just as its class makes it: what becomes of
+        that is for ROS's own conversion to decide.
+    """
+    cdef Batch batch
+    cdef Writer writer
+    cdef size_t i
+    cdef list keep = []
+    for transform in transforms:
+        if not is_plain_transform_stamped(transform):
+            return None
+    memset(&batch, 0, sizeof(Batch))
+    if batch_reserve(&batch, len(transforms)) != 0:
+        raise MemoryError
+    try:
+        batch.count = len(transforms)
+        for i in range(batch.count):
+            try:
+                read_transform_stamped(transforms[i], &batch.entries[i].incoming, keep)
+            except ValueError:      # a name that is no text
+                return None
+        writer_init(&writer, NULL, <unsigned int>batch.count)
+        for i in range(batch.count):
+            writer_transform(&writer, &batch.entries[i].incoming)
+        data = PyBytes_FromStringAndSize(NULL, writer.position)
+        writer_init(&writer, <unsigned char*>PyBytes_AS_STRING(data), <unsigned int>batch.count)
+        for i in range(batch.count):
+            writer_transform(&writer, &batch.entries[i].incoming)
+        return data
+    finally:
+        batch_free(&batch)

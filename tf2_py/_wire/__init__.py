@@ -1,0 +1,1 @@
+"""Serialised messages in and out."""

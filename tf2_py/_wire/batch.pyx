@@ -1,0 +1,57 @@
+"""Owns the room for transforms between their source and the tree."""
+
+from libc.stddef cimport size_t
+from libc.stdint cimport uint32_t
+from libc.stdlib cimport free, malloc
+
+from tf2_py._wire.cdr cimport Reader, reader_count, reader_finish, reader_init, reader_transform
+
+cdef enum:
+    KEPT_ENTRIES = 1024     # for the next message
+
+
+cdef void batch_free(Batch* batch) noexcept nogil:
+    if batch.capacity:
+        free(batch.entries)
+    batch.entries = NULL
+    batch.count = batch.capacity = 0
+
+
+cdef void batch_begin(Batch* batch) noexcept nogil:
+    batch.done = batch.taken = batch.refused = 0
+    batch.waking = batch.no_memory = batch.news = False
+    batch.ready.first = batch.ready.last = NULL
+
+
+cdef int batch_reserve(Batch* batch, size_t count) noexcept nogil:
+    # What was in it is not kept, nor is the memory that one large message has once needed.
+    if count <= batch.capacity and 0 < batch.capacity <= max(count, <size_t>KEPT_ENTRIES) + 1:
+        return 0
+    batch_free(batch)
+    batch.entries = <Entry*>malloc((count + 1) * sizeof(Entry))
+    if batch.entries == NULL:
+        return -1
+    batch.capacity = count + 1
+    return 0
+
+
+cdef bint batch_read_cdr(Batch* batch, const unsigned char* data, size_t size) noexcept nogil:
+    cdef Reader reader
+    cdef uint32_t count, i
+    batch.count = 0
+    batch.problem = NULL
+    batch.no_memory = False
+    reader_init(&reader, data, size)
+    count = reader_count(&reader)
+    if batch_reserve(batch, count) != 0:
+        batch.no_memory = True
+        return False
+    for i in range(count):
+        if not reader_transform(&reader, &batch.entries[i].incoming):
+            break
+    if not reader_finish(&reader):
+        batch.problem = reader.problem
+        batch.problem_at = reader.position
+        return False
+    batch.count = count
+    return True

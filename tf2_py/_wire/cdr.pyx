@@ -1,0 +1,204 @@
+"""Owns the wire format of TFMessage: CDR as in OMG DDS-RTPS 2.5, clause 10 (plain CDR, version 1)."""
+
+from libc.stddef cimport size_t
+from libc.stdint cimport int32_t, int64_t, uint32_t, uint64_t
+from libc.string cimport memchr, memcpy, memset
+
+from tf2_py._core.types cimport Incoming
+
+cdef extern from *:
+    """
+    #if __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
+    #define TF2_THIS_ENDIAN 1
+    #else
+    #define TF2_THIS_ENDIAN 0
+    #endif
+    """
+    const int TF2_THIS_ENDIAN
+    uint32_t __builtin_bswap32(uint32_t value) nogil
+    uint64_t __builtin_bswap64(uint64_t value) nogil
+
+cdef enum:
+    HEADER_SIZE = 4             # representation id, options, 2 bytes each; alignment counts from its end
+    # Two times, two empty names and seven doubles: no transform is shorter.
+    SMALLEST_TRANSFORM = 72
+
+
+cdef inline const unsigned char* _take(Reader* reader, size_t size, size_t alignment) noexcept nogil:
+    # Every byte is read through here. NULL where the data ends before `size` bytes.
+    cdef size_t start = reader.position + (0 - (reader.position - HEADER_SIZE)) % alignment
+    if reader.problem != NULL:
+        return NULL
+    if start > reader.size or reader.size - start < size:
+        reader.problem = "the data ends too early"
+        return NULL
+    reader.position = start + size
+    return reader.data + start
+
+
+cdef inline uint32_t _uint32(Reader* reader) noexcept nogil:
+    cdef uint32_t value = 0
+    cdef const unsigned char* at = _take(reader, 4, 4)
+    if at != NULL:
+        memcpy(&value, at, 4)
+    return __builtin_bswap32(value) if reader.swapped else value
+
+
+cdef inline void _doubles(Reader* reader, double* out, uint32_t count) noexcept nogil:
+    cdef const unsigned char* at = _take(reader, 8 * <size_t>count, 8)
+    cdef uint64_t word
+    cdef uint32_t i
+    if at == NULL:
+        return
+    memcpy(out, at, 8 * <size_t>count)
+    if reader.swapped:
+        for i in range(count):
+            memcpy(&word, &out[i], 8)
+            word = __builtin_bswap64(word)
+            memcpy(&out[i], &word, 8)
+
+
+cdef bint _is_utf8(const unsigned char* text, size_t size) noexcept nogil:
+    # Well-formed UTF-8 as in table 3-7 of the Unicode standard: no overlong forms, no surrogates.
+    cdef size_t i = 0
+    cdef size_t follow, k
+    cdef unsigned char first, low, high
+    while i < size:
+        first = text[i]
+        i += 1
+        if first < 0x80:
+            continue
+        low = 0x80
+        high = 0xBF
+        if 0xC2 <= first <= 0xDF:
+            follow = 1
+        elif 0xE0 <= first <= 0xEF:
+            follow = 2
+            if first == 0xE0:
+                low = 0xA0
+            elif first == 0xED:
+                high = 0x9F
+        elif 0xF0 <= first <= 0xF4:
+            follow = 3
+            if first == 0xF0:
+                low = 0x90
+            elif first == 0xF4:
+                high = 0x8F
+        else:
+            return False
+        if size - i < follow or not low <= text[i] <= high:
+            return False
+        for k in range(1, follow):
+            if not 0x80 <= text[i + k] <= 0xBF:
+                return False
+        i += follow
+    return True
+
+
+cdef void _string(Reader* reader, const char** text, size_t* size) noexcept nogil:
+    # The length counts the terminating NUL; some writers send an empty string as length 0.
+    cdef size_t length = _uint32(reader)
+    cdef const unsigned char* at = _take(reader, length, 1)
+    text[0] = ""
+    size[0] = 0
+    if at == NULL or length == 0:
+        return
+    if at[length - 1] != 0:
+        reader.problem = "a string without its terminating NUL"
+    elif memchr(at, 0, length - 1) != NULL:
+        reader.problem = "a string with a NUL inside"
+    elif not _is_utf8(at, length - 1):
+        reader.problem = "a string that is not UTF-8"
+    else:
+        text[0] = <const char*>at
+        size[0] = length - 1
+
+
+cdef void reader_init(Reader* reader, const unsigned char* data, size_t size) noexcept nogil:
+    reader.data = data
+    reader.size = size
+    reader.position = HEADER_SIZE
+    reader.swapped = False
+    reader.problem = NULL
+    if size < HEADER_SIZE:
+        reader.position = 0
+        reader.problem = "the data ends before its encapsulation header"
+    elif data[0] != 0 or data[1] > 1:
+        reader.position = 0
+        reader.problem = "the encapsulation header is not plain CDR"
+    else:
+        reader.swapped = data[1] != TF2_THIS_ENDIAN
+
+
+cdef uint32_t reader_count(Reader* reader) noexcept nogil:
+    cdef uint32_t count = _uint32(reader)
+    if reader.problem == NULL and count > (reader.size - reader.position) // SMALLEST_TRANSFORM:
+        reader.problem = "more transforms are announced than the data can hold"
+    return 0 if reader.problem != NULL else count
+
+
+cdef bint reader_transform(Reader* reader, Incoming* out) noexcept nogil:
+    cdef int64_t sec = <int32_t>_uint32(reader)
+    cdef int64_t nanosec = _uint32(reader)
+    out.stamp_ns = sec * 1000000000 + nanosec
+    _string(reader, &out.parent, &out.parent_size)
+    _string(reader, &out.child, &out.child_size)
+    _doubles(reader, out.transform.translation, 3)
+    _doubles(reader, out.transform.rotation, 4)
+    return reader.problem == NULL
+
+
+cdef bint reader_finish(Reader* reader) noexcept nogil:
+    if reader.problem == NULL and reader.position != reader.size:
+        reader.problem = "bytes are left behind the last transform"
+    return reader.problem == NULL
+
+
+cdef inline unsigned char* _room(Writer* writer, size_t size, size_t alignment) noexcept nogil:
+    # Every byte is written through here; NULL where nothing is to be written.
+    cdef size_t padding = (0 - (writer.position - HEADER_SIZE)) % alignment
+    if writer.data != NULL:
+        memset(writer.data + writer.position, 0, padding)
+    writer.position += padding + size
+    return NULL if writer.data == NULL else writer.data + writer.position - size
+
+
+cdef inline void _put(Writer* writer, const void* value, size_t size, size_t alignment) noexcept nogil:
+    cdef unsigned char* at = _room(writer, size, alignment)
+    if at != NULL:
+        memcpy(at, value, size)
+
+
+cdef void _put_string(Writer* writer, const char* text, size_t size) noexcept nogil:
+    cdef uint32_t length = <uint32_t>(size + 1)
+    cdef unsigned char end = 0
+    _put(writer, &length, 4, 4)
+    _put(writer, text, size, 1)
+    _put(writer, &end, 1, 1)
+
+
+cdef void writer_init(Writer* writer, unsigned char* data, uint32_t count) noexcept nogil:
+    writer.data = data
+    writer.position = HEADER_SIZE
+    if data != NULL:
+        data[0] = data[2] = data[3] = 0
+        data[1] = TF2_THIS_ENDIAN
+    _put(writer, &count, 4, 4)
+
+
+cdef void writer_transform(Writer* writer, const Incoming* transform) noexcept nogil:
+    cdef int64_t whole = transform.stamp_ns // 1000000000
+    cdef int64_t rest = transform.stamp_ns % 1000000000
+    cdef int32_t sec
+    cdef uint32_t nanosec
+    if rest < 0:                # C rounds towards zero
+        whole -= 1
+        rest += 1000000000
+    sec = <int32_t>whole
+    nanosec = <uint32_t>rest
+    _put(writer, &sec, 4, 4)
+    _put(writer, &nanosec, 4, 4)
+    _put_string(writer, transform.parent, transform.parent_size)
+    _put_string(writer, transform.child, transform.child_size)
+    _put(writer, transform.transform.translation, 24, 8)
+    _put(writer, transform.transform.rotation, 32, 8)

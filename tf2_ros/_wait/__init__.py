@@ -1,0 +1,1 @@
+"""Waiting for transforms: threads that block, futures, deadlines, streams."""

@@ -1,0 +1,89 @@
+"""Owns the one thread of the process that ends asynchronous waits whose time is over."""
+
+import heapq
+import itertools
+import threading
+import time
+import weakref
+from collections.abc import Callable
+from typing import Protocol
+
+from tf2_ros._forking import LOCK
+from tf2_ros._wait.worker import Worker
+
+__all__ = ["Deadlines", "Expiring", "deadlines"]
+
+FEW = 64  # entries that are not worth sweeping
+LOOK_AGAIN_S = 1.0  # how long the thread may outlive the last wait, if that ended before its deadline
+
+
+class Expiring(Protocol):
+    """What has a deadline."""
+
+    def over(self) -> bool:
+        """Whether it ended before its deadline."""
+
+    def expire(self) -> None:
+        """The deadline has come."""
+
+
+class Deadlines(Worker):
+    """
+    Calls ``expire()`` of things when their time has come, unless they were over, or dropped, before.
+
+    The thread starts with the first deadline and ends when none is left.
+    """
+
+    def __init__(self) -> None:
+        self._order = itertools.count()
+        super().__init__("tf2_ros deadlines", "At the end of a timeout")
+
+    def after_fork(self) -> None:
+        """Begin anew: those of before the fork wait in the parent."""
+        super().after_fork()
+        self._changed = threading.Condition(LOCK)
+        self._heap: list[tuple[int, int, weakref.ref[Expiring]]] = []
+        self._sweep_at = FEW
+
+    def add(self, deadline_ns: int, thing: Expiring) -> None:
+        """Call ``thing.expire()`` when ``time.monotonic_ns()`` comes to ``deadline_ns``; holds it weakly."""
+        entry = (deadline_ns, next(self._order), weakref.ref(thing))
+        with self._changed:
+            heapq.heappush(self._heap, entry)
+            if len(self._heap) >= self._sweep_at:
+                self._sweep()
+            starting = self._wanted()
+            if starting is None and self._heap[0] is entry:
+                self._changed.notify()
+        self._start(starting)
+
+    def _sweep(self) -> None:
+        # Waits usually end well before their deadline; without this their entries would pile up until then.
+        self._heap = [entry for entry in self._heap if _pending(entry[2]) is not None]
+        heapq.heapify(self._heap)
+        self._sweep_at = 2 * len(self._heap) + FEW
+
+    def _next(self) -> Callable[[], None] | None:
+        with self._changed:
+            while self._heap:
+                deadline_ns, _, reference = self._heap[0]
+                thing = _pending(reference)
+                left_ns = deadline_ns - time.monotonic_ns()
+                if thing is not None and left_ns > 0:
+                    del thing  # not held while waiting
+                    self._changed.wait(min(left_ns / 1e9, LOOK_AGAIN_S))
+                    continue
+                heapq.heappop(self._heap)
+                if thing is not None:
+                    return thing.expire
+            self._thread = None
+            return None
+
+
+def _pending(reference: "weakref.ref[Expiring]") -> Expiring | None:
+    thing = reference()
+    return None if thing is None or thing.over() else thing
+
+
+# Of the whole process.
+deadlines = Deadlines()

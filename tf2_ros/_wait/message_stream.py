@@ -1,0 +1,57 @@
+"""Owns the asynchronous iteration over what a message filter lets pass."""
+
+from collections import deque
+from contextlib import suppress
+from typing import Any
+
+from tf2_ros._wait.waiting import WakingFuture
+
+__all__ = ["MessageStream"]
+
+
+class MessageStream:
+    """
+    An asynchronous iterator over things that another thread puts in; ends, when closed, after the last.
+
+    Each thing goes to one of those that iterate.
+    """
+
+    def __init__(self) -> None:
+        self._things: deque[Any] = deque()
+        # Never replaced: whoever is about to be added must be found.
+        self._awaiting: deque[WakingFuture] = deque()
+        self._closed = False
+
+    def put(self, thing: Any) -> None:
+        """Let the iteration go on with this."""
+        self._things.append(thing)
+        self._wake()
+
+    def close(self) -> None:
+        """End the iteration after what was put in."""
+        self._closed = True
+        self._wake()
+
+    def __aiter__(self) -> "MessageStream":
+        return self
+
+    async def __anext__(self) -> Any:
+        while True:
+            news = WakingFuture()
+            # First this, then a look: whoever puts something in does it the other way round.
+            self._awaiting.append(news)
+            try:
+                return self._things.popleft()
+            except IndexError:
+                if self._closed:
+                    raise StopAsyncIteration from None
+                await news
+            finally:
+                with suppress(ValueError):  # it was woken
+                    self._awaiting.remove(news)
+
+    def _wake(self) -> None:
+        # All of them: one alone might be just leaving. Those that come later see for themselves.
+        for _ in range(len(self._awaiting)):
+            with suppress(IndexError):  # one has left
+                self._awaiting.popleft().set_result(None)

@@ -47,7 +47,7 @@ def list_frames(core, _):
 
 
 def wait_in_vain(core, _):
-    core._wait("map", "nowhere", at(1), None, None).block(1_000_000, lambda: True)
+    core._wait("map", "nowhere", at(1), None, None).wait_for(1_000_000, lambda: True)
 
 
 def make_another(core, _):
@@ -67,7 +67,7 @@ def use(core):
     assert "robot" in core.all_frames_as_yaml()
     answers = []
     wait = core._wait("map", "child", at(1), None, None, notify=answers.append)
-    assert not core._wait("map", "nowhere", at(1), None, None).block(1_000_000, lambda: True)
+    assert not core._wait("map", "nowhere", at(1), None, None).wait_for(1_000_000, lambda: True)
     core.set_transform_static(transform("map", "child"), "child")
     assert answers[0].child_frame_id == "child"
     assert not wait.cancel()
@@ -121,7 +121,7 @@ def test_it_ends_a_buffer_that_threads_of_its_parent_block_in(tf2_py):
     ending = threading.Event()
 
     def block():
-        core._wait("map", "nowhere", at(1), None, None).block(100 * S, lambda: not ending.is_set())
+        core._wait("map", "nowhere", at(1), None, None).wait_for(100 * S, lambda: not ending.is_set())
 
     thread = threading.Thread(target=block)
     thread.start()

@@ -294,7 +294,7 @@ class TestBlocking:
         wait = buffer._wait("map", "odom", at(1))
         timer = threading.Timer(0.05, buffer.set_transform, (transform("map", "odom", 1), "x"))
         timer.start()
-        assert wait.block(10 * S, always)
+        assert wait.wait_for(10 * S, always)
         assert wait.answer == buffer.lookup_transform_core("map", "odom", at(1))
         timer.join()
 
@@ -302,25 +302,25 @@ class TestBlocking:
     def test_a_timeout_is_kept(self, buffer, timeout_ns):
         wait = buffer._wait("map", "odom", at(1))
         began = time.monotonic_ns()
-        assert not wait.block(timeout_ns, always)
+        assert not wait.wait_for(timeout_ns, always)
         assert time.monotonic_ns() - began >= timeout_ns
         assert buffer.statistics()["waiters"] == 0
 
     def test_the_end_of_the_context_ends_it(self, buffer):
         looks = iter([True, True, False])
-        assert not buffer._wait("map", "odom", at(1)).block(60 * S, lambda: next(looks))
+        assert not buffer._wait("map", "odom", at(1)).wait_for(60 * S, lambda: next(looks))
 
     def test_what_is_raised_meanwhile_ends_it(self, buffer):
         def interrupted():
             raise KeyboardInterrupt
 
         with pytest.raises(KeyboardInterrupt):
-            buffer._wait("map", "odom", at(1)).block(60 * S, interrupted)
+            buffer._wait("map", "odom", at(1)).wait_for(60 * S, interrupted)
         assert buffer.statistics()["waiters"] == 0
 
     def test_an_answer_that_is_there_needs_no_sleep(self, buffer):
         buffer.set_transform_static(transform("map", "odom"), "x")
-        assert buffer._wait("map", "odom", at(1)).block(0, always)
+        assert buffer._wait("map", "odom", at(1)).wait_for(0, always)
 
 
 def test_inserts_and_registrations_interleave_in_threads(buffer):
@@ -331,7 +331,7 @@ def test_inserts_and_registrations_interleave_in_threads(buffer):
     def read(i):
         for second in range(1, seconds):
             wait = buffer._wait("map", "odom", at_ns(second * 1000))
-            if not wait.block(20 * S, always):
+            if not wait.wait_for(20 * S, always):
                 return
             reached[i] = second
 

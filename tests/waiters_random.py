@@ -243,8 +243,8 @@ class Machine:
         target, source, ns, *rest = lookup
         more = (rest[0], _time(rest[1])) if rest else ()
         wait = self.buffer._wait(target, source, _time(ns), *more)
-        require(wait.block(0, lambda: True) == (available is not None), "block() of 0 s", lookup)
-        require(wait.answer == available, "block() of 0 s has another answer than a lookup", lookup)
+        require(wait.wait_for(0, lambda: True) == (available is not None), "wait_for() of 0 s", lookup)
+        require(wait.answer == available, "wait_for() of 0 s has another answer than a lookup", lookup)
 
     def do_cancel(self, index: int) -> None:
         if self.pending:
@@ -263,7 +263,7 @@ class Machine:
         blocking = [waiter for waiter in self.pending if waiter.kind == "blocking"]
         if blocking:
             waiter = blocking[index % len(blocking)]
-            require(not waiter.handle.block(0, lambda: True), "block() found an answer late", waiter)
+            require(not waiter.handle.wait_for(0, lambda: True), "wait_for() found an answer late", waiter)
             self._retire(waiter)
 
     def _retire(self, waiter: Waiter) -> None:

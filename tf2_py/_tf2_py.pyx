@@ -6,9 +6,9 @@ from libc.string cimport memset
 
 from tf2_py._core.geometry cimport vector_rotate
 from tf2_py._core.lock cimport lock_read, unlock_read
-from tf2_py._core.lookup cimport Query, query_ends, query_fixed, query_is_identity
+from tf2_py._core.lookup cimport Query, query_end_frames, query_fixed_frame, query_is_identity
 from tf2_py._core.names cimport NAME_UNKNOWN, names_find
-from tf2_py._core.series cimport Vector, vector_lookup
+from tf2_py._core.series cimport TimeSeries, series_lookup
 from tf2_py._core.tree cimport Limits, Tree, tree_bytes, tree_check
 from tf2_py._core.twist cimport twist_between
 from tf2_py._core.types cimport (
@@ -109,7 +109,7 @@ cdef class BufferCore(Engine):
         batch.authority = name_utf8(authority, &size)
         batch.authority_size = size
         self.insert(&batch)
-        return self.report(&batch, None) if batch.news else 0
+        return self.report(&batch, None) if batch.needs_report else 0
 
     def set_transform(self, transform, authority):
         """
@@ -150,7 +150,7 @@ cdef class BufferCore(Engine):
             batch.authority = name_utf8(authority, &size)
             batch.authority_size = size
             self.insert(&batch)
-            if batch.news:
+            if batch.needs_report:
                 self.report(&batch, None)
             return batch.taken
         finally:
@@ -177,7 +177,7 @@ cdef class BufferCore(Engine):
                 self.insert(&batch)
             elif batch.problem != NULL:
                 raise self.malformed(&batch, view.len)
-            if batch.news or batch.no_memory:
+            if batch.needs_report or batch.no_memory:
                 self.report(&batch, None)
             return batch.taken
         finally:
@@ -251,23 +251,23 @@ cdef class BufferCore(Engine):
         Other threads run meanwhile: the GIL is released.
         """
         cdef Query query
-        cdef Vector vector
+        cdef TimeSeries series
         cdef const int64_t[::1] times_ns = as_times_ns(times)
         cdef double[:, ::1] translations, rotations
-        vector.count = times_ns.shape[0]
-        translations_array, rotations_array = new_rows(vector.count, 3), new_rows(vector.count, 4)
+        series.count = times_ns.shape[0]
+        translations_array, rotations_array = new_rows(series.count, 3), new_rows(series.count, 4)
         if on_missing not in ("raise", "nan"):
             raise ValueError(f"on_missing must be 'raise' or 'nan', not {on_missing!r}")
-        _fill_vector(&query, target_frame, source_frame, fixed_frame, target_time)
-        if vector.count:
+        _fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
+        if series.count:
             translations, rotations = translations_array, rotations_array
-            vector.times_ns = &times_ns[0]
-            vector.translations = &translations[0, 0]
-            vector.rotations = &rotations[0, 0]
-            vector.points = NULL
-            vector.carried = NULL
-            vector.nan_missing = on_missing == "nan"
-            self._lookup_vector(&query, &vector)
+            series.times_ns = &times_ns[0]
+            series.translations = &translations[0, 0]
+            series.rotations = &rotations[0, 0]
+            series.points = NULL
+            series.carried = NULL
+            series.nan_missing = on_missing == "nan"
+            self._lookup_series(&query, &series)
         return translations_array, rotations_array
 
     def transform_points(self, points, times, target_frame, source_frame, *, fixed_frame=None,
@@ -281,43 +281,44 @@ cdef class BufferCore(Engine):
         :return: an array of shape (N, 3) of the points' dtype, in ``target_frame``.
         """
         cdef Query query
-        cdef Vector vector
+        cdef TimeSeries series
         cdef const int64_t[::1] times_ns = as_times_ns(times)
         cdef const double[:, ::1] rows
         cdef double[:, ::1] carried
         rows_array, dtype = as_points(points)
-        vector.count = times_ns.shape[0]
-        if len(rows_array) != vector.count:
-            raise ValueError(f"{len(rows_array)} points, {vector.count} times: each point needs its own time")
-        carried_array = new_rows(vector.count, 3)
-        _fill_vector(&query, target_frame, source_frame, fixed_frame, target_time)
-        if vector.count:
+        series.count = times_ns.shape[0]
+        if len(rows_array) != series.count:
+            raise ValueError(f"{len(rows_array)} points, {series.count} times: each point needs its own time")
+        carried_array = new_rows(series.count, 3)
+        _fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
+        if series.count:
             rows, carried = rows_array, carried_array
-            vector.times_ns = &times_ns[0]
-            vector.points = &rows[0, 0]
-            vector.carried = &carried[0, 0]
-            vector.translations = NULL
-            vector.rotations = NULL
-            vector.nan_missing = False
-            self._lookup_vector(&query, &vector)
+            series.times_ns = &times_ns[0]
+            series.points = &rows[0, 0]
+            series.carried = &carried[0, 0]
+            series.translations = NULL
+            series.rotations = NULL
+            series.nan_missing = False
+            self._lookup_series(&query, &series)
         return carried_array.astype(dtype, copy=False)
 
-    cdef int _lookup_vector(self, Query* query, const Vector* vector) except -1:
+    cdef int _lookup_series(self, Query* query, const TimeSeries* series) except -1:
         cdef Py_ssize_t answered
         cdef Status status
         cdef FrameId target, source
         lock_read(&self._lock)
-        status = query_ends(&self._tree, query, &target, &source)
+        status = query_end_frames(&self._tree, query, &target, &source)
         if query_is_identity(query):
             status.code = STATUS_OK
-        elif status.code == STATUS_OK and query.fixed != NULL and query_fixed(&self._tree, query) == NO_FRAME:
-            status.code = STATUS_BAD_FIXED
+        elif status.code == STATUS_OK and query.fixed != NULL:
+            if query_fixed_frame(&self._tree, query) == NO_FRAME:
+                status.code = STATUS_BAD_FIXED
         unlock_read(&self._lock)
         if status.code != STATUS_OK:
             raise self.error(query, status)
         with nogil:
-            answered = vector_lookup(&self._tree, &self._lock, query, vector, &status)
-        if answered < vector.count:
+            answered = series_lookup(&self._tree, &self._lock, query, series, &status)
+        if answered < series.count:
             error = self.error(query, status)
             raise type(error)(f"times[{answered}]: {error}")
         return 0
@@ -350,7 +351,7 @@ cdef class BufferCore(Engine):
         query.source = name_utf8(source_frame, &query.source_size)
         query.fixed = NULL
         lock_read(&self._lock)
-        status = query_ends(&self._tree, &query, &target, &source)
+        status = query_end_frames(&self._tree, &query, &target, &source)
         if status.code == STATUS_OK:
             status = walk_common_time(&self._tree, target, source, &path, &common_ns)
         unlock_read(&self._lock)
@@ -439,7 +440,7 @@ cdef class BufferCore(Engine):
         :param notify: called with the answer, once, by the thread that inserts what was missing, and not
             where the answer is available at once. It runs no code of a user; it may return a callable that
             does. A thread of the user calls that at once, a receiver hands it over. None:
-            :meth:`Wait.block` waits.
+            :meth:`Wait.wait_for` waits.
         :return: a ``Wait``; its ``answer`` may be there at once.
         :raises InvalidArgumentException: a name is empty or begins with ``/``: that would never end.
         """
@@ -509,7 +510,7 @@ cdef class BufferCore(Engine):
         query.source = name_utf8(source_frame, &query.source_size)
         query.fixed = NULL
         lock_read(&self._lock)
-        status = query_ends(&self._tree, &query, &target, &source)
+        status = query_end_frames(&self._tree, &query, &target, &source)
         if status.code == STATUS_OK:
             status = walk_lookup(&self._tree, target, source, time_ns, &path, NULL, &stamp_ns)
         unlock_read(&self._lock)
@@ -565,7 +566,7 @@ cdef _extend_chain(list chain, frames):
         chain.append(frame)
 
 
-cdef int _fill_vector(Query* query, target_frame, source_frame, fixed_frame, target_time) except -1:
+cdef int _fill_series(Query* query, target_frame, source_frame, fixed_frame, target_time) except -1:
     if (fixed_frame is None) != (target_time is None):
         raise TypeError("fixed_frame and target_time go together: both or neither")
     query.target = name_utf8(target_frame, &query.target_size)

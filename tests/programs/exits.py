@@ -7,7 +7,8 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from tf2_ros import Buffer, TransformListener, _receiving
+from tf2_ros import Buffer, TransformListener
+from tf2_ros._receive import thread
 
 said = []
 
@@ -27,7 +28,7 @@ def go_on(how):
 
 def main(how, road):
     if road == "executor":
-        _receiving.Receiver = None
+        thread.Receiver = None
     rclpy.init()
     node = rclpy.create_node("ending")
     buffer = Buffer(node=node)

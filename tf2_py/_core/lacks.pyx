@@ -12,7 +12,7 @@ from libc.stdint cimport INT64_MAX, int64_t, uint32_t
 from libc.stdlib cimport free, realloc
 
 from tf2_py._core.cache cimport CACHE_DYNAMIC, Cache, cache_parent_until
-from tf2_py._core.lookup cimport Query, query_ends, query_fixed
+from tf2_py._core.lookup cimport Query, query_end_frames, query_fixed_frame
 from tf2_py._core.names cimport name_hash
 from tf2_py._core.tree cimport (
     ANY_TIME,
@@ -214,11 +214,11 @@ cdef void lacks_find(const Tree* tree, const Query* query, Status status, Lacks*
         _add_name(lacks, query.fixed, query.fixed_size)
     else:
         # Of a lookup at two times, the half that failed.
-        query_ends(tree, query, &target, &source)
+        query_end_frames(tree, query, &target, &source)
         if query.fixed != NULL and status.half == HALF_SOURCE:
-            target = query_fixed(tree, query)
+            target = query_fixed_frame(tree, query)
         elif query.fixed != NULL and status.half == HALF_TARGET:
-            source = query_fixed(tree, query)
+            source = query_fixed_frame(tree, query)
             time_ns = query.target_ns
         if time_ns == 0:
             _find_latest(tree, target, source, lacks)

@@ -18,7 +18,10 @@ cdef struct Query:
 
 
 # With the tree's lock held. `out` NULL only asks whether there is an answer.
-cdef Status query_walk(const Tree* tree, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil
-cdef Status query_ends(const Tree* tree, const Query* query, FrameId* target, FrameId* source) noexcept nogil
-cdef FrameId query_fixed(const Tree* tree, const Query* query) noexcept nogil      # NO_FRAME: no such frame
+cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
+                         int64_t* stamp_ns) noexcept nogil
+cdef Status query_end_frames(const Tree* tree, const Query* query, FrameId* target,
+                             FrameId* source) noexcept nogil
+# NO_FRAME: no such frame
+cdef FrameId query_fixed_frame(const Tree* tree, const Query* query) noexcept nogil
 cdef bint query_is_identity(const Query* query) noexcept nogil

@@ -1,7 +1,7 @@
 """Owns the lookup: names to frames, the walk between them, the halves of a two-time lookup."""
 
 from libc.stdint cimport int64_t
-from libc.string cimport memcmp, memset
+from libc.string cimport memcmp
 
 from tf2_py._core.geometry cimport quaternion_canonicalise, transform_compose
 from tf2_py._core.tree cimport Tree, tree_frame
@@ -15,8 +15,8 @@ from tf2_py._core.types cimport (
     STATUS_OK,
     FrameId,
     Status,
-    StatusCode,
     Transform,
+    status_of,
 )
 from tf2_py._core.walk cimport Path, walk_lookup
 
@@ -27,24 +27,18 @@ cdef inline FrameId _frame(const Tree* tree, const char* name, Py_ssize_t size) 
     return tree_frame(tree, name, size)
 
 
-cdef inline Status _status(StatusCode code) noexcept nogil:
-    cdef Status status
-    memset(&status, 0, sizeof(Status))
-    status.code = code
-    return status
-
-
-cdef Status query_ends(const Tree* tree, const Query* query, FrameId* target, FrameId* source) noexcept nogil:
+cdef Status query_end_frames(const Tree* tree, const Query* query, FrameId* target,
+                             FrameId* source) noexcept nogil:
     target[0] = _frame(tree, query.target, query.target_size)
     source[0] = _frame(tree, query.source, query.source_size)
     if target[0] == NO_FRAME:
-        return _status(STATUS_BAD_TARGET)
+        return status_of(STATUS_BAD_TARGET)
     if source[0] == NO_FRAME:
-        return _status(STATUS_BAD_SOURCE)
-    return _status(STATUS_OK)
+        return status_of(STATUS_BAD_SOURCE)
+    return status_of(STATUS_OK)
 
 
-cdef FrameId query_fixed(const Tree* tree, const Query* query) noexcept nogil:
+cdef FrameId query_fixed_frame(const Tree* tree, const Query* query) noexcept nogil:
     return _frame(tree, query.fixed, query.fixed_size)
 
 
@@ -54,8 +48,8 @@ cdef bint query_is_identity(const Query* query) noexcept nogil:
             and memcmp(query.target, query.source, query.source_size) == 0)
 
 
-cdef Status query_walk(const Tree* tree, const Query* query, Transform* out,
-                       int64_t* stamp_ns) noexcept nogil:
+cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
+                         int64_t* stamp_ns) noexcept nogil:
     # Both lookups of tf2, with the lock held; `out` NULL only asks whether there is an answer.
     cdef Path path
     cdef FrameId target, source, fixed
@@ -65,14 +59,14 @@ cdef Status query_walk(const Tree* tree, const Query* query, Transform* out,
     if query_is_identity(query):
         source = tree_frame(tree, query.source, query.source_size)
         return walk_lookup(tree, source, source, query.source_ns, &path, out, stamp_ns)
-    status = query_ends(tree, query, &target, &source)
+    status = query_end_frames(tree, query, &target, &source)
     if status.code != STATUS_OK:
         return status
     if query.fixed == NULL:
         return walk_lookup(tree, target, source, query.source_ns, &path, out, stamp_ns)
-    fixed = query_fixed(tree, query)
+    fixed = query_fixed_frame(tree, query)
     if fixed == NO_FRAME:
-        return _status(STATUS_BAD_FIXED)
+        return status_of(STATUS_BAD_FIXED)
     if out == NULL:
         # Which half fails first shows in the reason: can_transform begins with the target's ...
         status = walk_lookup(tree, target, fixed, query.target_ns, &path, NULL, stamp_ns)

@@ -8,7 +8,7 @@ from tf2_py._core.tree cimport Tree
 from tf2_py._core.types cimport Status
 
 
-cdef struct Vector:
+cdef struct TimeSeries:
     # What one call asks for and where its answers go; exactly one of `translations` and `points` is set.
     const int64_t* times_ns     # the source's times
     Py_ssize_t count
@@ -21,5 +21,5 @@ cdef struct Vector:
 
 # Answers of `query` at each of the times; its own source time is not looked at. How many were answered: less
 # than `count` where the one after them failed, with its status. Takes the lock, but not for long.
-cdef Py_ssize_t vector_lookup(const Tree* tree, Lock* lock, const Query* query, const Vector* vector,
+cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, const TimeSeries* series,
                               Status* status) noexcept nogil

@@ -1,4 +1,4 @@
-"""Owns lookups at many times: the path is resolved once, the times go through it in blocks."""
+"""Owns lookups at many times: the path is resolved once, the times go through it in batches."""
 
 from libc.math cimport NAN
 from libc.stdint cimport int64_t, uint32_t
@@ -8,22 +8,22 @@ from libc.string cimport memset
 from tf2_py._core.cache cimport NEWEST_HINT, Cache, cache_pin, cache_slot, cache_unpin
 from tf2_py._core.geometry cimport quaternion_canonicalise, transform_compose
 from tf2_py._core.lock cimport Lock, lock_read, unlock_read
-from tf2_py._core.lookup cimport Query, query_ends, query_fixed, query_is_identity, query_walk
-from tf2_py._core.series_batch cimport (
-    BLOCK,
+from tf2_py._core.lookup cimport Query, query_answer, query_end_frames, query_fixed_frame, query_is_identity
+from tf2_py._core.series_work cimport (
+    BATCH_TIMES,
     Work,
-    block_apply,
-    block_begin_source,
-    block_begin_source_identity,
-    block_begin_target,
-    block_carry,
-    block_climb_source,
-    block_climb_target,
-    block_hop,
-    block_identity,
-    block_put,
-    block_result,
-    block_store,
+    work_apply,
+    work_begin_source,
+    work_begin_source_identity,
+    work_begin_target,
+    work_carry,
+    work_climb_source,
+    work_climb_target,
+    work_hop,
+    work_identity,
+    work_put,
+    work_result,
+    work_store,
 )
 from tf2_py._core.tree cimport MIXED_PARENTS, NEWEST, Tree
 from tf2_py._core.types cimport HALF_SOURCE, NO_FRAME, STATUS_OK, FrameId, Status, Transform
@@ -34,12 +34,12 @@ from tf2_py._core.walk cimport Path, walk_climb, walk_lookup, walk_path_common_t
 # of one moment.
 
 cdef enum:
-    LONG_PATH = 64          # hops; a block of times through a longer path would not stay in the cache
+    LONG_PATH = 64          # hops; a batch of times through a longer path would not stay in the cache
 
 
 cdef struct Plan:
     # How the times are answered.
-    bint by_blocks          # one path serves all times; otherwise each time is looked up on its own
+    bint by_batches          # one path serves all times; otherwise each time is looked up on its own
     Path path
     Cache caches[LONG_PATH]         # by hop, pinned: source side first
     uint32_t hints[LONG_PATH]       # where the last time was found
@@ -65,11 +65,11 @@ cdef void _make_plan(const Tree* tree, const Query* query, Plan* plan) noexcept 
     plan.has_outer = query.fixed != NULL
     plan.hops = plan.path.source_hops = plan.path.target_hops = 0
     plan.in_view = False
-    plan.by_blocks = query_is_identity(query)
-    if plan.by_blocks or query_ends(tree, query, &plan.target, &plan.source).code != STATUS_OK:
+    plan.by_batches = query_is_identity(query)
+    if plan.by_batches or query_end_frames(tree, query, &plan.target, &plan.source).code != STATUS_OK:
         return
     if plan.has_outer:
-        fixed = query_fixed(tree, query)
+        fixed = query_fixed_frame(tree, query)
         if fixed == NO_FRAME:
             return
         if walk_lookup(tree, plan.target, fixed, query.target_ns, &path, &plan.outer,
@@ -79,8 +79,8 @@ cdef void _make_plan(const Tree* tree, const Query* query, Plan* plan) noexcept 
     if not tree.ever_looped and (
             plan.target == plan.source
             or walk_climb(tree, plan.target, plan.source, NEWEST, &plan.path, &mixed)):
-        plan.by_blocks = not mixed and plan.path.source_hops + plan.path.target_hops <= LONG_PATH
-    if plan.by_blocks:
+        plan.by_batches = not mixed and plan.path.source_hops + plan.path.target_hops <= LONG_PATH
+    if plan.by_batches:
         plan.common_ns = walk_path_common_time(tree, &plan.path)
         _pin_path(tree, plan)
     else:
@@ -153,34 +153,34 @@ cdef void _end_plan(Plan* plan) noexcept nogil:
         _free_view(plan)
 
 
-cdef void _answer_block(Plan* plan, const int64_t* asked_ns, uint32_t count, Work* work) noexcept nogil:
+cdef void _answer_batch(Plan* plan, const int64_t* asked_ns, uint32_t count, Work* work) noexcept nogil:
     cdef const Path* path = &plan.path
-    cdef int64_t times_ns[BLOCK]
+    cdef int64_t times_ns[BATCH_TIMES]
     cdef uint32_t i, k
-    memset(work.missing, 0, BLOCK)
+    memset(work.missing, 0, BATCH_TIMES)
     for i in range(count):
         times_ns[i] = asked_ns[i] if asked_ns[i] else plan.common_ns
     if path.source_hops == 0 and path.target_hops == 0:
-        block_identity(work)
+        work_identity(work)
     else:
         for i in range(path.target_hops):
             k = path.source_hops + i
-            block_hop(work, &plan.caches[k], times_ns, count, &plan.hints[k])
+            work_hop(work, &plan.caches[k], times_ns, count, &plan.hints[k])
             if i == 0:
-                block_begin_target(work)
+                work_begin_target(work)
             else:
-                block_climb_target(work)
+                work_climb_target(work)
         for i in range(path.source_hops):
-            block_hop(work, &plan.caches[i], times_ns, count, &plan.hints[i])
+            work_hop(work, &plan.caches[i], times_ns, count, &plan.hints[i])
             if i == 0:
-                block_begin_source(work)
+                work_begin_source(work)
             else:
-                block_climb_source(work)
+                work_climb_source(work)
         if path.source_hops == 0:
-            block_begin_source_identity(work)
-        block_result(work, path.target_hops > 0)
+            work_begin_source_identity(work)
+        work_result(work, path.target_hops > 0)
     if plan.has_outer:
-        block_apply(work, &plan.outer)
+        work_apply(work, &plan.outer)
 
 
 cdef Status _answer_one(const Tree* tree, Lock* lock, const Query* query, const Plan* plan, int64_t time_ns,
@@ -192,7 +192,7 @@ cdef Status _answer_one(const Tree* tree, Lock* lock, const Query* query, const 
     if not plan.in_view:
         single.source_ns = time_ns
         lock_read(lock)
-        status = query_walk(tree, &single, out, &stamp_ns)
+        status = query_answer(tree, &single, out, &stamp_ns)
         unlock_read(lock)
         return status
     status = walk_lookup(&plan.view, plan.target, plan.source, time_ns, &path, out, &stamp_ns)
@@ -205,31 +205,31 @@ cdef Status _answer_one(const Tree* tree, Lock* lock, const Query* query, const 
 
 
 cdef uint32_t _answer_singly(const Tree* tree, Lock* lock, const Query* query, const Plan* plan,
-                             const Vector* vector, Py_ssize_t start, uint32_t count, Work* work,
+                             const TimeSeries* series, Py_ssize_t start, uint32_t count, Work* work,
                              Status* status) noexcept nogil:
-    # The times that no block has answered. How many are answered, see vector_lookup.
+    # The times that no batch has answered. How many are answered, see series_lookup.
     cdef Transform transform
     cdef uint32_t i
     cdef int k
     for i in range(count):
-        if plan.by_blocks and not work.missing[i]:
+        if plan.by_batches and not work.missing[i]:
             continue
-        if not (plan.by_blocks and vector.nan_missing):
-            status[0] = _answer_one(tree, lock, query, plan, vector.times_ns[start + i], &transform)
+        if not (plan.by_batches and series.nan_missing):
+            status[0] = _answer_one(tree, lock, query, plan, series.times_ns[start + i], &transform)
             if status.code == STATUS_OK:
-                block_put(work, i, &transform)
+                work_put(work, i, &transform)
                 continue
-            if not vector.nan_missing:
+            if not series.nan_missing:
                 return i
         for k in range(3):
             transform.translation[k] = NAN
         for k in range(4):
             transform.rotation[k] = NAN
-        block_put(work, i, &transform)
+        work_put(work, i, &transform)
     return count
 
 
-cdef Py_ssize_t vector_lookup(const Tree* tree, Lock* lock, const Query* query, const Vector* vector,
+cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, const TimeSeries* series,
                               Status* status) noexcept nogil:
     cdef Work work
     cdef Plan plan
@@ -239,15 +239,15 @@ cdef Py_ssize_t vector_lookup(const Tree* tree, Lock* lock, const Query* query, 
     lock_read(lock)
     _make_plan(tree, query, &plan)
     unlock_read(lock)
-    while start < vector.count and answered == count:
-        count = <uint32_t>min(<Py_ssize_t>BLOCK, vector.count - start)
-        if plan.by_blocks:
-            _answer_block(&plan, vector.times_ns + start, count, &work)
-        answered = _answer_singly(tree, lock, query, &plan, vector, start, count, &work, status)
-        if vector.points != NULL:
-            block_carry(&work, answered, vector.points + 3 * start, vector.carried + 3 * start)
+    while start < series.count and answered == count:
+        count = <uint32_t>min(<Py_ssize_t>BATCH_TIMES, series.count - start)
+        if plan.by_batches:
+            _answer_batch(&plan, series.times_ns + start, count, &work)
+        answered = _answer_singly(tree, lock, query, &plan, series, start, count, &work, status)
+        if series.points != NULL:
+            work_carry(&work, answered, series.points + 3 * start, series.carried + 3 * start)
         else:
-            block_store(&work, answered, vector.translations + 3 * start, vector.rotations + 4 * start)
+            work_store(&work, answered, series.translations + 3 * start, series.rotations + 4 * start)
         start += answered
     _end_plan(&plan)
     return start

@@ -1,6 +1,7 @@
-"""The C structs that every room of the engine shares."""
+"""The C structs that every module of the engine shares."""
 
 from libc.stdint cimport int64_t, uint32_t
+from libc.string cimport memset
 
 # A frame is an index into the tree's arrays, never a pointer kept across growth.
 ctypedef uint32_t FrameId
@@ -74,6 +75,14 @@ cdef struct Status:
     FrameId parent          # ... as far as its newest sample tells; NO_FRAME: it has none
     int64_t requested_ns
     int64_t edge_ns         # the stamp of its data nearest to requested_ns; undefined for GAP_EMPTY
+
+
+cdef inline Status status_of(StatusCode code) noexcept nogil:
+    # One that has no further facts.
+    cdef Status status
+    memset(&status, 0, sizeof(Status))
+    status.code = code
+    return status
 
 
 cdef enum:

@@ -6,7 +6,7 @@ from libc.string cimport memset
 
 from tf2_py._core.forking cimport fork_generation, fork_is_here, fork_note
 from tf2_py._core.lacks cimport Lack, Lacks, lacks_find, lacks_free
-from tf2_py._core.lookup cimport query_walk
+from tf2_py._core.lookup cimport query_answer
 from tf2_py._core.tree cimport CHANGE_DATA, CHANGE_NAME, ChangeKind, Changed, Tree
 from tf2_py._core.types cimport STATUS_OK, FrameId, Status, Transform
 from tf2_py._core.watches cimport (
@@ -178,7 +178,7 @@ cdef void waiter_free(Waiter* waiter) noexcept nogil:
 
 
 cdef Status _attempt(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcept nogil:
-    cdef Status status = query_walk(tree, &waiter.query, &waiter.answer, &waiter.stamp_ns)
+    cdef Status status = query_answer(tree, &waiter.query, &waiter.answer, &waiter.stamp_ns)
     if status.code == STATUS_OK:
         waiter.answered = True
     else:
@@ -297,7 +297,7 @@ cdef const char* _check_list(const WaiterList* list, Place place, const Tree* tr
             return "a waiter in a list that is not its own"
         if waiter.after != NULL and waiter.after.filed < waiter.filed:
             return "waiters out of order"
-        if at_rest and query_walk(tree, &waiter.query, &answer, &stamp_ns).code == STATUS_OK:
+        if at_rest and query_answer(tree, &waiter.query, &answer, &stamp_ns).code == STATUS_OK:
             return "a waiter whose lookup would answer"
         count[0] += 1
         waiter = waiter.after

@@ -34,8 +34,8 @@ from tf2_py._core.types cimport (
     FrameId,
     Gap,
     Status,
-    StatusCode,
     Transform,
+    status_of,
 )
 
 
@@ -168,13 +168,6 @@ cdef Status _gap_status(const Tree* tree, FrameId frame, int64_t time_ns) noexce
     return status
 
 
-cdef inline Status _plain(StatusCode code) noexcept nogil:
-    cdef Status status
-    memset(&status, 0, sizeof(Status))
-    status.code = code
-    return status
-
-
 cdef Status _first_gap(const Tree* tree, const Path* path, int64_t time_ns) noexcept nogil:
     # Of two gaps the target side's; a path without one is an answer.
     cdef uint32_t i
@@ -187,7 +180,7 @@ cdef Status _first_gap(const Tree* tree, const Path* path, int64_t time_ns) noex
         if frame == NO_FRAME and walk_gap(tree, path.source[i], time_ns) != GAP_NONE:
             frame = path.source[i]
     if frame == NO_FRAME:
-        return _plain(STATUS_OK)
+        return status_of(STATUS_OK)
     status = _gap_status(tree, frame, time_ns)
     status.on_path = True
     return status
@@ -237,7 +230,7 @@ cdef Status _compose(const Tree* tree, const Path* path, int64_t time_ns, Transf
     # Long chains drift from unit length by rounding only.
     quaternion_normalise(out.rotation)
     quaternion_canonicalise(out.rotation)
-    return _plain(STATUS_OK)
+    return status_of(STATUS_OK)
 
 
 # The reference's order: up from the source to its root or first gap, then up from the target. It decides
@@ -261,9 +254,9 @@ cdef Status _reference_walk(const Tree* tree, FrameId target, FrameId source, in
             break
         if frame == target:
             path.top = frame
-            return _plain(STATUS_OK)
+            return status_of(STATUS_OK)
         if path.source_hops == MAX_HOPS:
-            return _plain(STATUS_LOOP)
+            return status_of(STATUS_LOOP)
         path.source[path.source_hops] = frame
         path.source_hops += 1
         frame = parent
@@ -277,18 +270,18 @@ cdef Status _reference_walk(const Tree* tree, FrameId target, FrameId source, in
         if frame == source:
             path.top = frame
             path.source_hops = 0
-            return _plain(STATUS_OK)
+            return status_of(STATUS_OK)
         if path.target_hops == MAX_HOPS:
-            return _plain(STATUS_LOOP)
+            return status_of(STATUS_LOOP)
         path.target[path.target_hops] = frame
         path.target_hops += 1
         frame = parent
     if frame == top:
         path.top = top
-        return _plain(STATUS_OK)
+        return status_of(STATUS_OK)
     if source_gap != NO_FRAME:
         return _gap_status(tree, source_gap, time_ns)
-    return _plain(STATUS_UNCONNECTED)
+    return status_of(STATUS_UNCONNECTED)
 
 
 cdef Status _reference_common_time(const Tree* tree, FrameId target, FrameId source, Path* path,
@@ -304,27 +297,27 @@ cdef Status _reference_common_time(const Tree* tree, FrameId target, FrameId sou
         path.source_hops += 1
         if frame == target:
             common_ns[0] = walk_path_common_time(tree, path)
-            return _plain(STATUS_OK)
+            return status_of(STATUS_OK)
         if path.source_hops > MAX_HOPS:
-            return _plain(STATUS_LOOP)
+            return status_of(STATUS_LOOP)
     frame = target
     while True:
         path.target[path.target_hops] = frame
         frame = cache_newest_parent(&tree.caches[frame])
         if frame == NO_FRAME:
-            return _plain(STATUS_UNCONNECTED)
+            return status_of(STATUS_UNCONNECTED)
         path.target_hops += 1
         for i in range(path.source_hops):
             if path.source[i + 1] == frame:
                 path.source_hops = i + 1
                 common_ns[0] = walk_path_common_time(tree, path)
-                return _plain(STATUS_OK)
+                return status_of(STATUS_OK)
         if frame == source:
             path.source_hops = 0
             common_ns[0] = walk_path_common_time(tree, path)
-            return _plain(STATUS_OK)
+            return status_of(STATUS_OK)
         if path.target_hops > MAX_HOPS:
-            return _plain(STATUS_LOOP)
+            return status_of(STATUS_LOOP)
 
 
 cdef Status walk_common_time(const Tree* tree, FrameId target, FrameId source, Path* path,
@@ -332,10 +325,10 @@ cdef Status walk_common_time(const Tree* tree, FrameId target, FrameId source, P
     cdef bint mixed = False
     if target == source:
         common_ns[0] = tree.caches[source].newest_ns
-        return _plain(STATUS_OK)
+        return status_of(STATUS_OK)
     if not tree.ever_looped and walk_climb(tree, target, source, NEWEST, path, &mixed):
         common_ns[0] = walk_path_common_time(tree, path)
-        return _plain(STATUS_OK)
+        return status_of(STATUS_OK)
     return _reference_common_time(tree, target, source, path, common_ns)
 
 
@@ -353,7 +346,7 @@ cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_
             stamp_ns[0] = tree.caches[source].newest_ns
         if out != NULL:
             transform_identity(out)
-        return _plain(STATUS_OK)
+        return status_of(STATUS_OK)
     found = (not tree.ever_looped
              and walk_climb(tree, target, source, NEWEST if latest else time_ns, path, &mixed))
     if latest:

@@ -41,8 +41,8 @@ cdef class Engine:
     cdef unsigned long long _waits_refused  # likewise
     cdef list _observers                # called after every insert; changed with the GIL, counted without
 
-    # Takes a slice of what a begun batch holds; whether there is more. Where `batch.news` is set after the
-    # last one, `report` is due, with the GIL and while the batch and its names are still there.
+    # Takes a slice of what a begun batch holds; whether more is left. Where `batch.needs_report` is set
+    # after the last one, `report` is due, with the GIL and while the batch and its names are still there.
     cdef bint insert_some(self, Batch* batch) noexcept nogil
     # The same of the whole batch. What takes longer than one slice lets other threads run.
     cdef void insert(self, Batch* batch)

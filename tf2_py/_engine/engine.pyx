@@ -9,7 +9,7 @@ from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
 
 from tf2_py._core.forking cimport FORK_INNER, fork_forget, fork_watch
 from tf2_py._core.lock cimport lock_free, lock_init, lock_read, lock_write, unlock_read, unlock_write
-from tf2_py._core.lookup cimport Query, query_walk
+from tf2_py._core.lookup cimport Query, query_answer
 from tf2_py._core.names cimport NAME_NO_MEMORY, name_for_log
 from tf2_py._core.tree cimport (
     TREE_NO_MEMORY,
@@ -65,7 +65,7 @@ NO_LIMITS.frames = NO_LIMITS.waiters = UINT32_MAX
 NO_LIMITS.bytes = SIZE_MAX
 
 # How often a blocked thread looks for signals and for the end of its context.
-cdef int64_t LOOK_UP_NS = 100 * <int64_t>1000000
+cdef int64_t WAKE_CHECK_NS = 100 * <int64_t>1000000
 
 
 cdef class Engine:
@@ -113,8 +113,8 @@ cdef class Engine:
                 work = self._tree.work
                 self._insert_next(batch, authority)
                 left -= <int64_t>(1 + self._tree.work - work)
-        batch.news = batch.refused > 0 or batch.no_memory or batch.ready.first != NULL
-        batch.news = batch.news or _is_filled(<void*>self._observers)
+        batch.needs_report = batch.refused > 0 or batch.no_memory or batch.ready.first != NULL
+        batch.needs_report = batch.needs_report or _is_filled(<void*>self._observers)
         unlock_write(&self._lock)
         return batch.waking or batch.done < batch.count
 
@@ -269,7 +269,7 @@ cdef class Engine:
     cdef Status lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil:
         cdef Status status
         lock_read(&self._lock)
-        status = query_walk(&self._tree, query, out, stamp_ns)
+        status = query_answer(&self._tree, query, out, stamp_ns)
         unlock_read(&self._lock)
         return status
 
@@ -296,7 +296,7 @@ cdef bint _leave_ready(Waiter* waiter) noexcept nogil:
     return False
 
 
-cdef inline bint _never(const char* name, Py_ssize_t size) noexcept nogil:
+cdef inline bint _is_invalid_name(const char* name, Py_ssize_t size) noexcept nogil:
     # A name that no lookup will ever accept, whatever comes in.
     return size == 0 or name[0] == b"/"
 
@@ -346,11 +346,11 @@ cdef class Wait:
         if status.code == STATUS_OK:
             return 0
         # Whatever else is missing, too: with such a name there will never be an answer.
-        if _never(query.target, query.target_size):
+        if _is_invalid_name(query.target, query.target_size):
             status.code = STATUS_BAD_TARGET
-        elif _never(query.source, query.source_size):
+        elif _is_invalid_name(query.source, query.source_size):
             status.code = STATUS_BAD_SOURCE
-        elif query.fixed != NULL and _never(query.fixed, query.fixed_size):
+        elif query.fixed != NULL and _is_invalid_name(query.fixed, query.fixed_size):
             status.code = STATUS_BAD_FIXED
         else:
             return 0
@@ -385,7 +385,7 @@ cdef class Wait:
         cdef Status status = self._engine.lookup(&self._waiter.query, NULL, &stamp_ns)
         return None if status.code == STATUS_OK else self._engine.error(&self._waiter.query, status)
 
-    def block(self, int64_t timeout_ns, alive):
+    def wait_for(self, int64_t timeout_ns, alive):
         """
         Sleep, without the GIL, until the answer is there.
 
@@ -401,7 +401,7 @@ cdef class Wait:
             while not self._waiter.answered:
                 if not alive():
                     break
-                until_ns = min(deadline_ns, _now_ns() + LOOK_UP_NS)
+                until_ns = min(deadline_ns, _now_ns() + WAKE_CHECK_NS)
                 until.tv_sec = until_ns // 1000000000
                 until.tv_nsec = until_ns % 1000000000
                 with nogil:

@@ -302,7 +302,7 @@ cdef int read_transform_stamped(object message, Incoming* out, list keep) except
     return 0
 
 
-cdef inline bint _is_plain(Layout layout, object message, int count):
+cdef inline bint _is_exact_class(Layout layout, object message, int count):
     # Of this very class, and its first `count` fields floats.
     cdef int i
     if not layout.by_slot or type(message) is not layout.message_class:
@@ -315,22 +315,22 @@ cdef inline bint _is_plain(Layout layout, object message, int count):
 
 cdef bint is_plain_transform_stamped(object message) except -1:
     load()
-    if not (_is_plain(transform_stamped_layout, message, 0)):
+    if not (_is_exact_class(transform_stamped_layout, message, 0)):
         return False
     header = transform_stamped_layout.get(message, 0)
     transform = transform_stamped_layout.get(message, 2)
-    if not (_is_plain(header_layout, header, 0) and _is_plain(transform_layout, transform, 0)):
+    if not (_is_exact_class(header_layout, header, 0) and _is_exact_class(transform_layout, transform, 0)):
         return False
     stamp = header_layout.get(header, 0)
-    if not _is_plain(time_layout, stamp, 0):
+    if not _is_exact_class(time_layout, stamp, 0):
         return False
     sec, nanosec = time_layout.get(stamp, 0), time_layout.get(stamp, 1)
     return (type(sec) is int and -0x80000000 <= sec < 0x80000000
             and type(nanosec) is int and 0 <= nanosec < NS_PER_S
             and type(header_layout.get(header, 1)) is str
             and type(transform_stamped_layout.get(message, 1)) is str
-            and _is_plain(vector3_layout, transform_layout.get(transform, 0), 3)
-            and _is_plain(quaternion_layout, transform_layout.get(transform, 1), 4))
+            and _is_exact_class(vector3_layout, transform_layout.get(transform, 0), 3)
+            and _is_exact_class(quaternion_layout, transform_layout.get(transform, 1), 4))
 
 
 cdef object new_time(int64_t time_ns):

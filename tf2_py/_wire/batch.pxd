@@ -26,7 +26,7 @@ cdef struct Batch:
     size_t refused              # outcome: how many were not
     bint no_memory              # outcome: the rest was dropped for want of memory
     WaiterList ready            # outcome: whom it completed, and whose answers are still to be delivered
-    bint news                   # outcome: there is something to log, or an answer to deliver
+    bint needs_report           # outcome: there is something to log, or an answer to deliver
     const char* problem         # why a serialised message could not be read, or NULL ...
     size_t problem_at           # ... and the byte at which
 

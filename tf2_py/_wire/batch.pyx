@@ -19,7 +19,7 @@ cdef void batch_free(Batch* batch) noexcept nogil:
 
 cdef void batch_begin(Batch* batch) noexcept nogil:
     batch.done = batch.taken = batch.refused = 0
-    batch.waking = batch.no_memory = batch.news = False
+    batch.waking = batch.no_memory = batch.needs_report = False
     batch.ready.first = batch.ready.last = NULL
 
 

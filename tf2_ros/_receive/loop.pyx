@@ -68,7 +68,7 @@ cdef enum:
     KEEP_BYTES = 1 << 20        # more memory than that is not kept from one message to the next
 
 # A signal ends a context without a word to those who wait in it; and an event would make each message dearer.
-cdef int64_t LOOK_UP_NS = 1000000000
+cdef int64_t WAKE_CHECK_NS = 1000000000
 
 # How often messages give an executor in its own loop a turn, at most.
 cdef int64_t TURN_NS = 100000000
@@ -281,9 +281,9 @@ cdef class Receiver:
         it returns true, the message is counted with these, and not in `arrivals`.
     """
 
-    cdef void* _engine          # NULL: it is gone; guarded by _door
-    cdef Lock _door             # held while the engine is at work
-    cdef ForkedLock _forked     # _door
+    cdef void* _engine          # NULL: it is gone; guarded by _engine_lock
+    cdef Lock _engine_lock      # held while the engine is at work
+    cdef ForkedLock _forked     # _engine_lock
     cdef object _reference      # called, gives the engine or None
     cdef str _authority         # keeps the batch's UTF-8 alive
     cdef Batch _batch
@@ -303,14 +303,14 @@ cdef class Receiver:
     cdef bint _changed          # an attribute that decides was set on an object
     cdef bint _spent            # the one message that may be taken where a type has no version
     cdef rcl_clock_t* _clock    # of the buffer, or NULL
-    cdef Journal _journal       # guarded by _door
+    cdef Journal _journal       # guarded by _engine_lock
 
     def __cinit__(self, Engine buffer not None, str authority not None, ArrivalWaitable arrivals not None,
                   hand_over):
         cdef Py_ssize_t size
-        if lock_init(&self._door) != 0:
+        if lock_init(&self._engine_lock) != 0:
             raise MemoryError
-        fork_watch(&self._forked, &self._door, FORK_OUTER)
+        fork_watch(&self._forked, &self._engine_lock, FORK_OUTER)
         if not _message_init(&self._message):
             raise MemoryError
         self._authority = authority
@@ -331,13 +331,13 @@ cdef class Receiver:
         journal_clear(&self._journal)
         batch_free(&self._batch)
         _message_free(&self._message)
-        lock_free(&self._door)
+        lock_free(&self._engine_lock)
 
     def _forget(self, _):
         with nogil:
-            lock_write(&self._door)
+            lock_write(&self._engine_lock)
         self._engine = NULL
-        unlock_write(&self._door)
+        unlock_write(&self._engine_lock)
 
     def watch(self, types):
         """
@@ -377,12 +377,12 @@ cdef class Receiver:
         cdef Engine engine = self._reference()
         cdef list later = []
         with nogil:
-            lock_write(&self._door)
+            lock_write(&self._engine_lock)
         journal = self._journal
         self._journal.first = self._journal.last = NULL
         self._journal.bytes = 0
         self._journal.time_ns = until_ns
-        unlock_write(&self._door)
+        unlock_write(&self._engine_lock)
         memset(&batch, 0, sizeof(Batch))
         batch.authority = self._batch.authority
         batch.authority_size = self._batch.authority_size
@@ -392,7 +392,7 @@ cdef class Receiver:
                 if batch_read_cdr(&batch, kept_data(kept), kept.size):
                     _keep_until(&batch, until_ns)
                     engine.insert(&batch)
-                    if batch.news:
+                    if batch.needs_report:
                         engine.report(&batch, later)
                 kept = kept.after
         finally:
@@ -463,14 +463,14 @@ cdef class Receiver:
         cdef rcl_ret_t result
         cdef size_t i
         cdef int64_t now_ns
-        cdef int64_t look_up_ns = 0
+        cdef int64_t wake_check_ns = 0
         while rcl_context_is_valid(self._context):
             now_ns = _now_ns()
-            result = self._arm(now_ns >= look_up_ns)
-            if now_ns >= look_up_ns:
-                look_up_ns = now_ns + LOOK_UP_NS
+            result = self._arm(now_ns >= wake_check_ns)
+            if now_ns >= wake_check_ns:
+                wake_check_ns = now_ns + WAKE_CHECK_NS
             if result == RCL_RET_OK:
-                result = rcl_wait(&self._set, LOOK_UP_NS)
+                result = rcl_wait(&self._set, WAKE_CHECK_NS)
             if result == RCL_RET_TIMEOUT:
                 continue
             if result != RCL_RET_OK:
@@ -551,7 +551,7 @@ cdef class Receiver:
         cdef bint due = False
         cdef bint handed_over = False
         cdef bint more = False
-        lock_write(&self._door)
+        lock_write(&self._engine_lock)
         if self._engine != NULL:
             batch_begin(&self._batch)
             more = batch_read_cdr(&self._batch, self._message.buffer, self._message.buffer_length)
@@ -560,11 +560,11 @@ cdef class Receiver:
                 self._keep_for_jump()
         while more and self._engine != NULL:
             more = take_some(self._engine, &self._batch)
-            due = self._batch.news
+            due = self._batch.needs_report
             # A fork, or the end of the buffer, waits for one slice only.
-            unlock_write(&self._door)
-            lock_write(&self._door)
-        unlock_write(&self._door)
+            unlock_write(&self._engine_lock)
+            lock_write(&self._engine_lock)
+        unlock_write(&self._engine_lock)
         if due:
             handed_over = self._report(index)
         if not handed_over:

@@ -94,7 +94,7 @@ def block(core: BufferCore, lookup: Lookup, timeout_ns: int, context: Any) -> An
         answer = wait.answer
         if answer is not None:
             return answer
-        if wait.block(timeout_ns, alive):
+        if wait.wait_for(timeout_ns, alive):
             return wait.answer
         reason = wait.reason()
         if reason is not None:

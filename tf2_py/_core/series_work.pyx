@@ -1,4 +1,4 @@
-"""Owns the arithmetic of many times at once: each step goes through a block, so that wide registers fill."""
+"""Owns the arithmetic of many times at once: each step goes through a batch, so that wide registers fill."""
 
 from libc.math cimport fabs, sqrt
 from libc.stdint cimport int64_t, uint32_t
@@ -24,25 +24,25 @@ cdef extern from *:
     """
 
 
-cdef inline void _put(Block* block, uint32_t i, const Transform* value) noexcept nogil:
-    block.tx[i] = value.translation[0]
-    block.ty[i] = value.translation[1]
-    block.tz[i] = value.translation[2]
-    block.qx[i] = value.rotation[0]
-    block.qy[i] = value.rotation[1]
-    block.qz[i] = value.rotation[2]
-    block.qw[i] = value.rotation[3]
+cdef inline void _put(Columns* columns, uint32_t i, const Transform* value) noexcept nogil:
+    columns.tx[i] = value.translation[0]
+    columns.ty[i] = value.translation[1]
+    columns.tz[i] = value.translation[2]
+    columns.qx[i] = value.rotation[0]
+    columns.qy[i] = value.rotation[1]
+    columns.qz[i] = value.rotation[2]
+    columns.qw[i] = value.rotation[3]
 
 
-cdef inline void _put_identity(Block* block, uint32_t i) noexcept nogil:
-    block.tx[i] = block.ty[i] = block.tz[i] = 0.0
-    block.qx[i] = block.qy[i] = block.qz[i] = 0.0
-    block.qw[i] = 1.0
+cdef inline void _put_identity(Columns* columns, uint32_t i) noexcept nogil:
+    columns.tx[i] = columns.ty[i] = columns.tz[i] = 0.0
+    columns.qx[i] = columns.qy[i] = columns.qz[i] = 0.0
+    columns.qw[i] = 1.0
 
 
 cdef void _gather(Work* work, const Cache* cache, const int64_t* times_ns, uint32_t count,
                   uint32_t* hint) noexcept nogil:
-    cdef uint32_t hints[BLOCK]
+    cdef uint32_t hints[BATCH_TIMES]
     cdef uint32_t i, older, newer
     for i in range(count):
         hints[i] = cache_aim(cache, times_ns[i])
@@ -63,7 +63,7 @@ cdef void _gather(Work* work, const Cache* cache, const int64_t* times_ns, uint3
         else:
             work.ratio[i] = ((<double>(times_ns[i] - cache.stamps[older]))
                              / (<double>(cache.stamps[newer] - cache.stamps[older])))
-    for i in range(count, BLOCK):
+    for i in range(count, BATCH_TIMES):
         _put_identity(&work.older, i)
         _put_identity(&work.newer, i)
         work.ratio[i] = 0.0
@@ -72,7 +72,7 @@ cdef void _gather(Work* work, const Cache* cache, const int64_t* times_ns, uint3
 cdef void _interpolate "tf2_interpolate"(Work* work) noexcept nogil:
     cdef uint32_t i
     cdef double ratio, dot, sign, dx, dy, dz, dw, weight_a, weight_b
-    for i in range(BLOCK):
+    for i in range(BATCH_TIMES):
         ratio = work.ratio[i]
         work.hop.tx[i] = (1.0 - ratio) * work.older.tx[i] + ratio * work.newer.tx[i]
         work.hop.ty[i] = (1.0 - ratio) * work.older.ty[i] + ratio * work.newer.ty[i]
@@ -93,7 +93,7 @@ cdef void _interpolate "tf2_interpolate"(Work* work) noexcept nogil:
         work.hop.qz[i] = weight_a * work.older.qz[i] + weight_b * work.newer.qz[i]
         work.hop.qw[i] = weight_a * work.older.qw[i] + weight_b * work.newer.qw[i]
     # Far neighbours are rare; for them the series above is not good enough.
-    for i in range(BLOCK):
+    for i in range(BATCH_TIMES):
         if work.distance[i] > SLERP_NEAR:
             slerp_weights_far(work.distance[i], work.ratio[i], &weight_a, &weight_b)
             weight_b *= work.sign[i]
@@ -103,22 +103,22 @@ cdef void _interpolate "tf2_interpolate"(Work* work) noexcept nogil:
             work.hop.qw[i] = weight_a * work.older.qw[i] + weight_b * work.newer.qw[i]
 
 
-cdef void block_hop(Work* work, const Cache* cache, const int64_t* times_ns, uint32_t count,
-                    uint32_t* hint) noexcept nogil:
+cdef void work_hop(Work* work, const Cache* cache, const int64_t* times_ns, uint32_t count,
+                   uint32_t* hint) noexcept nogil:
     cdef uint32_t i
     if cache.kind == CACHE_STATIC:
-        for i in range(BLOCK):
+        for i in range(BATCH_TIMES):
             _put(&work.hop, i, &cache.samples[cache.head].transform)
         return
     _gather(work, cache, times_ns, count, hint)
     _interpolate(work)
 
 
-cdef inline void _compose(Block* a, Block* b) noexcept nogil:
+cdef inline void _compose(Columns* a, Columns* b) noexcept nogil:
     # b = a b, as transform_compose
     cdef uint32_t i
     cdef double ux, uy, uz, w, vx, vy, vz, cx, cy, cz, bx, by, bz, bw
-    for i in range(BLOCK):
+    for i in range(BATCH_TIMES):
         ux = a.qx[i]
         uy = a.qy[i]
         uz = a.qz[i]
@@ -142,17 +142,17 @@ cdef inline void _compose(Block* a, Block* b) noexcept nogil:
         b.qw[i] = w * bw - ux * bx - uy * by - uz * bz
 
 
-cdef void block_begin_source(Work* work) noexcept nogil:
+cdef void work_begin_source(Work* work) noexcept nogil:
     work.source = work.hop
 
 
-cdef void block_begin_source_identity(Work* work) noexcept nogil:
+cdef void work_begin_source_identity(Work* work) noexcept nogil:
     cdef uint32_t i
-    for i in range(BLOCK):
+    for i in range(BATCH_TIMES):
         _put_identity(&work.source, i)
 
 
-cdef void block_begin_target(Work* work) noexcept nogil:
+cdef void work_begin_target(Work* work) noexcept nogil:
     work.target = work.hop
 
 
@@ -164,11 +164,11 @@ cdef void _climb_target "tf2_climb_target"(Work* work) noexcept nogil:
     _compose(&work.hop, &work.target)
 
 
-cdef void block_climb_source(Work* work) noexcept nogil:
+cdef void work_climb_source(Work* work) noexcept nogil:
     _climb_source(work)
 
 
-cdef void block_climb_target(Work* work) noexcept nogil:
+cdef void work_climb_target(Work* work) noexcept nogil:
     _climb_target(work)
 
 
@@ -176,7 +176,7 @@ cdef void _between "tf2_between"(Work* work) noexcept nogil:
     # result = target^-1 source, as transform_between
     cdef uint32_t i
     cdef double ux, uy, uz, w, vx, vy, vz, cx, cy, cz
-    for i in range(BLOCK):
+    for i in range(BATCH_TIMES):
         ux = -work.target.qx[i]
         uy = -work.target.qy[i]
         uz = -work.target.qz[i]
@@ -204,7 +204,7 @@ cdef inline void _canonicalise(Work* work) noexcept nogil:
     # As quaternion_canonicalise; without branches
     cdef uint32_t i
     cdef double lead, sign
-    for i in range(BLOCK):
+    for i in range(BATCH_TIMES):
         lead = work.result.qx[i]
         lead = work.result.qy[i] if fabs(work.result.qy[i]) > fabs(lead) else lead
         lead = work.result.qz[i] if fabs(work.result.qz[i]) > fabs(lead) else lead
@@ -220,7 +220,7 @@ cdef void _finish "tf2_finish"(Work* work) noexcept nogil:
     # Unit length and canonical sign, as at the end of a single lookup.
     cdef uint32_t i
     cdef double scale
-    for i in range(BLOCK):
+    for i in range(BATCH_TIMES):
         scale = 1.0 / sqrt(work.result.qx[i] * work.result.qx[i] + work.result.qy[i] * work.result.qy[i]
                            + work.result.qz[i] * work.result.qz[i] + work.result.qw[i] * work.result.qw[i])
         work.result.qx[i] *= scale
@@ -230,7 +230,7 @@ cdef void _finish "tf2_finish"(Work* work) noexcept nogil:
     _canonicalise(work)
 
 
-cdef void block_result(Work* work, bint with_target) noexcept nogil:
+cdef void work_result(Work* work, bint with_target) noexcept nogil:
     if with_target:
         _between(work)
     else:
@@ -238,13 +238,13 @@ cdef void block_result(Work* work, bint with_target) noexcept nogil:
     _finish(work)
 
 
-cdef void block_identity(Work* work) noexcept nogil:
+cdef void work_identity(Work* work) noexcept nogil:
     cdef uint32_t i
-    for i in range(BLOCK):
+    for i in range(BATCH_TIMES):
         _put_identity(&work.result, i)
 
 
-cdef void block_put(Work* work, uint32_t i, const Transform* value) noexcept nogil:
+cdef void work_put(Work* work, uint32_t i, const Transform* value) noexcept nogil:
     _put(&work.result, i, value)
 
 
@@ -253,15 +253,15 @@ cdef void _apply "tf2_apply"(Work* work) noexcept nogil:
     _canonicalise(work)
 
 
-cdef void block_apply(Work* work, const Transform* outer) noexcept nogil:
+cdef void work_apply(Work* work, const Transform* outer) noexcept nogil:
     cdef uint32_t i
-    for i in range(BLOCK):
+    for i in range(BATCH_TIMES):
         _put(&work.hop, i, outer)
     _apply(work)
 
 
-cdef void block_store(const Work* work, uint32_t count, double* translations,
-                      double* rotations) noexcept nogil:
+cdef void work_store(const Work* work, uint32_t count, double* translations,
+                     double* rotations) noexcept nogil:
     cdef uint32_t i
     for i in range(count):
         translations[3 * i] = work.result.tx[i]
@@ -273,7 +273,7 @@ cdef void block_store(const Work* work, uint32_t count, double* translations,
         rotations[4 * i + 3] = work.result.qw[i]
 
 
-cdef void block_carry(const Work* work, uint32_t count, const double* points, double* out) noexcept nogil:
+cdef void work_carry(const Work* work, uint32_t count, const double* points, double* out) noexcept nogil:
     cdef uint32_t i
     cdef double q[4]
     for i in range(count):

@@ -36,6 +36,10 @@ _log_folder = tempfile.TemporaryDirectory(prefix="tf2-ros-cython-log-")
 os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_LOG_DIR"] = _log_folder.name
+# By Jazzy's and by Kilted's name.
+os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = os.environ["FASTDDS_DEFAULT_PROFILES_FILE"] = str(
+    ROOT / "tests" / "fastdds.xml"
+)
 os.environ.pop("ROS_LOCALHOST_ONLY", None)  # it would override the line before
 # For the tests' own programs.
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))

@@ -17,14 +17,16 @@ cdef struct Ring:
 
 
 cdef struct Cache:
-    # Logical index 0 is the oldest sample; it lies at `head`, the ring goes on at 0 after `capacity - 1`.
-    # Two parallel arrays, so that a search touches few cache lines. Equal stamps lie in order of arrival.
-    Ring* ring                  # of both; NULL: capacity 0
-    int64_t* stamps             # ns
-    Sample* samples             # 64-byte lines
-    uint32_t capacity           # samples allocated
-    uint32_t head
-    uint32_t count
+    # The ring, for this module alone. Index 0 is the oldest sample; it lies in slot `head`, and slot 0 follows
+    # slot `capacity - 1`. Two parallel arrays, so that a search touches few cache lines. Equal stamps lie in
+    # order of arrival.
+    Ring* ring                  # the memory of both arrays; NULL: capacity 0
+    int64_t* stamps             # ns, by slot
+    Sample* samples             # by slot; each is one 64-byte line
+    uint32_t capacity           # slots allocated
+    uint32_t head               # slot of the oldest sample
+    # What others may read.
+    uint32_t count              # samples
     uint32_t parent_changes     # how many neighbours have different parents; 0: one parent at all times
     int64_t newest_ns           # stamp of the newest sample; 0 where there is none, and in a static cache
     int64_t oldest_ns           # likewise, of the oldest sample
@@ -63,7 +65,7 @@ cdef struct CacheChange:
 
 
 cdef inline uint32_t cache_slot(const Cache* cache, uint32_t index) noexcept nogil:
-    # Where the sample of logical `index` lies. The sum cannot wrap: capacities stay below 2^31.
+    # The slot of the sample with this index; for this module alone. The sum cannot wrap: capacities stay below 2^31.
     cdef uint32_t slot = cache.head + index
     return slot if slot < cache.capacity else slot - cache.capacity
 
@@ -80,12 +82,27 @@ cdef inline size_t ring_bytes(uint32_t capacity) noexcept nogil:
     return ring_lines(sizeof(Ring)) + ring_lines(capacity * sizeof(int64_t)) + capacity * sizeof(Sample)
 
 
+cdef inline size_t cache_bytes(const Cache* cache) noexcept nogil:
+    # Allocated for its samples.
+    return ring_bytes(cache.capacity)
+
+
+cdef inline FrameId cache_parent_of(const Cache* cache, uint32_t index) noexcept nogil:
+    # The parent that one sample names: the oldest has the index 0, the newest `count - 1`.
+    return cache.samples[cache_slot(cache, index)].parent
+
+
+cdef inline const Transform* cache_newest_transform(const Cache* cache) noexcept nogil:
+    # Of a cache with samples; of a static one, its only transform.
+    return &cache.samples[cache_slot(cache, cache.count - 1)].transform
+
+
 cdef extern from *:
     void __builtin_prefetch(const void* address) nogil
 
 
 cdef inline uint32_t cache_guess(const Cache* cache, int64_t time_ns) noexcept nogil:
-    # Where time_ns would lie if the stamps were even: a logical index below the newest one, for a dynamic
+    # Where time_ns would lie if the stamps were even; for this module alone. An index below the newest one, for a dynamic
     # cache of two samples or more and oldest stamp <= time_ns < newest_ns.
     cdef uint32_t last = cache.count - 1
     cdef double part = <double>(time_ns - cache.oldest_ns) / <double>(cache.newest_ns - cache.oldest_ns)
@@ -119,10 +136,12 @@ cdef CacheInsert cache_insert(Cache* cache, int64_t stamp_ns, const Sample* samp
                               size_t room, CacheChange* change) noexcept nogil
 cdef CacheInsert cache_set_static(Cache* cache, int64_t stamp_ns, const Sample* sample, size_t room,
                                   CacheChange* change) noexcept nogil
-# The slots of the samples on both sides of a time; equal where one of them answers alone. `hint` is where to
-# look first, and afterwards where the answer was: the logical index of the newer sample.
-cdef Gap cache_find(const Cache* cache, int64_t time_ns, uint32_t* hint, uint32_t* older,
-                    uint32_t* newer) noexcept nogil
+cdef Gap cache_gap(const Cache* cache, int64_t time_ns) noexcept nogil
+# The samples on both sides of a time, and how far between them it lies, 0 .. 1; equal, and 0, where one of
+# them answers alone. `hint` is where to look first, and afterwards where the answer was.
+cdef Gap cache_neighbours(const Cache* cache, int64_t time_ns, uint32_t* hint, const Transform** older,
+                          const Transform** newer, double* ratio) noexcept nogil
+# Between the neighbours: linear translation, slerp.
 cdef Gap cache_transform_at(const Cache* cache, int64_t time_ns, uint32_t hint, Transform* out) noexcept nogil
 cdef FrameId cache_parent_at(const Cache* cache, int64_t time_ns) noexcept nogil
 cdef FrameId cache_newest_parent(const Cache* cache) noexcept nogil

@@ -176,7 +176,7 @@ cdef void _shrink_if_long_sparse(Cache* cache) noexcept nogil:
 
 
 cdef uint32_t _first_after(const Cache* cache, int64_t time_ns) noexcept nogil:
-    # The logical index of the first sample with stamp > time_ns; count where there is none. Stamps come at
+    # The index of the first sample with stamp > time_ns; count where there is none. Stamps come at
     # steady rates: guess the place from the ends, step away from the guess in doubling strides, halve the
     # rest. O(log n) whatever the stamps, a few probes where they are even.
     cdef uint32_t count = cache.count
@@ -213,17 +213,13 @@ cdef uint32_t _first_after(const Cache* cache, int64_t time_ns) noexcept nogil:
     return high
 
 
-cdef inline FrameId _parent_of(const Cache* cache, uint32_t index) noexcept nogil:
-    return cache.samples[cache_slot(cache, index)].parent
-
-
 cdef inline uint32_t _differ(const Cache* cache, uint32_t index, FrameId parent) noexcept nogil:
     # How many of the neighbours of a sample have another parent.
     cdef uint32_t count = 0
     if index > 0:
-        count += _parent_of(cache, index - 1) != parent
+        count += cache_parent_of(cache, index - 1) != parent
     if index + 1 < cache.count:
-        count += _parent_of(cache, index + 1) != parent
+        count += cache_parent_of(cache, index + 1) != parent
     return count
 
 
@@ -246,7 +242,7 @@ cdef void _prune(Cache* cache, int64_t horizon_ns, CacheChange* change) noexcept
         return
     gone = min(_first_after(cache, horizon_ns - 1), cache.count - 1)
     for i in range(gone if cache.parent_changes else 0):
-        cache.parent_changes -= _parent_of(cache, i) != _parent_of(cache, i + 1)
+        cache.parent_changes -= cache_parent_of(cache, i) != cache_parent_of(cache, i + 1)
     cache.head = cache_slot(cache, gone)
     cache.count -= gone
     cache.oldest_ns = cache.stamps[cache.head]
@@ -266,7 +262,7 @@ cdef inline bint _same(const Sample* a, const Sample* b) noexcept nogil:
 
 
 cdef void _open_gap(Cache* cache, uint32_t index) noexcept nogil:
-    # Make room at logical `index` by moving the shorter side one place outwards.
+    # Make room at `index` by moving the shorter side one place outwards.
     cdef uint32_t i, source, target
     if index < cache.count - index:
         cache.head = (cache.head if cache.head else cache.capacity) - 1
@@ -288,7 +284,7 @@ cdef void _open_gap(Cache* cache, uint32_t index) noexcept nogil:
 
 cdef void _note_insert(const Cache* cache, uint32_t index, int64_t stamp_ns, FrameId parent,
                        CacheChange* change) noexcept nogil:
-    # What a sample will change that is about to go to logical `index`.
+    # What a sample will change that is about to go to `index`.
     cdef int64_t newest_ns = cache.newest_ns
     cdef int64_t next_ns
     if cache.count == 0:
@@ -305,7 +301,7 @@ cdef void _note_insert(const Cache* cache, uint32_t index, int64_t stamp_ns, Fra
         if index == cache.count and newest_ns == cache.oldest_ns:
             # Of several samples of one stamp the last answers for the newest stamp, the first for the oldest.
             _set(&change.relinked, newest_ns, stamp_ns)
-        elif _parent_of(cache, index - 1) != parent:
+        elif cache_parent_of(cache, index - 1) != parent:
             _set(&change.relinked, stamp_ns, next_ns)
 
 
@@ -365,7 +361,7 @@ cdef CacheInsert cache_insert(Cache* cache, int64_t stamp_ns, const Sample* samp
     _note_insert(cache, index, stamp_ns, sample.parent, change)
     if index > 0 and index < cache.count:
         # The two that are neighbours no longer.
-        cache.parent_changes -= _parent_of(cache, index - 1) != _parent_of(cache, index)
+        cache.parent_changes -= cache_parent_of(cache, index - 1) != cache_parent_of(cache, index)
     change.moved = min(index, cache.count - index)
     _open_gap(cache, index)
     slot = cache_slot(cache, index)
@@ -398,9 +394,9 @@ cdef CacheInsert cache_set_static(Cache* cache, int64_t stamp_ns, const Sample* 
     return CACHE_INSERTED
 
 
-cdef Gap cache_find(const Cache* cache, int64_t time_ns, uint32_t* hint, uint32_t* older,
-                    uint32_t* newer) noexcept nogil:
-    # Time 0 asks for the newest. At the oldest of several stamps the first arrival answers, at every
+cdef Gap _find(const Cache* cache, int64_t time_ns, uint32_t* hint, uint32_t* older,
+               uint32_t* newer) noexcept nogil:
+    # As cache_neighbours, but slots. Time 0 asks for the newest. At the oldest of several stamps the first arrival answers, at every
     # other stamp the last one.
     cdef uint32_t count = cache.count
     cdef uint32_t index
@@ -439,22 +435,38 @@ cdef Gap cache_find(const Cache* cache, int64_t time_ns, uint32_t* hint, uint32_
     return GAP_NONE
 
 
+cdef Gap cache_gap(const Cache* cache, int64_t time_ns) noexcept nogil:
+    cdef uint32_t older, newer
+    cdef uint32_t hint = NEWEST_HINT
+    return _find(cache, time_ns, &hint, &older, &newer)
+
+
+cdef Gap cache_neighbours(const Cache* cache, int64_t time_ns, uint32_t* hint, const Transform** older,
+                          const Transform** newer, double* ratio) noexcept nogil:
+    cdef uint32_t a, b
+    cdef Gap gap = _find(cache, time_ns, hint, &a, &b)
+    if gap != GAP_NONE:
+        return gap
+    older[0] = &cache.samples[a].transform
+    newer[0] = &cache.samples[b].transform
+    if a == b:
+        ratio[0] = 0.0
+    else:
+        ratio[0] = (<double>(time_ns - cache.stamps[a])) / (<double>(cache.stamps[b] - cache.stamps[a]))
+    return GAP_NONE
+
+
 cdef Gap cache_transform_at(const Cache* cache, int64_t time_ns, uint32_t hint,
                             Transform* out) noexcept nogil:
-    # Linear translation, slerp between the two neighbours of time_ns.
-    cdef uint32_t older, newer
-    cdef Gap gap = cache_find(cache, time_ns, &hint, &older, &newer)
     cdef const Transform* a
     cdef const Transform* b
     cdef double ratio
+    cdef Gap gap = cache_neighbours(cache, time_ns, &hint, &a, &b, &ratio)
     if gap != GAP_NONE:
         return gap
-    a = &cache.samples[older].transform
-    if older == newer:
+    if a == b:
         out[0] = a[0]
         return GAP_NONE
-    b = &cache.samples[newer].transform
-    ratio = (<double>(time_ns - cache.stamps[older])) / (<double>(cache.stamps[newer] - cache.stamps[older]))
     out.translation[0] = (1.0 - ratio) * a.translation[0] + ratio * b.translation[0]
     out.translation[1] = (1.0 - ratio) * a.translation[1] + ratio * b.translation[1]
     out.translation[2] = (1.0 - ratio) * a.translation[2] + ratio * b.translation[2]
@@ -466,7 +478,7 @@ cdef FrameId cache_parent_at(const Cache* cache, int64_t time_ns) noexcept nogil
     # NO_FRAME where the history does not answer.
     cdef uint32_t older, newer
     cdef uint32_t hint = NEWEST_HINT
-    if cache_find(cache, time_ns, &hint, &older, &newer) != GAP_NONE:
+    if _find(cache, time_ns, &hint, &older, &newer) != GAP_NONE:
         return NO_FRAME
     return cache.samples[older].parent
 
@@ -474,7 +486,7 @@ cdef FrameId cache_parent_at(const Cache* cache, int64_t time_ns) noexcept nogil
 cdef FrameId cache_newest_parent(const Cache* cache) noexcept nogil:
     if cache.count == 0:
         return NO_FRAME
-    return cache.samples[cache_slot(cache, cache.count - 1)].parent
+    return cache_parent_of(cache, cache.count - 1)
 
 
 cdef int64_t cache_parent_until(const Cache* cache, int64_t time_ns) noexcept nogil:
@@ -485,7 +497,7 @@ cdef int64_t cache_parent_until(const Cache* cache, int64_t time_ns) noexcept no
     if index > 1 and time_ns == cache.oldest_ns:
         return time_ns + 1  # for the oldest stamp the first of its samples answers, right after it the last
     while index < last:
-        if _parent_of(cache, index) != _parent_of(cache, index - 1):
+        if cache_parent_of(cache, index) != cache_parent_of(cache, index - 1):
             return cache.stamps[cache_slot(cache, index)]
         index += 1
     return INT64_MAX if index == cache.count else cache.stamps[cache_slot(cache, index)]

@@ -11,7 +11,7 @@ from libc.stddef cimport size_t
 from libc.stdint cimport INT64_MAX, int64_t, uint32_t
 from libc.stdlib cimport free, realloc
 
-from tf2_py._core.cache cimport CACHE_DYNAMIC, Cache, cache_parent_until
+from tf2_py._core.cache cimport CACHE_DYNAMIC, Cache, cache_gap, cache_parent_until
 from tf2_py._core.lookup cimport Query, query_end_frames, query_fixed_frame
 from tf2_py._core.names cimport name_hash
 from tf2_py._core.tree cimport (
@@ -38,7 +38,7 @@ from tf2_py._core.types cimport (
     FrameId,
     Status,
 )
-from tf2_py._core.walk cimport Path, walk_climb, walk_common_time, walk_gap
+from tf2_py._core.walk cimport Path, walk_climb, walk_common_time
 
 
 cdef struct Met:
@@ -119,12 +119,12 @@ cdef void _walk_again(const Tree* tree, FrameId target, FrameId source, int64_t 
     # The path is known. Of several frames without data any one will do.
     for i in range(path.target_hops):
         _add_parent(tree, path.target[i], time_ns, key, lacks, met)
-        if met.end_count == 0 and walk_gap(tree, path.target[i], time_ns) != GAP_NONE:
+        if met.end_count == 0 and cache_gap(&tree.caches[path.target[i]], time_ns) != GAP_NONE:
             met.ends[0] = path.target[i]
             met.end_count = 1
     for i in range(path.source_hops):
         _add_parent(tree, path.source[i], time_ns, key, lacks, met)
-        if met.end_count == 0 and walk_gap(tree, path.source[i], time_ns) != GAP_NONE:
+        if met.end_count == 0 and cache_gap(&tree.caches[path.source[i]], time_ns) != GAP_NONE:
             met.ends[0] = path.source[i]
             met.end_count = 1
 

@@ -5,7 +5,7 @@ from libc.stdint cimport int64_t, uint32_t
 from libc.stdlib cimport calloc, free, malloc
 from libc.string cimport memset
 
-from tf2_py._core.cache cimport NEWEST_HINT, Cache, cache_pin, cache_slot, cache_unpin
+from tf2_py._core.cache cimport NEWEST_HINT, Cache, cache_parent_of, cache_pin, cache_unpin
 from tf2_py._core.geometry cimport quaternion_canonicalise, transform_compose
 from tf2_py._core.lock cimport Lock, lock_read, unlock_read
 from tf2_py._core.lookup cimport Query, query_answer, query_end_frames, query_fixed_frame, query_is_identity
@@ -132,7 +132,7 @@ cdef bint _pin_reachable(const Tree* tree, Plan* plan) noexcept nogil:
         plan.view.parents[frame] = tree.parents[frame]
         _meet(plan, tree.parents[frame] & ~<uint32_t>MIXED_PARENTS)
         for i in range(cache.count if tree.parents[frame] & MIXED_PARENTS else 0):
-            _meet(plan, cache.samples[cache_slot(cache, i)].parent)
+            _meet(plan, cache_parent_of(cache, i))
     return True
 
 

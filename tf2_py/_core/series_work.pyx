@@ -3,7 +3,14 @@
 from libc.math cimport fabs, sqrt
 from libc.stdint cimport int64_t, uint32_t
 
-from tf2_py._core.cache cimport CACHE_STATIC, NEWEST_HINT, Cache, cache_aim, cache_find
+from tf2_py._core.cache cimport (
+    CACHE_STATIC,
+    NEWEST_HINT,
+    Cache,
+    cache_aim,
+    cache_neighbours,
+    cache_newest_transform,
+)
 from tf2_py._core.geometry cimport SLERP_NEAR, slerp_weights_far, slerp_weights_near, vector_rotate
 from tf2_py._core.types cimport GAP_NONE, Transform
 
@@ -43,26 +50,23 @@ cdef inline void _put_identity(Columns* columns, uint32_t i) noexcept nogil:
 cdef void _gather(Work* work, const Cache* cache, const int64_t* times_ns, uint32_t count,
                   uint32_t* hint) noexcept nogil:
     cdef uint32_t hints[BATCH_TIMES]
-    cdef uint32_t i, older, newer
+    cdef uint32_t i
+    cdef const Transform* older
+    cdef const Transform* newer
     for i in range(count):
         hints[i] = cache_aim(cache, times_ns[i])
     for i in range(count):
         # In a history too short to aim at, the place of the time before is the better hint.
         if hints[i] != NEWEST_HINT:
             hint[0] = hints[i]
-        if cache_find(cache, times_ns[i], hint, &older, &newer) != GAP_NONE:
+        if cache_neighbours(cache, times_ns[i], hint, &older, &newer, &work.ratio[i]) != GAP_NONE:
             work.missing[i] = 1
             _put_identity(&work.older, i)
             _put_identity(&work.newer, i)
             work.ratio[i] = 0.0
             continue
-        _put(&work.older, i, &cache.samples[older].transform)
-        _put(&work.newer, i, &cache.samples[newer].transform)
-        if older == newer:
-            work.ratio[i] = 0.0
-        else:
-            work.ratio[i] = ((<double>(times_ns[i] - cache.stamps[older]))
-                             / (<double>(cache.stamps[newer] - cache.stamps[older])))
+        _put(&work.older, i, older)
+        _put(&work.newer, i, newer)
     for i in range(count, BATCH_TIMES):
         _put_identity(&work.older, i)
         _put_identity(&work.newer, i)
@@ -108,7 +112,7 @@ cdef void work_hop(Work* work, const Cache* cache, const int64_t* times_ns, uint
     cdef uint32_t i
     if cache.kind == CACHE_STATIC:
         for i in range(BATCH_TIMES):
-            _put(&work.hop, i, &cache.samples[cache.head].transform)
+            _put(&work.hop, i, cache_newest_transform(cache))
         return
     _gather(work, cache, times_ns, count, hint)
     _interpolate(work)

@@ -16,15 +16,15 @@ from tf2_py._core.cache cimport (
     Cache,
     CacheChange,
     CacheInsert,
+    cache_bytes,
     cache_check,
     cache_clear,
     cache_free,
     cache_insert,
     cache_newest_parent,
     cache_parent_at,
+    cache_parent_of,
     cache_set_static,
-    cache_slot,
-    ring_bytes,
 )
 from tf2_py._core.geometry cimport quaternion_canonicalise, quaternion_normalise
 from tf2_py._core.names cimport (
@@ -238,7 +238,7 @@ cdef bint _can_reach_by_any_parent(Tree* tree, FrameId start, FrameId wanted) no
         cache = &tree.caches[frame]
         tree.work += 1 + cache.count // MOVES
         for i in range(cache.count):
-            parent = cache.samples[cache_slot(cache, i)].parent
+            parent = cache_parent_of(cache, i)
             if not seen[parent]:
                 seen[parent] = 1
                 waiting[waiting_count] = parent
@@ -253,7 +253,7 @@ cdef bint _has_parent(Tree* tree, const Cache* cache, FrameId parent) noexcept n
     cdef uint32_t i = cache.count
     while i:
         i -= 1
-        if cache.samples[cache_slot(cache, i)].parent == parent:
+        if cache_parent_of(cache, i) == parent:
             return True
         if cache.parent_changes == 0:
             return False
@@ -327,7 +327,7 @@ cdef uint32_t _take(Tree* tree, FrameId child, FrameId parent, const Incoming* i
     # Only what something hangs below can close a loop.
     cdef bint may_loop = not ever_looped and cache.is_parent and not _has_parent(tree, cache, parent)
     cdef uint32_t count = cache.count
-    cdef uint32_t capacity = cache.capacity
+    cdef size_t bytes_before = cache_bytes(cache)
     cdef size_t room = _room(tree)
     sample.transform = incoming.transform
     sample.parent = parent
@@ -336,8 +336,7 @@ cdef uint32_t _take(Tree* tree, FrameId child, FrameId parent, const Incoming* i
     else:
         outcome = cache_insert(cache, incoming.stamp_ns, &sample, tree.cache_time_ns, room, &history)
     tree.samples += cache.count - <uint64_t>count
-    if cache.capacity != capacity:
-        tree.history_bytes += ring_bytes(cache.capacity) - ring_bytes(capacity)
+    tree.history_bytes += cache_bytes(cache) - bytes_before
     # Whatever the outcome, the history may have been pruned.
     tree.parents[child] = cache_newest_parent(cache) | (MIXED_PARENTS if cache.parent_changes else 0)
     if outcome == CACHE_INSERTED or outcome == CACHE_DUPLICATE:
@@ -375,9 +374,9 @@ cdef void tree_clear(Tree* tree) noexcept nogil:
     for id in range(1, tree.names.count):
         if tree.caches[id].kind == CACHE_DYNAMIC:
             tree.samples -= tree.caches[id].count
-            tree.history_bytes -= ring_bytes(tree.caches[id].capacity)
+            tree.history_bytes -= cache_bytes(&tree.caches[id])
             cache_clear(&tree.caches[id])
-            tree.history_bytes += ring_bytes(tree.caches[id].capacity)
+            tree.history_bytes += cache_bytes(&tree.caches[id])
             tree.parents[id] = NO_FRAME
 
 
@@ -414,7 +413,7 @@ cdef const char* tree_check(const Tree* tree) noexcept nogil:
         if cache.authority != NAME_UNKNOWN and cache.authority >= tree.authorities.count:
             return "an authority that is no name"
         samples += cache.count
-        history_bytes += ring_bytes(cache.capacity)
+        history_bytes += cache_bytes(cache)
     if samples != tree.samples or history_bytes != tree.history_bytes:
         return "samples or their bytes miscounted"
     return NULL

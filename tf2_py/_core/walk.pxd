@@ -3,7 +3,7 @@
 from libc.stdint cimport int64_t, uint32_t
 
 from tf2_py._core.tree cimport Tree
-from tf2_py._core.types cimport MAX_HOPS, FrameId, Gap, Status, Transform
+from tf2_py._core.types cimport MAX_HOPS, FrameId, Status, Transform
 
 
 cdef struct Path:
@@ -22,8 +22,6 @@ cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_
                         Transform* out, int64_t* stamp_ns) noexcept nogil
 cdef Status walk_common_time(const Tree* tree, FrameId target, FrameId source, Path* path,
                              int64_t* common_ns) noexcept nogil
-# Why the history of a frame does not answer for a time.
-cdef Gap walk_gap(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil
 # The newest time that every dynamic frame on the path knows; 0: none of them is dynamic.
 cdef int64_t walk_path_common_time(const Tree* tree, const Path* path) noexcept nogil
 # The path alone, at a time or at NEWEST, for trees in which no link ever closed a loop; target and source

@@ -5,10 +5,9 @@ from libc.string cimport memset
 
 from tf2_py._core.cache cimport (
     CACHE_UNBORN,
-    NEWEST_HINT,
     Cache,
     cache_aim,
-    cache_find,
+    cache_gap,
     cache_newest_parent,
     cache_parent_at,
     cache_transform_at,
@@ -147,15 +146,9 @@ cdef int64_t walk_path_common_time(const Tree* tree, const Path* path) noexcept 
     return 0 if common_ns == INT64_MAX else common_ns
 
 
-cdef Gap walk_gap(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil:
-    cdef uint32_t older, newer
-    cdef uint32_t hint = NEWEST_HINT
-    return cache_find(&tree.caches[frame], time_ns, &hint, &older, &newer)
-
-
 cdef Status _gap_status(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil:
     cdef const Cache* cache = &tree.caches[frame]
-    cdef Gap gap = walk_gap(tree, frame, time_ns)
+    cdef Gap gap = cache_gap(cache, time_ns)
     cdef Status status
     status.code = STATUS_EXTRAPOLATION
     status.half = HALF_NONE
@@ -174,10 +167,10 @@ cdef Status _first_gap(const Tree* tree, const Path* path, int64_t time_ns) noex
     cdef FrameId frame = NO_FRAME
     cdef Status status
     for i in range(path.target_hops):
-        if frame == NO_FRAME and walk_gap(tree, path.target[i], time_ns) != GAP_NONE:
+        if frame == NO_FRAME and cache_gap(&tree.caches[path.target[i]], time_ns) != GAP_NONE:
             frame = path.target[i]
     for i in range(path.source_hops):
-        if frame == NO_FRAME and walk_gap(tree, path.source[i], time_ns) != GAP_NONE:
+        if frame == NO_FRAME and cache_gap(&tree.caches[path.source[i]], time_ns) != GAP_NONE:
             frame = path.source[i]
     if frame == NO_FRAME:
         return status_of(STATUS_OK)

@@ -14,6 +14,7 @@ from libc.stdlib cimport free, realloc
 from tf2_py._core.cache cimport CACHE_DYNAMIC, Cache, cache_gap, cache_parent_until
 from tf2_py._core.lookup cimport Query, query_end_frames, query_fixed_frame
 from tf2_py._core.names cimport name_hash
+from tf2_py._core.path cimport Path
 from tf2_py._core.tree cimport (
     ANY_TIME,
     CHANGE_DATA,
@@ -38,7 +39,7 @@ from tf2_py._core.types cimport (
     FrameId,
     Status,
 )
-from tf2_py._core.walk cimport Path, walk_climb, walk_common_time
+from tf2_py._core.walk cimport walk_climb, walk_common_time
 
 
 cdef struct Met:

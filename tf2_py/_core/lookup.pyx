@@ -4,6 +4,7 @@ from libc.stdint cimport int64_t
 from libc.string cimport memcmp
 
 from tf2_py._core.geometry cimport quaternion_canonicalise, transform_compose
+from tf2_py._core.path cimport Path
 from tf2_py._core.tree cimport Tree, tree_frame
 from tf2_py._core.types cimport (
     HALF_SOURCE,
@@ -18,7 +19,7 @@ from tf2_py._core.types cimport (
     Transform,
     status_of,
 )
-from tf2_py._core.walk cimport Path, walk_lookup
+from tf2_py._core.walk cimport walk_lookup
 
 cdef inline FrameId _frame(const Tree* tree, const char* name, Py_ssize_t size) noexcept nogil:
     # NO_FRAME for every name that no lookup accepts.

@@ -9,6 +9,7 @@ from tf2_py._core.cache cimport NEWEST_HINT, Cache, cache_parent_of, cache_pin, 
 from tf2_py._core.geometry cimport quaternion_canonicalise, transform_compose
 from tf2_py._core.lock cimport Lock, lock_read, unlock_read
 from tf2_py._core.lookup cimport Query, query_answer, query_end_frames, query_fixed_frame, query_is_identity
+from tf2_py._core.path cimport Path, path_common_time
 from tf2_py._core.series_work cimport (
     BATCH_TIMES,
     Work,
@@ -27,7 +28,7 @@ from tf2_py._core.series_work cimport (
 )
 from tf2_py._core.tree cimport MIXED_PARENTS, NEWEST, Tree
 from tf2_py._core.types cimport HALF_SOURCE, NO_FRAME, STATUS_OK, FrameId, Status, Transform
-from tf2_py._core.walk cimport Path, walk_climb, walk_lookup, walk_path_common_time
+from tf2_py._core.walk cimport walk_climb, walk_lookup
 
 # A call may go on for long, and inserts come meanwhile. So it pins the histories that it will read and gives
 # the lock back: however long it takes, or is kept from running, nobody waits for it. All of its answers are
@@ -81,7 +82,7 @@ cdef void _make_plan(const Tree* tree, const Query* query, Plan* plan) noexcept 
             or walk_climb(tree, plan.target, plan.source, NEWEST, &plan.path, &mixed)):
         plan.by_batches = not mixed and plan.path.source_hops + plan.path.target_hops <= LONG_PATH
     if plan.by_batches:
-        plan.common_ns = walk_path_common_time(tree, &plan.path)
+        plan.common_ns = path_common_time(tree, &plan.path)
         _pin_path(tree, plan)
     else:
         plan.in_view = _pin_reachable(tree, plan)

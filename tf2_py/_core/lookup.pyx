@@ -4,6 +4,7 @@ from libc.stdint cimport int64_t
 from libc.string cimport memcmp
 
 from tf2_py._core.geometry cimport quaternion_canonicalise, transform_compose
+from tf2_py._core.names cimport name_is_invalid
 from tf2_py._core.path cimport Path
 from tf2_py._core.tree cimport Tree, tree_frame
 from tf2_py._core.types cimport (
@@ -22,10 +23,7 @@ from tf2_py._core.types cimport (
 from tf2_py._core.walk cimport walk_lookup
 
 cdef inline FrameId _frame(const Tree* tree, const char* name, Py_ssize_t size) noexcept nogil:
-    # NO_FRAME for every name that no lookup accepts.
-    if size == 0 or name[0] == b"/":
-        return NO_FRAME
-    return tree_frame(tree, name, size)
+    return NO_FRAME if name_is_invalid(name, size) else tree_frame(tree, name, size)
 
 
 cdef Status query_end_frames(const Tree* tree, const Query* query, FrameId* target,

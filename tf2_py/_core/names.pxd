@@ -25,6 +25,12 @@ cdef enum:
     NAME_UNKNOWN = 0xFFFFFFFF
     NAME_NO_MEMORY = 0xFFFFFFFE
 
+
+cdef inline bint name_is_invalid(const char* text, size_t size) noexcept nogil:
+    # Empty, or beginning with '/': no lookup ever accepts such a name. What is inserted loses the '/' first.
+    return size == 0 or text[0] == b"/"
+
+
 # Keyed with a secret of this process: nobody outside can choose names that fall together.
 cdef uint64_t name_hash(const char* text, size_t size) noexcept nogil
 

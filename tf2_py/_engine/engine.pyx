@@ -10,7 +10,7 @@ from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
 from tf2_py._core.forking cimport FORK_INNER, fork_forget, fork_watch
 from tf2_py._core.lock cimport lock_free, lock_init, lock_read, lock_write, unlock_read, unlock_write
 from tf2_py._core.lookup cimport Query, query_answer
-from tf2_py._core.names cimport NAME_NO_MEMORY, name_for_log
+from tf2_py._core.names cimport NAME_NO_MEMORY, name_for_log, name_is_invalid
 from tf2_py._core.tree cimport (
     TREE_NO_MEMORY,
     Change,
@@ -296,11 +296,6 @@ cdef bint _leave_ready(Waiter* waiter) noexcept nogil:
     return False
 
 
-cdef inline bint _is_invalid_name(const char* name, Py_ssize_t size) noexcept nogil:
-    # A name that no lookup will ever accept, whatever comes in.
-    return size == 0 or name[0] == b"/"
-
-
 cdef int64_t _now_ns() noexcept nogil:
     cdef timespec now
     clock_gettime(CLOCK_MONOTONIC, &now)
@@ -346,11 +341,11 @@ cdef class Wait:
         if status.code == STATUS_OK:
             return 0
         # Whatever else is missing, too: with such a name there will never be an answer.
-        if _is_invalid_name(query.target, query.target_size):
+        if name_is_invalid(query.target, query.target_size):
             status.code = STATUS_BAD_TARGET
-        elif _is_invalid_name(query.source, query.source_size):
+        elif name_is_invalid(query.source, query.source_size):
             status.code = STATUS_BAD_SOURCE
-        elif query.fixed != NULL and _is_invalid_name(query.fixed, query.fixed_size):
+        elif query.fixed != NULL and name_is_invalid(query.fixed, query.fixed_size):
             status.code = STATUS_BAD_FIXED
         else:
             return 0

@@ -5,12 +5,14 @@ from cpython.exc cimport PyErr_CheckSignals
 from libc.stddef cimport size_t
 from libc.stdint cimport SIZE_MAX, UINT32_MAX, int64_t, uint32_t, uint64_t
 from libc.string cimport memset
-from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
+from posix.time cimport CLOCK_MONOTONIC, timespec
 
+from tf2_py._core.clock cimport monotonic_ns
 from tf2_py._core.forking cimport FORK_INNER, fork_forget, fork_watch
 from tf2_py._core.lock cimport lock_free, lock_init, lock_read, lock_write, unlock_read, unlock_write
 from tf2_py._core.lookup cimport Query, query_answer
 from tf2_py._core.names cimport NAME_NO_MEMORY, name_for_log, name_is_invalid
+from tf2_py._core.stamp cimport NS_PER_S
 from tf2_py._core.tree cimport (
     TREE_NO_MEMORY,
     Change,
@@ -296,12 +298,6 @@ cdef bint _leave_ready(Waiter* waiter) noexcept nogil:
     return False
 
 
-cdef int64_t _now_ns() noexcept nogil:
-    cdef timespec now
-    clock_gettime(CLOCK_MONOTONIC, &now)
-    return now.tv_sec * <int64_t>1000000000 + now.tv_nsec
-
-
 @cython.final
 @cython.no_gc_clear
 cdef class Wait:
@@ -388,7 +384,7 @@ cdef class Wait:
         :param alive: called now and then; False ends the wait.
         :return: whether there is an answer. The wait is over in any case, also where a signal handler raises.
         """
-        cdef int64_t deadline_ns = _now_ns() + timeout_ns
+        cdef int64_t deadline_ns = monotonic_ns() + timeout_ns
         cdef int64_t until_ns
         cdef timespec until
         cdef int failed = 0
@@ -396,13 +392,13 @@ cdef class Wait:
             while not self._waiter.answered:
                 if not alive():
                     break
-                until_ns = min(deadline_ns, _now_ns() + WAKE_CHECK_NS)
-                until.tv_sec = until_ns // 1000000000
-                until.tv_nsec = until_ns % 1000000000
+                until_ns = min(deadline_ns, monotonic_ns() + WAKE_CHECK_NS)
+                until.tv_sec = until_ns // NS_PER_S
+                until.tv_nsec = until_ns % NS_PER_S
                 with nogil:
                     failed = sem_clockwait(&self._woken, CLOCK_MONOTONIC, &until)
                 PyErr_CheckSignals()
-                if failed and until_ns >= deadline_ns and _now_ns() >= deadline_ns:
+                if failed and until_ns >= deadline_ns and monotonic_ns() >= deadline_ns:
                     break
         finally:
             self._leave()

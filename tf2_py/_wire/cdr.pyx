@@ -4,6 +4,7 @@ from libc.stddef cimport size_t
 from libc.stdint cimport int32_t, int64_t, uint32_t, uint64_t
 from libc.string cimport memchr, memcpy, memset
 
+from tf2_py._core.stamp cimport stamp_join, stamp_split
 from tf2_py._core.types cimport Incoming
 
 cdef extern from *:
@@ -140,7 +141,7 @@ cdef uint32_t reader_count(Reader* reader) noexcept nogil:
 cdef bint reader_transform(Reader* reader, Incoming* out) noexcept nogil:
     cdef int64_t sec = <int32_t>_uint32(reader)
     cdef int64_t nanosec = _uint32(reader)
-    out.stamp_ns = sec * 1000000000 + nanosec
+    out.stamp_ns = stamp_join(sec, nanosec)
     _string(reader, &out.parent, &out.parent_size)
     _string(reader, &out.child, &out.child_size)
     _doubles(reader, out.transform.translation, 3)
@@ -187,15 +188,11 @@ cdef void writer_init(Writer* writer, unsigned char* data, uint32_t count) noexc
 
 
 cdef void writer_transform(Writer* writer, const Incoming* transform) noexcept nogil:
-    cdef int64_t whole = transform.stamp_ns // 1000000000
-    cdef int64_t rest = transform.stamp_ns % 1000000000
-    cdef int32_t sec
+    cdef int64_t whole
     cdef uint32_t nanosec
-    if rest < 0:                # C rounds towards zero
-        whole -= 1
-        rest += 1000000000
+    cdef int32_t sec
+    stamp_split(transform.stamp_ns, &whole, &nanosec)
     sec = <int32_t>whole
-    nanosec = <uint32_t>rest
     _put(writer, &sec, 4, 4)
     _put(writer, &nanosec, 4, 4)
     _put_string(writer, transform.parent, transform.parent_size)

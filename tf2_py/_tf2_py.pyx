@@ -8,7 +8,7 @@ from tf2_py._core.lock cimport lock_read, unlock_read
 from tf2_py._core.lookup cimport Query, query_end_frames, query_fixed_frame, query_is_identity
 from tf2_py._core.names cimport NAME_UNKNOWN, names_find
 from tf2_py._core.series cimport TimeSeries, series_lookup
-from tf2_py._core.tree cimport Limits, Tree, tree_bytes, tree_check
+from tf2_py._core.tree cimport DEFAULT_CACHE_TIME_NS, Limits, Tree, tree_bytes, tree_check
 from tf2_py._core.twist cimport twist_of_point
 from tf2_py._core.types cimport (
     NO_FRAME,
@@ -23,7 +23,7 @@ from tf2_py._core.types cimport (
 )
 from tf2_py._core.waiters cimport waiters_check
 from tf2_py._core.walk cimport Path, walk_common_time, walk_lookup
-from tf2_py._engine.engine cimport DEFAULT_CACHE_TIME_NS, Engine, Wait
+from tf2_py._engine.engine cimport Engine, Wait
 from tf2_py._engine.snapshot cimport snapshot_frames, snapshot_names
 from tf2_py._objects.arguments cimport query_fill, query_fill_full, query_time
 from tf2_py._objects.messages cimport (

@@ -60,9 +60,11 @@ cdef struct Change:
 cdef extern from *:
     """
     #include <stdint.h>
+    #define TF2_DEFAULT_CACHE_TIME_NS 10000000000LL
     #define TF2_NEWEST INT64_MIN
     #define TF2_ANY_TIME (INT64_MIN + 1)
     """
+    const int64_t DEFAULT_CACHE_TIME_NS "TF2_DEFAULT_CACHE_TIME_NS"     # as tf2's
     const int64_t NEWEST "TF2_NEWEST"       # as a time: that of the newest sample, whatever its stamp
     const int64_t ANY_TIME "TF2_ANY_TIME"   # changes with the parent at any time
 

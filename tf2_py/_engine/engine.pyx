@@ -14,6 +14,7 @@ from tf2_py._core.lookup cimport Query, query_answer
 from tf2_py._core.names cimport NAME_NO_MEMORY, name_for_log, name_is_invalid
 from tf2_py._core.stamp cimport NS_PER_S
 from tf2_py._core.tree cimport (
+    DEFAULT_CACHE_TIME_NS,
     TREE_NO_MEMORY,
     Change,
     Limits,

@@ -13,6 +13,7 @@ cdef enum CacheKind:
 cdef struct Ring:
     # The head of the memory that holds a frame's samples.
     uint32_t owners             # the cache, and whoever has pinned it; read and written atomically
+    size_t bytes                # allocated, this head included
     uint32_t kept_from          # slot of the oldest sample that somebody has pinned; meant where owners > 1
 
 
@@ -84,7 +85,7 @@ cdef inline size_t ring_bytes(uint32_t capacity) noexcept nogil:
 
 cdef inline size_t cache_bytes(const Cache* cache) noexcept nogil:
     # Allocated for its samples.
-    return ring_bytes(cache.capacity)
+    return 0 if cache.ring == NULL else cache.ring.bytes
 
 
 cdef inline FrameId cache_parent_of(const Cache* cache, uint32_t index) noexcept nogil:

@@ -75,6 +75,7 @@ cdef int _resize(Cache* cache, uint32_t capacity) noexcept nogil:
     if posix_memalign(<void**>&ring, LINE, ring_bytes(capacity)) != 0:
         return -1
     ring.owners = 1
+    ring.bytes = ring_bytes(capacity)
     stamps = <int64_t*>(<char*>ring + ring_lines(sizeof(Ring)))
     samples = <Sample*>(<char*>stamps + ring_lines(capacity * sizeof(int64_t)))
     if cache.count:
@@ -103,7 +104,7 @@ cdef uint32_t _kept(const Cache* cache) noexcept nogil:
 
 cdef CacheInsert _grow(Cache* cache, uint32_t capacity, size_t room) noexcept nogil:
     # Move the samples to fresh memory, or say why not: CACHE_INSERTED, nothing stands in the way.
-    if ring_bytes(capacity) > ring_bytes(cache.capacity) + room:
+    if ring_bytes(capacity) > cache_bytes(cache) + room:
         return CACHE_FULL
     return CACHE_INSERTED if _resize(cache, capacity) == 0 else CACHE_NO_MEMORY
 
@@ -145,7 +146,7 @@ cdef CacheInsert _become(Cache* cache, CacheKind kind, uint32_t capacity, size_t
     fresh.kind = kind
     fresh.authority = cache.authority
     fresh.is_parent = cache.is_parent
-    outcome = _grow(&fresh, capacity, ring_bytes(cache.capacity) + room)
+    outcome = _grow(&fresh, capacity, cache_bytes(cache) + room)
     if outcome == CACHE_INSERTED:
         cache_free(cache)
         cache[0] = fresh

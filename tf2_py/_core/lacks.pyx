@@ -11,7 +11,8 @@ from libc.stddef cimport size_t
 from libc.stdint cimport INT64_MAX, int64_t, uint32_t
 from libc.stdlib cimport free, realloc
 
-from tf2_py._core.cache cimport CACHE_DYNAMIC, Cache, cache_gap, cache_parent_until
+from tf2_py._core.cache cimport CACHE_DYNAMIC, Cache
+from tf2_py._core.cache_find cimport cache_gap, cache_parent_until
 from tf2_py._core.lookup cimport Query, query_end_frames, query_fixed_frame
 from tf2_py._core.names cimport name_hash
 from tf2_py._core.path cimport Path

@@ -37,6 +37,7 @@ cdef inline int64_t path_common_time(const Tree* tree, const Path* path) noexcep
 
 # The caller holds the tree's lock. The transform from the source to the target at a time; `out` NULL only
 # asks whether every history answers.
-cdef Status path_transform(const Tree* tree, const Path* path, int64_t time_ns, Transform* out) noexcept nogil
+cdef Status path_transform(const Tree* tree, const Path* path, int64_t time_ns,
+                           Transform* out) noexcept nogil
 # The status of a lookup that fails because the history of this frame does not answer for the time.
 cdef Status gap_status(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil

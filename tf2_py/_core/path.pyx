@@ -2,7 +2,8 @@
 
 from libc.stdint cimport int64_t, uint32_t
 
-from tf2_py._core.cache cimport Cache, cache_aim, cache_gap, cache_newest_parent, cache_transform_at
+from tf2_py._core.cache cimport Cache, cache_newest_parent
+from tf2_py._core.cache_find cimport cache_gap, cache_prefetch, cache_transform_at
 from tf2_py._core.geometry cimport (
     quaternion_canonicalise,
     quaternion_normalise,
@@ -60,11 +61,11 @@ cdef Status _first_gap(const Tree* tree, const Path* path, int64_t time_ns) noex
     return status
 
 
-cdef inline void _aim_side(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t time_ns,
+cdef inline void _prefetch_side(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t time_ns,
                            uint32_t* hints) noexcept nogil:
     cdef uint32_t i
     for i in range(hops):
-        hints[i] = cache_aim(&tree.caches[frames[i]], time_ns)
+        hints[i] = cache_prefetch(&tree.caches[frames[i]], time_ns)
 
 
 cdef inline bint _compose_side(const Tree* tree, const FrameId* frames, const uint32_t* hints, uint32_t hops,
@@ -81,7 +82,8 @@ cdef inline bint _compose_side(const Tree* tree, const FrameId* frames, const ui
     return True
 
 
-cdef Status path_transform(const Tree* tree, const Path* path, int64_t time_ns, Transform* out) noexcept nogil:
+cdef Status path_transform(const Tree* tree, const Path* path, int64_t time_ns,
+                           Transform* out) noexcept nogil:
     cdef Transform source_side, target_side
     cdef uint32_t source_hints[MAX_HOPS + 1]
     cdef uint32_t target_hints[MAX_HOPS + 1]
@@ -89,8 +91,8 @@ cdef Status path_transform(const Tree* tree, const Path* path, int64_t time_ns, 
         return _first_gap(tree, path, time_ns)
     transform_identity(&source_side)
     transform_identity(&target_side)
-    _aim_side(tree, path.target, path.target_hops, time_ns, target_hints)
-    _aim_side(tree, path.source, path.source_hops, time_ns, source_hints)
+    _prefetch_side(tree, path.target, path.target_hops, time_ns, target_hints)
+    _prefetch_side(tree, path.source, path.source_hops, time_ns, source_hints)
     if path.target_hops and not _compose_side(
             tree, path.target, target_hints, path.target_hops, time_ns, &target_side):
         return _first_gap(tree, path, time_ns)

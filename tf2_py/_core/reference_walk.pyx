@@ -2,7 +2,8 @@
 
 from libc.stdint cimport int64_t, uint32_t
 
-from tf2_py._core.cache cimport CACHE_UNBORN, cache_newest_parent, cache_parent_at
+from tf2_py._core.cache cimport CACHE_NONE, cache_newest_parent
+from tf2_py._core.cache_find cimport cache_parent_at
 from tf2_py._core.path cimport Path, gap_status, path_common_time
 from tf2_py._core.tree cimport Tree
 from tf2_py._core.types cimport (
@@ -26,7 +27,7 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
     path.source_hops = path.target_hops = 0
     while frame != NO_FRAME:
         top = frame
-        if tree.caches[frame].kind == CACHE_UNBORN:
+        if tree.caches[frame].kind == CACHE_NONE:
             break
         parent = cache_parent_at(&tree.caches[frame], time_ns)
         if parent == NO_FRAME:
@@ -42,7 +43,7 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
         frame = parent
     frame = target
     while frame != top:
-        if tree.caches[frame].kind == CACHE_UNBORN:
+        if tree.caches[frame].kind == CACHE_NONE:
             break
         parent = cache_parent_at(&tree.caches[frame], time_ns)
         if parent == NO_FRAME:

@@ -5,7 +5,8 @@ from libc.stdint cimport int64_t, uint32_t
 from libc.stdlib cimport calloc, free, malloc
 from libc.string cimport memset
 
-from tf2_py._core.cache cimport NEWEST_HINT, Cache, cache_parent_of, cache_pin, cache_unpin
+from tf2_py._core.cache cimport NEWEST_HINT, Cache, cache_parent_of
+from tf2_py._core.cache_memory cimport cache_pin, cache_unpin
 from tf2_py._core.geometry cimport quaternion_canonicalise, transform_compose
 from tf2_py._core.lock cimport Lock, lock_read, unlock_read
 from tf2_py._core.lookup cimport Query, query_answer, query_end_frames, query_fixed_frame, query_is_identity

@@ -3,14 +3,8 @@
 from libc.math cimport fabs, sqrt
 from libc.stdint cimport int64_t, uint32_t
 
-from tf2_py._core.cache cimport (
-    CACHE_STATIC,
-    NEWEST_HINT,
-    Cache,
-    cache_aim,
-    cache_neighbours,
-    cache_newest_transform,
-)
+from tf2_py._core.cache cimport CACHE_STATIC, NEWEST_HINT, Cache, cache_newest_transform
+from tf2_py._core.cache_find cimport cache_neighbours, cache_prefetch
 from tf2_py._core.geometry cimport SLERP_NEAR, slerp_weights_far, slerp_weights_near, vector_rotate
 from tf2_py._core.types cimport GAP_NONE, Transform
 
@@ -54,9 +48,9 @@ cdef void _gather(Work* work, const Cache* cache, const int64_t* times_ns, uint3
     cdef const Transform* older
     cdef const Transform* newer
     for i in range(count):
-        hints[i] = cache_aim(cache, times_ns[i])
+        hints[i] = cache_prefetch(cache, times_ns[i])
     for i in range(count):
-        # In a history too short to aim at, the place of the time before is the better hint.
+        # In a short history the place of the previous time is the better hint.
         if hints[i] != NEWEST_HINT:
             hint[0] = hints[i]
         if cache_neighbours(cache, times_ns[i], hint, &older, &newer, &work.ratio[i]) != GAP_NONE:

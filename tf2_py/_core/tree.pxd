@@ -21,7 +21,7 @@ cdef struct Limits:
 cdef struct Tree:
     Names names                     # a frame's id is its name's; id 0 is the reserved NO_PARENT
     Names authorities
-    Cache* caches                   # by frame; [0] stays unborn
+    Cache* caches                   # by frame; [0] stays empty
     uint32_t* parents               # by frame: parent of the newest sample | MIXED_PARENTS; NO_FRAME: none
     uint32_t capacity               # frames allocated in the two arrays above
     int64_t cache_time_ns           # how far a history reaches back; >= 0

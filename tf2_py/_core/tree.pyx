@@ -6,25 +6,24 @@ from libc.stdlib cimport calloc, free, malloc, realloc
 from libc.string cimport memcmp, memset
 
 from tf2_py._core.cache cimport (
-    CACHE_DUPLICATE,
     CACHE_DYNAMIC,
+    CACHE_NONE,
+    Cache,
+    cache_bytes,
+    cache_newest_parent,
+    cache_parent_of,
+)
+from tf2_py._core.cache_find cimport cache_parent_at
+from tf2_py._core.cache_insert cimport CacheChange, cache_check, cache_insert, cache_set_static
+from tf2_py._core.cache_memory cimport (
+    CACHE_DUPLICATE,
     CACHE_FULL,
     CACHE_INSERTED,
     CACHE_NO_MEMORY,
     CACHE_TOO_OLD,
-    CACHE_UNBORN,
-    Cache,
-    CacheChange,
     CacheInsert,
-    cache_bytes,
-    cache_check,
     cache_clear,
     cache_free,
-    cache_insert,
-    cache_newest_parent,
-    cache_parent_at,
-    cache_parent_of,
-    cache_set_static,
 )
 from tf2_py._core.geometry cimport quaternion_canonicalise, quaternion_normalise
 from tf2_py._core.names cimport (
@@ -398,7 +397,7 @@ cdef const char* tree_check(const Tree* tree) noexcept nogil:
         problem = names_check(&tree.authorities)
     if problem != NULL:
         return problem
-    if tree.caches[0].kind != CACHE_UNBORN:
+    if tree.caches[0].kind != CACHE_NONE:
         return "the reserved frame has a history"
     for id in range(tree.names.count):
         cache = &tree.caches[id]

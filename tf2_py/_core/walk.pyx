@@ -3,7 +3,7 @@
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 from libc.string cimport memset
 
-from tf2_py._core.cache cimport cache_parent_at
+from tf2_py._core.cache_find cimport cache_parent_at
 from tf2_py._core.geometry cimport transform_identity
 from tf2_py._core.path cimport Path, path_common_time, path_transform
 from tf2_py._core.reference_walk cimport reference_common_time, reference_walk
@@ -12,7 +12,7 @@ from tf2_py._core.types cimport MAX_HOPS, NO_FRAME, STATUS_OK, FrameId, Status, 
 
 
 cdef enum:
-    SEEN_WORDS = 8          # 512 bits on each side
+    SEEN_WORDS = 8          # 512 bits for each side
 
 
 cdef extern from *:

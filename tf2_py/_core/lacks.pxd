@@ -10,7 +10,7 @@ from tf2_py._core.types cimport FrameId, Status
 cdef struct Lack:
     ChangeKind kind
     FrameId frame           # but for CHANGE_NAME
-    int64_t key             # within the range of a Changed
+    int64_t key             # a time in ns, NEWEST, ANY_TIME or the hash of a name; compared with a ChangeItem
 
 
 cdef struct Lacks:

@@ -31,6 +31,13 @@ cdef inline bint name_is_invalid(const char* text, size_t size) noexcept nogil:
     return size == 0 or text[0] == b"/"
 
 
+cdef inline void name_strip(const char** text, size_t* size) noexcept nogil:
+    # Without one leading '/', as tf2 stores names.
+    if size[0] and text[0][0] == b"/":
+        text[0] += 1
+        size[0] -= 1
+
+
 # Keyed with a secret of this process: nobody outside can choose names that fall together.
 cdef uint64_t name_hash(const char* text, size_t size) noexcept nogil
 

@@ -11,7 +11,7 @@ from tf2_py._core.clock cimport monotonic_ns
 from tf2_py._core.forking cimport FORK_INNER, fork_forget, fork_watch
 from tf2_py._core.lock cimport lock_free, lock_init, lock_read, lock_write, unlock_read, unlock_write
 from tf2_py._core.lookup cimport Query, query_answer
-from tf2_py._core.names cimport NAME_NO_MEMORY, name_for_log, name_is_invalid
+from tf2_py._core.names cimport NAME_NO_MEMORY, name_is_invalid
 from tf2_py._core.stamp cimport NS_PER_S
 from tf2_py._core.tree cimport (
     DEFAULT_CACHE_TIME_NS,
@@ -49,6 +49,7 @@ from tf2_py._core.waiters cimport (
 from tf2_py._engine.snapshot cimport snapshot_names
 from tf2_py._objects.lookup_errors cimport query_error
 from tf2_py._objects.messages cimport new_transform_stamped
+from tf2_py._objects.names_in_logs cimport name_for_log
 from tf2_py._objects.throttle cimport LINES_PER_MESSAGE, Throttle
 from tf2_py._wire.batch cimport Batch, Entry, batch_begin
 

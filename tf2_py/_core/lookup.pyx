@@ -42,14 +42,12 @@ cdef FrameId query_fixed_frame(const Tree* tree, const Query* query) noexcept no
 
 
 cdef bint query_is_identity(const Query* query) noexcept nogil:
-    # Equal names in a simple lookup need no frame that anyone has seen.
     return (query.fixed == NULL and query.target_size == query.source_size
             and memcmp(query.target, query.source, query.source_size) == 0)
 
 
 cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
                          int64_t* stamp_ns) noexcept nogil:
-    # Both lookups of tf2, with the lock held; `out` NULL only asks whether there is an answer.
     cdef Path path
     cdef FrameId target, source, fixed
     cdef Status status
@@ -67,7 +65,7 @@ cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
     if fixed == NO_FRAME:
         return status_of(STATUS_BAD_FIXED)
     if out == NULL:
-        # Which half fails first shows in the reason: can_transform begins with the target's ...
+        # The reason tells which half fails first. tf2's can_transform begins with the target's ...
         status = walk_lookup(tree, target, fixed, query.target_ns, &path, NULL, stamp_ns)
         status.half = HALF_TARGET
         if status.code != STATUS_OK:
@@ -75,7 +73,7 @@ cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
         status = walk_lookup(tree, fixed, source, query.source_ns, &path, NULL, &source_stamp_ns)
         status.half = HALF_SOURCE
         return status
-    # ... the lookup with the source's.
+    # ... and its lookup with the source's.
     status = walk_lookup(tree, fixed, source, query.source_ns, &path, &source_half, &source_stamp_ns)
     status.half = HALF_SOURCE
     if status.code != STATUS_OK:

@@ -17,7 +17,7 @@ cdef struct Path:
 
 cdef inline int64_t _oldest_of_newest(const Tree* tree, const FrameId* frames, uint32_t hops,
                                       int64_t common_ns) noexcept nogil:
-    # Static frames and those whose newest stamp is 0 have no say.
+    # Static frames and those whose newest stamp is 0 do not count.
     cdef uint32_t i
     cdef int64_t newest_ns
     for i in range(hops):
@@ -28,7 +28,7 @@ cdef inline int64_t _oldest_of_newest(const Tree* tree, const FrameId* frames, u
 
 
 cdef inline int64_t path_common_time(const Tree* tree, const Path* path) noexcept nogil:
-    # The newest time that every dynamic frame on the path knows; 0: none of them is dynamic.
+    # The newest time that the history of every dynamic frame on the path covers; 0: none of them is dynamic.
     cdef int64_t common_ns = INT64_MAX
     common_ns = _oldest_of_newest(tree, path.source, path.source_hops, common_ns)
     common_ns = _oldest_of_newest(tree, path.target, path.target_hops, common_ns)

@@ -44,7 +44,7 @@ cdef Status gap_status(const Tree* tree, FrameId frame, int64_t time_ns) noexcep
 
 
 cdef Status _first_gap(const Tree* tree, const Path* path, int64_t time_ns) noexcept nogil:
-    # Of two gaps the target side's; a path without one is an answer.
+    # Of several gaps the target side's first; STATUS_OK: there is none.
     cdef uint32_t i
     cdef FrameId frame = NO_FRAME
     cdef Status status
@@ -70,7 +70,7 @@ cdef inline void _prefetch_side(const Tree* tree, const FrameId* frames, uint32_
 
 cdef inline bint _compose_side(const Tree* tree, const FrameId* frames, const uint32_t* hints, uint32_t hops,
                                int64_t time_ns, Transform* out) noexcept nogil:
-    # From frames[0] up all hops; `out` is undefined where a history does not answer. hops > 0.
+    # From frames[0] up all hops; hops > 0. False, and `out` undefined: a history does not answer.
     cdef Transform hop
     cdef uint32_t i
     if cache_transform_at(&tree.caches[frames[0]], time_ns, hints[0], out) != GAP_NONE:
@@ -103,7 +103,7 @@ cdef Status path_transform(const Tree* tree, const Path* path, int64_t time_ns,
         transform_between(&target_side, &source_side, out)
     else:
         out[0] = source_side
-    # Long chains drift from unit length by rounding only.
+    # By rounding, long chains drift from unit length.
     quaternion_normalise(out.rotation)
     quaternion_canonicalise(out.rotation)
     return status_of(STATUS_OK)

@@ -20,11 +20,11 @@ cdef extern from *:
 
 
 cdef struct Side:
-    # One of the two climbs, and which frames it has met: a bit says maybe, then the list is searched.
-    FrameId* frames
+    # One of the two climbs, and the frames that it has visited.
+    FrameId* frames             # in the order of the visits
     uint32_t count
-    FrameId top                 # the frame to go on from; NO_FRAME: there is none above
-    uint64_t bits[SEEN_WORDS]
+    FrameId top                 # the last one; NO_FRAME: it has no parent
+    uint64_t bits[SEEN_WORDS]   # a Bloom filter of the frames: where its bit is set, the list is searched
 
 
 cdef inline void _begin(Side* side, FrameId* frames, FrameId frame) noexcept nogil:
@@ -42,7 +42,7 @@ cdef inline void _add(Side* side, FrameId frame) noexcept nogil:
 
 
 cdef inline uint32_t _position(const Side* side, FrameId wanted) noexcept nogil:
-    # Where among its frames `wanted` is; their count where it is not.
+    # The index of `wanted` among the frames; `count`: it is not among them.
     cdef uint32_t i
     if not (side.bits[(wanted >> 6) & (SEEN_WORDS - 1)] >> (wanted & 63)) & 1:
         return side.count
@@ -64,7 +64,7 @@ cdef inline FrameId _parent(const Tree* tree, FrameId frame, int64_t time_ns, bi
 
 cdef inline bint _step(const Tree* tree, Side* side, const Side* other, int64_t time_ns, bint* mixed,
                        uint32_t* met_at) noexcept nogil:
-    # One hop up. True where that is a frame of the other side, at `met_at` among them.
+    # One hop up. True: that is a frame of the other side, with the index `met_at`.
     side.top = NO_FRAME if side.count > MAX_HOPS else _parent(tree, side.top, time_ns, mixed)
     if side.top == NO_FRAME:
         return False
@@ -79,7 +79,6 @@ cdef inline bint _step(const Tree* tree, Side* side, const Side* other, int64_t 
 cdef bint walk_climb(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, Path* path,
                      bint* mixed) noexcept nogil:
     # Climb from both ends in turn to the lowest common ancestor: the cost follows the hops between the two.
-    # For trees in which no link ever closed a loop. False: no path, or too long a one.
     cdef Side source_side, target_side
     cdef uint32_t met_at
     __builtin_prefetch(&tree.caches[source])
@@ -137,7 +136,7 @@ cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_
             if status.code != STATUS_OK:
                 return status
         if found and mixed:
-            # At the common time a frame may hang elsewhere than at its newest stamp.
+            # At the common time a frame may have another parent than at its newest stamp.
             found = walk_climb(tree, target, source, stamp_ns[0], path, &mixed)
     if not found:
         status = reference_walk(tree, target, source, stamp_ns[0], path)

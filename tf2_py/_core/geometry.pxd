@@ -111,7 +111,7 @@ cdef inline double slerp_distance(const double* a, const double* b, double* sign
 
 
 cdef inline void slerp_weights_series(double distance, double ratio, double* weight_a,
-                                    double* weight_b) noexcept nogil:
+                                      double* weight_b) noexcept nogil:
     # For distance <= SLERP_SERIES_LIMIT. With cos(t) = 1 - d, t^2 is a short series in d
     # (t^2 = 2 sum (2 d)^n / (n^2 C(2n, n))), and the sines are short series in t^2: no acos, no sin.
     cdef double squared = distance * (2.0 + distance * (1.0 / 3.0 + distance * (4.0 / 45.0 + distance * (
@@ -123,7 +123,7 @@ cdef inline void slerp_weights_series(double distance, double ratio, double* wei
 
 
 cdef inline void slerp_weights_exact(double distance, double ratio, double* weight_a,
-                                   double* weight_b) noexcept nogil:
+                                     double* weight_b) noexcept nogil:
     cdef double angle = acos(1.0 - distance)
     cdef double scale = 1.0 / sin(angle)
     weight_a[0] = sin((1.0 - ratio) * angle) * scale

@@ -62,7 +62,7 @@ cdef Status _first_gap(const Tree* tree, const Path* path, int64_t time_ns) noex
 
 
 cdef inline void _prefetch_side(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t time_ns,
-                           uint32_t* hints) noexcept nogil:
+                                uint32_t* hints) noexcept nogil:
     cdef uint32_t i
     for i in range(hops):
         hints[i] = cache_prefetch(&tree.caches[frames[i]], time_ns)

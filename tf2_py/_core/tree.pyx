@@ -267,7 +267,7 @@ cdef inline void _add_change(Change* change, ChangeKind kind, int64_t first, int
 
 
 cdef void _add_parent_changes(const Tree* tree, uint32_t before, uint32_t after, bint limits_common_time,
-                        const CacheChange* history, Change* change) noexcept nogil:
+                              const CacheChange* history, Change* change) noexcept nogil:
     # `before` and `after`: as in Tree.parents. `limits_common_time`: from now on the frame's newest stamp
     # counts for the latest common time of the paths through it, which may become earlier.
     cdef uint32_t count_before
@@ -311,7 +311,7 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
 
 
 cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming* incoming, uint32_t authority,
-                    bint is_static, Change* change) noexcept nogil:
+                      bint is_static, Change* change) noexcept nogil:
     # As tree_insert, once the names have their ids.
     cdef Cache* cache = &tree.caches[child]
     cdef Sample sample

@@ -2,8 +2,9 @@
 
 from libc.stdint cimport int64_t, uint32_t
 
+from tf2_py._core.change cimport ChangeKind
 from tf2_py._core.lookup cimport Query
-from tf2_py._core.tree cimport ChangeKind, Tree
+from tf2_py._core.tree cimport Tree
 from tf2_py._core.types cimport FrameId, Status
 
 

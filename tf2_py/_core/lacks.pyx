@@ -13,20 +13,11 @@ from libc.stdlib cimport free, realloc
 
 from tf2_py._core.cache cimport CACHE_DYNAMIC, Cache
 from tf2_py._core.cache_find cimport cache_gap, cache_parent_until
+from tf2_py._core.change cimport ANY_TIME, CHANGE_DATA, CHANGE_NAME, CHANGE_PARENT, ChangeKind
 from tf2_py._core.lookup cimport Query, query_end_frames, query_fixed_frame
 from tf2_py._core.names cimport name_hash
 from tf2_py._core.path cimport Path
-from tf2_py._core.tree cimport (
-    ANY_TIME,
-    CHANGE_DATA,
-    CHANGE_NAME,
-    CHANGE_PARENT,
-    MIXED_PARENTS,
-    NEWEST,
-    ChangeKind,
-    Tree,
-    tree_parent,
-)
+from tf2_py._core.tree cimport MIXED_PARENTS, NEWEST, Tree, tree_parent
 from tf2_py._core.types cimport (
     GAP_NONE,
     HALF_SOURCE,

@@ -3,12 +3,13 @@
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 from tf2_py._core.cache cimport Cache
+from tf2_py._core.change cimport Change
 from tf2_py._core.names cimport Names
 from tf2_py._core.types cimport REFUSAL_KINDS, FrameId, Incoming
 
 cdef enum:
     MIXED_PARENTS = 0x80000000      # flag in Tree.parents: the history holds more than one parent
-    TREE_NO_MEMORY = 0x40000000     # what tree_insert answers where nothing could be allocated
+    TREE_NO_MEMORY = 0x40000000     # what tree_insert returns without memory; no REFUSED_* bit
 
 
 cdef struct Limits:
@@ -20,12 +21,12 @@ cdef struct Limits:
 
 cdef struct Tree:
     Names names                     # a frame's id is its name's; id 0 is the reserved NO_PARENT
-    Names authorities
+    Names authorities               # who has sent transforms; id 0: all beyond the limit
     Cache* caches                   # by frame; [0] stays empty
     uint32_t* parents               # by frame: parent of the newest sample | MIXED_PARENTS; NO_FRAME: none
     uint32_t capacity               # frames allocated in the two arrays above
-    int64_t cache_time_ns           # how far a history reaches back; >= 0
-    Limits limits
+    int64_t cache_time_ns           # how far a history reaches back from its newest stamp; >= 0
+    Limits limits                   # of the buffer
     bint ever_looped                # a parent link once closed a loop: walks keep to the reference's order
     uint64_t work                   # extra cost of all inserts so far; 1 is the cost of an ordinary insert
     uint64_t samples                # in all histories
@@ -34,39 +35,14 @@ cdef struct Tree:
     uint64_t refused[REFUSAL_KINDS]     # transforms refused, by reason (bit number)
 
 
-cdef enum ChangeKind:
-    CHANGE_NAME             # a name is new; first and last are its hash
-    CHANGE_DATA             # at these times the frame had no samples around it, and has them now
-    CHANGE_PARENT           # at these times the frame may have another parent
-
-cdef enum:
-    MAX_CHANGE_ITEMS = 8    # two names, data once, the parent at up to four ranges of times
-
-
-cdef struct ChangeItem:
-    ChangeKind kind
-    int64_t first           # ns; both included
-    int64_t last
-
-
-cdef struct Change:
-    # What an insert has changed, for the waiters. A failed lookup whose walk depends on none of this fails
-    # again.
-    FrameId frame           # the child
-    bint everything         # any failed lookup may have an answer now
-    uint32_t count          # of the items
-    ChangeItem items[MAX_CHANGE_ITEMS]
-
 cdef extern from *:
     """
     #include <stdint.h>
     #define TF2_DEFAULT_CACHE_TIME_NS 10000000000LL
     #define TF2_NEWEST INT64_MIN
-    #define TF2_ANY_TIME (INT64_MIN + 1)
     """
     const int64_t DEFAULT_CACHE_TIME_NS "TF2_DEFAULT_CACHE_TIME_NS"     # as tf2's
-    const int64_t NEWEST "TF2_NEWEST"       # as a time: the newest sample's, whatever its stamp
-    const int64_t ANY_TIME "TF2_ANY_TIME"   # changes with the parent at any time
+    const int64_t NEWEST "TF2_NEWEST"       # as a time: that of the newest sample, whatever its stamp
 
 
 # Zero a Tree before tree_init; after a failed tree_init, tree_free is still due.
@@ -83,6 +59,8 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
                           Change* change) noexcept nogil
 # The parent that a walk at a time, or at NEWEST, follows; NO_FRAME: there is none, or it is not known.
 cdef FrameId tree_parent(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil
+# Drops all dynamic histories; names, authorities and static transforms stay.
 cdef void tree_clear(Tree* tree) noexcept nogil
+# Allocated for names and histories.
 cdef size_t tree_bytes(const Tree* tree) noexcept nogil
 cdef const char* tree_check(const Tree* tree) noexcept nogil    # NULL, or which invariant does not hold

@@ -1,7 +1,7 @@
 """Owns the tree of frames: inserting transforms, and which frame is the parent of which."""
 
 from libc.math cimport isfinite, isnan
-from libc.stdint cimport INT64_MAX, INT64_MIN, int64_t, uint32_t, uint64_t
+from libc.stdint cimport int64_t, uint32_t, uint64_t
 from libc.stdlib cimport calloc, free, malloc, realloc
 from libc.string cimport memcmp, memset
 
@@ -24,6 +24,14 @@ from tf2_py._core.cache_memory cimport (
     CacheInsert,
     cache_clear,
     cache_free,
+)
+from tf2_py._core.change cimport (
+    CHANGE_DATA,
+    CHANGE_NAME,
+    Change,
+    change_add,
+    change_add_parents,
+    change_begin,
 )
 from tf2_py._core.geometry cimport quaternion_canonicalise, quaternion_normalise
 from tf2_py._core.names cimport (
@@ -136,7 +144,7 @@ cdef FrameId _add_frame(Tree* tree, const char* name, size_t size, Change* chang
         refused[0] = TREE_NO_MEMORY
         return NO_FRAME
     if change != NULL:
-        _add_change(change, CHANGE_NAME, hash, hash)
+        change_add(change, CHANGE_NAME, hash, hash)
     memset(&tree.caches[id], 0, sizeof(Cache))
     tree.caches[id].authority = NAME_UNKNOWN
     tree.parents[id] = NO_FRAME
@@ -257,38 +265,6 @@ cdef bint _has_parent(Tree* tree, const Cache* cache, FrameId parent) noexcept n
     return False
 
 
-cdef inline void _add_change(Change* change, ChangeKind kind, int64_t first, int64_t last) noexcept nogil:
-    cdef ChangeItem* item = &change.items[change.count]
-    if first <= last:
-        item.kind = kind
-        item.first = first
-        item.last = last
-        change.count += 1
-
-
-cdef void _add_parent_changes(const Tree* tree, uint32_t before, uint32_t after, bint limits_common_time,
-                              const CacheChange* history, Change* change) noexcept nogil:
-    # `before` and `after`: as in Tree.parents. `limits_common_time`: from now on the frame's newest stamp
-    # counts for the latest common time of the paths through it, which may become earlier.
-    cdef uint32_t count_before
-    if not before & MIXED_PARENTS and before != after:
-        _add_change(change, CHANGE_PARENT, INT64_MIN, INT64_MAX)
-        return
-    if before & MIXED_PARENTS or tree.ever_looped:
-        # A frame with one parent for all times keeps it at times for which it has no data.
-        _add_change(change, CHANGE_PARENT, history.lost.first, history.lost.last)
-    count_before = change.count
-    if before & MIXED_PARENTS:
-        _add_change(change, CHANGE_PARENT, history.relinked.first, history.relinked.last)
-        if before != after:
-            _add_change(change, CHANGE_PARENT, NEWEST, NEWEST)
-    # That a history no longer covers a common time matters only where a loop ends, or where one parent for
-    # all times is left.
-    if change.count > count_before or limits_common_time or before & ~after & MIXED_PARENTS or (
-            tree.ever_looped and history.lost.first <= history.lost.last):
-        _add_change(change, CHANGE_PARENT, ANY_TIME, ANY_TIME)
-
-
 cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
                           Change* change) noexcept nogil:
     cdef uint32_t refused = _reasons_to_refuse(incoming)
@@ -296,8 +272,7 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
     cdef uint32_t bit
     tree.work += (incoming.child_size + incoming.parent_size) // NAME_BYTES_PER_INSERT
     if change != NULL:
-        change.count = 0
-        change.everything = False
+        change_begin(change)
     # As in tf2: the child gets its id first, and both keep theirs even where the sample is too old.
     if refused == 0:
         child = _frame(tree, incoming.child, incoming.child_size, change, &refused)
@@ -348,9 +323,10 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
         change.frame = child
         # Once a link has closed a loop, all walks keep to the reference's order.
         change.everything = tree.ever_looped != ever_looped
-        _add_change(change, CHANGE_DATA, history.covered.first, history.covered.last)
+        change_add(change, CHANGE_DATA, history.covered.first, history.covered.last)
         limits_common_time = cache.newest_ns != 0 and not had_stamp
-        _add_parent_changes(tree, before, tree.parents[child], limits_common_time, &history, change)
+        change_add_parents(change, before, tree.parents[child], limits_common_time, tree.ever_looped,
+                           &history)
     if outcome == CACHE_TOO_OLD:
         return REFUSED_OLD
     if outcome == CACHE_FULL:

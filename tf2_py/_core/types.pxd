@@ -67,8 +67,9 @@ cdef enum Half:
 
 
 cdef struct Status:
+    # The outcome of a lookup.
     StatusCode code
-    Half half
+    Half half               # the part that failed
     Gap gap                 # the fields below are facts of STATUS_EXTRAPOLATION only
     bint on_path            # the path is known: without this gap, or another on it, there is an answer
     FrameId child           # the edge that lacks data ...
@@ -87,16 +88,16 @@ cdef inline Status status_of(StatusCode code) noexcept nogil:
 
 cdef enum:
     # Why a transform is refused; bits, because several may apply.
-    REFUSED_SELF_TRANSFORM = 1
-    REFUSED_NO_PARENT = 2
-    REFUSED_NO_CHILD = 4
-    REFUSED_NAN = 8
-    REFUSED_QUATERNION = 16
-    REFUSED_INFINITE = 32
+    REFUSED_SELF_TRANSFORM = 1      # parent and child are the same frame
+    REFUSED_NO_PARENT = 2           # the parent's name is empty
+    REFUSED_NO_CHILD = 4            # the child's name is empty
+    REFUSED_NAN = 8                 # a number is NaN
+    REFUSED_QUATERNION = 16         # the rotation is too short or too long to be normalised
+    REFUSED_INFINITE = 32           # the translation is infinite
     REFUSED_NEGATIVE_STAMP = 64
-    REFUSED_RESERVED_NAME = 128
-    REFUSED_OLD = 256
-    REFUSED_STAMP_TOO_LATE = 512
-    REFUSED_FRAMES = 1024   # the limits of a buffer
-    REFUSED_BYTES = 2048
-    REFUSAL_KINDS = 12      # how many bits there are
+    REFUSED_RESERVED_NAME = 128     # one of the names is NO_PARENT
+    REFUSED_OLD = 256               # older than the newest stamp less the cache time
+    REFUSED_STAMP_TOO_LATE = 512    # later than MAX_STAMP_NS
+    REFUSED_FRAMES = 1024           # the buffer's limit of frames
+    REFUSED_BYTES = 2048            # the buffer's limit of bytes
+    REFUSAL_KINDS = 12              # how many bits there are

@@ -19,10 +19,11 @@ From each place waiters_remove leads to PLACE_NONE. All of this needs the tree's
 
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
+from tf2_py._core.change cimport Change
 from tf2_py._core.forking cimport ForkThread
 from tf2_py._core.lacks cimport Lacks
 from tf2_py._core.lookup cimport Query
-from tf2_py._core.tree cimport Change, Tree
+from tf2_py._core.tree cimport Tree
 from tf2_py._core.types cimport Status, Transform
 from tf2_py._core.watches cimport Watch, Watches
 

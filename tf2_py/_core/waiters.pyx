@@ -4,10 +4,11 @@ from libc.stdint cimport INT64_MIN, int64_t, uint8_t, uint32_t, uint64_t
 from libc.stdlib cimport free, malloc, realloc
 from libc.string cimport memset
 
+from tf2_py._core.change cimport CHANGE_DATA, CHANGE_NAME, ChangeItem, ChangeKind
 from tf2_py._core.forking cimport fork_generation, fork_record_thread, fork_thread_exists
 from tf2_py._core.lacks cimport Lack, Lacks, lacks_find, lacks_free
 from tf2_py._core.lookup cimport query_answer
-from tf2_py._core.tree cimport CHANGE_DATA, CHANGE_NAME, ChangeItem, ChangeKind, Tree
+from tf2_py._core.tree cimport Tree
 from tf2_py._core.types cimport STATUS_OK, FrameId, Status, Transform
 from tf2_py._core.watches cimport (
     Watch,
@@ -78,17 +79,30 @@ cdef inline Watches* _watches_of(Waiters* waiters, ChangeKind kind, FrameId fram
     return &waiters.frames[frame].data if kind == CHANGE_DATA else &waiters.frames[frame].parent
 
 
-cdef int _reserve(void** items, uint32_t* capacity, uint32_t wanted, size_t item_size) noexcept nogil:
-    # Make sure of memory for `wanted` items, new ones zeroed. 0; -1: no memory, and nothing has changed.
+cdef void* _grown(void* items, uint32_t* capacity, uint32_t wanted, size_t item_size) noexcept nogil:
+    # The array, with memory for `wanted` items; new ones are zeroed. NULL: no memory, and nothing changed.
     cdef void* grown
     if wanted <= capacity[0]:
-        return 0
-    grown = realloc(items[0], wanted * item_size)
+        return items
+    grown = realloc(items, wanted * item_size)
     if grown == NULL:
-        return -1
+        return NULL
     memset(<char*>grown + capacity[0] * item_size, 0, (wanted - capacity[0]) * item_size)
-    items[0] = grown
     capacity[0] = wanted
+    return grown
+
+
+cdef int _reserve_watches(Waiters* waiters, uint32_t frames, Waiter* waiter, uint32_t count) noexcept nogil:
+    # Sets for so many frames, and `count` watches of the waiter. 0; -1: no memory.
+    cdef void* sets = _grown(waiters.frames, &waiters.frames_capacity, frames, sizeof(FrameWatches))
+    cdef void* watches
+    if sets == NULL:
+        return -1
+    waiters.frames = <FrameWatches*>sets
+    watches = _grown(waiter.watches, &waiter.watch_capacity, count, sizeof(Watch))
+    if watches == NULL:
+        return -1
+    waiter.watches = <Watch*>watches
     return 0
 
 
@@ -111,11 +125,8 @@ cdef void _file(Waiters* waiters, const Tree* tree, Waiter* waiter, Status statu
     waiters.count += 1
     waiter.filed_at_wake = waiters.wakes
     lacks_find(tree, &waiter.query, status, lacks)
-    if (lacks.unknown
-            or _reserve(<void**>&waiters.frames, &waiters.frames_capacity, tree.capacity,
-                        sizeof(FrameWatches)) != 0
-            or _reserve(<void**>&waiter.watches, &waiter.watch_capacity, lacks.count, sizeof(Watch)) != 0
-            or (lacks.items[0].kind == CHANGE_NAME and _reserve_names(waiters))):
+    if (lacks.unknown or _reserve_watches(waiters, tree.capacity, waiter, lacks.count) != 0
+            or (lacks.items[0].kind == CHANGE_NAME and _reserve_names(waiters) != 0)):
         waiter.place = PLACE_ANY
         waiter.watch_count = 0
         _link(&waiters.any, waiter)

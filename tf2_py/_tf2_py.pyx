@@ -4,13 +4,12 @@ from cpython.buffer cimport PyBUF_SIMPLE, PyBuffer_Release, PyObject_GetBuffer
 from libc.stdint cimport int64_t, uint32_t
 from libc.string cimport memset
 
-from tf2_py._core.geometry cimport vector_rotate
 from tf2_py._core.lock cimport lock_read, unlock_read
 from tf2_py._core.lookup cimport Query, query_end_frames, query_fixed_frame, query_is_identity
 from tf2_py._core.names cimport NAME_UNKNOWN, names_find
 from tf2_py._core.series cimport TimeSeries, series_lookup
-from tf2_py._core.tree cimport Limits, Tree, tree_bytes, tree_check
-from tf2_py._core.twist cimport twist_between
+from tf2_py._core.tree cimport DEFAULT_CACHE_TIME_NS, Limits, Tree, tree_bytes, tree_check
+from tf2_py._core.twist cimport twist_of_point
 from tf2_py._core.types cimport (
     NO_FRAME,
     REFUSAL_KINDS,
@@ -24,7 +23,7 @@ from tf2_py._core.types cimport (
 )
 from tf2_py._core.waiters cimport waiters_check
 from tf2_py._core.walk cimport Path, walk_common_time, walk_lookup
-from tf2_py._engine.engine cimport DEFAULT_CACHE_TIME_NS, Engine, Wait
+from tf2_py._engine.engine cimport Engine, Wait
 from tf2_py._engine.snapshot cimport snapshot_frames, snapshot_names
 from tf2_py._objects.arguments cimport query_fill, query_fill_full, query_time
 from tf2_py._objects.messages cimport (
@@ -392,11 +391,10 @@ cdef class BufferCore(Engine):
         cdef int64_t time_ns = max(query_time(time), 1)     # a lookup would take 0 for "latest"
         cdef int64_t interval_ns = duration_to_ns(averaging_interval)
         cdef int64_t start_ns, end_ns, common_ns
-        cdef Transform start, end, origin, point_frame, reference
+        cdef Transform start, end, middle, point_frame, reference
         cdef double point[3]
         cdef double linear[3]
         cdef double angular[3]
-        cdef int i
         if interval_ns < 0:
             raise ValueError("averaging_interval must not be negative")
         point[0], point[1], point[2] = reference_point
@@ -407,19 +405,11 @@ cdef class BufferCore(Engine):
             end_ns = common_ns
         self._transform_at(observation_frame, tracking_frame, start_ns, &start)
         self._transform_at(observation_frame, tracking_frame, end_ns, &end)
-        self._transform_at(observation_frame, tracking_frame, time_ns, &origin)
+        self._transform_at(observation_frame, tracking_frame, time_ns, &middle)
         self._transform_at(observation_frame, reference_point_frame, time_ns, &point_frame)
         self._transform_at(reference_frame, observation_frame, time_ns, &reference)
-        twist_between(&start, &end, <double>(end_ns - start_ns) * 1e-9, linear, angular)
-        # From the origin to the reference point, in the observation frame.
-        vector_rotate(point_frame.rotation, point, point)
-        for i in range(3):
-            point[i] += point_frame.translation[i] - origin.translation[i]
-        linear[0] += angular[1] * point[2] - angular[2] * point[1]
-        linear[1] += angular[2] * point[0] - angular[0] * point[2]
-        linear[2] += angular[0] * point[1] - angular[1] * point[0]
-        vector_rotate(reference.rotation, linear, linear)
-        vector_rotate(reference.rotation, angular, angular)
+        twist_of_point(&start, &end, <double>(end_ns - start_ns) * 1e-9, &middle, &point_frame, point,
+                       &reference, linear, angular)
         return (linear[0], linear[1], linear[2]), (angular[0], angular[1], angular[2])
 
     cdef int _transform_at(self, target_frame, source_frame, int64_t time_ns, Transform* out) except -1:

@@ -1,11 +1,11 @@
-"""The locks that a fork leaves free."""
+"""Locks that no fork leaves locked in the child."""
 
 from libc.stdint cimport uint32_t
 
 from tf2_py._core.lock cimport Lock
 
 cdef enum ForkOrder:
-    # Whoever holds a lock takes none of the same or an earlier place.
+    # A thread that holds a lock takes no other of the same or an earlier order.
     FORK_OUTER              # a receiver's: held while the engine inserts
     FORK_INNER              # all others
     FORK_ORDERS             # how many there are
@@ -15,25 +15,27 @@ cdef extern from "<pthread.h>" nogil:
     ctypedef unsigned long pthread_t
 
 
-cdef struct ForkNote:
-    # A thread of a process.
-    uint32_t generation     # of the process: how many forks lie between it and the first one
+cdef struct ForkThread:
+    # A thread, as recorded at some time.
+    uint32_t generation     # how many forks lay between its process and the first one
     pthread_t thread
 
 
 cdef struct ForkedLock:
-    # A lock in the list of its order. Lives where the lock lives, and must not move.
-    Lock* lock
+    # A lock in the list of its order. It must not move while it is listed.
+    Lock* lock              # NULL: not listed
     int order               # a ForkOrder
-    ForkedLock* before
-    ForkedLock* after
+    ForkedLock* previous
+    ForkedLock* next
 
 
-# From here to `fork_forget`, a fork waits until nobody holds the lock, and finds what it guards whole.
+# From here to `fork_forget`, a fork waits for the lock, so that the child finds what it guards consistent.
 cdef void fork_watch(ForkedLock* forked, Lock* lock, int order) noexcept nogil
-# Without effect on one that was zeroed and never watched.
+# No effect on a zeroed one that was never watched.
 cdef void fork_forget(ForkedLock* forked) noexcept nogil
-# Notes who is running, and tells later whether he still is: in a forked child only the one who forked is.
-cdef void fork_note(ForkNote* note) noexcept nogil
-cdef bint fork_is_here(const ForkNote* note) noexcept nogil
+# Records the calling thread. Later: whether it exists in this process; in a forked child only the thread
+# that forked does.
+cdef void fork_record_thread(ForkThread* thread) noexcept nogil
+cdef bint fork_thread_exists(const ForkThread* thread) noexcept nogil
+# How many forks lie between this process and the first one.
 cdef uint32_t fork_generation() noexcept nogil

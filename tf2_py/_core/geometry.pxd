@@ -7,10 +7,10 @@ from tf2_py._core.types cimport Transform
 
 cdef extern from *:
     """
-    /* 1 - |a . b| up to which the series of slerp_weights_near keep every digit: a turn of 28 degrees. */
-    #define TF2_SLERP_NEAR 0.03
+    /* 1 - |a . b| up to which slerp_weights_series is exact to the last digits: a turn of 28 degrees. */
+    #define TF2_SLERP_SERIES_LIMIT 0.03
     """
-    const double SLERP_NEAR "TF2_SLERP_NEAR"
+    const double SLERP_SERIES_LIMIT "TF2_SLERP_SERIES_LIMIT"
 
 
 cdef inline void quaternion_multiply(const double* a, const double* b, double* out) noexcept nogil:
@@ -60,7 +60,7 @@ cdef inline bint quaternion_normalise(double* q) noexcept nogil:
 
 
 cdef inline bint quaternion_normalise_any(double* q) noexcept nogil:
-    # Of every length that is finite and above zero. False, and q unchanged, for another one.
+    # For every finite length above zero. False, and q unchanged: the length is another one.
     cdef double largest = 0.0
     cdef int i
     if quaternion_normalise(q):
@@ -77,7 +77,7 @@ cdef inline bint quaternion_normalise_any(double* q) noexcept nogil:
 
 
 cdef inline void quaternion_canonicalise(double* q) noexcept nogil:
-    # Of q and -q the one that tf2 gives out when it reads a rotation matrix: w > 0 where the matrix has
+    # Of q and -q the one that tf2 returns when it reads a rotation matrix: w > 0 where the matrix has
     # a positive trace (4 w^2 - 1), otherwise the largest of x, y, z is positive, the first of equals.
     cdef double lead = q[3]
     if 4.0 * q[3] * q[3] <= 1.0:
@@ -110,9 +110,9 @@ cdef inline double slerp_distance(const double* a, const double* b, double* sign
     return 0.5 * (dx * dx + dy * dy + dz * dz + dw * dw)
 
 
-cdef inline void slerp_weights_near(double distance, double ratio, double* weight_a,
-                                    double* weight_b) noexcept nogil:
-    # For distance <= SLERP_NEAR. With cos(t) = 1 - d, t^2 is a short series in d
+cdef inline void slerp_weights_series(double distance, double ratio, double* weight_a,
+                                      double* weight_b) noexcept nogil:
+    # For distance <= SLERP_SERIES_LIMIT. With cos(t) = 1 - d, t^2 is a short series in d
     # (t^2 = 2 sum (2 d)^n / (n^2 C(2n, n))), and the sines are short series in t^2: no acos, no sin.
     cdef double squared = distance * (2.0 + distance * (1.0 / 3.0 + distance * (4.0 / 45.0 + distance * (
         1.0 / 35.0 + distance * (16.0 / 1575.0 + distance * (8.0 / 2079.0 + distance * (32.0 / 21021.0)))))))
@@ -122,8 +122,8 @@ cdef inline void slerp_weights_near(double distance, double ratio, double* weigh
     weight_b[0] = ratio * sinc_series(ratio * ratio * squared) * scale
 
 
-cdef inline void slerp_weights_far(double distance, double ratio, double* weight_a,
-                                   double* weight_b) noexcept nogil:
+cdef inline void slerp_weights_exact(double distance, double ratio, double* weight_a,
+                                     double* weight_b) noexcept nogil:
     cdef double angle = acos(1.0 - distance)
     cdef double scale = 1.0 / sin(angle)
     weight_a[0] = sin((1.0 - ratio) * angle) * scale
@@ -133,13 +133,13 @@ cdef inline void slerp_weights_far(double distance, double ratio, double* weight
 cdef inline void quaternion_slerp(const double* a, const double* b, double ratio, double* out) noexcept nogil:
     # Shortest-path spherical interpolation between unit quaternions (Shoemake 1985):
     # weights sin((1 - r) t) / sin(t) and sin(r t) / sin(t), where cos(t) = |a . b|.
-    # Neighbouring samples are close; only far ones need the trigonometric functions.
+    # Neighbouring samples are mostly close; only others need the trigonometric functions.
     cdef double sign, weight_a, weight_b
     cdef double distance = slerp_distance(a, b, &sign)
-    if distance <= SLERP_NEAR:
-        slerp_weights_near(distance, ratio, &weight_a, &weight_b)
+    if distance <= SLERP_SERIES_LIMIT:
+        slerp_weights_series(distance, ratio, &weight_a, &weight_b)
     else:
-        slerp_weights_far(distance, ratio, &weight_a, &weight_b)
+        slerp_weights_exact(distance, ratio, &weight_a, &weight_b)
     weight_b *= sign
     out[0] = weight_a * a[0] + weight_b * b[0]
     out[1] = weight_a * a[1] + weight_b * b[1]

@@ -1,30 +1,23 @@
 """
-Owns the question of what could help a failed lookup.
+Owns finding out which changes could help a failed lookup.
 
-A lookup is a walk: it asks frame after frame for its parent and its data at a time. Walked again, it goes
-the same way and fails at the same place until one of these frames gives another answer. So it lacks: another
-parent of one of the frames that it has met, or data where it stopped for want of these. A lookup at the
-latest common time also lacks another such time.
+A lookup is a walk: it reads the parent and the data of frame after frame at a time. Repeated, it follows the
+same path and fails at the same frame until one of these frames gives another answer. So it lacks: another
+parent of one of the frames visited, or data of the frame that had none for the time. A lookup at the latest
+common time may also be helped by another common time.
 """
 
 from libc.stddef cimport size_t
 from libc.stdint cimport INT64_MAX, int64_t, uint32_t
 from libc.stdlib cimport free, realloc
 
-from tf2_py._core.cache cimport CACHE_DYNAMIC, Cache, cache_parent_until
+from tf2_py._core.cache cimport CACHE_DYNAMIC, Cache
+from tf2_py._core.cache_find cimport cache_gap, cache_parent_until
+from tf2_py._core.change cimport ANY_TIME, CHANGE_DATA, CHANGE_NAME, CHANGE_PARENT, ChangeKind
 from tf2_py._core.lookup cimport Query, query_end_frames, query_fixed_frame
 from tf2_py._core.names cimport name_hash
-from tf2_py._core.tree cimport (
-    ANY_TIME,
-    CHANGE_DATA,
-    CHANGE_NAME,
-    CHANGE_PARENT,
-    MIXED_PARENTS,
-    NEWEST,
-    ChangeKind,
-    Tree,
-    tree_parent,
-)
+from tf2_py._core.path cimport Path
+from tf2_py._core.tree cimport MIXED_PARENTS, NEWEST, Tree, tree_parent
 from tf2_py._core.types cimport (
     GAP_NONE,
     HALF_SOURCE,
@@ -38,14 +31,14 @@ from tf2_py._core.types cimport (
     FrameId,
     Status,
 )
-from tf2_py._core.walk cimport Path, walk_climb, walk_common_time, walk_gap
+from tf2_py._core.walk cimport walk_climb, walk_common_time
 
 
-cdef struct Met:
-    # What a walk at one time has met.
+cdef struct Visit:
+    # What a walk at one time has found.
     FrameId ends[2]         # frames without data for the time
-    uint32_t end_count
-    int64_t same_until      # from its time until this one, all frames keep their parents
+    uint32_t end_count      # of `ends`
+    int64_t same_until      # ns; from the walk's time until this one, all frames visited keep their parents
 
 
 cdef void lacks_free(Lacks* lacks) noexcept nogil:
@@ -73,27 +66,27 @@ cdef inline void _add_name(Lacks* lacks, const char* name, Py_ssize_t size) noex
     _add(lacks, CHANGE_NAME, NO_FRAME, <int64_t>name_hash(name, <size_t>size))
 
 
-cdef void _add_parent(const Tree* tree, FrameId frame, int64_t time_ns, int64_t key, Lacks* lacks,
-                      Met* met) noexcept nogil:
+cdef void _add_other_parent(const Tree* tree, FrameId frame, int64_t time_ns, int64_t key, Lacks* lacks,
+                            Visit* visit) noexcept nogil:
     _add(lacks, CHANGE_PARENT, frame, key)
     if tree.parents[frame] & MIXED_PARENTS and time_ns != NEWEST:
-        met.same_until = min(met.same_until, cache_parent_until(&tree.caches[frame], time_ns))
+        visit.same_until = min(visit.same_until, cache_parent_until(&tree.caches[frame], time_ns))
 
 
 cdef void _climb(const Tree* tree, FrameId frame, int64_t time_ns, int64_t key, Lacks* lacks,
-                 Met* met) noexcept nogil:
-    # Up to the root, or where the parent is not known, or once through a loop: Brent's algorithm finds its
-    # end.
+                 Visit* visit) noexcept nogil:
+    # Up to the root, or to a frame whose parent is not known, or once through a loop, which Brent's algorithm
+    # detects.
     cdef FrameId marked = frame
     cdef FrameId parent
     cdef uint32_t hops = 0
     cdef uint32_t next_mark = 1
     while True:
-        _add_parent(tree, frame, time_ns, key, lacks, met)
+        _add_other_parent(tree, frame, time_ns, key, lacks, visit)
         parent = tree_parent(tree, frame, time_ns)
         if parent == NO_FRAME:
-            met.ends[met.end_count] = frame
-            met.end_count += 1
+            visit.ends[visit.end_count] = frame
+            visit.end_count += 1
             return
         if parent == marked or hops > MAX_HOPS:
             return
@@ -104,42 +97,43 @@ cdef void _climb(const Tree* tree, FrameId frame, int64_t time_ns, int64_t key, 
             next_mark *= 2
 
 
-cdef void _walk_again(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, int64_t key,
-                      Lacks* lacks, Met* met) noexcept nogil:
-    # Adds another parent, by `key`, of each frame on the way.
+cdef void _add_walk(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, int64_t key,
+                    Lacks* lacks, Visit* visit) noexcept nogil:
+    # Walks as the lookup did, and adds another parent, by `key`, of each frame visited.
     cdef Path path
     cdef bint mixed = False
     cdef uint32_t i
-    met.end_count = 0
-    met.same_until = INT64_MAX
+    visit.end_count = 0
+    visit.same_until = INT64_MAX
     if tree.ever_looped or not walk_climb(tree, target, source, time_ns, &path, &mixed):
-        _climb(tree, source, time_ns, key, lacks, met)
-        _climb(tree, target, time_ns, key, lacks, met)
+        _climb(tree, source, time_ns, key, lacks, visit)
+        _climb(tree, target, time_ns, key, lacks, visit)
         return
-    # The path is known. Of several frames without data any one will do.
+    # The path is known. Of several frames without data, to watch one is enough.
     for i in range(path.target_hops):
-        _add_parent(tree, path.target[i], time_ns, key, lacks, met)
-        if met.end_count == 0 and walk_gap(tree, path.target[i], time_ns) != GAP_NONE:
-            met.ends[0] = path.target[i]
-            met.end_count = 1
+        _add_other_parent(tree, path.target[i], time_ns, key, lacks, visit)
+        if visit.end_count == 0 and cache_gap(&tree.caches[path.target[i]], time_ns) != GAP_NONE:
+            visit.ends[0] = path.target[i]
+            visit.end_count = 1
     for i in range(path.source_hops):
-        _add_parent(tree, path.source[i], time_ns, key, lacks, met)
-        if met.end_count == 0 and walk_gap(tree, path.source[i], time_ns) != GAP_NONE:
-            met.ends[0] = path.source[i]
-            met.end_count = 1
+        _add_other_parent(tree, path.source[i], time_ns, key, lacks, visit)
+        if visit.end_count == 0 and cache_gap(&tree.caches[path.source[i]], time_ns) != GAP_NONE:
+            visit.ends[0] = path.source[i]
+            visit.end_count = 1
 
 
 cdef void _find_at(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
                    Lacks* lacks) noexcept nogil:
-    cdef Met met
+    cdef Visit visit
     cdef uint32_t i
-    _walk_again(tree, target, source, time_ns, time_ns, lacks, &met)
-    for i in range(met.end_count):
-        _add(lacks, CHANGE_DATA, met.ends[i], time_ns)
+    _add_walk(tree, target, source, time_ns, time_ns, lacks, &visit)
+    for i in range(visit.end_count):
+        _add(lacks, CHANGE_DATA, visit.ends[i], time_ns)
 
 
-cdef FrameId _slowest(const Tree* tree, const FrameId* frames, uint32_t count,
-                      int64_t newest_ns) noexcept nogil:
+cdef FrameId _limiting_frame(const Tree* tree, const FrameId* frames, uint32_t count,
+                             int64_t newest_ns) noexcept nogil:
+    # The frame that limits the common time; NO_FRAME: none of these.
     cdef uint32_t i
     for i in range(count):
         if tree.caches[frames[i]].newest_ns == newest_ns:
@@ -149,56 +143,56 @@ cdef FrameId _slowest(const Tree* tree, const FrameId* frames, uint32_t count,
 
 cdef void _find_latest(const Tree* tree, FrameId target, FrameId source, Lacks* lacks) noexcept nogil:
     cdef Path path
-    cdef Met met
+    cdef Visit visit
     cdef int64_t common_ns = 0
     cdef int64_t until_ns, middle_ns
     cdef uint32_t i
-    cdef FrameId slowest
+    cdef FrameId limiting
     cdef const Cache* cache
     if walk_common_time(tree, target, source, &path, &common_ns).code != STATUS_OK:
-        met.end_count = 0
-        _climb(tree, source, NEWEST, NEWEST, lacks, &met)
-        _climb(tree, target, NEWEST, NEWEST, lacks, &met)
+        visit.end_count = 0
+        _climb(tree, source, NEWEST, NEWEST, lacks, &visit)
+        _climb(tree, target, NEWEST, NEWEST, lacks, &visit)
         return
-    slowest = _slowest(tree, path.source, path.source_hops, common_ns)
-    if slowest == NO_FRAME:
-        slowest = _slowest(tree, path.target, path.target_hops, common_ns)
-    if common_ns == 0 or slowest == NO_FRAME:
+    limiting = _limiting_frame(tree, path.source, path.source_hops, common_ns)
+    if limiting == NO_FRAME:
+        limiting = _limiting_frame(tree, path.target, path.target_hops, common_ns)
+    if common_ns == 0 or limiting == NO_FRAME:
         lacks.unknown = True
         return
     if tree.ever_looped:
-        # There, what lies above decides as well.
-        met.end_count = 0
-        _climb(tree, source, NEWEST, ANY_TIME, lacks, &met)
-        _climb(tree, target, NEWEST, ANY_TIME, lacks, &met)
+        # The reference's order depends on the frames above the common ancestor, too.
+        visit.end_count = 0
+        _climb(tree, source, NEWEST, ANY_TIME, lacks, &visit)
+        _climb(tree, target, NEWEST, ANY_TIME, lacks, &visit)
     for i in range(path.source_hops):
         _add(lacks, CHANGE_PARENT, path.source[i], ANY_TIME)
     for i in range(path.target_hops):
         _add(lacks, CHANGE_PARENT, path.target[i], ANY_TIME)
-    # At the common time the way may be another one. Nothing but the common time itself moves with each
-    # insert: until it comes to a time at which something may be different, there is no answer.
-    _walk_again(tree, target, source, common_ns, ANY_TIME, lacks, &met)
-    until_ns = met.same_until
-    for i in range(met.end_count):
-        cache = &tree.caches[met.ends[i]]
+    # At the common time the path may be another one. Of all this only the common time changes with each
+    # insert: until it reaches a time at which something may be different, there is no answer.
+    _add_walk(tree, target, source, common_ns, ANY_TIME, lacks, &visit)
+    until_ns = visit.same_until
+    for i in range(visit.end_count):
+        cache = &tree.caches[visit.ends[i]]
         if cache.kind == CACHE_DYNAMIC and cache.count and cache.oldest_ns > common_ns:
             until_ns = min(until_ns, cache.oldest_ns)
     if tree.ever_looped:
         until_ns = common_ns + 1
-    # Two histories may grow towards each other: one of them must come to the middle first. So each wait looks
-    # again a few dozen times at the most, however many samples come in.
+    # Two histories may grow towards each other: one of them must reach the middle first. So each waiter is
+    # tried a few dozen times at most, however many samples are inserted.
     middle_ns = common_ns + (until_ns - common_ns + 1) // 2
-    # Also that the slowest frame becomes static shows in all of its times.
-    _add(lacks, CHANGE_DATA, slowest, middle_ns)
-    for i in range(met.end_count):
-        cache = &tree.caches[met.ends[i]]
+    # If the limiting frame becomes static, that is a change of data at all times.
+    _add(lacks, CHANGE_DATA, limiting, middle_ns)
+    for i in range(visit.end_count):
+        cache = &tree.caches[visit.ends[i]]
         if cache.kind != CACHE_DYNAMIC or cache.count == 0:
             continue
         if cache.oldest_ns > common_ns:
-            _add(lacks, CHANGE_DATA, met.ends[i], middle_ns)
+            _add(lacks, CHANGE_DATA, visit.ends[i], middle_ns)
         elif cache.newest_ns < common_ns:
-            # A history of stamp 0 alone has no say in the common time, and has one with the next sample.
-            _add(lacks, CHANGE_DATA, met.ends[i], common_ns if cache.newest_ns else 1)
+            # A history of stamp 0 alone does not count for the common time; with the next sample it does.
+            _add(lacks, CHANGE_DATA, visit.ends[i], common_ns if cache.newest_ns else 1)
 
 
 cdef void lacks_find(const Tree* tree, const Query* query, Status status, Lacks* lacks) noexcept nogil:

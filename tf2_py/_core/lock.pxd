@@ -1,4 +1,4 @@
-"""The lock of a BufferCore: readers beside readers, nobody starves; usable without the GIL."""
+"""The readers-writer lock of a BufferCore: no thread starves; usable without the GIL."""
 
 from libc.stdint cimport uint32_t
 
@@ -20,45 +20,46 @@ cdef extern from "<pthread.h>" nogil:
 cdef extern from *:
     """
     #if defined(__x86_64__) || defined(__i386__)
-    #define TF2_RELAX() __builtin_ia32_pause()
+    #define TF2_PAUSE() __builtin_ia32_pause()
     #elif defined(__aarch64__)
-    #define TF2_RELAX() __asm__ __volatile__("yield" ::: "memory")
+    #define TF2_PAUSE() __asm__ __volatile__("yield" ::: "memory")
     #else
-    #define TF2_RELAX() __asm__ __volatile__("" ::: "memory")
+    #define TF2_PAUSE() __asm__ __volatile__("" ::: "memory")
     #endif
-    #define TF2_LOOK(where) __atomic_load_n(where, __ATOMIC_RELAXED)
-    #define TF2_SET(where, value) __atomic_store_n(where, value, __ATOMIC_RELAXED)
+    #define TF2_LOAD_RELAXED(where) __atomic_load_n(where, __ATOMIC_RELAXED)
+    #define TF2_STORE_RELAXED(where, value) __atomic_store_n(where, value, __ATOMIC_RELAXED)
     """
-    void _relax "TF2_RELAX"() nogil
-    uint32_t _look "TF2_LOOK"(const uint32_t* where) nogil
-    void _set "TF2_SET"(uint32_t* where, uint32_t value) nogil
+    void _pause "TF2_PAUSE"() nogil
+    uint32_t _load_relaxed "TF2_LOAD_RELAXED"(const uint32_t* where) nogil
+    void _store_relaxed "TF2_STORE_RELAXED"(uint32_t* where, uint32_t value) nogil
 
 cdef enum:
-    SPINS = 500     # about half a turn (12 us on an AMD EPYC): to sleep and to be woken costs more
+    SPINS = 500     # some 12 us on an AMD EPYC, half a turn: sleeping and being woken costs more
 
 
-# Readers and writers take turns. A reader who comes while a writer holds the lock or waits for it goes after
-# that writer; a writer who is done lets all readers in who wait by then, before the next writer; writers go
-# in the order in which they came. So a reader waits for one writer at most, and a writer for those before it,
-# each with one turn of readers. All hold the lock for tens of microseconds: longer work is done in slices.
+# Readers and writers take turns. A reader that arrives while a writer holds the lock or waits for it follows
+# that writer. A writer that is done admits all readers that wait by then, before the next writer. Writers
+# follow each other in order of arrival. So a reader waits for one writer at most, and a writer for those
+# before it, each with one turn of readers. All hold the lock for tens of microseconds: longer work is done in
+# slices.
 #
 # pthread_rwlock_t promises none of this: glibc's lets readers starve writers, or the other way round.
 #
-# Nobody touches a Python object, or takes the GIL, while he holds the lock; so whoever waits for it with the
-# GIL in hand waits for microseconds, and the two cannot wait for each other. It is not recursive: two
-# readings of one thread, one in the other, may wait for a writer between them.
+# A thread that holds the lock touches no Python object and does not take the GIL. So a thread that waits for
+# the lock and holds the GIL waits for microseconds, and there is no deadlock between the two. The lock is not
+# recursive: a thread that reads while it reads may wait for a writer that waits for that thread.
 cdef struct Lock:
-    pthread_mutex_t mutex           # over the rest, for a few instructions
-    pthread_cond_t readers_turn
-    pthread_cond_t writers_turn
-    uint32_t readers                # hold the lock, or have been let in
+    pthread_mutex_t mutex           # guards the counts, for a few instructions
+    pthread_cond_t readers_turn     # readers wait for it
+    pthread_cond_t writers_turn     # writers wait for it
+    uint32_t readers                # that hold the lock or have been admitted
     uint32_t readers_waiting
-    uint32_t writers_came           # how many, ever; counters wrap
-    uint32_t writers_went
+    uint32_t writers_arrived        # ever; the two counts wrap
+    uint32_t writers_done           # of these; the difference holds the lock or waits
 
 
 cdef inline int lock_init(Lock* lock) noexcept nogil:
-    lock.readers = lock.readers_waiting = lock.writers_came = lock.writers_went = 0
+    lock.readers = lock.readers_waiting = lock.writers_arrived = lock.writers_done = 0
     if pthread_mutex_init(&lock.mutex, NULL) != 0 or pthread_cond_init(&lock.readers_turn, NULL) != 0:
         return -1
     return pthread_cond_init(&lock.writers_turn, NULL)
@@ -72,32 +73,32 @@ cdef inline void lock_free(Lock* lock) noexcept nogil:
 
 cdef inline void _spin_while(const uint32_t* where, uint32_t value) noexcept nogil:
     cdef int spins = 0
-    while spins < SPINS and _look(where) == value:
-        _relax()
+    while spins < SPINS and _load_relaxed(where) == value:
+        _pause()
         spins += 1
 
 
 cdef inline void lock_read(Lock* lock) noexcept nogil:
-    cdef uint32_t went
+    cdef uint32_t done
     pthread_mutex_lock(&lock.mutex)
-    if lock.writers_came == lock.writers_went:
+    if lock.writers_arrived == lock.writers_done:
         lock.readers += 1
     else:
-        # The writer whose turn it is counts it in.
+        # The writer whose turn it is will add it to `readers`.
         lock.readers_waiting += 1
-        went = lock.writers_went
+        done = lock.writers_done
         pthread_mutex_unlock(&lock.mutex)
-        _spin_while(&lock.writers_went, went)
+        _spin_while(&lock.writers_done, done)
         pthread_mutex_lock(&lock.mutex)
-        while went == lock.writers_went:
+        while done == lock.writers_done:
             pthread_cond_wait(&lock.readers_turn, &lock.mutex)
     pthread_mutex_unlock(&lock.mutex)
 
 
 cdef inline void unlock_read(Lock* lock) noexcept nogil:
     pthread_mutex_lock(&lock.mutex)
-    _set(&lock.readers, lock.readers - 1)
-    if lock.readers == 0 and lock.writers_came != lock.writers_went:
+    _store_relaxed(&lock.readers, lock.readers - 1)
+    if lock.readers == 0 and lock.writers_arrived != lock.writers_done:
         pthread_cond_broadcast(&lock.writers_turn)
     pthread_mutex_unlock(&lock.mutex)
 
@@ -105,25 +106,25 @@ cdef inline void unlock_read(Lock* lock) noexcept nogil:
 cdef inline void lock_write(Lock* lock) noexcept nogil:
     cdef uint32_t turn
     pthread_mutex_lock(&lock.mutex)
-    turn = lock.writers_came
-    lock.writers_came += 1
-    if lock.readers == 1 and lock.writers_went == turn:
-        # A single lookup, mostly.
+    turn = lock.writers_arrived
+    lock.writers_arrived += 1
+    if lock.readers == 1 and lock.writers_done == turn:
+        # Mostly the reader is one lookup, and short.
         pthread_mutex_unlock(&lock.mutex)
         _spin_while(&lock.readers, 1)
         pthread_mutex_lock(&lock.mutex)
-    while lock.readers or lock.writers_went != turn:
+    while lock.readers or lock.writers_done != turn:
         pthread_cond_wait(&lock.writers_turn, &lock.mutex)
     pthread_mutex_unlock(&lock.mutex)
 
 
 cdef inline void unlock_write(Lock* lock) noexcept nogil:
     pthread_mutex_lock(&lock.mutex)
-    _set(&lock.writers_went, lock.writers_went + 1)
+    _store_relaxed(&lock.writers_done, lock.writers_done + 1)
     if lock.readers_waiting:
         lock.readers = lock.readers_waiting
         lock.readers_waiting = 0
         pthread_cond_broadcast(&lock.readers_turn)
-    elif lock.writers_came != lock.writers_went:
+    elif lock.writers_arrived != lock.writers_done:
         pthread_cond_broadcast(&lock.writers_turn)
     pthread_mutex_unlock(&lock.mutex)

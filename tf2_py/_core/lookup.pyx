@@ -4,6 +4,8 @@ from libc.stdint cimport int64_t
 from libc.string cimport memcmp
 
 from tf2_py._core.geometry cimport quaternion_canonicalise, transform_compose
+from tf2_py._core.names cimport name_is_invalid
+from tf2_py._core.path cimport Path
 from tf2_py._core.tree cimport Tree, tree_frame
 from tf2_py._core.types cimport (
     HALF_SOURCE,
@@ -18,13 +20,10 @@ from tf2_py._core.types cimport (
     Transform,
     status_of,
 )
-from tf2_py._core.walk cimport Path, walk_lookup
+from tf2_py._core.walk cimport walk_lookup
 
 cdef inline FrameId _frame(const Tree* tree, const char* name, Py_ssize_t size) noexcept nogil:
-    # NO_FRAME for every name that no lookup accepts.
-    if size == 0 or name[0] == b"/":
-        return NO_FRAME
-    return tree_frame(tree, name, size)
+    return NO_FRAME if name_is_invalid(name, size) else tree_frame(tree, name, size)
 
 
 cdef Status query_end_frames(const Tree* tree, const Query* query, FrameId* target,
@@ -43,14 +42,12 @@ cdef FrameId query_fixed_frame(const Tree* tree, const Query* query) noexcept no
 
 
 cdef bint query_is_identity(const Query* query) noexcept nogil:
-    # Equal names in a simple lookup need no frame that anyone has seen.
     return (query.fixed == NULL and query.target_size == query.source_size
             and memcmp(query.target, query.source, query.source_size) == 0)
 
 
 cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
                          int64_t* stamp_ns) noexcept nogil:
-    # Both lookups of tf2, with the lock held; `out` NULL only asks whether there is an answer.
     cdef Path path
     cdef FrameId target, source, fixed
     cdef Status status
@@ -68,7 +65,7 @@ cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
     if fixed == NO_FRAME:
         return status_of(STATUS_BAD_FIXED)
     if out == NULL:
-        # Which half fails first shows in the reason: can_transform begins with the target's ...
+        # The reason tells which half fails first. tf2's can_transform begins with the target's ...
         status = walk_lookup(tree, target, fixed, query.target_ns, &path, NULL, stamp_ns)
         status.half = HALF_TARGET
         if status.code != STATUS_OK:
@@ -76,7 +73,7 @@ cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
         status = walk_lookup(tree, fixed, source, query.source_ns, &path, NULL, &source_stamp_ns)
         status.half = HALF_SOURCE
         return status
-    # ... the lookup with the source's.
+    # ... and its lookup with the source's.
     status = walk_lookup(tree, fixed, source, query.source_ns, &path, &source_half, &source_stamp_ns)
     status.half = HALF_SOURCE
     if status.code != STATUS_OK:

@@ -11,11 +11,10 @@ cdef enum:
     FIRST_SLOTS = 64
     FIRST_TEXT = 1024
     LAST_ID = 0x7FFFFFFE    # ids stay below 2^31: the tree keeps a flag in the bit above
-    # In a table half full, a million names by chance lie in a run this long once in 10^15 tables.
+    # In a table that is half full, a million names make a run this long by chance once in 10^15 tables.
     LONGEST_RUN = 256
-    LOGGED_BYTES = 256      # of a name, in a line of a log
 
-cdef uint64_t KEY[2]    # the secret of this process
+cdef uint64_t KEY[2]        # the secret of this process
 
 
 cdef int _draw_key() except -1:
@@ -48,8 +47,8 @@ cdef inline void _round(uint64_t* v) noexcept nogil:
 
 
 cdef inline uint64_t _last_word(const char* text, size_t size) noexcept nogil:
-    # The last size % 8 bytes, little-endian, and the size in the highest byte. Reads overlap, so that none
-    # has a length that only shows at run time.
+    # The last size % 8 bytes, little-endian, and the size in the highest byte. The reads overlap, so that
+    # the compiler knows the length of each.
     cdef size_t left = size & 7
     cdef uint64_t word = 0
     cdef uint64_t high = 0
@@ -99,7 +98,7 @@ cdef uint64_t name_hash(const char* text, size_t size) noexcept nogil:
 
 def hash_with_key(bytes text, bytes key=None):
     """
-    The hash of a name, as tests see it.
+    The hash of a name, for tests: the one Python function of this package.
 
     :param key: 16 bytes; None: the secret of this process.
     """
@@ -145,11 +144,11 @@ cdef uint32_t names_find(const Names* names, const char* text, size_t size) noex
 
 
 cdef int _reserve(Names* names, size_t size) noexcept nogil:
-    # Room for one more name of `size` bytes; on failure every name is where it was.
+    # Memory for one more name of `size` bytes. -1: there is none, and every name is where it was.
     cdef size_t wanted
     cdef uint32_t slot, id, capacity
     cdef void* grown
-    # Also for an empty name: nobody copies from or to NULL.
+    # Also for an empty name: memcpy must not get NULL.
     if names.text == NULL or names.text_size + size > names.text_capacity:
         wanted = names.text_capacity * 2 if names.text_capacity else FIRST_TEXT
         while wanted < names.text_size + size:
@@ -208,13 +207,6 @@ cdef uint32_t names_intern(Names* names, const char* text, size_t size) noexcept
     return id
 
 
-cdef str name_for_log(const char* text, size_t size):
-    if size <= LOGGED_BYTES:
-        return text[:size].decode("utf-8")
-    # The cut may go through a character.
-    return f"{text[:LOGGED_BYTES].decode('utf-8', 'ignore')}... ({size} bytes)"
-
-
 cdef const char* names_check(const Names* names) noexcept nogil:
     cdef uint32_t id, slot, run
     cdef const Name* name
@@ -223,7 +215,7 @@ cdef const char* names_check(const Names* names) noexcept nogil:
         if name.start > names.text_size or name.size > names.text_size - name.start:
             return "a name beyond the text of all names"
         if name.hash != <uint32_t>name_hash(names.text + name.start, name.size):
-            return "a name's hash is another one's"
+            return "a name with the hash of another"
         slot = name.hash & names.slot_mask
         run = 0
         while names.slots[slot] != id + 1:
@@ -232,5 +224,5 @@ cdef const char* names_check(const Names* names) noexcept nogil:
             slot = (slot + 1) & names.slot_mask
             run += 1
             if run > LONGEST_RUN:
-                return "names that fall together in the hash table"
+                return "names that collide in the hash table"
     return NULL

@@ -1,16 +1,22 @@
-"""Owns the arithmetic of many times at once: each step goes through a batch, so that wide registers fill."""
+"""Owns the arithmetic of many times: each step computes a whole batch, so that the compiler can use SIMD."""
 
 from libc.math cimport fabs, sqrt
 from libc.stdint cimport int64_t, uint32_t
 
-from tf2_py._core.cache cimport CACHE_STATIC, NEWEST_HINT, Cache, cache_aim, cache_find
-from tf2_py._core.geometry cimport SLERP_NEAR, slerp_weights_far, slerp_weights_near, vector_rotate
+from tf2_py._core.cache cimport CACHE_STATIC, NEWEST_HINT, Cache, cache_newest_transform
+from tf2_py._core.cache_find cimport cache_neighbours, cache_prefetch
+from tf2_py._core.geometry cimport (
+    SLERP_SERIES_LIMIT,
+    slerp_weights_exact,
+    slerp_weights_series,
+    vector_rotate,
+)
 from tf2_py._core.types cimport GAP_NONE, Transform
 
 cdef extern from *:
     """
-    /* The loops below are compiled once for every x86-64 and once for AVX2, and the loader picks. The numbers
-       are the same: -ffp-contract=off keeps multiply and add apart. Only GNU's loader on ELF can pick. */
+    /* The functions below are compiled once for every x86-64 and once for AVX2, and the loader selects one.
+       The numbers are the same: -ffp-contract=off keeps multiply and add apart. Only glibc's loader can. */
     #if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
     struct tf2_work;
     #define TF2_WIDE __attribute__((target_clones("avx2", "default")))
@@ -40,36 +46,33 @@ cdef inline void _put_identity(Columns* columns, uint32_t i) noexcept nogil:
     columns.qw[i] = 1.0
 
 
-cdef void _gather(Work* work, const Cache* cache, const int64_t* times_ns, uint32_t count,
+cdef void _gather(SeriesWork* work, const Cache* cache, const int64_t* times_ns, uint32_t count,
                   uint32_t* hint) noexcept nogil:
     cdef uint32_t hints[BATCH_TIMES]
-    cdef uint32_t i, older, newer
+    cdef uint32_t i
+    cdef const Transform* older
+    cdef const Transform* newer
     for i in range(count):
-        hints[i] = cache_aim(cache, times_ns[i])
+        hints[i] = cache_prefetch(cache, times_ns[i])
     for i in range(count):
-        # In a history too short to aim at, the place of the time before is the better hint.
+        # In a short history the place of the previous time is the better hint.
         if hints[i] != NEWEST_HINT:
             hint[0] = hints[i]
-        if cache_find(cache, times_ns[i], hint, &older, &newer) != GAP_NONE:
+        if cache_neighbours(cache, times_ns[i], hint, &older, &newer, &work.ratio[i]) != GAP_NONE:
             work.missing[i] = 1
             _put_identity(&work.older, i)
             _put_identity(&work.newer, i)
             work.ratio[i] = 0.0
             continue
-        _put(&work.older, i, &cache.samples[older].transform)
-        _put(&work.newer, i, &cache.samples[newer].transform)
-        if older == newer:
-            work.ratio[i] = 0.0
-        else:
-            work.ratio[i] = ((<double>(times_ns[i] - cache.stamps[older]))
-                             / (<double>(cache.stamps[newer] - cache.stamps[older])))
+        _put(&work.older, i, older)
+        _put(&work.newer, i, newer)
     for i in range(count, BATCH_TIMES):
         _put_identity(&work.older, i)
         _put_identity(&work.newer, i)
         work.ratio[i] = 0.0
 
 
-cdef void _interpolate "tf2_interpolate"(Work* work) noexcept nogil:
+cdef void _interpolate "tf2_interpolate"(SeriesWork* work) noexcept nogil:
     cdef uint32_t i
     cdef double ratio, dot, sign, dx, dy, dz, dw, weight_a, weight_b
     for i in range(BATCH_TIMES):
@@ -86,16 +89,16 @@ cdef void _interpolate "tf2_interpolate"(Work* work) noexcept nogil:
         dw = sign * work.newer.qw[i] - work.older.qw[i]
         work.sign[i] = sign
         work.distance[i] = 0.5 * (dx * dx + dy * dy + dz * dz + dw * dw)
-        slerp_weights_near(work.distance[i], ratio, &weight_a, &weight_b)
+        slerp_weights_series(work.distance[i], ratio, &weight_a, &weight_b)
         weight_b *= sign
         work.hop.qx[i] = weight_a * work.older.qx[i] + weight_b * work.newer.qx[i]
         work.hop.qy[i] = weight_a * work.older.qy[i] + weight_b * work.newer.qy[i]
         work.hop.qz[i] = weight_a * work.older.qz[i] + weight_b * work.newer.qz[i]
         work.hop.qw[i] = weight_a * work.older.qw[i] + weight_b * work.newer.qw[i]
-    # Far neighbours are rare; for them the series above is not good enough.
+    # Neighbours that are far apart are rare; for them the series above is not exact enough.
     for i in range(BATCH_TIMES):
-        if work.distance[i] > SLERP_NEAR:
-            slerp_weights_far(work.distance[i], work.ratio[i], &weight_a, &weight_b)
+        if work.distance[i] > SLERP_SERIES_LIMIT:
+            slerp_weights_exact(work.distance[i], work.ratio[i], &weight_a, &weight_b)
             weight_b *= work.sign[i]
             work.hop.qx[i] = weight_a * work.older.qx[i] + weight_b * work.newer.qx[i]
             work.hop.qy[i] = weight_a * work.older.qy[i] + weight_b * work.newer.qy[i]
@@ -103,12 +106,12 @@ cdef void _interpolate "tf2_interpolate"(Work* work) noexcept nogil:
             work.hop.qw[i] = weight_a * work.older.qw[i] + weight_b * work.newer.qw[i]
 
 
-cdef void work_hop(Work* work, const Cache* cache, const int64_t* times_ns, uint32_t count,
+cdef void work_hop(SeriesWork* work, const Cache* cache, const int64_t* times_ns, uint32_t count,
                    uint32_t* hint) noexcept nogil:
     cdef uint32_t i
     if cache.kind == CACHE_STATIC:
         for i in range(BATCH_TIMES):
-            _put(&work.hop, i, &cache.samples[cache.head].transform)
+            _put(&work.hop, i, cache_newest_transform(cache))
         return
     _gather(work, cache, times_ns, count, hint)
     _interpolate(work)
@@ -142,37 +145,37 @@ cdef inline void _compose(Columns* a, Columns* b) noexcept nogil:
         b.qw[i] = w * bw - ux * bx - uy * by - uz * bz
 
 
-cdef void work_begin_source(Work* work) noexcept nogil:
+cdef void work_begin_source(SeriesWork* work) noexcept nogil:
     work.source = work.hop
 
 
-cdef void work_begin_source_identity(Work* work) noexcept nogil:
+cdef void work_begin_source_identity(SeriesWork* work) noexcept nogil:
     cdef uint32_t i
     for i in range(BATCH_TIMES):
         _put_identity(&work.source, i)
 
 
-cdef void work_begin_target(Work* work) noexcept nogil:
+cdef void work_begin_target(SeriesWork* work) noexcept nogil:
     work.target = work.hop
 
 
-cdef void _climb_source "tf2_climb_source"(Work* work) noexcept nogil:
+cdef void _climb_source "tf2_climb_source"(SeriesWork* work) noexcept nogil:
     _compose(&work.hop, &work.source)
 
 
-cdef void _climb_target "tf2_climb_target"(Work* work) noexcept nogil:
+cdef void _climb_target "tf2_climb_target"(SeriesWork* work) noexcept nogil:
     _compose(&work.hop, &work.target)
 
 
-cdef void work_climb_source(Work* work) noexcept nogil:
+cdef void work_climb_source(SeriesWork* work) noexcept nogil:
     _climb_source(work)
 
 
-cdef void work_climb_target(Work* work) noexcept nogil:
+cdef void work_climb_target(SeriesWork* work) noexcept nogil:
     _climb_target(work)
 
 
-cdef void _between "tf2_between"(Work* work) noexcept nogil:
+cdef void _between "tf2_between"(SeriesWork* work) noexcept nogil:
     # result = target^-1 source, as transform_between
     cdef uint32_t i
     cdef double ux, uy, uz, w, vx, vy, vz, cx, cy, cz
@@ -200,7 +203,7 @@ cdef void _between "tf2_between"(Work* work) noexcept nogil:
         work.result.qw[i] = w * cx - ux * vx - uy * vy - uz * vz
 
 
-cdef inline void _canonicalise(Work* work) noexcept nogil:
+cdef inline void _canonicalise(SeriesWork* work) noexcept nogil:
     # As quaternion_canonicalise; without branches
     cdef uint32_t i
     cdef double lead, sign
@@ -216,7 +219,7 @@ cdef inline void _canonicalise(Work* work) noexcept nogil:
         work.result.qw[i] *= sign
 
 
-cdef void _finish "tf2_finish"(Work* work) noexcept nogil:
+cdef void _finish "tf2_finish"(SeriesWork* work) noexcept nogil:
     # Unit length and canonical sign, as at the end of a single lookup.
     cdef uint32_t i
     cdef double scale
@@ -230,7 +233,7 @@ cdef void _finish "tf2_finish"(Work* work) noexcept nogil:
     _canonicalise(work)
 
 
-cdef void work_result(Work* work, bint with_target) noexcept nogil:
+cdef void work_result(SeriesWork* work, bint with_target) noexcept nogil:
     if with_target:
         _between(work)
     else:
@@ -238,29 +241,29 @@ cdef void work_result(Work* work, bint with_target) noexcept nogil:
     _finish(work)
 
 
-cdef void work_identity(Work* work) noexcept nogil:
+cdef void work_identity(SeriesWork* work) noexcept nogil:
     cdef uint32_t i
     for i in range(BATCH_TIMES):
         _put_identity(&work.result, i)
 
 
-cdef void work_put(Work* work, uint32_t i, const Transform* value) noexcept nogil:
+cdef void work_put(SeriesWork* work, uint32_t i, const Transform* value) noexcept nogil:
     _put(&work.result, i, value)
 
 
-cdef void _apply "tf2_apply"(Work* work) noexcept nogil:
+cdef void _apply "tf2_apply"(SeriesWork* work) noexcept nogil:
     _compose(&work.hop, &work.result)
     _canonicalise(work)
 
 
-cdef void work_apply(Work* work, const Transform* outer) noexcept nogil:
+cdef void work_apply(SeriesWork* work, const Transform* after) noexcept nogil:
     cdef uint32_t i
     for i in range(BATCH_TIMES):
-        _put(&work.hop, i, outer)
+        _put(&work.hop, i, after)
     _apply(work)
 
 
-cdef void work_store(const Work* work, uint32_t count, double* translations,
+cdef void work_store(const SeriesWork* work, uint32_t count, double* translations,
                      double* rotations) noexcept nogil:
     cdef uint32_t i
     for i in range(count):
@@ -273,7 +276,8 @@ cdef void work_store(const Work* work, uint32_t count, double* translations,
         rotations[4 * i + 3] = work.result.qw[i]
 
 
-cdef void work_carry(const Work* work, uint32_t count, const double* points, double* out) noexcept nogil:
+cdef void work_transform_points(const SeriesWork* work, uint32_t count, const double* points,
+                                double* out) noexcept nogil:
     cdef uint32_t i
     cdef double q[4]
     for i in range(count):

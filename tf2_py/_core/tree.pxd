@@ -3,68 +3,46 @@
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 from tf2_py._core.cache cimport Cache
+from tf2_py._core.change cimport Change
 from tf2_py._core.names cimport Names
 from tf2_py._core.types cimport REFUSAL_KINDS, FrameId, Incoming
 
 cdef enum:
     MIXED_PARENTS = 0x80000000      # flag in Tree.parents: the history holds more than one parent
-    TREE_NO_MEMORY = 0x40000000     # what tree_insert answers where nothing could be allocated
+    TREE_NO_MEMORY = 0x40000000     # what tree_insert returns without memory; no REFUSED_* bit
 
 
 cdef struct Limits:
-    # What goes beyond is refused; what is there stays.
+    # What would exceed a limit is refused; nothing is dropped.
     uint32_t frames         # names
-    size_t bytes            # allocated for names and histories; one doubling of the names may come on top
-    uint32_t waiters
+    size_t bytes            # of names and histories; one doubling of the table of names may exceed it
+    uint32_t waiters        # lookups that wait
 
 
 cdef struct Tree:
     Names names                     # a frame's id is its name's; id 0 is the reserved NO_PARENT
-    Names authorities
-    Cache* caches                   # by frame; [0] stays unborn
+    Names authorities               # who has sent transforms; id 0: all beyond the limit
+    Cache* caches                   # by frame; [0] stays empty
     uint32_t* parents               # by frame: parent of the newest sample | MIXED_PARENTS; NO_FRAME: none
     uint32_t capacity               # frames allocated in the two arrays above
-    int64_t cache_time_ns           # how far a history reaches back; >= 0
-    Limits limits
+    int64_t cache_time_ns           # how far a history reaches back from its newest stamp; >= 0
+    Limits limits                   # of the buffer
     bint ever_looped                # a parent link once closed a loop: walks keep to the reference's order
-    uint64_t work                   # how much inserts have cost beyond what each costs: in such costs
-    uint64_t samples                # of all histories
-    size_t history_bytes            # allocated for these
-    uint64_t taken                  # transforms taken
+    uint64_t work                   # extra cost of all inserts so far; 1 is the cost of an ordinary insert
+    uint64_t samples                # in all histories
+    size_t history_bytes            # allocated for all histories
+    uint64_t taken                  # transforms accepted, duplicates included
     uint64_t refused[REFUSAL_KINDS]     # transforms refused, by reason (bit number)
 
-
-cdef enum ChangeKind:
-    CHANGE_NAME             # a name is new; its hash
-    CHANGE_DATA             # the frame has samples around these times, which had none
-    CHANGE_PARENT           # at these times, the frame may hang below another one
-
-cdef enum:
-    MAX_CHANGED = 8         # two names, data once, the parent at up to four ranges of times
-
-
-cdef struct Changed:
-    ChangeKind kind
-    int64_t first           # both included
-    int64_t last
-
-
-cdef struct Change:
-    # What an insert has changed, for those who wait for a lookup. A lookup that failed, and that has met none
-    # of this on its way, fails again.
-    FrameId frame
-    bint everything         # whatever failed may have an answer now
-    uint32_t count
-    Changed changed[MAX_CHANGED]
 
 cdef extern from *:
     """
     #include <stdint.h>
+    #define TF2_DEFAULT_CACHE_TIME_NS 10000000000LL
     #define TF2_NEWEST INT64_MIN
-    #define TF2_ANY_TIME (INT64_MIN + 1)
     """
+    const int64_t DEFAULT_CACHE_TIME_NS "TF2_DEFAULT_CACHE_TIME_NS"     # as tf2's
     const int64_t NEWEST "TF2_NEWEST"       # as a time: that of the newest sample, whatever its stamp
-    const int64_t ANY_TIME "TF2_ANY_TIME"   # changes with the parent at any time
 
 
 # Zero a Tree before tree_init; after a failed tree_init, tree_free is still due.
@@ -74,13 +52,15 @@ cdef void tree_free(Tree* tree) noexcept nogil
 cdef uint32_t tree_authority(Tree* tree, const char* name, size_t size) noexcept nogil
 cdef FrameId tree_frame(const Tree* tree, const char* name, size_t size) noexcept nogil    # NO_FRAME: unknown
 
-# Takes a transform, or says why not: 0, or REFUSED_* bits, or TREE_NO_MEMORY and the tree is as it was but
-# for names. Strips one leading '/' from the names and normalises the rotation, both in `incoming`. `change`
-# is told in any case: one that is refused as too old brings its names, too. NULL: nobody wants to know.
+# Inserts a transform. 0, or REFUSED_* bits, or TREE_NO_MEMORY and the tree is unchanged but for names. Strips
+# one leading '/' from the names and normalises the rotation, both in `incoming`. `change` is filled whatever
+# the outcome: a transform that is too old adds its names, too. NULL: it is not needed.
 cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
                           Change* change) noexcept nogil
-# The parent of a frame at a time, or at the NEWEST one, as walks go; NO_FRAME: none, or not known.
+# The parent that a walk at a time, or at NEWEST, follows; NO_FRAME: there is none, or it is not known.
 cdef FrameId tree_parent(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil
+# Drops all dynamic histories; names, authorities and static transforms stay.
 cdef void tree_clear(Tree* tree) noexcept nogil
+# Allocated for names and histories.
 cdef size_t tree_bytes(const Tree* tree) noexcept nogil
 cdef const char* tree_check(const Tree* tree) noexcept nogil    # NULL, or which invariant does not hold

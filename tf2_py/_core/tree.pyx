@@ -1,36 +1,44 @@
-"""Owns the tree of frames: what is taken into it, and which frame hangs below which."""
+"""Owns the tree of frames: inserting transforms, and which frame is the parent of which."""
 
 from libc.math cimport isfinite, isnan
-from libc.stdint cimport INT64_MAX, INT64_MIN, int64_t, uint32_t, uint64_t
+from libc.stdint cimport int64_t, uint32_t, uint64_t
 from libc.stdlib cimport calloc, free, malloc, realloc
 from libc.string cimport memcmp, memset
 
 from tf2_py._core.cache cimport (
-    CACHE_DUPLICATE,
     CACHE_DYNAMIC,
+    CACHE_NONE,
+    Cache,
+    cache_bytes,
+    cache_newest_parent,
+    cache_parent_of,
+)
+from tf2_py._core.cache_find cimport cache_parent_at
+from tf2_py._core.cache_insert cimport CacheChange, cache_check, cache_insert, cache_set_static
+from tf2_py._core.cache_memory cimport (
+    CACHE_DUPLICATE,
     CACHE_FULL,
     CACHE_INSERTED,
     CACHE_NO_MEMORY,
     CACHE_TOO_OLD,
-    CACHE_UNBORN,
-    Cache,
-    CacheChange,
     CacheInsert,
-    cache_check,
     cache_clear,
     cache_free,
-    cache_insert,
-    cache_newest_parent,
-    cache_parent_at,
-    cache_set_static,
-    cache_slot,
-    ring_bytes,
+)
+from tf2_py._core.change cimport (
+    CHANGE_DATA,
+    CHANGE_NAME,
+    Change,
+    change_add,
+    change_add_parents,
+    change_begin,
 )
 from tf2_py._core.geometry cimport quaternion_canonicalise, quaternion_normalise
 from tf2_py._core.names cimport (
     NAME_NO_MEMORY,
     NAME_UNKNOWN,
     name_hash,
+    name_strip,
     names_check,
     names_find,
     names_free,
@@ -59,15 +67,15 @@ from tf2_py._core.types cimport (
 )
 
 cdef enum:
-    # What costs as much as an insert.
-    MOVES = 128             # samples moved or looked at
-    HOPS = 32               # frames climbed
-    LETTERS = 256           # bytes of a name hashed
+    # What costs as much time as inserting one transform.
+    SAMPLES_PER_INSERT = 128        # samples moved or read
+    HOPS_PER_INSERT = 32            # parent links followed
+    NAME_BYTES_PER_INSERT = 256     # bytes of names hashed
 
 cdef const char* RESERVED_NAME = "NO_PARENT"
-cdef size_t RESERVED_SIZE = 9
-cdef const char* TOO_MANY = "(too many authorities)"
-cdef size_t TOO_MANY_SIZE = 22
+cdef size_t RESERVED_NAME_SIZE = 9
+cdef const char* TOO_MANY_AUTHORITIES = "(too many authorities)"
+cdef size_t TOO_MANY_AUTHORITIES_SIZE = 22
 
 
 cdef int tree_init(Tree* tree, int64_t cache_time_ns, const Limits* limits) noexcept nogil:
@@ -76,10 +84,10 @@ cdef int tree_init(Tree* tree, int64_t cache_time_ns, const Limits* limits) noex
     tree.limits = limits[0]
     if names_init(&tree.names) != 0 or names_init(&tree.authorities) != 0:
         return -1
-    # Both have the id 0.
-    if names_intern(&tree.authorities, TOO_MANY, TOO_MANY_SIZE) == NAME_NO_MEMORY:
+    # This authority and the reserved frame have the id 0.
+    if names_intern(&tree.authorities, TOO_MANY_AUTHORITIES, TOO_MANY_AUTHORITIES_SIZE) == NAME_NO_MEMORY:
         return -1
-    _add_frame(tree, RESERVED_NAME, RESERVED_SIZE, NULL, &refused)
+    _add_frame(tree, RESERVED_NAME, RESERVED_NAME_SIZE, NULL, &refused)
     return -1 if refused else 0
 
 
@@ -87,7 +95,7 @@ cdef uint32_t tree_authority(Tree* tree, const char* name, size_t size) noexcept
     cdef uint32_t id = names_find(&tree.authorities, name, size)
     if id != NAME_UNKNOWN:
         return id
-    if tree.authorities.count > tree.limits.frames or size > _room(tree):
+    if tree.authorities.count > tree.limits.frames or size > _bytes_left(tree):
         return 0
     return names_intern(&tree.authorities, name, size)
 
@@ -107,15 +115,15 @@ cdef FrameId tree_frame(const Tree* tree, const char* name, size_t size) noexcep
     return NO_FRAME if id == NAME_UNKNOWN else id
 
 
-cdef inline size_t _room(const Tree* tree) noexcept nogil:
-    # Bytes that may still be allocated.
+cdef inline size_t _bytes_left(const Tree* tree) noexcept nogil:
+    # That may still be allocated.
     cdef size_t used = tree_bytes(tree)
     return tree.limits.bytes - used if used < tree.limits.bytes else 0
 
 
 cdef FrameId _add_frame(Tree* tree, const char* name, size_t size, Change* change,
                         uint32_t* refused) noexcept nogil:
-    # A new one; NO_FRAME where that fails: see `refused`.
+    # A new frame; NO_FRAME: it failed, see `refused`.
     cdef uint32_t id
     cdef uint32_t capacity
     cdef int64_t hash = <int64_t>name_hash(name, size)
@@ -136,7 +144,7 @@ cdef FrameId _add_frame(Tree* tree, const char* name, size_t size, Change* chang
         refused[0] = TREE_NO_MEMORY
         return NO_FRAME
     if change != NULL:
-        _note(change, CHANGE_NAME, hash, hash)
+        change_add(change, CHANGE_NAME, hash, hash)
     memset(&tree.caches[id], 0, sizeof(Cache))
     tree.caches[id].authority = NAME_UNKNOWN
     tree.parents[id] = NO_FRAME
@@ -145,14 +153,14 @@ cdef FrameId _add_frame(Tree* tree, const char* name, size_t size, Change* chang
 
 cdef FrameId _frame(Tree* tree, const char* name, size_t size, Change* change,
                     uint32_t* refused) noexcept nogil:
-    # The frame's id, made where it is new.
+    # The frame's id, a new one where the name is unknown; NO_FRAME: it failed, see `refused`.
     cdef uint32_t id = names_find(&tree.names, name, size)
     if id != NAME_UNKNOWN:
         return id
     # The reserved name is not counted.
     if tree.names.count > tree.limits.frames:
         refused[0] = REFUSED_FRAMES
-    elif size + sizeof(Cache) > _room(tree):
+    elif size + sizeof(Cache) > _bytes_left(tree):
         refused[0] = REFUSED_BYTES
     else:
         return _add_frame(tree, name, size, change, refused)
@@ -160,20 +168,16 @@ cdef FrameId _frame(Tree* tree, const char* name, size_t size, Change* change,
 
 
 cdef inline bint _is_reserved(const char* name, size_t size) noexcept nogil:
-    return size == RESERVED_SIZE and memcmp(name, RESERVED_NAME, RESERVED_SIZE) == 0
+    return size == RESERVED_NAME_SIZE and memcmp(name, RESERVED_NAME, RESERVED_NAME_SIZE) == 0
 
 
-cdef uint32_t _check(Incoming* incoming) noexcept nogil:
-    # Every reason that applies, and the two changes that tf2 makes on the way in.
+cdef uint32_t _reasons_to_refuse(Incoming* incoming) noexcept nogil:
+    # Every reason to refuse it. Strips the names of a leading '/', as tf2 does, and normalises the rotation.
     cdef double* t = incoming.transform.translation
     cdef double* q = incoming.transform.rotation
     cdef uint32_t refused = 0
-    if incoming.parent_size and incoming.parent[0] == b"/":
-        incoming.parent += 1
-        incoming.parent_size -= 1
-    if incoming.child_size and incoming.child[0] == b"/":
-        incoming.child += 1
-        incoming.child_size -= 1
+    name_strip(&incoming.parent, &incoming.parent_size)
+    name_strip(&incoming.child, &incoming.child_size)
     if incoming.parent_size == incoming.child_size \
             and memcmp(incoming.parent, incoming.child, incoming.child_size) == 0:
         refused |= REFUSED_SELF_TRANSFORM
@@ -200,12 +204,12 @@ cdef uint32_t _check(Incoming* incoming) noexcept nogil:
 
 
 cdef bint _can_reach(Tree* tree, FrameId start, FrameId wanted) noexcept nogil:
-    # Whether parent links of any time lead from `start` up to `wanted`. Asked once per new link.
+    # Whether parent links of any time lead from `start` up to `wanted`. Needed once per new link.
     cdef FrameId frame = start
     cdef uint32_t hops = 0
     while not tree.parents[frame] & MIXED_PARENTS:
         hops += 1
-        if hops % HOPS == 0:
+        if hops % HOPS_PER_INSERT == 0:
             tree.work += 1
         if frame == wanted:
             return True
@@ -216,128 +220,96 @@ cdef bint _can_reach(Tree* tree, FrameId start, FrameId wanted) noexcept nogil:
 
 
 cdef bint _can_reach_by_any_parent(Tree* tree, FrameId start, FrameId wanted) noexcept nogil:
-    # Depth first. Without memory for that the answer is yes: it costs speed, never correctness.
+    # Depth first. Without memory for that the answer is yes: that costs speed, never correctness.
     cdef size_t frames = tree.names.count
     cdef char* seen = <char*>calloc(frames, 1)
-    cdef FrameId* waiting = <FrameId*>malloc(frames * sizeof(FrameId))
-    cdef uint32_t waiting_count = 1
+    cdef FrameId* todo = <FrameId*>malloc(frames * sizeof(FrameId))
+    cdef uint32_t todo_count = 1
     cdef uint32_t i
     cdef FrameId frame, parent
     cdef const Cache* cache
     cdef bint found = False
-    if seen == NULL or waiting == NULL:
+    if seen == NULL or todo == NULL:
         free(seen)
-        free(waiting)
+        free(todo)
         return True
     seen[start] = 1
-    waiting[0] = start
-    while waiting_count and not found:
-        waiting_count -= 1
-        frame = waiting[waiting_count]
+    todo[0] = start
+    while todo_count and not found:
+        todo_count -= 1
+        frame = todo[todo_count]
         found = frame == wanted
         cache = &tree.caches[frame]
-        tree.work += 1 + cache.count // MOVES
+        tree.work += 1 + cache.count // SAMPLES_PER_INSERT
         for i in range(cache.count):
-            parent = cache.samples[cache_slot(cache, i)].parent
+            parent = cache_parent_of(cache, i)
             if not seen[parent]:
                 seen[parent] = 1
-                waiting[waiting_count] = parent
-                waiting_count += 1
+                todo[todo_count] = parent
+                todo_count += 1
     free(seen)
-    free(waiting)
+    free(todo)
     return found
 
 
 cdef bint _has_parent(Tree* tree, const Cache* cache, FrameId parent) noexcept nogil:
-    # Newest first: it is nearly always the one.
+    # Newest first: nearly always it names the parent.
     cdef uint32_t i = cache.count
     while i:
         i -= 1
-        if cache.samples[cache_slot(cache, i)].parent == parent:
+        if cache_parent_of(cache, i) == parent:
             return True
         if cache.parent_changes == 0:
             return False
-    tree.work += cache.count // MOVES
+    tree.work += cache.count // SAMPLES_PER_INSERT
     return False
-
-
-cdef inline void _note(Change* change, ChangeKind kind, int64_t first, int64_t last) noexcept nogil:
-    cdef Changed* changed = &change.changed[change.count]
-    if first <= last:
-        changed.kind = kind
-        changed.first = first
-        changed.last = last
-        change.count += 1
-
-
-cdef void _note_parents(const Tree* tree, uint32_t before, uint32_t after, bint newly_timed,
-                        const CacheChange* history, Change* change) noexcept nogil:
-    # `before` and `after`: as in Tree.parents. `newly_timed`: from now on the frame has a say in the latest
-    # common time of the paths through it, which may go back by that.
-    cdef uint32_t noted
-    if not before & MIXED_PARENTS and before != after:
-        _note(change, CHANGE_PARENT, INT64_MIN, INT64_MAX)
-        return
-    if before & MIXED_PARENTS or tree.ever_looped:
-        # With one parent for all times, a frame without data for a time hangs below it all the same.
-        _note(change, CHANGE_PARENT, history.lost.first, history.lost.last)
-    noted = change.count
-    if before & MIXED_PARENTS:
-        _note(change, CHANGE_PARENT, history.relinked.first, history.relinked.last)
-        if before != after:
-            _note(change, CHANGE_PARENT, NEWEST, NEWEST)
-    # That a common time is no longer covered helps only where a loop ends, or one parent stays for all times.
-    if change.count > noted or newly_timed or before & ~after & MIXED_PARENTS or (
-            tree.ever_looped and history.lost.first <= history.lost.last):
-        _note(change, CHANGE_PARENT, ANY_TIME, ANY_TIME)
 
 
 cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
                           Change* change) noexcept nogil:
-    cdef uint32_t refused = _check(incoming)
+    cdef uint32_t refused = _reasons_to_refuse(incoming)
     cdef FrameId child, parent
     cdef uint32_t bit
-    tree.work += (incoming.child_size + incoming.parent_size) // LETTERS
+    tree.work += (incoming.child_size + incoming.parent_size) // NAME_BYTES_PER_INSERT
     if change != NULL:
-        change.count = 0
-        change.everything = False
-    # The child gets its id first, and both keep theirs even if the sample turns out too old.
+        change_begin(change)
+    # As in tf2: the child gets its id first, and both keep theirs even where the sample is too old.
     if refused == 0:
         child = _frame(tree, incoming.child, incoming.child_size, change, &refused)
     if refused == 0:
         parent = _frame(tree, incoming.parent, incoming.parent_size, change, &refused)
     if refused == 0:
-        refused = _take(tree, child, parent, incoming, authority, is_static, change)
+        refused = _insert(tree, child, parent, incoming, authority, is_static, change)
     for bit in range(REFUSAL_KINDS if refused else 0):
         tree.refused[bit] += (refused >> bit) & 1
     return refused
 
 
-cdef uint32_t _take(Tree* tree, FrameId child, FrameId parent, const Incoming* incoming, uint32_t authority,
-                    bint is_static, Change* change) noexcept nogil:
-    # As tree_insert.
+cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming* incoming, uint32_t authority,
+                      bint is_static, Change* change) noexcept nogil:
+    # As tree_insert, once the names have their ids.
     cdef Cache* cache = &tree.caches[child]
     cdef Sample sample
     cdef CacheInsert outcome
     cdef CacheChange history
     cdef uint32_t before = tree.parents[child]
-    cdef bint was_timed = cache.newest_ns != 0
-    cdef bint newly_timed
+    cdef bint had_stamp = cache.newest_ns != 0
+    cdef bint limits_common_time
     cdef bint ever_looped = tree.ever_looped
-    # Only what something hangs below can close a loop.
+    # Only a frame that has children can close a loop.
     cdef bint may_loop = not ever_looped and cache.is_parent and not _has_parent(tree, cache, parent)
     cdef uint32_t count = cache.count
-    cdef uint32_t capacity = cache.capacity
-    cdef size_t room = _room(tree)
+    cdef size_t bytes_before = cache_bytes(cache)
+    cdef size_t growth_limit = _bytes_left(tree)
     sample.transform = incoming.transform
     sample.parent = parent
     if is_static:
-        outcome = cache_set_static(cache, incoming.stamp_ns, &sample, room, &history)
+        outcome = cache_set_static(cache, incoming.stamp_ns, &sample, growth_limit, &history)
     else:
-        outcome = cache_insert(cache, incoming.stamp_ns, &sample, tree.cache_time_ns, room, &history)
+        outcome = cache_insert(cache, incoming.stamp_ns, &sample, tree.cache_time_ns, growth_limit,
+                               &history)
     tree.samples += cache.count - <uint64_t>count
-    if cache.capacity != capacity:
-        tree.history_bytes += ring_bytes(cache.capacity) - ring_bytes(capacity)
+    tree.history_bytes += cache_bytes(cache) - bytes_before
     # Whatever the outcome, the history may have been pruned.
     tree.parents[child] = cache_newest_parent(cache) | (MIXED_PARENTS if cache.parent_changes else 0)
     if outcome == CACHE_INSERTED or outcome == CACHE_DUPLICATE:
@@ -346,14 +318,15 @@ cdef uint32_t _take(Tree* tree, FrameId child, FrameId parent, const Incoming* i
         tree.caches[parent].is_parent = True
         cache.authority = authority
         tree.taken += 1
-    tree.work += history.moved // MOVES
+    tree.work += history.moved // SAMPLES_PER_INSERT
     if change != NULL:
         change.frame = child
-        # Walks go another way where a link has ever closed a loop.
+        # Once a link has closed a loop, all walks keep to the reference's order.
         change.everything = tree.ever_looped != ever_looped
-        _note(change, CHANGE_DATA, history.covered.first, history.covered.last)
-        newly_timed = cache.newest_ns != 0 and not was_timed
-        _note_parents(tree, before, tree.parents[child], newly_timed, &history, change)
+        change_add(change, CHANGE_DATA, history.covered.first, history.covered.last)
+        limits_common_time = cache.newest_ns != 0 and not had_stamp
+        change_add_parents(change, before, tree.parents[child], limits_common_time, tree.ever_looped,
+                           &history)
     if outcome == CACHE_TOO_OLD:
         return REFUSED_OLD
     if outcome == CACHE_FULL:
@@ -375,9 +348,9 @@ cdef void tree_clear(Tree* tree) noexcept nogil:
     for id in range(1, tree.names.count):
         if tree.caches[id].kind == CACHE_DYNAMIC:
             tree.samples -= tree.caches[id].count
-            tree.history_bytes -= ring_bytes(tree.caches[id].capacity)
+            tree.history_bytes -= cache_bytes(&tree.caches[id])
             cache_clear(&tree.caches[id])
-            tree.history_bytes += ring_bytes(tree.caches[id].capacity)
+            tree.history_bytes += cache_bytes(&tree.caches[id])
             tree.parents[id] = NO_FRAME
 
 
@@ -399,7 +372,7 @@ cdef const char* tree_check(const Tree* tree) noexcept nogil:
         problem = names_check(&tree.authorities)
     if problem != NULL:
         return problem
-    if tree.caches[0].kind != CACHE_UNBORN:
+    if tree.caches[0].kind != CACHE_NONE:
         return "the reserved frame has a history"
     for id in range(tree.names.count):
         cache = &tree.caches[id]
@@ -414,7 +387,7 @@ cdef const char* tree_check(const Tree* tree) noexcept nogil:
         if cache.authority != NAME_UNKNOWN and cache.authority >= tree.authorities.count:
             return "an authority that is no name"
         samples += cache.count
-        history_bytes += ring_bytes(cache.capacity)
+        history_bytes += cache_bytes(cache)
     if samples != tree.samples or history_bytes != tree.history_bytes:
         return "samples or their bytes miscounted"
     return NULL

@@ -1,8 +1,8 @@
-"""The mean twist between two poses."""
+"""Mean twists: between two poses, and of a point of the moving body."""
 
 from libc.math cimport atan2, sqrt
 
-from tf2_py._core.geometry cimport quaternion_conjugate, quaternion_multiply
+from tf2_py._core.geometry cimport quaternion_conjugate, quaternion_multiply, vector_rotate
 from tf2_py._core.types cimport Transform
 
 
@@ -25,3 +25,25 @@ cdef inline void twist_between(const Transform* start, const Transform* end, dou
     for i in range(3):
         linear[i] = (end.translation[i] - start.translation[i]) / seconds
         angular[i] = scale * turn[i] / seconds
+
+
+cdef inline void twist_of_point(const Transform* start, const Transform* end, double seconds,
+                                const Transform* middle, const Transform* point_frame, const double* point,
+                                const Transform* reference, double* linear, double* angular) noexcept nogil:
+    # The mean twist of a body in an observation frame, of the point of the body that is at `point`, in the
+    # axes of a reference frame. Metres and radians per second.
+    # `start`, `end`, `middle`: the body in the observation frame, `seconds` apart and at the time asked for.
+    # `point`: x y z in metres in the point frame; `point_frame`: that frame in the observation frame.
+    # `reference`: the observation frame in the reference frame.
+    # linear = chord over the time + angular x (point - origin of the body).
+    cdef double arm[3]
+    cdef int i
+    twist_between(start, end, seconds, linear, angular)
+    vector_rotate(point_frame.rotation, point, arm)
+    for i in range(3):
+        arm[i] += point_frame.translation[i] - middle.translation[i]
+    linear[0] += angular[1] * arm[2] - angular[2] * arm[1]
+    linear[1] += angular[2] * arm[0] - angular[0] * arm[2]
+    linear[2] += angular[0] * arm[1] - angular[1] * arm[0]
+    vector_rotate(reference.rotation, linear, linear)
+    vector_rotate(reference.rotation, angular, angular)

@@ -15,7 +15,7 @@ cdef extern from *:
     #define TF2_MIN_STAMP_NS (-2147483648000000000LL)
     #define TF2_MAX_STAMP_NS 2147483647999999999LL
     """
-    # What a stamp of a message can carry: its seconds have 32 bits, with a sign.
+    # What the stamp of a message can carry, in nanoseconds: its seconds have 32 bits, with a sign.
     const int64_t MIN_STAMP_NS "TF2_MIN_STAMP_NS"
     const int64_t MAX_STAMP_NS "TF2_MAX_STAMP_NS"
 
@@ -26,23 +26,23 @@ cdef struct Transform:
 
 
 cdef struct Sample:
-    Transform transform     # rotation carries the canonical sign
+    Transform transform     # rotation with the canonical sign
     FrameId parent
 
 
 cdef struct Incoming:
-    # One transform on its way in, as some message or byte string holds it.
+    # One transform to be inserted. Its maker owns the names.
     int64_t stamp_ns
-    const char* parent      # UTF-8, not terminated; owned by whoever made this struct
+    const char* parent      # UTF-8, not terminated
     size_t parent_size      # bytes
-    const char* child
+    const char* child       # likewise
     size_t child_size
     Transform transform
 
 
 cdef enum Gap:
     # Why a frame's history does not answer for a time.
-    GAP_NONE
+    GAP_NONE                # it answers
     GAP_EMPTY               # no sample at all
     GAP_SINGLE              # one sample, of another stamp
     GAP_FUTURE              # the time is later than the newest sample
@@ -53,32 +53,33 @@ cdef enum StatusCode:
     STATUS_OK
     STATUS_EXTRAPOLATION    # the history of `child` does not reach `requested_ns`
     STATUS_UNCONNECTED      # no path between the two frames
-    STATUS_LOOP             # a walk went on for more than MAX_HOPS
+    STATUS_LOOP             # a walk took more than MAX_HOPS
     STATUS_BAD_TARGET       # the target frame's name is empty, begins with '/', or is unknown
-    STATUS_BAD_SOURCE
-    STATUS_BAD_FIXED
+    STATUS_BAD_SOURCE       # likewise, the source frame's
+    STATUS_BAD_FIXED        # likewise, the fixed frame's
 
 
 cdef enum Half:
-    # Which part of a two-time lookup a status tells of.
+    # Which part of a two-time lookup a status describes.
     HALF_NONE               # a simple lookup, or both
     HALF_SOURCE             # source frame to fixed frame, at the source's time
     HALF_TARGET             # fixed frame to target frame, at the target's time
 
 
 cdef struct Status:
+    # The outcome of a lookup.
     StatusCode code
-    Half half
+    Half half               # the part that failed
     Gap gap                 # the fields below are facts of STATUS_EXTRAPOLATION only
     bint on_path            # the path is known: without this gap, or another on it, there is an answer
     FrameId child           # the edge that lacks data ...
     FrameId parent          # ... as far as its newest sample tells; NO_FRAME: it has none
-    int64_t requested_ns
+    int64_t requested_ns    # the time looked up
     int64_t edge_ns         # the stamp of its data nearest to requested_ns; undefined for GAP_EMPTY
 
 
 cdef inline Status status_of(StatusCode code) noexcept nogil:
-    # One that has no further facts.
+    # A status without further facts.
     cdef Status status
     memset(&status, 0, sizeof(Status))
     status.code = code
@@ -86,17 +87,17 @@ cdef inline Status status_of(StatusCode code) noexcept nogil:
 
 
 cdef enum:
-    # Why a transform is not taken; bits, because several may apply.
-    REFUSED_SELF_TRANSFORM = 1
-    REFUSED_NO_PARENT = 2
-    REFUSED_NO_CHILD = 4
-    REFUSED_NAN = 8
-    REFUSED_QUATERNION = 16
-    REFUSED_INFINITE = 32
+    # Why a transform is refused; bits, because several may apply.
+    REFUSED_SELF_TRANSFORM = 1      # parent and child are the same frame
+    REFUSED_NO_PARENT = 2           # the parent's name is empty
+    REFUSED_NO_CHILD = 4            # the child's name is empty
+    REFUSED_NAN = 8                 # a number is NaN
+    REFUSED_QUATERNION = 16         # the rotation is too short or too long to be normalised
+    REFUSED_INFINITE = 32           # the translation is infinite
     REFUSED_NEGATIVE_STAMP = 64
-    REFUSED_RESERVED_NAME = 128
-    REFUSED_OLD = 256
-    REFUSED_STAMP_TOO_LATE = 512
-    REFUSED_FRAMES = 1024   # the limits of a buffer
-    REFUSED_BYTES = 2048
-    REFUSAL_KINDS = 12      # how many bits there are
+    REFUSED_RESERVED_NAME = 128     # one of the names is NO_PARENT
+    REFUSED_OLD = 256               # older than the newest stamp less the cache time
+    REFUSED_STAMP_TOO_LATE = 512    # later than MAX_STAMP_NS
+    REFUSED_FRAMES = 1024           # the buffer's limit of frames
+    REFUSED_BYTES = 2048            # the buffer's limit of bytes
+    REFUSAL_KINDS = 12              # how many bits there are

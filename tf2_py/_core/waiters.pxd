@@ -1,51 +1,69 @@
-"""Lookups that have no answer yet, filed under what they lack."""
+"""
+Lookups that wait for an answer, filed under what they lack.
+
+A waiter is one lookup that failed and waits. Its failure tells which changes could help (lacks.pxd): a new
+name, data of a frame around a time, another parent of a frame at a time. For each of them the waiter has a
+watch, in a sorted set by the name's hash or by frame and time. So an insert finds the waiters that its change
+can help, and costs the same however many others there are.
+
+A wake is the work that follows from one change, done in steps by the thread that made the change. First every
+waiter that the change can help becomes due. Then the due ones are tried in the order in which they were
+added: each is answered, or filed again under what it lacks now. Between two steps the lock may be released.
+
+    waiters_add ──answered──► PLACE_NONE
+        └─► PLACE_FILED ──wake──► PLACE_DUE ──answered──► PLACE_NONE: `deliver` has passed the answer on
+         (or PLACE_ANY) ◄──failed────┘└─────answered──► PLACE_READY: a thread with the GIL must pass it on
+
+From each place waiters_remove leads to PLACE_NONE. All of this needs the tree's lock, held for writing.
+"""
 
 from libc.stdint cimport int64_t, uint8_t, uint32_t, uint64_t
 
-from tf2_py._core.forking cimport ForkNote
+from tf2_py._core.change cimport Change
+from tf2_py._core.forking cimport ForkThread
 from tf2_py._core.lacks cimport Lacks
 from tf2_py._core.lookup cimport Query
-from tf2_py._core.tree cimport Change, Tree
+from tf2_py._core.tree cimport Tree
 from tf2_py._core.types cimport Status, Transform
 from tf2_py._core.watches cimport Watch, Watches
 
 cdef enum Place:
-    PLACE_NONE
-    PLACE_FILED             # watches what it lacks
-    PLACE_ANY               # for want of memory to be filed: every insert tries it
-    PLACE_DUE               # what it watches has changed: whose insert did that must try it
-    PLACE_READY             # it has an answer; whose insert completed it must deliver it, with the GIL
+    PLACE_NONE              # not waiting: not yet added, answered and delivered, or removed
+    PLACE_FILED             # its watches say which changes can help
+    PLACE_ANY               # there was no memory for watches: every insert tries it
+    PLACE_DUE               # a change can help it: the thread whose wake found that must try it
+    PLACE_READY             # it has an answer: the thread that completed it must deliver it, with the GIL
 
 
 cdef struct Waiter
 
 cdef struct WaiterList:
-    # First come, first served.
+    # In order of being appended.
     Waiter* first
     Waiter* last
 
 
 cdef struct Waiter:
-    Query query             # its names belong to the waiter
+    Query query             # its names belong to the waiter's owner
     Place place
-    uint64_t arrival        # ordinal among all waiters
-    Watch* watches          # in PLACE_FILED; their memory is kept
+    uint64_t arrival        # ordinal among all waiters ever added
+    Watch* watches          # in PLACE_FILED; the memory is kept for the next time
     uint32_t watch_count
     uint32_t watch_capacity
-    uint64_t filed          # Waiters.wakes when it was
-    Watch turn              # in PLACE_DUE: by arrival ...
-    Watches* turns          # ... in this set
-    Waiter* before          # in the list of its place
-    Waiter* after
-    WaiterList* ready       # in PLACE_READY: the list that it is in ...
-    ForkNote whose          # ... of whom; likewise in PLACE_DUE
-    bint answered           # and then:
-    Transform answer
-    int64_t stamp_ns
-    # Called with the lock held, once, when the answer is there. True: it has been delivered. False: to
-    # PLACE_READY.
+    uint64_t filed_at_wake  # Waiters.wakes when it was filed
+    Watch due_node          # in PLACE_DUE: by arrival ...
+    Watches* due_set        # ... in this set, of the wake that made it due
+    Waiter* previous        # in the list of its place
+    Waiter* next
+    WaiterList* ready       # in PLACE_READY: the list that it is in
+    ForkThread thread       # in PLACE_DUE and PLACE_READY: the thread that must try or deliver it
+    bint answered           # the lookup has an answer ...
+    Transform answer        # ... which is this, metres and unit quaternion
+    int64_t stamp_ns        # ... at this stamp
+    # Called with the lock held, once, when the waiter is answered by a wake. True: the answer is delivered.
+    # False: the waiter becomes PLACE_READY.
     bint (*deliver)(Waiter* waiter) noexcept nogil
-    void* owner             # whoever made the waiter; for `deliver` and those with the GIL
+    void* owner             # for `deliver` and for the owner's code that has the GIL
     void* woken             # likewise
 
 
@@ -56,53 +74,53 @@ cdef enum:
 
 
 cdef struct FrameWatches:
-    Watches data            # by time: CHANGE_DATA
-    Watches parent          # by time: CHANGE_PARENT
+    Watches data            # for CHANGE_DATA, by time
+    Watches parent          # for CHANGE_PARENT, by time
 
 
 cdef struct NameWatches:
-    # Of a hash, other bits choose the count than the set.
-    uint8_t counts[NAME_COUNTS]     # of watches; from UNCOUNTED on, nobody knows
-    Watches sets[NAME_SETS]         # by hash: CHANGE_NAME
+    # The count is chosen by other bits of the hash than the set.
+    uint8_t counts[NAME_COUNTS]     # of watches; once UNCOUNTED, a count stays so
+    Watches sets[NAME_SETS]         # for CHANGE_NAME, by hash
 
 
 cdef struct Waiters:
-    uint32_t count          # in all places but PLACE_READY
+    uint32_t count          # waiters in all places but PLACE_READY
     FrameWatches* frames    # by frame
-    uint32_t frames_capacity
-    NameWatches* names      # NULL: nobody has ever watched one
-    WaiterList filed
-    WaiterList any
-    WaiterList due
-    uint32_t generation     # of the process in which wakes were last begun
-    uint64_t arrivals       # how many have ever been added
-    uint64_t wakes          # how many have ever begun
-    uint32_t waking         # how many are under way
-    uint64_t draws          # of random numbers
-    Lacks lacks             # room to work in
+    uint32_t frames_capacity    # frames allocated
+    NameWatches* names      # NULL: no name was ever watched
+    WaiterList filed        # in PLACE_FILED, in the order of being filed
+    WaiterList any          # in PLACE_ANY, likewise
+    WaiterList due          # in PLACE_DUE
+    uint32_t generation     # fork_generation() when the last wake began
+    uint64_t arrivals       # waiters ever added
+    uint64_t wakes          # wakes ever begun
+    uint32_t wakes_running  # begun and not over
+    uint64_t random_state   # of the priorities of watches
+    Lacks lacks             # scratch memory
 
 
 cdef struct Wake:
-    # What a change does to those who wait, one waiter at a time: the lock may be given away between two.
+    # What follows from one change.
     Change change
-    uint64_t number
-    uint32_t changed        # of Change.changed, the one in hand ...
-    int64_t reached         # ... and how far
-    Watches due             # those to be tried, by arrival
+    uint64_t number         # Waiters.wakes once it had begun
+    uint32_t item           # of Change.items: the current one ...
+    int64_t reached         # ... and the key up to which its watches have been read
+    Watches due             # the waiters to be tried, by arrival
 
 
 # Zero a Waiters before its first use. All of these are called with the tree's lock held for writing.
 cdef void waiters_free(Waiters* waiters) noexcept nogil
-# Answers the waiter, or files it; which of them shows in `answered`. Returns the status of the attempt. Zero
-# a Waiter before.
+# Answers the waiter or files it; `answered` tells which. Returns the status of the attempt. Zero a Waiter
+# before, then fill query, deliver, owner and woken. It must not move until it is removed or answered.
 cdef Status waiters_add(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcept nogil
+# No effect on one in PLACE_NONE.
 cdef void waiters_remove(Waiters* waiters, Waiter* waiter) noexcept nogil
 cdef void waiter_free(Waiter* waiter) noexcept nogil        # of one that has been removed
-# Takes up `wake.change`, where `count` is not 0.
+# Begins the wake for `wake.change`, which must be filled.
 cdef void wake_begin(Waiters* waiters, Wake* wake) noexcept nogil
-# Looks at one waiter that the change can have helped; whom `deliver` leaves is appended to `ready`. Returns
-# what that cost, in inserts; 0: there is none, the wake is over.
+# Makes one waiter due, or tries one; an answered one that `deliver` has not delivered is appended to `ready`.
+# Returns what that cost, in ordinary inserts; 0: nothing is left, the wake is over.
 cdef uint32_t wake_step(Waiters* waiters, const Tree* tree, Wake* wake, WaiterList* ready) noexcept nogil
-# NULL, or which invariant does not hold: among them that nobody waits whose lookup would answer, unless a
-# wake is under way.
+# NULL, or which invariant does not hold. One of them: unless a wake is running, no waiter's lookup answers.
 cdef const char* waiters_check(const Waiters* waiters, const Tree* tree) noexcept nogil

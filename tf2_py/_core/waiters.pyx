@@ -1,13 +1,14 @@
-"""Owns who waits for what, so that an insert looks only at waiters that it can help."""
+"""Owns the waiters: filing them, and trying those that a change can help."""
 
 from libc.stdint cimport INT64_MIN, int64_t, uint8_t, uint32_t, uint64_t
 from libc.stdlib cimport free, malloc, realloc
 from libc.string cimport memset
 
-from tf2_py._core.forking cimport fork_generation, fork_is_here, fork_note
+from tf2_py._core.change cimport CHANGE_DATA, CHANGE_NAME, ChangeItem, ChangeKind
+from tf2_py._core.forking cimport fork_generation, fork_record_thread, fork_thread_exists
 from tf2_py._core.lacks cimport Lack, Lacks, lacks_find, lacks_free
 from tf2_py._core.lookup cimport query_answer
-from tf2_py._core.tree cimport CHANGE_DATA, CHANGE_NAME, ChangeKind, Changed, Tree
+from tf2_py._core.tree cimport Tree
 from tf2_py._core.types cimport STATUS_OK, FrameId, Status, Transform
 from tf2_py._core.watches cimport (
     Watch,
@@ -22,35 +23,35 @@ from tf2_py._core.watches cimport (
 
 
 cdef enum:
-    WATCHES = 8     # to file so many costs about as much as an insert
+    WATCHES_PER_INSERT = 8      # filing so many costs about as much time as an insert
 
 
 cdef inline void _link(WaiterList* list, Waiter* waiter) noexcept nogil:
-    waiter.after = NULL
-    waiter.before = list.last
+    waiter.next = NULL
+    waiter.previous = list.last
     if list.last != NULL:
-        list.last.after = waiter
+        list.last.next = waiter
     else:
         list.first = waiter
     list.last = waiter
 
 
 cdef inline void _unlink(WaiterList* list, Waiter* waiter) noexcept nogil:
-    if waiter.before != NULL:
-        waiter.before.after = waiter.after
+    if waiter.previous != NULL:
+        waiter.previous.next = waiter.next
     else:
-        list.first = waiter.after
-    if waiter.after != NULL:
-        waiter.after.before = waiter.before
+        list.first = waiter.next
+    if waiter.next != NULL:
+        waiter.next.previous = waiter.previous
     else:
-        list.last = waiter.before
+        list.last = waiter.previous
 
 
-cdef uint32_t _draw(Waiters* waiters) noexcept nogil:
+cdef uint32_t _random(Waiters* waiters) noexcept nogil:
     # splitmix64 (Steele, Lea, Flood 2014)
     cdef uint64_t mixed
-    waiters.draws += <uint64_t>0x9E3779B97F4A7C15
-    mixed = waiters.draws
+    waiters.random_state += <uint64_t>0x9E3779B97F4A7C15
+    mixed = waiters.random_state
     mixed = (mixed ^ (mixed >> 30)) * <uint64_t>0xBF58476D1CE4E5B9
     mixed = (mixed ^ (mixed >> 27)) * <uint64_t>0x94D049BB133111EB
     return <uint32_t>(mixed >> 32)
@@ -68,7 +69,7 @@ cdef void _count_name(Waiters* waiters, int64_t key, int change) noexcept nogil:
 
 cdef inline Watches* _watches_of(Waiters* waiters, ChangeKind kind, FrameId frame,
                                  int64_t key) noexcept nogil:
-    # NULL: nobody has ever watched this.
+    # NULL: this was never watched.
     if kind == CHANGE_NAME:
         if waiters.names == NULL or _name_count(waiters, key)[0] == 0:
             return NULL
@@ -78,17 +79,30 @@ cdef inline Watches* _watches_of(Waiters* waiters, ChangeKind kind, FrameId fram
     return &waiters.frames[frame].data if kind == CHANGE_DATA else &waiters.frames[frame].parent
 
 
-cdef int _reserve_frames(Waiters* waiters, uint32_t capacity) noexcept nogil:
+cdef void* _grown(void* items, uint32_t* capacity, uint32_t wanted, size_t item_size) noexcept nogil:
+    # The array, with memory for `wanted` items; new ones are zeroed. NULL: no memory, and nothing changed.
     cdef void* grown
-    if capacity <= waiters.frames_capacity:
-        return 0
-    grown = realloc(waiters.frames, capacity * sizeof(FrameWatches))
+    if wanted <= capacity[0]:
+        return items
+    grown = realloc(items, wanted * item_size)
     if grown == NULL:
+        return NULL
+    memset(<char*>grown + capacity[0] * item_size, 0, (wanted - capacity[0]) * item_size)
+    capacity[0] = wanted
+    return grown
+
+
+cdef int _reserve_watches(Waiters* waiters, uint32_t frames, Waiter* waiter, uint32_t count) noexcept nogil:
+    # Sets for so many frames, and `count` watches of the waiter. 0; -1: no memory.
+    cdef void* sets = _grown(waiters.frames, &waiters.frames_capacity, frames, sizeof(FrameWatches))
+    cdef void* watches
+    if sets == NULL:
         return -1
-    waiters.frames = <FrameWatches*>grown
-    memset(&waiters.frames[waiters.frames_capacity], 0,
-           (capacity - waiters.frames_capacity) * sizeof(FrameWatches))
-    waiters.frames_capacity = capacity
+    waiters.frames = <FrameWatches*>sets
+    watches = _grown(waiter.watches, &waiter.watch_capacity, count, sizeof(Watch))
+    if watches == NULL:
+        return -1
+    waiter.watches = <Watch*>watches
     return 0
 
 
@@ -98,20 +112,8 @@ cdef int _reserve_names(Waiters* waiters) noexcept nogil:
     waiters.names = <NameWatches*>malloc(sizeof(NameWatches))
     if waiters.names == NULL:
         return -1
-    # Touched here, all of it, and not page by page by the inserts to come.
+    # Write all of it now: otherwise later inserts would wait for the system's pages, one by one.
     memset(waiters.names, 0, sizeof(NameWatches))
-    return 0
-
-
-cdef int _reserve_watches(Waiter* waiter, uint32_t capacity) noexcept nogil:
-    cdef void* grown
-    if capacity <= waiter.watch_capacity:
-        return 0
-    grown = realloc(waiter.watches, capacity * sizeof(Watch))
-    if grown == NULL:
-        return -1
-    waiter.watches = <Watch*>grown
-    waiter.watch_capacity = capacity
     return 0
 
 
@@ -121,10 +123,10 @@ cdef void _file(Waiters* waiters, const Tree* tree, Waiter* waiter, Status statu
     cdef Watch* watch
     cdef uint32_t i
     waiters.count += 1
-    waiter.filed = waiters.wakes
+    waiter.filed_at_wake = waiters.wakes
     lacks_find(tree, &waiter.query, status, lacks)
-    if (lacks.unknown or _reserve_frames(waiters, tree.capacity) or _reserve_watches(waiter, lacks.count)
-            or (lacks.items[0].kind == CHANGE_NAME and _reserve_names(waiters))):
+    if (lacks.unknown or _reserve_watches(waiters, tree.capacity, waiter, lacks.count) != 0
+            or (lacks.items[0].kind == CHANGE_NAME and _reserve_names(waiters) != 0)):
         waiter.place = PLACE_ANY
         waiter.watch_count = 0
         _link(&waiters.any, waiter)
@@ -139,7 +141,7 @@ cdef void _file(Waiters* waiters, const Tree* tree, Waiter* waiter, Status statu
         watch.kind = lack.kind
         watch.frame = lack.frame
         watch.key = lack.key
-        watch.priority = _draw(waiters)
+        watch.priority = _random(waiters)
         if lack.kind == CHANGE_NAME:
             _count_name(waiters, lack.key, 1)
         watches_add(_watches_of(waiters, lack.kind, lack.frame, lack.key), watch)
@@ -152,8 +154,8 @@ cdef void waiters_remove(Waiters* waiters, Waiter* waiter) noexcept nogil:
         return
     if waiter.place == PLACE_READY:
         waiter.place = PLACE_NONE
-        # In a forked child the list may have been on the stack of somebody who is not there.
-        if fork_is_here(&waiter.whose):
+        # In a forked child the list may be on the stack of a thread that does not exist there.
+        if fork_thread_exists(&waiter.thread):
             _unlink(waiter.ready, waiter)
         return
     waiters.count -= 1
@@ -166,8 +168,8 @@ cdef void waiters_remove(Waiters* waiters, Waiter* waiter) noexcept nogil:
         _unlink(&waiters.filed, waiter)
     elif waiter.place == PLACE_DUE:
         _unlink(&waiters.due, waiter)
-        if fork_is_here(&waiter.whose):
-            watches_remove(waiter.turns, &waiter.turn)
+        if fork_thread_exists(&waiter.thread):
+            watches_remove(waiter.due_set, &waiter.due_node)
     else:
         _unlink(&waiters.any, waiter)
     waiter.place = PLACE_NONE
@@ -189,9 +191,9 @@ cdef Status _attempt(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcep
 cdef Status waiters_add(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcept nogil:
     waiters.arrivals += 1
     waiter.arrival = waiters.arrivals
-    waiter.turn.owner = waiter
-    waiter.turn.key = <int64_t>waiter.arrival
-    waiter.turn.priority = _draw(waiters)
+    waiter.due_node.owner = waiter
+    waiter.due_node.key = <int64_t>waiter.arrival
+    waiter.due_node.priority = _random(waiters)
     return _attempt(waiters, tree, waiter)
 
 
@@ -199,86 +201,85 @@ cdef void _make_due(Waiters* waiters, Wake* wake, Waiter* waiter) noexcept nogil
     waiters_remove(waiters, waiter)
     waiters.count += 1
     waiter.place = PLACE_DUE
-    waiter.turns = &wake.due
-    fork_note(&waiter.whose)
+    waiter.due_set = &wake.due
+    fork_record_thread(&waiter.thread)
     _link(&waiters.due, waiter)
-    watches_add(&wake.due, &waiter.turn)
+    watches_add(&wake.due, &waiter.due_node)
 
 
-cdef void _adopt(Waiters* waiters, Wake* wake) noexcept nogil:
-    # In a forked child: what was under way in threads that are not here. The one that is here forks in no
-    # wake.
+cdef void _take_over_after_fork(Waiters* waiters, Wake* wake) noexcept nogil:
+    # In a forked child: what was left to do in threads that do not exist there. The thread that forked was in
+    # no wake.
     cdef Waiter* waiter = waiters.due.first
-    if waiters.waking:
+    cdef Waiter* next_waiter
+    if waiters.wakes_running:
         wake.change.everything = True
-        waiters.waking = 0
-    cdef Waiter* after
+        waiters.wakes_running = 0
     while waiter != NULL:
-        after = waiter.after
-        if not fork_is_here(&waiter.whose):
+        next_waiter = waiter.next
+        if not fork_thread_exists(&waiter.thread):
             _make_due(waiters, wake, waiter)
-        waiter = after
+        waiter = next_waiter
 
 
 cdef void wake_begin(Waiters* waiters, Wake* wake) noexcept nogil:
     waiters.wakes += 1
     wake.number = waiters.wakes
-    wake.changed = 0
+    wake.item = 0
     wake.reached = INT64_MIN
     wake.due.root = NULL
     if waiters.generation != fork_generation():
         waiters.generation = fork_generation()
-        _adopt(waiters, wake)
-    waiters.waking += 1
+        _take_over_after_fork(waiters, wake)
+    waiters.wakes_running += 1
 
 
-cdef Waiter* _next_watcher(Waiters* waiters, Wake* wake) noexcept nogil:
-    # One that was there when the wake began; who has been filed again since then has seen the change.
-    cdef const Changed* changed
+cdef Waiter* _next_to_make_due(Waiters* waiters, Wake* wake) noexcept nogil:
+    # A waiter that was filed before the wake began: one that was filed since then has seen the change.
+    cdef const ChangeItem* item
     cdef Watches* watches
     cdef Watch* watch
-    while wake.changed < wake.change.count:
-        changed = &wake.change.changed[wake.changed]
-        watches = _watches_of(waiters, changed.kind, wake.change.frame, changed.first)
-        # Of equal keys, whoever is filed again comes behind the others.
+    while wake.item < wake.change.count:
+        item = &wake.change.items[wake.item]
+        watches = _watches_of(waiters, item.kind, wake.change.frame, item.first)
+        # A waiter that is filed again stands behind the others with the same key.
         watch = NULL
         if watches != NULL:
-            watch = watches_between(watches, max(changed.first, wake.reached), changed.last)
-        while watch != NULL and watch.key <= changed.last:
+            watch = watches_between(watches, max(item.first, wake.reached), item.last)
+        while watch != NULL and watch.key <= item.last:
             wake.reached = watch.key
-            if (<Waiter*>watch.owner).filed < wake.number:
+            if (<Waiter*>watch.owner).filed_at_wake < wake.number:
                 return <Waiter*>watch.owner
             watch = watches_next(watch)
-        wake.changed += 1
+        wake.item += 1
         wake.reached = INT64_MIN
-    if waiters.any.first != NULL and waiters.any.first.filed < wake.number:
+    if waiters.any.first != NULL and waiters.any.first.filed_at_wake < wake.number:
         return waiters.any.first
-    if wake.change.everything and waiters.filed.first != NULL and waiters.filed.first.filed < wake.number:
-        return waiters.filed.first
-    return NULL
+    if not wake.change.everything or waiters.filed.first == NULL:
+        return NULL
+    return waiters.filed.first if waiters.filed.first.filed_at_wake < wake.number else NULL
 
 
 cdef uint32_t wake_step(Waiters* waiters, const Tree* tree, Wake* wake, WaiterList* ready) noexcept nogil:
-    # First all whom the change concerns become due, then they are tried in the order in which they came.
-    cdef Waiter* waiter = _next_watcher(waiters, wake)
-    cdef Watch* turn
+    cdef Waiter* waiter = _next_to_make_due(waiters, wake)
+    cdef Watch* node
     cdef uint32_t cost
     if waiter != NULL:
-        cost = 1 + waiter.watch_count // WATCHES
+        cost = 1 + waiter.watch_count // WATCHES_PER_INSERT
         _make_due(waiters, wake, waiter)
         return cost
-    turn = watches_from(&wake.due, INT64_MIN)
-    if turn == NULL:
-        waiters.waking -= 1
+    node = watches_from(&wake.due, INT64_MIN)
+    if node == NULL:
+        waiters.wakes_running -= 1
         return 0
-    waiter = <Waiter*>turn.owner
+    waiter = <Waiter*>node.owner
     waiters_remove(waiters, waiter)
     if _attempt(waiters, tree, waiter).code == STATUS_OK and not waiter.deliver(waiter):
         waiter.place = PLACE_READY
         waiter.ready = ready
-        fork_note(&waiter.whose)
+        fork_record_thread(&waiter.thread)
         _link(ready, waiter)
-    return 1 + waiter.watch_count // WATCHES
+    return 1 + waiter.watch_count // WATCHES_PER_INSERT
 
 
 cdef void waiters_free(Waiters* waiters) noexcept nogil:
@@ -295,12 +296,12 @@ cdef const char* _check_list(const WaiterList* list, Place place, const Tree* tr
     while waiter != NULL:
         if waiter.place != place or waiter.answered:
             return "a waiter in a list that is not its own"
-        if waiter.after != NULL and waiter.after.filed < waiter.filed:
+        if waiter.next != NULL and waiter.next.filed_at_wake < waiter.filed_at_wake:
             return "waiters out of order"
         if at_rest and query_answer(tree, &waiter.query, &answer, &stamp_ns).code == STATUS_OK:
             return "a waiter whose lookup would answer"
         count[0] += 1
-        waiter = waiter.after
+        waiter = waiter.next
     return NULL
 
 
@@ -317,10 +318,10 @@ cdef const char* waiters_check(const Waiters* waiters, const Tree* tree) noexcep
         if problem == NULL:
             problem = watches_check(&waiters.frames[frame].parent)
     if problem == NULL:
-        problem = _check_list(&waiters.filed, PLACE_FILED, tree, waiters.waking == 0, &count)
+        problem = _check_list(&waiters.filed, PLACE_FILED, tree, waiters.wakes_running == 0, &count)
     if problem == NULL:
-        problem = _check_list(&waiters.any, PLACE_ANY, tree, waiters.waking == 0, &count)
-    # Those that are due have left the lists: an insert is under way.
+        problem = _check_list(&waiters.any, PLACE_ANY, tree, waiters.wakes_running == 0, &count)
+    # While a wake is running, due waiters are counted and in none of these lists.
     if problem == NULL and count > waiters.count:
         problem = "waiters miscounted"
     return problem

@@ -4,26 +4,26 @@ from libc.stdint cimport int64_t, uint32_t
 
 
 cdef struct Watch:
-    int64_t key
+    int64_t key             # the set is sorted by it: a time in ns, a hash or an ordinal
     Watch* parent
     Watch* left             # smaller keys, or equal ones
     Watch* right            # larger keys, or equal ones
     uint32_t priority       # random, from the owner; no node has a larger one than its parent
-    uint32_t kind           # for the owner, with the rest
-    uint32_t frame
-    void* owner
+    uint32_t kind           # for the owner's use: a ChangeKind ...
+    uint32_t frame          # ... of this frame
+    void* owner             # likewise: the Waiter
 
 
 cdef struct Watches:
     Watch* root
-    int64_t lowest          # no key is below it, and none above `highest`; meant where there is a root
-    int64_t highest
+    int64_t lowest          # no key is below it; valid where there is a root
+    int64_t highest         # no key is above it; likewise
 
 
-# Zero a Watches before its first use. Nodes belong to their owners and must stay where they are.
+# Zero a Watches before its first use. The owners own the nodes, which must not move while they are in a set.
 cdef void watches_add(Watches* watches, Watch* watch) noexcept nogil
 cdef void watches_remove(Watches* watches, Watch* watch) noexcept nogil
-# The first of a range, both ends included; the bounds of the set become those that this has found out.
+# The first of a range, both ends included; NULL: there is none. May narrow `lowest` and `highest`.
 cdef Watch* watches_between(Watches* watches, int64_t first, int64_t last) noexcept nogil
 # The first at or after a key, and the next in order of keys; NULL: there is none.
 cdef Watch* watches_from(const Watches* watches, int64_t key) noexcept nogil

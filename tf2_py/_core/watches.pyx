@@ -3,20 +3,20 @@
 from libc.stdint cimport INT64_MIN, int64_t
 
 
-cdef inline void _replace(Watches* watches, Watch* watch, Watch* by) noexcept nogil:
-    # As the child of its parent.
+cdef inline void _replace(Watches* watches, Watch* watch, Watch* other) noexcept nogil:
+    # `other`, or NULL, becomes the child of the watch's parent.
     if watch.parent == NULL:
-        watches.root = by
+        watches.root = other
     elif watch.parent.left == watch:
-        watch.parent.left = by
+        watch.parent.left = other
     else:
-        watch.parent.right = by
-    if by != NULL:
-        by.parent = watch.parent
+        watch.parent.right = other
+    if other != NULL:
+        other.parent = watch.parent
 
 
-cdef void _lift(Watches* watches, Watch* watch) noexcept nogil:
-    # Rotate it into its parent's place.
+cdef void _rotate_up(Watches* watches, Watch* watch) noexcept nogil:
+    # To its parent's place; the parent becomes its child.
     cdef Watch* parent = watch.parent
     _replace(watches, parent, watch)
     if parent.left == watch:
@@ -51,12 +51,12 @@ cdef void watches_add(Watches* watches, Watch* watch) noexcept nogil:
     else:
         parent.right = watch
     while watch.parent != NULL and watch.parent.priority < watch.priority:
-        _lift(watches, watch)
+        _rotate_up(watches, watch)
 
 
 cdef void watches_remove(Watches* watches, Watch* watch) noexcept nogil:
     while watch.left != NULL and watch.right != NULL:
-        _lift(watches, watch.left if watch.left.priority > watch.right.priority else watch.right)
+        _rotate_up(watches, watch.left if watch.left.priority > watch.right.priority else watch.right)
     _replace(watches, watch, watch.left if watch.left != NULL else watch.right)
 
 
@@ -101,7 +101,7 @@ cdef Watch* watches_next(const Watch* watch) noexcept nogil:
 cdef const char* watches_check(const Watches* watches) noexcept nogil:
     cdef const Watch* watch
     if watches.root != NULL and watches.root.parent != NULL:
-        return "a root of watches below another"
+        return "a root of watches that has a parent"
     watch = watches_from(watches, INT64_MIN)
     while watch != NULL:
         if not watches.lowest <= watch.key <= watches.highest:
@@ -111,6 +111,6 @@ cdef const char* watches_check(const Watches* watches) noexcept nogil:
         if watch.right != NULL and (watch.right.parent != watch or watch.right.key < watch.key):
             return "watches out of order"
         if watch.parent != NULL and watch.parent.priority < watch.priority:
-            return "a watch above one of larger priority"
+            return "a watch of larger priority than its parent"
         watch = watches_next(watch)
     return NULL

@@ -18,12 +18,6 @@ cdef extern from "<semaphore.h>" nogil:
         pass
 
 
-cdef extern from *:
-    """
-    #define TF2_DEFAULT_CACHE_TIME_NS 10000000000LL
-    """
-    const int64_t DEFAULT_CACHE_TIME_NS "TF2_DEFAULT_CACHE_TIME_NS"
-
 cdef Limits NO_LIMITS
 
 

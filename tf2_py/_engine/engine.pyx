@@ -5,13 +5,16 @@ from cpython.exc cimport PyErr_CheckSignals
 from libc.stddef cimport size_t
 from libc.stdint cimport SIZE_MAX, UINT32_MAX, int64_t, uint32_t, uint64_t
 from libc.string cimport memset
-from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
+from posix.time cimport CLOCK_MONOTONIC, timespec
 
+from tf2_py._core.clock cimport monotonic_ns
 from tf2_py._core.forking cimport FORK_INNER, fork_forget, fork_watch
 from tf2_py._core.lock cimport lock_free, lock_init, lock_read, lock_write, unlock_read, unlock_write
 from tf2_py._core.lookup cimport Query, query_answer
-from tf2_py._core.names cimport NAME_NO_MEMORY, name_for_log
+from tf2_py._core.names cimport NAME_NO_MEMORY, name_is_invalid
+from tf2_py._core.stamp cimport NS_PER_S
 from tf2_py._core.tree cimport (
+    DEFAULT_CACHE_TIME_NS,
     TREE_NO_MEMORY,
     Change,
     Limits,
@@ -46,6 +49,7 @@ from tf2_py._core.waiters cimport (
 from tf2_py._engine.snapshot cimport snapshot_names
 from tf2_py._objects.lookup_errors cimport query_error
 from tf2_py._objects.messages cimport new_transform_stamped
+from tf2_py._objects.names_in_logs cimport name_for_log
 from tf2_py._objects.throttle cimport LINES_PER_MESSAGE, Throttle
 from tf2_py._wire.batch cimport Batch, Entry, batch_begin
 
@@ -296,17 +300,6 @@ cdef bint _leave_ready(Waiter* waiter) noexcept nogil:
     return False
 
 
-cdef inline bint _is_invalid_name(const char* name, Py_ssize_t size) noexcept nogil:
-    # A name that no lookup will ever accept, whatever comes in.
-    return size == 0 or name[0] == b"/"
-
-
-cdef int64_t _now_ns() noexcept nogil:
-    cdef timespec now
-    clock_gettime(CLOCK_MONOTONIC, &now)
-    return now.tv_sec * <int64_t>1000000000 + now.tv_nsec
-
-
 @cython.final
 @cython.no_gc_clear
 cdef class Wait:
@@ -346,11 +339,11 @@ cdef class Wait:
         if status.code == STATUS_OK:
             return 0
         # Whatever else is missing, too: with such a name there will never be an answer.
-        if _is_invalid_name(query.target, query.target_size):
+        if name_is_invalid(query.target, query.target_size):
             status.code = STATUS_BAD_TARGET
-        elif _is_invalid_name(query.source, query.source_size):
+        elif name_is_invalid(query.source, query.source_size):
             status.code = STATUS_BAD_SOURCE
-        elif query.fixed != NULL and _is_invalid_name(query.fixed, query.fixed_size):
+        elif query.fixed != NULL and name_is_invalid(query.fixed, query.fixed_size):
             status.code = STATUS_BAD_FIXED
         else:
             return 0
@@ -393,7 +386,7 @@ cdef class Wait:
         :param alive: called now and then; False ends the wait.
         :return: whether there is an answer. The wait is over in any case, also where a signal handler raises.
         """
-        cdef int64_t deadline_ns = _now_ns() + timeout_ns
+        cdef int64_t deadline_ns = monotonic_ns() + timeout_ns
         cdef int64_t until_ns
         cdef timespec until
         cdef int failed = 0
@@ -401,13 +394,13 @@ cdef class Wait:
             while not self._waiter.answered:
                 if not alive():
                     break
-                until_ns = min(deadline_ns, _now_ns() + WAKE_CHECK_NS)
-                until.tv_sec = until_ns // 1000000000
-                until.tv_nsec = until_ns % 1000000000
+                until_ns = min(deadline_ns, monotonic_ns() + WAKE_CHECK_NS)
+                until.tv_sec = until_ns // NS_PER_S
+                until.tv_nsec = until_ns % NS_PER_S
                 with nogil:
                     failed = sem_clockwait(&self._woken, CLOCK_MONOTONIC, &until)
                 PyErr_CheckSignals()
-                if failed and until_ns >= deadline_ns and _now_ns() >= deadline_ns:
+                if failed and until_ns >= deadline_ns and monotonic_ns() >= deadline_ns:
                     break
         finally:
             self._leave()

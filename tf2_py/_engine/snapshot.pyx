@@ -5,7 +5,7 @@ from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t
 from libc.string cimport memcpy
 
-from tf2_py._core.cache cimport CACHE_UNBORN, Cache, cache_newest_parent
+from tf2_py._core.cache cimport CACHE_NONE, Cache, cache_newest_parent
 from tf2_py._core.lock cimport Lock, lock_read, unlock_read
 from tf2_py._core.names cimport Name, Names
 from tf2_py._core.tree cimport Tree
@@ -117,7 +117,7 @@ cdef uint32_t _copy_frames(const Tree* tree, FrameId* first, Facts* facts) noexc
     cdef uint32_t count = 0
     cdef uint32_t id
     for id in range(first[0], end):
-        if tree.caches[id].kind != CACHE_UNBORN:
+        if tree.caches[id].kind != CACHE_NONE:
             _copy_facts(&facts[count], id, &tree.caches[id])
             count += 1
     first[0] = end

@@ -8,10 +8,11 @@ from cpython.ref cimport Py_INCREF
 from cpython.unicode cimport PyUnicode_Check
 from libc.float cimport DBL_EPSILON
 from libc.math cimport isfinite
-from libc.stdint cimport INT64_MAX, int64_t
+from libc.stdint cimport INT64_MAX, int64_t, uint32_t
 from libc.string cimport memchr
 
 from tf2_py._core.geometry cimport quaternion_normalise
+from tf2_py._core.stamp cimport NS_PER_S, stamp_join, stamp_split
 from tf2_py._core.types cimport Incoming, Transform
 
 import sys
@@ -30,7 +31,6 @@ cdef extern from "Python.h":
 
 cdef enum:
     SLOT_OBJECT = 16        # T_OBJECT_EX, what __slots__ makes
-    NS_PER_S = 1000000000
 
 cdef int64_t MAX_SECONDS = INT64_MAX // NS_PER_S
 
@@ -175,7 +175,7 @@ cdef int64_t _from_parts(object sec, object nanosec) except? -1:
     cdef int64_t seconds = _whole(sec, "sec")
     cdef int64_t rest = _whole(nanosec, "nanosec")
     if -MAX_SECONDS < seconds < MAX_SECONDS and 0 <= rest < NS_PER_S:
-        return seconds * NS_PER_S + rest
+        return stamp_join(seconds, rest)
     return _whole(int(sec) * NS_PER_S + int(nanosec), "sec and nanosec")
 
 
@@ -343,11 +343,9 @@ cdef object new_time(int64_t time_ns):
 
 
 cdef object _new_stamp(int64_t stamp_ns):
-    cdef int64_t sec = stamp_ns // NS_PER_S
-    cdef int64_t nanosec = stamp_ns % NS_PER_S
-    if nanosec < 0:         # C rounds towards zero
-        sec -= 1
-        nanosec += NS_PER_S
+    cdef int64_t sec
+    cdef uint32_t nanosec
+    stamp_split(stamp_ns, &sec, &nanosec)
     stamp = time_layout.new()
     time_layout.put(stamp, 0, sec)
     time_layout.put(stamp, 1, nanosec)

@@ -2,8 +2,8 @@
 
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint64_t
-from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
 
+from tf2_py._core.clock cimport monotonic_ns
 from tf2_py._core.names cimport name_hash
 from tf2_py._wire.batch cimport Batch, Entry
 
@@ -14,12 +14,6 @@ cdef enum Verdict:
     VERDICT_NEW             # not said within the last second
     VERDICT_REPEATED        # said within the last second
     VERDICT_TOO_MUCH        # so much was said that nothing new can be
-
-
-cdef int64_t _now_ns() noexcept nogil:
-    cdef timespec now
-    clock_gettime(CLOCK_MONOTONIC, &now)
-    return now.tv_sec * <int64_t>1000000000 + now.tv_nsec
 
 
 cdef Verdict _judge(Recent* recent, uint64_t key, int64_t now_ns, bint is_full) noexcept nogil:
@@ -42,10 +36,10 @@ cdef class Throttle:
 
     def passes(self, what):
         """Whether a line about ``what``, hashable, is to be logged now."""
-        return _judge(&self._others, <uint64_t><Py_ssize_t>hash(what), _now_ns(), False) == VERDICT_NEW
+        return _judge(&self._others, <uint64_t><Py_ssize_t>hash(what), monotonic_ns(), False) == VERDICT_NEW
 
     cdef size_t choose(self, const Batch* batch, size_t* chosen, uint64_t* more) noexcept:
-        cdef int64_t now_ns = _now_ns()
+        cdef int64_t now_ns = monotonic_ns()
         cdef size_t count = 0
         cdef size_t i
         cdef uint64_t key

@@ -1,4 +1,4 @@
-"""Transforms on their way in together: from one message, or from one call."""
+"""Transforms that are inserted together: those of one message or of one call."""
 
 from libc.stddef cimport size_t
 from libc.stdint cimport uint32_t
@@ -9,33 +9,34 @@ from tf2_py._core.waiters cimport WaiterList, Wake
 
 cdef struct Entry:
     Incoming incoming
-    uint32_t refused            # outcome: REFUSED_* bits, 0: taken
+    uint32_t refused            # outcome: REFUSED_* bits; 0: accepted
 
 
 cdef struct Batch:
     Entry* entries
-    size_t count                # in use
-    size_t capacity             # allocated; 0 where `entries` belongs to somebody else
-    size_t done                 # progress: how many entries have been looked at
-    bint waking                 # progress: somebody may be helped by the last one
-    Wake wake
-    const char* authority       # UTF-8, owned by whoever fills the batch
+    size_t count                # entries in use
+    size_t capacity             # entries allocated; 0: `entries` is not the batch's own
+    size_t done                 # progress: entries tried
+    bint waking                 # progress: the wake for the last of them is running
+    Wake wake                   # progress: that one
+    const char* authority       # UTF-8, owned by the caller that fills the batch
     size_t authority_size       # bytes
-    bint is_static
-    size_t taken                # outcome: how many entries were taken
-    size_t refused              # outcome: how many were not
-    bint no_memory              # outcome: the rest was dropped for want of memory
-    WaiterList ready            # outcome: whom it completed, and whose answers are still to be delivered
+    bint is_static              # all entries are static transforms
+    size_t taken                # outcome: entries accepted
+    size_t refused              # outcome: entries refused
+    bint no_memory              # outcome: memory ran out, and the rest was dropped
+    WaiterList ready            # outcome: waiters that have an answer which must still be delivered
     bint needs_report           # outcome: there is something to log, or an answer to deliver
     const char* problem         # why a serialised message could not be read, or NULL ...
     size_t problem_at           # ... and the byte at which
 
 
-# Zero a Batch before its first use; its memory may be used again and again.
+# Zero a Batch before its first use; it may be filled again.
 cdef void batch_free(Batch* batch) noexcept nogil
-# No progress and no outcome yet.
+# Resets progress and outcome.
 cdef void batch_begin(Batch* batch) noexcept nogil
+# Memory for `count` entries; earlier ones are lost.
 cdef int batch_reserve(Batch* batch, size_t count) noexcept nogil           # 0, or -1: no memory
-# Fills the entries from one serialised TFMessage, whose bytes must outlive them. False: nothing of it can be
-# used, see `problem` and `no_memory`.
+# Fills the entries from one serialised TFMessage, whose bytes must outlive them. False: the batch is empty,
+# see `problem` and `no_memory`.
 cdef bint batch_read_cdr(Batch* batch, const unsigned char* data, size_t size) noexcept nogil

@@ -1,4 +1,4 @@
-"""Owns the room for transforms between their source and the tree."""
+"""Owns the memory of transforms between their source and the tree."""
 
 from libc.stddef cimport size_t
 from libc.stdint cimport uint32_t
@@ -7,7 +7,7 @@ from libc.stdlib cimport free, malloc
 from tf2_py._wire.cdr cimport Reader, reader_count, reader_finish, reader_init, reader_transform
 
 cdef enum:
-    KEPT_ENTRIES = 1024     # for the next message
+    KEPT_ENTRIES = 1024     # their memory is kept for the next message
 
 
 cdef void batch_free(Batch* batch) noexcept nogil:
@@ -24,7 +24,7 @@ cdef void batch_begin(Batch* batch) noexcept nogil:
 
 
 cdef int batch_reserve(Batch* batch, size_t count) noexcept nogil:
-    # What was in it is not kept, nor is the memory that one large message has once needed.
+    # Memory for one large message is not kept for the small ones that follow.
     if count <= batch.capacity and 0 < batch.capacity <= max(count, <size_t>KEPT_ENTRIES) + 1:
         return 0
     batch_free(batch)

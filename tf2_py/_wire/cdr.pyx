@@ -4,28 +4,29 @@ from libc.stddef cimport size_t
 from libc.stdint cimport int32_t, int64_t, uint32_t, uint64_t
 from libc.string cimport memchr, memcpy, memset
 
+from tf2_py._core.stamp cimport stamp_join, stamp_split
 from tf2_py._core.types cimport Incoming
 
 cdef extern from *:
     """
     #if __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
-    #define TF2_THIS_ENDIAN 1
+    #define TF2_IS_LITTLE_ENDIAN 1
     #else
-    #define TF2_THIS_ENDIAN 0
+    #define TF2_IS_LITTLE_ENDIAN 0
     #endif
     """
-    const int TF2_THIS_ENDIAN
+    const int TF2_IS_LITTLE_ENDIAN
     uint32_t __builtin_bswap32(uint32_t value) nogil
     uint64_t __builtin_bswap64(uint64_t value) nogil
 
 cdef enum:
     HEADER_SIZE = 4             # representation id, options, 2 bytes each; alignment counts from its end
-    # Two times, two empty names and seven doubles: no transform is shorter.
+    # A stamp, two empty names and seven doubles, with padding: no transform is shorter.
     SMALLEST_TRANSFORM = 72
 
 
-cdef inline const unsigned char* _take(Reader* reader, size_t size, size_t alignment) noexcept nogil:
-    # Every byte is read through here. NULL where the data ends before `size` bytes.
+cdef inline const unsigned char* _read_bytes(Reader* reader, size_t size, size_t alignment) noexcept nogil:
+    # Every byte is read through here. NULL: the data ends before `size` bytes, or there was a problem before.
     cdef size_t start = reader.position + (0 - (reader.position - HEADER_SIZE)) % alignment
     if reader.problem != NULL:
         return NULL
@@ -38,14 +39,14 @@ cdef inline const unsigned char* _take(Reader* reader, size_t size, size_t align
 
 cdef inline uint32_t _uint32(Reader* reader) noexcept nogil:
     cdef uint32_t value = 0
-    cdef const unsigned char* at = _take(reader, 4, 4)
+    cdef const unsigned char* at = _read_bytes(reader, 4, 4)
     if at != NULL:
         memcpy(&value, at, 4)
     return __builtin_bswap32(value) if reader.swapped else value
 
 
 cdef inline void _doubles(Reader* reader, double* out, uint32_t count) noexcept nogil:
-    cdef const unsigned char* at = _take(reader, 8 * <size_t>count, 8)
+    cdef const unsigned char* at = _read_bytes(reader, 8 * <size_t>count, 8)
     cdef uint64_t word
     cdef uint32_t i
     if at == NULL:
@@ -98,7 +99,7 @@ cdef bint _is_utf8(const unsigned char* text, size_t size) noexcept nogil:
 cdef void _string(Reader* reader, const char** text, size_t* size) noexcept nogil:
     # The length counts the terminating NUL; some writers send an empty string as length 0.
     cdef size_t length = _uint32(reader)
-    cdef const unsigned char* at = _take(reader, length, 1)
+    cdef const unsigned char* at = _read_bytes(reader, length, 1)
     text[0] = ""
     size[0] = 0
     if at == NULL or length == 0:
@@ -127,7 +128,7 @@ cdef void reader_init(Reader* reader, const unsigned char* data, size_t size) no
         reader.position = 0
         reader.problem = "the encapsulation header is not plain CDR"
     else:
-        reader.swapped = data[1] != TF2_THIS_ENDIAN
+        reader.swapped = data[1] != TF2_IS_LITTLE_ENDIAN
 
 
 cdef uint32_t reader_count(Reader* reader) noexcept nogil:
@@ -140,7 +141,7 @@ cdef uint32_t reader_count(Reader* reader) noexcept nogil:
 cdef bint reader_transform(Reader* reader, Incoming* out) noexcept nogil:
     cdef int64_t sec = <int32_t>_uint32(reader)
     cdef int64_t nanosec = _uint32(reader)
-    out.stamp_ns = sec * 1000000000 + nanosec
+    out.stamp_ns = stamp_join(sec, nanosec)
     _string(reader, &out.parent, &out.parent_size)
     _string(reader, &out.child, &out.child_size)
     _doubles(reader, out.transform.translation, 3)
@@ -154,8 +155,8 @@ cdef bint reader_finish(Reader* reader) noexcept nogil:
     return reader.problem == NULL
 
 
-cdef inline unsigned char* _room(Writer* writer, size_t size, size_t alignment) noexcept nogil:
-    # Every byte is written through here; NULL where nothing is to be written.
+cdef inline unsigned char* _next_bytes(Writer* writer, size_t size, size_t alignment) noexcept nogil:
+    # Every byte is written through here: where the next `size` bytes belong. NULL: they are only counted.
     cdef size_t padding = (0 - (writer.position - HEADER_SIZE)) % alignment
     if writer.data != NULL:
         memset(writer.data + writer.position, 0, padding)
@@ -164,7 +165,7 @@ cdef inline unsigned char* _room(Writer* writer, size_t size, size_t alignment) 
 
 
 cdef inline void _put(Writer* writer, const void* value, size_t size, size_t alignment) noexcept nogil:
-    cdef unsigned char* at = _room(writer, size, alignment)
+    cdef unsigned char* at = _next_bytes(writer, size, alignment)
     if at != NULL:
         memcpy(at, value, size)
 
@@ -182,20 +183,16 @@ cdef void writer_init(Writer* writer, unsigned char* data, uint32_t count) noexc
     writer.position = HEADER_SIZE
     if data != NULL:
         data[0] = data[2] = data[3] = 0
-        data[1] = TF2_THIS_ENDIAN
+        data[1] = TF2_IS_LITTLE_ENDIAN
     _put(writer, &count, 4, 4)
 
 
 cdef void writer_transform(Writer* writer, const Incoming* transform) noexcept nogil:
-    cdef int64_t whole = transform.stamp_ns // 1000000000
-    cdef int64_t rest = transform.stamp_ns % 1000000000
-    cdef int32_t sec
+    cdef int64_t whole
     cdef uint32_t nanosec
-    if rest < 0:                # C rounds towards zero
-        whole -= 1
-        rest += 1000000000
+    cdef int32_t sec
+    stamp_split(transform.stamp_ns, &whole, &nanosec)
     sec = <int32_t>whole
-    nanosec = <uint32_t>rest
     _put(writer, &sec, 4, 4)
     _put(writer, &nanosec, 4, 4)
     _put_string(writer, transform.parent, transform.parent_size)

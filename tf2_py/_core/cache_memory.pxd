@@ -1,0 +1,38 @@
+"""
+The memory of a frame's samples: growing, shrinking, pinning.
+
+A lookup may read samples without the lock. It pins the ring first: then no sample that the copy refers to is
+written over. The next write that would do so moves the samples to other memory, and the last owner of the old
+memory frees it.
+"""
+
+from libc.stdint cimport uint32_t
+
+from tf2_py._core.cache cimport Cache
+
+cdef enum CacheInsert:
+    CACHE_INSERTED
+    CACHE_DUPLICATE
+    CACHE_TOO_OLD
+    CACHE_NO_MEMORY
+    CACHE_FULL              # the memory would have to grow by more than the limit allows
+
+cdef enum:
+    FIRST_CAPACITY = 8      # samples, of a dynamic cache
+
+# Zero a Cache before its first use; cache_free leaves it zeroed again but for authority and is_parent.
+cdef void cache_free(Cache* cache) noexcept nogil
+# Drops all samples and keeps the memory. Not for static caches.
+cdef void cache_clear(Cache* cache) noexcept nogil
+# Pin with the lock held, for reading at least. `copy` may be read without the lock until it is unpinned.
+cdef void cache_pin(const Cache* cache, Cache* copy) noexcept nogil
+cdef void cache_unpin(Cache* copy) noexcept nogil
+cdef bint cache_is_pinned(const Cache* cache) noexcept nogil
+# Both return CACHE_INSERTED, CACHE_FULL or CACHE_NO_MEMORY; but for the first, nothing has changed.
+# `growth_limit`: by how many bytes the memory may grow.
+# Moves the samples to fresh memory for `capacity` of them, `count` at least.
+cdef CacheInsert cache_move(Cache* cache, uint32_t capacity, size_t growth_limit) noexcept nogil
+# Makes sure of a free slot behind the newest sample, or, not `at_the_end`, of one that may lie anywhere.
+cdef CacheInsert cache_reserve_one(Cache* cache, bint at_the_end, size_t growth_limit) noexcept nogil
+# Halves a ring that has been mostly empty for long. Call it after each insert.
+cdef void cache_shrink(Cache* cache) noexcept nogil

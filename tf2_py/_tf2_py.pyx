@@ -26,15 +26,15 @@ from tf2_py._core.waiters cimport waiters_check
 from tf2_py._core.walk cimport Path, walk_common_time, walk_lookup
 from tf2_py._engine.engine cimport DEFAULT_CACHE_TIME_NS, Engine, Wait
 from tf2_py._engine.snapshot cimport snapshot_frames, snapshot_names
-from tf2_py._objects.arguments cimport query_fill, query_fill_full, query_time
-from tf2_py._objects.messages cimport (
-    duration_to_ns,
-    name_utf8,
-    new_time,
-    new_transform_stamped,
-    read_transform_stamped,
-    time_to_ns,
+from tf2_py._objects.arguments cimport (
+    query_fill,
+    query_fill_full,
+    query_fill_series,
+    query_frames,
+    query_time,
 )
+from tf2_py._objects.messages cimport name_utf8, new_transform_stamped, read_transform_stamped
+from tf2_py._objects.times cimport nanoseconds, new_time
 from tf2_py._wire.batch cimport Batch, Entry, batch_free, batch_read_cdr, batch_reserve
 
 from tf2_py._objects import errors, listings, log
@@ -88,7 +88,7 @@ cdef class BufferCore(Engine):
         limits.bytes = limit("max_bytes", max_bytes)
         limits.waiters = limit("max_waiters", max_waiters)
         if cache_time is not None:
-            cache_time_ns = duration_to_ns(cache_time)
+            cache_time_ns = nanoseconds(cache_time, "cache_time")
         if cache_time_ns < 0:
             raise ValueError(f"cache_time must not be negative, it is {errors.seconds(cache_time_ns)} s")
         self.start_over(cache_time_ns, &limits)
@@ -258,7 +258,7 @@ cdef class BufferCore(Engine):
         translations_array, rotations_array = new_rows(series.count, 3), new_rows(series.count, 4)
         if on_missing not in ("raise", "nan"):
             raise ValueError(f"on_missing must be 'raise' or 'nan', not {on_missing!r}")
-        _fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
+        query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
         if series.count:
             translations, rotations = translations_array, rotations_array
             series.times_ns = &times_ns[0]
@@ -290,7 +290,7 @@ cdef class BufferCore(Engine):
         if len(rows_array) != series.count:
             raise ValueError(f"{len(rows_array)} points, {series.count} times: each point needs its own time")
         carried_array = new_rows(series.count, 3)
-        _fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
+        query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
         if series.count:
             rows, carried = rows_array, carried_array
             series.times_ns = &times_ns[0]
@@ -342,21 +342,22 @@ cdef class BufferCore(Engine):
         :return: an ``rclpy.time.Time`` of clock type ``SYSTEM_TIME``.
         :raises TransformException: there is no path between the frames.
         """
+        return new_time(self._common_time(target_frame, source_frame))
+
+    cdef int64_t _common_time(self, target_frame, source_frame) except? -1:
         cdef Query query
         cdef Path path
         cdef int64_t common_ns = 0
         cdef FrameId target, source
         cdef Status status
-        query.target = name_utf8(target_frame, &query.target_size)
-        query.source = name_utf8(source_frame, &query.source_size)
-        query.fixed = NULL
+        query_frames(&query, target_frame, source_frame)
         lock_read(&self._lock)
         status = query_end_frames(&self._tree, &query, &target, &source)
         if status.code == STATUS_OK:
             status = walk_common_time(&self._tree, target, source, &path, &common_ns)
         unlock_read(&self._lock)
         if status.code == STATUS_OK:
-            return new_time(common_ns)
+            return common_ns
         error = self.error(&query, status, "get_latest_common_time")
         if status.code == STATUS_UNCONNECTED or status.code == STATUS_LOOP:
             raise errors.TransformException(str(error))
@@ -389,8 +390,8 @@ cdef class BufferCore(Engine):
         Angular: the rotation vector between the two poses over the time between them. Linear: the chord
         of the origin over that time, plus angular x (reference point - origin).
         """
-        cdef int64_t time_ns = max(query_time(time), 1)     # a lookup would take 0 for "latest"
-        cdef int64_t interval_ns = duration_to_ns(averaging_interval)
+        cdef int64_t time_ns = max(query_time(time, "time"), 1)     # a lookup would take 0 for "latest"
+        cdef int64_t interval_ns = nanoseconds(averaging_interval, "averaging_interval")
         cdef int64_t start_ns, end_ns, common_ns
         cdef Transform start, end, origin, point_frame, reference
         cdef double point[3]
@@ -400,7 +401,7 @@ cdef class BufferCore(Engine):
         if interval_ns < 0:
             raise ValueError("averaging_interval must not be negative")
         point[0], point[1], point[2] = reference_point
-        common_ns = time_to_ns(self.get_latest_common_time(observation_frame, tracking_frame))
+        common_ns = self._common_time(observation_frame, tracking_frame)
         start_ns = max(time_ns - interval_ns // 2, 1)
         end_ns = time_ns + (interval_ns - interval_ns // 2)
         if common_ns and end_ns > common_ns:
@@ -425,9 +426,7 @@ cdef class BufferCore(Engine):
     cdef int _transform_at(self, target_frame, source_frame, int64_t time_ns, Transform* out) except -1:
         cdef Query query
         cdef int64_t stamp_ns
-        query.target = name_utf8(target_frame, &query.target_size)
-        query.source = name_utf8(source_frame, &query.source_size)
-        query.fixed = NULL
+        query_frames(&query, target_frame, source_frame)
         query.source_ns = time_ns
         return self._lookup_or_raise(&query, out, &stamp_ns)
 
@@ -473,7 +472,7 @@ cdef class BufferCore(Engine):
 
         Otherwise as :meth:`all_frames_as_yaml`.
         """
-        cdef int64_t time_ns = 0 if time is None else time_to_ns(time)
+        cdef int64_t time_ns = 0 if time is None else nanoseconds(time, "time")
         return listings.as_dot(snapshot_frames(&self._tree, &self._lock), time_ns)
 
     def _frameExists(self, name):
@@ -493,8 +492,8 @@ cdef class BufferCore(Engine):
     def _chain(self, target_frame, target_time, source_frame, source_time, fixed_frame):
         """The frames from source up to the common ancestor and down to target, each once."""
         cdef list chain = []
-        cdef int64_t source_ns = query_time(source_time)
-        cdef int64_t target_ns = query_time(target_time)
+        cdef int64_t source_ns = query_time(source_time, "source_time")
+        cdef int64_t target_ns = query_time(target_time, "target_time")
         _extend_chain(chain, self._frames_between(fixed_frame, source_frame, source_ns))
         _extend_chain(chain, self._frames_between(target_frame, fixed_frame, target_ns))
         return snapshot_names(&self._tree, &self._lock, chain)
@@ -506,9 +505,7 @@ cdef class BufferCore(Engine):
         cdef Status status
         cdef int64_t stamp_ns
         cdef uint32_t i
-        query.target = name_utf8(target_frame, &query.target_size)
-        query.source = name_utf8(source_frame, &query.source_size)
-        query.fixed = NULL
+        query_frames(&query, target_frame, source_frame)
         lock_read(&self._lock)
         status = query_end_frames(&self._tree, &query, &target, &source)
         if status.code == STATUS_OK:
@@ -564,15 +561,3 @@ cdef _extend_chain(list chain, frames):
         if frame in chain:
             del chain[chain.index(frame):]
         chain.append(frame)
-
-
-cdef int _fill_series(Query* query, target_frame, source_frame, fixed_frame, target_time) except -1:
-    if (fixed_frame is None) != (target_time is None):
-        raise TypeError("fixed_frame and target_time go together: both or neither")
-    query.target = name_utf8(target_frame, &query.target_size)
-    query.source = name_utf8(source_frame, &query.source_size)
-    query.fixed = NULL
-    if fixed_frame is not None:
-        query.fixed = name_utf8(fixed_frame, &query.fixed_size)
-        query.target_ns = query_time(target_time)
-    return 0

@@ -42,6 +42,8 @@ class _Wait:
 class BufferCore:
     @property
     def _throttle(self) -> Any: ...
+    @property
+    def cache_time_ns(self) -> int: ...
     def __init__(
         self,
         cache_time: _DurationLike | None = None,

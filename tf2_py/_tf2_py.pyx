@@ -5,27 +5,14 @@ from libc.stdint cimport int64_t, uint32_t
 from libc.string cimport memset
 
 from tf2_py._core.geometry cimport vector_rotate
-from tf2_py._core.lock cimport lock_read, unlock_read
-from tf2_py._core.lookup cimport Query, query_end_frames, query_fixed_frame, query_is_identity
-from tf2_py._core.names cimport NAME_UNKNOWN, names_find
-from tf2_py._core.series cimport TimeSeries, series_lookup
-from tf2_py._core.tree cimport Limits, Tree, tree_bytes, tree_check
+from tf2_py._core.lookup cimport Query
+from tf2_py._core.series cimport TimeSeries
+from tf2_py._core.tree cimport Limits
 from tf2_py._core.twist cimport twist_between
-from tf2_py._core.types cimport (
-    NO_FRAME,
-    REFUSAL_KINDS,
-    STATUS_BAD_FIXED,
-    STATUS_LOOP,
-    STATUS_OK,
-    STATUS_UNCONNECTED,
-    FrameId,
-    Status,
-    Transform,
-)
-from tf2_py._core.waiters cimport waiters_check
-from tf2_py._core.walk cimport Path, walk_common_time, walk_lookup
-from tf2_py._engine.engine cimport DEFAULT_CACHE_TIME_NS, Engine, Wait
-from tf2_py._engine.snapshot cimport snapshot_frames, snapshot_names
+from tf2_py._core.types cimport STATUS_LOOP, STATUS_OK, STATUS_UNCONNECTED, Status, Transform
+from tf2_py._core.walk cimport Path
+from tf2_py._engine.engine cimport DEFAULT_CACHE_TIME_NS, Engine
+from tf2_py._engine.wait cimport Wait
 from tf2_py._objects.arguments cimport (
     query_fill,
     query_fill_full,
@@ -37,7 +24,7 @@ from tf2_py._objects.messages cimport name_utf8, new_transform_stamped, read_tra
 from tf2_py._objects.times cimport nanoseconds, new_time
 from tf2_py._wire.batch cimport Batch, Entry, batch_free, batch_read_cdr, batch_reserve
 
-from tf2_py._objects import errors, listings, log
+from tf2_py._objects import errors, listings
 from tf2_py._objects.arrays import as_points, as_times_ns, new_rows
 # Programs catch them by the name of tf2's extension module, too.
 from tf2_py._objects.errors import (
@@ -305,22 +292,11 @@ cdef class BufferCore(Engine):
     cdef int _lookup_series(self, Query* query, const TimeSeries* series) except -1:
         cdef Py_ssize_t answered
         cdef Status status
-        cdef FrameId target, source
-        lock_read(&self._lock)
-        status = query_end_frames(&self._tree, query, &target, &source)
-        if query_is_identity(query):
-            status.code = STATUS_OK
-        elif status.code == STATUS_OK and query.fixed != NULL:
-            if query_fixed_frame(&self._tree, query) == NO_FRAME:
-                status.code = STATUS_BAD_FIXED
-        unlock_read(&self._lock)
-        if status.code != STATUS_OK:
-            raise self.error(query, status)
         with nogil:
-            answered = series_lookup(&self._tree, &self._lock, query, series, &status)
+            answered = self.lookup_series(query, series, &status)
         if answered < series.count:
             error = self.error(query, status)
-            raise type(error)(f"times[{answered}]: {error}")
+            raise error if answered < 0 else type(error)(f"times[{answered}]: {error}")
         return 0
 
     def can_transform_core(self, target_frame, source_frame, time):
@@ -346,16 +322,10 @@ cdef class BufferCore(Engine):
 
     cdef int64_t _common_time(self, target_frame, source_frame) except? -1:
         cdef Query query
-        cdef Path path
         cdef int64_t common_ns = 0
-        cdef FrameId target, source
         cdef Status status
         query_frames(&query, target_frame, source_frame)
-        lock_read(&self._lock)
-        status = query_end_frames(&self._tree, &query, &target, &source)
-        if status.code == STATUS_OK:
-            status = walk_common_time(&self._tree, target, source, &path, &common_ns)
-        unlock_read(&self._lock)
+        status = self.common_time(&query, &common_ns)
         if status.code == STATUS_OK:
             return common_ns
         error = self.error(&query, status, "get_latest_common_time")
@@ -449,7 +419,7 @@ cdef class BufferCore(Engine):
             query_fill(&query, target_frame, source_frame, time)
         else:
             query_fill_full(&query, target_frame, target_time, source_frame, time, fixed_frame)
-        wait._begin(self, (target_frame, source_frame, fixed_frame), &query, notify)
+        wait.begin(self, (target_frame, source_frame, fixed_frame), &query, notify)
         return wait
 
     # What is known.
@@ -460,11 +430,11 @@ cdef class BufferCore(Engine):
 
         Beyond 1024 frames they need not be of one moment: others use the buffer meanwhile.
         """
-        return listings.as_yaml(snapshot_frames(&self._tree, &self._lock))
+        return listings.as_yaml(self.frames())
 
     def all_frames_as_string(self):
         """One sentence for each frame that was ever a child; otherwise as :meth:`all_frames_as_yaml`."""
-        return listings.as_string(snapshot_frames(&self._tree, &self._lock))
+        return listings.as_string(self.frames())
 
     def _allFramesAsDot(self, time=None):
         """
@@ -473,21 +443,17 @@ cdef class BufferCore(Engine):
         Otherwise as :meth:`all_frames_as_yaml`.
         """
         cdef int64_t time_ns = 0 if time is None else nanoseconds(time, "time")
-        return listings.as_dot(snapshot_frames(&self._tree, &self._lock), time_ns)
+        return listings.as_dot(self.frames(), time_ns)
 
     def _frameExists(self, name):
         """Whether the name was ever a parent or a child."""
         cdef Py_ssize_t size
         cdef const char* text = name_utf8(name, &size)
-        cdef bint known
-        lock_read(&self._lock)
-        known = names_find(&self._tree.names, text, size) != NAME_UNKNOWN
-        unlock_read(&self._lock)
-        return known
+        return self.knows_frame(text, size)
 
     def _getFrameStrings(self):
         """Every frame name, in the order in which they came."""
-        return snapshot_names(&self._tree, &self._lock, None)[1:]
+        return self.frame_names(None)[1:]
 
     def _chain(self, target_frame, target_time, source_frame, source_time, fixed_frame):
         """The frames from source up to the common ancestor and down to target, each once."""
@@ -496,21 +462,16 @@ cdef class BufferCore(Engine):
         cdef int64_t target_ns = query_time(target_time, "target_time")
         _extend_chain(chain, self._frames_between(fixed_frame, source_frame, source_ns))
         _extend_chain(chain, self._frames_between(target_frame, fixed_frame, target_ns))
-        return snapshot_names(&self._tree, &self._lock, chain)
+        return self.frame_names(chain)
 
     cdef list _frames_between(self, target_frame, source_frame, int64_t time_ns):
         cdef Query query
         cdef Path path
-        cdef FrameId target, source
         cdef Status status
-        cdef int64_t stamp_ns
         cdef uint32_t i
         query_frames(&query, target_frame, source_frame)
-        lock_read(&self._lock)
-        status = query_end_frames(&self._tree, &query, &target, &source)
-        if status.code == STATUS_OK:
-            status = walk_lookup(&self._tree, target, source, time_ns, &path, NULL, &stamp_ns)
-        unlock_read(&self._lock)
+        query.source_ns = time_ns
+        status = self.find_path(&query, &path)
         if status.code != STATUS_OK:
             raise self.error(&query, status)
         return ([path.source[i] for i in range(path.source_hops)]
@@ -524,33 +485,11 @@ cdef class BufferCore(Engine):
         :return: a dict: ``taken`` transforms, ``refused`` by reason, ``frames`` and ``samples`` held,
             ``bytes`` allocated for them, ``waiters``, ``waits_refused``, ``malformed_messages``.
         """
-        cdef Tree tree
-        cdef size_t size
-        cdef uint32_t bit, waiters
-        lock_read(&self._lock)
-        tree = self._tree
-        waiters = self._waiters.count
-        size = tree_bytes(&self._tree)
-        unlock_read(&self._lock)
-        return {
-            "taken": tree.taken,
-            "refused": {log.REFUSALS[bit][1]: tree.refused[bit] for bit in range(REFUSAL_KINDS)},
-            "frames": tree.names.count - 1,
-            "samples": tree.samples,
-            "bytes": size,
-            "waiters": waiters,
-            "waits_refused": self._waits_refused,
-            "malformed_messages": self._malformed,
-        }
+        return self.counts()
 
     def _self_check(self):
         """Walk every ring and the tree; AssertionError names an invariant that does not hold."""
-        cdef const char* problem
-        lock_read(&self._lock)
-        problem = tree_check(&self._tree)
-        if problem == NULL:
-            problem = waiters_check(&self._waiters, &self._tree)
-        unlock_read(&self._lock)
+        cdef const char* problem = self.check()
         if problem != NULL:
             raise AssertionError(problem.decode())
 

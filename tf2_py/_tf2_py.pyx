@@ -422,6 +422,14 @@ cdef class BufferCore(Engine):
         wait.begin(self, (target_frame, source_frame, fixed_frame), &query, notify)
         return wait
 
+    def _pending_waits(self, size_t most=1000):
+        """
+        One line for each pending wait, at most so many: what it waits for, and what it lacks now.
+
+        For debugging. Names are escaped as in errors. Inserts wait while up to ``most`` pointers are copied.
+        """
+        return [wait.lacks() for wait in self.pending(most)]
+
     # What is known.
 
     def all_frames_as_yaml(self):

@@ -28,10 +28,13 @@ cdef enum:
 
 
 cdef class WaiterOwner:
-    # The base of what waits with a Waiter. It holds its engine, and removes the waiter before it is destroyed.
+    # The base of what waits with a Waiter. It holds its engine, and removes the waiter before it is
+    # destroyed.
     # Called once, with the GIL and without the lock, when the waiter is answered and has left. Returns what
     # would run a user's code, to be called later, or None.
     cdef object deliver(self)
+    # One line: what it waits for, and what it lacks at the moment.
+    cpdef str lacks(self)
 
 
 cdef class Engine:
@@ -45,10 +48,10 @@ cdef class Engine:
     cdef unsigned long long _waits_refused  # likewise
     cdef list _observers                # called after every insert; changed with the GIL, counted without
 
-    # Inserting. `insert_some` takes a slice of a begun batch and returns whether more is left. Where
-    # `batch.needs_report` is set after the last one, `report` is due, with the GIL and while the batch and its
-    # names still exist. `insert` does the same with the whole batch; what takes longer than one slice lets
-    # other threads run.
+    # Inserting. `insert_some` inserts a slice of a begun batch and returns whether more is left. Where
+    # `batch.needs_report` is set after the last one, `report` is due, with the GIL and while the batch and
+    # its names still exist. `insert` does the same with the whole batch; what takes longer than one slice
+    # lets other threads run.
     cdef bint insert_some(self, Batch* batch) noexcept nogil
     cdef void insert(self, Batch* batch)
     # `later`: a list that receives what would run a user's code, for the caller to hand over; None: it runs
@@ -77,6 +80,10 @@ cdef class Engine:
     cdef int add_waiter(self, Waiter* waiter, Status* status) except -1
     # Returns whether it was pending. Without effect on one that was removed before.
     cdef bint remove_waiter(self, Waiter* waiter) noexcept nogil
+    # The owners of at most `most` pending waiters.
+    cdef list pending(self, size_t most)
+    # What a wait for a lookup lacks now, in words.
+    cdef str lack(self, const Query* query)
 
     # Listing, as snapshot_frames and snapshot_names.
     cdef list frames(self)

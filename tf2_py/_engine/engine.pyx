@@ -2,6 +2,7 @@
 
 from libc.stddef cimport size_t
 from libc.stdint cimport SIZE_MAX, UINT32_MAX, int64_t, uint32_t, uint64_t
+from libc.stdlib cimport free, malloc
 from libc.string cimport memset
 
 from tf2_py._core.forking cimport FORK_INNER, fork_forget, fork_watch
@@ -52,7 +53,7 @@ from tf2_py._core.waiters cimport (
 )
 from tf2_py._core.walk cimport Path, walk_common_time, walk_lookup
 from tf2_py._engine.snapshot cimport snapshot_frames, snapshot_names
-from tf2_py._objects.lookup_errors cimport query_error
+from tf2_py._objects.lookup_errors cimport query_error, query_lack
 from tf2_py._objects.throttle cimport LINES_PER_MESSAGE, Throttle
 from tf2_py._wire.batch cimport Batch, Entry, batch_begin
 
@@ -70,6 +71,9 @@ cdef class WaiterOwner:
     """What a Waiter belongs to."""
 
     cdef object deliver(self):
+        raise NotImplementedError
+
+    cpdef str lacks(self):
         raise NotImplementedError
 
 
@@ -192,7 +196,7 @@ cdef class Engine:
         return error
 
     cdef object _deliver(self, WaiterList* ready, list later):
-        # One at a time: what is called may insert, wait or cancel. All are served, whatever one of them raises.
+        # One at a time: what is called may insert, wait or cancel. All are served, whatever one raises.
         cdef Waiter* waiter
         error = None
         while True:
@@ -343,6 +347,29 @@ cdef class Engine:
         unlock_write(&self._lock)
         return was_pending
 
+    cdef list pending(self, size_t most):
+        # With the lock held only pointers are copied. The owners still exist afterwards: the GIL is held all
+        # the time, and without it none is destroyed.
+        cdef void** owners = <void**>malloc((most + 1) * sizeof(void*))
+        cdef size_t count, i
+        if owners == NULL:
+            raise MemoryError
+        lock_read(&self._lock)
+        count = _copy_owners(&self._waiters.filed, owners, 0, most)
+        count = _copy_owners(&self._waiters.any, owners, count, most)
+        count = _copy_owners(&self._waiters.due, owners, count, most)
+        unlock_read(&self._lock)
+        try:
+            return [<object>owners[i] for i in range(count)]
+        finally:
+            free(owners)
+
+    cdef str lack(self, const Query* query):
+        cdef int64_t stamp_ns
+        cdef Status status = self.lookup(query, NULL, &stamp_ns)
+        child, = self.frame_names((status.child if status.code == STATUS_EXTRAPOLATION else NO_FRAME,))
+        return query_lack(query, status, child)
+
     cdef list frames(self):
         return snapshot_frames(&self._tree, &self._lock)
 
@@ -393,6 +420,15 @@ cdef class Engine:
         cache_time_ns = self._tree.cache_time_ns
         unlock_read(&self._lock)
         return cache_time_ns
+
+
+cdef size_t _copy_owners(const WaiterList* waiters, void** owners, size_t count, size_t most) noexcept nogil:
+    cdef const Waiter* waiter = waiters.first
+    while waiter != NULL and count < most:
+        owners[count] = waiter.owner
+        count += 1
+        waiter = waiter.after
+    return count
 
 
 cdef inline bint _is_filled(void* objects) noexcept nogil:

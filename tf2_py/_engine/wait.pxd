@@ -23,6 +23,6 @@ cdef class Wait(WaiterOwner):
     cdef object _notify                 # called with the answer, or None: a thread blocks
     cdef sem_t _woken                   # posted with the answer, where a thread blocks
 
-    # Once, on a new one. `names`: target, source and fixed frame. Raises where the buffer has too many waiters,
-    # or where a name can never be looked up.
+    # Once, on a new one. `names`: target, source and fixed frame. Raises where the buffer has too many
+    # waiters, or where a name can never be looked up.
     cdef int begin(self, Engine engine, tuple names, const Query* query, object notify) except -1

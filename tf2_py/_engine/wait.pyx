@@ -104,6 +104,10 @@ cdef class Wait(WaiterOwner):
         cdef Status status = self._engine.lookup(&self._waiter.query, NULL, &stamp_ns)
         return None if status.code == STATUS_OK else self._engine.error(&self._waiter.query, status)
 
+    cpdef str lacks(self):
+        """One line for whoever debugs a wait that does not end: what it waits for, and what it lacks now."""
+        return self._engine.lack(&self._waiter.query)
+
     def wait_for(self, int64_t timeout_ns, alive):
         """
         Sleep, without the GIL, until the answer is there.

@@ -130,7 +130,7 @@ def time_ns(time, str argument):
 
 def duration_ns(duration, str argument):
     """
-    The nanoseconds of a duration: of an rclpy ``Duration``, a duration message, or anything with their fields.
+    The nanoseconds of a duration: an rclpy ``Duration``, a message, or anything with their fields.
 
     :param argument: what the errors call it.
     :raises TypeError: it has neither ``nanoseconds`` nor ``sec`` and ``nanosec``.

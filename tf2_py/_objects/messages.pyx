@@ -143,6 +143,10 @@ cdef bint is_plain_transform_stamped(object message) except -1:
             and _is_exact_class(quaternion_layout, transform_layout.get(transform, 1), 4))
 
 
+cdef int64_t time_to_ns(object stamp) except? -1:
+    return nanoseconds(stamp, "header.stamp")
+
+
 cdef object new_header(int64_t stamp_ns, object frame_id):
     header = header_layout.new()
     header_layout.put(header, 0, new_stamp(stamp_ns))

@@ -1,6 +1,6 @@
 """
-What tf2_ros, tf2_geometry_msgs and tf2_sensor_msgs cimport from the engine. Not a public interface: it changes
-without notice. They cimport nothing else of this package, so that its modules can be moved and changed.
+What tf2_ros, tf2_geometry_msgs and tf2_sensor_msgs cimport from the engine. Not a public interface: it may
+change at any time. They cimport nothing else of this package, so that its modules can be moved.
 """
 
 # tf2_ros: the receiver, which inserts into an engine without the GIL, under a lock that a fork finds free.

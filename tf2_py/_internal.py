@@ -1,8 +1,8 @@
 """
 What tf2_ros, tf2_geometry_msgs and tf2_sensor_msgs import from the engine besides its public names.
 
-Not a public interface: it changes without notice. They import nothing else of this package, so that its
-modules can be moved and changed; what they cimport stands in ``_internal.pxd``.
+Not a public interface: it may change at any time. They import nothing else of this package, so that
+its modules can be moved; what they cimport stands in ``_internal.pxd``.
 """
 
 from tf2_py._objects import log

@@ -113,7 +113,7 @@ cdef int read_transform_stamped(object message, Incoming* out, list keep) except
 
 
 cdef inline bint _is_exact_class(Layout layout, object message, int count):
-    # Of this very class, and its first `count` fields floats.
+    # Whether it is of the class itself, not of a subclass, and its first `count` fields are floats.
     cdef int i
     if not layout.by_slot or type(message) is not layout.message_class:
         return False
@@ -123,7 +123,7 @@ cdef inline bint _is_exact_class(Layout layout, object message, int count):
     return True
 
 
-cdef bint is_plain_transform_stamped(object message) except -1:
+cdef bint is_exact_transform_stamped(object message) except -1:
     load()
     if not (_is_exact_class(transform_stamped_layout, message, 0)):
         return False

@@ -18,7 +18,6 @@ from tf2_py._core.series_work cimport (
     work_begin_source,
     work_begin_source_identity,
     work_begin_target,
-    work_transform_points,
     work_climb_source,
     work_climb_target,
     work_hop,
@@ -26,6 +25,7 @@ from tf2_py._core.series_work cimport (
     work_put,
     work_result,
     work_store,
+    work_transform_points,
 )
 from tf2_py._core.tree cimport MIXED_PARENTS, NEWEST, Tree
 from tf2_py._core.types cimport HALF_SOURCE, NO_FRAME, STATUS_OK, FrameId, Status, Transform

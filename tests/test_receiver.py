@@ -126,6 +126,7 @@ class TestWithoutAnExecutor:
     def test_without_the_extension_an_executor_brings_them(self):
         program = (
             "import sys; sys.modules['tf2_ros._receive.loop'] = None\n"
+            "sys.modules['tf2_ros._receive.arrival_waitable'] = None\n"
             "import rclpy; from tf2_ros import Buffer, TransformListener\n"
             "rclpy.init(); node = rclpy.create_node('without'); buffer = Buffer()\n"
             "listener = TransformListener(buffer, node); assert not listener.receives\n"

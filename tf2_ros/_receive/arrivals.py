@@ -6,9 +6,7 @@ import weakref
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import rclpy
 from rclpy.callback_groups import CallbackGroup
-from rclpy.executors import Executor
 from rclpy.guard_condition import GuardCondition
 from rclpy.logging import get_logger
 from rclpy.node import Node
@@ -21,19 +19,13 @@ from tf2_ros._forking import keep_for_ever
 ArrivalWaitable: Any
 try:
     # After rclpy, which loads the libraries that it needs.
-    from tf2_ros._receive.loop import ArrivalWaitable
+    from tf2_ros._receive.arrival_waitable import ArrivalWaitable
 except ModuleNotFoundError:
     ArrivalWaitable = type("ArrivalWaitable", (), {})  # there was nothing to build it with, and no receiver
 
 __all__ = ["Arrivals"]
 
 ENDLESS = 2**63 - 1
-
-# The executor's own loops: between their rounds no user's code is waiting for `spin_once` to return.
-_LOOPS = {
-    loop.__code__.co_filename: frozenset({"spin", "spin_until_future_complete"})
-    for loop in (rclpy.spin, Executor.spin)
-}
 
 Completion = Callable[[], None]
 
@@ -57,7 +49,7 @@ class Arrivals(ArrivalWaitable, Waitable):
         Waitable.__init__(self, group)
         self._node = weakref.ref(node)
         self._guard = GuardCondition(None, None, node.context).handle
-        self.set_up(self._guard, [_queue_depth(subscription) for subscription in subscriptions], _LOOPS)
+        self.set_up(self._guard, [_queue_depth(subscription) for subscription in subscriptions])
         self._closed = False
         self._starting = threading.RLock()  # reentrant, for a finalizer may close this
         self._thread: threading.Thread | None = None

@@ -174,7 +174,7 @@ class Receiving:
         for source in self._sources:
             if source.handle is subscription.handle:
                 source.destroy()
-                self.arrivals.forget(source.number)
+                self.arrivals.stop_counting(source.number)
         self._sources = [source for source in self._sources if source.handle is not subscription.handle]
         if not self._sources:
             self.arrivals.close()

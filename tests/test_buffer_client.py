@@ -241,7 +241,7 @@ class TestThreads:
     def test_dropping_it_ends_its_thread(self, tf2_ros, node, monkeypatch):
         before = set(threading.enumerate())
         client = tf2_ros.BufferClient(node, "nobody")
-        thread = client._asking._spinner.thread
+        thread = client._goal_sender._spinner.thread
         assert thread in threading.enumerate()
         joined = []
         with monkeypatch.context() as patch:
@@ -262,7 +262,7 @@ class TestThreads:
         names = [("lookup", "/robot/lookup"), ("~/lookup", "/robot/asking/lookup"), ("old", "/new")]
         for given, expected in names:
             client = tf2_ros.BufferClient(node, given)
-            assert client._asking._name == expected
+            assert client._goal_sender._name == expected
             client.destroy()
 
 
@@ -312,22 +312,22 @@ class TestAsync:
         with pytest.raises(tf2_py.TimeoutException, match="no server of"):
             self.run(lonely, lonely.lookup_transform_async("map", "robot", LATEST, timeout=SHORT))
 
-    @pytest.mark.parametrize("since", ["ask", "handle"])
-    def test_who_is_no_longer_waited_for_is_told_to_stop(self, tf2_ros, node, since):
-        # Whether the goal has been accepted by then or is only on its way.
+    @pytest.mark.parametrize("since", ["request", "handle"])
+    def test_a_goal_that_nobody_awaits_any_more_is_cancelled(self, tf2_ros, node, since):
+        # Whether the goal has been accepted by then, or only sent.
         with serving("quiet_lookup") as server:
             client = tf2_ros.BufferClient(node, "quiet_lookup")
             coroutine = client.lookup_transform_async("silent", "robot", LATEST)
             coroutine.send(None)
-            (question,) = client._asking._open
-            until(lambda: getattr(question, since) is not None)
+            (pending,) = client._goal_sender._pending
+            until(lambda: getattr(pending, since) is not None)
             coroutine.close()
             said = []
             listening = threading.Thread(target=lambda: said.append(server.stdout.readline()), daemon=True)
             listening.start()
             listening.join(DEADLINE_S)
             assert said == ["cancelled\n"]
-            until(lambda: not client._asking._open)
+            until(lambda: not client._goal_sender._pending)
             client.destroy()
 
 
@@ -354,7 +354,7 @@ def test_a_server_that_is_killed_in_the_middle_of_a_goal_is_a_timeout(tf2_ros, t
 
     looking = threading.Thread(target=look)
     looking.start()
-    until(lambda: any(question.handle for question in client._asking._open))
+    until(lambda: any(pending.handle for pending in client._goal_sender._pending))
     process.kill()
     process.communicate()
     looking.join(3 * DEADLINE_S)

@@ -78,9 +78,9 @@ class TestWaitsOfTheParent:
         message_filter = tf2_ros.MessageFilter(None, buffer, "map", 10, node=node)
         locks = [
             broadcaster._sending,
-            message_filter._counting,
-            message_filter._held._lock,
-            message_filter._done._closing,
+            message_filter._counts_lock,
+            message_filter._pending._lock,
+            message_filter._outcomes._closing,
         ]
         held, ending = threading.Event(), threading.Event()
 

@@ -20,11 +20,11 @@ def test_a_consumer_that_begins_to_wait_while_others_are_woken_is_woken_next():
     assert stream._things.popleft() == "for another"
     woken = []
 
-    class News:
+    class Arrival:
         def set_result(self, _):
             woken.append(self)
 
-    begin_to_wait(News())
+    begin_to_wait(Arrival())
     stream.put("for this one")
     assert len(woken) == 1
 

@@ -24,10 +24,10 @@ LATEST = Time()
 
 
 @pytest.fixture(autouse=True, params=["thread", pytest.param("executor", marks=pytest.mark.ours)])
-def road(request, monkeypatch):
-    """By which of its two roads a listener gets transforms: a thread of its own, or who spins the node."""
+def inserter(request, monkeypatch):
+    """What inserts the transforms of a listener: a thread of its own, or the executor that spins the node."""
     if request.param == "executor":
-        monkeypatch.setattr("tf2_ros._receive.thread.Receiver", None)
+        monkeypatch.setattr("tf2_ros._receive.receiver_thread.Receiver", None)
     return request.param
 
 
@@ -37,9 +37,9 @@ def buffer(tf2_ros):
 
 
 @pytest.mark.ours
-def test_it_takes_the_road(tf2_ros, buffer, node, road):
+def test_it_says_what_inserts_its_transforms(tf2_ros, buffer, node, inserter):
     with tf2_ros.TransformListener(buffer, node) as listener:
-        assert listener.receives == (road == "thread")
+        assert listener.receives == (inserter == "thread")
     assert not listener.receives
 
 
@@ -164,10 +164,10 @@ class TestOverTheNetwork:
     @pytest.mark.parametrize("seconds_back", [5, 50])
     @pytest.mark.parametrize("first", ["transform", "clock"])
     def test_a_restarted_recording_loses_nothing(
-        self, tf2_ros, new_node, executor, peer, road, seconds_back, first
+        self, tf2_ros, new_node, executor, peer, inserter, seconds_back, first
     ):
         """Transforms may arrive before the executor has seen the clock jump; these are of the new time."""
-        if (road, first) == ("executor", "transform"):
+        if (inserter, first) == ("executor", "transform"):
             pytest.skip("there it is the executor that has seen it")
         node = new_node("simulated", parameter_overrides=[Parameter("use_sim_time", value=True)])
         executor.add_node(node)
@@ -219,8 +219,8 @@ class TestMalformedBytes:
         good = serialize_message(TFMessage(transforms=[transform("map", "evil", 1)]))
         return [b"\x00", good[:-4], good + b"\x00" * 12, good[:4] + b"\xff\xff\xff\xff" + good[8:]]
 
-    def test_they_are_counted_and_survived(self, tf2_ros, buffer, node, executor, peer, capfd, road):
-        if road == "executor":
+    def test_they_are_counted_and_survived(self, tf2_ros, buffer, node, executor, peer, capfd, inserter):
+        if inserter == "executor":
             pytest.skip("there rclpy reads the messages")
         tf2_ros.TransformListener(buffer, node)
         publisher = peer()
@@ -487,15 +487,15 @@ class TestEnd:
 
     @pytest.mark.ours
     @pytest.mark.parametrize("how", ["unspun", "hidden", "shutdown", "waiting", "future"])
-    def test_the_interpreter_exits_without_a_word(self, how, road):
-        program = start("exits.py", how, road, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    def test_the_interpreter_exits_without_a_word(self, how, inserter):
+        program = start("exits.py", how, inserter, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         output, errors = program.communicate(timeout=DEADLINE_S)
         assert (program.returncode, output, errors) == (0, "at the end\n", "")
 
     @pytest.mark.ours
     @pytest.mark.parametrize("how", ["thread", "interrupted"])
-    def test_a_node_spun_by_a_thread_keeps_the_program_until_its_context_ends(self, how, road):
-        program = start("exits.py", how, road, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    def test_a_node_spun_by_a_thread_keeps_the_program_until_its_context_ends(self, how, inserter):
+        program = start("exits.py", how, inserter, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         assert [program.stdout.readline() for _ in range(2)] == ["at the end\n", "after the end\n"]
         if how == "interrupted":
             program.send_signal(signal.SIGINT)

@@ -262,11 +262,11 @@ class TestTimeout:
         assert future.exception() is not None
 
     def test_waits_that_ended_leave_nothing_until_their_deadline(self, buffer):
-        from tf2_ros._wait import waiting
+        from tf2_ros._wait.deadlines import deadlines
 
         for _ in range(5000):
             wait(buffer, timeout=Duration(seconds=3)).cancel()
-        assert len(waiting._deadlines._heap) < 500
+        assert len(deadlines._heap) < 500
 
     def test_it_needs_no_executor_and_holds_no_future(self, buffer):
         future = wait(buffer, timeout=Duration(seconds=60))
@@ -350,9 +350,9 @@ def asking_buffer(tf2_ros):
 
 
 def has_deadline(future):
-    from tf2_ros._wait import waiting
+    from tf2_ros._wait.deadlines import deadlines
 
-    return any(entry[2]() is future for entry in waiting._deadlines._heap)
+    return any(entry[2]() is future for entry in deadlines._heap)
 
 
 def deadline_threads():

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros._forking import tell_of_fork
+from tf2_ros._forking import register_for_fork
 from tf2_ros._qos import static_broadcaster_qos, static_overrides
 from tf2_ros._tf2_names import (
     DurabilityPolicy,
@@ -50,7 +50,7 @@ class StaticTransformBroadcaster:
         self.net_message = TFMessage()
         # Held until a message is published: the last one must hold all.
         self._sending = threading.RLock()
-        tell_of_fork(self)
+        register_for_fork(self)
         overrides = {}
         if qos is None:
             qos = static_broadcaster_qos()
@@ -59,15 +59,15 @@ class StaticTransformBroadcaster:
 
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
         """Send one transform, or several; each replaces what was sent before for its child frame."""
-        news = list(transforms_of(transform))
+        new_transforms = transforms_of(transform)
         with self._sending:
             transforms = {sent.child_frame_id: sent for sent in self.net_message.transforms}
-            for new in news:
-                # A copy: programs fill in one message again and again.
+            for new in new_transforms:
+                # A copy: programs reuse one message.
                 transforms[new.child_frame_id] = deepcopy(new)
             self.net_message.transforms = list(transforms.values())
             publish_transforms(self.pub_tf, self.net_message.transforms)
 
     def after_fork(self) -> None:
-        """Let nobody hold the lock in a forked child."""
+        """Make the lock anew: in a forked child it must be free."""
         self._sending = threading.RLock()

@@ -1,4 +1,8 @@
-"""Comes to its end with something still going on: the first argument says what, the second by which road."""
+"""
+Ends while something is still active.
+
+Arguments: what is active; what inserts transforms, "receiver" or "executor".
+"""
 
 import sys
 import threading
@@ -8,7 +12,7 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 
 from tf2_ros import Buffer, TransformListener
-from tf2_ros._receive import thread
+from tf2_ros._receive import receiver_thread
 
 said = []
 
@@ -17,7 +21,7 @@ def look(buffer):
     buffer.can_transform("map", "robot", Time(), Duration(seconds=60))
 
 
-def go_on(how):
+def keep_running(how):
     if threading.main_thread().is_alive() or said:
         return
     said.append(how)
@@ -26,9 +30,9 @@ def go_on(how):
         rclpy.shutdown()
 
 
-def main(how, road):
-    if road == "executor":
-        thread.Receiver = None
+def main(how, inserter):
+    if inserter == "executor":
+        receiver_thread.Receiver = None
     rclpy.init()
     node = rclpy.create_node("ending")
     buffer = Buffer(node=node)
@@ -36,7 +40,7 @@ def main(how, road):
         TransformListener(buffer, node)
     elif how in ("thread", "interrupted"):
         TransformListener(buffer, node, spin_thread=True)
-        node.create_timer(0.01, lambda: go_on(how))
+        node.create_timer(0.01, lambda: keep_running(how))
     elif how == "hidden":
         TransformListener(buffer, None)
     elif how == "shutdown":

@@ -56,10 +56,11 @@ from tf2_ros._receive.type_watch cimport (
 from tf2_py._objects import log
 
 cdef enum:
-    MAX_IN_A_ROW = 100          # messages of one source, before the other and the guard get their turn
-    KEEP_BYTES = 1 << 20        # more memory than that is not kept from one message to the next
+    MAX_IN_A_ROW = 100          # messages of one source, before the other source and the guard are served
+    KEEP_BYTES = 1 << 20        # bytes of memory that are kept from one message to the next, at most
 
-# A signal ends a context without a word to those who wait in it; and an event would make each message dearer.
+# How long rcl_wait sleeps at most. A signal ends a context without waking it; and with events in the wait set
+# each message costs more, so these are waited for only once in this time.
 cdef int64_t WAKE_CHECK_NS = 1000000000
 
 
@@ -74,31 +75,31 @@ cdef struct Source:
 cdef enum Outcome:
     OUTCOME_WOKEN               # the guard was triggered, an event happened, a watched type changed
     OUTCOME_ENDED               # the context has ended
-    OUTCOME_FAILED              # rcl tells why
+    OUTCOME_FAILED              # rcl has the reason
 
 
-cdef bint _take_some(Engine engine, Batch* batch) noexcept nogil:
+cdef bint _insert_some(Engine engine, Batch* batch) noexcept nogil:
     return engine.insert_some(batch)
 
 
-# Without the GIL nobody can count references: the loop knows the engine by its address alone.
-ctypedef bint (*TakeSome)(void* engine, Batch* batch) noexcept nogil
-cdef TakeSome take_some = <TakeSome>_take_some
+# Without the GIL references cannot be counted: the loop has the address of the engine alone.
+ctypedef bint (*InsertSome)(void* engine, Batch* batch) noexcept nogil
+cdef InsertSome insert_some = <InsertSome>_insert_some
 
 
 cdef class Receiver:
     """
     Takes messages from subscriptions into a buffer.
 
-    :param buffer: a BufferCore. It is not kept alive, for what waits in it may lead to the node: a thread in
+    :param buffer: a BufferCore. It is not kept alive, because its waiters may lead to the node: a thread in
         :meth:`run` would keep both for ever. Only one that cannot be referenced weakly is kept.
-    :param str authority: who says so.
+    :param str authority: of the transforms.
     :param arrivals: counts the messages.
-    :param hand_over: called with a list of callables that run a user's code: what a message completed. Where
-        it returns true, the message is counted with these, and not in `arrivals`.
+    :param hand_over: called with a list of callables that run user code: what a message completed. Where it
+        returns true, the message is counted with these, and not in `arrivals`.
     """
 
-    cdef void* _engine          # NULL: it is gone; guarded by _engine_lock
+    cdef void* _engine          # NULL once it was destroyed; guarded by _engine_lock
     cdef Lock _engine_lock      # held while the engine is at work
     cdef ForkedLock _forked     # _engine_lock
     cdef object _reference      # called, gives the engine or None
@@ -157,12 +158,12 @@ cdef class Receiver:
         """
         Let :meth:`run` return before it takes another message, once an attribute of one of these changed.
 
-        :param types: at most two. :meth:`changed` is for the attributes of objects.
+        :param types: at most two. For attributes of objects there is :meth:`decide_again`.
         """
         self._watched = list(types)
         type_watch_begin(&self._watch, self._watched)
 
-    def changed(self):
+    def decide_again(self):
         """Let :meth:`run` return before it takes another message; the caller triggers the guard condition."""
         self._watch.changed = True
 
@@ -170,9 +171,9 @@ cdef class Receiver:
         """Whether the transforms go into this buffer."""
         return self._engine == <void*>buffer
 
-    def replay(self, int64_t until_ns):
+    def reinsert_recent(self, int64_t until_ns):
         """
-        Insert again what arrived since the clock last moved forward, but for stamps after `until_ns`.
+        Insert again what arrived since the clock last moved forward, except stamps after `until_ns`.
 
         For the jump callback of the clock, after the buffer was cleared.
         """
@@ -208,20 +209,19 @@ cdef class Receiver:
 
     def run(self, context, guard, clock, sources):
         """
-        Take in what comes, until the guard condition is triggered, an event happens or the context ends.
-
-        :param clock: address of the ``rcl_clock_t`` of the buffer, or 0.
+        Take messages until the guard condition is triggered, an event happens or the context ends.
 
         :param context: address of the ``rcl_context_t``.
-        :param guard: address of an ``rcl_guard_condition_t`` that nobody else waits for.
+        :param guard: address of an ``rcl_guard_condition_t`` that nothing else waits for.
+        :param clock: address of the ``rcl_clock_t`` of the buffer, or 0.
         :param sources: at most two tuples: the number under which its messages are counted, address of an
             ``rcl_subscription_t``, address of an ``rcl_event_t`` or 0, the topic's name, whether its
             transforms are static.
         :return: which events have happened, by their addresses; None if the context has ended. An empty list
-            where what :meth:`watch` is about has changed.
+            where something has changed that :meth:`watch` is about.
         :raises RuntimeError: rcl failed; the text says how.
 
-        What is behind the addresses must stay. An event is told within a second.
+        The structs at these addresses must exist until it returns. An event is reported within a second.
         """
         cdef Outcome outcome
         cdef size_t i
@@ -299,7 +299,7 @@ cdef class Receiver:
         return any_happened
 
     cdef rcl_ret_t _arm(self, bint with_events) noexcept nogil:
-        # Waiting strikes out what is not ready, so the set is filled anew each time.
+        # Waiting removes what is not ready, so the set is filled anew each time.
         cdef rcl_ret_t result = rcl_wait_set_clear(&self._set)
         cdef size_t i
         if result == RCL_RET_OK:
@@ -325,34 +325,34 @@ cdef class Receiver:
                 break
             self._take_message(index)
             if self._message.buffer_capacity > KEEP_BYTES:
-                self._give_back()
+                self._release_memory()
         return RCL_RET_OK if result == RCL_RET_SUBSCRIPTION_TAKE_FAILED else result
 
     cdef void _take_message(self, size_t index) noexcept nogil:
-        cdef bint due = False
+        cdef bint needs_report = False
         cdef bint handed_over = False
         cdef bint more = False
         lock_write(&self._engine_lock)
         if self._engine != NULL:
             batch_begin(&self._batch)
             more = batch_read_cdr(&self._batch, self._message.buffer, self._message.buffer_length)
-            due = not more
+            needs_report = not more
             if more:
                 self._keep_for_jump()
         while more and self._engine != NULL:
-            more = take_some(self._engine, &self._batch)
-            due = self._batch.needs_report
+            more = insert_some(self._engine, &self._batch)
+            needs_report = self._batch.needs_report
             # A fork, or the end of the buffer, waits for one slice only.
             unlock_write(&self._engine_lock)
             lock_write(&self._engine_lock)
         unlock_write(&self._engine_lock)
-        if due:
+        if needs_report:
             handed_over = self._report(index)
         if not handed_over:
             arrivals_count(self._counts, self._sources[index].number)
 
     cdef void _keep_for_jump(self) noexcept nogil:
-        # Where time is simulated, a message of a restarted recording may overtake the clock's jump.
+        # Where time is simulated, a message of a restarted recording may arrive before the jump of the clock.
         cdef c_bool simulated = False
         cdef int64_t now_ns
         if self._batch.is_static or self._clock == NULL:
@@ -362,7 +362,7 @@ cdef class Receiver:
         if rcl_clock_get_now(self._clock, &now_ns) == RCL_RET_OK:
             journal_keep(&self._journal, now_ns, self._message.buffer, self._message.buffer_length)
 
-    cdef void _give_back(self) noexcept nogil:
+    cdef void _release_memory(self) noexcept nogil:
         batch_free(&self._batch)
         message_free(&self._message)
         message_init(&self._message)
@@ -380,7 +380,7 @@ cdef class Receiver:
             else:
                 engine.report(&self._batch, later)
         except BaseException:
-            # No memory, mostly; the next message may fare better.
+            # Usually for lack of memory; the next message may succeed.
             if engine._throttle.passes("receiver"):
                 log._logger().error(f"While transforms came in: {traceback.format_exc()}")
         return bool(later) and self._hand_over(later)

@@ -43,9 +43,12 @@ cdef uintptr_t handle_pointer(object handle) except? 0:
 
 
 cdef bint called_by_own_loop() except -1:
+    return is_below_own_loop(sys._getframe())
+
+
+cpdef bint is_below_own_loop(frame) except -1:
     # Assumes that all frames between an executor's loop and the waitable are of the files in OWN_LOOPS. Where
     # that does not hold, the answer is False: the executor then wakes for each message, as for a subscription.
-    frame = sys._getframe()
     while frame is not None:
         code = frame.f_code
         loops = OWN_LOOPS.get(code.co_filename)
@@ -60,8 +63,3 @@ cdef bint called_by_own_loop() except -1:
 def one_guard_condition():
     """The number of entities that is added in each round; for tests."""
     return ONE_GUARD_CONDITION
-
-
-def is_called_by_own_loop():
-    """Whether an executor's own loop called the caller; for tests."""
-    return called_by_own_loop()

@@ -9,17 +9,17 @@ from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 
-from tf2_ros._forking import keep_for_ever, tell_of_fork
+from tf2_ros._forking import keep_for_ever, register_for_fork
 
 __all__ = ["Handoff"]
 
 
 class Handoff:
     """
-    Hands things to ``take``, which the node's executor calls: one thing at a time, in the order they came.
+    Hands things to ``take``, which the node's executor calls: one at a time, in the order of :meth:`put`.
 
     :param node: whoever spins it runs ``take``.
-    :param take: called with each thing. What it raises goes to whoever spins; the things behind are not lost.
+    :param take: called with each thing. What it raises is raised by the spin; the things behind are not lost.
     :param group: a mutually exclusive callback group. None: one of its own.
     """
 
@@ -29,15 +29,15 @@ class Handoff:
         self._node = node
         self._take = take
         self._things: deque[Any] = deque()
-        # One that a signal handler or a finaliser may take again, in the middle of something.
+        # Reentrant: a signal handler or a finalizer may close this while its thread is inside.
         self._closing = threading.RLock()
         self._closed = False
         own: CallbackGroup = MutuallyExclusiveCallbackGroup() if group is None else group
         self._guard = node.create_guard_condition(self._run, own)
-        tell_of_fork(self)
+        register_for_fork(self)
 
     def put(self, thing: Any) -> None:
-        """Hand a thing over, from any thread; without effect when this is closed, or the node gone."""
+        """Hand a thing over, from any thread; without effect once this is closed or the node destroyed."""
         self._things.append(thing)
         self._wake()
 
@@ -76,7 +76,7 @@ class Handoff:
             self._things.clear()
 
     def _run(self) -> None:
-        # No more than there are now: what is added meanwhile must not keep others from their turn.
+        # No more than there are now: what is added meanwhile must not delay other callbacks of the executor.
         for _ in range(len(self._things)):
             try:
                 thing = self._things.popleft()

@@ -4,7 +4,7 @@ from collections import deque
 from contextlib import suppress
 from typing import Any
 
-from tf2_ros._wait.waiting import WakingFuture
+from tf2_ros._wait.waking_future import WakingFuture
 
 __all__ = ["MessageStream"]
 
@@ -13,12 +13,12 @@ class MessageStream:
     """
     An asynchronous iterator over things that another thread puts in; ends, when closed, after the last.
 
-    Each thing goes to one of those that iterate.
+    If several iterate, each thing is given to one of them.
     """
 
     def __init__(self) -> None:
         self._things: deque[Any] = deque()
-        # Never replaced: whoever is about to be added must be found.
+        # Never replaced: one that is about to be added must be found.
         self._awaiting: deque[WakingFuture] = deque()
         self._closed = False
 
@@ -37,21 +37,21 @@ class MessageStream:
 
     async def __anext__(self) -> Any:
         while True:
-            news = WakingFuture()
-            # First this, then a look: whoever puts something in does it the other way round.
-            self._awaiting.append(news)
+            arrival = WakingFuture()
+            # First this, then the check: `put` does it the other way round.
+            self._awaiting.append(arrival)
             try:
                 return self._things.popleft()
             except IndexError:
                 if self._closed:
                     raise StopAsyncIteration from None
-                await news
+                await arrival
             finally:
                 with suppress(ValueError):  # it was woken
-                    self._awaiting.remove(news)
+                    self._awaiting.remove(arrival)
 
     def _wake(self) -> None:
-        # All of them: one alone might be just leaving. Those that come later see for themselves.
+        # All of them: a single one may be about to leave. Those that are added later check by themselves.
         for _ in range(len(self._awaiting)):
             with suppress(IndexError):  # one has left
                 self._awaiting.popleft().set_result(None)

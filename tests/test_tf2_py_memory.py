@@ -62,6 +62,7 @@ def actions(buffer):
         "yaml": buffer.all_frames_as_yaml,
         "chain": lambda: buffer._chain("map", at(1), "base", at(1), "odom"),
         "names": buffer._getFrameStrings,
+        "pending waits": lambda: (buffer._wait("map", "base", at(5)), buffer._pending_waits()),
         "statistics": buffer.statistics,
     }
 

@@ -22,7 +22,7 @@ def buffer(tf2_py):
 
 @pytest.fixture
 def layout():
-    from tf2_py._objects.messages import Layout
+    from tf2_py._objects.layout import Layout
 
     return Layout
 

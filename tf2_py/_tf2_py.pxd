@@ -13,5 +13,6 @@ cdef class BufferCore(Engine):
     cdef int _lookup_or_raise(self, const Query* query, Transform* out, int64_t* stamp_ns) except -1
     cdef int _transform_at(self, target_frame, source_frame, int64_t time_ns, Transform* out) except -1
     cdef int _lookup_series(self, Query* query, const TimeSeries* series) except -1
+    cdef int64_t _common_time(self, target_frame, source_frame) except? -1
     cdef tuple _can(self, const Query* query)
     cdef list _frames_between(self, target_frame, source_frame, int64_t time_ns)

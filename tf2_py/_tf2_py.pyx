@@ -5,39 +5,26 @@ from libc.stdint cimport int64_t, uint32_t
 from libc.string cimport memset
 
 from tf2_py._core.geometry cimport vector_rotate
-from tf2_py._core.lock cimport lock_read, unlock_read
-from tf2_py._core.lookup cimport Query, query_end_frames, query_fixed_frame, query_is_identity
-from tf2_py._core.names cimport NAME_UNKNOWN, names_find
-from tf2_py._core.series cimport TimeSeries, series_lookup
-from tf2_py._core.tree cimport Limits, Tree, tree_bytes, tree_check
+from tf2_py._core.lookup cimport Query
+from tf2_py._core.series cimport TimeSeries
+from tf2_py._core.tree cimport Limits
 from tf2_py._core.twist cimport twist_between
-from tf2_py._core.types cimport (
-    NO_FRAME,
-    REFUSAL_KINDS,
-    STATUS_BAD_FIXED,
-    STATUS_LOOP,
-    STATUS_OK,
-    STATUS_UNCONNECTED,
-    FrameId,
-    Status,
-    Transform,
+from tf2_py._core.types cimport STATUS_LOOP, STATUS_OK, STATUS_UNCONNECTED, Status, Transform
+from tf2_py._core.walk cimport Path
+from tf2_py._engine.engine cimport DEFAULT_CACHE_TIME_NS, Engine
+from tf2_py._engine.wait cimport Wait
+from tf2_py._objects.arguments cimport (
+    query_fill,
+    query_fill_full,
+    query_fill_series,
+    query_frames,
+    query_time,
 )
-from tf2_py._core.waiters cimport waiters_check
-from tf2_py._core.walk cimport Path, walk_common_time, walk_lookup
-from tf2_py._engine.engine cimport DEFAULT_CACHE_TIME_NS, Engine, Wait
-from tf2_py._engine.snapshot cimport snapshot_frames, snapshot_names
-from tf2_py._objects.arguments cimport query_fill, query_fill_full, query_time
-from tf2_py._objects.messages cimport (
-    duration_to_ns,
-    name_utf8,
-    new_time,
-    new_transform_stamped,
-    read_transform_stamped,
-    time_to_ns,
-)
+from tf2_py._objects.messages cimport name_utf8, new_transform_stamped, read_transform_stamped
+from tf2_py._objects.times cimport nanoseconds, new_time
 from tf2_py._wire.batch cimport Batch, Entry, batch_free, batch_read_cdr, batch_reserve
 
-from tf2_py._objects import errors, listings, log
+from tf2_py._objects import errors, listings
 from tf2_py._objects.arrays import as_points, as_times_ns, new_rows
 # Programs catch them by the name of tf2's extension module, too.
 from tf2_py._objects.errors import (
@@ -88,7 +75,7 @@ cdef class BufferCore(Engine):
         limits.bytes = limit("max_bytes", max_bytes)
         limits.waiters = limit("max_waiters", max_waiters)
         if cache_time is not None:
-            cache_time_ns = duration_to_ns(cache_time)
+            cache_time_ns = nanoseconds(cache_time, "cache_time")
         if cache_time_ns < 0:
             raise ValueError(f"cache_time must not be negative, it is {errors.seconds(cache_time_ns)} s")
         self.start_over(cache_time_ns, &limits)
@@ -258,7 +245,7 @@ cdef class BufferCore(Engine):
         translations_array, rotations_array = new_rows(series.count, 3), new_rows(series.count, 4)
         if on_missing not in ("raise", "nan"):
             raise ValueError(f"on_missing must be 'raise' or 'nan', not {on_missing!r}")
-        _fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
+        query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
         if series.count:
             translations, rotations = translations_array, rotations_array
             series.times_ns = &times_ns[0]
@@ -290,7 +277,7 @@ cdef class BufferCore(Engine):
         if len(rows_array) != series.count:
             raise ValueError(f"{len(rows_array)} points, {series.count} times: each point needs its own time")
         carried_array = new_rows(series.count, 3)
-        _fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
+        query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
         if series.count:
             rows, carried = rows_array, carried_array
             series.times_ns = &times_ns[0]
@@ -305,22 +292,11 @@ cdef class BufferCore(Engine):
     cdef int _lookup_series(self, Query* query, const TimeSeries* series) except -1:
         cdef Py_ssize_t answered
         cdef Status status
-        cdef FrameId target, source
-        lock_read(&self._lock)
-        status = query_end_frames(&self._tree, query, &target, &source)
-        if query_is_identity(query):
-            status.code = STATUS_OK
-        elif status.code == STATUS_OK and query.fixed != NULL:
-            if query_fixed_frame(&self._tree, query) == NO_FRAME:
-                status.code = STATUS_BAD_FIXED
-        unlock_read(&self._lock)
-        if status.code != STATUS_OK:
-            raise self.error(query, status)
         with nogil:
-            answered = series_lookup(&self._tree, &self._lock, query, series, &status)
+            answered = self.lookup_series(query, series, &status)
         if answered < series.count:
             error = self.error(query, status)
-            raise type(error)(f"times[{answered}]: {error}")
+            raise error if answered < 0 else type(error)(f"times[{answered}]: {error}")
         return 0
 
     def can_transform_core(self, target_frame, source_frame, time):
@@ -342,21 +318,16 @@ cdef class BufferCore(Engine):
         :return: an ``rclpy.time.Time`` of clock type ``SYSTEM_TIME``.
         :raises TransformException: there is no path between the frames.
         """
+        return new_time(self._common_time(target_frame, source_frame))
+
+    cdef int64_t _common_time(self, target_frame, source_frame) except? -1:
         cdef Query query
-        cdef Path path
         cdef int64_t common_ns = 0
-        cdef FrameId target, source
         cdef Status status
-        query.target = name_utf8(target_frame, &query.target_size)
-        query.source = name_utf8(source_frame, &query.source_size)
-        query.fixed = NULL
-        lock_read(&self._lock)
-        status = query_end_frames(&self._tree, &query, &target, &source)
+        query_frames(&query, target_frame, source_frame)
+        status = self.common_time(&query, &common_ns)
         if status.code == STATUS_OK:
-            status = walk_common_time(&self._tree, target, source, &path, &common_ns)
-        unlock_read(&self._lock)
-        if status.code == STATUS_OK:
-            return new_time(common_ns)
+            return common_ns
         error = self.error(&query, status, "get_latest_common_time")
         if status.code == STATUS_UNCONNECTED or status.code == STATUS_LOOP:
             raise errors.TransformException(str(error))
@@ -389,8 +360,8 @@ cdef class BufferCore(Engine):
         Angular: the rotation vector between the two poses over the time between them. Linear: the chord
         of the origin over that time, plus angular x (reference point - origin).
         """
-        cdef int64_t time_ns = max(query_time(time), 1)     # a lookup would take 0 for "latest"
-        cdef int64_t interval_ns = duration_to_ns(averaging_interval)
+        cdef int64_t time_ns = max(query_time(time, "time"), 1)     # a lookup would take 0 for "latest"
+        cdef int64_t interval_ns = nanoseconds(averaging_interval, "averaging_interval")
         cdef int64_t start_ns, end_ns, common_ns
         cdef Transform start, end, origin, point_frame, reference
         cdef double point[3]
@@ -400,7 +371,7 @@ cdef class BufferCore(Engine):
         if interval_ns < 0:
             raise ValueError("averaging_interval must not be negative")
         point[0], point[1], point[2] = reference_point
-        common_ns = time_to_ns(self.get_latest_common_time(observation_frame, tracking_frame))
+        common_ns = self._common_time(observation_frame, tracking_frame)
         start_ns = max(time_ns - interval_ns // 2, 1)
         end_ns = time_ns + (interval_ns - interval_ns // 2)
         if common_ns and end_ns > common_ns:
@@ -425,9 +396,7 @@ cdef class BufferCore(Engine):
     cdef int _transform_at(self, target_frame, source_frame, int64_t time_ns, Transform* out) except -1:
         cdef Query query
         cdef int64_t stamp_ns
-        query.target = name_utf8(target_frame, &query.target_size)
-        query.source = name_utf8(source_frame, &query.source_size)
-        query.fixed = NULL
+        query_frames(&query, target_frame, source_frame)
         query.source_ns = time_ns
         return self._lookup_or_raise(&query, out, &stamp_ns)
 
@@ -450,8 +419,16 @@ cdef class BufferCore(Engine):
             query_fill(&query, target_frame, source_frame, time)
         else:
             query_fill_full(&query, target_frame, target_time, source_frame, time, fixed_frame)
-        wait._begin(self, (target_frame, source_frame, fixed_frame), &query, notify)
+        wait.begin(self, (target_frame, source_frame, fixed_frame), &query, notify)
         return wait
+
+    def _pending_waits(self, size_t most=1000):
+        """
+        One line for each pending wait, at most so many: what it waits for, and what it lacks now.
+
+        For debugging. Names are escaped as in errors. Inserts wait while up to ``most`` pointers are copied.
+        """
+        return [wait.lacks() for wait in self.pending(most)]
 
     # What is known.
 
@@ -461,11 +438,11 @@ cdef class BufferCore(Engine):
 
         Beyond 1024 frames they need not be of one moment: others use the buffer meanwhile.
         """
-        return listings.as_yaml(snapshot_frames(&self._tree, &self._lock))
+        return listings.as_yaml(self.frames())
 
     def all_frames_as_string(self):
         """One sentence for each frame that was ever a child; otherwise as :meth:`all_frames_as_yaml`."""
-        return listings.as_string(snapshot_frames(&self._tree, &self._lock))
+        return listings.as_string(self.frames())
 
     def _allFramesAsDot(self, time=None):
         """
@@ -473,47 +450,36 @@ cdef class BufferCore(Engine):
 
         Otherwise as :meth:`all_frames_as_yaml`.
         """
-        cdef int64_t time_ns = 0 if time is None else time_to_ns(time)
-        return listings.as_dot(snapshot_frames(&self._tree, &self._lock), time_ns)
+        cdef int64_t time_ns = 0 if time is None else nanoseconds(time, "time")
+        return listings.as_dot(self.frames(), time_ns)
 
     def _frameExists(self, name):
         """Whether the name was ever a parent or a child."""
         cdef Py_ssize_t size
         cdef const char* text = name_utf8(name, &size)
-        cdef bint known
-        lock_read(&self._lock)
-        known = names_find(&self._tree.names, text, size) != NAME_UNKNOWN
-        unlock_read(&self._lock)
-        return known
+        return self.knows_frame(text, size)
 
     def _getFrameStrings(self):
         """Every frame name, in the order in which they came."""
-        return snapshot_names(&self._tree, &self._lock, None)[1:]
+        return self.frame_names(None)[1:]
 
     def _chain(self, target_frame, target_time, source_frame, source_time, fixed_frame):
         """The frames from source up to the common ancestor and down to target, each once."""
         cdef list chain = []
-        cdef int64_t source_ns = query_time(source_time)
-        cdef int64_t target_ns = query_time(target_time)
+        cdef int64_t source_ns = query_time(source_time, "source_time")
+        cdef int64_t target_ns = query_time(target_time, "target_time")
         _extend_chain(chain, self._frames_between(fixed_frame, source_frame, source_ns))
         _extend_chain(chain, self._frames_between(target_frame, fixed_frame, target_ns))
-        return snapshot_names(&self._tree, &self._lock, chain)
+        return self.frame_names(chain)
 
     cdef list _frames_between(self, target_frame, source_frame, int64_t time_ns):
         cdef Query query
         cdef Path path
-        cdef FrameId target, source
         cdef Status status
-        cdef int64_t stamp_ns
         cdef uint32_t i
-        query.target = name_utf8(target_frame, &query.target_size)
-        query.source = name_utf8(source_frame, &query.source_size)
-        query.fixed = NULL
-        lock_read(&self._lock)
-        status = query_end_frames(&self._tree, &query, &target, &source)
-        if status.code == STATUS_OK:
-            status = walk_lookup(&self._tree, target, source, time_ns, &path, NULL, &stamp_ns)
-        unlock_read(&self._lock)
+        query_frames(&query, target_frame, source_frame)
+        query.source_ns = time_ns
+        status = self.find_path(&query, &path)
         if status.code != STATUS_OK:
             raise self.error(&query, status)
         return ([path.source[i] for i in range(path.source_hops)]
@@ -527,33 +493,11 @@ cdef class BufferCore(Engine):
         :return: a dict: ``taken`` transforms, ``refused`` by reason, ``frames`` and ``samples`` held,
             ``bytes`` allocated for them, ``waiters``, ``waits_refused``, ``malformed_messages``.
         """
-        cdef Tree tree
-        cdef size_t size
-        cdef uint32_t bit, waiters
-        lock_read(&self._lock)
-        tree = self._tree
-        waiters = self._waiters.count
-        size = tree_bytes(&self._tree)
-        unlock_read(&self._lock)
-        return {
-            "taken": tree.taken,
-            "refused": {log.REFUSALS[bit][1]: tree.refused[bit] for bit in range(REFUSAL_KINDS)},
-            "frames": tree.names.count - 1,
-            "samples": tree.samples,
-            "bytes": size,
-            "waiters": waiters,
-            "waits_refused": self._waits_refused,
-            "malformed_messages": self._malformed,
-        }
+        return self.counts()
 
     def _self_check(self):
         """Walk every ring and the tree; AssertionError names an invariant that does not hold."""
-        cdef const char* problem
-        lock_read(&self._lock)
-        problem = tree_check(&self._tree)
-        if problem == NULL:
-            problem = waiters_check(&self._waiters, &self._tree)
-        unlock_read(&self._lock)
+        cdef const char* problem = self.check()
         if problem != NULL:
             raise AssertionError(problem.decode())
 
@@ -564,15 +508,3 @@ cdef _extend_chain(list chain, frames):
         if frame in chain:
             del chain[chain.index(frame):]
         chain.append(frame)
-
-
-cdef int _fill_series(Query* query, target_frame, source_frame, fixed_frame, target_time) except -1:
-    if (fixed_frame is None) != (target_time is None):
-        raise TypeError("fixed_frame and target_time go together: both or neither")
-    query.target = name_utf8(target_frame, &query.target_size)
-    query.source = name_utf8(source_frame, &query.source_size)
-    query.fixed = NULL
-    if fixed_frame is not None:
-        query.fixed = name_utf8(fixed_frame, &query.fixed_size)
-        query.target_ns = query_time(target_time)
-    return 0

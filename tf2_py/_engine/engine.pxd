@@ -1,21 +1,17 @@
-"""The tree behind its lock, with whoever waits for it."""
+"""The tree behind its lock, with the waiters for it."""
 
-cimport cython
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t
 
 from tf2_py._core.forking cimport ForkedLock
 from tf2_py._core.lock cimport Lock
 from tf2_py._core.lookup cimport Query
+from tf2_py._core.series cimport TimeSeries
 from tf2_py._core.tree cimport Limits, Tree
 from tf2_py._core.types cimport Status, Transform
 from tf2_py._core.waiters cimport Waiter, WaiterList, Waiters
+from tf2_py._core.walk cimport Path
 from tf2_py._wire.batch cimport Batch
-
-
-cdef extern from "<semaphore.h>" nogil:
-    ctypedef struct sem_t:
-        pass
 
 
 cdef extern from *:
@@ -31,7 +27,18 @@ cdef enum:
     SLICE = 64      # what is done under one lock, in inserts of one transform: some tens of microseconds
 
 
+cdef class WaiterOwner:
+    # The base of what waits with a Waiter. It holds its engine, and removes the waiter before it is
+    # destroyed.
+    # Called once, with the GIL and without the lock, when the waiter is answered and has left. Returns what
+    # would run a user's code, to be called later, or None.
+    cdef object deliver(self)
+    # One line: what it waits for, and what it lacks at the moment.
+    cpdef str lacks(self)
+
+
 cdef class Engine:
+    # Nothing outside this class takes `_lock`, or reads or writes `_tree` and `_waiters`.
     cdef Tree _tree                     # with the waiters, read and written under _lock only
     cdef Waiters _waiters
     cdef Lock _lock
@@ -41,41 +48,53 @@ cdef class Engine:
     cdef unsigned long long _waits_refused  # likewise
     cdef list _observers                # called after every insert; changed with the GIL, counted without
 
-    # Takes a slice of what a begun batch holds; whether more is left. Where `batch.needs_report` is set
-    # after the last one, `report` is due, with the GIL and while the batch and its names are still there.
+    # Inserting. `insert_some` inserts a slice of a begun batch and returns whether more is left. Where
+    # `batch.needs_report` is set after the last one, `report` is due, with the GIL and while the batch and
+    # its names still exist. `insert` does the same with the whole batch; what takes longer than one slice
+    # lets other threads run.
     cdef bint insert_some(self, Batch* batch) noexcept nogil
-    # The same of the whole batch. What takes longer than one slice lets other threads run.
     cdef void insert(self, Batch* batch)
-    # `later`: a list of what would run a user's code, for the caller to hand over; None: it runs at once.
+    # `later`: a list that receives what would run a user's code, for the caller to hand over; None: it runs
+    # at once.
     cdef int report(self, Batch* batch, list later) except -1
-    # Counts a message that could not be read, and makes the ValueError that says why. `size`: its bytes.
-    cdef object malformed(self, const Batch* batch, size_t size)
+    # Counts a message that could not be read, and returns the ValueError that says why. `size`: its bytes.
+    # With a topic, logs the error as well.
+    cdef object malformed(self, const Batch* batch, size_t size, str topic=*)
+    # Removes every dynamic transform.
     cdef int forget(self) except -1
-    # As if newly made; whoever waits goes on waiting.
+    # As if newly made; pending waits go on.
     cdef int start_over(self, int64_t cache_time_ns, const Limits* limits) except -1
-    # `out` NULL only asks whether there is an answer.
+
+    # Looking up. `out` NULL only asks whether there is an answer.
     cdef Status lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil
+    # As series_lookup; -1 where the lookup fails whatever the time.
+    cdef Py_ssize_t lookup_series(self, const Query* query, const TimeSeries* series,
+                                  Status* status) noexcept nogil
+    # Both of the simple lookup only; the path is that at `query.source_ns`.
+    cdef Status common_time(self, const Query* query, int64_t* common_ns) noexcept nogil
+    cdef Status find_path(self, const Query* query, Path* path) noexcept nogil
     # The exception for a status; `call` is what it says was called.
     cdef object error(self, const Query* query, Status status, str call=*)
+
+    # Waiting. The status is that of the first attempt; raises where there are too many waiters.
+    cdef int add_waiter(self, Waiter* waiter, Status* status) except -1
+    # Returns whether it was pending. Without effect on one that was removed before.
+    cdef bint remove_waiter(self, Waiter* waiter) noexcept nogil
+    # The owners of at most `most` pending waiters.
+    cdef list pending(self, size_t most)
+    # What a wait for a lookup lacks now, in words.
+    cdef str lack(self, const Query* query)
+
+    # Listing, as snapshot_frames and snapshot_names.
+    cdef list frames(self)
+    cdef list frame_names(self, frames)
+    cdef bint knows_frame(self, const char* name, size_t size) noexcept nogil   # was ever a parent or child
+    cdef dict counts(self)              # see BufferCore.statistics
+    cdef const char* check(self) noexcept nogil     # NULL, or which invariant does not hold
+
     cdef int _log_refused(self, Batch* batch) except -1
     cdef void _insert_next(self, Batch* batch, uint32_t authority) noexcept nogil
-    # The first of the errors that came.
+    # Returns the first of the errors that were raised, or None.
     cdef object _deliver(self, WaiterList* ready, list later)
     cdef void _begin_to_wake_all(self, Batch* batch) noexcept nogil
     cdef int _wake_all(self, Batch* batch) except -1
-    cdef object _too_many_waiters(self)
-
-
-@cython.final
-@cython.no_gc_clear
-cdef class Wait:
-    # Waits for one lookup, from its making until it is answered, cancelled or dropped. The collector must not
-    # clear it: `_engine` is needed to leave.
-    cdef Waiter _waiter                 # under the engine's lock
-    cdef Engine _engine
-    cdef tuple _names                   # keeps the query's UTF-8 alive
-    cdef object _notify                 # called with the answer, or None: a thread blocks
-    cdef sem_t _woken                   # posted with the answer, where a thread blocks
-
-    cdef void _leave(self) noexcept nogil
-    cdef int _begin(self, Engine engine, tuple names, const Query* query, object notify) except -1

@@ -1,33 +1,41 @@
 """Owns what is done to the tree under its lock, and what follows from it outside the lock."""
 
-cimport cython
-from cpython.exc cimport PyErr_CheckSignals
 from libc.stddef cimport size_t
 from libc.stdint cimport SIZE_MAX, UINT32_MAX, int64_t, uint32_t, uint64_t
+from libc.stdlib cimport free, malloc
 from libc.string cimport memset
-from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
 
 from tf2_py._core.forking cimport FORK_INNER, fork_forget, fork_watch
 from tf2_py._core.lock cimport lock_free, lock_init, lock_read, lock_write, unlock_read, unlock_write
-from tf2_py._core.lookup cimport Query, query_answer
-from tf2_py._core.names cimport NAME_NO_MEMORY, name_for_log
+from tf2_py._core.lookup cimport (
+    Query,
+    query_answer,
+    query_end_frames,
+    query_fixed_frame,
+    query_is_identity,
+)
+from tf2_py._core.names cimport NAME_NO_MEMORY, NAME_UNKNOWN, name_for_log, names_find
+from tf2_py._core.series cimport TimeSeries, series_lookup
 from tf2_py._core.tree cimport (
     TREE_NO_MEMORY,
     Change,
     Limits,
     Tree,
     tree_authority,
+    tree_bytes,
+    tree_check,
     tree_clear,
     tree_free,
     tree_init,
     tree_insert,
 )
 from tf2_py._core.types cimport (
+    NO_FRAME,
+    REFUSAL_KINDS,
     STATUS_BAD_FIXED,
-    STATUS_BAD_SOURCE,
-    STATUS_BAD_TARGET,
     STATUS_EXTRAPOLATION,
     STATUS_OK,
+    FrameId,
     Incoming,
     Status,
     Transform,
@@ -36,16 +44,16 @@ from tf2_py._core.waiters cimport (
     PLACE_NONE,
     Waiter,
     WaiterList,
-    waiter_free,
     waiters_add,
+    waiters_check,
     waiters_free,
     waiters_remove,
     wake_begin,
     wake_step,
 )
-from tf2_py._engine.snapshot cimport snapshot_names
-from tf2_py._objects.lookup_errors cimport query_error
-from tf2_py._objects.messages cimport new_transform_stamped
+from tf2_py._core.walk cimport Path, walk_common_time, walk_lookup
+from tf2_py._engine.snapshot cimport snapshot_frames, snapshot_names
+from tf2_py._objects.lookup_errors cimport query_error, query_lack
 from tf2_py._objects.throttle cimport LINES_PER_MESSAGE, Throttle
 from tf2_py._wire.batch cimport Batch, Entry, batch_begin
 
@@ -55,21 +63,22 @@ cdef extern from "Python.h":
     ctypedef struct CPythonSized "PyVarObject":
         Py_ssize_t ob_size
 
-cdef extern from "<semaphore.h>" nogil:
-    int sem_init(sem_t* semaphore, int shared, unsigned int value)
-    int sem_destroy(sem_t* semaphore)
-    int sem_post(sem_t* semaphore)
-    int sem_clockwait(sem_t* semaphore, int clock, const timespec* deadline)
-
 NO_LIMITS.frames = NO_LIMITS.waiters = UINT32_MAX
 NO_LIMITS.bytes = SIZE_MAX
 
-# How often a blocked thread looks for signals and for the end of its context.
-cdef int64_t WAKE_CHECK_NS = 100 * <int64_t>1000000
+
+cdef class WaiterOwner:
+    """What a Waiter belongs to."""
+
+    cdef object deliver(self):
+        raise NotImplementedError
+
+    cpdef str lacks(self):
+        raise NotImplementedError
 
 
 cdef class Engine:
-    """What a BufferCore stands on."""
+    """The tree of a BufferCore, and all that is done to it under its lock."""
 
     def __cinit__(self, *args, **kwargs):
         if lock_init(&self._lock) != 0:
@@ -82,7 +91,7 @@ cdef class Engine:
 
     def __dealloc__(self):
         fork_forget(&self._forked)
-        # Nobody waits any more: every Wait holds its engine.
+        # No waiter is left: each owner holds its engine.
         waiters_free(&self._waiters)
         tree_free(&self._tree)
         lock_free(&self._lock)
@@ -177,21 +186,18 @@ cdef class Engine:
             log.not_logged(more)
         return 0
 
-    cdef object _too_many_waiters(self):
-        error = errors.too_many_waiters(self._tree.limits.waiters)
-        log.too_many_waiters(self._throttle, str(error))
-        return error
-
-    cdef object malformed(self, const Batch* batch, size_t size):
+    cdef object malformed(self, const Batch* batch, size_t size, str topic=None):
         self._malformed += 1
-        return ValueError(
+        error = ValueError(
             f"malformed TFMessage: {batch.problem.decode()}, at byte {batch.problem_at} of {size}"
         )
+        if topic is not None:
+            log.malformed(self._throttle, topic, str(error))
+        return error
 
     cdef object _deliver(self, WaiterList* ready, list later):
-        # One by one: what is called may insert, wait or cancel. Whatever one of them raises, all are served.
+        # One at a time: what is called may insert, wait or cancel. All are served, whatever one raises.
         cdef Waiter* waiter
-        cdef Wait wait
         error = None
         while True:
             lock_write(&self._lock)
@@ -201,10 +207,9 @@ cdef class Engine:
             unlock_write(&self._lock)
             if waiter == NULL:
                 return error
-            # Still there: a Wait leaves under the lock and with the GIL, before it goes.
-            wait = <Wait>waiter.owner
+            # The owner still exists: it removes its waiter under the lock, and with the GIL, before it goes.
             try:
-                rest = wait._notify(wait.answer)
+                rest = (<WaiterOwner>waiter.owner).deliver()
                 if rest is None:
                     continue
                 if later is None:
@@ -224,7 +229,7 @@ cdef class Engine:
         cdef Batch batch
         lock_write(&self._lock)
         tree_clear(&self._tree)
-        # Less data may end a loop; and what the others lack is no longer what they are filed under.
+        # Less data may end a loop, and what the waiters lack is no longer what they are filed under.
         self._begin_to_wake_all(&batch)
         unlock_write(&self._lock)
         return self._wake_all(&batch)
@@ -240,7 +245,7 @@ cdef class Engine:
         lock_write(&self._lock)
         old = self._tree
         self._tree = empty
-        # They are filed under the old tree's frames.
+        # The waiters are filed under the old tree's frames.
         self._begin_to_wake_all(&batch)
         unlock_write(&self._lock)
         with nogil:
@@ -249,7 +254,7 @@ cdef class Engine:
         return self._wake_all(&batch)
 
     cdef void _begin_to_wake_all(self, Batch* batch) noexcept nogil:
-        # As if a transform had come that may help everybody. With the lock held.
+        # As after an insert that may complete every waiter. With the lock held.
         batch.count = 0
         batch_begin(batch)
         batch.wake.change.everything = True
@@ -273,143 +278,158 @@ cdef class Engine:
         unlock_read(&self._lock)
         return status
 
+    cdef Py_ssize_t lookup_series(self, const Query* query, const TimeSeries* series,
+                                  Status* status) noexcept nogil:
+        cdef FrameId target, source
+        lock_read(&self._lock)
+        status[0] = query_end_frames(&self._tree, query, &target, &source)
+        if query_is_identity(query):
+            status.code = STATUS_OK
+        elif status.code == STATUS_OK and query.fixed != NULL:
+            if query_fixed_frame(&self._tree, query) == NO_FRAME:
+                status.code = STATUS_BAD_FIXED
+        unlock_read(&self._lock)
+        if status.code != STATUS_OK:
+            return -1
+        return series_lookup(&self._tree, &self._lock, query, series, status)
+
+    cdef Status common_time(self, const Query* query, int64_t* common_ns) noexcept nogil:
+        cdef Path path
+        cdef FrameId target, source
+        cdef Status status
+        lock_read(&self._lock)
+        status = query_end_frames(&self._tree, query, &target, &source)
+        if status.code == STATUS_OK:
+            status = walk_common_time(&self._tree, target, source, &path, common_ns)
+        unlock_read(&self._lock)
+        return status
+
+    cdef Status find_path(self, const Query* query, Path* path) noexcept nogil:
+        cdef FrameId target, source
+        cdef Status status
+        cdef int64_t stamp_ns
+        lock_read(&self._lock)
+        status = query_end_frames(&self._tree, query, &target, &source)
+        if status.code == STATUS_OK:
+            status = walk_lookup(&self._tree, target, source, query.source_ns, path, NULL, &stamp_ns)
+        unlock_read(&self._lock)
+        return status
+
     cdef object error(self, const Query* query, Status status, str call="lookupTransform"):
         cdef str child = None
         cdef str parent = None
         if status.code == STATUS_EXTRAPOLATION:
-            ends = (status.child, status.parent)
-            child, parent = snapshot_names(&self._tree, &self._lock, ends)
+            child, parent = self.frame_names((status.child, status.parent))
         return query_error(query, status, child, parent, call)
+
+    cdef int add_waiter(self, Waiter* waiter, Status* status) except -1:
+        cdef bint too_many
+        cdef uint32_t most
+        lock_write(&self._lock)
+        status[0] = waiters_add(&self._waiters, &self._tree, waiter)
+        most = self._tree.limits.waiters
+        too_many = status.code != STATUS_OK and self._waiters.count > most
+        if too_many:
+            waiters_remove(&self._waiters, waiter)
+        unlock_write(&self._lock)
+        if too_many:
+            self._waits_refused += 1
+            error = errors.too_many_waiters(most)
+            log.too_many_waiters(self._throttle, str(error))
+            raise error
+        return 0
+
+    cdef bint remove_waiter(self, Waiter* waiter) noexcept nogil:
+        cdef bint was_pending
+        lock_write(&self._lock)
+        was_pending = waiter.place != PLACE_NONE and not waiter.answered
+        waiters_remove(&self._waiters, waiter)
+        unlock_write(&self._lock)
+        return was_pending
+
+    cdef list pending(self, size_t most):
+        # With the lock held only pointers are copied. The owners still exist afterwards: the GIL is held all
+        # the time, and without it none is destroyed.
+        cdef void** owners = <void**>malloc((most + 1) * sizeof(void*))
+        cdef size_t count, i
+        if owners == NULL:
+            raise MemoryError
+        lock_read(&self._lock)
+        count = _copy_owners(&self._waiters.filed, owners, 0, most)
+        count = _copy_owners(&self._waiters.any, owners, count, most)
+        count = _copy_owners(&self._waiters.due, owners, count, most)
+        unlock_read(&self._lock)
+        try:
+            return [<object>owners[i] for i in range(count)]
+        finally:
+            free(owners)
+
+    cdef str lack(self, const Query* query):
+        cdef int64_t stamp_ns
+        cdef Status status = self.lookup(query, NULL, &stamp_ns)
+        child, = self.frame_names((status.child if status.code == STATUS_EXTRAPOLATION else NO_FRAME,))
+        return query_lack(query, status, child)
+
+    cdef list frames(self):
+        return snapshot_frames(&self._tree, &self._lock)
+
+    cdef list frame_names(self, frames):
+        return snapshot_names(&self._tree, &self._lock, frames)
+
+    cdef bint knows_frame(self, const char* name, size_t size) noexcept nogil:
+        cdef bint known
+        lock_read(&self._lock)
+        known = names_find(&self._tree.names, name, size) != NAME_UNKNOWN
+        unlock_read(&self._lock)
+        return known
+
+    cdef dict counts(self):
+        cdef Tree tree
+        cdef size_t size
+        cdef uint32_t bit, waiters
+        lock_read(&self._lock)
+        tree = self._tree
+        waiters = self._waiters.count
+        size = tree_bytes(&self._tree)
+        unlock_read(&self._lock)
+        return {
+            "taken": tree.taken,
+            "refused": {log.REFUSALS[bit][1]: tree.refused[bit] for bit in range(REFUSAL_KINDS)},
+            "frames": tree.names.count - 1,
+            "samples": tree.samples,
+            "bytes": size,
+            "waiters": waiters,
+            "waits_refused": self._waits_refused,
+            "malformed_messages": self._malformed,
+        }
+
+    cdef const char* check(self) noexcept nogil:
+        cdef const char* problem
+        lock_read(&self._lock)
+        problem = tree_check(&self._tree)
+        if problem == NULL:
+            problem = waiters_check(&self._waiters, &self._tree)
+        unlock_read(&self._lock)
+        return problem
+
+    @property
+    def cache_time_ns(self):
+        """How far each frame's history reaches back, in nanoseconds."""
+        cdef int64_t cache_time_ns
+        lock_read(&self._lock)
+        cache_time_ns = self._tree.cache_time_ns
+        unlock_read(&self._lock)
+        return cache_time_ns
+
+
+cdef size_t _copy_owners(const WaiterList* waiters, void** owners, size_t count, size_t most) noexcept nogil:
+    cdef const Waiter* waiter = waiters.first
+    while waiter != NULL and count < most:
+        owners[count] = waiter.owner
+        count += 1
+        waiter = waiter.after
+    return count
 
 
 cdef inline bint _is_filled(void* objects) noexcept nogil:
     return (<CPythonSized*>objects).ob_size > 0
-
-
-cdef bint _post(Waiter* waiter) noexcept nogil:
-    # To a blocked thread the answer is delivered without the GIL.
-    sem_post(<sem_t*>waiter.woken)
-    return True
-
-
-cdef bint _leave_ready(Waiter* waiter) noexcept nogil:
-    return False
-
-
-cdef inline bint _is_invalid_name(const char* name, Py_ssize_t size) noexcept nogil:
-    # A name that no lookup will ever accept, whatever comes in.
-    return size == 0 or name[0] == b"/"
-
-
-cdef int64_t _now_ns() noexcept nogil:
-    cdef timespec now
-    clock_gettime(CLOCK_MONOTONIC, &now)
-    return now.tv_sec * <int64_t>1000000000 + now.tv_nsec
-
-
-@cython.final
-@cython.no_gc_clear
-cdef class Wait:
-    """The wait for one lookup. Engines make them; dropping the last reference ends the wait."""
-
-    def __cinit__(self):
-        sem_init(&self._woken, 0, 0)
-
-    def __init__(self):
-        raise TypeError("a Wait is made by BufferCore._wait()")
-
-    def __dealloc__(self):
-        if self._engine is not None:
-            self._leave()
-        waiter_free(&self._waiter)
-        sem_destroy(&self._woken)
-
-    cdef int _begin(self, Engine engine, tuple names, const Query* query, object notify) except -1:
-        cdef Status status
-        cdef bint too_many
-        self._names = names
-        self._notify = notify
-        self._waiter.query = query[0]
-        self._waiter.owner = <void*>self
-        self._waiter.woken = &self._woken
-        self._waiter.deliver = _post if notify is None else _leave_ready
-        self._engine = engine
-        lock_write(&engine._lock)
-        status = waiters_add(&engine._waiters, &engine._tree, &self._waiter)
-        too_many = status.code != STATUS_OK and engine._waiters.count > engine._tree.limits.waiters
-        if too_many:
-            waiters_remove(&engine._waiters, &self._waiter)
-        unlock_write(&engine._lock)
-        if too_many:
-            engine._waits_refused += 1
-            raise engine._too_many_waiters()
-        if status.code == STATUS_OK:
-            return 0
-        # Whatever else is missing, too: with such a name there will never be an answer.
-        if _is_invalid_name(query.target, query.target_size):
-            status.code = STATUS_BAD_TARGET
-        elif _is_invalid_name(query.source, query.source_size):
-            status.code = STATUS_BAD_SOURCE
-        elif query.fixed != NULL and _is_invalid_name(query.fixed, query.fixed_size):
-            status.code = STATUS_BAD_FIXED
-        else:
-            return 0
-        self._leave()
-        raise engine.error(query, status)
-
-    cdef void _leave(self) noexcept nogil:
-        lock_write(&self._engine._lock)
-        waiters_remove(&self._engine._waiters, &self._waiter)
-        unlock_write(&self._engine._lock)
-
-    @property
-    def answer(self):
-        """A new message of the answer, or None."""
-        if not self._waiter.answered:
-            return None
-        target, source, _ = self._names
-        return new_transform_stamped(&self._waiter.answer, self._waiter.stamp_ns, target, source)
-
-    def cancel(self):
-        """End the wait. Whether it was going on: False where the answer is there, or has been delivered."""
-        cdef bint waiting
-        lock_write(&self._engine._lock)
-        waiting = self._waiter.place != PLACE_NONE and not self._waiter.answered
-        waiters_remove(&self._engine._waiters, &self._waiter)
-        unlock_write(&self._engine._lock)
-        return waiting
-
-    def reason(self):
-        """What a lookup raises now: the exception, or None where it would answer."""
-        cdef int64_t stamp_ns
-        cdef Status status = self._engine.lookup(&self._waiter.query, NULL, &stamp_ns)
-        return None if status.code == STATUS_OK else self._engine.error(&self._waiter.query, status)
-
-    def wait_for(self, int64_t timeout_ns, alive):
-        """
-        Sleep, without the GIL, until the answer is there.
-
-        :param timeout_ns: nanoseconds of steady time.
-        :param alive: called now and then; False ends the wait.
-        :return: whether there is an answer. The wait is over in any case, also where a signal handler raises.
-        """
-        cdef int64_t deadline_ns = _now_ns() + timeout_ns
-        cdef int64_t until_ns
-        cdef timespec until
-        cdef int failed = 0
-        try:
-            while not self._waiter.answered:
-                if not alive():
-                    break
-                until_ns = min(deadline_ns, _now_ns() + WAKE_CHECK_NS)
-                until.tv_sec = until_ns // 1000000000
-                until.tv_nsec = until_ns % 1000000000
-                with nogil:
-                    failed = sem_clockwait(&self._woken, CLOCK_MONOTONIC, &until)
-                PyErr_CheckSignals()
-                if failed and until_ns >= deadline_ns and _now_ns() >= deadline_ns:
-                    break
-        finally:
-            self._leave()
-        # It may have come between the last sleep and leaving.
-        return self._waiter.answered

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from tf2_py._objects.times import time_ns
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -27,7 +29,7 @@ def as_times_ns(times: Any) -> np.ndarray:
         if not isinstance(times, Sequence) and not hasattr(times, "__array__"):
             raise TypeError(f"{wanted}, not {type(times).__name__}")
         if isinstance(times, Sequence) and len(times) and not _is_number(times[0]):
-            times = [_nanoseconds(time, wanted) for time in times]
+            times = _nanoseconds(times, wanted)
     try:
         array = np.asarray(times)
     except OverflowError as error:
@@ -51,12 +53,13 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float, np.number))
 
 
-def _nanoseconds(time: Any, wanted: str) -> int:
-    if hasattr(time, "nanoseconds"):
-        return time.nanoseconds
-    if hasattr(time, "sec") and hasattr(time, "nanosec"):
-        return time.sec * 1_000_000_000 + time.nanosec
-    raise TypeError(f"{wanted}; one of them is of type {type(time).__name__}")
+def _nanoseconds(times: Sequence[Any], wanted: str) -> list[int]:
+    try:
+        return [time_ns(time, f"times[{i}]") for i, time in enumerate(times)]
+    except TypeError as error:
+        raise TypeError(f"{wanted}: {error}") from None
+    except OverflowError as error:
+        raise ValueError(f"{wanted} that fit into 64 bits: {error}") from None
 
 
 def as_points(points: Any) -> tuple[np.ndarray, np.dtype]:

@@ -1,7 +1,10 @@
-"""Why a lookup has no answer, as an exception."""
+"""Why a lookup has no answer: as an exception, and as a sentence about a wait."""
 
 from tf2_py._core.lookup cimport Query
 from tf2_py._core.types cimport Status
 
-# The one place that turns a status into an exception; the names are those of status.child and status.parent.
+# The only function that makes an exception of a status; the names are those of status.child and
+# status.parent.
 cdef object query_error(const Query* query, Status status, str child, str parent, str call)
+# What a wait for the lookup waits for, and what it lacks; `child` is the name of status.child.
+cdef str query_lack(const Query* query, Status status, str child)

@@ -375,8 +375,7 @@ cdef class Receiver:
             return False
         try:
             if self._batch.problem != NULL:
-                error = engine.malformed(&self._batch, self._message.buffer_length)
-                log.malformed(engine._throttle, self._topics[index], str(error))
+                engine.malformed(&self._batch, self._message.buffer_length, self._topics[index])
             else:
                 engine.report(&self._batch, later)
         except BaseException:

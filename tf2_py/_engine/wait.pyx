@@ -1,0 +1,138 @@
+"""Owns the wait for one lookup: its answer as a message, and the thread that blocks until it comes."""
+
+cimport cython
+from cpython.exc cimport PyErr_CheckSignals
+from libc.stdint cimport int64_t
+from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
+
+from tf2_py._core.lookup cimport Query
+from tf2_py._core.types cimport STATUS_BAD_FIXED, STATUS_BAD_SOURCE, STATUS_BAD_TARGET, STATUS_OK, Status
+from tf2_py._core.waiters cimport Waiter, waiter_free
+from tf2_py._engine.engine cimport Engine, WaiterOwner
+from tf2_py._objects.messages cimport new_transform_stamped
+
+cdef extern from "<semaphore.h>" nogil:
+    int sem_init(sem_t* semaphore, int shared, unsigned int value)
+    int sem_destroy(sem_t* semaphore)
+    int sem_post(sem_t* semaphore)
+    int sem_clockwait(sem_t* semaphore, int clock, const timespec* deadline)
+
+# How often a blocked thread looks for signals and for the end of its context.
+cdef int64_t WAKE_CHECK_NS = 100 * <int64_t>1000000
+
+
+cdef bint _post(Waiter* waiter) noexcept nogil:
+    # To a blocked thread the answer is delivered without the GIL.
+    sem_post(<sem_t*>waiter.woken)
+    return True
+
+
+cdef bint _leave_ready(Waiter* waiter) noexcept nogil:
+    return False
+
+
+cdef inline bint _is_invalid_name(const char* name, Py_ssize_t size) noexcept nogil:
+    # A name that no lookup will ever accept, whatever is inserted.
+    return size == 0 or name[0] == b"/"
+
+
+cdef int64_t _now_ns() noexcept nogil:
+    cdef timespec now
+    clock_gettime(CLOCK_MONOTONIC, &now)
+    return now.tv_sec * <int64_t>1000000000 + now.tv_nsec
+
+
+@cython.final
+@cython.no_gc_clear
+cdef class Wait(WaiterOwner):
+    """The wait for one lookup. Engines make them; dropping the last reference ends the wait."""
+
+    def __cinit__(self):
+        sem_init(&self._woken, 0, 0)
+
+    def __init__(self):
+        raise TypeError("a Wait is made by BufferCore._wait()")
+
+    def __dealloc__(self):
+        if self._engine is not None:
+            self._engine.remove_waiter(&self._waiter)
+        waiter_free(&self._waiter)
+        sem_destroy(&self._woken)
+
+    cdef object deliver(self):
+        return self._notify(self.answer)
+
+    cdef int begin(self, Engine engine, tuple names, const Query* query, object notify) except -1:
+        cdef Status status
+        self._names = names
+        self._notify = notify
+        self._waiter.query = query[0]
+        self._waiter.owner = <void*>self
+        self._waiter.woken = &self._woken
+        self._waiter.deliver = _post if notify is None else _leave_ready
+        self._engine = engine
+        engine.add_waiter(&self._waiter, &status)
+        if status.code == STATUS_OK:
+            return 0
+        # Whatever else is missing, too: with such a name there will never be an answer.
+        if _is_invalid_name(query.target, query.target_size):
+            status.code = STATUS_BAD_TARGET
+        elif _is_invalid_name(query.source, query.source_size):
+            status.code = STATUS_BAD_SOURCE
+        elif query.fixed != NULL and _is_invalid_name(query.fixed, query.fixed_size):
+            status.code = STATUS_BAD_FIXED
+        else:
+            return 0
+        engine.remove_waiter(&self._waiter)
+        raise engine.error(query, status)
+
+    @property
+    def answer(self):
+        """A new message of the answer, or None."""
+        if not self._waiter.answered:
+            return None
+        target, source, _ = self._names
+        return new_transform_stamped(&self._waiter.answer, self._waiter.stamp_ns, target, source)
+
+    def cancel(self):
+        """End the wait. Returns whether it was pending: False where the answer is there, or was delivered."""
+        return self._engine.remove_waiter(&self._waiter)
+
+    def reason(self):
+        """What a lookup raises now: the exception, or None where it would answer."""
+        cdef int64_t stamp_ns
+        cdef Status status = self._engine.lookup(&self._waiter.query, NULL, &stamp_ns)
+        return None if status.code == STATUS_OK else self._engine.error(&self._waiter.query, status)
+
+    cpdef str lacks(self):
+        """One line for whoever debugs a wait that does not end: what it waits for, and what it lacks now."""
+        return self._engine.lack(&self._waiter.query)
+
+    def wait_for(self, int64_t timeout_ns, alive):
+        """
+        Sleep, without the GIL, until the answer is there.
+
+        :param timeout_ns: nanoseconds of steady time.
+        :param alive: called now and then; False ends the wait.
+        :return: whether there is an answer. The wait is over in any case, also where a signal handler raises.
+        """
+        cdef int64_t deadline_ns = _now_ns() + timeout_ns
+        cdef int64_t until_ns
+        cdef timespec until
+        cdef int failed = 0
+        try:
+            while not self._waiter.answered:
+                if not alive():
+                    break
+                until_ns = min(deadline_ns, _now_ns() + WAKE_CHECK_NS)
+                until.tv_sec = until_ns // 1000000000
+                until.tv_nsec = until_ns % 1000000000
+                with nogil:
+                    failed = sem_clockwait(&self._woken, CLOCK_MONOTONIC, &until)
+                PyErr_CheckSignals()
+                if failed and until_ns >= deadline_ns and _now_ns() >= deadline_ns:
+                    break
+        finally:
+            self._engine.remove_waiter(&self._waiter)
+        # The answer may have come between the last sleep and the removal.
+        return self._waiter.answered

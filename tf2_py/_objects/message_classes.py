@@ -1,0 +1,13 @@
+"""Owns which classes transforms are made of: those of ROS, or stand-ins where ROS is not installed."""
+
+# Imported with the first message that is read or made, not before.
+try:
+    from builtin_interfaces.msg import Time
+    from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
+    from std_msgs.msg import Header
+except ModuleNotFoundError as missing:
+    if missing.name not in ("builtin_interfaces", "geometry_msgs", "std_msgs"):
+        raise
+    from tf2_py._objects.standins import Header, Quaternion, Time, Transform, TransformStamped, Vector3
+
+__all__ = ["Header", "Quaternion", "Time", "Transform", "TransformStamped", "Vector3"]

@@ -38,7 +38,7 @@ from tf2_ros._tf2_names import (
     tf2_ros,
     threading,
 )
-from tf2_ros._times import duration_ns, timeout_ns
+from tf2_ros._times import optional_timeout_ns, timeout_ns
 from tf2_ros._wait.blocking import aliveness, wait_for_transform
 from tf2_ros._wait.lookup import Lookup
 from tf2_ros._wait.transform_future import TransformFuture
@@ -70,7 +70,6 @@ __all__ = [
     "threading",
 ]
 
-DEFAULT_CACHE_TIME_NS = 10 * 1_000_000_000  # of a BufferCore
 JUMP_BACK = Duration(seconds=-1)  # at least so far, and a buffer is cleared
 
 # The methods that insert transforms.
@@ -103,7 +102,6 @@ class Buffer(BufferCore, BufferInterface):
     ) -> None:
         BufferCore.__init__(self, cache_time, **limits)
         BufferInterface.__init__(self)
-        self._cache_time_ns = DEFAULT_CACHE_TIME_NS if cache_time is None else duration_ns(cache_time)
         self._node_context = None if node is None else node.context
         self.srv: Service | None = None
         self.clock: Clock = Clock() if node is None else node.get_clock()
@@ -214,7 +212,7 @@ class Buffer(BufferCore, BufferInterface):
         if timeout is not NO_TIMEOUT:
             if self.__is_replaced("can_transform_core"):
                 can_now = partial(self.can_transform_core, target_frame, source_frame, time)
-                poll_until(lambda: can_now()[0], duration_ns(timeout), aliveness(self.__context()))
+                poll_until(lambda: can_now()[0], timeout_ns(timeout), aliveness(self.__context()))
             elif self.__becomes_available(Lookup.simple(target_frame, source_frame, time), timeout):
                 return (True, "") if return_debug_tuple else True
         can, reason = self.can_transform_core(target_frame, source_frame, time)
@@ -246,7 +244,7 @@ class Buffer(BufferCore, BufferInterface):
                     source_time,
                     fixed_frame,
                 )
-                poll_until(lambda: can_now()[0], duration_ns(timeout), aliveness(self.__context()))
+                poll_until(lambda: can_now()[0], timeout_ns(timeout), aliveness(self.__context()))
             elif self.__becomes_available(
                 Lookup(target_frame, target_time, source_frame, source_time, fixed_frame), timeout
             ):
@@ -277,7 +275,7 @@ class Buffer(BufferCore, BufferInterface):
                 self,
                 partial(self.can_transform_core, *arguments),
                 partial(self.lookup_transform, *arguments),
-                timeout_ns(timeout),
+                optional_timeout_ns(timeout),
             )
         return TransformFuture(self, Lookup.simple(target_frame, source_frame, time), timeout)
 
@@ -303,7 +301,7 @@ class Buffer(BufferCore, BufferInterface):
                 self,
                 partial(self.can_transform_full_core, *arguments),
                 partial(self.lookup_transform_full_core, *arguments),
-                timeout_ns(timeout),
+                optional_timeout_ns(timeout),
             )
         lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame)
         return TransformFuture(self, lookup, timeout)
@@ -384,7 +382,7 @@ class Buffer(BufferCore, BufferInterface):
         return self._node_context or get_default_context()
 
     def __wait(self, lookup: Lookup, timeout: Duration) -> TransformStamped:
-        return wait_for_transform(self, lookup, duration_ns(timeout), self.__context())
+        return wait_for_transform(self, lookup, timeout_ns(timeout), self.__context())
 
     def __becomes_available(self, lookup: Lookup, timeout: Duration) -> bool:
         try:

@@ -34,7 +34,7 @@ from tf2_ros._tf2_names import (
     tf2_ros,
     warnings,
 )
-from tf2_ros._times import FOR_EVER, duration_msg, duration_ns, time_msg, timeout_ns
+from tf2_ros._times import FOR_EVER, duration_msg, optional_timeout_ns, time_msg, timeout_ns
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 
 # What `import *` gives from tf2's module.
@@ -237,9 +237,9 @@ class BufferClient(BufferInterface):
     def __process_goal(self, goal: Any) -> TransformStamped:
         sender = self._goal_sender
         if sender is None or self.action_client is not sender.action_client:
-            padding_ns = duration_ns(self.timeout_padding)
+            padding_ns = timeout_ns(self.timeout_padding)
             return self.__process_result(send_directly(self.action_client, goal, padding_ns))
-        pending = self._send(sender, goal, duration_ns(Duration.from_msg(goal.timeout)))
+        pending = self._send(sender, goal, timeout_ns(Duration.from_msg(goal.timeout)))
         done = threading.Event()
         pending.outcome.add_done_callback(lambda _: done.set())
         try:
@@ -262,14 +262,14 @@ class BufferClient(BufferInterface):
         if sender is None or self.action_client is not sender.action_client:
             goal.timeout = duration_msg(FOR_EVER if timeout is None else timeout)
             return self.__process_goal(goal)
-        pending = self._send(sender, goal, timeout_ns(timeout))
+        pending = self._send(sender, goal, optional_timeout_ns(timeout))
         try:
             return self.__process_result(_result_of(await pending.outcome, goal))
         finally:
             pending.abandon()
 
-    def _send(self, sender: GoalSender, goal: Any, timeout_ns: int | None) -> PendingGoal:
-        return sender.send(goal, timeout_ns, duration_ns(self.timeout_padding))
+    def _send(self, sender: GoalSender, goal: Any, lookup_ns: int | None) -> PendingGoal:
+        return sender.send(goal, lookup_ns, timeout_ns(self.timeout_padding))
 
 
 def _simple_goal(target_frame: str, source_frame: str, time: Any) -> Any:

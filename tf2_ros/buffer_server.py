@@ -21,7 +21,7 @@ from tf2_py import (
 )
 from tf2_py._objects.errors import bad_name
 from tf2_ros._qos import lookup_qos
-from tf2_ros._times import duration_ns
+from tf2_ros._times import timeout_ns
 from tf2_ros._wait.handoff import Handoff
 from tf2_ros._wait.lookup import Lookup
 from tf2_ros._wait.transform_future import TransformFuture
@@ -108,11 +108,11 @@ class BufferServer:
                 refused = Future()
                 refused.set_exception(bad_name(name, argument))
                 return refused
-        timeout_ns = duration_ns(goal.timeout)
+        wait_ns = timeout_ns(goal.timeout)
         future = Future()
         try:
-            if timeout_ns > 0:
-                return TransformFuture(self._buffer, lookup, Duration(nanoseconds=timeout_ns))
+            if wait_ns > 0:
+                return TransformFuture(self._buffer, lookup, Duration(nanoseconds=wait_ns))
             future.set_result(self._look_up_now(goal))
         except OverflowError as error:
             # Its seconds and nanoseconds add up to more than a stamp can be.

@@ -5,6 +5,7 @@ from typing import Any
 
 from tf2_py import BufferCore
 from tf2_ros._rclpy import context_check
+from tf2_ros._wait.long_waits import report_if_long
 from tf2_ros._wait.lookup import Lookup
 
 __all__ = ["aliveness", "wait_for_transform"]
@@ -39,8 +40,10 @@ def wait_for_transform(core: BufferCore, lookup: Lookup, timeout_ns: int, contex
         answer = wait.answer
         if answer is not None:
             return answer
+        report = report_if_long([wait])
         if wait.wait_for(timeout_ns, alive):
             return wait.answer
+        del report
         reason = wait.reason()
         if reason is not None:
             raise reason

@@ -11,9 +11,10 @@ from typing import Any
 from rclpy.time import Time
 
 from tf2_py import TransformException
+from tf2_py._objects.times import time_ns
 from tf2_ros._forking import register_for_fork
-from tf2_ros._times import NS_PER_S
 from tf2_ros._wait.deadlines import deadlines
+from tf2_ros._wait.long_waits import LongWait, report_if_long
 from tf2_ros._wait.lookup import Lookup
 from tf2_ros.buffer import Buffer
 
@@ -50,6 +51,7 @@ class _PendingMessage:
         "missing",  # the wait of each lookup that has no answer, by its index in `lookups`
         "number",
         "owner",
+        "report",
         "stamp",
         "stamp_ns",
     )
@@ -61,11 +63,12 @@ class _PendingMessage:
         # Without the slash that a buffer removes from the names of transforms, too.
         self.frame = message.header.frame_id.removeprefix("/")
         self.stamp = message.header.stamp
-        self.stamp_ns = self.stamp.sec * NS_PER_S + self.stamp.nanosec
+        self.stamp_ns = time_ns(self.stamp, "header.stamp")
         self.lookups: list[Lookup] = []
         self.missing: dict[int, Any] = {}
         self.attempt = 0
         self.answer: Any = None
+        self.report: LongWait | None = None
 
     def over(self) -> bool:
         """Whether it has ceased to wait."""
@@ -147,6 +150,7 @@ class PendingMessages:
             if pending.missing and self._is_out_the_back(pending):
                 self._drop(pending, FilterFailureReason.OUT_THE_BACK)
             elif pending.missing:
+                pending.report = report_if_long(pending.missing.values())
                 self._await(pending)
             # Those that were added before may have become too old while they waited.
             while self._pending and self._is_out_the_back(oldest := next(iter(self._pending.values()))):
@@ -232,7 +236,7 @@ class PendingMessages:
             except TransformException:
                 continue  # not connected yet
             # Every frame on the path now refuses data of this time.
-            if stamp_ns and newest_ns - self._buffer._cache_time_ns > stamp_ns:
+            if stamp_ns and newest_ns - self._buffer.cache_time_ns > stamp_ns:
                 return True
         return False
 

@@ -10,8 +10,9 @@ from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
 from tf2_ros._forking import LOCK
 from tf2_ros._rclpy import only_wakes_executor
 from tf2_ros._receive.receiver_thread import hand_over
-from tf2_ros._times import timeout_ns
+from tf2_ros._times import optional_timeout_ns
 from tf2_ros._wait.deadlines import deadlines
+from tf2_ros._wait.long_waits import LongWait, report_if_long
 from tf2_ros._wait.lookup import Lookup
 from tf2_ros._wait.waking_future import WakingFuture
 
@@ -41,7 +42,7 @@ class TransformFuture(WakingFuture):
 
     def __init__(self, core: BufferCore, lookup: Lookup, timeout: Any = None) -> None:
         super().__init__()
-        self.__timeout_ns = timeout_ns(timeout)
+        self.__timeout_ns = optional_timeout_ns(timeout)
         # How many were added by anything but an executor. Under LOCK they decide which thread completes this.
         self.__callbacks = 0
         # Inside `__end_with`, under LOCK; callbacks that wake are called after it, if they are due.
@@ -51,16 +52,22 @@ class TransformFuture(WakingFuture):
         self.__wakers: list[Callable[[Any], None]] = []
         self.__core: BufferCore | None = core
         self.__wait: Any = None
+        self.__report: LongWait | None = None
         try:
-            self.__wait = lookup.wait(core, _notify(weakref.ref(self)))
+            wait = self.__wait = lookup.wait(core, _notify(weakref.ref(self)))
         except InvalidArgumentException as error:
             self.__fail(error)
             return
-        answer = self.__wait.answer
+        # From here on, another thread may complete this at any time.
+        answer = wait.answer
         if answer is not None:
             self.succeed(answer)
-        elif self.__timeout_ns is not None:
+        if self.over():
+            self.__wait = self.__core = None
+            return
+        if self.__timeout_ns is not None:
             deadlines.add(time.monotonic_ns() + self.__timeout_ns, self)
+        self.__report = report_if_long([wait])
 
     def answered(self, answer: Any) -> Callable[[], None] | None:
         """Complete this, or return what completes it, because that runs callbacks."""
@@ -179,6 +186,7 @@ class TransformFuture(WakingFuture):
         except IndexError:
             return False
         wait, self.__wait, self.__core = self.__wait, None, None  # they hold the buffer
+        self.__report = None
         if wait is not None:
             wait.cancel()
         TransformFuture._kept_alive.discard(self)

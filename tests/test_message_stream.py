@@ -15,7 +15,7 @@ pytestmark = pytest.mark.ours
 def test_a_consumer_that_begins_to_wait_while_others_are_woken_is_woken_next():
     stream, awaiting = MessageStream(), MessageStream()._awaiting
     assert not awaiting
-    begin_to_wait = stream._awaiting.append  # as far as a thread has come that is interrupted here
+    begin_to_wait = stream._awaiting.append  # as a thread that is interrupted at this point
     stream.put("for another")
     assert stream._things.popleft() == "for another"
     woken = []

@@ -58,7 +58,7 @@ def handled(buffer):
 
 
 class TestOverTheNetwork:
-    def test_dynamic_transforms_come(self, tf2_ros, buffer, node, executor, peer):
+    def test_dynamic_transforms_arrive(self, tf2_ros, buffer, node, executor, peer):
         tf2_ros.TransformListener(buffer, node)
         peer().send(("map", "robot", 1 * S, 1), ("map", "robot", 2 * S, 3), ("robot", "arm", 2 * S, 1))
         until(knows(buffer, "arm"), executor)
@@ -68,13 +68,13 @@ class TestOverTheNetwork:
 
     def test_a_late_joiner_gets_static_transforms(self, tf2_ros, buffer, node, executor, peer):
         earlier = peer()
-        earlier.send_unheard(("map", "robot", 0, 1), static=True)
-        earlier.send_unheard(("robot", "arm", 0, 2), static=True)
+        earlier.send_without_subscriber(("map", "robot", 0, 1), static=True)
+        earlier.send_without_subscriber(("robot", "arm", 0, 2), static=True)
         tf2_ros.TransformListener(buffer, node)
         until(knows(buffer, "arm"), executor)
         assert x_of(buffer, "arm", time=at(12345)) == 3
 
-    def test_a_publisher_that_is_killed_may_come_back(self, tf2_ros, buffer, node, executor, peer):
+    def test_a_publisher_may_be_killed_and_started_again(self, tf2_ros, buffer, node, executor, peer):
         tf2_ros.TransformListener(buffer, node)
         first = peer()
         first.send(("map", "robot", 1 * S, 1))
@@ -86,7 +86,7 @@ class TestOverTheNetwork:
         second.send(("robot", "arm", 0, 2), static=True)
         until(lambda: x_of(buffer, "arm") == 9, executor)
 
-    def test_a_namespaced_node_hears_the_global_topics(self, tf2_ros, buffer, new_node, executor, peer):
+    def test_a_namespaced_node_receives_the_global_topics(self, tf2_ros, buffer, new_node, executor, peer):
         node = new_node("listening", namespace="/robot1")
         executor.add_node(node)
         listener = tf2_ros.TransformListener(buffer, node)
@@ -102,7 +102,7 @@ class TestOverTheNetwork:
         listener = tf2_ros.TransformListener(buffer, node)
         assert listener.tf_sub.topic_name == "/robot1/tf"
         ours, global_one = peer(*remapped), peer()
-        global_one.send_unheard(("map", "stranger", 1 * S, 1))
+        global_one.send_without_subscriber(("map", "stranger", 1 * S, 1))
         ours.send(("map", "robot", 1 * S, 1))
         ours.send(("robot", "arm", 0, 1), static=True)
         until(knows(buffer, "arm"), executor)
@@ -130,7 +130,7 @@ class TestOverTheNetwork:
 
     @pytest.mark.ours
     @pytest.mark.parametrize("own_class", [False, True])
-    def test_a_static_listener_hears_static_transforms_alone(
+    def test_a_static_listener_receives_static_transforms_alone(
         self, tf2_ros, buffer, node, executor, peer, own_class
     ):
         if own_class:
@@ -195,17 +195,17 @@ class TestOverTheNetwork:
         assert x_of(buffer, "new", time=at(start)) == 5
         assert not buffer.can_transform("map", "old", LATEST)
 
-    def test_a_callback_waits_for_what_another_thread_brings(self, tf2_ros, buffer, node, peer):
+    def test_a_callback_waits_for_what_another_thread_inserts(self, tf2_ros, buffer, node, peer):
         tf2_ros.TransformListener(buffer, node)
         executor, found = MultiThreadedExecutor(2), []
         executor.add_node(node)
         publisher = peer()
 
-        def look():
+        def look_up():
             timer.cancel()
             found.append(buffer.lookup_transform("map", "robot", LATEST, Duration(seconds=DEADLINE_S)))
 
-        timer = node.create_timer(0.001, look, callback_group=MutuallyExclusiveCallbackGroup())
+        timer = node.create_timer(0.001, look_up, callback_group=MutuallyExclusiveCallbackGroup())
         until(lambda: timer.is_canceled(), executor)
         publisher.send(("map", "robot", 1 * S, 1))
         until(lambda: found, executor)
@@ -403,7 +403,7 @@ def end(listener):
 
 
 class TestEnd:
-    def test_nobody_needs_to_hold_it(self, tf2_ros, buffer, node, executor, peer):
+    def test_no_reference_to_it_is_needed(self, tf2_ros, buffer, node, executor, peer):
         tf2_ros.TransformListener(buffer, node)
         gc.collect()
         peer().send(("map", "robot", 1 * S, 1))
@@ -458,7 +458,7 @@ class TestEnd:
         until(lambda: not thread.is_alive())
 
     @pytest.mark.ours
-    def test_it_goes_with_its_node(self, tf2_ros, buffer, ros):
+    def test_it_is_collected_with_its_node(self, tf2_ros, buffer, ros):
         node = ros.create_node("passing")
         references = [weakref.ref(node), weakref.ref(tf2_ros.TransformListener(buffer, node))]
         del node
@@ -466,7 +466,7 @@ class TestEnd:
         assert [reference() for reference in references] == [None, None]
 
     @pytest.mark.ours
-    def test_ending_the_context_the_node_and_the_listener_goes_in_any_order(self, tf2_ros, ros, new_node):
+    def test_context_node_and_listener_may_end_in_any_order(self, tf2_ros, ros, new_node):
         from itertools import permutations
 
         for order in permutations(["context", "node", "listener"]):
@@ -487,7 +487,7 @@ class TestEnd:
 
     @pytest.mark.ours
     @pytest.mark.parametrize("how", ["unspun", "hidden", "shutdown", "waiting", "future"])
-    def test_the_interpreter_exits_without_a_word(self, how, inserter):
+    def test_the_interpreter_exits_without_output(self, how, inserter):
         program = start("exits.py", how, inserter, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         output, errors = program.communicate(timeout=DEADLINE_S)
         assert (program.returncode, output, errors) == (0, "at the end\n", "")

@@ -85,7 +85,7 @@ class Buffer(BufferCore, BufferInterface):
         clock of its own, and no service.
     :param limits: ``max_frames``, ``max_bytes``, ``max_waiters``: see :class:`tf2_py.BufferCore`.
     :raises TypeError: ``cache_time`` is no duration, or a limit no int.
-    :raises ValueError: ``cache_time`` or a limit is negative.
+    :raises ValueError: ``cache_time`` is negative, or a limit not above 0.
 
     It is cleared when its clock jumps back by 1 s or more, and when simulated time is switched on or off.
     Every ``time`` is an rclpy ``Time``, a time message, or an object with their attributes; 0 is the latest
@@ -94,7 +94,7 @@ class Buffer(BufferCore, BufferInterface):
     quaternions.
 
     With ``TF2_DEBUG=1`` in the environment when this module is imported, each wait for a transform that lasts
-    longer than a second logs, once, what it lacks.
+    longer than a second logs, once, what it lacks; not those by methods that a program has replaced.
     """
 
     def __init__(

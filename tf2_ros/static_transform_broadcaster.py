@@ -37,13 +37,14 @@ __all__ = [
 
 class StaticTransformBroadcaster:
     """
-    Sends transforms on ``/tf_static``, where late subscribers get them, too.
+    Sends transforms on ``/tf_static``, where late subscribers receive them, too.
 
     :param node: publishes them; the attribute ``pub_tf`` is the publisher.
-    :param qos: a profile, or the depth of its queue.
+    :param qos: a profile, or the depth of its queue. None: transient local, depth 1, which parameters of the
+        node may override.
 
-    Every message holds all transforms sent so far (the attribute ``net_message``), one for each child frame.
-    Several threads may send.
+    Every message contains all transforms sent so far (the attribute ``net_message``), one for each child
+    frame. Several threads may send.
     """
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:
@@ -58,7 +59,13 @@ class StaticTransformBroadcaster:
         self.pub_tf = node.create_publisher(TFMessage, "/tf_static", qos, **overrides)
 
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
-        """Send one transform, or several; each replaces what was sent before for its child frame."""
+        """
+        Send one transform, or several; each replaces what was sent before for its child frame.
+
+        :param transform: a ``TransformStamped``, or an iterable of them. Static transforms hold for all
+            times, whatever their stamps are.
+        :raises AttributeError: it is something else.
+        """
         new_transforms = transforms_of(transform)
         with self._sending:
             transforms = {sent.child_frame_id: sent for sent in self.net_message.transforms}

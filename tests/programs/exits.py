@@ -14,17 +14,17 @@ from rclpy.time import Time
 from tf2_ros import Buffer, TransformListener
 from tf2_ros._receive import receiver_thread
 
-said = []
+printed = []
 
 
-def look(buffer):
+def look_up(buffer):
     buffer.can_transform("map", "robot", Time(), Duration(seconds=60))
 
 
 def keep_running(how):
-    if threading.main_thread().is_alive() or said:
+    if threading.main_thread().is_alive() or printed:
         return
-    said.append(how)
+    printed.append(how)
     print("after the end", flush=True)
     if how == "thread":
         rclpy.shutdown()
@@ -48,7 +48,7 @@ def main(how, inserter):
         rclpy.shutdown()
     elif how == "waiting":
         TransformListener(buffer, None)
-        threading.Thread(target=look, args=(buffer,), daemon=True).start()
+        threading.Thread(target=look_up, args=(buffer,), daemon=True).start()
         while not buffer.statistics()["waiters"]:
             threading.Event().wait(0.001)
     elif how == "future":

@@ -132,8 +132,8 @@ cdef class ArrivalWaitable:
         cdef size_t i
         lock_write(&self._counts.lock)
         self._counts.waiting = waiting and self._in_user_code
-        # Signal handlers, tasks that poll and errors of other threads are handled in an executor's rounds, and
-        # programs rely on transforms to bring these about.
+        # Signal handlers, tasks that poll and errors of other threads are handled in an executor's rounds,
+        # and programs rely on transforms to cause rounds.
         self._counts.wake_at_ns = monotonic_ns() + ROUND_NS if waiting and not self._in_user_code else 0
         found = found or (self._counts.round_due and not waiting)
         self._counts.round_due = False

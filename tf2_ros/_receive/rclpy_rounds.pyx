@@ -18,8 +18,8 @@ class _OneGuardCondition(NumberOfEntities):
     """
     Added to other numbers in each round of an executor, without the slow addition of rclpy 7.
 
-    Assumes that an executor adds it in place, ``numbers += waitable.get_num_entities()``, and keeps nothing of
-    it. An executor that uses it otherwise gets the ordinary attributes and the ordinary addition.
+    Assumes that an executor adds it in place, ``numbers += waitable.get_num_entities()``, and keeps no
+    reference to it. An executor that uses it otherwise gets the ordinary attributes.
     """
 
     def __radd__(self, other):
@@ -47,8 +47,8 @@ cdef bint called_by_own_loop() except -1:
 
 
 cpdef bint is_below_own_loop(frame) except -1:
-    # Assumes that all frames between an executor's loop and the waitable are of the files in OWN_LOOPS. Where
-    # that does not hold, the answer is False: the executor then wakes for each message, as for a subscription.
+    # Assumes that all frames between an executor's loop and the waitable are of the files in OWN_LOOPS.
+    # Where that does not hold, it is False: the executor then wakes for each message, as for a subscription.
     while frame is not None:
         code = frame.f_code
         loops = OWN_LOOPS.get(code.co_filename)

@@ -16,8 +16,7 @@ from tf2_geometry_msgs._transform cimport (
     stamped,
 )
 from tf2_py._core.types cimport Transform
-from tf2_py._objects.messages cimport Layout, header_layout, new_header, read_transform
-from tf2_py._objects.times cimport nanoseconds
+from tf2_py._objects.messages cimport Layout, header_layout, new_header, read_transform, time_to_ns
 
 from geometry_msgs.msg import Twist, TwistWithCovariance
 from nav_msgs.msg import Odometry, Path
@@ -35,7 +34,7 @@ cdef object _carried_step(object step, const Transform* transform, object path_f
     if frame and path_frame and frame != path_frame:
         raise ValueError(f"a pose of the path is in frame {frame!r}, the path itself in {path_frame!r}")
     message = pose_stamped_layout.new()
-    stamp_ns = nanoseconds(part(header_layout, header, 0), "header.stamp")
+    stamp_ns = time_to_ns(part(header_layout, header, 0))
     pose_stamped_layout.put(message, 0, new_header(stamp_ns, new_frame))
     pose_stamped_layout.put(message, 1, carried_pose(part(pose_stamped_layout, step, 1), transform))
     return message

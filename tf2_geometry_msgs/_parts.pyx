@@ -8,8 +8,14 @@ cimport numpy as cnp
 
 from tf2_py._core.geometry cimport quaternion_normalise_any
 from tf2_py._core.types cimport Transform
-from tf2_py._objects.messages cimport Layout, header_layout, load, new_header, transform_stamped_layout
-from tf2_py._objects.times cimport nanoseconds
+from tf2_py._objects.messages cimport (
+    Layout,
+    header_layout,
+    load,
+    new_header,
+    time_to_ns,
+    transform_stamped_layout,
+)
 
 import numpy as np
 from geometry_msgs.msg import Point, Point32, Pose, Quaternion, Vector3
@@ -92,7 +98,7 @@ cdef object target_frame(object transform):
 
 cdef object target_header(object transform):
     stamp = part(header_layout, part(transform_stamped_layout, transform, 0), 0)
-    return new_header(nanoseconds(stamp, "header.stamp"), target_frame(transform))
+    return new_header(time_to_ns(stamp), target_frame(transform))
 
 
 cdef object new_orientation(const double* q):

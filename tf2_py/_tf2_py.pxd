@@ -15,4 +15,3 @@ cdef class BufferCore(Engine):
     cdef int _lookup_series(self, Query* query, const TimeSeries* series) except -1
     cdef int64_t _common_time(self, target_frame, source_frame) except? -1
     cdef tuple _can(self, const Query* query)
-    cdef list _frames_between(self, target_frame, source_frame, int64_t time_ns)

@@ -1,7 +1,7 @@
-"""The binding of the engine: BufferCore checks arguments, locks, calls, raises."""
+"""Owns BufferCore: it reads arguments, calls the engine, and raises."""
 
 from cpython.buffer cimport PyBUF_SIMPLE, PyBuffer_Release, PyObject_GetBuffer
-from libc.stdint cimport int64_t, uint32_t
+from libc.stdint cimport int64_t
 from libc.string cimport memset
 
 from tf2_py._core.geometry cimport vector_rotate
@@ -10,7 +10,7 @@ from tf2_py._core.series cimport TimeSeries
 from tf2_py._core.tree cimport Limits
 from tf2_py._core.twist cimport twist_between
 from tf2_py._core.types cimport STATUS_LOOP, STATUS_OK, STATUS_UNCONNECTED, Status, Transform
-from tf2_py._core.walk cimport Path
+from tf2_py._engine.chain cimport chain_between
 from tf2_py._engine.engine cimport DEFAULT_CACHE_TIME_NS, Engine
 from tf2_py._engine.wait cimport Wait
 from tf2_py._objects.arguments cimport (
@@ -26,7 +26,7 @@ from tf2_py._wire.batch cimport Batch, Entry, batch_free, batch_read_cdr, batch_
 
 from tf2_py._objects import errors, listings
 from tf2_py._objects.arrays import as_points, as_times_ns, new_rows
-# Programs catch them by the name of tf2's extension module, too.
+# Programs also catch them by the name of tf2's extension module.
 from tf2_py._objects.errors import (
     ConnectivityException,
     ExtrapolationException,
@@ -50,22 +50,27 @@ __all__ = [
 
 cdef class BufferCore(Engine):
     """
-    A tree of coordinate frames that moves in time, as tf2 keeps it.
+    A tree of coordinate frames that changes with time, and the history of each frame.
 
-    :param cache_time: how far each frame's history reaches back; anything with ``nanoseconds`` or with
-        ``sec`` and ``nanosec``. Default 10 s.
-    :param int max_frames: names of frames. Default: a million.
-    :param int max_bytes: of memory for names and histories. Default: 1 GiB.
-    :param int max_waiters: lookups that wait. Default: a hundred thousand.
+    :param cache_time: a duration: how far each frame's history reaches back. Default 10 s.
+    :param int max_frames: how many frame names. Default: a million.
+    :param int max_bytes: memory for names and histories. Default: 1 GiB.
+    :param int max_waiters: how many lookups may wait at once. Default: a hundred thousand.
+    :raises TypeError: ``cache_time`` is no duration, or a limit is no int.
+    :raises ValueError: ``cache_time`` is negative, or a limit is not above 0.
+    :raises OverflowError: ``cache_time`` does not fit into 64-bit nanoseconds.
 
     Transforms that would exceed a limit are refused, counted and logged; a wait that would is a
-    ``TransformException``. What is there goes on to answer. The environment's ``TF2_ROS_CYTHON_MAX_FRAMES``,
-    ``TF2_ROS_CYTHON_MAX_BYTES`` and ``TF2_ROS_CYTHON_MAX_WAITERS`` set other defaults.
+    ``TransformException``. What the buffer holds stays available. The environment variables
+    ``TF2_ROS_CYTHON_MAX_FRAMES``, ``TF2_ROS_CYTHON_MAX_BYTES`` and ``TF2_ROS_CYTHON_MAX_WAITERS`` set other
+    defaults.
 
-    Frame names are ``str``. Times are anything with ``nanoseconds``, or with ``sec`` and ``nanosec``; time 0
-    asks for the latest time that every frame on the path knows; one that no message can carry, whose seconds
-    have 32 bits, is an ``OverflowError``. Every method may be called from any thread.
-    Calling ``__init__`` again empties the buffer; whoever waits goes on waiting.
+    For all methods: a frame name is a ``str``; a time or duration is any object with ``nanoseconds``, or with
+    ``sec`` and ``nanosec``. The time 0 asks for the latest time that every frame on the path has data for.
+    Anything else is a ``TypeError``. A name that holds a NUL character is a ``ValueError``, one with a lone
+    surrogate a ``UnicodeEncodeError``. A time whose seconds do not fit into the 32 bits of a message is an
+    ``OverflowError``. Every method may be called from any thread. Calling ``__init__`` again empties the
+    buffer; pending waits go on.
     """
 
     def __init__(self, cache_time=None, *, max_frames=None, max_bytes=None, max_waiters=None):
@@ -80,7 +85,7 @@ cdef class BufferCore(Engine):
             raise ValueError(f"cache_time must not be negative, it is {errors.seconds(cache_time_ns)} s")
         self.start_over(cache_time_ns, &limits)
 
-    # What comes in.
+    # Inserting transforms.
 
     cdef int _set_one(self, object transform, object authority, bint is_static) except -1:
         cdef Entry entry
@@ -103,24 +108,30 @@ cdef class BufferCore(Engine):
         Add one dynamic transform.
 
         :param transform: a ``geometry_msgs/TransformStamped`` or an object with its fields.
-        :param str authority: who says so; listings show it.
+            The translation is in metres, the rotation a quaternion x y z w. The stamp 0 is a stamp like any
+            other.
+        :param str authority: who publishes it; listings and log lines show it.
+        :raises TypeError: an object lacks a field, or a value has the wrong type.
+        :raises ValueError: a name holds a NUL character.
+        :raises OverflowError: the stamp does not fit into 64-bit nanoseconds.
 
-        A transform that cannot be taken (no names, NaN, too old, ...) is logged and counted, not raised.
+        A transform that is refused (no names, NaN, too old, ...) is logged and counted, not raised.
         """
         self._set_one(transform, authority, False)
 
     def set_transform_static(self, transform, authority):
-        """Add one transform that holds at every time; otherwise as :meth:`set_transform`."""
+        """Add one transform that holds at all times; otherwise as :meth:`set_transform`."""
         self._set_one(transform, authority, True)
 
     def set_transforms(self, transforms, authority, static=False):
         """
-        Add many transforms. Other threads may find a part of them meanwhile.
+        Add many transforms; other threads may see the first ones before the last ones are added.
 
-        :param transforms: an iterable of what :meth:`set_transform` takes.
-        :return: how many were taken; the others are logged and counted.
-
-        Where an element is no transform, the ``TypeError`` comes before anything is added.
+        :param transforms: an iterable of what :meth:`set_transform` accepts.
+        :param str authority: as for :meth:`set_transform`.
+        :param bool static: whether they hold at all times.
+        :return: how many were added; the others are logged and counted.
+        :raises TypeError, ValueError, OverflowError: as :meth:`set_transform`, before anything is added.
         """
         cdef list messages = list(transforms)
         cdef list keep = []
@@ -147,9 +158,12 @@ cdef class BufferCore(Engine):
         """
         Add the transforms of one serialised ``tf2_msgs/TFMessage``.
 
-        :param data: bytes-like, plain CDR of either byte order, with its encapsulation header.
-        :return: how many were taken; the others are logged and counted.
-        :raises ValueError: the data is malformed; nothing is added.
+        :param data: bytes-like: plain CDR of either byte order, with its encapsulation header.
+        :param str authority: as for :meth:`set_transform`.
+        :param bool static: whether they hold at all times.
+        :return: how many were added; the others are logged and counted.
+        :raises TypeError: ``data`` is not bytes-like.
+        :raises ValueError: ``data`` is malformed; nothing is added.
         """
         cdef Py_buffer view
         cdef Batch batch
@@ -172,10 +186,10 @@ cdef class BufferCore(Engine):
             PyBuffer_Release(&view)
 
     def clear(self):
-        """Forget every dynamic transform; names, authorities and static transforms stay."""
+        """Remove every dynamic transform; names, authorities and static transforms stay."""
         self.forget()
 
-    # What goes out.
+    # Looking transforms up.
 
     cdef int _lookup_or_raise(self, const Query* query, Transform* out, int64_t* stamp_ns) except -1:
         cdef Status status = self.lookup(query, out, stamp_ns)
@@ -192,14 +206,19 @@ cdef class BufferCore(Engine):
 
     def lookup_transform_core(self, target_frame, source_frame, time):
         """
-        Get the transform that carries data from ``source_frame`` into ``target_frame``.
+        Get the transform that maps data from ``source_frame`` to ``target_frame``.
 
+        :param str target_frame: the frame that the data is wanted in.
+        :param str source_frame: the frame that the data is in.
+        :param time: when; 0: the latest common time.
         :return: a ``geometry_msgs/TransformStamped`` with the stamp looked up, ``frame_id`` the target and
             ``child_frame_id`` the source; metres, unit quaternion.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
         :raises ConnectivityException: the frames are in different trees.
         :raises ExtrapolationException: a frame on the path has no data for the time.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
+        :raises TypeError, ValueError, OverflowError: an argument is of a wrong type or cannot be a name or a
+            time: see the class.
         """
         cdef Query query
         cdef Transform transform
@@ -212,9 +231,12 @@ cdef class BufferCore(Engine):
         """
         Get the transform from ``source_frame`` at ``source_time`` into ``target_frame`` at ``target_time``.
 
-        :param fixed_frame: the frame that is taken to stand still between the two times.
+        :param target_time: when the target frame is looked at; 0: the latest common time of it and the fixed
+            frame.
+        :param source_time: when the source frame is looked at; 0: likewise.
+        :param str fixed_frame: the frame that is assumed not to move between the two times.
 
-        Stamped with the target's time; otherwise as :meth:`lookup_transform_core`.
+        The answer's stamp is the target's time; otherwise as :meth:`lookup_transform_core`.
         """
         cdef Query query
         cdef Transform transform
@@ -226,14 +248,19 @@ cdef class BufferCore(Engine):
     def lookup_transforms(self, target_frame, source_frame, times, *, fixed_frame=None, target_time=None,
                           on_missing="raise"):
         """
-        Look one transform up at many times, with the numbers of as many single lookups.
+        Look one transform up at many times, with the results of as many single lookups.
 
-        :param times: N times: integer nanoseconds (array-like of shape (N,)) or a sequence of time objects.
+        :param times: N times: integer nanoseconds (array-like of shape (N,)) or a sequence of time objects; 0
+            is the latest common time.
         :param fixed_frame: with ``target_time``, a two-time lookup: the source at each of ``times``, the
             target at ``target_time``.
-        :param on_missing: ``'raise'`` raises what the first time without an answer raises, and names its
-            index; ``'nan'`` fills NaN there. Names that are no known frames always raise.
+        :param on_missing: ``'raise'`` raises the error of the first time without an answer, with its index;
+            ``'nan'`` fills in NaN there. Unknown and invalid names always raise.
         :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), metres, and (N, 4), x y z w.
+        :raises TransformException: as :meth:`lookup_transform_core`.
+        :raises TypeError: ``times`` are no times, or ``fixed_frame`` and ``target_time`` are not both given.
+        :raises ValueError: ``times`` have not one dimension or do not fit into 64 bits, or ``on_missing``
+            is neither.
 
         Other threads run meanwhile: the GIL is released.
         """
@@ -260,12 +287,15 @@ cdef class BufferCore(Engine):
     def transform_points(self, points, times, target_frame, source_frame, *, fixed_frame=None,
                          target_time=None):
         """
-        Carry each point with the transform of its own time.
+        Transform each point with the transform of its own time.
 
-        :param points: array-like of shape (N, 3), metres, in ``source_frame`` at its time; float32 or
+        :param points: array-like of shape (N, 3), metres, each in ``source_frame`` at its time; float32 or
             float64.
-        :param times: N times, as in :meth:`lookup_transforms`; so are the other arguments.
+        :param times: N times. This and the other arguments are as in :meth:`lookup_transforms`.
         :return: an array of shape (N, 3) of the points' dtype, in ``target_frame``.
+        :raises TransformException: as :meth:`lookup_transform_core`, with the index of the time.
+        :raises TypeError: the points' dtype is neither; otherwise as :meth:`lookup_transforms`.
+        :raises ValueError: ``points`` is not of shape (N, 3); otherwise as :meth:`lookup_transforms`.
         """
         cdef Query query
         cdef TimeSeries series
@@ -300,13 +330,17 @@ cdef class BufferCore(Engine):
         return 0
 
     def can_transform_core(self, target_frame, source_frame, time):
-        """Whether :meth:`lookup_transform_core` would answer: ``(1, '')`` or ``(0, reason)``."""
+        """
+        Whether :meth:`lookup_transform_core` would return: ``(1, '')``, or ``(0, reason)``.
+
+        An invalid name is a reason; ``TypeError``, ``ValueError`` and ``OverflowError`` are raised.
+        """
         cdef Query query
         query_fill(&query, target_frame, source_frame, time)
         return self._can(&query)
 
     def can_transform_full_core(self, target_frame, target_time, source_frame, source_time, fixed_frame):
-        """Whether :meth:`lookup_transform_full_core` would answer: ``(1, '')`` or ``(0, reason)``."""
+        """Whether :meth:`lookup_transform_full_core` would return; as :meth:`can_transform_core`."""
         cdef Query query
         query_fill_full(&query, target_frame, target_time, source_frame, source_time, fixed_frame)
         return self._can(&query)
@@ -317,6 +351,8 @@ cdef class BufferCore(Engine):
 
         :return: an ``rclpy.time.Time`` of clock type ``SYSTEM_TIME``.
         :raises TransformException: there is no path between the frames.
+        :raises LookupException: a frame is unknown.
+        :raises InvalidArgumentException: a name is empty or begins with ``/``.
         """
         return new_time(self._common_time(target_frame, source_frame))
 
@@ -352,10 +388,13 @@ cdef class BufferCore(Engine):
         :param reference_frame: the twist is expressed in the axes of this frame.
         :param reference_point: three floats, metres, in ``reference_point_frame``: the linear velocity
             is that of the point of the tracking frame's body that is there at ``time``.
-        :param time: the middle of the interval; 0 is the time 0, not "latest".
-        :param averaging_interval: a duration; the interval ends at the newest common stamp at the latest. 0
+        :param reference_point_frame: a frame name.
+        :param time: the middle of the interval; 0 is the time 0, not the latest common time.
+        :param averaging_interval: a duration; the interval ends at the latest common time at the latest. 0
             gives NaN.
         :return: ``((vx, vy, vz), (wx, wy, wz))`` in m/s and rad/s.
+        :raises TransformException: as :meth:`lookup_transform_core`, for one of the lookups that it needs.
+        :raises ValueError: ``averaging_interval`` is negative, or the point has not three numbers.
 
         Angular: the rotation vector between the two poses over the time between them. Linear: the chord
         of the origin over that time, plus angular x (reference point - origin).
@@ -400,18 +439,19 @@ cdef class BufferCore(Engine):
         query.source_ns = time_ns
         return self._lookup_or_raise(&query, out, &stamp_ns)
 
-    # Who waits.
+    # Waiting.
 
     def _wait(self, target_frame, source_frame, time, fixed_frame=None, target_time=None, notify=None):
         """
-        Wait for a lookup: the simple one, or with ``fixed_frame`` and ``target_time`` that of two times.
+        Wait for a lookup: the simple one, or with ``fixed_frame`` and ``target_time`` the one at two times.
 
-        :param notify: called with the answer, once, by the thread that inserts what was missing, and not
+        :param notify: called with the answer, once, by the thread that inserts what was missing; not called
             where the answer is available at once. It runs no code of a user; it may return a callable that
-            does. A thread of the user calls that at once, a receiver hands it over. None:
+            does, which a thread of the user calls at once and a receiver hands over. None:
             :meth:`Wait.wait_for` waits.
-        :return: a ``Wait``; its ``answer`` may be there at once.
-        :raises InvalidArgumentException: a name is empty or begins with ``/``: that would never end.
+        :return: a ``Wait``; its ``answer`` may be available at once.
+        :raises InvalidArgumentException: a name is empty or begins with ``/``: the wait would never end.
+        :raises TransformException: ``max_waiters`` lookups wait already.
         """
         cdef Query query
         cdef Wait wait = Wait.__new__(Wait)
@@ -430,13 +470,13 @@ cdef class BufferCore(Engine):
         """
         return [wait.lacks() for wait in self.pending(most)]
 
-    # What is known.
+    # Listing frames, and counts.
 
     def all_frames_as_yaml(self):
         """
         The frames that hold data as YAML: parent, broadcaster, rate (Hz), times (s), buffer length (s).
 
-        Beyond 1024 frames they need not be of one moment: others use the buffer meanwhile.
+        A listing of more than 1024 frames is no snapshot: other threads may change the buffer between parts.
         """
         return listings.as_yaml(self.frames())
 
@@ -446,9 +486,9 @@ cdef class BufferCore(Engine):
 
     def _allFramesAsDot(self, time=None):
         """
-        The frames that hold data as a Graphviz digraph; ages are as of ``time``.
+        The frames that hold data as a Graphviz digraph; otherwise as :meth:`all_frames_as_yaml`.
 
-        Otherwise as :meth:`all_frames_as_yaml`.
+        :param time: ages are as of this time; None or 0: no ages.
         """
         cdef int64_t time_ns = 0 if time is None else nanoseconds(time, "time")
         return listings.as_dot(self.frames(), time_ns)
@@ -460,51 +500,28 @@ cdef class BufferCore(Engine):
         return self.knows_frame(text, size)
 
     def _getFrameStrings(self):
-        """Every frame name, in the order in which they came."""
+        """Every frame name, in the order of first appearance."""
         return self.frame_names(None)[1:]
 
     def _chain(self, target_frame, target_time, source_frame, source_time, fixed_frame):
         """The frames from source up to the common ancestor and down to target, each once."""
-        cdef list chain = []
-        cdef int64_t source_ns = query_time(source_time, "source_time")
-        cdef int64_t target_ns = query_time(target_time, "target_time")
-        _extend_chain(chain, self._frames_between(fixed_frame, source_frame, source_ns))
-        _extend_chain(chain, self._frames_between(target_frame, fixed_frame, target_ns))
-        return self.frame_names(chain)
-
-    cdef list _frames_between(self, target_frame, source_frame, int64_t time_ns):
-        cdef Query query
-        cdef Path path
-        cdef Status status
-        cdef uint32_t i
-        query_frames(&query, target_frame, source_frame)
-        query.source_ns = time_ns
-        status = self.find_path(&query, &path)
-        if status.code != STATUS_OK:
-            raise self.error(&query, status)
-        return ([path.source[i] for i in range(path.source_hops)]
-                + [path.top]
-                + [path.target[i - 1] for i in range(path.target_hops, 0, -1)])
+        return chain_between(
+            self, target_frame, query_time(target_time, "target_time"), source_frame,
+            query_time(source_time, "source_time"), fixed_frame,
+        )
 
     def statistics(self):
         """
         What this buffer has done and holds.
 
-        :return: a dict: ``taken`` transforms, ``refused`` by reason, ``frames`` and ``samples`` held,
-            ``bytes`` allocated for them, ``waiters``, ``waits_refused``, ``malformed_messages``.
+        :return: a dict: how many transforms were ``taken``, and ``refused`` by reason; how many ``frames``
+            and ``samples`` it holds and the ``bytes`` allocated for them; how many ``waiters`` are pending;
+            ``waits_refused``, ``malformed_messages``.
         """
         return self.counts()
 
     def _self_check(self):
-        """Walk every ring and the tree; AssertionError names an invariant that does not hold."""
+        """Check the tree, histories and waiters; AssertionError names an invariant that does not hold."""
         cdef const char* problem = self.check()
         if problem != NULL:
             raise AssertionError(problem.decode())
-
-
-cdef _extend_chain(list chain, frames):
-    # A frame met again closes a detour; cut it off.
-    for frame in frames:
-        if frame in chain:
-            del chain[chain.index(frame):]
-        chain.append(frame)

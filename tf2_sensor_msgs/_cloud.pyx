@@ -6,8 +6,7 @@ from libc.string cimport memcpy
 
 from tf2_geometry_msgs._parts cimport part, target_frame
 from tf2_py._core.types cimport Transform
-from tf2_py._objects.messages cimport Layout, header_layout, new_header, read_any_rotation
-from tf2_py._objects.times cimport nanoseconds
+from tf2_py._objects.messages cimport Layout, header_layout, new_header, read_any_rotation, time_to_ns
 from tf2_sensor_msgs._numbers cimport FLOAT32, FLOAT64, OTHER_ORDER, number_size
 from tf2_sensor_msgs._points cimport (
     Rigid,
@@ -293,7 +292,7 @@ def do_transform_cloud(cloud, transform, *, only_xyz=False):
     read_any_rotation(transform, &by)
     old_header = part(cloud_layout, cloud, HEADER)
     frame = target_frame(transform) if hasattr(transform, "transform") else part(header_layout, old_header, 1)
-    header = new_header(nanoseconds(part(header_layout, old_header, 0), "header.stamp"), frame)
+    header = new_header(time_to_ns(part(header_layout, old_header, 0)), frame)
     source = _bytes_of(part(cloud_layout, cloud, DATA))
     _read_grid(cloud, source.shape[0], &grid)
     fields = _fields_by_name(cloud)

@@ -1,1 +1,1 @@
-"""The core behind its lock, and the waits for it."""
+"""The core behind its lock, and the waits for lookups."""

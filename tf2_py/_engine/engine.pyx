@@ -207,7 +207,7 @@ cdef class Engine:
             unlock_write(&self._lock)
             if waiter == NULL:
                 return error
-            # The owner still exists: it removes its waiter under the lock, and with the GIL, before it goes.
+            # The owner still exists: it removes its waiter, with the GIL, before it is destroyed.
             try:
                 rest = (<WaiterOwner>waiter.owner).deliver()
                 if rest is None:

@@ -6,10 +6,10 @@ from tf2_py._core.tree cimport Tree
 cdef enum:
     SLICE_FRAMES = 1024     # looked at under the lock at once, which takes some 20 microseconds
 
-# Both take the lock to copy what they need, in slices, so that nobody waits longer for a larger tree. Python
-# objects are made while it is free.
+# Called by the engine alone. Both take the lock to copy what they need, in slices, so that other threads do
+# not wait longer for a larger tree. Python objects are made while it is free.
 # The names of these frames, an iterable of ids; of all of them, NO_PARENT first, for None.
 cdef list snapshot_names(const Tree* tree, Lock* lock, frames)
-# A _listings.FrameFacts for every frame that was ever a child, in the order in which their names came. Of
-# more than SLICE_FRAMES frames they need not be of one moment.
+# A listings.FrameFacts for every frame that was ever a child, in the order in which their names were first
+# used. Of more than SLICE_FRAMES frames it is no snapshot: the tree may change between two slices.
 cdef list snapshot_frames(const Tree* tree, Lock* lock)

@@ -45,7 +45,7 @@ cdef void _copy_slice(const Names* names, NameSlice* copies) noexcept nogil:
         copies.sizes[i] = 0
         if names.count == 0:
             continue
-        # An id from before the buffer was emptied may be no one's by now.
+        # An id from before the buffer was emptied may belong to no frame now.
         id = copies.ids[i] if copies.ids[i] < names.count else NO_FRAME
         name = &names.names[id]
         if name.size > copies.capacity - used:

@@ -1,4 +1,4 @@
-"""Owns the wait for one lookup: its answer as a message, and the thread that blocks until it comes."""
+"""Owns the wait for one lookup: its answer as a message, and the thread that blocks until it is available."""
 
 cimport cython
 from cpython.exc cimport PyErr_CheckSignals
@@ -74,7 +74,7 @@ cdef class Wait(WaiterOwner):
         engine.add_waiter(&self._waiter, &status)
         if status.code == STATUS_OK:
             return 0
-        # Whatever else is missing, too: with such a name there will never be an answer.
+        # With such a name there will never be an answer, whatever else is missing.
         if _is_invalid_name(query.target, query.target_size):
             status.code = STATUS_BAD_TARGET
         elif _is_invalid_name(query.source, query.source_size):
@@ -95,7 +95,7 @@ cdef class Wait(WaiterOwner):
         return new_transform_stamped(&self._waiter.answer, self._waiter.stamp_ns, target, source)
 
     def cancel(self):
-        """End the wait. Returns whether it was pending: False where the answer is there, or was delivered."""
+        """End the wait. Returns whether it was pending, that is, not answered and not ended before."""
         return self._engine.remove_waiter(&self._waiter)
 
     def reason(self):
@@ -105,16 +105,16 @@ cdef class Wait(WaiterOwner):
         return None if status.code == STATUS_OK else self._engine.error(&self._waiter.query, status)
 
     cpdef str lacks(self):
-        """One line for whoever debugs a wait that does not end: what it waits for, and what it lacks now."""
+        """One line, for debugging a wait that does not end: what it waits for, and what it lacks now."""
         return self._engine.lack(&self._waiter.query)
 
     def wait_for(self, int64_t timeout_ns, alive):
         """
-        Sleep, without the GIL, until the answer is there.
+        Sleep, without the GIL, until the answer is available.
 
         :param timeout_ns: nanoseconds of steady time.
-        :param alive: called now and then; False ends the wait.
-        :return: whether there is an answer. The wait is over in any case, also where a signal handler raises.
+        :param alive: called without arguments, at least every 100 ms; False ends the wait.
+        :return: whether there is an answer. The wait has ended in any case, also where a signal handler raises.
         """
         cdef int64_t deadline_ns = _now_ns() + timeout_ns
         cdef int64_t until_ns
@@ -134,5 +134,5 @@ cdef class Wait(WaiterOwner):
                     break
         finally:
             self._engine.remove_waiter(&self._waiter)
-        # The answer may have come between the last sleep and the removal.
+        # The waiter may have been answered between the last sleep and the removal.
         return self._waiter.answered

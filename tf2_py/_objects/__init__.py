@@ -1,1 +1,1 @@
-"""Python objects in and out: messages, times, errors, listings, log lines."""
+"""Python objects read and made: messages, times, arrays, errors, listings, log lines."""

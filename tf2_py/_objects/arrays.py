@@ -1,4 +1,4 @@
-"""Owns the way from what callers pass as many times or points to NumPy arrays of one kind."""
+"""Owns turning what callers pass as times or points into NumPy arrays of one dtype and shape."""
 
 from __future__ import annotations
 

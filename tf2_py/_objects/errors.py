@@ -54,7 +54,7 @@ def seconds(ns: int) -> str:
 
 
 # Programs take these texts apart with regular expressions that were written for tf2's; see
-# tests/test_error_texts.py. What tf2 does not tell stands at the end, in words that none of them looks for.
+# tests/test_error_texts.py. What tf2 does not say stands at the end, in words that they do not search for.
 
 
 def bad_name(name: str, argument: str, call: str = "lookupTransform") -> TransformException:
@@ -76,7 +76,7 @@ def too_many_waiters(most: int) -> TransformException:
 
 
 def loop(target: str, source: str) -> LookupException:
-    """A walk that never came to a root."""
+    """A walk that never reached a root."""
     target, source = printable(target), printable(source)
     return LookupException(
         f"The tf tree is invalid because it contains a loop, or more than 1000 hops in a row, "

@@ -1,6 +1,7 @@
 """Messages of one class, read and made by the places of their slots."""
 
 cimport cython
+from cpython.object cimport PyObject
 
 cdef enum:
     MAX_FIELDS = 9          # of a sensor_msgs/PointCloud2
@@ -8,9 +9,8 @@ cdef enum:
 
 @cython.final
 cdef class Layout:
-    # Where the fields of one message class lie. rosidl's classes are slow to construct and to read through
-    # their properties; their slots are plain pointers at fixed offsets. `by_slot` says that a message made
-    # the ordinary way was found to look just so; where it is False everything goes through attributes.
+    # Where the fields of one message class lie. What is assumed of the class stands in layout.pyx; `by_slot`
+    # tells that it holds. Where it is False everything goes through the constructor and attributes.
     cdef readonly object message_class
     cdef readonly tuple fields                  # public names, in the order of the index arguments below
     cdef readonly bint by_slot
@@ -22,6 +22,8 @@ cdef class Layout:
     # A message whose fields must all be given with `put` before anyone else sees it.
     cdef object new(self)
     cdef object get(self, object message, int index)
+    # The same, borrowed, where it can be read from its slot; otherwise NULL.
+    cdef PyObject* peek(self, object message, int index) noexcept
     cdef int put(self, object message, int index, object value) except -1
     # The first `count` fields as doubles; TypeError where one is not a number.
     cdef int get_doubles(self, object message, double* out, int count) except -1

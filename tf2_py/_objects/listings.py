@@ -1,4 +1,4 @@
-"""Owns the texts that list what a buffer knows: YAML, plain sentences, Graphviz."""
+"""Owns the texts that list the frames of a buffer: YAML, sentences, Graphviz."""
 
 import re
 from typing import NamedTuple
@@ -7,13 +7,13 @@ from tf2_py._objects.errors import NS_PER_S
 from tf2_py._objects.printable import printable
 
 SHORTEST_SPAN_NS = 100_000  # a shorter history counts as this long when its rate is worked out
-PLAIN_KEY = re.compile(r"[^\W\d][\w.-]*")
+UNQUOTED_KEY = re.compile(r"[^\W\d][\w.-]*")
 LONGEST_SIMPLE_KEY = 1000  # YAML looks for the colon within 1024 characters
 YAML_WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
 
 
 class FrameFacts(NamedTuple):
-    """What is known of one frame that was ever a child."""
+    """The facts about one frame that was ever a child."""
 
     name: str
     parent: str | None  # None: its history is empty
@@ -38,8 +38,8 @@ def _microseconds(ns: int) -> str:
 
 
 def _yaml_entry(name: str) -> str:
-    is_plain = PLAIN_KEY.fullmatch(name) and name.lower() not in YAML_WORDS
-    key = name if is_plain else _yaml_quoted(name)
+    needs_no_quotes = UNQUOTED_KEY.fullmatch(name) and name.lower() not in YAML_WORDS
+    key = name if needs_no_quotes else _yaml_quoted(name)
     return f"{key}: " if len(key) <= LONGEST_SIMPLE_KEY else f"? {key}\n: "
 
 

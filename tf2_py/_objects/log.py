@@ -1,4 +1,4 @@
-"""Owns what a buffer says about transforms it did not take."""
+"""Owns the log lines about what a buffer refused or could not read."""
 
 import logging
 from typing import Any

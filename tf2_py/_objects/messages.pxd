@@ -16,13 +16,14 @@ cdef const char* name_utf8(object name, Py_ssize_t* size) except NULL
 # `keep`, where not None, is given a reference to every object that `out` points into; where it is None
 # the caller holds `message` and runs no Python code while it uses `out`.
 cdef int read_transform_stamped(object message, Incoming* out, list keep) except -1
-# Whether the message is just what its class makes: real rosidl messages down to the numbers, with a stamp
-# whose nanoseconds are below a second. Only then is what read_transform_stamped reads all that there is.
-cdef bint is_plain_transform_stamped(object message) except -1
+# Whether all parts are of rosidl's classes themselves, with fields of the exact types, and a stamp whose
+# nanoseconds are below a second. Only then does read_transform_stamped read all that the message holds.
+cdef bint is_exact_transform_stamped(object message) except -1
 # A Transform, or the `transform` of a TransformStamped. As in tf2, a rotation whose squared length is below a
 # double's epsilon, so also a zero one, counts as none. ValueError where it is not finite.
 cdef int read_transform(object message, Transform* out) except -1
 cdef int read_any_rotation(object message, Transform* out) except -1   # the same, not normalised
+cdef int64_t time_to_ns(object stamp) except? -1       # of the stamp of a header
 cdef object new_header(int64_t stamp_ns, object frame_id)
 cdef object new_transform_stamped(const Transform* transform, int64_t stamp_ns, object frame_id,
                                   object child_frame_id)

@@ -113,7 +113,7 @@ cdef int read_transform_stamped(object message, Incoming* out, list keep) except
 
 
 cdef inline bint _is_exact_class(Layout layout, object message, int count):
-    # Of this very class, and its first `count` fields floats.
+    # Whether it is of the class itself, not of a subclass, and its first `count` fields are floats.
     cdef int i
     if not layout.by_slot or type(message) is not layout.message_class:
         return False
@@ -123,7 +123,7 @@ cdef inline bint _is_exact_class(Layout layout, object message, int count):
     return True
 
 
-cdef bint is_plain_transform_stamped(object message) except -1:
+cdef bint is_exact_transform_stamped(object message) except -1:
     load()
     if not (_is_exact_class(transform_stamped_layout, message, 0)):
         return False
@@ -141,6 +141,10 @@ cdef bint is_plain_transform_stamped(object message) except -1:
             and type(transform_stamped_layout.get(message, 1)) is str
             and _is_exact_class(vector3_layout, transform_layout.get(transform, 0), 3)
             and _is_exact_class(quaternion_layout, transform_layout.get(transform, 1), 4))
+
+
+cdef int64_t time_to_ns(object stamp) except? -1:
+    return nanoseconds(stamp, "header.stamp")
 
 
 cdef object new_header(int64_t stamp_ns, object frame_id):

@@ -1,4 +1,4 @@
-"""Owns how text that anybody may have sent is shown to people."""
+"""Owns how text from messages, which may hold anything, is shown in logs and errors."""
 
 
 def printable(text: str) -> str:
@@ -9,7 +9,7 @@ def printable(text: str) -> str:
     """
     if text.isprintable():
         return text
-    # repr() escapes just these, without a loop of Python; and backslashes and, where both kinds of quotes
-    # are there, single quotes, which are given back. What it returns holds no NUL.
+    # repr() escapes these characters without a Python loop. It also escapes backslashes and, in a text with
+    # both kinds of quotes, single quotes: these two are undone. What it returns holds no NUL.
     escaped = repr(text + '"')[1:-2]
     return escaped.replace("\\\\", "\0").replace("\\'", "'").replace("\0", "\\")

@@ -1,10 +1,10 @@
-"""Owns the making of serialised messages: what broadcasters send."""
+"""Owns the serialising of the messages that broadcasters send."""
 
 from cpython.bytes cimport PyBytes_AS_STRING, PyBytes_FromStringAndSize
 from libc.stddef cimport size_t
 from libc.string cimport memset
 
-from tf2_py._objects.messages cimport is_plain_transform_stamped, read_transform_stamped
+from tf2_py._objects.messages cimport is_exact_transform_stamped, read_transform_stamped
 from tf2_py._wire.batch cimport Batch, batch_free, batch_reserve
 from tf2_py._wire.cdr cimport Writer, writer_init, writer_transform
 
@@ -14,15 +14,15 @@ def serialize_transforms(list transforms):
     The ``tf2_msgs/TFMessage`` of these transforms as plain CDR, ready for a publisher.
 
     :param transforms: a list of ``geometry_msgs/TransformStamped``.
-    :return: the bytes; None where one of them is not a message just as its class makes it: what becomes of
-        that is for ROS's own conversion to decide.
+    :return: the bytes; None where a part of one is not of its exact class, for example of a subclass: ROS's own
+        conversion decides about that.
     """
     cdef Batch batch
     cdef Writer writer
     cdef size_t i
     cdef list keep = []
     for transform in transforms:
-        if not is_plain_transform_stamped(transform):
+        if not is_exact_transform_stamped(transform):
             return None
     memset(&batch, 0, sizeof(Batch))
     if batch_reserve(&batch, len(transforms)) != 0:
@@ -32,7 +32,7 @@ def serialize_transforms(list transforms):
         for i in range(batch.count):
             try:
                 read_transform_stamped(transforms[i], &batch.entries[i].incoming, keep)
-            except ValueError:      # a name that is no text
+            except ValueError:      # an invalid name: a NUL, or a lone surrogate
                 return None
         writer_init(&writer, NULL, <unsigned int>batch.count)
         for i in range(batch.count):

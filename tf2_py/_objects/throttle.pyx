@@ -11,9 +11,9 @@ cdef int64_t PERIOD_NS = 1000000000
 
 
 cdef enum Verdict:
-    VERDICT_NEW             # not said within the last second
-    VERDICT_REPEATED        # said within the last second
-    VERDICT_TOO_MUCH        # so much was said that nothing new can be
+    VERDICT_NEW             # not logged within the last second
+    VERDICT_REPEATED        # logged within the last second
+    VERDICT_TOO_MUCH        # LINES_PER_SECOND are logged already
 
 
 cdef int64_t _now_ns() noexcept nogil:

@@ -51,7 +51,7 @@ cdef int64_t _from_parts(object sec, object nanosec) except? -1:
 
 
 cdef object _rclpy_time():
-    # None where nobody has imported it, and so nobody can have made one.
+    # None where it was never imported, and so no object of the class exists.
     return getattr(sys.modules.get("rclpy.time"), "Time", None)
 
 
@@ -135,7 +135,7 @@ def duration_ns(duration, str argument):
     :param argument: what the errors call it.
     :raises TypeError: it has neither ``nanoseconds`` nor ``sec`` and ``nanosec``.
 
-    What is longer than FOR_EVER_NS, also an infinite float, becomes that, to either side.
+    What is longer than FOR_EVER_NS, including an infinite float, becomes FOR_EVER_NS, or minus that.
     """
     if hasattr(duration, "nanoseconds"):
         found = duration.nanoseconds

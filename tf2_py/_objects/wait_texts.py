@@ -34,7 +34,7 @@ def unconnected(target: str, source: str) -> str:
 
 
 def loop(target: str, source: str) -> str:
-    """A walk that never came to a root."""
+    """A walk that never reached a root."""
     return f"needs the loop between frame [{printable(source)}] and frame [{printable(target)}] to be opened"
 
 

@@ -1,0 +1,32 @@
+"""
+What tf2_ros, tf2_geometry_msgs and tf2_sensor_msgs cimport from the engine. Not a public interface: it may
+change at any time. They cimport nothing else of this package, so that its modules can be moved.
+"""
+
+# tf2_ros: the receiver, which inserts into an engine without the GIL, under a lock that a fork finds free.
+from tf2_py._core.forking cimport FORK_INNER, FORK_OUTER, ForkedLock, fork_forget, fork_watch
+from tf2_py._core.lock cimport Lock, lock_free, lock_init, lock_write, unlock_write
+from tf2_py._engine.engine cimport Engine
+from tf2_py._objects.messages cimport name_utf8
+from tf2_py._wire.batch cimport Batch, batch_begin, batch_free, batch_read_cdr
+
+# tf2_geometry_msgs and tf2_sensor_msgs: messages as C structs, and the maths of transforms.
+from tf2_py._core.geometry cimport (
+    quaternion_conjugate,
+    quaternion_multiply,
+    quaternion_normalise_any,
+    transform_compose,
+    vector_rotate,
+)
+from tf2_py._core.types cimport Transform
+from tf2_py._objects.layout cimport Layout
+from tf2_py._objects.messages cimport (
+    header_layout,
+    load,
+    new_header,
+    read_any_rotation,
+    read_transform,
+    transform_layout,
+    transform_stamped_layout,
+)
+from tf2_py._objects.times cimport nanoseconds

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from rclpy.node import Node
 
-from tf2_py._objects.at_exit import keep_for_ever, skip_exit_handlers
+from tf2_py._internal import keep_for_ever, skip_exit_handlers
 from tf2_ros._rclpy import node_handles
 
 __all__ = ["LOCK", "Inherited", "NodeUse", "keep_for_ever", "register_for_fork"]

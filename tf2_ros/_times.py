@@ -5,7 +5,7 @@ from typing import Any
 from builtin_interfaces.msg import Time as TimeMsg
 from rclpy.duration import Duration
 
-from tf2_py._objects.times import FOR_EVER_NS, duration_ns, stamp_parts
+from tf2_py._internal import FOR_EVER_NS, duration_ns, stamp_parts
 
 __all__ = [
     "FOR_EVER",

@@ -21,7 +21,7 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._objects.printable import printable
+from tf2_py._internal import printable
 from tf2_ros._goals import GoalSender, PendingGoal, send_directly
 from tf2_ros._tf2_names import (
     Clock,

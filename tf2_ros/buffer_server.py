@@ -19,7 +19,7 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._objects.errors import bad_name
+from tf2_py._internal import bad_name
 from tf2_ros._qos import lookup_qos
 from tf2_ros._times import timeout_ns
 from tf2_ros._wait.handoff import Handoff

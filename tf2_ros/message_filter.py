@@ -13,7 +13,7 @@ from rclpy.duration import Duration
 from rclpy.executors import await_or_execute
 from rclpy.node import Node
 
-from tf2_py._objects.printable import printable
+from tf2_py._internal import printable
 from tf2_ros._forking import register_for_fork
 from tf2_ros._times import FOR_EVER_NS, duration_ns, optional_timeout_ns
 from tf2_ros._wait.handoff import Handoff

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
 
-from tf2_py._objects.rotations import normalise
+from tf2_py._internal import normalise
 
 __all__ = ["from_matrix", "to_arrays", "to_matrix"]
 

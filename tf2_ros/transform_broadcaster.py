@@ -8,7 +8,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
-from tf2_py._objects.serialize import serialize_transforms
+from tf2_py._internal import serialize_transforms
 from tf2_ros._qos import dynamic_broadcaster_qos, dynamic_overrides
 from tf2_ros._tf2_names import (
     List,

@@ -3,8 +3,7 @@
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint64_t
 
-from tf2_py._core.forking cimport ForkedLock
-from tf2_py._core.lock cimport Lock
+from tf2_py._internal cimport ForkedLock, Lock
 from tf2_ros._receive.rcl cimport rcl_guard_condition_t
 
 cdef enum:

@@ -5,8 +5,15 @@ from collections import deque
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t
 
-from tf2_py._core.forking cimport FORK_INNER, fork_forget, fork_watch
-from tf2_py._core.lock cimport lock_free, lock_init, lock_write, unlock_write
+from tf2_py._internal cimport (
+    FORK_INNER,
+    fork_forget,
+    fork_watch,
+    lock_free,
+    lock_init,
+    lock_write,
+    unlock_write,
+)
 from tf2_ros._receive.rcl cimport (
     RCL_RET_OK,
     monotonic_ns,

@@ -1,6 +1,6 @@
 from collections.abc import Callable, Sequence
 
-from tf2_py._tf2_py import BufferCore
+from tf2_py import BufferCore
 from tf2_ros._receive.arrival_waitable import ArrivalWaitable
 
 class Receiver:

@@ -7,11 +7,23 @@ from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uintptr_t
 from libc.string cimport memset
 
-from tf2_py._core.forking cimport FORK_OUTER, ForkedLock, fork_forget, fork_watch
-from tf2_py._core.lock cimport Lock, lock_free, lock_init, lock_write, unlock_write
-from tf2_py._engine.engine cimport Engine
-from tf2_py._objects.messages cimport name_utf8
-from tf2_py._wire.batch cimport Batch, batch_begin, batch_free, batch_read_cdr
+from tf2_py._internal cimport (
+    FORK_OUTER,
+    Batch,
+    Engine,
+    ForkedLock,
+    Lock,
+    batch_begin,
+    batch_free,
+    batch_read_cdr,
+    fork_forget,
+    fork_watch,
+    lock_free,
+    lock_init,
+    lock_write,
+    name_utf8,
+    unlock_write,
+)
 from tf2_ros._receive.arrival_waitable cimport MAX_SOURCES, ArrivalCounts, ArrivalWaitable, arrivals_count
 from tf2_ros._receive.journal cimport Journal, KeptMessage, journal_clear, journal_keep, kept_data
 from tf2_ros._receive.rcl cimport (
@@ -53,7 +65,7 @@ from tf2_ros._receive.type_watch cimport (
     type_watch_permits,
 )
 
-from tf2_py._objects import log
+from tf2_py._internal import log
 
 cdef enum:
     MAX_IN_A_ROW = 100          # messages of one source, before the other source and the guard are served

@@ -11,7 +11,7 @@ from typing import Any
 from rclpy.time import Time
 
 from tf2_py import TransformException
-from tf2_py._objects.times import time_ns
+from tf2_py._internal import time_ns
 from tf2_ros._forking import register_for_fork
 from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.long_waits import LongWait, report_if_long

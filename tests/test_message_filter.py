@@ -55,7 +55,7 @@ class Watched:
 
     def settle(self):
         """Let everything that is due happen."""
-        until(lambda: not self.filter._outcomes._things, self.executor)
+        until(lambda: not self.filter._outcomes._items, self.executor)
 
 
 @pytest.fixture

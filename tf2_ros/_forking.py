@@ -28,10 +28,10 @@ class Inherited(Protocol):
 _inherited: "dict[int, weakref.ref[Inherited]]" = {}
 
 
-def register_for_fork(thing: Inherited) -> None:
+def register_for_fork(owner: Inherited) -> None:
     """Call ``after_fork()`` of this in every forked child, as long as something else refers to it."""
-    address, forget = id(thing), _inherited.pop
-    _inherited[address] = weakref.ref(thing, lambda _: forget(address, None))
+    address, forget = id(owner), _inherited.pop
+    _inherited[address] = weakref.ref(owner, lambda _: forget(address, None))
 
 
 class NodeUse:
@@ -58,10 +58,10 @@ class NodeUse:
 def _after_fork_in_child() -> None:
     LOCK.release()
     inherited = [reference() for reference in list(_inherited.values())]
-    for thing in inherited:
-        if thing is not None:
-            thing.after_fork()
-    if any(isinstance(thing, NodeUse) for thing in inherited):
+    for owner in inherited:
+        if owner is not None:
+            owner.after_fork()
+    if any(isinstance(owner, NodeUse) for owner in inherited):
         # Those of the middleware join threads that the child does not have.
         skip_exit_handlers()
 

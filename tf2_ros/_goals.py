@@ -69,7 +69,7 @@ class GoalSender:
     """
     Sends goals to the action of a buffer server.
 
-    :param node: the client's. Goals do not depend on whoever spins it: a hidden node of its context, spun by
+    :param node: the client's. Goals do not depend on its executor: a hidden node of its context, spun by
         a thread of its own, sends them.
     :param ns: the name of the action, as this node resolves it.
     :param period_s: how often to check whether the server is available.
@@ -163,7 +163,7 @@ class GoalSender:
         try:
             step()
         except RuntimeError:
-            # Without a context nothing can be sent; whoever shut it down expects no outcome.
+            # Without a context nothing can be sent; after its shutdown no outcome is expected.
             if self._node.context.ok():
                 raise
 
@@ -258,7 +258,7 @@ class GoalSender:
 
 def send_directly(client: Any, goal: Any, padding_ns: int) -> Any:
     """
-    Send a goal with any action client, as tf2 does: whoever spins the client's node must be another thread.
+    Send a goal with any action client, as tf2 does. Another thread must spin the client's node.
 
     :param goal: with its timeout.
     :param padding_ns: how much longer than that to wait until the goal is accepted.

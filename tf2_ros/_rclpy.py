@@ -136,7 +136,7 @@ def context_check(context: Any) -> Callable[[], bool] | None:
 
 def is_shut_down(executor: Executor) -> bool:
     """
-    Whether somebody called ``shutdown()``.
+    Whether ``shutdown()`` was called.
 
     Assumes the attribute ``_is_shutdown``. Without it, the answer is False: only the context ends a spin.
     """
@@ -269,9 +269,9 @@ def running_task() -> Task | None:
     """
     The task that an executor is stepping in this thread.
 
-    Nobody tells an awaited object which task awaits it. Assumes that a step is a call of ``Task.__call__``,
+    An awaited object is not told which task awaits it. Assumes that a step is a call of ``Task.__call__``,
     so that its frame is on the stack and has the task as ``self``. Where there is no such frame, None: the
-    executor then looks at the task in its own rounds only.
+    executor then steps the task in its own rounds only.
     """
     frame: FrameType | None = sys._getframe(1)
     while frame is not None and frame.f_code is not _STEP_CODE:
@@ -284,7 +284,7 @@ def task_executor(task: Task) -> Executor | None:
     """
     The executor of a task, if it still exists.
 
-    Assumes the attribute ``_executor``, a weak reference. Without it, None: nobody can be woken.
+    Assumes the attribute ``_executor``, a weak reference. Without it, None: the task is not woken.
     """
     reference = getattr(task, "_executor", None)
     return reference() if callable(reference) else None
@@ -294,7 +294,7 @@ def is_in_step(task: Task) -> bool:
     """
     Whether a thread is stepping a task, so that other threads skip it.
 
-    Assumes the attribute ``_task_lock``. Without it the answer is True: whoever asks then asks again.
+    Assumes the attribute ``_task_lock``. Without it the answer is True: the caller checks again later.
     """
     lock = getattr(task, "_task_lock", None)
     return lock is None or lock.locked()

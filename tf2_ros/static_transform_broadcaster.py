@@ -49,7 +49,7 @@ class StaticTransformBroadcaster:
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:
         self.net_message = TFMessage()
-        # Held until a message is published: the last one must hold all.
+        # Held until a message is published: the last message must contain all.
         self._sending = threading.RLock()
         register_for_fork(self)
         overrides = {}

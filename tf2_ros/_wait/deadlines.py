@@ -18,7 +18,7 @@ RECHECK_S = 1.0  # how long the thread may outlive the last wait, if that ended 
 
 
 class Expiring(Protocol):
-    """What has a deadline."""
+    """A wait that has a deadline."""
 
     def over(self) -> bool:
         """Whether it ended before its deadline."""
@@ -29,7 +29,7 @@ class Expiring(Protocol):
 
 class Deadlines(Worker):
     """
-    Calls ``expire()`` of things at their deadlines, unless they were over, or collected, before.
+    Calls ``expire()`` of waits at their deadlines, unless they were over, or collected, before.
 
     The thread starts with the first deadline and ends when none is left.
     """
@@ -45,9 +45,9 @@ class Deadlines(Worker):
         self._heap: list[tuple[int, int, weakref.ref[Expiring]]] = []
         self._sweep_at = FEW
 
-    def add(self, deadline_ns: int, thing: Expiring) -> None:
-        """Call ``thing.expire()`` when ``time.monotonic_ns()`` is ``deadline_ns``; refers to it weakly."""
-        entry = (deadline_ns, next(self._order), weakref.ref(thing))
+    def add(self, deadline_ns: int, wait: Expiring) -> None:
+        """Call ``wait.expire()`` when ``time.monotonic_ns()`` is ``deadline_ns``; refers to it weakly."""
+        entry = (deadline_ns, next(self._order), weakref.ref(wait))
         with self._changed:
             heapq.heappush(self._heap, entry)
             if len(self._heap) >= self._sweep_at:
@@ -67,22 +67,22 @@ class Deadlines(Worker):
         with self._changed:
             while self._heap:
                 deadline_ns, _, reference = self._heap[0]
-                thing = _pending(reference)
+                wait = _pending(reference)
                 left_ns = deadline_ns - time.monotonic_ns()
-                if thing is not None and left_ns > 0:
-                    del thing  # not kept alive while waiting
+                if wait is not None and left_ns > 0:
+                    del wait  # not kept alive while waiting
                     self._changed.wait(min(left_ns / 1e9, RECHECK_S))
                     continue
                 heapq.heappop(self._heap)
-                if thing is not None:
-                    return thing.expire
+                if wait is not None:
+                    return wait.expire
             self._thread = None
             return None
 
 
 def _pending(reference: "weakref.ref[Expiring]") -> Expiring | None:
-    thing = reference()
-    return None if thing is None or thing.over() else thing
+    wait = reference()
+    return None if wait is None or wait.over() else wait
 
 
 # Of the whole process.

@@ -11,20 +11,20 @@ __all__ = ["MessageStream"]
 
 class MessageStream:
     """
-    An asynchronous iterator over things that another thread puts in; ends, when closed, after the last.
+    An asynchronous iterator over items that another thread puts in; ends, when closed, after the last.
 
-    If several iterate, each thing is given to one of them.
+    If several iterate, each item is given to one of them.
     """
 
     def __init__(self) -> None:
-        self._things: deque[Any] = deque()
+        self._items: deque[Any] = deque()
         # Never replaced: one that is about to be added must be found.
         self._awaiting: deque[WakingFuture] = deque()
         self._closed = False
 
-    def put(self, thing: Any) -> None:
+    def put(self, item: Any) -> None:
         """Let the iteration go on with this."""
-        self._things.append(thing)
+        self._items.append(item)
         self._wake()
 
     def close(self) -> None:
@@ -41,7 +41,7 @@ class MessageStream:
             # First this, then the check: `put` does it the other way round.
             self._awaiting.append(arrival)
             try:
-                return self._things.popleft()
+                return self._items.popleft()
             except IndexError:
                 if self._closed:
                     raise StopAsyncIteration from None

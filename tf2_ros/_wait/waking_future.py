@@ -52,15 +52,15 @@ class WakingFuture(HookedFuture):
         # Callbacks that only wake do not keep a future alive: they are not added by a subclass's method.
         sleeper = _SleepingTask.current()
         if sleeper is not None:
-            # rclpy looks at a task that awaits only when its executor has something else to do, and whoever
-            # completes this future gives it nothing.
+            # An executor steps a task that awaits only when it has something else to do, and completing this
+            # future gives it nothing to do.
             Future.add_done_callback(self, _task_waker(sleeper))
             try:
                 return (yield from super().__await__())
             finally:
                 sleeper.awake = True
         if (loop := _running_loop()) is not None:
-            # asyncio would ask again and again instead.
+            # asyncio would poll instead.
             woken = loop.create_future()
             Future.add_done_callback(self, _loop_waker(loop, woken, 0.0))
             self._wake_when_known(_loop_waker(loop, woken, GRACE_S))
@@ -78,7 +78,7 @@ class WakingFuture(HookedFuture):
 
 
 class _SleepingTask:
-    """A task of an executor that awaits. It is not kept alive: it leads to whoever has this object."""
+    """A task of an executor that awaits. It is not kept alive: it refers to the future that it awaits."""
 
     def __init__(self, task: Task) -> None:
         self.awake = False
@@ -91,7 +91,7 @@ class _SleepingTask:
         return None if task is None else cls(task)
 
     def wake(self) -> None:
-        """Have the executor look at the task, when it does not execute it any more."""
+        """Have the executor step the task, when none of its threads does."""
         task = self._task()
         executor = None if task is None else task_executor(task)
         if task is None or executor is None:

@@ -1,6 +1,5 @@
 """Owns the buffer that a node uses: the engine, waiting for it, its service and its clock."""
 
-import weakref
 from functools import partial
 from typing import Any
 
@@ -17,7 +16,8 @@ from rclpy.utilities import get_default_context
 
 from tf2_msgs.srv import FrameGraph
 from tf2_py import BufferCore, TransformException
-from tf2_ros._receive.receiver_thread import attribute_changed, reinsert_recent
+from tf2_ros._clock_jumps import clear_at_jumps
+from tf2_ros._receive.receiver_thread import attribute_changed
 from tf2_ros._replaced import (
     RecheckingFuture,
     lookup_transform_full_via_can,
@@ -70,8 +70,6 @@ __all__ = [
     "threading",
 ]
 
-JUMP_BACK = Duration(seconds=-1)  # at least so far, and a buffer is cleared
-
 # The methods that insert transforms.
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
 
@@ -109,7 +107,7 @@ class Buffer(BufferCore, BufferInterface):
             self.srv = node.create_service(FrameGraph, "tf2_frames", self.__get_frames)
         if "jump_handle" in self.__dict__:
             self.jump_handle.unregister()  # __init__ was called again
-        self.jump_handle: JumpHandle = _clear_at_jumps(self)
+        self.jump_handle: JumpHandle = clear_at_jumps(self)
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -422,23 +420,3 @@ _LOOKUP = ("lookup_transform", "lookup_transform_core")
 _CAN_FULL = ("can_transform_full", "can_transform_full_core")
 _LOOKUP_FULL = ("lookup_transform_full", "lookup_transform_full_core")
 _ORIGINALS = {name: getattr(Buffer, name) for name in (*_CAN, *_LOOKUP, *_CAN_FULL, *_LOOKUP_FULL)}
-
-
-def _clear_at_jumps(buffer: Buffer) -> JumpHandle:
-    # The clock refers to the handle by its address alone, so it must be unregistered before it is destroyed,
-    # and the handle must not keep the buffer alive.
-    reference = weakref.ref(buffer)
-
-    def on_jump(time_jump: TimeJump) -> None:
-        jumping = reference()
-        if jumping is None:
-            return
-        jumping.time_jump_callback(time_jump)
-        if time_jump.clock_change == ClockChange.ROS_TIME_NO_CHANGE:
-            # Transforms may have arrived before the executor took the message of /clock.
-            reinsert_recent(jumping, jumping.clock.now().nanoseconds)
-
-    threshold = JumpThreshold(min_forward=None, min_backward=JUMP_BACK, on_clock_change=True)
-    handle = buffer.clock.create_jump_callback(threshold, post_callback=on_jump)
-    weakref.finalize(buffer, handle.unregister).atexit = False
-    return handle

@@ -10,7 +10,7 @@ pytestmark = pytest.mark.ours
 
 LINES = [
     "from frame [lidar] to frame [map] at the latest common time: needs a frame [lidar], which is unknown",
-    "from frame [robot] to frame [map] at 5.000000 s: needs data of frame [robot] at 5.000000 s or later",
+    "from frame [robot] to frame [map] at 5.000000000 s: needs data of frame [robot] at 5.000000000 s",
     "from frame [arm] to frame [map] at the latest common time: needs a frame [arm], which is unknown",
 ]
 

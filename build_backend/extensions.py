@@ -97,13 +97,13 @@ class BuildExtensions(build_ext):
 
     def complete_receiver(self):
         """Leave the receiver out where it cannot be made, and return why: listeners do without it."""
-        for ext in [ext for ext in self.extensions if ext.name == receiver.NAME]:
-            lacking = receiver.complete(ext)
-            if lacking is not None:
+        extensions = [ext for ext in self.extensions if ext.name in receiver.NAMES]
+        lacking = next(filter(None, map(receiver.complete, extensions)), None)
+        if lacking is not None:
+            for ext in extensions:
                 self.extensions.remove(ext)
-                self.warn(f"{lacking}: listeners will need an executor that spins")
-                return lacking
-        return None
+            self.warn(f"{lacking}: listeners will need an executor that spins")
+        return lacking
 
     def _cythonize(self):
         """Turn each `.pyx` into C; return the modules that Cython refused, which are left out of the rest.

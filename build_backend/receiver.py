@@ -4,7 +4,8 @@ import os
 
 from . import environment
 
-NAME = "tf2_ros._receive.loop"
+# They need rcl; the second one is built on the first.
+NAMES = ("tf2_ros._receive.arrival_waitable", "tf2_ros._receive.loop")
 
 # Of these it calls functions; rmw's, which it also uses, are macros.
 _LIBRARIES = ("rcl", "rcutils")

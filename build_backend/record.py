@@ -14,7 +14,7 @@ def write(build_lib, receiver_lacks):
     """
     facts = {
         "RCLPY": environment.rclpy_version(environment.ros_prefixes()),
-        "RECEIVER": None if receiver_lacks else receiver.NAME,
+        "RECEIVER": None if receiver_lacks else receiver.NAMES[-1],
         "RECEIVER_LACKS": receiver_lacks,
     }
     path = Path(build_lib, NAME)

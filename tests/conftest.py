@@ -1,4 +1,4 @@
-"""Owns the ground that all tests stand on: a ROS domain of their own, and which tf2 they are about."""
+"""Owns what all tests share: a ROS domain of their own, and which tf2 they test."""
 
 import fcntl
 import importlib
@@ -17,7 +17,7 @@ DOMAINS = range(1, 102)  # the ports of higher ones may be taken by the system
 
 
 def _claim_domain():
-    # The lock is held as long as this process lives: test runs beside each other must not hear each other.
+    # The lock is held as long as this process lives: simultaneous test runs must not share topics.
     # Not always the same domain: a run that was killed leaves locks of Fast DDS in shared memory.
     for domain in random.sample(DOMAINS, len(DOMAINS)):
         lock = open(Path(tempfile.gettempdir()) / f"tf2-ros-cython-domain-{domain}.lock", "w")
@@ -111,7 +111,7 @@ def ros():
 
 @pytest.fixture
 def new_node(ros):
-    """Makes nodes as `rclpy.create_node` does; none of them is still heard of in the next test."""
+    """Makes nodes as `rclpy.create_node` does; they are destroyed before the next test."""
     nodes = []
 
     def create(*arguments, **options):
@@ -125,7 +125,7 @@ def new_node(ros):
 
 @pytest.fixture
 def node(new_node):
-    """A node that nobody spins yet."""
+    """A node without an executor."""
     return new_node("listening")
 
 
@@ -142,7 +142,7 @@ def executor(ros, node):
 
 @pytest.fixture
 def peer():
-    """Starts peers, other processes that publish what they are told; see `processes.Peer`."""
+    """Starts peers, other processes that publish on command; see `processes.Peer`."""
     from processes import Peer
 
     peers = []

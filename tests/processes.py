@@ -12,7 +12,7 @@ DEADLINE_S = 20.0
 
 
 def until(condition, executor=None):
-    """Spin, or let others work, until the condition holds; its value."""
+    """Spin, or let other threads work, until the condition holds; its value."""
     deadline = time.monotonic() + DEADLINE_S
     while not (value := condition()):
         assert time.monotonic() < deadline, "it did not happen"
@@ -29,7 +29,7 @@ def start(program, *arguments, **popen):
 
 
 class Peer:
-    """A node in a process of its own, `programs/peer.py`: does what it is told, and says when it is done."""
+    """A node in a process of its own, `programs/peer.py`: obeys commands, and reports when each is done."""
 
     def __init__(self, *ros_arguments):
         arguments = ["--ros-args", *ros_arguments] if ros_arguments else []
@@ -39,21 +39,21 @@ class Peer:
         self.process.stdin.write(json.dumps({"do": what, **how}) + "\n")
         self.process.stdin.flush()
         answer = self.process.stdout.readline()
-        assert answer == "ok\n", f"the peer said {answer!r}"
+        assert answer == "ok\n", f"the peer answered {answer!r}"
 
     def send(self, *transforms, static=False):
-        """Publish transforms, each (parent, child, stamp in ns, x in m), once somebody listens."""
+        """Publish transforms, each (parent, child, stamp in ns, x in m), once there is a subscriber."""
         self.do("send", transforms=transforms, static=static)
 
-    def send_unheard(self, *transforms, static=False):
-        """The same, whether somebody listens or not."""
-        self.do("send", transforms=transforms, static=static, heard=False)
+    def send_without_subscriber(self, *transforms, static=False):
+        """The same, whether there is a subscriber or not."""
+        self.do("send", transforms=transforms, static=static, subscribed=False)
 
     def send_bytes(self, data, topic="/tf"):
         self.do("bytes", topic=topic, hex=data.hex())
 
     def matched(self, count):
-        """Wait until so many listen to /tf."""
+        """Wait until /tf has so many subscribers."""
         self.do("matched", count=count)
 
     def set_clock(self, seconds):

@@ -13,7 +13,7 @@ LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 @pytest.fixture
-def heard(node):
+def subscribe(node):
     """The messages on a topic, from now on."""
 
     def listen(topic):
@@ -34,8 +34,8 @@ class TestDynamic:
         return tf2_ros.TransformBroadcaster(node)
 
     @pytest.mark.parametrize("kind", [list, tuple, iter])
-    def test_it_sends_one_or_any_iterable(self, broadcaster, heard, executor, kind):
-        messages = heard("/tf")
+    def test_it_sends_one_or_any_iterable(self, broadcaster, subscribe, executor, kind):
+        messages = subscribe("/tf")
         until(lambda: broadcaster.pub_tf.get_subscription_count() == 1, executor)
         broadcaster.sendTransform(transform("map", "robot", 1, (1, 2, 3)))
         broadcaster.sendTransform(kind([transform("map", "a", 1), transform("map", "b", 1)]))
@@ -66,10 +66,10 @@ class TestStatic:
     def broadcaster(self, tf2_ros, node):
         return tf2_ros.StaticTransformBroadcaster(node)
 
-    def test_a_late_subscriber_gets_all_that_was_sent(self, broadcaster, heard, executor):
+    def test_a_late_subscriber_gets_all_that_was_sent(self, broadcaster, subscribe, executor):
         broadcaster.sendTransform(transform("map", "a"))
         broadcaster.sendTransform([transform("map", "b"), transform("map", "c")])
-        messages = heard("/tf_static")
+        messages = subscribe("/tf_static")
         until(lambda: messages, executor)
         assert children(messages[-1]) == ["a", "b", "c"]
 
@@ -78,7 +78,7 @@ class TestStatic:
         assert children(broadcaster.net_message) == ["a", "b"]
 
     @pytest.mark.ours
-    def test_threads_that_send_at_the_same_time_lose_nothing(self, broadcaster, heard, executor):
+    def test_threads_that_send_at_the_same_time_lose_nothing(self, broadcaster, subscribe, executor):
         names = [[f"{thread}_{i}" for i in range(100)] for thread in "abcd"]
 
         def send(own):
@@ -92,16 +92,16 @@ class TestStatic:
             thread.join()
         expected = sorted(sum(names, []))
         assert sorted(children(broadcaster.net_message)) == expected
-        messages = heard("/tf_static")
+        messages = subscribe("/tf_static")
         until(lambda: messages, executor)
         assert sorted(children(messages[-1])) == expected, "the message published last holds all"
 
     @pytest.mark.ours
-    def test_a_child_sent_again_replaces_its_earlier_transform(self, broadcaster, heard, executor):
+    def test_a_child_sent_again_replaces_its_earlier_transform(self, broadcaster, subscribe, executor):
         broadcaster.sendTransform([transform("map", "a", 0, (1, 0, 0)), transform("map", "b")])
         broadcaster.sendTransform(transform("odom", "a", 0, (2, 0, 0)))
         assert children(broadcaster.net_message) == ["a", "b"]
-        messages = heard("/tf_static")
+        messages = subscribe("/tf_static")
         until(lambda: messages, executor)
         replaced = messages[-1].transforms[0]
         assert (replaced.header.frame_id, translation(replaced)) == ("odom", (2, 0, 0))

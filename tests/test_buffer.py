@@ -86,25 +86,25 @@ class TestLookup:
         assert translation(found) == (-1.0, 0.0, 0.0)
         assert stamp_ns(found) == 2 * 10**9
 
-    def test_what_is_there_is_not_waited_for(self, buffer):
+    def test_an_available_transform_is_not_waited_for(self, buffer):
         buffer.set_transform_static(transform("map", "robot"), "me")
         seconds, error = seconds_of(lambda: buffer.lookup_transform("map", "robot", LATEST, LONG))
         assert error is None
         assert seconds < 1
 
     @pytest.mark.ours
-    def test_it_wakes_when_the_transform_comes(self, buffer, later):
+    def test_it_wakes_when_the_transform_is_inserted(self, buffer, later):
         later(buffer.set_transform, transform("map", "robot", 1), "me", when=waits(buffer))
         assert buffer.lookup_transform("map", "robot", at(1), LONG).child_frame_id == "robot"
 
     @pytest.mark.ours
-    def test_full_wakes_when_the_transform_comes(self, buffer, later):
+    def test_full_wakes_when_the_transform_is_inserted(self, buffer, later):
         later(buffer.set_transform_static, transform("map", "robot"), "me", when=waits(buffer))
         found = buffer.lookup_transform_full("map", at(2), "robot", at(1), "map", timeout=LONG)
         assert found.child_frame_id == "robot"
 
     @pytest.mark.ours
-    def test_it_sleeps_on_while_the_wrong_transforms_come(self, buffer, later):
+    def test_other_transforms_do_not_wake_it(self, buffer, later):
         def insert():
             for seconds in range(1, 20):
                 buffer.set_transform(transform("map", "other", seconds), "me")
@@ -124,10 +124,10 @@ class TestLookup:
     def test_a_timeout_of_microseconds_is_one(self, buffer, tf2_py):
         timeout = Duration(nanoseconds=200_000)
 
-        def look():
+        def look_up():
             return buffer.lookup_transform("map", "robot", LATEST, timeout)
 
-        waited = [seconds_of(look) for _ in range(20)]
+        waited = [seconds_of(look_up) for _ in range(20)]
         assert 0.0002 <= min(seconds for seconds, _ in waited) < 0.005
         assert {type(error) for _, error in waited} == {tf2_py.LookupException}
 
@@ -147,7 +147,7 @@ class TestLookup:
             buffer.lookup_transform("map", "robot", LATEST, 1.0)
 
     @pytest.mark.ours
-    def test_an_insert_pays_nothing_when_nobody_waits(self, buffer, tf2_py):
+    def test_an_insert_without_waiters_costs_no_more(self, buffer, tf2_py):
         with pytest.raises(tf2_py.LookupException):
             buffer.lookup_transform("map", "robot", LATEST, SHORT)
 
@@ -160,11 +160,11 @@ class TestLookup:
     def test_many_threads_wait_at_once(self, buffer, later):
         found = []
 
-        def look(seconds):
+        def look_up(seconds):
             found.append(stamp_ns(buffer.lookup_transform("map", "robot", at(seconds), LONG)))
 
         for seconds in range(1, 9):
-            later(look, seconds)
+            later(look_up, seconds)
         until(lambda: buffer.statistics()["waiters"] == 8)
         for seconds in range(1, 9):
             buffer.set_transform(transform("map", "robot", seconds), "me")
@@ -211,7 +211,7 @@ class TestCanTransform:
         assert buffer.can_transform("map", "robot", LATEST) is False
         assert buffer.can_transform("map", "robot", LATEST, return_debug_tuple=True)[0] is False
 
-    def test_the_reason_is_told_on_request(self, buffer):
+    def test_the_reason_is_returned_on_request(self, buffer):
         can, reason = buffer.can_transform("map", "robot", LATEST, return_debug_tuple=True)
         assert not can
         assert "does not exist" in reason
@@ -232,13 +232,13 @@ class TestCanTransform:
         assert "cannot start with a '/'" in reason
 
     @pytest.mark.ours
-    def test_it_wakes_when_the_transform_comes(self, buffer, later):
+    def test_it_wakes_when_the_transform_is_inserted(self, buffer, later):
         later(buffer.set_transform, transform("map", "robot", 1), "me", when=waits(buffer))
         assert buffer.can_transform("map", "robot", at(1), LONG, return_debug_tuple=True) == (True, "")
 
 
 class TestNode:
-    def test_its_service_tells_the_frames(self, tf2_ros, new_node, node, executor):
+    def test_its_service_returns_the_frames(self, tf2_ros, new_node, node, executor):
         buffer = tf2_ros.Buffer(node=node)
         buffer.set_transform_static(transform("map", "robot"), "somebody")
         asking = new_node("asking")
@@ -250,7 +250,7 @@ class TestNode:
         assert future.result().frame_yaml == buffer.all_frames_as_yaml()
         assert "somebody" in future.result().frame_yaml
 
-    def test_the_cache_time_may_come_first(self, tf2_ros, node):
+    def test_the_cache_time_may_be_the_first_argument(self, tf2_ros, node):
         buffer = tf2_ros.Buffer(Duration(seconds=2), node)
         for seconds in (1, 4, 5):
             buffer.set_transform(transform("map", "robot", seconds), "me")
@@ -263,7 +263,7 @@ class TestNode:
 
     @pytest.mark.ours
     @pytest.mark.parametrize("with_node", [False, True])
-    def test_a_dropped_buffer_goes_at_once(self, tf2_ros, node, with_node):
+    def test_a_dropped_buffer_is_freed_at_once(self, tf2_ros, node, with_node):
         buffer = tf2_ros.Buffer(node=node if with_node else None)
         if with_node:
             node.destroy_service(buffer.srv)
@@ -330,7 +330,7 @@ class TestTimeJump:
 
 
 class TestReplacedMethods:
-    """What a subclass, a test or a program puts in the place of a method is asked by the waits, too."""
+    """The waits call what a subclass, a test or a program puts in the place of a method."""
 
     @pytest.fixture
     def prefixed(self, tf2_ros):
@@ -346,19 +346,19 @@ class TestReplacedMethods:
         return Prefixed()
 
     def test_a_lookup_waits_with_them(self, prefixed, later):
-        asked = threading.Event()
+        called = threading.Event()
         can_transform_core = prefixed.can_transform_core
 
-        def ask(*arguments):
-            asked.set()
+        def record(*arguments):
+            called.set()
             return can_transform_core(*arguments)
 
-        prefixed.can_transform_core = ask
-        later(prefixed.set_transform, transform("r1/map", "r1/robot", 1), "me", when=asked.is_set)
+        prefixed.can_transform_core = record
+        later(prefixed.set_transform, transform("r1/map", "r1/robot", 1), "me", when=called.is_set)
         assert prefixed.lookup_transform("map", "robot", at(1), LONG).child_frame_id == "r1/robot"
         assert not prefixed.can_transform("map", "nobody", at(1), SHORT)
 
-    def test_a_future_asks_them(self, prefixed):
+    def test_a_future_calls_them(self, prefixed):
         future = prefixed.wait_for_transform_async("map", "robot", at(1))
         called = []
         future.add_done_callback(called.append)
@@ -369,7 +369,7 @@ class TestReplacedMethods:
         assert future.result().child_frame_id == "r1/robot"
         assert prefixed.wait_for_transform_async("map", "robot", at(1)).done()
 
-    def test_a_coroutine_asks_them(self, prefixed):
+    def test_a_coroutine_calls_them(self, prefixed):
         coroutine = prefixed.lookup_transform_async("map", "robot", LATEST)
         coroutine.send(None)
         prefixed.set_transform(transform("r1/map", "r1/robot", 1), "me")
@@ -399,16 +399,16 @@ class TestReplacedMethods:
         assert not future.done()
 
     @pytest.mark.parametrize("full", [False, True])
-    def test_a_lookup_asks_whether_it_can(self, tf2_ros, full):
-        asked = []
+    def test_a_lookup_calls_can_transform(self, tf2_ros, full):
+        called = []
 
         class Mine(tf2_ros.Buffer):
             def can_transform(self, *arguments):
-                asked.append(arguments[:2])
+                called.append(arguments[:2])
                 return super().can_transform(*arguments)
 
             def can_transform_full(self, *arguments):
-                asked.append((arguments[0], arguments[2]))
+                called.append((arguments[0], arguments[2]))
                 return super().can_transform_full(*arguments)
 
         buffer = Mine()
@@ -417,7 +417,7 @@ class TestReplacedMethods:
             buffer.lookup_transform_full("map", at(1), "robot", at(1), "map")
         else:
             buffer.lookup_transform("map", "robot", at(1))
-        assert asked == [("map", "robot")]
+        assert called == [("map", "robot")]
 
     @pytest.mark.ours
     def test_a_callback_in_the_list_of_tf2_is_called_after_each_insert(self, buffer):
@@ -433,15 +433,17 @@ class TestReplacedMethods:
         buffer.set_transform(transform("map", "robot", 3), "me")
         assert len(called) == 3
 
-    def test_a_patched_class_is_asked(self, tf2_ros, buffer, monkeypatch):
-        asked = []
-        monkeypatch.setattr(tf2_ros.Buffer, "can_transform", lambda self, *arguments: asked.append(arguments))
+    def test_a_patched_class_is_called(self, tf2_ros, buffer, monkeypatch):
+        called = []
+        monkeypatch.setattr(
+            tf2_ros.Buffer, "can_transform", lambda self, *arguments: called.append(arguments)
+        )
         buffer.set_transform_static(transform("map", "robot"), "me")
         buffer.lookup_transform("map", "robot", at(1), SHORT)
-        assert [arguments[:2] for arguments in asked] == [("map", "robot")]
+        assert [arguments[:2] for arguments in called] == [("map", "robot")]
 
 
-def test_latest_is_what_is_latest_when_a_coroutine_goes_on(buffer):
+def test_latest_is_what_is_latest_when_a_coroutine_resumes(buffer):
     coroutine = buffer.lookup_transform_async("map", "robot", LATEST)
     coroutine.send(None)
     buffer.set_transform(transform("map", "robot", 1), "me")

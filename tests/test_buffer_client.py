@@ -138,7 +138,7 @@ class TestErrors:
             client.lookup_transform(how, "robot", LATEST, LONG)
 
     @pytest.mark.ours
-    def test_the_reason_is_told_on_request(self, client):
+    def test_the_reason_is_returned_on_request(self, client):
         can, reason = client.can_transform("LOOKUP_ERROR", "robot", LATEST, LONG, True)
         assert (can, reason) == (False, "this is a LOOKUP_ERROR")
         full = client.can_transform_full("map", at(1), "robot", at(2), "odom", LONG, return_debug_tuple=True)
@@ -149,32 +149,32 @@ class TestErrors:
             client.lookup_transform("rejected", "robot", LATEST, LONG)
 
     @pytest.mark.ours
-    def test_a_server_that_never_answers_is_a_timeout_and_is_told_to_stop(self, client, server, tf2_py):
-        def look():
+    def test_a_server_that_never_answers_is_a_timeout_and_its_goal_is_cancelled(self, client, server, tf2_py):
+        def look_up():
             with pytest.raises(tf2_py.TimeoutException, match="did not answer in time"):
                 client.lookup_transform("silent", "robot", LATEST, SHORT)
 
-        assert 0.7 <= seconds_of(look) < 5, "the timeout and its padding"
+        assert 0.7 <= seconds_of(look_up) < 5, "the timeout and its padding"
         assert server.stdout.readline() == "cancelled\n"
 
 
 @pytest.mark.ours
 class TestWithoutServer:
     def test_it_is_waited_for_no_longer_than_the_timeout(self, lonely, tf2_py):
-        def look(timeout):
+        def look_up(timeout):
             with pytest.raises(tf2_py.TimeoutException, match="not ready"):
                 lonely.lookup_transform("map", "robot", LATEST, timeout)
 
-        assert seconds_of(lambda: look(Duration())) < 0.2
-        assert 0.2 <= seconds_of(lambda: look(SHORT)) < 1
+        assert seconds_of(lambda: look_up(Duration())) < 0.2
+        assert 0.2 <= seconds_of(lambda: look_up(SHORT)) < 1
 
-    def test_one_that_comes_in_time_is_found(self, lonely):
+    def test_a_server_that_starts_in_time_is_found(self, lonely):
         found = []
 
-        def look():
+        def look_up():
             found.append(lonely.lookup_transform("map", "robot", LATEST, LONG))
 
-        looking = threading.Thread(target=look)
+        looking = threading.Thread(target=look_up)
         looking.start()
         with serving("late_lookup"):
             looking.join(DEADLINE_S)
@@ -184,11 +184,11 @@ class TestWithoutServer:
         timer = threading.Timer(0.05, lonely.node.context.shutdown)
         timer.start()
 
-        def look():
+        def look_up():
             with pytest.raises(tf2_py.TimeoutException):
                 lonely.lookup_transform("map", "robot", LATEST, LONG)
 
-        assert seconds_of(look) < DEADLINE_S / 2
+        assert seconds_of(look_up) < DEADLINE_S / 2
         timer.join()
 
     def test_a_check_frequency_of_zero_is_refused(self, tf2_ros, node):
@@ -210,16 +210,16 @@ class TestThreads:
         assert until(found.done)
         assert found.result().child_frame_id == "robot"
 
-    def test_many_threads_ask_at_once(self, client):
+    def test_many_threads_look_up_at_once(self, client):
         found = []
 
-        def look(i):
+        def look_up(i):
             for j in range(20):
                 stamp = at(1 + i + j / 100)
                 answer = client.lookup_transform("map", "robot", stamp, LONG)
                 found.append(stamp_ns(answer) == stamp.nanoseconds)
 
-        threads = [threading.Thread(target=look, args=(i,)) for i in range(5)]
+        threads = [threading.Thread(target=look_up, args=(i,)) for i in range(5)]
         for thread in threads:
             thread.start()
         for thread in threads:
@@ -241,7 +241,7 @@ class TestThreads:
     def test_dropping_it_ends_its_thread(self, tf2_ros, node, monkeypatch):
         before = set(threading.enumerate())
         client = tf2_ros.BufferClient(node, "nobody")
-        thread = client._asking._spinner.thread
+        thread = client._goal_sender._spinner.thread
         assert thread in threading.enumerate()
         joined = []
         with monkeypatch.context() as patch:
@@ -262,7 +262,7 @@ class TestThreads:
         names = [("lookup", "/robot/lookup"), ("~/lookup", "/robot/asking/lookup"), ("old", "/new")]
         for given, expected in names:
             client = tf2_ros.BufferClient(node, given)
-            assert client._asking._name == expected
+            assert client._goal_sender._name == expected
             client.destroy()
 
 
@@ -274,7 +274,7 @@ class TestAsync:
         async def await_it():
             try:
                 outcome.append((await coroutine, None))
-            except Exception as error:  # it would end who spins
+            except Exception as error:  # it would end the spin
                 outcome.append((None, error))
 
         client.node.executor.create_task(await_it)
@@ -312,22 +312,22 @@ class TestAsync:
         with pytest.raises(tf2_py.TimeoutException, match="no server of"):
             self.run(lonely, lonely.lookup_transform_async("map", "robot", LATEST, timeout=SHORT))
 
-    @pytest.mark.parametrize("since", ["ask", "handle"])
-    def test_who_is_no_longer_waited_for_is_told_to_stop(self, tf2_ros, node, since):
-        # Whether the goal has been accepted by then or is only on its way.
+    @pytest.mark.parametrize("since", ["request", "handle"])
+    def test_a_goal_that_nobody_awaits_any_more_is_cancelled(self, tf2_ros, node, since):
+        # Whether the goal has been accepted by then, or only sent.
         with serving("quiet_lookup") as server:
             client = tf2_ros.BufferClient(node, "quiet_lookup")
             coroutine = client.lookup_transform_async("silent", "robot", LATEST)
             coroutine.send(None)
-            (question,) = client._asking._open
-            until(lambda: getattr(question, since) is not None)
+            (pending,) = client._goal_sender._pending
+            until(lambda: getattr(pending, since) is not None)
             coroutine.close()
             said = []
             listening = threading.Thread(target=lambda: said.append(server.stdout.readline()), daemon=True)
             listening.start()
             listening.join(DEADLINE_S)
             assert said == ["cancelled\n"]
-            until(lambda: not client._asking._open)
+            until(lambda: not client._goal_sender._pending)
             client.destroy()
 
 
@@ -342,7 +342,7 @@ def test_a_server_that_is_killed_in_the_middle_of_a_goal_is_a_timeout(tf2_ros, t
     client = tf2_ros.BufferClient(node, "doomed_lookup", timeout_padding=Duration(seconds=1))
     errors = []
 
-    def look():
+    def look_up():
         try:
             if how == "async":
                 # Without a timeout: its absence alone ends it.
@@ -352,9 +352,9 @@ def test_a_server_that_is_killed_in_the_middle_of_a_goal_is_a_timeout(tf2_ros, t
         except tf2_py.TransformException as error:
             errors.append(error)
 
-    looking = threading.Thread(target=look)
+    looking = threading.Thread(target=look_up)
     looking.start()
-    until(lambda: any(question.handle for question in client._asking._open))
+    until(lambda: any(pending.handle for pending in client._goal_sender._pending))
     process.kill()
     process.communicate()
     looking.join(3 * DEADLINE_S)

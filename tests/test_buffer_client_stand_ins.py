@@ -42,7 +42,7 @@ def client(tf2_ros, stand_in):
     stand_in.destroy.assert_called_once_with()
 
 
-def test_the_goal_goes_to_it_and_its_result_comes_back(client, stand_in, transform):
+def test_it_gets_the_goal_and_its_result_is_returned(client, stand_in, transform):
     assert client.lookup_transform("map", "robot", at(1.5), Duration(seconds=3)) == transform
     (goal,) = stand_in.send_goal_async.call_args.args
     assert (goal.target_frame, goal.source_frame, goal.advanced) == ("map", "robot", False)

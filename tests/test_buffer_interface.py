@@ -1,4 +1,4 @@
-"""Transforming objects through a buffer, and the tables that say how."""
+"""Transforming objects through a buffer, and the tables of functions for that."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""A buffer that other processes look things up in."""
+"""A buffer for the lookups of other processes."""
 
 import json
 import subprocess
@@ -43,11 +43,11 @@ def serving(request, ros, new_node, tf2_ros, buffer):
     server.destroy()
 
 
-class Asker:
+class GoalClient:
     """Sends goals as any client of the action may, in a context of its own."""
 
     def __init__(self, node):
-        # The usual queue of ten would lose answers that come all at once.
+        # The usual queue of ten would lose answers that are sent all at once.
         keep_all = {"result_service_qos_profile": lookup_qos()}
         self.client = ActionClient(node, LookupTransform, "lookup", **keep_all)
         # A server answers only those clients that it has found itself.
@@ -65,7 +65,7 @@ class Asker:
         assert handle.accepted
         return handle
 
-    def ask(self, *what, **how):
+    def answer_to(self, *what, **how):
         """The status and the result of a goal."""
         return _answer(self.send(*what, **how).get_result_async())
 
@@ -93,11 +93,11 @@ def _answer(future):
 
 
 @pytest.fixture
-def asker(serving):
-    with spun_node("asking") as node:
-        asker = Asker(node)
-        yield asker
-        asker.client.destroy()
+def goal_client(serving):
+    with spun_node("client_node") as node:
+        goal_client = GoalClient(node)
+        yield goal_client
+        goal_client.client.destroy()
 
 
 def insert(buffer, parent="map", child="robot", seconds=1.0, x=0.0):
@@ -105,25 +105,25 @@ def insert(buffer, parent="map", child="robot", seconds=1.0, x=0.0):
 
 
 class TestAnswers:
-    def test_what_is_there_is_answered_at_once(self, asker, buffer):
+    def test_an_available_transform_is_answered_at_once(self, goal_client, buffer):
         insert(buffer, x=2)
         for timeout in (NONE, LONG):
-            status, result = asker.ask(timeout=timeout)
+            status, result = goal_client.answer_to(timeout=timeout)
             assert status == GoalStatus.STATUS_SUCCEEDED
             assert result.error.error == TF2Error.NO_ERROR
             assert result.transform == buffer.lookup_transform("map", "robot", _time(S))
 
-    def test_an_advanced_goal_is_a_full_lookup(self, asker, buffer):
+    def test_an_advanced_goal_is_a_full_lookup(self, goal_client, buffer):
         insert(buffer, seconds=1, x=1)
         insert(buffer, seconds=2, x=5)
-        _, result = asker.ask("robot", "robot", S, NONE, "map", 2 * S)
+        _, result = goal_client.answer_to("robot", "robot", S, NONE, "map", 2 * S)
         assert result.transform == buffer.lookup_transform_full(
             "robot", _time(2 * S), "robot", _time(S), "map"
         )
         assert result.transform.transform.translation.x == -4
 
-    def test_a_waiting_goal_is_answered_when_its_transform_comes(self, asker, buffer):
-        future = asker.send().get_result_async()
+    def test_a_waiting_goal_is_answered_when_its_transform_is_inserted(self, goal_client, buffer):
+        future = goal_client.send().get_result_async()
         until(lambda: buffer.statistics()["waiters"] == 1)
         assert not future.done()
         insert(buffer, x=3)
@@ -131,18 +131,18 @@ class TestAnswers:
         assert status == GoalStatus.STATUS_SUCCEEDED
         assert result.transform.transform.translation.x == 3
 
-    def test_a_waiting_advanced_goal_too(self, asker, buffer):
+    def test_a_waiting_advanced_goal_too(self, goal_client, buffer):
         insert(buffer, seconds=1, x=1)
-        future = asker.send("robot", "robot", S, LONG, "map", 2 * S).get_result_async()
+        future = goal_client.send("robot", "robot", S, LONG, "map", 2 * S).get_result_async()
         until(lambda: buffer.statistics()["waiters"] == 1)
         insert(buffer, seconds=2, x=5)
         assert _answer(future)[1].transform.transform.translation.x == -4
 
-    def test_many_goals_wait_at_once_and_hold_up_nobody(self, asker, buffer, serving):
+    def test_many_goals_that_wait_delay_no_other(self, goal_client, buffer, serving):
         stamps = [S + i for i in range(200)]
-        futures = [asker.send(ns=ns).get_result_async() for ns in stamps]
+        futures = [goal_client.send(ns=ns).get_result_async() for ns in stamps]
         until(lambda: buffer.statistics()["waiters"] == len(stamps))
-        assert asker.ask("map", "map", timeout=NONE)[0] == GoalStatus.STATUS_SUCCEEDED
+        assert goal_client.answer_to("map", "map", timeout=NONE)[0] == GoalStatus.STATUS_SUCCEEDED
         served = threading.Event()
         serving.create_task(served.set)
         assert served.wait(DEADLINE_S)
@@ -155,15 +155,15 @@ class TestAnswers:
 
 class TestErrors:
     @pytest.mark.parametrize("timeout", [NONE, LONG], ids=["at once", "waiting"])
-    def test_a_time_that_no_stamp_carries_is_an_invalid_argument(self, asker, buffer, timeout):
+    def test_a_time_that_no_stamp_carries_is_an_invalid_argument(self, goal_client, buffer, timeout):
         insert(buffer)
         goal = LookupTransform.Goal(target_frame="map", source_frame="robot", timeout=timeout.to_msg())
         goal.source_time = TimeMsg(sec=2**31 - 1, nanosec=2**32 - 1)
-        handle = _wait(asker.client.send_goal_async(goal))
+        handle = _wait(goal_client.client.send_goal_async(goal))
         status, result = _answer(handle.get_result_async())
         assert status == GoalStatus.STATUS_SUCCEEDED
         assert result.error.error == TF2Error.INVALID_ARGUMENT_ERROR
-        assert asker.ask(timeout=NONE)[1].error.error == TF2Error.NO_ERROR
+        assert goal_client.answer_to(timeout=NONE)[1].error.error == TF2Error.NO_ERROR
 
     @pytest.mark.parametrize(
         ("what", "code"),
@@ -173,19 +173,19 @@ class TestErrors:
             (("map", "robot", 9 * S), TF2Error.EXTRAPOLATION_ERROR),
         ],
     )
-    def test_without_a_timeout_it_is_that_of_the_lookup(self, asker, buffer, tf2_py, what, code):
+    def test_without_a_timeout_it_is_that_of_the_lookup(self, goal_client, buffer, tf2_py, what, code):
         insert(buffer)
         insert(buffer, "sea", "island")
         for timeout in (NONE, Duration(seconds=-1)):
-            status, result = asker.ask(*what, timeout=timeout)
+            status, result = goal_client.answer_to(*what, timeout=timeout)
             assert result.error.error == code
             assert status == GoalStatus.STATUS_SUCCEEDED
         with pytest.raises(tf2_py.TransformException) as raised:
             buffer.lookup_transform(*what[:2], _time(what[2] if len(what) > 2 else S))
         assert result.error.error_string == str(raised.value)
 
-    def test_a_timeout_tells_the_reason_of_the_last_attempt(self, asker, buffer):
-        future = asker.send(timeout=Duration(seconds=0.5), ns=9 * S).get_result_async()
+    def test_a_timeout_has_the_reason_of_the_last_attempt(self, goal_client, buffer):
+        future = goal_client.send(timeout=Duration(seconds=0.5), ns=9 * S).get_result_async()
         until(lambda: buffer.statistics()["waiters"] == 1)
         insert(buffer)
         _, result = _answer(future)
@@ -195,21 +195,21 @@ class TestErrors:
 
     @pytest.mark.parametrize("bad", ["", "/map"])
     @pytest.mark.parametrize("advanced", [False, True])
-    def test_a_malformed_name_is_told_at_once(self, asker, buffer, bad, advanced):
+    def test_an_invalid_name_is_answered_at_once(self, goal_client, buffer, bad, advanced):
         insert(buffer)
         fixed = {"fixed": "map"} if advanced else {}
         goals = [((bad, "robot"), fixed), (("map", bad), fixed), ((bad, bad), fixed)]
         if advanced:
             goals.append((("map", "robot"), {"fixed": bad}))
         for names, how in goals:
-            _, result = asker.ask(*names, **how)
+            _, result = goal_client.answer_to(*names, **how)
             assert result.error.error == TF2Error.INVALID_ARGUMENT_ERROR
             assert "in tf2 a frame name cannot" in result.error.error_string
 
 
 class TestCancel:
-    def test_a_waiting_goal_ends_and_its_waiter_too(self, asker, buffer):
-        handle = asker.send()
+    def test_a_waiting_goal_ends_and_its_waiter_too(self, goal_client, buffer):
+        handle = goal_client.send()
         future = handle.get_result_async()
         until(lambda: buffer.statistics()["waiters"] == 1)
         assert len(_wait(handle.cancel_goal_async()).goals_canceling) == 1
@@ -218,19 +218,19 @@ class TestCancel:
         assert result.error.error == TF2Error.TRANSFORM_ERROR
         assert buffer.statistics()["waiters"] == 0
         insert(buffer)
-        assert asker.ask()[0] == GoalStatus.STATUS_SUCCEEDED
+        assert goal_client.answer_to()[0] == GoalStatus.STATUS_SUCCEEDED
 
-    def test_others_wait_on(self, asker, buffer):
-        first, second = asker.send(), asker.send()
+    def test_others_wait_on(self, goal_client, buffer):
+        first, second = goal_client.send(), goal_client.send()
         future = second.get_result_async()
         until(lambda: buffer.statistics()["waiters"] == 2)
         _wait(first.cancel_goal_async())
         insert(buffer)
         assert _answer(future)[0] == GoalStatus.STATUS_SUCCEEDED
 
-    def test_an_answered_goal_is_not_cancelled(self, asker, buffer):
+    def test_an_answered_goal_is_not_cancelled(self, goal_client, buffer):
         insert(buffer)
-        handle = asker.send()
+        handle = goal_client.send()
         _answer(handle.get_result_async())
         assert _wait(handle.cancel_goal_async()).goals_canceling == []
 
@@ -241,25 +241,25 @@ class TestEnd:
         server = tf2_ros.BufferServer(buffer, node, "lookup")
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        with spinning(executor), spun_node("asking") as asking:
-            asker = Asker(asking)
-            asker.send()
+        with spinning(executor), spun_node("client_node") as client_node:
+            goal_client = GoalClient(client_node)
+            goal_client.send()
             until(lambda: buffer.statistics()["waiters"] == 1)
             executor.create_task(server.destroy)
             until(lambda: buffer.statistics()["waiters"] == 0)
-            until(lambda: not asker.client.server_is_ready())
-            asker.client.destroy()
+            until(lambda: not goal_client.client.server_is_ready())
+            goal_client.client.destroy()
 
-    def test_transforms_may_come_after_the_node_is_gone(self, tf2_ros, ros, buffer, recwarn):
+    def test_transforms_may_be_inserted_after_the_node_was_destroyed(self, tf2_ros, ros, buffer, recwarn):
         node = ros.create_node("serving")
         tf2_ros.BufferServer(buffer, node, "lookup")
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        with spinning(executor), spun_node("asking") as asking:
-            asker = Asker(asking)
-            asker.send()
+        with spinning(executor), spun_node("client_node") as client_node:
+            goal_client = GoalClient(client_node)
+            goal_client.send()
             until(lambda: buffer.statistics()["waiters"] == 1)
-            asker.client.destroy()
+            goal_client.client.destroy()
         node.destroy_node()
         insert(buffer)
         assert buffer.statistics()["waiters"] == 0
@@ -271,12 +271,12 @@ class TestEnd:
 
 
 class Client:
-    """A client in a process of its own, `programs/asking.py`."""
+    """A client in a process of its own, `programs/lookup_client.py`."""
 
     def __init__(self, action):
-        self.process = start("asking.py", action, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self.process = start("lookup_client.py", action, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
-    def ask(self, target, source, ns, timeout):
+    def send(self, target, source, ns, timeout):
         question = {"target": target, "source": source, "ns": ns, "timeout": timeout}
         self.process.stdin.write(json.dumps(question) + "\n")
         self.process.stdin.flush()
@@ -299,12 +299,12 @@ def client_process(action="lookup"):
 
 def test_two_clients_in_other_processes_are_served_at_once(serving, buffer):
     with client_process() as first, client_process() as second:
-        first.ask("map", "robot", S, DEADLINE_S)
-        second.ask("map", "robot", 2 * S, DEADLINE_S)
+        first.send("map", "robot", S, DEADLINE_S)
+        second.send("map", "robot", 2 * S, DEADLINE_S)
         until(lambda: buffer.statistics()["waiters"] >= 2)
         insert(buffer, seconds=1, x=1)
         assert first.answer()["x"] == 1.0
         insert(buffer, seconds=2, x=2)
         assert second.answer()["x"] == 2.0
-        second.ask("map", "nobody", 0, 0)
+        second.send("map", "nobody", 0, 0)
         assert second.answer()["error"] in ("LookupException", "TimeoutException")

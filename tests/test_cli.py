@@ -111,10 +111,10 @@ class TestBufferServer:
         assert client.can_transform("map", "map", at(0), LONG)
         task = client.lookup_transform_async("map", "robot", at(1), timeout=Duration(seconds=1))
         task.send(None)
-        (question,) = client._asking._open
-        until(lambda: question.handle is not None)
+        (pending,) = client._goal_sender._pending
+        until(lambda: pending.handle is not None)
         server.kill()
-        until(question.outcome.done)
+        until(pending.outcome.done)
         with pytest.raises(tf2_py.TimeoutException, match="buffer server"):
             task.send(None)
         client.destroy()

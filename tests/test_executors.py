@@ -69,7 +69,7 @@ class TestSpinOnce:
             until(lambda: any_executor.spin_once(timeout_sec=LONG_S) or True)
             until(knows(buffer, "arm", time=at(n)))
 
-    def test_a_program_may_spin_until_a_transform_is_there(self, ros, buffer, listener, node, peer):
+    def test_a_program_may_spin_until_a_transform_is_available(self, ros, buffer, listener, node, peer):
         publisher = peer()
         sender = threading.Thread(target=lambda: publisher.send(("map", "robot", 1 * S, 1)))
         sender.start()
@@ -113,18 +113,18 @@ class TestSpinOnce:
     @pytest.mark.parametrize("loop", ["spin_until_future_complete", "executor's"])
     def test_no_loop_is_woken_for_a_message(self, ros, listener, node, executor, peer, loop):
         publisher = peer()
-        looks, can_execute = [], listener.group.can_execute
-        listener.group.can_execute = lambda entity: looks.append(entity) or can_execute(entity)
+        checks, can_execute = [], listener.group.can_execute
+        listener.group.can_execute = lambda entity: checks.append(entity) or can_execute(entity)
         done = ros.task.Future()
 
         def send():
             publisher.send(("map", "robot", 1 * S, 1))
             until(arrived(listener, 1))
-            before = len(looks)
+            before = len(checks)
             for n in range(2, 102):
                 publisher.send(("map", "robot", n * S, 1))
             until(arrived(listener, 101))
-            counted.append(len(looks) - before)
+            counted.append(len(checks) - before)
             done.set_result(None)
 
         counted = []
@@ -135,7 +135,7 @@ class TestSpinOnce:
         else:
             ros.spin_until_future_complete(node, done)
         sender.join()
-        # The end itself may be a look.
+        # The end itself may be a check.
         assert counted[0] < 30
 
     def test_what_a_program_does_to_its_executor_changes_nothing(self, buffer, listener, node, peer):
@@ -166,8 +166,8 @@ class TestSpinOnce:
         listener.dedicated_listener_thread.join(DEADLINE_S)
 
     @pytest.mark.parametrize("spin", ["spin_once", "spin"])
-    def test_signal_handlers_get_their_turn(self, ros, listener, node, peer, spin):
-        """Python runs them between two rounds, and transforms bring rounds about."""
+    def test_signal_handlers_run(self, ros, listener, node, peer, spin):
+        """Python runs them between two rounds, and transforms cause rounds."""
         publisher, handled = peer(), []
 
         def handle(*_):
@@ -193,7 +193,7 @@ class TestSpinOnce:
             signal.signal(signal.SIGALRM, before)
             sender.join()
 
-    def test_a_task_that_polls_gets_its_turn(self, buffer, listener, executor, peer):
+    def test_a_task_that_polls_runs(self, buffer, listener, executor, peer):
         publisher, turns = peer(), itertools.count()
 
         class Turn:
@@ -327,7 +327,7 @@ class TestCallbacksOfFutures:
         assert order == [0, 1, 2, 3, 4]
 
     @pytest.mark.ours
-    def test_an_error_that_ends_the_program_comes_after_every_waiter_was_served(
+    def test_an_error_that_ends_the_program_is_raised_after_every_waiter_was_served(
         self, buffer, listener, executor, peer
     ):
         served = []
@@ -349,12 +349,12 @@ class TestCallbacksOfFutures:
         """It may block: transforms go on arriving."""
         found, publisher = [], peer()
 
-        def look(_):
+        def look_up(_):
             publisher.send(("map", "arm", 1 * S, 1))
             found.append(buffer.lookup_transform("map", "arm", LATEST, Duration(seconds=DEADLINE_S)))
             found.append(threading.current_thread().name)
 
-        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(look)
+        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(look_up)
         publisher.send(("map", "robot", 1 * S, 1))
         until(lambda: len(found) == 2)
         assert found[1] == "tf2_ros callbacks"
@@ -550,7 +550,7 @@ class TestProgramsThatReplaceParts:
         listener.unregister()
         assert list(node.subscriptions) == []
 
-    def test_after_unregistering_the_callback_goes_on_working(self, listener, node, executor, buffer, peer):
+    def test_after_unregistering_the_callback_still_works(self, listener, node, executor, buffer, peer):
         kind = listener.tf_sub.msg_type
         listener.unregister()
         node.create_subscription(kind, "/robot1/tf", listener.callback, 10)
@@ -583,12 +583,12 @@ class TestProgramsOfTheirOwnKind:
         assert list(node.subscriptions) == []
 
     def test_a_node_that_wraps_the_callbacks_of_its_subscriptions(self, ros, tf2_ros, buffer, peer):
-        heard = []
+        received = []
 
         class Wrapping(ros.node.Node):
             def create_subscription(self, msg_type, topic, callback, *arguments, **options):
                 def wrapped(message):
-                    heard.append((topic, type(message).__name__))
+                    received.append((topic, type(message).__name__))
                     callback(message)
 
                 return super().create_subscription(msg_type, topic, wrapped, *arguments, **options)
@@ -599,7 +599,7 @@ class TestProgramsOfTheirOwnKind:
         tf2_ros.TransformListener(buffer, node)
         peer().send(("map", "robot", 1 * S, 1))
         until(knows(buffer, "robot"), executor)
-        assert heard == [("/tf", "TFMessage")]
+        assert received == [("/tf", "TFMessage")]
         executor.shutdown()
         node.destroy_node()
 
@@ -693,15 +693,15 @@ class TestProgramsOfTheirOwnKind:
         assert (given.depth, given.reliability) == (3, ReliabilityPolicy.BEST_EFFORT)
 
     def test_a_group_of_its_own_keeps_a_blocking_callback_from_blocking(self, buffer, listener, node, peer):
-        """A MultiThreadedExecutor, a callback that waits, and another that goes on."""
+        """A MultiThreadedExecutor, a callback that waits, and another that runs meanwhile."""
         executor, found, ticks = MultiThreadedExecutor(2), [], []
         executor.add_node(node)
 
-        def look():
+        def look_up():
             timer.cancel()
             found.append(buffer.lookup_transform("map", "robot", LATEST, Duration(seconds=DEADLINE_S)))
 
-        timer = node.create_timer(0.001, look, callback_group=MutuallyExclusiveCallbackGroup())
+        timer = node.create_timer(0.001, look_up, callback_group=MutuallyExclusiveCallbackGroup())
         node.create_timer(0.01, lambda: ticks.append(1), callback_group=MutuallyExclusiveCallbackGroup())
         until(lambda: len(ticks) > 3, executor)
         assert found == []

@@ -25,7 +25,7 @@ def buffer(tf2_ros):
 
 
 def statuses_of_children(what, count, rate=0):
-    """How the children of `programs/forks.py` end, where so many messages a second come in."""
+    """How the children of `programs/forks.py` end, where so many messages a second arrive."""
     flood = start("flood.py", str(rate), "20", "0", stdout=subprocess.DEVNULL) if rate else None
     program = start("forks.py", what, str(count), str(rate), stdout=subprocess.PIPE)
     try:
@@ -48,7 +48,7 @@ class TestChildren:
 
 
 class TestWaitsOfTheParent:
-    def test_their_timeouts_come_in_the_parent_alone(self, buffer):
+    def test_their_timeouts_pass_in_the_parent_alone(self, buffer):
         ended = []
         future = buffer.wait_for_transform_async("map", "robot", LATEST, timeout=SHORT)
         future.add_done_callback(ended.append)
@@ -78,9 +78,9 @@ class TestWaitsOfTheParent:
         message_filter = tf2_ros.MessageFilter(None, buffer, "map", 10, node=node)
         locks = [
             broadcaster._sending,
-            message_filter._counting,
-            message_filter._held._lock,
-            message_filter._done._closing,
+            message_filter._counts_lock,
+            message_filter._pending._lock,
+            message_filter._outcomes._closing,
         ]
         held, ending = threading.Event(), threading.Event()
 

@@ -55,7 +55,7 @@ class Watched:
 
     def settle(self):
         """Let everything that is due happen."""
-        until(lambda: not self.filter._done._things, self.executor)
+        until(lambda: not self.filter._outcomes._items, self.executor)
 
 
 @pytest.fixture
@@ -74,8 +74,8 @@ def make(tf2_ros, node, executor, buffer):
     yield make
     for watched in made:
         counts = watched.filter.statistics()
-        gone = counts["passed"] + sum(counts["dropped"].values()) + counts["cleared"] + counts["waiting"]
-        assert counts["received"] == gone
+        total = counts["passed"] + sum(counts["dropped"].values()) + counts["cleared"] + counts["waiting"]
+        assert counts["received"] == total
         watched.filter.close()
     assert buffer.statistics()["waiters"] == 0, "somebody is left waiting"
 
@@ -121,7 +121,7 @@ class TestPassing:
         insert(buffer, 5)
         assert watched.seconds() == [0]
 
-    def test_they_come_in_the_order_their_transforms_complete(self, watched, buffer):
+    def test_they_pass_in_the_order_in_which_their_transforms_complete(self, watched, buffer):
         for seconds in (4, 2, 3, 1):
             watched.filter.add(point(seconds))
         watched.filter.add(point(1, frame="camera"))
@@ -132,7 +132,7 @@ class TestPassing:
         assert watched.seconds() == [1, 1, 2, 3, 4]
         assert watched.passed[1].header.frame_id == "camera"
 
-    def test_each_comes_once_however_often_its_transform_comes(self, watched, buffer):
+    def test_each_passes_once_however_often_its_transform_is_inserted(self, watched, buffer):
         watched.filter.add(point(1))
         for _ in range(3):
             insert(buffer, 1)
@@ -190,7 +190,7 @@ class TestSeveralFrames:
 
 
 class TestTolerance:
-    def test_the_transform_must_be_there_for_later_too(self, make, buffer):
+    def test_the_transform_must_be_available_for_later_too(self, make, buffer):
         watched = make(tolerance=Duration(seconds=0.5))
         watched.filter.add(point(1))
         insert(buffer, 1)
@@ -235,7 +235,7 @@ class TestQueue:
         assert watched.seconds() == [3, 4]
         assert watched.filter.statistics()["dropped"] == {**NO_FAILURE, "QUEUE_FULL": 2}
 
-    def test_one_that_need_not_wait_drops_nobody(self, make, buffer):
+    def test_one_that_need_not_wait_drops_no_other(self, make, buffer):
         watched = make(queue_size=1)
         watched.filter.add(point(9))
         insert(buffer, 1)
@@ -271,7 +271,7 @@ class TestQueue:
         assert watched.filter.statistics()["cleared"] == 1
         assert watched.filter.statistics()["waiting"] == 0
 
-    def test_clear_forgets_what_passed_and_was_not_told_yet(self, watched, buffer):
+    def test_clear_removes_what_passed_and_was_not_delivered_yet(self, watched, buffer):
         insert(buffer, 1)
         watched.filter.add(point(1))
         watched.filter.clear()
@@ -285,13 +285,13 @@ class TestFailures:
         watched.filter.add(point(frame="/"))
         assert watched.reasons() == ["EMPTY_FRAME_ID"] * 2
 
-    def test_a_name_that_no_lookup_accepts(self, make):
+    def test_an_invalid_name(self, make):
         watched = make(frames=["map", "//odom"])
         watched.filter.add(point())
         watched.filter.add(point(frame="//lidar"))
         assert watched.reasons() == ["NO_TRANSFORM_FOUND"] * 2
 
-    def test_an_infinite_timeout_never_comes(self, make, buffer):
+    def test_an_infinite_timeout_never_passes(self, make, buffer):
         watched = make(buffer_timeout=Infinite)
         watched.filter.add(point(1))
         assert watched.reasons() == []
@@ -389,7 +389,9 @@ class TestFailures:
 
 class TestCallbacks:
     @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
-    def test_they_run_in_the_executor_whoever_inserts_and_adds(self, tf2_ros, new_node, buffer, kind):
+    def test_they_run_in_the_executor_whichever_thread_inserts_and_adds(
+        self, tf2_ros, new_node, buffer, kind
+    ):
         node = new_node("filtering")
         executor = kind()
         executor.add_node(node)
@@ -775,7 +777,7 @@ class TestLidar:
         assert counts["dropped"] == {**NO_FAILURE, "TIMEOUT": 60}
 
     def test_without_transforms_the_queue_overflows(self, filtering):
-        # Room for half a second of scans: on a busy machine transforms come later than they should.
+        # Enough for half a second of scans: on a busy machine transforms arrive later than they should.
         filter = filtering(50)
         with lidar(100, 40) as process:
             run_lidar(process)
@@ -786,7 +788,7 @@ class TestLidar:
         assert counts["waiting"] == 50
 
 
-def test_ten_thousand_messages_are_not_looked_at_by_other_inserts(watched, buffer):
+def test_other_inserts_do_not_examine_ten_thousand_messages(watched, buffer):
     count = 10_000
     insert(buffer, 1)
     messages = [point(ns=S + 1 + i) for i in range(count)]

@@ -15,27 +15,27 @@ pytestmark = pytest.mark.ours
 def test_a_consumer_that_begins_to_wait_while_others_are_woken_is_woken_next():
     stream, awaiting = MessageStream(), MessageStream()._awaiting
     assert not awaiting
-    begin_to_wait = stream._awaiting.append  # as far as a thread has come that is interrupted here
+    begin_to_wait = stream._awaiting.append  # as a thread that is interrupted at this point
     stream.put("for another")
-    assert stream._things.popleft() == "for another"
+    assert stream._items.popleft() == "for another"
     woken = []
 
-    class News:
+    class Arrival:
         def set_result(self, _):
             woken.append(self)
 
-    begin_to_wait(News())
+    begin_to_wait(Arrival())
     stream.put("for this one")
     assert len(woken) == 1
 
 
-def test_consumers_in_several_threads_get_each_thing_once_and_all_end():
-    stream, consumers, things = MessageStream(), 4, 2000
+def test_consumers_in_several_threads_get_each_item_once_and_all_end():
+    stream, consumers, items = MessageStream(), 4, 2000
     got = [[] for _ in range(consumers)]
 
     async def take(own):
-        async for thing in stream:
-            own.append(thing)
+        async for item in stream:
+            own.append(item)
 
     threads = [threading.Thread(target=asyncio.run, args=(take(own),), daemon=True) for own in got]
     interval = sys.getswitchinterval()
@@ -43,15 +43,15 @@ def test_consumers_in_several_threads_get_each_thing_once_and_all_end():
     try:
         for thread in threads:
             thread.start()
-        for thing in range(things):
-            stream.put(thing)
+        for item in range(items):
+            stream.put(item)
         stream.close()
         for thread in threads:
             thread.join(DEADLINE_S)
     finally:
         sys.setswitchinterval(interval)
     assert not any(thread.is_alive() for thread in threads), "a consumer is stranded"
-    assert sorted(sum(got, [])) == list(range(things))
+    assert sorted(sum(got, [])) == list(range(items))
 
 
 def test_a_consumer_that_leaves_takes_nothing_with_it():
@@ -62,8 +62,8 @@ def test_a_consumer_that_leaves_takes_nothing_with_it():
         await asyncio.sleep(0)
         for one in leaving:
             one.cancel()
-        stream.put("thing")
-        assert await asyncio.wait_for(staying, DEADLINE_S) == "thing"
+        stream.put("item")
+        assert await asyncio.wait_for(staying, DEADLINE_S) == "item"
         assert not stream._awaiting
 
     asyncio.run(main())

@@ -113,7 +113,7 @@ def with_rcl(prefix):
 
 
 def test_the_receiver_is_made_with_the_headers_of_ros_packages_alone(with_rcl):
-    ext = Extension(receiver.NAME, [])
+    ext = Extension(receiver.NAMES[0], [])
     assert receiver.complete(ext, sourced(str(with_rcl))) is None
     assert ext.include_dirs == [str(with_rcl / "include" / "rcl")]
     assert ext.library_dirs == [str(with_rcl / "lib")]
@@ -125,7 +125,7 @@ def test_the_receiver_is_left_out_with_a_notice_where_rcl_is_lacking(monkeypatch
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(with_rcl))
     others = Extension("tf2_py._tf2_py", [])
     command = extensions.BuildExtensions(Distribution())
-    command.extensions = [Extension(receiver.NAME, []), others]
+    command.extensions = [*(Extension(name, []) for name in receiver.NAMES), others]
     command.complete_receiver()
     assert command.extensions == [others]
     assert f"{with_rcl} has no {file}" in caplog.text
@@ -207,7 +207,7 @@ def test_without_ros_neither_tf2_msgs_nor_the_receiver_is_built(chosen):
     chosen({"ros": "none"})
     assert not environment.must_build_tf2_msgs({})
     assert environment.ros_prefixes({}) == []
-    assert "-C ros=none" in receiver.complete(Extension(receiver.NAME, []), {})
+    assert "-C ros=none" in receiver.complete(Extension(receiver.NAMES[0], []), {})
 
 
 def test_an_unknown_choice_of_ros_is_refused_with_the_known_ones(chosen):

@@ -1,4 +1,4 @@
-"""The thread that takes transforms in: it needs no executor, loses nothing, and ends in whatever way."""
+"""The thread that receives transforms: it needs no executor, loses nothing, and ends in every order."""
 
 import gc
 import itertools
@@ -57,7 +57,7 @@ def files():
 
 
 class TestWithoutAnExecutor:
-    def test_transforms_come_while_nobody_spins(self, buffer, listener, peer):
+    def test_transforms_arrive_without_a_spinning_executor(self, buffer, listener, peer):
         publisher = peer()
         publisher.send(("map", "robot", 1 * S, 1), ("map", "robot", 2 * S, 3))
         publisher.send(("robot", "arm", 0, 5), static=True)
@@ -68,7 +68,7 @@ class TestWithoutAnExecutor:
     def test_a_callback_of_a_single_threaded_executor_may_wait(self, buffer, listener, node, executor, peer):
         publisher, found = peer(), []
 
-        def look():
+        def look_up():
             timer.cancel()
             found.append(buffer.lookup_transform("map", "robot", at(5), Duration(seconds=DEADLINE_S)))
 
@@ -76,28 +76,28 @@ class TestWithoutAnExecutor:
             until(lambda: buffer.statistics()["waiters"] == 1)
             publisher.send(("map", "robot", 4 * S, 1), ("map", "robot", 6 * S, 3))
 
-        timer = node.create_timer(0.001, look)
+        timer = node.create_timer(0.001, look_up)
         sender = threading.Thread(target=send_when_it_waits)
         sender.start()
         until(lambda: found, executor)
         sender.join()
         assert translation(found[0])[0] == 2
 
-    def test_a_future_is_done_while_nobody_spins(self, buffer, listener, peer):
+    def test_a_future_is_done_without_a_spinning_executor(self, buffer, listener, peer):
         future = buffer.wait_for_transform_async("map", "robot", LATEST)
         peer().send(("map", "robot", 1 * S, 1))
         until(future.done)
         assert future.result().child_frame_id == "robot"
 
     def test_messages_do_not_wake_the_nodes_executor(self, buffer, listener, executor, flood):
-        looks, can_execute = [], listener.group.can_execute
-        listener.group.can_execute = lambda entity: looks.append(entity) or can_execute(entity)
+        checks, can_execute = [], listener.group.can_execute
+        listener.group.can_execute = lambda entity: checks.append(entity) or can_execute(entity)
         with spinning(executor):
             flood(500, 1)
             until(lambda: taken(buffer) >= 100)
-            before = len(looks)
+            before = len(checks)
             until(lambda: taken(buffer) >= 400)
-            assert len(looks) - before < 30
+            assert len(checks) - before < 30
 
     def test_an_executor_that_takes_messages_nevertheless_loses_none(self, buffer, listener):
         """Not every one asks the callback group; the experimental one of events does not."""
@@ -112,8 +112,8 @@ class TestWithoutAnExecutor:
             peer().send(("map", "robot", 1 * S, 1))
             until(lambda: core._frameExists("robot"))
 
-    def test_a_publisher_that_cannot_be_heard_is_told_of(self, listener, new_node, capfd):
-        """Nobody spins the node, so the executor cannot tell."""
+    def test_a_publisher_with_incompatible_qos_is_logged(self, listener, new_node, capfd):
+        """The node is not spun, so no executor can log it."""
         other = new_node("volatile")
         other.create_publisher(TFMessage, "/tf_static", 10)
         until(lambda: "incompatible QoS" in (capfd.readouterr().err))
@@ -123,9 +123,10 @@ class TestWithoutAnExecutor:
         topics = dict(node.get_subscriber_names_and_types_by_node("listening", "/"))
         assert topics["/tf"] == topics["/tf_static"] == ["tf2_msgs/msg/TFMessage"]
 
-    def test_without_the_extension_an_executor_brings_them(self):
+    def test_without_the_extension_an_executor_inserts_them(self):
         program = (
             "import sys; sys.modules['tf2_ros._receive.loop'] = None\n"
+            "sys.modules['tf2_ros._receive.arrival_waitable'] = None\n"
             "import rclpy; from tf2_ros import Buffer, TransformListener\n"
             "rclpy.init(); node = rclpy.create_node('without'); buffer = Buffer()\n"
             "listener = TransformListener(buffer, node); assert not listener.receives\n"
@@ -166,7 +167,7 @@ class TestLoad:
                 assert translation(buffer.lookup_transform("map", f"f{i}", stamp))[0] == n
         assert float(took_s) < 1.1 * messages / rate, "the machine was too busy to send so many"
 
-    def test_a_publisher_that_is_killed_may_come_back(self, buffer, listener, flood):
+    def test_a_publisher_may_be_killed_and_started_again(self, buffer, listener, flood):
         for _ in range(3):
             before = taken(buffer)
             process = flood(500, 10)
@@ -213,23 +214,21 @@ class TestTrouble:
         assert ended == ["tf2_ros callbacks"]
         assert list(node.subscriptions) == []
 
-    def test_a_callback_may_wait_for_a_transform_that_comes_later(self, buffer, listener, peer):
+    def test_a_callback_may_wait_for_a_later_transform(self, buffer, listener, peer):
         publisher, found, waiting = peer(), [], threading.Event()
 
-        def look(future):
+        def look_up(future):
             waiting.set()
             found.append(buffer.lookup_transform("map", "arm", LATEST, Duration(seconds=DEADLINE_S)))
 
-        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(look)
+        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(look_up)
         publisher.send(("map", "robot", 1 * S, 1))
         assert waiting.wait(DEADLINE_S)
         publisher.send(("map", "arm", 1 * S, 1))
         until(lambda: found)
         assert found[0].child_frame_id == "arm"
 
-    def test_a_callback_that_waits_for_who_ends_it_holds_it_up_for_a_moment_only(
-        self, buffer, listener, peer
-    ):
+    def test_a_callback_that_waits_for_unregister_delays_it_for_a_moment_only(self, buffer, listener, peer):
         in_callback, ended = threading.Event(), threading.Event()
 
         def wait(future):
@@ -265,7 +264,7 @@ class TestTrouble:
 
 class TestForkedChild:
     def test_it_has_none_and_says_so(self, buffer, listener, flood, caplog):
-        """While transforms come in: forking without care would copy a locked buffer."""
+        """While transforms arrive: forking without care would copy a locked buffer."""
         flood(2000, 20)
         until(lambda: taken(buffer) > 100)
         for _ in range(50):
@@ -327,7 +326,7 @@ class TestEnd:
         assert capfd.readouterr().err == ""
 
     @pytest.mark.parametrize("how", ["unregister", "with", "node", "garbage", "subscriptions"])
-    def test_while_transforms_come(self, tf2_ros, ros, node, flood, how):
+    def test_while_transforms_arrive(self, tf2_ros, ros, node, flood, how):
         """In one context, whose other nodes go on."""
         flood(1000, 5)
 
@@ -369,16 +368,16 @@ class TestEnd:
         until(lambda: threads() < before[0] and files() <= before[1])
         assert list(node.subscriptions) == []
 
-    def test_one_subscription_that_goes_leaves_the_other(self, buffer, listener, node, peer):
+    def test_one_subscription_may_be_destroyed_alone(self, buffer, listener, node, peer):
         publisher = peer()
         publisher.send(("map", "robot", 1 * S, 1))
         until(knows(buffer, "robot"))
         node.destroy_subscription(listener.tf_sub)
         until(lambda: node.count_subscribers("/tf") == 0)
-        publisher.send_unheard(("map", "unheard", 1 * S, 1))
+        publisher.send_without_subscriber(("map", "unsubscribed", 1 * S, 1))
         publisher.send(("robot", "arm", 0, 1), static=True)
         until(knows(buffer, "arm"))
-        assert not buffer.can_transform("map", "unheard", LATEST)
+        assert not buffer.can_transform("map", "unsubscribed", LATEST)
         assert listener.receives
 
     def test_destroying_the_node_takes_it_out_of_the_graph_at_once(self, tf2_ros, buffer, node, new_node):

@@ -24,10 +24,10 @@ LATEST = Time()
 
 
 @pytest.fixture(autouse=True, params=["thread", pytest.param("executor", marks=pytest.mark.ours)])
-def road(request, monkeypatch):
-    """By which of its two roads a listener gets transforms: a thread of its own, or who spins the node."""
+def inserter(request, monkeypatch):
+    """What inserts the transforms of a listener: a thread of its own, or the executor that spins the node."""
     if request.param == "executor":
-        monkeypatch.setattr("tf2_ros._receive.thread.Receiver", None)
+        monkeypatch.setattr("tf2_ros._receive.receiver_thread.Receiver", None)
     return request.param
 
 
@@ -37,9 +37,9 @@ def buffer(tf2_ros):
 
 
 @pytest.mark.ours
-def test_it_takes_the_road(tf2_ros, buffer, node, road):
+def test_it_says_what_inserts_its_transforms(tf2_ros, buffer, node, inserter):
     with tf2_ros.TransformListener(buffer, node) as listener:
-        assert listener.receives == (road == "thread")
+        assert listener.receives == (inserter == "thread")
     assert not listener.receives
 
 
@@ -58,7 +58,7 @@ def handled(buffer):
 
 
 class TestOverTheNetwork:
-    def test_dynamic_transforms_come(self, tf2_ros, buffer, node, executor, peer):
+    def test_dynamic_transforms_arrive(self, tf2_ros, buffer, node, executor, peer):
         tf2_ros.TransformListener(buffer, node)
         peer().send(("map", "robot", 1 * S, 1), ("map", "robot", 2 * S, 3), ("robot", "arm", 2 * S, 1))
         until(knows(buffer, "arm"), executor)
@@ -68,13 +68,13 @@ class TestOverTheNetwork:
 
     def test_a_late_joiner_gets_static_transforms(self, tf2_ros, buffer, node, executor, peer):
         earlier = peer()
-        earlier.send_unheard(("map", "robot", 0, 1), static=True)
-        earlier.send_unheard(("robot", "arm", 0, 2), static=True)
+        earlier.send_without_subscriber(("map", "robot", 0, 1), static=True)
+        earlier.send_without_subscriber(("robot", "arm", 0, 2), static=True)
         tf2_ros.TransformListener(buffer, node)
         until(knows(buffer, "arm"), executor)
         assert x_of(buffer, "arm", time=at(12345)) == 3
 
-    def test_a_publisher_that_is_killed_may_come_back(self, tf2_ros, buffer, node, executor, peer):
+    def test_a_publisher_may_be_killed_and_started_again(self, tf2_ros, buffer, node, executor, peer):
         tf2_ros.TransformListener(buffer, node)
         first = peer()
         first.send(("map", "robot", 1 * S, 1))
@@ -86,7 +86,7 @@ class TestOverTheNetwork:
         second.send(("robot", "arm", 0, 2), static=True)
         until(lambda: x_of(buffer, "arm") == 9, executor)
 
-    def test_a_namespaced_node_hears_the_global_topics(self, tf2_ros, buffer, new_node, executor, peer):
+    def test_a_namespaced_node_receives_the_global_topics(self, tf2_ros, buffer, new_node, executor, peer):
         node = new_node("listening", namespace="/robot1")
         executor.add_node(node)
         listener = tf2_ros.TransformListener(buffer, node)
@@ -102,7 +102,7 @@ class TestOverTheNetwork:
         listener = tf2_ros.TransformListener(buffer, node)
         assert listener.tf_sub.topic_name == "/robot1/tf"
         ours, global_one = peer(*remapped), peer()
-        global_one.send_unheard(("map", "stranger", 1 * S, 1))
+        global_one.send_without_subscriber(("map", "stranger", 1 * S, 1))
         ours.send(("map", "robot", 1 * S, 1))
         ours.send(("robot", "arm", 0, 1), static=True)
         until(knows(buffer, "arm"), executor)
@@ -130,7 +130,7 @@ class TestOverTheNetwork:
 
     @pytest.mark.ours
     @pytest.mark.parametrize("own_class", [False, True])
-    def test_a_static_listener_hears_static_transforms_alone(
+    def test_a_static_listener_receives_static_transforms_alone(
         self, tf2_ros, buffer, node, executor, peer, own_class
     ):
         if own_class:
@@ -164,10 +164,10 @@ class TestOverTheNetwork:
     @pytest.mark.parametrize("seconds_back", [5, 50])
     @pytest.mark.parametrize("first", ["transform", "clock"])
     def test_a_restarted_recording_loses_nothing(
-        self, tf2_ros, new_node, executor, peer, road, seconds_back, first
+        self, tf2_ros, new_node, executor, peer, inserter, seconds_back, first
     ):
         """Transforms may arrive before the executor has seen the clock jump; these are of the new time."""
-        if (road, first) == ("executor", "transform"):
+        if (inserter, first) == ("executor", "transform"):
             pytest.skip("there it is the executor that has seen it")
         node = new_node("simulated", parameter_overrides=[Parameter("use_sim_time", value=True)])
         executor.add_node(node)
@@ -195,17 +195,17 @@ class TestOverTheNetwork:
         assert x_of(buffer, "new", time=at(start)) == 5
         assert not buffer.can_transform("map", "old", LATEST)
 
-    def test_a_callback_waits_for_what_another_thread_brings(self, tf2_ros, buffer, node, peer):
+    def test_a_callback_waits_for_what_another_thread_inserts(self, tf2_ros, buffer, node, peer):
         tf2_ros.TransformListener(buffer, node)
         executor, found = MultiThreadedExecutor(2), []
         executor.add_node(node)
         publisher = peer()
 
-        def look():
+        def look_up():
             timer.cancel()
             found.append(buffer.lookup_transform("map", "robot", LATEST, Duration(seconds=DEADLINE_S)))
 
-        timer = node.create_timer(0.001, look, callback_group=MutuallyExclusiveCallbackGroup())
+        timer = node.create_timer(0.001, look_up, callback_group=MutuallyExclusiveCallbackGroup())
         until(lambda: timer.is_canceled(), executor)
         publisher.send(("map", "robot", 1 * S, 1))
         until(lambda: found, executor)
@@ -219,8 +219,8 @@ class TestMalformedBytes:
         good = serialize_message(TFMessage(transforms=[transform("map", "evil", 1)]))
         return [b"\x00", good[:-4], good + b"\x00" * 12, good[:4] + b"\xff\xff\xff\xff" + good[8:]]
 
-    def test_they_are_counted_and_survived(self, tf2_ros, buffer, node, executor, peer, capfd, road):
-        if road == "executor":
+    def test_they_are_counted_and_survived(self, tf2_ros, buffer, node, executor, peer, capfd, inserter):
+        if inserter == "executor":
             pytest.skip("there rclpy reads the messages")
         tf2_ros.TransformListener(buffer, node)
         publisher = peer()
@@ -403,7 +403,7 @@ def end(listener):
 
 
 class TestEnd:
-    def test_nobody_needs_to_hold_it(self, tf2_ros, buffer, node, executor, peer):
+    def test_no_reference_to_it_is_needed(self, tf2_ros, buffer, node, executor, peer):
         tf2_ros.TransformListener(buffer, node)
         gc.collect()
         peer().send(("map", "robot", 1 * S, 1))
@@ -458,7 +458,7 @@ class TestEnd:
         until(lambda: not thread.is_alive())
 
     @pytest.mark.ours
-    def test_it_goes_with_its_node(self, tf2_ros, buffer, ros):
+    def test_it_is_collected_with_its_node(self, tf2_ros, buffer, ros):
         node = ros.create_node("passing")
         references = [weakref.ref(node), weakref.ref(tf2_ros.TransformListener(buffer, node))]
         del node
@@ -466,7 +466,7 @@ class TestEnd:
         assert [reference() for reference in references] == [None, None]
 
     @pytest.mark.ours
-    def test_ending_the_context_the_node_and_the_listener_goes_in_any_order(self, tf2_ros, ros, new_node):
+    def test_context_node_and_listener_may_end_in_any_order(self, tf2_ros, ros, new_node):
         from itertools import permutations
 
         for order in permutations(["context", "node", "listener"]):
@@ -487,15 +487,15 @@ class TestEnd:
 
     @pytest.mark.ours
     @pytest.mark.parametrize("how", ["unspun", "hidden", "shutdown", "waiting", "future"])
-    def test_the_interpreter_exits_without_a_word(self, how, road):
-        program = start("exits.py", how, road, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    def test_the_interpreter_exits_without_output(self, how, inserter):
+        program = start("exits.py", how, inserter, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         output, errors = program.communicate(timeout=DEADLINE_S)
         assert (program.returncode, output, errors) == (0, "at the end\n", "")
 
     @pytest.mark.ours
     @pytest.mark.parametrize("how", ["thread", "interrupted"])
-    def test_a_node_spun_by_a_thread_keeps_the_program_until_its_context_ends(self, how, road):
-        program = start("exits.py", how, road, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    def test_a_node_spun_by_a_thread_keeps_the_program_until_its_context_ends(self, how, inserter):
+        program = start("exits.py", how, inserter, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         assert [program.stdout.readline() for _ in range(2)] == ["at the end\n", "after the end\n"]
         if how == "interrupted":
             program.send_signal(signal.SIGINT)

@@ -38,7 +38,7 @@ def insert(buffer, seconds=1.0, child="robot", parent="map", x=0.0):
 
 
 class TestCompletion:
-    def test_what_is_there_completes_it_at_once(self, buffer):
+    def test_an_available_transform_completes_it_at_once(self, buffer):
         insert(buffer, x=2)
         future = wait(buffer)
         assert isinstance(future, Future)
@@ -61,7 +61,7 @@ class TestCompletion:
         assert translation(future.result()) == (-1.0, 0.0, 0.0)
 
     @pytest.mark.ours
-    def test_it_may_come_by_any_way_in(self, buffer):
+    def test_every_way_of_inserting_completes_it(self, buffer):
         future = wait(buffer)
         buffer.set_transforms([transform("map", "robot", 1)], "me")
         assert future.done()
@@ -120,7 +120,7 @@ class TestCompletion:
         assert [m.child_frame_id for m in found] == ["camera", "camera"]
 
     @pytest.mark.ours
-    def test_a_callback_that_raises_does_not_hurt_who_inserts(self, buffer):
+    def test_what_a_callback_raises_is_not_raised_by_the_insert(self, buffer):
         def fail(_):
             raise RuntimeError("mine")
 
@@ -132,7 +132,7 @@ class TestCompletion:
 
     @pytest.mark.ours
     @pytest.mark.parametrize("error", [asyncio.CancelledError, SystemExit, KeyboardInterrupt])
-    def test_whoever_raises_more_than_an_exception_keeps_nobody_else_waiting(self, buffer, error):
+    def test_a_callback_that_raises_more_than_an_exception_delays_no_other(self, buffer, error):
         def fail(_):
             raise error("mine")
 
@@ -165,7 +165,7 @@ class TestError:
 
 @pytest.mark.ours
 class TestTimeout:
-    def test_it_tells_the_time_and_the_reason(self, buffer, tf2_py):
+    def test_its_text_has_the_time_and_the_reason(self, buffer, tf2_py):
         future = wait(buffer, timeout=SHORT)
         assert has_deadline(future)
         begin = time.monotonic()
@@ -174,7 +174,7 @@ class TestTimeout:
         with pytest.raises(tf2_py.TimeoutException, match="0.05 s.*does not exist"):
             future.result()
 
-    def test_the_reason_is_that_of_the_last_look(self, buffer, tf2_py):
+    def test_the_reason_is_that_of_the_last_lookup(self, buffer, tf2_py):
         future = wait(buffer, at(5), timeout=SHORT)
         insert(buffer, 1)
         insert(buffer, 2)
@@ -214,7 +214,7 @@ class TestTimeout:
     @pytest.mark.parametrize("replaces", [False, True])
     def test_a_callback_that_blocks_holds_up_no_other(self, tf2_ros, buffer, replaces):
         if replaces:
-            buffer = asking_buffer(tf2_ros)
+            buffer = replaced_buffer(tf2_ros)
         first, second = wait(buffer, timeout=SHORT), wait(buffer, at(5), timeout=Duration(seconds=0.1))
         seen = []
         other = tf2_ros.Buffer()
@@ -262,11 +262,11 @@ class TestTimeout:
         assert future.exception() is not None
 
     def test_waits_that_ended_leave_nothing_until_their_deadline(self, buffer):
-        from tf2_ros._wait import waiting
+        from tf2_ros._wait.deadlines import deadlines
 
         for _ in range(5000):
             wait(buffer, timeout=Duration(seconds=3)).cancel()
-        assert len(waiting._deadlines._heap) < 500
+        assert len(deadlines._heap) < 500
 
     def test_it_needs_no_executor_and_holds_no_future(self, buffer):
         future = wait(buffer, timeout=Duration(seconds=60))
@@ -314,7 +314,7 @@ class TestInfiniteTimeout:
         assert future.result().child_frame_id == "robot"
 
     def test_a_buffer_that_replaces_methods_waits(self, tf2_ros, timeout):
-        buffer = asking_buffer(tf2_ros)
+        buffer = replaced_buffer(tf2_ros)
         future = wait(buffer, timeout=timeout)
         assert not has_deadline(future)
         timer = threading.Timer(0.05, insert, (buffer,))
@@ -339,20 +339,20 @@ def insert_for_a_waiter(buffer):
     insert(buffer)
 
 
-def asking_buffer(tf2_ros):
-    """A buffer whose waits ask its own method."""
+def replaced_buffer(tf2_ros):
+    """A buffer whose waits call its own method."""
 
-    class Asking(tf2_ros.Buffer):
+    class Replaced(tf2_ros.Buffer):
         def can_transform_core(self, *arguments):
             return super().can_transform_core(*arguments)
 
-    return Asking()
+    return Replaced()
 
 
 def has_deadline(future):
-    from tf2_ros._wait import waiting
+    from tf2_ros._wait.deadlines import deadlines
 
-    return any(entry[2]() is future for entry in waiting._deadlines._heap)
+    return any(entry[2]() is future for entry in deadlines._heap)
 
 
 def deadline_threads():
@@ -417,7 +417,7 @@ class TestEndOfTheWait:
         gc.collect()
         assert buffer.statistics()["waiters"] == 0
 
-    def test_the_buffer_goes_with_its_future(self, tf2_ros):
+    def test_the_buffer_is_collected_with_its_future(self, tf2_ros):
         buffer = tf2_ros.Buffer()
         future = wait(buffer)
         reference = weakref.ref(buffer)
@@ -456,7 +456,7 @@ class TestEndOfTheWait:
         assert not any(type(thing).__name__ == "Wait" for thing in gc.get_referents(future, vars(future)))
 
     def test_a_completed_future_of_a_buffer_that_replaces_methods_does_not_keep_it(self, tf2_ros):
-        buffer = asking_buffer(tf2_ros)
+        buffer = replaced_buffer(tf2_ros)
         future = wait(buffer)
         insert(buffer)
         reference = weakref.ref(buffer)
@@ -479,7 +479,7 @@ class TestEndOfTheWait:
 
 
 @pytest.mark.ours
-def test_no_insert_falls_between_looking_and_waiting(buffer):
+def test_no_insert_is_lost_between_the_lookup_and_the_wait(buffer):
     """Each round, an insert and a wait for it begin together; one that misses the other waits for ever."""
     rounds = 3000
     start, futures = threading.Barrier(2), []
@@ -543,7 +543,7 @@ class TestAwaiting:
         assert task.result().child_frame_id == "robot"
 
     @pytest.mark.ours
-    def test_an_executor_that_has_nothing_else_to_do_is_woken_for_its_task(self, buffer, executor):
+    def test_an_idle_executor_is_woken_for_its_task(self, buffer, executor):
         task = executor.create_task(buffer.lookup_transform_async("map", "robot", at(1)))
         executor.spin_once(timeout_sec=0)
         timer = threading.Timer(0.05, insert, (buffer,))
@@ -597,7 +597,7 @@ class TestAwaiting:
     def test_it_is_awaited_by_a_task_that_its_executor_skips_while_it_falls_asleep(
         self, buffer, ros, monkeypatch
     ):
-        """Between deciding to sleep and sleeping, the task is still executed, and no executor looks at it."""
+        """Between deciding to sleep and sleeping, the task is still executed, and every executor skips it."""
         falling_asleep, skipped = threading.Event(), threading.Event()
 
         def await_slowly(future):

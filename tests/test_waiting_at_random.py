@@ -17,7 +17,7 @@ from spinning import spinning
 
 from tf2_py import BufferCore
 from tf2_ros._wait.deadlines import deadlines
-from tf2_ros._wait.waiting import TransformFuture
+from tf2_ros._wait.transform_future import TransformFuture
 
 pytestmark = pytest.mark.ours
 
@@ -148,7 +148,7 @@ class Player:
 @pytest.mark.filterwarnings("ignore:Unhandled exception in done callback")
 @pytest.mark.parametrize("seed", range(4))
 def test_each_ends_and_leaves_nothing(tf2_ros, ros, seed):
-    held_before = set(TransformFuture._held)
+    held_before = set(TransformFuture._kept_alive)
     buffer = tf2_ros.Buffer()
     executor = MultiThreadedExecutor(3)
     players = [Player(10 * seed + i, buffer, executor) for i in range(THREADS)]
@@ -168,7 +168,7 @@ def test_each_ends_and_leaves_nothing(tf2_ros, ros, seed):
     for reference in begun:
         end(reference())
     assert buffer.statistics()["waiters"] == 0, "a wait goes on that nobody waits for"
-    assert TransformFuture._held <= held_before
+    assert TransformFuture._kept_alive <= held_before
     ends = sum((player.ends for player in players), Counter())
     assert ends.keys() == {"cancelled", "NoneType", "TimeoutException"}, "the game is too simple"
     for player in players:

@@ -1,4 +1,4 @@
-"""Owns what a fork leaves to the child: locks that nobody holds, and a middleware that nobody touches."""
+"""Owns the state of a forked child: its locks are free, and it does not touch the middleware."""
 
 import os
 import threading
@@ -7,17 +7,18 @@ from typing import Any, Protocol
 
 from rclpy.node import Node
 
-from tf2_py._objects.at_exit import keep_for_ever, skip_exit_handlers
+from tf2_py._internal import keep_for_ever, skip_exit_handlers
+from tf2_ros._rclpy import node_handles
 
-__all__ = ["LOCK", "Inherited", "NodeUse", "keep_for_ever", "tell_of_fork"]
+__all__ = ["LOCK", "Inherited", "NodeUse", "keep_for_ever", "register_for_fork"]
 
-# For short steps of waiting, none of which runs a user's code. One for the whole process, so that a fork can
-# wait for all of them; reentrant, for finalizers and signal handlers may wait, too.
+# For short steps of waiting, none of which runs user code. One for the whole process, so that a fork can wait
+# for all of them; reentrant, because finalizers and signal handlers may wait, too.
 LOCK = threading.RLock()
 
 
 class Inherited(Protocol):
-    """What a forked child has from its parent."""
+    """What a forked child gets from its parent."""
 
     def after_fork(self) -> None:
         """Called in the child, whose only thread is the one that forked."""
@@ -27,45 +28,40 @@ class Inherited(Protocol):
 _inherited: "dict[int, weakref.ref[Inherited]]" = {}
 
 
-def tell_of_fork(thing: Inherited) -> None:
-    """Call ``after_fork()`` of this in every forked child; holds it weakly."""
-    address, forget = id(thing), _inherited.pop
-    _inherited[address] = weakref.ref(thing, lambda _: forget(address, None))
+def register_for_fork(owner: Inherited) -> None:
+    """Call ``after_fork()`` of this in every forked child, as long as something else refers to it."""
+    address, forget = id(owner), _inherited.pop
+    _inherited[address] = weakref.ref(owner, lambda _: forget(address, None))
 
 
 class NodeUse:
     """
-    A node that this process communicates by, on behalf of somebody who keeps this.
+    A node through which this process communicates.
 
     In a forked child the threads of the middleware are missing, so that destroying any part of the node may
-    hang, also at the child's exit. Nothing of it is ever destroyed there.
+    hang, also at the child's exit. There no part of it is ever destroyed, while this object exists.
     """
 
     def __init__(self, node: Any) -> None:
         self.forked = False  # whether the node is that of a parent process
         self._node = weakref.ref(node) if isinstance(node, Node) else None
-        tell_of_fork(self)
+        register_for_fork(self)
 
     def after_fork(self) -> None:
         """See the class."""
         self.forked = True
         node = None if self._node is None else self._node()
         if node is not None:
-            keep_for_ever(node.handle, *(part.handle for part in _parts(node)))
-
-
-def _parts(node: Node) -> list[Any]:
-    parts: list[Any] = [*node.publishers, *node.subscriptions, *node.clients, *node.services]
-    return [*parts, *node.timers, *node.guards]
+            keep_for_ever(*node_handles(node))
 
 
 def _after_fork_in_child() -> None:
     LOCK.release()
     inherited = [reference() for reference in list(_inherited.values())]
-    for thing in inherited:
-        if thing is not None:
-            thing.after_fork()
-    if any(isinstance(thing, NodeUse) for thing in inherited):
+    for owner in inherited:
+        if owner is not None:
+            owner.after_fork()
+    if any(isinstance(owner, NodeUse) for owner in inherited):
         # Those of the middleware join threads that the child does not have.
         skip_exit_handlers()
 

@@ -1,4 +1,4 @@
-"""Owns the goals of a buffer client: the thread that sends them, and what becomes of each."""
+"""Owns the goals of a buffer client: the thread that sends them, and the outcome of each."""
 
 import threading
 import time
@@ -11,76 +11,83 @@ from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from tf2_msgs.action import LookupTransform
 from tf2_py import TimeoutException
-from tf2_ros._forking import keep_for_ever, tell_of_fork
+from tf2_ros._forking import keep_for_ever, register_for_fork
+from tf2_ros._hidden_node import hidden_node
 from tf2_ros._qos import lookup_qos
+from tf2_ros._rclpy import action_result
 from tf2_ros._spinner import Spinner
+from tf2_ros._times import FOR_EVER
 from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.handoff import Handoff
-from tf2_ros._wait.waiting import WakingFuture
+from tf2_ros._wait.waking_future import WakingFuture
 
-__all__ = ["FOR_EVER", "Asking", "Question", "ask_directly"]
+__all__ = ["GoalSender", "PendingGoal", "send_directly"]
 
-FIRST_PATIENCE_NS = 500_000_000  # before something is asked again; twice as long each time
-DONE_CHECK_S = 0.1  # how often to look at a future that may not call back
-FOR_EVER = Duration(seconds=2**31 - 1)  # the most that a goal can say
+FIRST_RETRY_DELAY_NS = 500_000_000  # before a request is sent again; twice as long each time
+DONE_CHECK_S = 0.1  # how often to check a future that may not call back
 
 DESTROYED = "The buffer client was destroyed."
 GOAL_SERVICE = "/_action/send_goal"
 
 
-class Question:
+class PendingGoal:
     """
-    One goal on its way.
+    One goal, until its outcome is known.
 
-    ``outcome`` is the future of the server's response, or of a TimeoutException that tells what went wrong.
+    ``outcome`` is the future of the server's response, or of a TimeoutException that says what failed.
     """
 
-    def __init__(self, asking: "Asking", goal: Any, timeout_ns: int | None, padding_ns: int) -> None:
+    def __init__(self, sender: "GoalSender", goal: Any, timeout_ns: int | None, padding_ns: int) -> None:
         self.goal = goal
         self.deadline_ns = None if timeout_ns is None else time.monotonic_ns() + timeout_ns
         self.padding_ns = padding_ns
         self.outcome = WakingFuture()
         self.handle: Any = None  # of the goal that was accepted
-        self.ask: Callable[[], None] | None = None  # what was asked last and not answered yet
-        self.ask_again_ns = 0
-        self.patience_ns = 0
-        self._asking = asking
+        self.request: Callable[[], None] | None = None  # sends the last request, which has no response yet
+        self.retry_ns = 0  # the steady time at which it is sent again
+        self.retry_delay_ns = 0
+        self._sender = sender
 
     def over(self) -> bool:
-        """Whether the outcome is there."""
+        """Whether the outcome is known."""
         return bool(self.outcome.done() or self.outcome.cancelled())
 
     def expire(self) -> None:
-        """A deadline has come; it may have been moved since."""
-        self._asking.expire(self)
+        """A deadline has passed; there may be a later one by now."""
+        self._sender.expire(self)
 
     def abandon(self) -> None:
-        """Nobody waits for the outcome any more; without effect if it is there."""
-        self._asking.abandon(self)
+        """Nobody waits for the outcome any more; without effect if it is known."""
+        self._sender.abandon(self)
 
 
-class Asking:
+class GoalSender:
     """
     Sends goals to the action of a buffer server.
 
-    :param node: who asks. Goals do not depend on whoever spins it: a hidden node of its context, spun by a
-        thread of its own, sends them.
-    :param ns: the name of the action, as this node has it.
-    :param period_s: how often to look whether the server is there.
+    :param node: the client's. Goals do not depend on its executor: a hidden node of its context, spun by
+        a thread of its own, sends them.
+    :param ns: the name of the action, as this node resolves it.
+    :param period_s: how often to check whether the server is available.
     """
 
     client_class = ActionClient
 
     def __init__(self, node: Node, ns: str, period_s: float) -> None:
         self._name = _resolved(node, ns)
-        self._open: set[Question] = set()
+        self._pending: set[PendingGoal] = set()
         self._closed = False
-        self._node = hidden = _hidden_node(self, node)
+        self._node = hidden = hidden_node(
+            "_buffer_client_impl",
+            self,
+            context=node.context,
+            namespace=node.get_namespace(),
+            use_global_arguments=False,
+        )
         self.action_client = self.client_class(
             hidden,
             LookupTransform,
@@ -89,48 +96,48 @@ class Asking:
             result_service_qos_profile=lookup_qos(),
             cancel_service_qos_profile=lookup_qos(),
         )
-        # All that follows happens in the thread of the hidden node: rclpy's action client loses an answer
-        # that comes before the thread that asked has returned.
-        self._steps = Handoff(hidden, self._step)
+        # All that follows happens in the thread of the hidden node: rclpy's action client loses a response
+        # that arrives before the thread that sent the request has returned.
+        self._steps = Handoff(hidden, self._run_step)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = hidden.create_timer(period_s, partial(self._step, self._look), clock=steady)
+        self._timer = hidden.create_timer(period_s, partial(self._run_step, self._advance_all), clock=steady)
         self._timer.cancel()
         self._spinner = Spinner(hidden, daemon=True, at_end=self._destroy)
         self._spinner.thread.name = "tf2_ros buffer client"
-        tell_of_fork(self)
+        register_for_fork(self)
 
-    def ask(self, goal: Any, timeout_ns: int | None, padding_ns: int) -> Question:
+    def send(self, goal: Any, timeout_ns: int | None, padding_ns: int) -> PendingGoal:
         """
-        Send a goal, as soon as there is a server.
+        Send a goal, as soon as a server is available.
 
         :param timeout_ns: nanoseconds of steady time, for finding a server and for the lookup. None: no end.
-        :param padding_ns: how much longer to wait for the answer of a server that was found.
+        :param padding_ns: how much longer to wait for the response of a server that was found.
         """
-        question = Question(self, goal, timeout_ns, padding_ns)
-        self._open.add(question)
-        self._steps.put(partial(self._begin, question))
-        if question.deadline_ns is not None:
-            deadlines.add(question.deadline_ns, question)
+        pending = PendingGoal(self, goal, timeout_ns, padding_ns)
+        self._pending.add(pending)
+        self._steps.put(partial(self._begin, pending))
+        if pending.deadline_ns is not None:
+            deadlines.add(pending.deadline_ns, pending)
         if self._closed:
-            self._fail(question, DESTROYED)
-        return question
+            self._fail(pending, DESTROYED)
+        return pending
 
     def alive(self) -> bool:
-        """Whether questions are still being answered."""
+        """Whether pending goals still get an outcome."""
         return not self._closed and self._spinner.thread.is_alive()
 
-    def expire(self, question: Question) -> None:
-        """The question may have waited long enough."""
-        self._steps.put(partial(self._expire, question))
+    def expire(self, pending: PendingGoal) -> None:
+        """Fail this goal if its deadline has passed; from any thread."""
+        self._steps.put(partial(self._expire, pending))
 
-    def abandon(self, question: Question) -> None:
-        """Take the question back."""
-        if not question.over():
-            self._steps.put(partial(self._abandon, question))
+    def abandon(self, pending: PendingGoal) -> None:
+        """Cancel this goal, unless its outcome is known; from any thread."""
+        if not pending.over():
+            self._steps.put(partial(self._abandon, pending))
 
     def close(self, *, wait: bool = True) -> None:
         """
-        End; what is being asked ends with a TimeoutException.
+        End; pending goals fail with a TimeoutException.
 
         :param wait: until the thread has ended. Not from a finalizer, see `Spinner.stop`.
         """
@@ -138,13 +145,13 @@ class Asking:
             return
         self._closed = True
         self._spinner.stop(wait=wait)
-        for question in list(self._open):
-            self._fail(question, DESTROYED)
+        for pending in list(self._pending):
+            self._fail(pending, DESTROYED)
 
     def after_fork(self) -> None:
-        """Be closed in a forked child; whoever asks there is told so."""
+        """End in a forked child; goals that are sent there fail."""
         self._closed = True
-        self._open.clear()
+        self._pending.clear()
         keep_for_ever(self.action_client)
 
     def _destroy(self) -> None:
@@ -152,106 +159,106 @@ class Asking:
         self.action_client.destroy()
         self._node.destroy_node()
 
-    def _step(self, step: Callable[[], None]) -> None:
+    def _run_step(self, step: Callable[[], None]) -> None:
         try:
             step()
         except RuntimeError:
-            # Without a context nothing can be asked; whoever shut it down expects no answer.
+            # Without a context nothing can be sent; after its shutdown no outcome is expected.
             if self._node.context.ok():
                 raise
 
-    def _begin(self, question: Question) -> None:
-        self._advance(question)
-        if self._open and self._timer.is_canceled():
+    def _begin(self, pending: PendingGoal) -> None:
+        self._advance(pending)
+        if self._pending and self._timer.is_canceled():
             self._timer.reset()
 
-    def _look(self) -> None:
-        for question in list(self._open):
-            self._advance(question)
-        if not self._open:
+    def _advance_all(self) -> None:
+        for pending in list(self._pending):
+            self._advance(pending)
+        if not self._pending:
             self._timer.cancel()
 
-    def _advance(self, question: Question) -> None:
-        there = self.action_client.server_is_ready()
-        if question.ask is None:
-            if there:
-                self._ask(question, partial(self._send, question))
-        elif not there:
-            self._fail(question, f"The buffer server [{self._name}] went away before it answered.")
-        elif time.monotonic_ns() >= question.ask_again_ns:
-            # A server may hear a question before it has found the way back, and then its answer is lost.
-            question.ask()
-            question.patience_ns *= 2
-            question.ask_again_ns += question.patience_ns
+    def _advance(self, pending: PendingGoal) -> None:
+        available = self.action_client.server_is_ready()
+        if pending.request is None:
+            if available:
+                self._send_request(pending, partial(self._request_goal, pending))
+        elif not available:
+            self._fail(pending, f"The buffer server [{self._name}] went away before it answered.")
+        elif time.monotonic_ns() >= pending.retry_ns:
+            # A server may receive a request before it has discovered this client: its response is then lost.
+            pending.request()
+            pending.retry_delay_ns *= 2
+            pending.retry_ns += pending.retry_delay_ns
 
-    def _ask(self, question: Question, ask: Callable[[], None]) -> None:
-        question.ask = ask
-        question.patience_ns = FIRST_PATIENCE_NS
-        question.ask_again_ns = time.monotonic_ns() + FIRST_PATIENCE_NS
-        ask()
+    def _send_request(self, pending: PendingGoal, request: Callable[[], None]) -> None:
+        pending.request = request
+        pending.retry_delay_ns = FIRST_RETRY_DELAY_NS
+        pending.retry_ns = time.monotonic_ns() + FIRST_RETRY_DELAY_NS
+        request()
 
-    def _send(self, question: Question) -> None:
+    def _request_goal(self, pending: PendingGoal) -> None:
         timeout = FOR_EVER
-        if question.deadline_ns is not None:
-            left_ns = question.deadline_ns - time.monotonic_ns()
+        if pending.deadline_ns is not None:
+            left_ns = pending.deadline_ns - time.monotonic_ns()
             timeout = Duration(nanoseconds=min(max(left_ns, 0), FOR_EVER.nanoseconds))
-        question.goal.timeout = timeout.to_msg()
-        answer = self.action_client.send_goal_async(question.goal)
-        answer.add_done_callback(partial(self._take_goal, question))
+        pending.goal.timeout = timeout.to_msg()
+        response = self.action_client.send_goal_async(pending.goal)
+        response.add_done_callback(partial(self._goal_responded, pending))
 
-    def _take_goal(self, question: Question, answer: Future) -> None:
-        handle = answer.result()
-        if question.over() or question.handle is not None:
+    def _goal_responded(self, pending: PendingGoal, response: Future) -> None:
+        handle = response.result()
+        if pending.over() or pending.handle is not None:
             if handle.accepted:
                 handle.cancel_goal_async()
         elif not handle.accepted:
-            self._fail(question, "The buffer server refused the goal. Something is likely wrong with it.")
+            self._fail(pending, "The buffer server refused the goal. Something is likely wrong with it.")
         else:
-            question.handle = handle
-            self._ask(question, partial(self._ask_result, question))
+            pending.handle = handle
+            self._send_request(pending, partial(self._request_result, pending))
 
-    def _ask_result(self, question: Question) -> None:
-        question.handle.get_result_async().add_done_callback(partial(self._take_result, question))
+    def _request_result(self, pending: PendingGoal) -> None:
+        pending.handle.get_result_async().add_done_callback(partial(self._result_responded, pending))
 
-    def _take_result(self, question: Question, answer: Future) -> None:
-        if not question.over():
-            self._open.discard(question)
-            question.outcome.set_result(answer.result())
+    def _result_responded(self, pending: PendingGoal, response: Future) -> None:
+        if not pending.over():
+            self._pending.discard(pending)
+            pending.outcome.set_result(response.result())
 
-    def _expire(self, question: Question) -> None:
-        if question.over() or question.deadline_ns is None:
+    def _expire(self, pending: PendingGoal) -> None:
+        if pending.over() or pending.deadline_ns is None:
             return
-        if question.ask is None:
-            self._fail(question, f"The buffer server is not ready: no server of [{self._name}] was found.")
-        elif time.monotonic_ns() < question.deadline_ns + question.padding_ns:
-            deadlines.add(question.deadline_ns + question.padding_ns, question)
+        if pending.request is None:
+            self._fail(pending, f"The buffer server is not ready: no server of [{self._name}] was found.")
+        elif time.monotonic_ns() < pending.deadline_ns + pending.padding_ns:
+            deadlines.add(pending.deadline_ns + pending.padding_ns, pending)
         else:
             self._fail(
-                question,
+                pending,
                 f"The buffer server [{self._name}] did not answer in time. Something is likely wrong there.",
             )
-            self._cancel(question)
+            self._cancel(pending)
 
-    def _abandon(self, question: Question) -> None:
-        if not question.over():
-            self._open.discard(question)
-            question.outcome.cancel()
-            self._cancel(question)
+    def _abandon(self, pending: PendingGoal) -> None:
+        if not pending.over():
+            self._pending.discard(pending)
+            pending.outcome.cancel()
+            self._cancel(pending)
 
-    def _cancel(self, question: Question) -> None:
+    def _cancel(self, pending: PendingGoal) -> None:
         # A goal that is accepted later is cancelled then.
-        if question.handle is not None:
-            question.handle.cancel_goal_async()
+        if pending.handle is not None:
+            pending.handle.cancel_goal_async()
 
-    def _fail(self, question: Question, text: str) -> None:
-        self._open.discard(question)
-        if not question.over():
-            question.outcome.set_exception(TimeoutException(text))
+    def _fail(self, pending: PendingGoal, text: str) -> None:
+        self._pending.discard(pending)
+        if not pending.over():
+            pending.outcome.set_exception(TimeoutException(text))
 
 
-def ask_directly(client: Any, goal: Any, padding_ns: int) -> Any:
+def send_directly(client: Any, goal: Any, padding_ns: int) -> Any:
     """
-    Send a goal with any action client, as tf2 does: whoever spins the client's node must be another thread.
+    Send a goal with any action client, as tf2 does. Another thread must spin the client's node.
 
     :param goal: with its timeout.
     :param padding_ns: how much longer than that to wait until the goal is accepted.
@@ -272,20 +279,7 @@ def ask_directly(client: Any, goal: Any, padding_ns: int) -> Any:
     handle = sent.result()
     if not handle.accepted:
         raise TimeoutException("The buffer server refused the goal.")
-    return client._get_result(handle).result
-
-
-def _hidden_node(asking: Asking, node: Node) -> Node:
-    # Nothing of it depends on the time, and it is nobody's to configure.
-    return Node(
-        f"_buffer_client_impl_{id(asking):010x}",
-        context=node.context,
-        namespace=node.get_namespace(),
-        use_global_arguments=False,
-        enable_rosout=False,
-        start_parameter_services=False,
-        parameter_overrides=[Parameter("use_sim_time", value=False)],
-    )
+    return action_result(client, handle)
 
 
 def _resolved(node: Node, ns: str) -> str:

@@ -6,6 +6,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+from tf2_ros._rclpy import parameter_overrides
+
 __all__ = [
     "dynamic_broadcaster_qos",
     "dynamic_overrides",
@@ -25,7 +27,7 @@ _DYNAMIC_POLICIES = [
 # Without its durability /tf_static would be a topic like any other.
 _STATIC_POLICIES = [QoSPolicyKind.DEPTH, QoSPolicyKind.HISTORY, QoSPolicyKind.RELIABILITY]
 
-# Functions, for rclpy writes the overrides into the profile it is given.
+# Functions, because rclpy writes the overrides into the profile it is given.
 
 
 def listener_qos() -> QoSProfile:
@@ -61,10 +63,10 @@ def static_overrides(node: Node, topic: str, kind: str) -> dict[str, Any]:
 
 
 def _overrides(node: Node, topic: str, kind: str, policies: list[QoSPolicyKind]) -> dict[str, Any]:
-    # rclpy declares a parameter for each policy, and a program's parameter callbacks may refuse what they do
-    # not know. So it is asked for only where somebody started the node with such a parameter.
-    given = getattr(node, "_parameter_overrides", None)
-    if not isinstance(given, dict) or not any(name.startswith("qos_overrides.") for name in given):
+    # rclpy declares a parameter for each policy, and a program's parameter callbacks may refuse unknown ones.
+    # So this is used only where the node was started with such a parameter.
+    given = parameter_overrides(node)
+    if not any(name.startswith("qos_overrides.") for name in given):
         return {}
     prefix = f"qos_overrides.{node.resolve_topic_name(topic)}.{kind}."
     if not any(name.startswith(prefix) for name in given):

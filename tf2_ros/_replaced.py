@@ -1,4 +1,4 @@
-"""Owns waiting on a buffer whose methods a program has replaced: the waits ask these, as in tf2."""
+"""Owns waiting on a buffer whose methods a program has replaced: the waits call these, as in tf2."""
 
 import threading
 import time
@@ -10,32 +10,32 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 
 from tf2_py import BufferCore, TimeoutException
-from tf2_ros._forking import tell_of_fork
-from tf2_ros._receive.thread import hand_over
+from tf2_ros._forking import register_for_fork
+from tf2_ros._receive.receiver_thread import hand_over
 from tf2_ros._wait.deadlines import deadlines
-from tf2_ros._wait.waiting import WakingFuture
+from tf2_ros._wait.waking_future import WakingFuture
 from tf2_ros.buffer_interface import NO_TIMEOUT
 
 __all__ = [
-    "AskingFuture",
-    "lookup_transform_by_asking",
-    "lookup_transform_full_by_asking",
-    "wait_until",
+    "RecheckingFuture",
+    "lookup_transform_via_can",
+    "lookup_transform_full_via_can",
+    "poll_until",
 ]
 
-ASK_AGAIN_S = 0.02  # what replaced methods answer may depend on anything
+POLL_PERIOD_S = 0.02  # what replaced methods answer may depend on anything
 
 
-def wait_until(can: Callable[[], Any], timeout_ns: int, alive: Callable[[], bool]) -> None:
-    """Ask again and again, until the answer is yes, the time is over, or the context has ended."""
+def poll_until(can: Callable[[], Any], timeout_ns: int, alive: Callable[[], bool]) -> None:
+    """Poll until the answer is yes, the timeout is over, or the context has ended."""
     deadline_ns = time.monotonic_ns() + timeout_ns
     while time.monotonic_ns() < deadline_ns and not can():
         if not alive():
             return
-        threading.Event().wait(ASK_AGAIN_S)
+        threading.Event().wait(POLL_PERIOD_S)
 
 
-def lookup_transform_by_asking(
+def lookup_transform_via_can(
     self: Any, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
 ) -> TransformStamped:
     """The ``lookup_transform`` of a buffer that has a ``can_transform*`` of its own."""
@@ -43,7 +43,7 @@ def lookup_transform_by_asking(
     return self.lookup_transform_core(target_frame, source_frame, time)
 
 
-def lookup_transform_full_by_asking(
+def lookup_transform_full_via_can(
     self: Any,
     target_frame: str,
     target_time: Time,
@@ -57,12 +57,12 @@ def lookup_transform_full_by_asking(
     return self.lookup_transform_full_core(target_frame, target_time, source_frame, source_time, fixed_frame)
 
 
-class AskingFuture(WakingFuture):
+class RecheckingFuture(WakingFuture):
     """
-    The future of what a method answers, asked again after every insert.
+    The future of what a method answers, called again after every insert.
 
     :param can: whether it would answer, and if not, why: the tuple of ``can_transform_core``.
-    :param look_up: gives the answer.
+    :param look_up: returns the answer.
     :param timeout_ns: nanoseconds of steady time, after which the future holds a TimeoutException. None:
         never.
     """
@@ -80,15 +80,15 @@ class AskingFuture(WakingFuture):
         self.__look_up: Callable[[], Any] | None = look_up
         self.__timeout_ns = timeout_ns
         self.after_fork()
-        tell_of_fork(self)
-        core._new_data_callbacks.append(self.__ask)
-        self.__ask()
+        register_for_fork(self)
+        core._new_data_callbacks.append(self.__check)
+        self.__check()
         if timeout_ns is not None and not self.over():
             deadlines.add(time.monotonic_ns() + timeout_ns, self)
 
     def after_fork(self) -> None:
-        """Let nobody hold the lock in a forked child."""
-        self.__asking = threading.RLock()
+        """Make the lock anew: in a forked child it must be free."""
+        self.__checking = threading.RLock()
 
     def over(self) -> bool:
         """Whether the wait has ended, in whatever way."""
@@ -101,8 +101,8 @@ class AskingFuture(WakingFuture):
             hand_over(core, self.__expire)
 
     def __expire(self) -> None:
-        with self.__asking:
-            self.__ask()
+        with self.__checking:
+            self.__check()
             can = self.__can
             if can is not None:
                 assert self.__timeout_ns is not None
@@ -127,13 +127,13 @@ class AskingFuture(WakingFuture):
         super().set_exception(exception)
 
     def __end(self) -> None:
-        # All three lead to the buffer.
+        # All three refer to the buffer.
         core, self.__core, self.__can, self.__look_up = self.__core, None, None, None
-        if core is not None and self.__ask in core._new_data_callbacks:
-            core._new_data_callbacks.remove(self.__ask)
+        if core is not None and self.__check in core._new_data_callbacks:
+            core._new_data_callbacks.remove(self.__check)
 
-    def __ask(self) -> None:
-        with self.__asking:
+    def __check(self) -> None:
+        with self.__checking:
             can, look_up = self.__can, self.__look_up
             if can is None or look_up is None:
                 return

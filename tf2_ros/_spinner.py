@@ -4,14 +4,13 @@ import atexit
 import threading
 import weakref
 from collections.abc import Callable
-from contextlib import suppress
 
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
-from tf2_ros._forking import NodeUse, keep_for_ever, tell_of_fork
+from tf2_ros._forking import NodeUse, keep_for_ever, register_for_fork
+from tf2_ros._rclpy import RCLError, executor_handles, executor_wake_handle, is_shut_down, mark_shut_down
 
 __all__ = ["END_WAIT_S", "Spinner"]
 
@@ -44,48 +43,47 @@ class Spinner:
         self._owner = owner
         self._at_end = at_end
         self.executor = SingleThreadedExecutor(context=node.context)
-        self._guard = self.executor._guard.handle
+        self._wake_handle = executor_wake_handle(self.executor)
         self._node_use = NodeUse(node)
         self.executor.add_node(node)
         self.thread = threading.Thread(target=self._run, name="tf2_ros listener", daemon=daemon)
-        # It must not run while the interpreter is taken apart. That waits for threads that are no daemons,
-        # but not where it is interrupted.
+        # It must not run while the interpreter is finalized. That waits for threads that are not daemons,
+        # unless it is interrupted.
         _running.add(self)
-        tell_of_fork(self)
+        register_for_fork(self)
         self.thread.start()
 
     def stop(self, *, wait: bool = True) -> None:
         """
         End the thread.
 
-        :param wait: for a moment until it has ended, unless this is that thread. Not from a finalizer: it may
-            run inside any other function of this thread, also one that holds a lock which joining takes.
+        :param wait: until it has ended, for END_WAIT_S at most, unless this is that thread. Not from a
+            finalizer: it may run inside any other function of this thread, also one that holds a lock which
+            joining takes.
         """
         if self._node_use.forked:
             return
-        # As the executor's shutdown() begins. The rest is for its own thread: from another one, it may pull
-        # parts away that are in use.
-        self.executor._is_shutdown = True
-        with suppress(InvalidHandle), self._guard:  # it was destroyed: the thread has ended
-            self._guard.trigger_guard_condition()
+        # The rest of the shutdown is for the spinning thread: from another one, it may destroy what is in
+        # use.
+        mark_shut_down(self.executor, self._wake_handle)
         if wait and self.thread is not threading.current_thread():
             self.thread.join(END_WAIT_S)
 
     def after_fork(self) -> None:
-        """Be dead in a forked child."""
+        """End in a forked child."""
         _running.discard(self)
         self._owner = self._at_end = None
-        keep_for_ever(self._guard, self.executor._sigint_gc)
+        keep_for_ever(self._wake_handle, *executor_handles(self.executor))
 
     def _run(self) -> None:
         try:
             self._spin()
         except ExternalShutdownException:
             return
-        except (AttributeError, rclpy_implementation.RCLError):
-            if self.executor.context.ok() and not self.executor._is_shutdown:
+        except (AttributeError, RCLError):
+            if self.executor.context.ok() and not is_shut_down(self.executor):
                 raise
-            # The context ended, or a program shut the executor down, between two looks of the executor.
+            # The context ended, or a program shut the executor down, between two checks of the executor.
         finally:
             self._owner = None
             for node in self.executor.get_nodes():
@@ -96,7 +94,7 @@ class Spinner:
                 at_end()
 
     def _spin(self) -> None:
-        while self.executor.context.ok() and not self.executor._is_shutdown:
+        while self.executor.context.ok() and not is_shut_down(self.executor):
             try:
                 self.executor.spin()
             except InvalidHandle:

@@ -1,6 +1,5 @@
 """Owns the buffer that a node uses: the engine, waiting for it, its service and its clock."""
 
-import weakref
 from functools import partial
 from typing import Any
 
@@ -17,12 +16,13 @@ from rclpy.utilities import get_default_context
 
 from tf2_msgs.srv import FrameGraph
 from tf2_py import BufferCore, TransformException
-from tf2_ros._receive.thread import attribute_changed, replay
+from tf2_ros._clock_jumps import clear_at_jumps
+from tf2_ros._receive.receiver_thread import attribute_changed
 from tf2_ros._replaced import (
-    AskingFuture,
-    lookup_transform_by_asking,
-    lookup_transform_full_by_asking,
-    wait_until,
+    RecheckingFuture,
+    lookup_transform_full_via_can,
+    lookup_transform_via_can,
+    poll_until,
 )
 from tf2_ros._tf2_names import (
     Callable,
@@ -38,7 +38,10 @@ from tf2_ros._tf2_names import (
     tf2_ros,
     threading,
 )
-from tf2_ros._wait.waiting import Lookup, TransformFuture, aliveness, block, duration_ns, timeout_ns
+from tf2_ros._times import optional_timeout_ns, timeout_ns
+from tf2_ros._wait.blocking import aliveness, wait_for_transform
+from tf2_ros._wait.lookup import Lookup
+from tf2_ros._wait.transform_future import TransformFuture
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 
 # What `import *` gives from tf2's module.
@@ -67,10 +70,7 @@ __all__ = [
     "threading",
 ]
 
-DEFAULT_CACHE_TIME_NS = 10 * 1_000_000_000  # of a BufferCore
-JUMP_BACK = Duration(seconds=-1)  # from here on a buffer forgets what it knew
-
-# By which transforms get into a buffer.
+# The methods that insert transforms.
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
 
 
@@ -78,13 +78,21 @@ class Buffer(BufferCore, BufferInterface):
     """
     A buffer of transforms that can be waited for.
 
-    :param cache_time: how far each frame's history reaches back. Default 10 s.
-    :param node: offer the service ``tf2_frames`` and follow the clock of this node.
+    :param cache_time: how far each frame's history reaches back from its latest sample. None: 10 s.
+    :param node: offer the service ``tf2_frames`` and follow the clock of this node. None: the buffer has a
+        clock of its own, and no service.
     :param limits: ``max_frames``, ``max_bytes``, ``max_waiters``: see :class:`tf2_py.BufferCore`.
+    :raises TypeError: ``cache_time`` is no duration, or a limit no int.
+    :raises ValueError: ``cache_time`` is negative, or a limit not above 0.
 
-    It is emptied when its clock jumps back by 1 s or more, and when simulated time is switched on or off.
-    Every ``time`` is anything with ``nanoseconds``, or with ``sec`` and ``nanosec``; 0 is the latest time
-    that all frames on the path know. Every ``timeout`` is steady time, under simulated time, too.
+    It is cleared when its clock jumps back by 1 s or more, and when simulated time is switched on or off.
+    Every ``time`` is an rclpy ``Time``, a time message, or an object with their attributes; 0 is the latest
+    time for which all frames on the path have data. Every ``timeout`` is an rclpy ``Duration`` or a duration
+    message, in steady time, also while time is simulated. Translations are in metres, rotations are unit
+    quaternions.
+
+    With ``TF2_DEBUG=1`` in the environment when this module is imported, each wait for a transform that lasts
+    longer than a second logs, once, what it lacks; not those by methods that a program has replaced.
     """
 
     def __init__(
@@ -92,7 +100,6 @@ class Buffer(BufferCore, BufferInterface):
     ) -> None:
         BufferCore.__init__(self, cache_time, **limits)
         BufferInterface.__init__(self)
-        self._cache_time_ns = DEFAULT_CACHE_TIME_NS if cache_time is None else duration_ns(cache_time)
         self._node_context = None if node is None else node.context
         self.srv: Service | None = None
         self.clock: Clock = Clock() if node is None else node.get_clock()
@@ -100,15 +107,15 @@ class Buffer(BufferCore, BufferInterface):
             self.srv = node.create_service(FrameGraph, "tf2_frames", self.__get_frames)
         if "jump_handle" in self.__dict__:
             self.jump_handle.unregister()  # __init__ was called again
-        self.jump_handle: JumpHandle = _forget_at_jumps(self)
+        self.jump_handle: JumpHandle = clear_at_jumps(self)
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        # A lookup asks what a subclass put in the place of these. Here, and not at each lookup.
+        # A lookup calls what a subclass replaced. Decided here, and not at each lookup.
         if cls.__replaces(*_CAN) and cls.lookup_transform is Buffer.lookup_transform:
-            cls.lookup_transform = lookup_transform_by_asking  # type: ignore[method-assign]
+            cls.lookup_transform = lookup_transform_via_can  # type: ignore[method-assign]
         if cls.__replaces(*_CAN_FULL) and cls.lookup_transform_full is Buffer.lookup_transform_full:
-            cls.lookup_transform_full = lookup_transform_full_by_asking  # type: ignore[method-assign]
+            cls.lookup_transform_full = lookup_transform_full_via_can  # type: ignore[method-assign]
 
     def __setattr__(self, name: str, value: Any) -> None:
         super().__setattr__(name, value)
@@ -121,7 +128,7 @@ class Buffer(BufferCore, BufferInterface):
             attribute_changed()
 
     def __del__(self) -> None:
-        """Follow the clock no more; may be called again."""
+        """Stop following the clock; may be called again."""
         handle = self.__dict__.get("jump_handle")
         if handle is not None:
             handle.unregister()
@@ -132,18 +139,24 @@ class Buffer(BufferCore, BufferInterface):
         """
         Get the transform that carries data from ``source_frame`` into ``target_frame``.
 
-        :param time: when.
-        :param timeout: how long to wait until there is an answer; less if the context ends, or on Ctrl-C.
+        :param target_frame: where to.
+        :param source_frame: the frame of the data.
+        :param time: of the transform; 0 is the latest time for which all frames on the path have data.
+        :param timeout: how long to wait until there is an answer. The wait ends early when the context ends,
+            and on Ctrl-C. Zero or negative: do not wait.
+        :return: a ``TransformStamped`` from ``target_frame`` (its ``header.frame_id``) to ``source_frame``
+            (its ``child_frame_id``), stamped with ``time``, or with the latest time if that is 0.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
         :raises ConnectivityException: the frames are in different trees.
         :raises ExtrapolationException: a frame on the path has no data for the time.
         :raises InvalidArgumentException: a name is empty or begins with ``/``; this is not waited for.
+        :raises TypeError: a name is no str, ``time`` is no time, or ``timeout`` no duration.
         """
         if timeout is NO_TIMEOUT:
             return self.lookup_transform_core(target_frame, source_frame, time)
         if self.__is_replaced(*_CAN, "lookup_transform_core"):
-            return lookup_transform_by_asking(self, target_frame, source_frame, time, timeout)
-        return self.__block((target_frame, source_frame, time, None, None), timeout)
+            return lookup_transform_via_can(self, target_frame, source_frame, time, timeout)
+        return self.__wait(Lookup.simple(target_frame, source_frame, time), timeout)
 
     def lookup_transform_full(
         self,
@@ -157,19 +170,25 @@ class Buffer(BufferCore, BufferInterface):
         """
         Get the transform from ``source_frame`` at ``source_time`` into ``target_frame`` at ``target_time``.
 
-        :param fixed_frame: the frame that is taken to stand still between the two times.
+        :param target_frame: where to.
+        :param target_time: the time in ``target_frame``; 0 is the latest time for which all frames on the
+            path between it and ``fixed_frame`` have data.
+        :param source_frame: the frame of the data.
+        :param source_time: the time of the data; 0 likewise, for the path between it and ``fixed_frame``.
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: as of :meth:`lookup_transform`.
 
-        Stamped with the target's time; otherwise as :meth:`lookup_transform`.
+        It is stamped with the target's time, and raises what :meth:`lookup_transform` raises.
         """
         if timeout is NO_TIMEOUT:
             return self.lookup_transform_full_core(
                 target_frame, target_time, source_frame, source_time, fixed_frame
             )
         if self.__is_replaced(*_CAN_FULL, "lookup_transform_full_core"):
-            return lookup_transform_full_by_asking(
+            return lookup_transform_full_via_can(
                 self, target_frame, target_time, source_frame, source_time, fixed_frame, timeout
             )
-        return self.__block((target_frame, source_frame, source_time, fixed_frame, target_time), timeout)
+        return self.__wait(Lookup(target_frame, target_time, source_frame, source_time, fixed_frame), timeout)
 
     def can_transform(
         self,
@@ -182,14 +201,17 @@ class Buffer(BufferCore, BufferInterface):
         """
         Tell whether :meth:`lookup_transform` would answer.
 
+        :param target_frame: as of that method, like ``source_frame`` and ``time``.
         :param timeout: how long to wait until it would.
-        :param return_debug_tuple: return the answer and the reason of a "no", which is empty for a "yes".
+        :param return_debug_tuple: return a tuple of the answer and the reason why not, which is empty where
+            it would.
+        :raises TypeError: as that method; it raises nothing else.
         """
         if timeout is not NO_TIMEOUT:
             if self.__is_replaced("can_transform_core"):
-                ask = partial(self.can_transform_core, target_frame, source_frame, time)
-                wait_until(lambda: ask()[0], duration_ns(timeout), aliveness(self.__context()))
-            elif self.__becomes_available((target_frame, source_frame, time, None, None), timeout):
+                can_now = partial(self.can_transform_core, target_frame, source_frame, time)
+                poll_until(lambda: can_now()[0], timeout_ns(timeout), aliveness(self.__context()))
+            elif self.__becomes_available(Lookup.simple(target_frame, source_frame, time), timeout):
                 return (True, "") if return_debug_tuple else True
         can, reason = self.can_transform_core(target_frame, source_frame, time)
         return (bool(can), reason) if return_debug_tuple else bool(can)
@@ -204,10 +226,15 @@ class Buffer(BufferCore, BufferInterface):
         timeout: Duration = NO_TIMEOUT,
         return_debug_tuple: bool = False,
     ) -> bool | tuple[bool, str]:
-        """Tell whether :meth:`lookup_transform_full` would answer; otherwise as :meth:`can_transform`."""
+        """
+        Tell whether :meth:`lookup_transform_full` would answer.
+
+        :param target_frame: as of that method, like all but the last two, which are those of
+            :meth:`can_transform`.
+        """
         if timeout is not NO_TIMEOUT:
             if self.__is_replaced("can_transform_full_core"):
-                ask = partial(
+                can_now = partial(
                     self.can_transform_full_core,
                     target_frame,
                     target_time,
@@ -215,9 +242,9 @@ class Buffer(BufferCore, BufferInterface):
                     source_time,
                     fixed_frame,
                 )
-                wait_until(lambda: ask()[0], duration_ns(timeout), aliveness(self.__context()))
+                poll_until(lambda: can_now()[0], timeout_ns(timeout), aliveness(self.__context()))
             elif self.__becomes_available(
-                (target_frame, source_frame, source_time, fixed_frame, target_time), timeout
+                Lookup(target_frame, target_time, source_frame, source_time, fixed_frame), timeout
             ):
                 return (True, "") if return_debug_tuple else True
         can, reason = self.can_transform_full_core(
@@ -229,24 +256,26 @@ class Buffer(BufferCore, BufferInterface):
         self, target_frame: str, source_frame: str, time: Time, *, timeout: Duration | None = None
     ) -> Future:
         """
-        Get a future of what :meth:`lookup_transform` will answer.
+        Get a future of what :meth:`lookup_transform` will return.
 
-        :param timeout: when to end the future with a ``TimeoutException`` that tells the reason. None: never.
+        :param target_frame: as of that method, like ``source_frame`` and ``time``.
+        :param timeout: after which the future holds a ``TimeoutException`` with the reason. None: never.
+        :raises TypeError: as that method.
 
-        The thread that inserts the missing transform completes the future. Its callbacks run in that thread,
-        too, but those that a listener's thread would run, and those of a timeout, in the executor that spins
-        the listener's node; where there is none, or it never had one, in a thread for callbacks. A name that
-        can never be looked up ends it at once, with an ``InvalidArgumentException``.
+        The thread that inserts the missing transform completes the future, and runs its callbacks. Callbacks
+        that a listener's thread would run, and those of a timeout, run in the executor that spins the
+        listener's node; where there is none, or it never had one, in a thread for callbacks. With an invalid
+        name the future holds an ``InvalidArgumentException`` at once.
         """
         if self.__is_replaced(*_CAN, *_LOOKUP):
             arguments = (target_frame, source_frame, time)
-            return AskingFuture(
+            return RecheckingFuture(
                 self,
                 partial(self.can_transform_core, *arguments),
                 partial(self.lookup_transform, *arguments),
-                timeout_ns(timeout),
+                optional_timeout_ns(timeout),
             )
-        return TransformFuture(self, (target_frame, source_frame, time, None, None), timeout)
+        return TransformFuture(self, Lookup.simple(target_frame, source_frame, time), timeout)
 
     def wait_for_transform_full_async(
         self,
@@ -258,16 +287,21 @@ class Buffer(BufferCore, BufferInterface):
         *,
         timeout: Duration | None = None,
     ) -> Future:
-        """Get a future of what :meth:`lookup_transform_full` will answer; see the simple one."""
+        """
+        Get a future of what :meth:`lookup_transform_full` will return.
+
+        :param target_frame: as of that method, like all but ``timeout``.
+        :param timeout: as of :meth:`wait_for_transform_async`, which is the same for a simple lookup.
+        """
         if self.__is_replaced(*_CAN_FULL, *_LOOKUP_FULL):
             arguments = (target_frame, target_time, source_frame, source_time, fixed_frame)
-            return AskingFuture(
+            return RecheckingFuture(
                 self,
                 partial(self.can_transform_full_core, *arguments),
                 partial(self.lookup_transform_full_core, *arguments),
-                timeout_ns(timeout),
+                optional_timeout_ns(timeout),
             )
-        lookup = (target_frame, source_frame, source_time, fixed_frame, target_time)
+        lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame)
         return TransformFuture(self, lookup, timeout)
 
     async def lookup_transform_async(
@@ -276,9 +310,13 @@ class Buffer(BufferCore, BufferInterface):
         """
         Await the transform that carries data from ``source_frame`` into ``target_frame``.
 
+        :param target_frame: as of :meth:`lookup_transform`, like ``source_frame`` and ``time``.
         :param timeout: how long. None: for ever.
-        :raises TimeoutException: it did not come in time; the text tells the reason.
+        :raises TimeoutException: it was not available in time; the text has the reason.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
+        :raises TypeError: as :meth:`lookup_transform`.
+
+        A coroutine for asyncio and for rclpy's executors.
         """
         answer = await self.wait_for_transform_async(target_frame, source_frame, time, timeout=timeout)
         return self.__renewed(answer, self.lookup_transform_core, target_frame, source_frame, time)
@@ -293,7 +331,12 @@ class Buffer(BufferCore, BufferInterface):
         *,
         timeout: Duration | None = None,
     ) -> TransformStamped:
-        """Await what :meth:`lookup_transform_full` answers; otherwise as :meth:`lookup_transform_async`."""
+        """
+        Await what :meth:`lookup_transform_full` returns.
+
+        :param target_frame: as of that method, like all but ``timeout``.
+        :param timeout: as of :meth:`lookup_transform_async`, which raises the same.
+        """
         answer = await self.wait_for_transform_full_async(
             target_frame, target_time, source_frame, source_time, fixed_frame, timeout=timeout
         )
@@ -308,7 +351,11 @@ class Buffer(BufferCore, BufferInterface):
         )
 
     def time_jump_callback(self, time_jump: TimeJump | None) -> None:
-        """Forget what was known before the clock jumped, and warn of it."""
+        """
+        Clear the buffer, and log a warning.
+
+        :param time_jump: of the clock. None: a jump back, for programs that call this themselves.
+        """
         if time_jump is None:
             happened = "Detected jump back in time"
         elif time_jump.clock_change == ClockChange.ROS_TIME_ACTIVATED:
@@ -325,19 +372,19 @@ class Buffer(BufferCore, BufferInterface):
         return any(getattr(cls, name) is not _ORIGINALS[name] for name in names)
 
     def __is_replaced(self, *names: str) -> bool:
-        """Whether a subclass, or anybody since, put something else in the place of one of these methods."""
+        """Whether a subclass, or a program later, replaced one of these methods."""
         own = self.__dict__
         return self.__replaces(*names) or any(name in own for name in names)
 
     def __context(self) -> Context:
         return self._node_context or get_default_context()
 
-    def __block(self, lookup: Lookup, timeout: Duration) -> TransformStamped:
-        return block(self, lookup, duration_ns(timeout), self.__context())
+    def __wait(self, lookup: Lookup, timeout: Duration) -> TransformStamped:
+        return wait_for_transform(self, lookup, timeout_ns(timeout), self.__context())
 
     def __becomes_available(self, lookup: Lookup, timeout: Duration) -> bool:
         try:
-            self.__block(lookup, timeout)
+            self.__wait(lookup, timeout)
         except TransformException:
             return False
         return True
@@ -346,11 +393,11 @@ class Buffer(BufferCore, BufferInterface):
     def __renewed(
         answer: TransformStamped, look_up: Callable[..., TransformStamped], *arguments: Any
     ) -> TransformStamped:
-        """The answer as of now: "latest" may have moved on since the future was completed."""
+        """The answer as of now: the latest time may have changed since the future was completed."""
         try:
             return look_up(*arguments)
         except TransformException:
-            return answer  # forgotten meanwhile
+            return answer  # the buffer has lost it meanwhile
 
     def __get_frames(self, req: Any, res: Any) -> Any:
         res.frame_yaml = self.all_frames_as_yaml()
@@ -367,29 +414,9 @@ class Buffer(BufferCore, BufferInterface):
             self._new_data_callbacks.remove(callback)
 
 
-# What the waits ask, in tf2's own order.
+# What the waits call, in tf2's own order.
 _CAN = ("can_transform", "can_transform_core")
 _LOOKUP = ("lookup_transform", "lookup_transform_core")
 _CAN_FULL = ("can_transform_full", "can_transform_full_core")
 _LOOKUP_FULL = ("lookup_transform_full", "lookup_transform_full_core")
 _ORIGINALS = {name: getattr(Buffer, name) for name in (*_CAN, *_LOOKUP, *_CAN_FULL, *_LOOKUP_FULL)}
-
-
-def _forget_at_jumps(buffer: Buffer) -> JumpHandle:
-    # The clock keeps a bare pointer to the handle and must be told when it goes, and the handle must not keep
-    # the buffer from going.
-    reference = weakref.ref(buffer)
-
-    def on_jump(time_jump: TimeJump) -> None:
-        jumping = reference()
-        if jumping is None:
-            return
-        jumping.time_jump_callback(time_jump)
-        if time_jump.clock_change == ClockChange.ROS_TIME_NO_CHANGE:
-            # Transforms may have arrived before the executor had seen /clock.
-            replay(jumping, jumping.clock.now().nanoseconds)
-
-    threshold = JumpThreshold(min_forward=None, min_backward=JUMP_BACK, on_clock_change=True)
-    handle = buffer.clock.create_jump_callback(threshold, post_callback=on_jump)
-    weakref.finalize(buffer, handle.unregister).atexit = False
-    return handle

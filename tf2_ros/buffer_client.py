@@ -1,11 +1,10 @@
-"""Owns asking a buffer in another process, through its action."""
+"""Owns lookups in the buffer of another process, through its action."""
 
 import threading
 import weakref
 from typing import Any
 
 from action_msgs.msg import GoalStatus
-from builtin_interfaces.msg import Time as TimeMsg
 from geometry_msgs.msg import TransformStamped
 from rclpy.action.client import ActionClient
 from rclpy.duration import Duration
@@ -22,8 +21,8 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._objects.printable import printable
-from tf2_ros._goals import FOR_EVER, Asking, Question, ask_directly
+from tf2_py._internal import printable
+from tf2_ros._goals import GoalSender, PendingGoal, send_directly
 from tf2_ros._tf2_names import (
     Clock,
     LookupTransformGoal,
@@ -35,7 +34,7 @@ from tf2_ros._tf2_names import (
     tf2_ros,
     warnings,
 )
-from tf2_ros._wait.waiting import duration_ns, timeout_ns
+from tf2_ros._times import FOR_EVER, duration_msg, optional_timeout_ns, time_msg, timeout_ns
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 
 # What `import *` gives from tf2's module.
@@ -59,7 +58,7 @@ __all__ = [
     "warnings",
 ]
 
-ALIVE_CHECK_S = 0.1  # how often a blocked thread looks whether there is still somebody to answer it
+ALIVE_CHECK_S = 0.1  # how often a blocked thread checks whether its goal can still get an outcome
 
 EXCEPTIONS = {
     TF2Error.LOOKUP_ERROR: LookupException,
@@ -74,14 +73,16 @@ class BufferClient(BufferInterface):
     """
     Looks transforms up in the buffer of a buffer server.
 
-    :param node: who asks. It need not be spun: a hidden node with a thread of its own sends the goals, so
-        that blocking lookups work in callbacks of any executor, too.
+    :param node: whose context and namespace are used. It need not be spun: a hidden node with a thread of its
+        own sends the goals, so that blocking lookups work in callbacks of any executor, too.
     :param ns: the name of the server's action.
-    :param check_frequency: how often to look for the server while there is none, in Hz.
-    :param timeout_padding: how much longer than a lookup's own timeout to wait for the server's answer.
+    :param check_frequency: how often to check for the server while there is none, in Hz.
+    :param timeout_padding: how much longer than a lookup's own timeout to wait for the server's response.
+    :raises ValueError: ``check_frequency`` is not above 0.
 
-    Where a program put another class in the place of this module's ``ActionClient``, or another object into
-    the attribute ``action_client``, goals are sent with that, by the thread that asks.
+    Where a program replaced this module's ``ActionClient``, or the attribute ``action_client``, goals are
+    sent with the replacement, by the thread that calls the lookup. Every ``time`` and ``timeout`` is as of
+    :class:`tf2_ros.Buffer`.
     """
 
     def __init__(
@@ -97,21 +98,21 @@ class BufferClient(BufferInterface):
         self.node = node
         self.check_frequency = check_frequency
         self.timeout_padding = timeout_padding
-        self._asking: Asking | None = None
-        if ActionClient is not Asking.client_class:
+        self._goal_sender: GoalSender | None = None
+        if ActionClient is not GoalSender.client_class:
             self.action_client = ActionClient(node, LookupTransform, action_name=ns)
             return
-        self._asking = Asking(node, ns, 1.0 / check_frequency)
-        self.action_client = self._asking.action_client
-        # Whoever forgets destroy() leaves no thread; at exit it ends by itself.
-        weakref.finalize(self, self._asking.close, wait=False).atexit = False
+        self._goal_sender = GoalSender(node, ns, 1.0 / check_frequency)
+        self.action_client = self._goal_sender.action_client
+        # Without destroy(), too, no thread remains; at exit it ends by itself.
+        weakref.finalize(self, self._goal_sender.close, wait=False).atexit = False
 
     def destroy(self) -> None:
-        """End the client; lookups that are going on end with a TimeoutException."""
-        if self._asking is None or self.action_client is not self._asking.action_client:
+        """End the client; pending lookups raise a TimeoutException."""
+        if self._goal_sender is None or self.action_client is not self._goal_sender.action_client:
             self.action_client.destroy()
-        if self._asking is not None:
-            self._asking.close()
+        if self._goal_sender is not None:
+            self._goal_sender.close()
 
     def lookup_transform(
         self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
@@ -119,13 +120,18 @@ class BufferClient(BufferInterface):
         """
         Get the transform that carries data from ``source_frame`` into ``target_frame``.
 
-        :param time: when; 0 is the latest time that all frames on the path know.
+        :param target_frame: where to.
+        :param source_frame: the frame of the data.
+        :param time: of the transform; 0 is the latest time for which all frames on the path have data.
         :param timeout: how long to wait, for a server and then in it for the transform, in steady time.
-        :raises TimeoutException: there is no server, it did not answer, or it waited in vain.
+        :return: a ``TransformStamped``, as of :meth:`tf2_ros.Buffer.lookup_transform`.
+        :raises TimeoutException: there is no server, it did not answer, or the transform was not available in
+            time.
         :raises TransformException: what the lookup in the server raised.
+        :raises TypeError: ``time`` is no time, or ``timeout`` no duration.
         """
         goal = _simple_goal(target_frame, source_frame, time)
-        goal.timeout = _duration_msg(timeout)
+        goal.timeout = duration_msg(timeout)
         return self.__process_goal(goal)
 
     def lookup_transform_full(
@@ -140,12 +146,15 @@ class BufferClient(BufferInterface):
         """
         Get the transform from ``source_frame`` at ``source_time`` into ``target_frame`` at ``target_time``.
 
-        :param fixed_frame: the frame that is taken to stand still between the two times.
-
-        Otherwise as :meth:`lookup_transform`.
+        :param target_frame: where to.
+        :param target_time: the time in ``target_frame``; 0 is the latest one.
+        :param source_frame: the frame of the data.
+        :param source_time: the time of the data; 0 is the latest one.
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: as of :meth:`lookup_transform`, which raises the same.
         """
         goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame)
-        goal.timeout = _duration_msg(timeout)
+        goal.timeout = duration_msg(timeout)
         return self.__process_goal(goal)
 
     def can_transform(
@@ -159,7 +168,10 @@ class BufferClient(BufferInterface):
         """
         Tell whether :meth:`lookup_transform` would answer.
 
-        :param return_debug_tuple: return the answer and the reason of a "no", which is empty for a "yes".
+        :param target_frame: as of that method, like all but the last.
+        :param return_debug_tuple: return a tuple of the answer and the reason why not, which is empty where
+            it would.
+        :raises TypeError: as that method; it raises nothing else.
         """
         try:
             self.lookup_transform(target_frame, source_frame, time, timeout)
@@ -177,7 +189,11 @@ class BufferClient(BufferInterface):
         timeout: Duration = NO_TIMEOUT,
         return_debug_tuple: bool = False,
     ) -> bool | tuple[bool, str]:
-        """Tell whether :meth:`lookup_transform_full` would answer; otherwise as :meth:`can_transform`."""
+        """
+        Tell whether :meth:`lookup_transform_full` would answer.
+
+        :param target_frame: as of that method, like all but the last, which is that of :meth:`can_transform`.
+        """
         try:
             self.lookup_transform_full(
                 target_frame, target_time, source_frame, source_time, fixed_frame, timeout
@@ -190,9 +206,10 @@ class BufferClient(BufferInterface):
         self, target_frame: str, source_frame: str, time: Time, *, timeout: Duration | None = None
     ) -> TransformStamped:
         """
-        Await what :meth:`lookup_transform` answers.
+        Await what :meth:`lookup_transform` returns.
 
-        :param timeout: how long. None: for ever, or until the server goes away.
+        :param target_frame: as of that method, which raises the same.
+        :param timeout: how long. None: for ever, or until the server is destroyed.
         """
         return await self._await(_simple_goal(target_frame, source_frame, time), timeout)
 
@@ -206,29 +223,34 @@ class BufferClient(BufferInterface):
         *,
         timeout: Duration | None = None,
     ) -> TransformStamped:
-        """Await what :meth:`lookup_transform_full` answers; otherwise as :meth:`lookup_transform_async`."""
+        """
+        Await what :meth:`lookup_transform_full` returns.
+
+        :param target_frame: as of that method, like all but ``timeout``.
+        :param timeout: as of :meth:`lookup_transform_async`.
+        """
         goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame)
         return await self._await(goal, timeout)
 
     # The two that follow have the names that programs patch in tf2's class.
 
     def __process_goal(self, goal: Any) -> TransformStamped:
-        asking = self._asking
-        if asking is None or self.action_client is not asking.action_client:
-            padding_ns = duration_ns(self.timeout_padding)
-            return self.__process_result(ask_directly(self.action_client, goal, padding_ns))
-        question = self._ask(asking, goal, duration_ns(Duration.from_msg(goal.timeout)))
+        sender = self._goal_sender
+        if sender is None or self.action_client is not sender.action_client:
+            padding_ns = timeout_ns(self.timeout_padding)
+            return self.__process_result(send_directly(self.action_client, goal, padding_ns))
+        pending = self._send(sender, goal, timeout_ns(Duration.from_msg(goal.timeout)))
         done = threading.Event()
-        question.outcome.add_done_callback(lambda _: done.set())
+        pending.outcome.add_done_callback(lambda _: done.set())
         try:
             while not done.wait(ALIVE_CHECK_S):
-                if not asking.alive():
+                if not sender.alive():
                     raise TimeoutException(
                         "The context was shut down while the buffer server was being asked."
                     )
-            return self.__process_result(_result_of(question.outcome.result(), goal))
+            return self.__process_result(_result_of(pending.outcome.result(), goal))
         finally:
-            question.abandon()
+            pending.abandon()
 
     def __process_result(self, result: Any) -> TransformStamped:
         if result.error.error != TF2Error.NO_ERROR:
@@ -236,23 +258,23 @@ class BufferClient(BufferInterface):
         return result.transform
 
     async def _await(self, goal: Any, timeout: Duration | None) -> TransformStamped:
-        asking = self._asking
-        if asking is None or self.action_client is not asking.action_client:
-            goal.timeout = _duration_msg(FOR_EVER if timeout is None else timeout)
+        sender = self._goal_sender
+        if sender is None or self.action_client is not sender.action_client:
+            goal.timeout = duration_msg(FOR_EVER if timeout is None else timeout)
             return self.__process_goal(goal)
-        question = self._ask(asking, goal, timeout_ns(timeout))
+        pending = self._send(sender, goal, optional_timeout_ns(timeout))
         try:
-            return self.__process_result(_result_of(await question.outcome, goal))
+            return self.__process_result(_result_of(await pending.outcome, goal))
         finally:
-            question.abandon()
+            pending.abandon()
 
-    def _ask(self, asking: Asking, goal: Any, timeout_ns: int | None) -> Question:
-        return asking.ask(goal, timeout_ns, duration_ns(self.timeout_padding))
+    def _send(self, sender: GoalSender, goal: Any, lookup_ns: int | None) -> PendingGoal:
+        return sender.send(goal, lookup_ns, timeout_ns(self.timeout_padding))
 
 
 def _simple_goal(target_frame: str, source_frame: str, time: Any) -> Any:
     return LookupTransform.Goal(
-        target_frame=target_frame, source_frame=source_frame, source_time=_time_msg(time)
+        target_frame=target_frame, source_frame=source_frame, source_time=time_msg(time)
     )
 
 
@@ -261,9 +283,9 @@ def _full_goal(
 ) -> Any:
     return LookupTransform.Goal(
         target_frame=target_frame,
-        target_time=_time_msg(target_time),
+        target_time=time_msg(target_time),
         source_frame=source_frame,
-        source_time=_time_msg(source_time),
+        source_time=time_msg(source_time),
         fixed_frame=fixed_frame,
         advanced=True,
     )
@@ -271,7 +293,7 @@ def _full_goal(
 
 def _result_of(response: Any, goal: Any) -> Any:
     result = response.result
-    # A server that waited in vain, or was told to stop, may send an empty result without an error.
+    # A server whose wait timed out or was cancelled may send an empty result without an error.
     if result.error.error == TF2Error.NO_ERROR and (
         response.status != GoalStatus.STATUS_SUCCEEDED or not result.transform.header.frame_id
     ):
@@ -280,17 +302,3 @@ def _result_of(response: Any, goal: Any) -> Any:
             f"[{printable(goal.target_frame)}] in time."
         )
     return result
-
-
-def _duration_msg(timeout: Any) -> Any:
-    longest_ns: int = FOR_EVER.nanoseconds
-    return Duration(nanoseconds=max(-longest_ns, min(duration_ns(timeout), longest_ns))).to_msg()
-
-
-def _time_msg(time: Any) -> TimeMsg:
-    if hasattr(time, "nanoseconds"):
-        sec, nanosec = divmod(time.nanoseconds, 1_000_000_000)
-        return TimeMsg(sec=sec, nanosec=nanosec)
-    if hasattr(time, "sec") and hasattr(time, "nanosec"):
-        return TimeMsg(sec=time.sec, nanosec=time.nanosec)
-    raise TypeError(f"a time is an rclpy.time.Time, not {type(time).__name__}")

@@ -80,8 +80,9 @@ class BufferInterface:
     """
     What :class:`tf2_ros.Buffer` and :class:`tf2_ros.BufferClient` share.
 
-    A subclass has the lookups; ``transform`` and its relatives stand on them. The attribute ``registration``
-    is the table of functions that transform objects.
+    A subclass implements the lookups; ``transform``, ``transform_full`` and ``transform_async`` use them. The
+    attribute ``registration`` is the table of functions that transform objects. Every ``time`` is an rclpy
+    ``Time``, a time message, or an object with their attributes.
     """
 
     def __init__(self) -> None:
@@ -95,15 +96,18 @@ class BufferInterface:
         new_type: type | None = None,
     ) -> Any:
         """
-        Carry an object into another frame, at the object's own time.
+        Transform an object into another frame, at the object's own time.
 
-        :param object_stamped: an object with a ``header``, of a registered type.
+        :param object_stamped: an object with a ``header``, of a registered type. If its stamp is 0, the
+            latest transform is used.
         :param target_frame: where to.
-        :param timeout: how long to wait for the transform, in steady time.
-        :param new_type: convert the result to this type.
+        :param timeout: how long to wait for the transform, in steady time. Zero: do not wait.
+        :param new_type: convert the result to this type. None: no conversion.
         :return: a new object; the one given is not changed.
         :raises TypeException: the type is not registered, or no conversion to ``new_type`` is.
         :raises TransformException: what the lookup raises.
+        :raises TypeError: ``target_frame`` is no str, or ``timeout`` no duration.
+        :raises AttributeError: the object has no header.
         """
         do_transform = self.registration.get(type(object_stamped))
         header = _header_of(object_stamped)
@@ -122,12 +126,15 @@ class BufferInterface:
         new_type: type | None = None,
     ) -> Any:
         """
-        Carry an object from its own time into another frame at another time.
+        Transform an object from its own time into another frame at another time.
 
-        :param target_time: the time to carry it to; 0 is the latest.
-        :param fixed_frame: the frame that is taken to stand still between the two times.
-
-        Otherwise as :meth:`transform`.
+        :param object_stamped: as of :meth:`transform`, which raises the same.
+        :param target_frame: where to.
+        :param target_time: the time of the result; 0 is the latest time for which the frames between
+            ``target_frame`` and ``fixed_frame`` have data.
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: as of :meth:`transform`, like ``new_type``.
+        :return: a new object, stamped with the target time.
         """
         do_transform = self.registration.get(type(object_stamped))
         header = _header_of(object_stamped)
@@ -145,12 +152,14 @@ class BufferInterface:
         new_type: type | None = None,
     ) -> Any:
         """
-        Carry an object into another frame as soon as that is possible.
+        Transform an object into another frame as soon as the transform is available.
 
-        :param timeout: how long to wait for the transform, in steady time; None: for ever.
-        :raises TimeoutException: the transform did not come in time.
-
-        Otherwise as :meth:`transform`.
+        :param object_stamped: as of :meth:`transform`, which raises the same.
+        :param target_frame: where to.
+        :param timeout: how long to wait for the transform, in steady time. None: for ever.
+        :param new_type: as of :meth:`transform`.
+        :return: a new object.
+        :raises TimeoutException: the transform was not available in time.
         """
         do_transform = self.registration.get(type(object_stamped))
         header = _header_of(object_stamped)
@@ -163,7 +172,13 @@ class BufferInterface:
     def lookup_transform(
         self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
     ) -> TransformStamped:
-        """Get the transform from ``source_frame`` to ``target_frame``; a subclass does it."""
+        """
+        Get the transform that carries data from ``source_frame`` into ``target_frame``.
+
+        :param time: of the transform; 0 is the latest time for which all frames on the path have data.
+        :param timeout: how long to wait for it, in steady time. Zero: do not wait.
+        :raises NotImplementedException: a subclass must implement it.
+        """
         raise NotImplementedException()
 
     def lookup_transform_full(
@@ -175,19 +190,35 @@ class BufferInterface:
         fixed_frame: str,
         timeout: Duration = NO_TIMEOUT,
     ) -> TransformStamped:
-        """Get the transform between two frames at two times; a subclass does it."""
+        """
+        Get the transform from ``source_frame`` at ``source_time`` into ``target_frame`` at ``target_time``.
+
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: as of :meth:`lookup_transform`.
+        :raises NotImplementedException: a subclass must implement it.
+        """
         raise NotImplementedException()
 
     async def lookup_transform_async(
         self, target_frame: str, source_frame: str, time: Time, *, timeout: Duration | None = None
     ) -> TransformStamped:
-        """Await the transform from ``source_frame`` to ``target_frame``; a subclass does it."""
+        """
+        Await what :meth:`lookup_transform` returns.
+
+        :param timeout: how long, in steady time. None: for ever.
+        :raises NotImplementedException: a subclass must implement it.
+        """
         raise NotImplementedException()
 
     def can_transform(
         self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
     ) -> Any:
-        """Tell whether :meth:`lookup_transform` would answer; a subclass does it."""
+        """
+        Tell whether :meth:`lookup_transform` would answer.
+
+        :param timeout: how long to wait until it would, in steady time.
+        :raises NotImplementedException: a subclass must implement it.
+        """
         raise NotImplementedException()
 
     def can_transform_full(
@@ -199,7 +230,12 @@ class BufferInterface:
         fixed_frame: str,
         timeout: Duration = NO_TIMEOUT,
     ) -> Any:
-        """Tell whether :meth:`lookup_transform_full` would answer; a subclass does it."""
+        """
+        Tell whether :meth:`lookup_transform_full` would answer.
+
+        :param timeout: how long to wait until it would, in steady time.
+        :raises NotImplementedException: a subclass must implement it.
+        """
         raise NotImplementedException()
 
 
@@ -207,7 +243,7 @@ def _header_of(object_stamped: Any) -> Any:
     try:
         return object_stamped.header
     except AttributeError:
-        # tf2's Python does not know these types at all.
+        # Types that tf2 does not register in Python.
         if TransformRegistration().is_default(type(object_stamped)):
             raise TypeException(
                 f"Type {type(object_stamped).__name__} is not supported here: it has no header that tells "
@@ -221,9 +257,10 @@ def Stamped(obj: Any, stamp: Any, frame_id: str) -> Any:
     Give an object a header.
 
     :param obj: the object; it gets the attribute ``header``.
-    :param stamp: a ``builtin_interfaces/Time`` or an ``rclpy.time.Time``.
-    :param frame_id: the frame.
+    :param stamp: a ``builtin_interfaces/Time`` or an ``rclpy.time.Time``; 0 stands for the latest transform.
+    :param frame_id: the frame of the object.
     :return: the same object.
+    :raises AttributeError: the object can have no attribute ``header``.
     """
     obj.header = Header(frame_id=frame_id, stamp=stamp.to_msg() if isinstance(stamp, Time) else stamp)
     return obj

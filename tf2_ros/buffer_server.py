@@ -1,4 +1,4 @@
-"""Owns answering lookups from other processes, through the action of a buffer server."""
+"""Owns answering the lookups of other processes, through the action of a buffer server."""
 
 from typing import Any
 
@@ -19,15 +19,17 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._objects.errors import bad_name
+from tf2_py._internal import bad_name
 from tf2_ros._qos import lookup_qos
+from tf2_ros._times import timeout_ns
 from tf2_ros._wait.handoff import Handoff
-from tf2_ros._wait.waiting import Lookup, TransformFuture, duration_ns
+from tf2_ros._wait.lookup import Lookup
+from tf2_ros._wait.transform_future import TransformFuture
 
 __all__ = ["BufferServer"]
 
-# How long an answer is kept for a client that has not asked for it yet; every change of a goal publishes the
-# state of all that are kept.
+# How long a result is kept for a client that has not requested it yet. Every change of a goal publishes the
+# state of all goals that are kept.
 KEEP_RESULT_S = 10
 
 CODES = (
@@ -44,15 +46,16 @@ class BufferServer:
     """
     Answers the action ``tf2_msgs/action/LookupTransform`` from a buffer.
 
-    :param buffer: the buffer; a listener, or whoever else, fills it.
-    :param node: offers the action; whoever spins it answers.
+    :param buffer: the buffer; a listener, or the program, fills it.
+    :param node: offers the action; its executor answers.
     :param ns: the name of the action.
-    :param check_period: in seconds; accepted for programs that give it, and without effect: a waiting goal is
-        answered when its transform comes.
+    :param check_period: in seconds; accepted because upstream has it, and without effect: a goal that waits
+        is answered when its transform is inserted.
+    :raises TypeError: ``buffer`` is no buffer.
 
-    A goal that waits occupies no thread. One with a timeout that passes gets ``TIMEOUT_ERROR`` with the
-    reason of the last attempt; one without a timeout the error of its only attempt. The node keeps the
-    server alive; ``destroy()`` ends it.
+    A goal that waits occupies no thread. A goal whose timeout passes gets ``TIMEOUT_ERROR`` with the reason
+    of the last attempt; one without a timeout the error of its only attempt. The node keeps the server alive;
+    ``destroy()`` ends it.
     """
 
     def __init__(self, buffer: BufferCore, node: Node, ns: str, check_period: float = 0.01) -> None:
@@ -60,7 +63,7 @@ class BufferServer:
             raise TypeError(f"buffer must be a tf2_ros.Buffer, not {type(buffer).__name__}")
         self._buffer = buffer
         self._lookups: dict[bytes, Future] = {}
-        # One group: a goal ends in no other thread while its cancelling is being decided.
+        # One group: no other thread may end a goal while its cancellation is decided.
         group = MutuallyExclusiveCallbackGroup()
         self._ended = Handoff(node, _execute, group)
         self._server = ActionServer(
@@ -78,7 +81,7 @@ class BufferServer:
         )
 
     def destroy(self) -> None:
-        """End the server; goals that still wait get no answer."""
+        """End the server; goals that still wait get no result."""
         self._ended.close()
         for lookup in list(self._lookups.values()):
             lookup.cancel()
@@ -90,29 +93,29 @@ class BufferServer:
         if lookup.done():
             handle.execute()
         else:
-            # The thread that brings the transform does not answer: that is the executor's.
+            # The executor answers, and not the thread that inserts the transform.
             lookup.add_done_callback(lambda _: self._ended.put(handle))
 
     def _look_up(self, goal: Any) -> Future:
         names = {"target_frame": goal.target_frame, "source_frame": goal.source_frame}
-        lookup: Lookup = (goal.target_frame, goal.source_frame, goal.source_time, None, None)
+        lookup = Lookup.simple(goal.target_frame, goal.source_frame, goal.source_time)
         if goal.advanced:
             names["fixed_frame"] = goal.fixed_frame
-            lookup = (*lookup[:3], goal.fixed_frame, goal.target_time)
+            lookup = lookup._replace(target_time=goal.target_time, fixed_frame=goal.fixed_frame)
         for argument, name in names.items():
             # Here, because a lookup between equal names does not check them.
             if not name or name.startswith("/"):
                 refused = Future()
                 refused.set_exception(bad_name(name, argument))
                 return refused
-        timeout_ns = duration_ns(goal.timeout)
+        wait_ns = timeout_ns(goal.timeout)
         future = Future()
         try:
-            if timeout_ns > 0:
-                return TransformFuture(self._buffer, lookup, Duration(nanoseconds=timeout_ns))
+            if wait_ns > 0:
+                return TransformFuture(self._buffer, lookup, Duration(nanoseconds=wait_ns))
             future.set_result(self._look_up_now(goal))
         except OverflowError as error:
-            # Its nanoseconds add up to a time that no stamp carries.
+            # Its seconds and nanoseconds add up to more than a stamp can be.
             future.set_exception(InvalidArgumentException(str(error)))
         except TransformException as error:
             future.set_exception(error)
@@ -130,7 +133,7 @@ class BufferServer:
         if lookup is None or lookup.cancelled():
             return CancelResponse.REJECT
         lookup.cancel()
-        # Not if its answer came first.
+        # Not if the answer was first.
         return CancelResponse.ACCEPT if lookup.cancelled() else CancelResponse.REJECT
 
     def _finish(self, handle: Any) -> LookupTransform.Result:
@@ -138,7 +141,7 @@ class BufferServer:
         result = LookupTransform.Result()
         if lookup.cancelled():
             handle.canceled()
-            # Nobody who looks at the error alone shall take the empty transform for an answer.
+            # A client that reads the error alone must not take the empty transform for an answer.
             result.error.error = TF2Error.TRANSFORM_ERROR
             result.error.error_string = "The goal was cancelled"
             return result
@@ -148,7 +151,7 @@ class BufferServer:
         else:
             result.error.error = next(code for kind, code in CODES if isinstance(error, kind))
             result.error.error_string = str(error)
-        # An error, too, is an answer: clients in C++ do not look at the result of a goal that was aborted.
+        # An error is a result, too: clients in C++ do not read the result of a goal that was aborted.
         handle.succeed()
         return result
 

@@ -1,4 +1,4 @@
-"""Owns message filters: where messages come from, who gets those that pass, and who hears of the others."""
+"""Owns message filters: their input, and the callbacks for messages that pass or are dropped."""
 
 import inspect
 import itertools
@@ -13,17 +13,17 @@ from rclpy.duration import Duration
 from rclpy.executors import await_or_execute
 from rclpy.node import Node
 
-from tf2_py._objects.printable import printable
-from tf2_ros._forking import tell_of_fork
+from tf2_py._internal import printable
+from tf2_ros._forking import register_for_fork
+from tf2_ros._times import FOR_EVER_NS, duration_ns, optional_timeout_ns
 from tf2_ros._wait.handoff import Handoff
 from tf2_ros._wait.message_stream import MessageStream
-from tf2_ros._wait.pending_messages import FilterFailureReason, HeldMessages
-from tf2_ros._wait.waiting import FOR_EVER_NS, duration_ns, timeout_ns
+from tf2_ros._wait.pending_messages import FilterFailureReason, PendingMessages
 from tf2_ros.buffer import Buffer
 
 __all__ = ["FilterFailureReason", "MessageFilter"]
 
-# How many messages say whether nearly all are dropped, how many of them that is, and how often to say it.
+# A warning is logged when NEARLY_ALL of SAMPLE messages were dropped, at most every WARN_EVERY_S.
 SAMPLE = 20
 NEARLY_ALL = 19
 WARN_EVERY_S = 15.0
@@ -31,25 +31,32 @@ WARN_EVERY_S = 15.0
 
 class MessageFilter:
     """
-    Holds the messages of a topic until a buffer can carry them into the target frames, at their own time.
+    Keeps the messages of a topic until a buffer can transform them into the target frames, at their stamps.
 
-    :param input: ``(message type, topic, qos)`` to subscribe to; or a filter of ``message_filters``, or
-        whatever else has its ``registerCallback``; or a subscription of rclpy, whose own callback stays; or
-        None: then :meth:`add` is called by hand. The messages have a ``header``.
-    :param buffer: holds the transforms.
-    :param target_frames: a name, or several; a message passes when all of them can be reached.
+    :param input: ``(message type, topic, qos)`` to subscribe to; or a filter of ``message_filters``, or any
+        other object with a ``registerCallback``; or a subscription of rclpy, whose own callback remains; or
+        None: then the program calls :meth:`add`. The messages have a ``header``.
+    :param buffer: the transforms.
+    :param target_frames: a name, or several; a message passes when its frame can be transformed into all of
+        them.
     :param queue_size: how many messages may wait; one more drops the oldest. 0: any number.
     :param node: whoever spins it runs the callbacks.
     :param buffer_timeout: how long a message may wait, in steady time. Zero: not at all. None: for ever.
-    :param tolerance: a finite duration; transforms must be there at the message's stamp and so much later.
+    :param tolerance: a finite duration; transforms must be available for the message's stamp and for so much
+        later. None: zero.
+    :raises TypeError: ``buffer`` is not a Buffer, ``input`` is none of the above, its messages have no
+        header, or a duration is something else.
+    :raises ValueError: there is no target frame, ``queue_size`` or ``tolerance`` is negative, or
+        ``tolerance`` is infinite.
 
-    Each message passes once or is dropped once, in the order in which its transforms become complete, or it
-    is lost for them. Callbacks run one after the other in the node's executor, also where another thread
-    brings messages or transforms. ``async for message, transform in filter`` gives the same messages, from
-    the start of the iteration to :meth:`close`, each with its transform into the first target frame. What
-    has passed and is not taken yet is kept, however much it is.
+    A message whose stamp is 0 needs the latest time for which its transforms are available; ``tolerance``
+    then has no effect. Each message passes once or is dropped once, in the order in which its transforms
+    become available, or in which it is dropped. Callbacks run one after the other in the node's executor,
+    also where another thread adds messages or inserts transforms. ``async for message, transform in filter``
+    gives the same messages, from the start of the iteration to :meth:`close`, each with its transform into
+    the first target frame. What has passed and was not taken yet is kept, without a limit.
 
-    It has the shape of a filter of ``message_filters`` and can be the input of one.
+    It has the methods of a filter of ``message_filters`` and can be the input of one.
     """
 
     def __init__(
@@ -69,22 +76,22 @@ class MessageFilter:
         self._node = node
         self._target_frames = _names(target_frames)
         self._queue_size = _size(queue_size)
-        self._timeout_ns = timeout_ns(buffer_timeout)
+        self._timeout_ns = optional_timeout_ns(buffer_timeout)
         self._tolerance_ns = _tolerance_ns(tolerance)
         self._failure_callbacks: dict[int, tuple[Callable[..., None], tuple[Any, ...]]] = {}
         self._connections = itertools.count()
         self._streams: weakref.WeakSet[MessageStream] = weakref.WeakSet()
         self._disconnect: Callable[[], None] | None = None
         self._closed = False
-        self._counting = threading.RLock()
+        self._counts_lock = threading.RLock()
         self._received = self._passed = self._cleared = 0
         self._dropped = dict.fromkeys(FilterFailureReason, 0)
         self._sampled = self._sampled_dropped = 0
         self._warn_again_at = 0.0
-        self._done = Handoff(node, self._deliver)
-        self._held = HeldMessages(buffer, self._has_passed, self._has_dropped)
+        self._outcomes = Handoff(node, self._deliver)
+        self._pending = PendingMessages(buffer, self._on_pass, self._on_drop)
         self._configure()
-        tell_of_fork(self)
+        register_for_fork(self)
         try:
             if input is not None:
                 self.connectInput(input)
@@ -94,40 +101,47 @@ class MessageFilter:
 
     def add(self, message: Any) -> None:
         """
-        Put a message in, from any thread; nothing happens after :meth:`close`.
+        Add a message, from any thread; without effect after :meth:`close`.
 
+        :param message: of any type with a ``header``.
         :raises TypeError: it has no header.
         """
         if self._closed:
             return
         if not hasattr(message, "header"):
             raise TypeError(f"a {type(message).__name__} has no header that tells its frame and time")
-        with self._counting:
+        with self._counts_lock:
             self._received += 1
-        self._held.add(message)
+        self._pending.add(message)
 
     def registerCallback(self, callback: Callable[..., None], *arguments: Any) -> int:
         """
-        Call ``callback(message, *arguments)`` with each message that passes; returns a number for it.
+        Call ``callback(message, *arguments)`` with each message that passes.
 
-        It stands under this number in the dictionary ``callbacks``, and can be taken out there.
+        :return: the key of the callback in the dictionary ``callbacks``; removing the entry removes the
+            callback.
         """
         connection = next(self._connections)
         self.callbacks = {**self.callbacks, connection: (callback, arguments)}
         return connection
 
     def registerFailureCallback(self, callback: Callable[..., None], *arguments: Any) -> int:
-        """Call ``callback(message, reason, *arguments)`` with each dropped message and its reason."""
+        """
+        Call ``callback(message, reason, *arguments)`` with each message that is dropped.
+
+        :param callback: ``reason`` is a :class:`FilterFailureReason`.
+        :return: a number, which no other callback of this filter has.
+        """
         connection = next(self._connections)
         self._failure_callbacks = {**self._failure_callbacks, connection: (callback, arguments)}
         return connection
 
     def connectInput(self, input: Any) -> None:
         """
-        Take messages from there, and no longer from where they came from before.
+        Take messages from another input, and no longer from the one before.
 
         :param input: as of the constructor, but not None.
-        :raises TypeError: it is nothing to take messages from.
+        :raises TypeError: it is none of these, or its messages have no header.
         """
         connect = self._connector(input)
         if self._disconnect is not None:
@@ -135,57 +149,73 @@ class MessageFilter:
         self._disconnect = connect()
 
     def setTargetFrames(self, target_frames: str | Sequence[str]) -> None:
-        """Set the frame, or the frames, to reach; messages that wait wait for these from now on."""
+        """
+        Set the target frames, also for messages that wait already.
+
+        :param target_frames: a name, or several.
+        :raises ValueError: there is none.
+        """
         self._target_frames = _names(target_frames)
         self._configure()
 
     def setTolerance(self, tolerance: Duration) -> None:
-        """Set for how much later than its stamp a message needs transforms; also for those that wait."""
+        """
+        Set for how much later than its stamp a message needs transforms, also for messages that wait already.
+
+        :param tolerance: a finite duration.
+        :raises TypeError: it is no duration.
+        :raises ValueError: it is negative or infinite.
+        """
         self._tolerance_ns = _tolerance_ns(tolerance)
         self._configure()
 
     def setQueueSize(self, queue_size: int) -> None:
-        """Set how many messages may wait; 0: any number. The oldest above that are dropped."""
+        """
+        Set how many messages may wait. The oldest above that are dropped.
+
+        :param queue_size: 0: any number.
+        :raises ValueError: it is negative.
+        """
         self._queue_size = _size(queue_size)
         self._configure()
 
     def clear(self) -> None:
-        """Forget the messages that wait, and what callbacks have not been told yet."""
-        cleared = self._held.clear() + sum(reason is None for _, _, reason, _ in self._done.clear())
-        with self._counting:
+        """Remove the messages that wait, and those that no callback was called with yet."""
+        cleared = self._pending.clear() + sum(reason is None for _, _, reason, _ in self._outcomes.clear())
+        with self._counts_lock:
             self._cleared += cleared
 
     def close(self) -> None:
-        """End: take no more messages, forget those that wait, end the iterations. It may be called twice."""
+        """End: take no more messages, remove those that wait, end the iterations. It may be called again."""
         self._closed = True
         if self._disconnect is not None:
             self._disconnect()
             self._disconnect = None
         self.clear()
-        self._done.close()
+        self._outcomes.close()
         for stream in list(self._streams):
             stream.close()
 
     def after_fork(self) -> None:
-        """Let nobody hold the lock in a forked child."""
-        self._counting = threading.RLock()
+        """Make the lock anew: in a forked child it must be free."""
+        self._counts_lock = threading.RLock()
 
     def statistics(self) -> dict[str, Any]:
         """
         Count the messages.
 
-        :return: ``received``; ``passed`` to the callbacks; ``dropped``, by reason; ``cleared``; and
-            ``waiting``, which are all others.
+        :return: ``received``; ``passed`` to the callbacks; ``dropped``, a dictionary by the names of reasons;
+            ``cleared``; and ``waiting``, which are all others.
         """
-        with self._counting:
+        with self._counts_lock:
             dropped = {reason.value: count for reason, count in self._dropped.items()}
-            gone = self._passed + sum(dropped.values()) + self._cleared
+            done = self._passed + sum(dropped.values()) + self._cleared
             return {
                 "received": self._received,
                 "passed": self._passed,
                 "dropped": dropped,
                 "cleared": self._cleared,
-                "waiting": self._received - gone,
+                "waiting": self._received - done,
             }
 
     def __aiter__(self) -> MessageStream:
@@ -196,7 +226,7 @@ class MessageFilter:
         return stream
 
     def _configure(self) -> None:
-        self._held.configure(self._target_frames, self._tolerance_ns, self._queue_size, self._timeout_ns)
+        self._pending.configure(self._target_frames, self._tolerance_ns, self._queue_size, self._timeout_ns)
 
     def _connector(self, input: Any) -> Callable[[], Callable[[], None]]:
         if isinstance(input, tuple) and len(input) == 3:
@@ -204,70 +234,70 @@ class MessageFilter:
                 raise TypeError(f"messages of the type {input[0]!r} have no header that tells frame and time")
             return lambda: self._subscribe(*input)
         if hasattr(input, "registerCallback"):
-            return lambda: self._follow(input)
+            return lambda: self._follow_filter(input)
         if hasattr(input, "callback") and not getattr(input, "raw", False):
-            return lambda: self._listen_in(input)
+            return lambda: self._follow_subscription(input)
         raise TypeError(
             f"input must be (message type, topic, qos), a filter, a subscription that is not raw, or None, "
             f"not {input!r}"
         )
 
     def _subscribe(self, message_type: Any, topic: str, qos: Any) -> Callable[[], None]:
-        # A group of its own: a callback that takes long must not keep messages from being counted.
+        # A group of its own: messages must be counted while a callback runs for long.
         subscription = self._node.create_subscription(
             message_type, topic, self.add, qos, callback_group=MutuallyExclusiveCallbackGroup()
         )
 
-        def leave() -> None:
+        def disconnect() -> None:
             self._node.destroy_subscription(subscription)
 
-        return leave
+        return disconnect
 
-    def _follow(self, input: Any) -> Callable[[], None]:
+    def _follow_filter(self, input: Any) -> Callable[[], None]:
         connected = [True]
 
         def take(message: Any, *_: Any) -> None:
-            # Filters of message_filters cannot be told to call no more.
+            # Filters of message_filters cannot remove a callback.
             if connected:
                 self.add(message)
 
         input.registerCallback(take)
         return connected.clear
 
-    def _listen_in(self, subscription: Any) -> Callable[[], None]:
-        theirs = subscription.callback
-        ours = _after(theirs, self.add)
-        subscription.callback = ours
+    def _follow_subscription(self, subscription: Any) -> Callable[[], None]:
+        own = subscription.callback
+        extended = _then_add(own, self.add)
+        subscription.callback = extended
 
-        def leave() -> None:
-            if subscription.callback is ours:
-                subscription.callback = theirs
+        def disconnect() -> None:
+            if subscription.callback is extended:
+                subscription.callback = own
 
-        return leave
+        return disconnect
 
-    def _has_passed(self, message: Any, transform: Any) -> None:
-        self._done.put((message, transform, None, ""))
+    def _on_pass(self, message: Any, transform: Any) -> None:
+        self._outcomes.put((message, transform, None, ""))
 
-    def _has_dropped(self, message: Any, reason: FilterFailureReason, text: str) -> None:
-        with self._counting:
+    def _on_drop(self, message: Any, reason: FilterFailureReason, text: str) -> None:
+        with self._counts_lock:
             self._dropped[reason] += 1
-        self._done.put((message, None, reason, text))
+        self._outcomes.put((message, None, reason, text))
 
     def _deliver(self, outcome: tuple[Any, Any, FilterFailureReason | None, str]) -> None:
         message, transform, reason, text = outcome
-        self._watch(message, reason, text)
+        self._warn_of_drops(message, reason, text)
         if reason is not None:
             for callback, arguments in self._failure_callbacks.values():
                 callback(message, reason, *arguments)
             return
-        with self._counting:
+        with self._counts_lock:
             self._passed += 1
         for stream in list(self._streams):
             stream.put((message, transform))
         for callback, arguments in list(self.callbacks.values()):
             callback(message, *arguments)
 
-    def _watch(self, message: Any, reason: FilterFailureReason | None, text: str) -> None:
+    def _warn_of_drops(self, message: Any, reason: FilterFailureReason | None, text: str) -> None:
         self._sampled += 1
         self._sampled_dropped += reason is not None
         if self._sampled < SAMPLE:
@@ -297,26 +327,26 @@ def _size(queue_size: int) -> int:
 
 
 def _tolerance_ns(tolerance: Duration | None) -> int:
-    tolerance_ns = 0 if tolerance is None else duration_ns(tolerance)
+    tolerance_ns = 0 if tolerance is None else duration_ns(tolerance, "a tolerance")
     if tolerance_ns < 0:
         raise ValueError(f"tolerance must not be negative, it is {tolerance_ns / 1e9} s")
     if tolerance_ns >= FOR_EVER_NS:
-        raise ValueError("tolerance must be finite: no transform is there for ever after a stamp")
+        raise ValueError("tolerance must be finite: no transform is available for ever after a stamp")
     return tolerance_ns
 
 
-def _after(theirs: Callable[..., Any], add: Callable[[Any], None]) -> Callable[..., Any]:
+def _then_add(callback: Callable[..., Any], add: Callable[[Any], None]) -> Callable[..., Any]:
     async def with_message(message: Any) -> None:
-        await await_or_execute(theirs, message)
+        await await_or_execute(callback, message)
         add(message)
 
     async def with_info(message: Any, info: Any) -> None:
-        await await_or_execute(theirs, message, info)
+        await await_or_execute(callback, message, info)
         add(message)
 
-    # rclpy asks a callback in the same way what it wants.
+    # As rclpy finds out how many arguments a callback takes.
     try:
-        inspect.signature(theirs).bind(object())
+        inspect.signature(callback).bind(object())
     except TypeError:
         return with_info
     return with_message

@@ -1,4 +1,4 @@
-"""Owns the way between messages and NumPy: 4x4 matrices, and arrays of many transforms."""
+"""Owns the conversion between messages and NumPy: 4x4 matrices, and arrays of many transforms."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -7,13 +7,13 @@ import numpy as np
 import numpy.typing as npt
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
 
-from tf2_py._objects.rotations import normalise
+from tf2_py._internal import normalise
 
 __all__ = ["from_matrix", "to_arrays", "to_matrix"]
 
 Array = npt.NDArray[np.float64]
 
-# How far a matrix may be from a rotation: a product of a few that were rounded to float32 is nearer.
+# How far a matrix may differ from a rotation; a product of a few that were rounded to float32 differs less.
 TOLERANCE = 1e-5
 
 

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros._forking import tell_of_fork
+from tf2_ros._forking import register_for_fork
 from tf2_ros._qos import static_broadcaster_qos, static_overrides
 from tf2_ros._tf2_names import (
     DurabilityPolicy,
@@ -37,20 +37,21 @@ __all__ = [
 
 class StaticTransformBroadcaster:
     """
-    Sends transforms on ``/tf_static``, where late subscribers get them, too.
+    Sends transforms on ``/tf_static``, where late subscribers receive them, too.
 
     :param node: publishes them; the attribute ``pub_tf`` is the publisher.
-    :param qos: a profile, or the depth of its queue.
+    :param qos: a profile, or the depth of its queue. None: transient local, depth 1, which parameters of the
+        node may override.
 
-    Every message holds all transforms sent so far (the attribute ``net_message``), one for each child frame.
-    Several threads may send.
+    Every message contains all transforms sent so far (the attribute ``net_message``), one for each child
+    frame. Several threads may send.
     """
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:
         self.net_message = TFMessage()
-        # Held until a message is published: the last one must hold all.
+        # Held until a message is published: the last message must contain all.
         self._sending = threading.RLock()
-        tell_of_fork(self)
+        register_for_fork(self)
         overrides = {}
         if qos is None:
             qos = static_broadcaster_qos()
@@ -58,16 +59,22 @@ class StaticTransformBroadcaster:
         self.pub_tf = node.create_publisher(TFMessage, "/tf_static", qos, **overrides)
 
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
-        """Send one transform, or several; each replaces what was sent before for its child frame."""
-        news = list(transforms_of(transform))
+        """
+        Send one transform, or several; each replaces what was sent before for its child frame.
+
+        :param transform: a ``TransformStamped``, or an iterable of them. Static transforms hold for all
+            times, whatever their stamps are.
+        :raises AttributeError: it is something else.
+        """
+        new_transforms = transforms_of(transform)
         with self._sending:
             transforms = {sent.child_frame_id: sent for sent in self.net_message.transforms}
-            for new in news:
-                # A copy: programs fill in one message again and again.
+            for new in new_transforms:
+                # A copy: programs reuse one message.
                 transforms[new.child_frame_id] = deepcopy(new)
             self.net_message.transforms = list(transforms.values())
             publish_transforms(self.pub_tf, self.net_message.transforms)
 
     def after_fork(self) -> None:
-        """Let nobody hold the lock in a forked child."""
+        """Make the lock anew: in a forked child it must be free."""
         self._sending = threading.RLock()

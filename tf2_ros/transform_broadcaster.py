@@ -8,7 +8,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
-from tf2_py._objects.serialize import serialize_transforms
+from tf2_py._internal import serialize_transforms
 from tf2_ros._qos import dynamic_broadcaster_qos, dynamic_overrides
 from tf2_ros._tf2_names import (
     List,
@@ -34,7 +34,8 @@ class TransformBroadcaster:
     Sends transforms on ``/tf``.
 
     :param node: publishes them; the attribute ``pub_tf`` is the publisher.
-    :param qos: a profile, or the depth of its queue.
+    :param qos: a profile, or the depth of its queue. None: volatile, depth 100, which parameters of the node
+        may override.
     """
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:
@@ -45,7 +46,13 @@ class TransformBroadcaster:
         self.pub_tf = node.create_publisher(TFMessage, "/tf", qos, **overrides)
 
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
-        """Send one transform, or several in one message."""
+        """
+        Send one transform, or several in one message.
+
+        :param transform: a ``TransformStamped``, or an iterable of them: translations in metres, rotations as
+            unit quaternions. A receiver takes a stamp of 0 as a time like any other.
+        :raises AttributeError: it is something else.
+        """
         publish_transforms(self.pub_tf, transforms_of(transform))
 
 
@@ -55,7 +62,7 @@ def transforms_of(transform: TransformStamped | Iterable[TransformStamped]) -> l
 
 
 def publish_transforms(publisher: Publisher, transforms: list[TransformStamped]) -> None:
-    """Publish one TFMessage, written by the engine where that is sure to say what ROS's conversion would."""
+    """Publish one TFMessage, serialised by tf2_py where that certainly gives the same bytes as ROS."""
     data = serialize_transforms(transforms) if _takes_bytes(publisher) else None
     publisher.publish(TFMessage(transforms=transforms) if data is None else data)
 
@@ -64,7 +71,7 @@ _publish = Publisher.publish
 
 
 def _takes_bytes(publisher: Publisher) -> bool:
-    # Whatever a program puts in the place of rclpy's publisher expects messages.
+    # A program's replacement for rclpy's publisher expects messages.
     return (
         type(publisher) is Publisher and Publisher.publish is _publish and "publish" not in publisher.__dict__
     )

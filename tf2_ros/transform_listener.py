@@ -1,20 +1,20 @@
-"""Owns how transforms come from the topics into a buffer."""
+"""Owns listeners: the subscriptions by which a buffer receives transforms, and what inserts them."""
 
 import weakref
 from collections.abc import Callable
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_ros._forking import NodeUse
+from tf2_ros._hidden_node import hidden_node
 from tf2_ros._qos import dynamic_overrides, listener_qos, static_listener_qos, static_overrides
 from tf2_ros._receive.callback_group import ListenerGroup, wake_executor
-from tf2_ros._receive.thread import Receiving, can_receive
+from tf2_ros._receive.receiver_thread import ReceiverThread, can_receive
 from tf2_ros._spinner import END_WAIT_S, Spinner
 from tf2_ros._tf2_names import (
     DurabilityPolicy,
@@ -50,7 +50,7 @@ __all__ = [
 DEFAULT_TF_TOPIC = "/tf"
 DEFAULT_STATIC_TF_TOPIC = "/tf_static"
 
-AUTHORITY = "default_authority"  # the topics do not tell who published
+AUTHORITY = "default_authority"  # messages do not name their publisher
 
 # Setting one of these redirects what arrives.
 REDIRECTING = frozenset({"buffer", "callback", "static_callback"})
@@ -60,24 +60,27 @@ class TransformListener:
     """
     Fills a buffer from the topics of tf2.
 
-    :param buffer: a :class:`tf2_ros.Buffer`, or anything with its ``set_transform`` and
+    :param buffer: a :class:`tf2_ros.Buffer`, or any object with its ``set_transform`` and
         ``set_transform_static``.
-    :param node: subscribes. None: a hidden node that spins itself.
-    :param spin_thread: spin the node in a thread of its own, until another executor takes it or its context
-        ends; the program goes on so long.
-    :param qos: a profile, or the depth of the queue, for dynamic transforms.
-    :param static_qos: the same for static transforms.
+    :param node: gets the subscriptions. None: a hidden node that a thread of its own spins.
+    :param spin_thread: spin the node in a thread, until its context ends; while another executor has the
+        node, the thread is idle. Until then the program does not exit.
+    :param qos: a profile, or the depth of the queue, for dynamic transforms. None: volatile, depth 100, which
+        parameters of the node may override.
+    :param static_qos: the same for static transforms. None: transient local, depth 100.
+    :param tf_topic: the topic of dynamic transforms.
+    :param tf_static_topic: the topic of static transforms.
     :param static_only: do not subscribe to dynamic transforms.
 
-    A thread of its own inserts the transforms, whether anybody spins the node or not, and while callbacks
-    wait. Only where a program replaces ``callback``, ``static_callback``, the callback of a subscription or a
-    ``set_transform*`` of the buffer, now or later, where the buffer is not a :class:`tf2_ros.Buffer`, where
-    the node makes subscriptions of another kind than rclpy's, or where the thread's code could not be built,
-    whoever spins the node inserts them; ``receives`` tells.
+    A thread of its own inserts the transforms, whether the node is spun or not, and while callbacks block. In
+    some cases the executor that spins the node inserts them instead: where a program replaces ``callback``,
+    ``static_callback``, the callback of a subscription or a ``set_transform*`` of the buffer, now or later;
+    where the buffer is not a :class:`tf2_ros.Buffer`; where the node makes subscriptions of another class
+    than rclpy's; and where the thread's code could not be built. The property ``receives`` says which it is.
 
     Another buffer may be assigned to ``buffer`` at any time. The node keeps the listener alive.
-    ``unregister()`` ends its subscriptions; the end of a ``with`` block ends the thread that spins the node,
-    too.
+    ``unregister()`` ends its subscriptions; the end of a ``with`` block also ends the thread that spins the
+    node.
 
     Attributes: ``buffer``, ``node``, ``group`` (the callback group of the subscriptions), ``tf_sub``,
     ``tf_static_sub``; where a thread spins the node, ``executor`` and ``dedicated_listener_thread``.
@@ -86,7 +89,7 @@ class TransformListener:
     # Where a subclass does not call __init__.
     _owns_node = False
     _spinner: Spinner | None = None
-    _receiving: Receiving | None = None
+    _receiver_thread: ReceiverThread | None = None
     _node_use: NodeUse | None = None
     tf_sub: Subscription | None = None
     tf_static_sub: Subscription | None = None
@@ -105,7 +108,7 @@ class TransformListener:
     ) -> None:
         self.buffer = buffer
         self._owns_node = node is None
-        self.node = node = _hidden_node(self) if node is None else node
+        self.node = node = hidden_node("transform_listener_impl", self) if node is None else node
         self._node_use = NodeUse(node)
         self.group = ListenerGroup()
         try:
@@ -137,21 +140,21 @@ class TransformListener:
 
     def __setattr__(self, name: str, value: Any) -> None:
         super().__setattr__(name, value)
-        if name in REDIRECTING and self._receiving is not None:
-            self._receiving.changed()
+        if name in REDIRECTING and self._receiver_thread is not None:
+            self._receiver_thread.decide_again()
 
     def __delattr__(self, name: str) -> None:
         super().__delattr__(name)
-        if name in REDIRECTING and self._receiving is not None:
-            self._receiving.changed()
+        if name in REDIRECTING and self._receiver_thread is not None:
+            self._receiver_thread.decide_again()
 
     @property
     def receives(self) -> bool:
-        """Whether a thread of its own inserts transforms: not after its end, nor in a forked child."""
-        return self._receiving is not None and self._receiving.alive
+        """Whether a thread of its own inserts transforms; False after its end, and in a forked child."""
+        return self._receiver_thread is not None and self._receiver_thread.alive
 
     def unregister(self) -> None:
-        """End the subscriptions and the hidden node; what the buffer knows stays."""
+        """End the subscriptions and the hidden node; the buffer keeps its transforms."""
         if self._is_forked():
             return
         if not self._owns_node:
@@ -169,8 +172,8 @@ class TransformListener:
             return
         attributes = self.__dict__
         # The collector runs in any thread, inside any function, so it must not wait.
-        if self._receiving is not None:
-            self._receiving.stop(wait=False)
+        if self._receiver_thread is not None:
+            self._receiver_thread.stop(wait=False)
         if self._spinner is not None:
             self._spinner.stop(wait=False)
         elif "executor" in attributes and "dedicated_listener_thread" in attributes:
@@ -189,21 +192,21 @@ class TransformListener:
             self._spinner.stop()
 
     def callback(self, data: TFMessage) -> None:
-        """Put the transforms of a message into the buffer; a subclass may do something else."""
+        """Insert the transforms of a message into the buffer; a subclass may do something else."""
         for transform in data.transforms:
             self.buffer.set_transform(transform, AUTHORITY)
 
     def static_callback(self, data: TFMessage) -> None:
-        """Put the static transforms of a message into the buffer; a subclass may do something else."""
+        """Insert the static transforms of a message into the buffer; a subclass may do something else."""
         for transform in data.transforms:
             self.buffer.set_transform_static(transform, AUTHORITY)
 
     def _is_forked(self) -> bool:
-        # The listener is the parent's then: nothing here is to be ended.
+        # The listener is then the parent's: nothing of it is to be ended here.
         return self._node_use is not None and self._node_use.forked
 
     def __receive(self) -> None:
-        # A thread takes from the subscriptions where nobody can tell the difference.
+        # A thread takes from the subscriptions where a program cannot observe the difference.
         subscriptions = [
             (subscription, static)
             for subscription, static in ((self.tf_static_sub, True), (self.tf_sub, False))
@@ -214,12 +217,12 @@ class TransformListener:
             wake_executor(self.node)
             return
         reference = weakref.ref(self)
-        self._receiving = Receiving(
+        self._receiver_thread = ReceiverThread(
             self.node, AUTHORITY, self.group, subscriptions, _chooser(reference), _types_of(reference)
         )
 
     def __spin(self) -> None:
-        # A hidden node is the listener's alone; a program's own is spun whatever becomes of the listener.
+        # A hidden node is used by the listener alone; a program's own is spun also after the listener's end.
         if self._owns_node:
             spinner = Spinner(self.node, daemon=True, at_end=self.node.destroy_node)
         else:
@@ -235,7 +238,7 @@ _CALLBACKS = {False: TransformListener.callback, True: TransformListener.static_
 def _direct_buffer(
     listener: TransformListener, subscription: Subscription, static: bool
 ) -> BufferCore | None:
-    """The buffer that a message of the subscription ends in; None where a program has a part in that."""
+    """The buffer that gets the messages of the subscription; None where code of a program handles them."""
     buffer = listener.__dict__.get("buffer")
     if not isinstance(buffer, BufferCore):
         return None
@@ -247,7 +250,7 @@ def _direct_buffer(
     method, function = subscription.callback, _CALLBACKS[static]
     if getattr(method, "__func__", None) is not function or method.__self__ is not listener:
         return None
-    # What a program puts in the place of the method afterwards is called, too.
+    # What replaces the method later is called, too.
     name = function.__name__
     if getattr(type(listener), name) is not function or name in listener.__dict__:
         return None
@@ -255,7 +258,7 @@ def _direct_buffer(
 
 
 def _hides(kind: type, ours: type) -> bool:
-    # Whether attributes may be set, or found, in a way of its own, which nobody here would notice.
+    # Whether attributes may be set, or found, in a way of its own, which would not be noticed here.
     names = ("__setattr__", "__delattr__", "__getattribute__")
     return issubclass(kind, ours) and any(getattr(kind, name) is not getattr(ours, name) for name in names)
 
@@ -282,7 +285,7 @@ class StaticTransformListener(TransformListener):
     """
     Fills a buffer with static transforms alone; otherwise a :class:`TransformListener`.
 
-    :param static_qos: a profile, or the depth of the queue.
+    :param buffer: as of that class, like all parameters.
     """
 
     def __init__(
@@ -302,13 +305,3 @@ class StaticTransformListener(TransformListener):
             tf_static_topic=tf_static_topic,
             static_only=True,
         )
-
-
-def _hidden_node(listener: TransformListener) -> Node:
-    # Nothing of it depends on the time, and it is nobody's to configure.
-    return Node(
-        f"transform_listener_impl_{id(listener):010x}",
-        enable_rosout=False,
-        start_parameter_services=False,
-        parameter_overrides=[Parameter("use_sim_time", value=False)],
-    )

@@ -34,7 +34,7 @@ def install():
 def precedes(name):
     """Whether ours takes precedence over the package `name` that the path offers.
 
-    It does where that is the distribution's, and no layer below it is somebody's own: a workspace with a fork
+    It does where that is the distribution's, and no layer below it is of a workspace: a workspace with a fork
     of one package keeps it, together with the distribution's packages that stand on it.
     """
     prefix = distribution_prefix()

@@ -1,4 +1,4 @@
-"""Owns the program that tells which tf2 a program started like this one imports, and why."""
+"""Owns the program that prints which tf2 a program started like this one imports, and why."""
 
 import importlib
 import importlib.util
@@ -16,7 +16,7 @@ def main(args: list[str] | None = None) -> int:
     """
     Print which tf2 is imported, from where, and what it took precedence over.
 
-    :param args: taken for the sake of the other programs, which have it, and not looked at.
+    :param args: accepted because other programs have it, and without effect.
     :return: 0 where all of our packages are in use, otherwise 1.
     """
     folders = {name: _imported_from(name) for name in (*_finder.PACKAGES, "tf2_msgs")}
@@ -25,7 +25,7 @@ def main(args: list[str] | None = None) -> int:
         for other in _others(name, folder):
             print(f"    takes precedence over {other / name}")
     print(f"precedence: {_precedence()}")
-    print(f"receiver: {_receiver(folders['tf2_py'])}")
+    print(f"receiver: {_receiver(folders['tf2_ros'])}")
     print(f"ROS 2: {_running_ros()}")
     print(f"built for: {_built_for()}")
     return 0 if all(_is_ours(folders[name]) for name in _finder.PACKAGES) else 1
@@ -96,7 +96,7 @@ def _precedence() -> str:
 
 def _receiver(folder: Path | None) -> str:
     if not _is_ours(folder):
-        return "not in use, for tf2_py is not tf2-ros-cython's"
+        return "not in use, for tf2_ros is not tf2-ros-cython's"
     record = _ros.built()
     if record is None:
         return "not built; build first, with pip install . or make build"

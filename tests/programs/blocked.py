@@ -1,4 +1,4 @@
-"""Waits for a transform that never comes, until it is interrupted."""
+"""Waits for a transform that is never inserted, until it is interrupted."""
 
 import threading
 
@@ -13,12 +13,12 @@ def main():
     rclpy.init()
     buffer = Buffer()
 
-    def tell():
+    def report():
         while not buffer.statistics()["waiters"]:
             threading.Event().wait(0.001)
         print("waiting", flush=True)
 
-    threading.Thread(target=tell, daemon=True).start()
+    threading.Thread(target=report, daemon=True).start()
     buffer.lookup_transform("map", "robot", Time(), Duration(seconds=60))
 
 

@@ -1,4 +1,8 @@
-"""Comes to its end with something still going on: the first argument says what, the second by which road."""
+"""
+Ends while something is still active.
+
+Arguments: what is active; what inserts transforms, "receiver" or "executor".
+"""
 
 import sys
 import threading
@@ -8,27 +12,27 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 
 from tf2_ros import Buffer, TransformListener
-from tf2_ros._receive import thread
+from tf2_ros._receive import receiver_thread
 
-said = []
+printed = []
 
 
-def look(buffer):
+def look_up(buffer):
     buffer.can_transform("map", "robot", Time(), Duration(seconds=60))
 
 
-def go_on(how):
-    if threading.main_thread().is_alive() or said:
+def keep_running(how):
+    if threading.main_thread().is_alive() or printed:
         return
-    said.append(how)
+    printed.append(how)
     print("after the end", flush=True)
     if how == "thread":
         rclpy.shutdown()
 
 
-def main(how, road):
-    if road == "executor":
-        thread.Receiver = None
+def main(how, inserter):
+    if inserter == "executor":
+        receiver_thread.Receiver = None
     rclpy.init()
     node = rclpy.create_node("ending")
     buffer = Buffer(node=node)
@@ -36,7 +40,7 @@ def main(how, road):
         TransformListener(buffer, node)
     elif how in ("thread", "interrupted"):
         TransformListener(buffer, node, spin_thread=True)
-        node.create_timer(0.01, lambda: go_on(how))
+        node.create_timer(0.01, lambda: keep_running(how))
     elif how == "hidden":
         TransformListener(buffer, None)
     elif how == "shutdown":
@@ -44,7 +48,7 @@ def main(how, road):
         rclpy.shutdown()
     elif how == "waiting":
         TransformListener(buffer, None)
-        threading.Thread(target=look, args=(buffer,), daemon=True).start()
+        threading.Thread(target=look_up, args=(buffer,), daemon=True).start()
         while not buffer.statistics()["waiters"]:
             threading.Event().wait(0.001)
     elif how == "future":

@@ -1,8 +1,8 @@
 """
-Publishes messages of many transforms on /tf at a steady rate, serialised beforehand, once somebody listens.
+Publishes serialised messages of many transforms on /tf at a steady rate, once there is a subscriber.
 
 Message n carries the stamp START_NS + n periods and x = n; its frames are map and f0, f1, ... Arguments:
-messages per second, transforms in each, how many messages (0: without end). Says how many seconds it took.
+messages per second, transforms in each, how many messages (0: without end). Prints how many seconds it took.
 """
 
 import sys
@@ -37,7 +37,7 @@ def main(rate, count, messages):
         try:
             publisher.publish(template.message(START_NS + n * NS_PER_S // rate, n))
         except (InvalidHandle, rclpy_implementation.RCLError):
-            break  # it was told to end
+            break  # the context was shut down
         n += 1
     print(time.monotonic() - began, flush=True)
     if rclpy.ok():

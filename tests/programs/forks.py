@@ -1,7 +1,7 @@
 """
 Forks children while its other threads are busy with a buffer; prints how each ended.
 
-Arguments: what each child does, how many children there are, how many messages a second come meanwhile (0:
+Arguments: what each child does, how many children there are, how many messages a second arrive meanwhile (0:
 none, and no other thread does anything). A child that hangs is killed, counts as -9 and is the last.
 """
 

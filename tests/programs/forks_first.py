@@ -1,4 +1,4 @@
-"""Forks a child before it starts ROS; the child listens to itself, and prints whether it heard anything."""
+"""Forks a child before it starts ROS; the child listens to itself, and prints whether it received."""
 
 import multiprocessing
 import sys

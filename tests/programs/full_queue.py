@@ -1,4 +1,4 @@
-"""Comes to its end with a message filter whose messages still wait."""
+"""Ends while the messages of a message filter still wait."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""A lidar at 100 Hz whose transforms come 50 ms late: so many scans, and transforms for the first so many."""
+"""A lidar at 100 Hz whose transforms are published 50 ms late; arguments: how many of each."""
 
 import sys
 import threading
@@ -32,11 +32,11 @@ def scan(ns):
     return message
 
 
-def heard(publisher):
+def wait_for_subscriber(publisher):
     deadline = time.monotonic() + DEADLINE_S
     while not publisher.get_subscription_count():
         if time.monotonic() > deadline:
-            raise TimeoutError(f"nobody listens to {publisher.topic_name}")
+            raise TimeoutError(f"there is no subscriber of {publisher.topic_name}")
         threading.Event().wait(0.005)
 
 
@@ -45,8 +45,8 @@ def main(scans, transforms):
     node = rclpy.create_node("lidar")
     publisher = node.create_publisher(LaserScan, "scan", 1000)
     broadcaster = TransformBroadcaster(node)
-    heard(publisher)
-    heard(broadcaster.pub_tf)
+    wait_for_subscriber(publisher)
+    wait_for_subscriber(broadcaster.pub_tf)
     print("begins", flush=True)
     sys.stdin.readline()
     begun = time.monotonic_ns()

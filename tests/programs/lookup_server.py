@@ -1,4 +1,4 @@
-"""A buffer server that does what a goal's target frame says; named by its argument, ends with its input."""
+"""A buffer server that does what a goal's target frame orders; named by its argument, ends with its input."""
 
 import sys
 import threading
@@ -29,7 +29,7 @@ class Server:
 
     def judge(self, goal):
         if goal.target_frame == "forgotten" and not self.forgot.is_set():
-            # As good as an answer that is lost: it comes when nobody waits for it any more.
+            # As a lost answer: it is sent when nobody waits for it any more.
             self.forgot.set()
             self.ending.wait()
         return GoalResponse.REJECT if goal.target_frame == "rejected" else GoalResponse.ACCEPT

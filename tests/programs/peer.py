@@ -1,4 +1,4 @@
-"""A node that publishes what its standard input says, line by line, and answers "ok" when it has."""
+"""A node that publishes what its standard input orders, line by line, and answers "ok" when it has."""
 
 import json
 import sys
@@ -32,27 +32,27 @@ class Peer:
         self.static = StaticTransformBroadcaster(node)
         self.publishers = {}
 
-    def heard(self, publisher, count=1):
+    def wait_for_subscribers(self, publisher, count=1):
         deadline = time.monotonic() + DEADLINE_S
         while publisher.get_subscription_count() < count:
             if time.monotonic() > deadline:
-                raise TimeoutError(f"too few listen to {publisher.topic_name}")
+                raise TimeoutError(f"too few subscribers of {publisher.topic_name}")
             threading.Event().wait(0.005)
 
     def publisher(self, kind, topic):
         if topic not in self.publishers:
             self.publishers[topic] = self.node.create_publisher(kind, topic, 100)
-        self.heard(self.publishers[topic])
+        self.wait_for_subscribers(self.publishers[topic])
         return self.publishers[topic]
 
-    def do_send(self, transforms, static, heard=True):
+    def do_send(self, transforms, static, subscribed=True):
         broadcaster = self.static if static else self.dynamic
-        if heard:
-            self.heard(broadcaster.pub_tf)
+        if subscribed:
+            self.wait_for_subscribers(broadcaster.pub_tf)
         broadcaster.sendTransform([make(*transform) for transform in transforms])
 
     def do_matched(self, count):
-        self.heard(self.dynamic.pub_tf, count)
+        self.wait_for_subscribers(self.dynamic.pub_tf, count)
 
     def do_bytes(self, topic, hex):
         self.publisher(TFMessage, topic).publish(bytes.fromhex(hex))

@@ -1,4 +1,4 @@
-"""Receives until it is interrupted; then waits until that has ended by itself, and says so."""
+"""Receives until it is interrupted; prints when the receiver has ended by itself."""
 
 import threading
 

@@ -1,4 +1,4 @@
-"""Owns what an executor sees of a receiver: that messages arrived, and the users' code that they set off."""
+"""Owns what an executor learns of a receiver: that messages arrived, and which user code it is to run."""
 
 import threading
 import traceback
@@ -6,10 +6,7 @@ import weakref
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import rclpy
 from rclpy.callback_groups import CallbackGroup
-from rclpy.executors import Executor
-from rclpy.guard_condition import GuardCondition
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy
@@ -17,23 +14,18 @@ from rclpy.subscription import Subscription
 from rclpy.waitable import Waitable
 
 from tf2_ros._forking import keep_for_ever
+from tf2_ros._rclpy import has_ready_entities, new_wake_handle
 
 ArrivalWaitable: Any
 try:
     # After rclpy, which loads the libraries that it needs.
-    from tf2_ros._receive.loop import ArrivalWaitable
+    from tf2_ros._receive.arrival_waitable import ArrivalWaitable
 except ModuleNotFoundError:
-    ArrivalWaitable = type("ArrivalWaitable", (), {})  # there was nothing to build it with, and no receiver
+    ArrivalWaitable = type("ArrivalWaitable", (), {})  # the build had no rcl
 
 __all__ = ["Arrivals"]
 
 ENDLESS = 2**63 - 1
-
-# The executor's own loops: between their rounds no user's code is waiting for `spin_once` to return.
-_LOOPS = {
-    loop.__code__.co_filename: frozenset({"spin", "spin_until_future_complete"})
-    for loop in (rclpy.spin, Executor.spin)
-}
 
 Completion = Callable[[], None]
 
@@ -42,31 +34,31 @@ class Arrivals(ArrivalWaitable, Waitable):
     """
     Tells the executor of a node of messages that a receiver took beside it.
 
-    :param node: the listener's. It must hold this, by ``add_waitable()``, until :meth:`close`.
-    :param group: in which callback group the users' code runs.
-    :param subscriptions: those that the receiver takes from; it counts their messages by their places here.
+    :param node: the listener's. It must keep this, by ``add_waitable()``, until :meth:`close`.
+    :param group: the callback group in which the user code runs.
+    :param subscriptions: those that the receiver takes from; it counts their messages by their index here.
 
-    ``spin_once()`` returns once for each message, as if the executor had taken it. In the loops of an
-    executor (``rclpy.spin``, ``spin``, ``spin_until_future_complete``) that would be for nothing, so these
-    are woken for users' code, and besides ten times a second at most.
+    ``spin_once()`` returns once for each message, as if the executor had taken it. The loops of an executor
+    (``rclpy.spin``, ``spin``, ``spin_until_future_complete``) do not need that: they are woken for user code,
+    and otherwise ten times a second at most.
 
-    That code runs in the executor as soon as the node has ever had one, otherwise in a thread of its own.
+    User code runs in the executor as soon as the node has ever had one, otherwise in a thread of its own.
     """
 
     def __init__(self, node: Node, group: CallbackGroup, subscriptions: Sequence[Subscription]) -> None:
         Waitable.__init__(self, group)
         self._node = weakref.ref(node)
-        self._guard = GuardCondition(None, None, node.context).handle
-        self.set_up(self._guard, [_queue_depth(subscription) for subscription in subscriptions], _LOOPS)
+        self._guard = new_wake_handle(node.context)
+        self.set_up(self._guard, [_queue_depth(subscription) for subscription in subscriptions])
         self._closed = False
-        self._starting = threading.RLock()  # reentrant, for a finalizer may close this
+        self._starting = threading.RLock()  # reentrant, because a finalizer may close this
         self._thread: threading.Thread | None = None
 
     def hand_over(self, completions: list[Completion]) -> bool:
         """
         Have the executor call these, in this order; from any thread.
 
-        :return: False where that changes nothing, for the same ones are the last that it is going to call.
+        :return: False where that changes nothing, because the last ones to be called are the same.
         """
         if self.completed and self.completed[-1] == completions:
             return False
@@ -78,7 +70,7 @@ class Arrivals(ArrivalWaitable, Waitable):
         return True
 
     def close(self) -> None:
-        """Leave the node; what has been handed over is still called."""
+        """Remove this from the node; what has been handed over is still called."""
         self._closed = True
         node = self._node()
         if node is not None and self in node.waitables:
@@ -87,30 +79,23 @@ class Arrivals(ArrivalWaitable, Waitable):
             self._start_thread()
 
     def after_fork(self) -> None:
-        """Be dead in a forked child."""
+        """End in a forked child."""
         keep_for_ever(self._guard)
         self._closed = True
         self.completed.clear()
 
     def others_ready(self, wait_set: Any) -> bool:
         """Whether something else of the node is ready to be executed."""
-        if any(map(wait_set.get_ready_entities, ("subscription", "service", "client"))):
-            return True
-        ready, node = wait_set.get_ready_entities("timer"), self._node()
-        return (
-            bool(ready)
-            and node is not None
-            and any(one.handle.pointer in ready and one.handle.is_timer_ready() for one in node.timers)
-        )
+        return has_ready_entities(wait_set, self._node())
 
     async def execute(self, taken_data: list[Completion]) -> None:
-        """Call what was completed; what one of them raises comes after all of them were called."""
+        """Call what was completed. What one of them raises is raised when all were called."""
         _call(taken_data)
 
     def _has_executor(self) -> bool:
         if self._closed:
             return False
-        # It may have been added to one that has not come round yet.
+        # It may have been added to one that has not begun a round yet.
         node = self._node()
         return bool(self.spun or (node is not None and node.executor is not None))
 
@@ -129,7 +114,7 @@ class Arrivals(ArrivalWaitable, Waitable):
             try:
                 _call(self.completed.popleft())
             except BaseException:
-                # Nobody is above to catch it.
+                # No caller would catch it.
                 get_logger("tf2_ros").error(f"In a callback of a future: {traceback.format_exc()}")
         if self.completed:
             self.wake()

@@ -1,4 +1,4 @@
-"""Owns who takes from a listener's subscriptions: a receiver, or the executors of their node."""
+"""Owns what takes from a listener's subscriptions: a receiver, or the executors of their node."""
 
 from typing import Any
 
@@ -7,11 +7,18 @@ from rclpy.event_handler import EventHandler
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
+from tf2_ros._rclpy import (
+    hide_from_executors,
+    set_subscription_callback,
+    show_to_executors,
+    subscription_callback,
+)
+
 __all__ = ["ListenerGroup", "ReceivedSubscription", "wake_executor"]
 
 
 def wake_executor(node: Any) -> None:
-    """Let the executor of a node, if it has one, look anew for what it waits for."""
+    """Have the executor of a node, if it has one, gather again what it waits for."""
     executor = node.executor if isinstance(node, Node) else None
     if executor is not None:
         executor.wake()
@@ -21,29 +28,28 @@ class ReceivedSubscription(Subscription):
     """
     A subscription that a receiver takes from, and no executor.
 
-    ``tf2_receiving`` must hear of what is done to it; None once the subscription was given back to executors.
+    ``tf2_receiver_thread`` is informed of changes; None once the subscription was given back to executors.
     """
 
-    tf2_receiving: Any
+    tf2_receiver_thread: Any
     # Waiting for one of its events, an executor would be woken by each message: the node must not have them.
     tf2_event_handlers: list[EventHandler]
 
     @classmethod
-    def adopt(cls, subscription: Subscription, node: Node, receiving: Any) -> None:
+    def adopt(cls, subscription: Subscription, node: Node, receiver_thread: Any) -> None:
         """Make a subscription one of these."""
-        subscription.tf2_receiving = receiving
+        subscription.tf2_receiver_thread = receiver_thread
         subscription.tf2_event_handlers = list(subscription.event_handlers)
         for handler in subscription.tf2_event_handlers:
             node.remove_waitable(handler)
         subscription.event_handlers = []
-        # As if an executor were just about to take from it: none looks any further.
-        subscription._executor_event = True
+        hide_from_executors(subscription)
         subscription.__class__ = cls
 
     def give_back(self, node: Node | None) -> None:
         """Let executors take from it."""
-        self.tf2_receiving = None
-        self._executor_event = False
+        self.tf2_receiver_thread = None
+        show_to_executors(self)
         if node is not None:
             self.event_handlers, self.tf2_event_handlers = self.tf2_event_handlers, []
             for handler in self.event_handlers:
@@ -52,20 +58,20 @@ class ReceivedSubscription(Subscription):
     @property
     def callback(self) -> Any:
         """What is called with each message."""
-        return self._callback
+        return subscription_callback(self)
 
     @callback.setter
     def callback(self, value: Any) -> None:
-        Subscription.callback.fset(self, value)
-        if self.tf2_receiving is not None:
-            self.tf2_receiving.changed()
+        set_subscription_callback(self, value)
+        if self.tf2_receiver_thread is not None:
+            self.tf2_receiver_thread.decide_again()
 
     def destroy(self) -> None:
-        """End it. A subscription lives while somebody uses it, and the receiver's thread always does."""
-        if self.tf2_receiving is not None:
-            if self.tf2_receiving.forked:
+        """End it: the receiver's thread uses it all the time, and must stop that first."""
+        if self.tf2_receiver_thread is not None:
+            if self.tf2_receiver_thread.forked:
                 return
-            self.tf2_receiving.leave(self)
+            self.tf2_receiver_thread.drop_subscription(self)
         for handler in self.tf2_event_handlers:
             handler.destroy()
         super().destroy()

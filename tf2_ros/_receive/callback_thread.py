@@ -1,4 +1,4 @@
-"""Owns the thread that runs users' callbacks which no executor runs, so that no other thread has to."""
+"""Owns the thread that runs user callbacks where no executor does."""
 
 from collections import deque
 from collections.abc import Callable
@@ -10,13 +10,13 @@ __all__ = ["CallbackThread", "callback_thread"]
 
 
 class CallbackThread(Worker):
-    """Calls what it is given, in its order."""
+    """Calls what it is given, in the order of the calls of :meth:`put`."""
 
     def __init__(self) -> None:
         super().__init__("tf2_ros callbacks", "In a callback of a future")
 
     def after_fork(self) -> None:
-        """Begin anew: those that were given before are the parent's."""
+        """Begin anew: the calls of before the fork are the parent's."""
         super().after_fork()
         self._calls: deque[Callable[[], None]] = deque()
 
@@ -24,7 +24,7 @@ class CallbackThread(Worker):
         """Call this; from any thread."""
         with LOCK:
             self._calls.append(call)
-            starting = self._wanted()
+            starting = self._new_thread()
         self._start(starting)
 
     def _next(self) -> Callable[[], None] | None:

@@ -1,7 +1,8 @@
-"""What the receiver uses of rcl and rmw."""
+"""What the receiver uses of rcl and rmw, and of the clock that its waits follow."""
 
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint8_t
+from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
 
 cdef extern from "<stdbool.h>" nogil:
     ctypedef bint c_bool "bool"
@@ -76,3 +77,27 @@ cdef extern from "rmw/serialized_message.h" nogil:
         rcl_serialized_message_t* message, size_t capacity, const rcl_allocator_t* allocator,
     )
     rcl_ret_t rmw_serialized_message_fini(rcl_serialized_message_t* message)
+
+
+cdef inline int64_t monotonic_ns() noexcept nogil:
+    cdef timespec now
+    clock_gettime(CLOCK_MONOTONIC, &now)
+    return now.tv_sec * <int64_t>1000000000 + now.tv_nsec
+
+
+cdef inline str rcl_last_error():
+    cdef rcl_error_string_t error = rcl_get_error_string()
+    rcl_reset_error()
+    return error.str.decode("utf-8", "replace")
+
+
+# Of no bytes: rcl gives it as many as it needs. Whether there was memory for that.
+cdef inline bint message_init(rcl_serialized_message_t* message) noexcept nogil:
+    cdef rcl_allocator_t allocator = rcl_get_default_allocator()
+    message[0] = rmw_get_zero_initialized_serialized_message()
+    return rmw_serialized_message_init(message, 0, &allocator) == RCL_RET_OK
+
+
+cdef inline void message_free(rcl_serialized_message_t* message) noexcept nogil:
+    if rmw_serialized_message_fini(message) != RCL_RET_OK:
+        rcl_reset_error()

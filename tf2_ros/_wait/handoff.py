@@ -1,4 +1,4 @@
-"""Owns handing things from any thread to a function that runs in a node's executor."""
+"""Owns handing items from any thread to a function that runs in a node's executor."""
 
 import threading
 from collections import deque
@@ -9,17 +9,17 @@ from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 
-from tf2_ros._forking import keep_for_ever, tell_of_fork
+from tf2_ros._forking import keep_for_ever, register_for_fork
 
 __all__ = ["Handoff"]
 
 
 class Handoff:
     """
-    Hands things to ``take``, which the node's executor calls: one thing at a time, in the order they came.
+    Hands items to ``take``, which the node's executor calls: one at a time, in the order of :meth:`put`.
 
     :param node: whoever spins it runs ``take``.
-    :param take: called with each thing. What it raises goes to whoever spins; the things behind are not lost.
+    :param take: called with each item. What it raises is raised by the spin; the items behind are not lost.
     :param group: a mutually exclusive callback group. None: one of its own.
     """
 
@@ -28,24 +28,24 @@ class Handoff:
     ) -> None:
         self._node = node
         self._take = take
-        self._things: deque[Any] = deque()
-        # One that a signal handler or a finaliser may take again, in the middle of something.
+        self._items: deque[Any] = deque()
+        # Reentrant: a signal handler or a finalizer may close this while its thread is inside.
         self._closing = threading.RLock()
         self._closed = False
         own: CallbackGroup = MutuallyExclusiveCallbackGroup() if group is None else group
         self._guard = node.create_guard_condition(self._run, own)
-        tell_of_fork(self)
+        register_for_fork(self)
 
-    def put(self, thing: Any) -> None:
-        """Hand a thing over, from any thread; without effect when this is closed, or the node gone."""
-        self._things.append(thing)
+    def put(self, item: Any) -> None:
+        """Hand an item over, from any thread; without effect once this is closed or the node destroyed."""
+        self._items.append(item)
         self._wake()
 
     def clear(self) -> list[Any]:
         """Forget what has not been taken yet, and return it."""
         forgotten = []
-        while self._things:
-            forgotten.append(self._things.popleft())
+        while self._items:
+            forgotten.append(self._items.popleft())
         return forgotten
 
     def close(self) -> None:
@@ -55,13 +55,13 @@ class Handoff:
                 return
             self._closed = True
         self._node.destroy_guard_condition(self._guard)
-        self._things.clear()
+        self._items.clear()
 
     def after_fork(self) -> None:
         """End, in a forked child: no executor takes anything there."""
         self._closing = threading.RLock()
         self._closed = True
-        self._things.clear()
+        self._items.clear()
         keep_for_ever(self._guard.handle)
 
     def _wake(self) -> None:
@@ -73,17 +73,17 @@ class Handoff:
             except InvalidHandle:
                 self._closed = True  # the node was destroyed
         if self._closed:
-            self._things.clear()
+            self._items.clear()
 
     def _run(self) -> None:
-        # No more than there are now: what is added meanwhile must not keep others from their turn.
-        for _ in range(len(self._things)):
+        # No more than there are now: what is added meanwhile must not delay other callbacks of the executor.
+        for _ in range(len(self._items)):
             try:
-                thing = self._things.popleft()
+                item = self._items.popleft()
             except IndexError:
                 return  # taken back meanwhile
             try:
-                self._take(thing)
+                self._take(item)
             except BaseException:
                 self._wake()
                 raise

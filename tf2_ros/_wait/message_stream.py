@@ -4,27 +4,27 @@ from collections import deque
 from contextlib import suppress
 from typing import Any
 
-from tf2_ros._wait.waiting import WakingFuture
+from tf2_ros._wait.waking_future import WakingFuture
 
 __all__ = ["MessageStream"]
 
 
 class MessageStream:
     """
-    An asynchronous iterator over things that another thread puts in; ends, when closed, after the last.
+    An asynchronous iterator over items that another thread puts in; ends, when closed, after the last.
 
-    Each thing goes to one of those that iterate.
+    If several iterate, each item is given to one of them.
     """
 
     def __init__(self) -> None:
-        self._things: deque[Any] = deque()
-        # Never replaced: whoever is about to be added must be found.
+        self._items: deque[Any] = deque()
+        # Never replaced: one that is about to be added must be found.
         self._awaiting: deque[WakingFuture] = deque()
         self._closed = False
 
-    def put(self, thing: Any) -> None:
+    def put(self, item: Any) -> None:
         """Let the iteration go on with this."""
-        self._things.append(thing)
+        self._items.append(item)
         self._wake()
 
     def close(self) -> None:
@@ -37,21 +37,21 @@ class MessageStream:
 
     async def __anext__(self) -> Any:
         while True:
-            news = WakingFuture()
-            # First this, then a look: whoever puts something in does it the other way round.
-            self._awaiting.append(news)
+            arrival = WakingFuture()
+            # First this, then the check: `put` does it the other way round.
+            self._awaiting.append(arrival)
             try:
-                return self._things.popleft()
+                return self._items.popleft()
             except IndexError:
                 if self._closed:
                     raise StopAsyncIteration from None
-                await news
+                await arrival
             finally:
                 with suppress(ValueError):  # it was woken
-                    self._awaiting.remove(news)
+                    self._awaiting.remove(arrival)
 
     def _wake(self) -> None:
-        # All of them: one alone might be just leaving. Those that come later see for themselves.
+        # All of them: a single one may be about to leave. Those that are added later check by themselves.
         for _ in range(len(self._awaiting)):
             with suppress(IndexError):  # one has left
                 self._awaiting.popleft().set_result(None)

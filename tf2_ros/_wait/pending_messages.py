@@ -1,4 +1,4 @@
-"""Owns the messages that wait for their transforms: when each comes out, and why one is dropped."""
+"""Owns the messages that wait for their transforms: when each passes, and why one is dropped."""
 
 import threading
 import time
@@ -10,23 +10,25 @@ from typing import Any
 
 from rclpy.time import Time
 
-from tf2_py import BufferCore, TransformException
-from tf2_ros._forking import tell_of_fork
+from tf2_py import TransformException
+from tf2_py._internal import time_ns
+from tf2_ros._forking import register_for_fork
 from tf2_ros._wait.deadlines import deadlines
-from tf2_ros._wait.waiting import Lookup
+from tf2_ros._wait.long_waits import LongWait, report_if_long
+from tf2_ros._wait.lookup import Lookup
 from tf2_ros.buffer import Buffer
 
-__all__ = ["FilterFailureReason", "HeldMessages"]
+__all__ = ["FilterFailureReason", "PendingMessages"]
 
 
 class FilterFailureReason(str, Enum):
     """
-    Why a message did not come through a filter.
+    Why a message filter dropped a message.
 
-    ``OUT_THE_BACK``: it is older than all that the buffer keeps or still takes. ``EMPTY_FRAME_ID``: it does
-    not say in which frame it is. ``NO_TRANSFORM_FOUND``: a frame has a name that no lookup accepts, or the
-    transform was not there and was not to be waited for. ``QUEUE_FULL``: it was the oldest when one more had
-    to wait than the queue holds. ``TIMEOUT``: its transform did not come in time.
+    ``OUT_THE_BACK``: it is older than all that the buffer keeps or still accepts. ``EMPTY_FRAME_ID``: its
+    header names no frame. ``NO_TRANSFORM_FOUND``: the name of a frame is invalid, or the transform was not
+    available and ``buffer_timeout`` is zero. ``QUEUE_FULL``: it was the oldest when one more had to wait than
+    the queue holds. ``TIMEOUT``: its transform was not available in time.
     """
 
     OUT_THE_BACK = "OUT_THE_BACK"
@@ -36,55 +38,56 @@ class FilterFailureReason(str, Enum):
     TIMEOUT = "TIMEOUT"
 
 
-class _Held:
+class _PendingMessage:
     """One message that waits."""
 
     __slots__ = (
         "__weakref__",
         "answer",  # the transform into the first target frame
-        "attempt",  # answers to earlier ones come too late
+        "attempt",  # answers to earlier ones are ignored
         "frame",
         "lookups",
         "message",
-        "missing",  # the wait of each lookup that has no answer, by its place in `lookups`
+        "missing",  # the wait of each lookup that has no answer, by its index in `lookups`
         "number",
         "owner",
+        "report",
         "stamp",
         "stamp_ns",
     )
 
-    def __init__(self, owner: "HeldMessages", number: int, message: Any) -> None:
+    def __init__(self, owner: "PendingMessages", number: int, message: Any) -> None:
         self.owner = owner
         self.number = number
         self.message = message
-        # As transforms lose theirs on the way into a buffer.
+        # Without the slash that a buffer removes from the names of transforms, too.
         self.frame = message.header.frame_id.removeprefix("/")
         self.stamp = message.header.stamp
-        self.stamp_ns = self.stamp.sec * 1_000_000_000 + self.stamp.nanosec
+        self.stamp_ns = time_ns(self.stamp, "header.stamp")
         self.lookups: list[Lookup] = []
         self.missing: dict[int, Any] = {}
         self.attempt = 0
         self.answer: Any = None
+        self.report: LongWait | None = None
 
     def over(self) -> bool:
-        """Whether it waits no more."""
+        """Whether it has ceased to wait."""
         return not self.missing
 
     def expire(self) -> None:
-        """Its time is over."""
+        """Its timeout is over."""
         self.owner.expire(self)
 
 
-class HeldMessages:
+class PendingMessages:
     """
-    Holds messages until the buffer can carry them into every target frame.
+    Keeps messages until the buffer can transform them into every target frame.
 
     :param passed: called with a message and its transform into the first target frame.
-    :param dropped: called with a message, the reason, and what the lookup said, if one was tried.
+    :param dropped: called with a message, the reason, and the text of the lookup's error, if one was tried.
 
-    Both are called in whichever thread brought it about, in the order in which it came about, once for each
-    message; they must not raise. Nothing is done per message when a transform comes, but for the messages
-    that it completes.
+    One of them is called once for each message, in the thread that caused it, in the order of the causes;
+    they must not raise. An insert costs nothing for messages that it does not complete.
     """
 
     def __init__(
@@ -97,28 +100,28 @@ class HeldMessages:
         self._passed = passed
         self._dropped = dropped
         self._lock = threading.RLock()
-        self._held: OrderedDict[int, _Held] = OrderedDict()  # the oldest first
+        self._pending: OrderedDict[int, _PendingMessage] = OrderedDict()  # the oldest first
         self._count = 0
         self._target_frames: tuple[str, ...] = ()
         self._tolerance_ns = 0
         self._queue_size = 0
         self._timeout_ns: int | None = None
-        tell_of_fork(self)
+        register_for_fork(self)
 
     def after_fork(self) -> None:
-        """Let nobody hold the lock in a forked child."""
+        """Make the lock anew: in a forked child it must be free."""
         self._lock = threading.RLock()
 
     def __len__(self) -> int:
-        return len(self._held)
+        return len(self._pending)
 
     def configure(
         self, target_frames: Sequence[str], tolerance_ns: int, queue_size: int, timeout_ns: int | None
     ) -> None:
         """
-        Set what messages wait for; those that wait already wait for it anew.
+        Set what messages wait for, including those that wait already.
 
-        :param tolerance_ns: the transforms must be there for so much later, too.
+        :param tolerance_ns: the transforms must be available for so much later, too.
         :param queue_size: how many may wait; 0: any number.
         :param timeout_ns: how long a message that is added from now on may wait, in steady time. 0: not at
             all; None: for ever.
@@ -130,129 +133,129 @@ class HeldMessages:
             self._queue_size = queue_size
             self._timeout_ns = timeout_ns
             if again:
-                for held in list(self._held.values()):
-                    self._look_up(held)
+                for pending in list(self._pending.values()):
+                    self._look_up(pending)
             self._keep_to_size()
 
     def add(self, message: Any) -> None:
-        """Hold a message, or let it pass at once, or drop it."""
+        """Keep a message, or let it pass at once, or drop it."""
         with self._lock:
             self._count += 1
-            held = _Held(self, self._count, message)
-            self._held[held.number] = held
-            if not held.frame:
-                self._drop(held, FilterFailureReason.EMPTY_FRAME_ID)
+            pending = _PendingMessage(self, self._count, message)
+            self._pending[pending.number] = pending
+            if not pending.frame:
+                self._drop(pending, FilterFailureReason.EMPTY_FRAME_ID)
                 return
-            self._look_up(held)
-            if held.missing and self._is_out_the_back(held):
-                self._drop(held, FilterFailureReason.OUT_THE_BACK)
-            elif held.missing:
-                self._await(held)
-            # Those that came before may have become too old while they waited.
-            while self._held and self._is_out_the_back(oldest := next(iter(self._held.values()))):
+            self._look_up(pending)
+            if pending.missing and self._is_out_the_back(pending):
+                self._drop(pending, FilterFailureReason.OUT_THE_BACK)
+            elif pending.missing:
+                pending.report = report_if_long(pending.missing.values())
+                self._await(pending)
+            # Those that were added before may have become too old while they waited.
+            while self._pending and self._is_out_the_back(oldest := next(iter(self._pending.values()))):
                 self._drop(oldest, FilterFailureReason.OUT_THE_BACK)
 
     def clear(self) -> int:
-        """Forget all that wait; how many those were."""
+        """Remove all that wait; how many those were."""
         with self._lock:
-            count = len(self._held)
-            for held in list(self._held.values()):
-                self._let_go(held)
+            count = len(self._pending)
+            for pending in list(self._pending.values()):
+                self._remove(pending)
             return count
 
-    def expire(self, held: _Held) -> None:
-        """The time of one is over."""
+    def expire(self, pending: _PendingMessage) -> None:
+        """The timeout of one is over."""
         with self._lock:
-            if held.number in self._held:
-                self._drop(held, FilterFailureReason.TIMEOUT)
+            if pending.number in self._pending:
+                self._drop(pending, FilterFailureReason.TIMEOUT)
 
-    def _await(self, held: _Held) -> None:
+    def _await(self, pending: _PendingMessage) -> None:
         if self._timeout_ns is None:
             self._keep_to_size()
         elif self._timeout_ns <= 0:
-            self._drop(held, FilterFailureReason.NO_TRANSFORM_FOUND)
+            self._drop(pending, FilterFailureReason.NO_TRANSFORM_FOUND)
         else:
-            deadlines.add(time.monotonic_ns() + self._timeout_ns, held)
+            deadlines.add(time.monotonic_ns() + self._timeout_ns, pending)
             self._keep_to_size()
 
     def _keep_to_size(self) -> None:
-        while self._queue_size and len(self._held) > self._queue_size:
-            self._drop(next(iter(self._held.values())), FilterFailureReason.QUEUE_FULL)
+        while self._queue_size and len(self._pending) > self._queue_size:
+            self._drop(next(iter(self._pending.values())), FilterFailureReason.QUEUE_FULL)
 
-    def _look_up(self, held: _Held) -> None:
-        # Begin anew: whatever an earlier attempt brings is out of date.
-        self._stop(held)
-        attempt = held.attempt
+    def _look_up(self, pending: _PendingMessage) -> None:
+        # Begin anew: the answers of an earlier attempt are out of date.
+        self._stop(pending)
+        attempt = pending.attempt
         try:
-            held.lookups = self._lookups(held)
-            for place, lookup in enumerate(held.lookups):
-                wait = BufferCore._wait(
-                    self._buffer, *lookup, notify=partial(self._take, held, attempt, place)
-                )
+            pending.lookups = self._lookups(pending)
+            for place, lookup in enumerate(pending.lookups):
+                wait = lookup.wait(self._buffer, partial(self._receive_answer, pending, attempt, place))
                 answer = wait.answer
                 if answer is None:
-                    held.missing[place] = wait
+                    pending.missing[place] = wait
                 elif place == 0:
-                    held.answer = answer
+                    pending.answer = answer
         except (TransformException, OverflowError, ValueError) as error:
-            self._drop(held, FilterFailureReason.NO_TRANSFORM_FOUND, str(error))
+            self._drop(pending, FilterFailureReason.NO_TRANSFORM_FOUND, str(error))
             return
-        if not held.missing:
-            self._pass(held)
+        if not pending.missing:
+            self._pass(pending)
 
-    def _lookups(self, held: _Held) -> list[Lookup]:
-        lookups: list[Lookup] = [
-            (target, held.frame, held.stamp, None, None) for target in self._target_frames
-        ]
+    def _lookups(self, pending: _PendingMessage) -> list[Lookup]:
+        lookups = [Lookup.simple(target, pending.frame, pending.stamp) for target in self._target_frames]
         # The latest time has no later one.
-        if self._tolerance_ns and held.stamp_ns:
-            later = Time(nanoseconds=held.stamp_ns + self._tolerance_ns)
-            lookups += [(target, held.frame, later, None, None) for target in self._target_frames]
+        if self._tolerance_ns and pending.stamp_ns:
+            later = Time(nanoseconds=pending.stamp_ns + self._tolerance_ns)
+            lookups += [Lookup.simple(target, pending.frame, later) for target in self._target_frames]
         return lookups
 
-    def _take(self, held: _Held, attempt: int, place: int, answer: Any) -> None:
+    def _receive_answer(self, pending: _PendingMessage, attempt: int, place: int, answer: Any) -> None:
         with self._lock:
-            if attempt != held.attempt or held.missing.pop(place, None) is None:
+            if attempt != pending.attempt or pending.missing.pop(place, None) is None:
                 return
             if place == 0:
-                held.answer = answer
-            if held.missing:
+                pending.answer = answer
+            if pending.missing:
                 return
-            if len(held.lookups) == 1:
-                self._pass(held)
+            if len(pending.lookups) == 1:
+                self._pass(pending)
             else:
-                # What was found first may be forgotten by now.
-                self._look_up(held)
+                # The buffer may not have what was found first any more.
+                self._look_up(pending)
 
-    def _is_out_the_back(self, held: _Held) -> bool:
-        for place in held.missing:
-            target, source, stamp, _, _ = held.lookups[place]
-            stamp_ns = stamp.nanoseconds if isinstance(stamp, Time) else held.stamp_ns
+    def _is_out_the_back(self, pending: _PendingMessage) -> bool:
+        for place in pending.missing:
+            lookup = pending.lookups[place]
+            stamp = lookup.source_time
+            stamp_ns = stamp.nanoseconds if isinstance(stamp, Time) else pending.stamp_ns
             try:
-                newest_ns = self._buffer.get_latest_common_time(target, source).nanoseconds
+                newest_ns = self._buffer.get_latest_common_time(
+                    lookup.target_frame, lookup.source_frame
+                ).nanoseconds
             except TransformException:
                 continue  # not connected yet
-            # Every frame on the way now refuses what would be needed.
-            if stamp_ns and newest_ns - self._buffer._cache_time_ns > stamp_ns:
+            # Every frame on the path now refuses data of this time.
+            if stamp_ns and newest_ns - self._buffer.cache_time_ns > stamp_ns:
                 return True
         return False
 
-    def _pass(self, held: _Held) -> None:
-        self._let_go(held)
-        self._passed(held.message, held.answer)
+    def _pass(self, pending: _PendingMessage) -> None:
+        self._remove(pending)
+        self._passed(pending.message, pending.answer)
 
-    def _drop(self, held: _Held, reason: FilterFailureReason, text: str = "") -> None:
-        if not text and held.missing:
-            text = str(next(iter(held.missing.values())).reason())
-        self._let_go(held)
-        self._dropped(held.message, reason, text)
+    def _drop(self, pending: _PendingMessage, reason: FilterFailureReason, text: str = "") -> None:
+        if not text and pending.missing:
+            text = str(next(iter(pending.missing.values())).reason())
+        self._remove(pending)
+        self._dropped(pending.message, reason, text)
 
-    def _let_go(self, held: _Held) -> None:
-        del self._held[held.number]
-        self._stop(held)
+    def _remove(self, pending: _PendingMessage) -> None:
+        del self._pending[pending.number]
+        self._stop(pending)
 
-    def _stop(self, held: _Held) -> None:
-        for wait in held.missing.values():
+    def _stop(self, pending: _PendingMessage) -> None:
+        for wait in pending.missing.values():
             wait.cancel()
-        held.missing.clear()
-        held.attempt += 1
+        pending.missing.clear()
+        pending.attempt += 1

@@ -1,4 +1,4 @@
-"""Owns daemon threads that are there while they have something to call."""
+"""Owns daemon threads that run while they have something to call."""
 
 import threading
 import traceback
@@ -6,16 +6,16 @@ from collections.abc import Callable
 
 from rclpy.logging import get_logger
 
-from tf2_ros._forking import tell_of_fork
+from tf2_ros._forking import register_for_fork
 
 __all__ = ["Worker"]
 
 
 class Worker:
     """
-    A daemon thread that calls what `_next()` gives, one after the other: a base for who decides what that is.
+    A daemon thread that calls what `_next()` returns, one after the other; a subclass decides what that is.
 
-    It starts with the first call and ends with the last. In a forked child nothing is left of it.
+    It starts with the first call and ends with the last. A forked child does not have it.
 
     :param name: of the thread.
     :param where: what a call is part of, for the log of what it raises.
@@ -25,18 +25,18 @@ class Worker:
         self._name = name
         self._where = where
         self.after_fork()
-        tell_of_fork(self)
+        register_for_fork(self)
 
     def after_fork(self) -> None:
-        """Begin anew."""
+        """Begin anew, without a thread."""
         self._thread: threading.Thread | None = None
 
     def _next(self) -> Callable[[], object] | None:
-        """What to call, when it is time; None, with `_thread` set to None under LOCK: the thread ends."""
+        """What to call, when that is due; None, with `_thread` set to None under LOCK: the thread ends."""
         raise NotImplementedError
 
-    def _wanted(self) -> threading.Thread | None:
-        """With LOCK held: the thread that `_start()` is to start, or None where there is one."""
+    def _new_thread(self) -> threading.Thread | None:
+        """With LOCK held: the thread that `_start()` is to start, or None where one runs already."""
         if self._thread is not None:
             return None
         self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
@@ -57,6 +57,6 @@ class Worker:
             try:
                 call()
             except BaseException:
-                # Nobody is above to catch it, and the others must not suffer from it.
+                # No caller would catch it, and the other calls must still be made.
                 get_logger("tf2_ros").error(f"{self._where}: {traceback.format_exc()}")
-            del call  # not held while waiting for the next
+            del call  # not kept alive while waiting for the next

@@ -1,4 +1,4 @@
-"""Owns the program that listens to transforms and answers lookups of other processes."""
+"""Owns the program that receives transforms and answers lookups of other processes."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Owns a name of the program that tells which tf2 is imported, among those of tf2's other programs."""
+"""Owns the name by which tf2's users find the program that prints which tf2 is imported."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Looks up through a buffer client what its standard input says, line by line, and tells what came of it."""
+"""Looks up through a buffer client what its standard input orders, line by line, and prints each outcome."""
 
 import json
 import sys
@@ -11,7 +11,7 @@ from rclpy.time import Time
 from tf2_ros import BufferClient, TransformException
 
 
-def ask(client, target, source, ns, timeout):
+def look_up(client, target, source, ns, timeout):
     began = time.monotonic()
     try:
         found = client.lookup_transform(target, source, Time(nanoseconds=ns), Duration(seconds=timeout))
@@ -24,9 +24,9 @@ def ask(client, target, source, ns, timeout):
 
 def main():
     rclpy.init(args=sys.argv)
-    client = BufferClient(rclpy.create_node("asking"), sys.argv[1])
+    client = BufferClient(rclpy.create_node("lookup_client"), sys.argv[1])
     for line in sys.stdin:
-        print(json.dumps(ask(client, **json.loads(line))), flush=True)
+        print(json.dumps(look_up(client, **json.loads(line))), flush=True)
     client.destroy()
     rclpy.shutdown()
 

@@ -1,0 +1,348 @@
+"""
+Owns all that relies on the inside of rclpy: attributes and frames that its documentation does not promise.
+
+Each function says what it assumes, and what it does where that does not hold. Tested with rclpy 7.1 (Jazzy)
+and 9.1 (Kilted), each assumption in tests/test_rclpy_inside.py. What an executor's rounds need in Cython is
+in
+`tf2_ros._receive.rclpy_rounds`; how times are read from their handles, in `tf2_py._objects.times`.
+"""
+
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from types import FrameType, FunctionType
+from typing import Any
+
+from rclpy.action.client import ActionClient
+from rclpy.event_handler import QoSSubscriptionEventType, UnsupportedEventTypeError
+from rclpy.exceptions import InvalidHandle
+from rclpy.executors import Executor
+from rclpy.guard_condition import GuardCondition
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+from rclpy.task import Future, Task
+
+__all__ = [
+    "HookedFuture",
+    "RCLError",
+    "action_result",
+    "context_check",
+    "enter_handle",
+    "executor_handles",
+    "executor_wake_handle",
+    "handle_pointer",
+    "has_ready_entities",
+    "hide_from_executors",
+    "incompatible_qos_event",
+    "is_in_step",
+    "is_shut_down",
+    "mark_shut_down",
+    "new_wake_handle",
+    "node_handles",
+    "only_wakes_executor",
+    "parameter_overrides",
+    "running_task",
+    "set_subscription_callback",
+    "show_to_executors",
+    "subscription_callback",
+    "task_executor",
+]
+
+# What the functions of the C++ part raise. Assumes that it has this name there; otherwise a RuntimeError,
+# which rclpy's own error derives from.
+RCLError: type[Exception] = getattr(rclpy_implementation, "RCLError", RuntimeError)
+
+# Handles: the objects of the C++ part, each counting its users.
+
+
+def handle_pointer(handle: Any) -> int:
+    """
+    The address of a handle's rcl struct.
+
+    Assumes the attribute ``pointer``, an int, which holds while the handle is in use (`enter_handle`).
+    Without it an AttributeError is raised.
+    """
+    pointer: int = handle.pointer
+    return pointer
+
+
+def enter_handle(handle: Any, uses: ExitStack) -> bool:
+    """
+    Keep a handle from being destroyed while ``uses`` is open; whether it still existed.
+
+    Assumes that a handle is a context manager that counts its users, and raises InvalidHandle when it was
+    destroyed.
+    """
+    try:
+        uses.enter_context(handle)
+    except InvalidHandle:
+        return False
+    return True
+
+
+def node_handles(node: Node) -> list[Any]:
+    """
+    The handles of a node and of all its parts.
+
+    Assumes the attribute ``handle`` of each. What has none is left out.
+    """
+    parts: list[Any] = [node, *node.publishers, *node.subscriptions, *node.clients, *node.services]
+    parts += [*node.timers, *node.guards]
+    return [part.handle for part in parts if hasattr(part, "handle")]
+
+
+def new_wake_handle(context: Any) -> Any:
+    """
+    The handle of a new guard condition that belongs to no node.
+
+    Assumes that ``GuardCondition`` takes neither callback nor callback group, and that its handle keeps alive
+    what it needs.
+    """
+    return GuardCondition(None, None, context).handle
+
+
+def incompatible_qos_event(subscription_handle: Any) -> Any:
+    """
+    A handle of the event of a publisher whose QoS does not fit the subscription.
+
+    Assumes the class ``EventHandle`` of the C++ part. None where that, or the middleware, does not have it.
+    """
+    event_handle = getattr(rclpy_implementation, "EventHandle", None)
+    if event_handle is None:
+        return None
+    kind = QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS
+    try:
+        with subscription_handle:
+            return event_handle(subscription_handle, kind)
+    except UnsupportedEventTypeError:
+        return None
+
+
+def context_check(context: Any) -> Callable[[], bool] | None:
+    """
+    What tells whether a context is still alive, without taking its lock; None where it is not alive now.
+
+    Assumes the attribute ``handle``, None before the start, with the method ``ok``. ``Context.ok()`` takes a
+    lock that a thread which a fork left in the parent may hold for ever. Without a handle it is used
+    nevertheless.
+    """
+    handle = getattr(context, "handle", context)
+    return handle.ok if handle is not None and handle.ok() else None
+
+
+# Executors.
+
+
+def is_shut_down(executor: Executor) -> bool:
+    """
+    Whether ``shutdown()`` was called.
+
+    Assumes the attribute ``_is_shutdown``. Without it, the answer is False: only the context ends a spin.
+    """
+    return bool(getattr(executor, "_is_shutdown", False))
+
+
+def executor_wake_handle(executor: Executor) -> Any:
+    """
+    The handle of the guard condition that wakes an executor.
+
+    Assumes the attribute ``_guard``. Without it, None.
+    """
+    return getattr(getattr(executor, "_guard", None), "handle", None)
+
+
+def mark_shut_down(executor: Executor, wake_handle: Any) -> None:
+    """
+    Let an executor end its spin, without destroying what another thread is using, and without its locks.
+
+    Assumes that ``shutdown()`` begins by setting ``_is_shutdown`` and triggering the guard condition. Where
+    an executor has neither, it is shut down in the ordinary way, without waiting for it.
+
+    :param wake_handle: of :func:`executor_wake_handle`, taken while the executor was new.
+    """
+    if wake_handle is None or not hasattr(executor, "_is_shutdown"):
+        executor.shutdown(timeout_sec=0)
+        return
+    executor._is_shutdown = True
+    with suppress(InvalidHandle), wake_handle:  # it was destroyed: the spin has ended
+        wake_handle.trigger_guard_condition()
+
+
+def executor_handles(executor: Executor) -> list[Any]:
+    """
+    What an executor destroys in its finalizer.
+
+    Assumes the attribute ``_sigint_gc``, for the signal handler. Without it there is nothing.
+    """
+    signal_guard = getattr(executor, "_sigint_gc", None)
+    return [] if signal_guard is None else [signal_guard]
+
+
+def has_ready_entities(wait_set: Any, node: Node | None) -> bool:
+    """
+    Whether a subscription, service, client or timer of a node is ready in the wait set of an executor.
+
+    Assumes ``get_ready_entities``, which gives pointers, and that a timer's handle has ``is_timer_ready``.
+    Where that does not hold, the answer is False: messages are then accounted for before other callbacks.
+    """
+    ready = getattr(wait_set, "get_ready_entities", None)
+    if ready is None:
+        return False
+    if any(map(ready, ("subscription", "service", "client"))):
+        return True
+    timers = ready("timer")
+    return (
+        bool(timers)
+        and node is not None
+        and any(one.handle.pointer in timers and one.handle.is_timer_ready() for one in node.timers)
+    )
+
+
+# Subscriptions.
+
+
+def hide_from_executors(subscription: Subscription) -> None:
+    """
+    Keep executors from waiting for a subscription.
+
+    Assumes that they skip an entity whose ``_executor_event`` is set, as if one were about to take from it.
+    One that does not look at it takes messages, too, and inserts them by the subscription's callback.
+    """
+    subscription._executor_event = True
+
+
+def show_to_executors(subscription: Subscription) -> None:
+    """Undo :func:`hide_from_executors`."""
+    subscription._executor_event = False
+
+
+def subscription_callback(subscription: Subscription) -> Any:
+    """
+    What a subscription calls with each message, behind the property of a subclass.
+
+    Assumes that ``Subscription.callback`` is a property. Otherwise it is an ordinary attribute.
+    """
+    own = Subscription.__dict__.get("callback")
+    if isinstance(own, property) and own.fget is not None:
+        return own.fget(subscription)
+    return subscription.__dict__.get("callback")
+
+
+def set_subscription_callback(subscription: Subscription, callback: Any) -> None:
+    """Set it; the same is assumed."""
+    own = Subscription.__dict__.get("callback")
+    if isinstance(own, property) and own.fset is not None:
+        own.fset(subscription, callback)
+    else:
+        subscription.__dict__["callback"] = callback
+
+
+# Nodes and actions.
+
+
+def parameter_overrides(node: Any) -> dict[str, Any]:
+    """
+    The parameters that a node was started with.
+
+    Assumes the attribute ``_parameter_overrides``, a dict. Without it there are none.
+    """
+    given = getattr(node, "_parameter_overrides", None)
+    return given if isinstance(given, dict) else {}
+
+
+def action_result(client: ActionClient, goal_handle: Any) -> Any:
+    """
+    Wait for the result of a goal, whatever thread spins the client's node, and return the result's message.
+
+    Assumes the method ``_get_result``, as tf2's own client does.
+    """
+    return client._get_result(goal_handle).result
+
+
+# Tasks and futures.
+
+_STEP_CODE = getattr(Task.__dict__.get("__call__"), "__code__", None)
+
+
+def running_task() -> Task | None:
+    """
+    The task that an executor is stepping in this thread.
+
+    An awaited object is not told which task awaits it. Assumes that a step is a call of ``Task.__call__``,
+    so that its frame is on the stack and has the task as ``self``. Where there is no such frame, None: the
+    executor then steps the task in its own rounds only.
+    """
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None and frame.f_code is not _STEP_CODE:
+        frame = frame.f_back
+    task = None if frame is None else frame.f_locals.get("self")
+    return task if isinstance(task, Task) else None
+
+
+def task_executor(task: Task) -> Executor | None:
+    """
+    The executor of a task, if it still exists.
+
+    Assumes the attribute ``_executor``, a weak reference. Without it, None: the task is not woken.
+    """
+    reference = getattr(task, "_executor", None)
+    return reference() if callable(reference) else None
+
+
+def is_in_step(task: Task) -> bool:
+    """
+    Whether a thread is stepping a task, so that other threads skip it.
+
+    Assumes the attribute ``_task_lock``. Without it the answer is True: the caller checks again later.
+    """
+    lock = getattr(task, "_task_lock", None)
+    return lock is None or lock.locked()
+
+
+def only_wakes_executor(callback: Any) -> bool:
+    """
+    Whether a done callback of a future is one by which an executor wakes itself, and no code of a user.
+
+    Assumes that those are functions of ``rclpy.executors``. Where they are others, a future that they are
+    added to is kept as for a callback of a user.
+    """
+    return isinstance(callback, FunctionType) and callback.__module__ == "rclpy.executors"
+
+
+class HookedFuture(Future):
+    """
+    A future with a say in how its done callbacks are called.
+
+    Assumes that ``Future`` keeps its callbacks in the list ``_callbacks`` and its executor in the weak
+    reference ``_executor``, both under ``_lock``, and calls them in ``_schedule_or_invoke_done_callbacks()``,
+    for which it does not hold the lock. Where it has no such attributes, it calls them in its own way.
+
+    :param lock: used instead of rclpy's own, which a fork may find held.
+    """
+
+    _callbacks: list[Callable[[Any], None]]
+
+    def __init__(self, lock: Any) -> None:
+        super().__init__()
+        self._lock = lock
+
+    def _schedule_or_invoke_done_callbacks(self) -> None:
+        self._tf2_completed()
+
+    def _tf2_completed(self) -> None:
+        """The outcome is set: the callbacks are due."""
+        with self._lock:
+            known = hasattr(self, "_callbacks") and hasattr(self, "_executor")
+            if known:
+                executor = self._executor()
+                callbacks, self._callbacks = self._callbacks, []
+        if known:
+            self._tf2_run_callbacks(executor, callbacks)
+        else:
+            super()._schedule_or_invoke_done_callbacks()
+
+    def _tf2_run_callbacks(self, executor: Executor | None, callbacks: list[Callable[[Any], None]]) -> None:
+        """Run the callbacks; those of a subclass may differ from rclpy's way."""
+        for callback in callbacks:
+            callback(self) if executor is None else executor.create_task(callback, self)

@@ -106,7 +106,7 @@ cdef class Wait(WaiterOwner):
 
         :param timeout_ns: nanoseconds of steady time.
         :param alive: called without arguments, at least every 100 ms; False ends the wait.
-        :return: whether there is an answer. The wait has ended in any case, also where a signal handler raises.
+        :return: whether there is an answer. The wait ends in any case, also where a signal handler raises.
         """
         cdef int64_t deadline_ns = monotonic_ns() + timeout_ns
         cdef int64_t until_ns

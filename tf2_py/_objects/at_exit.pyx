@@ -1,4 +1,4 @@
-"""Owns what a process does not clean up when it exits: in a forked child, what needs threads of its parent."""
+"""Owns what a process does not clean up at its exit: in a forked child, what needs threads of its parent."""
 
 from cpython.ref cimport Py_INCREF
 

@@ -14,8 +14,8 @@ def serialize_transforms(list transforms):
     The ``tf2_msgs/TFMessage`` of these transforms as plain CDR, ready for a publisher.
 
     :param transforms: a list of ``geometry_msgs/TransformStamped``.
-    :return: the bytes; None where a part of one is not of its exact class, for example of a subclass: ROS's own
-        conversion decides about that.
+    :return: the bytes; None where a part of one is not of its exact class, for example of a subclass: then
+        ROS's own conversion decides.
     """
     cdef Batch batch
     cdef Writer writer

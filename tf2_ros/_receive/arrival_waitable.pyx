@@ -12,11 +12,11 @@ from tf2_py._internal cimport (
     lock_free,
     lock_init,
     lock_write,
+    monotonic_ns,
     unlock_write,
 )
 from tf2_ros._receive.rcl cimport (
     RCL_RET_OK,
-    monotonic_ns,
     rcl_guard_condition_t,
     rcl_last_error,
     rcl_reset_error,

@@ -21,6 +21,7 @@ from tf2_py._internal cimport (
     lock_free,
     lock_init,
     lock_write,
+    monotonic_ns,
     name_utf8,
     unlock_write,
 )
@@ -33,7 +34,6 @@ from tf2_ros._receive.rcl cimport (
     c_bool,
     message_free,
     message_init,
-    monotonic_ns,
     rcl_clock_get_now,
     rcl_clock_t,
     rcl_context_is_valid,

@@ -1,8 +1,7 @@
-"""What the receiver uses of rcl and rmw, and of the clock that its waits follow."""
+"""What the receiver uses of rcl and rmw."""
 
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint8_t
-from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
 
 cdef extern from "<stdbool.h>" nogil:
     ctypedef bint c_bool "bool"
@@ -77,12 +76,6 @@ cdef extern from "rmw/serialized_message.h" nogil:
         rcl_serialized_message_t* message, size_t capacity, const rcl_allocator_t* allocator,
     )
     rcl_ret_t rmw_serialized_message_fini(rcl_serialized_message_t* message)
-
-
-cdef inline int64_t monotonic_ns() noexcept nogil:
-    cdef timespec now
-    clock_gettime(CLOCK_MONOTONIC, &now)
-    return now.tv_sec * <int64_t>1000000000 + now.tv_nsec
 
 
 cdef inline str rcl_last_error():

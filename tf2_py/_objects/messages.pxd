@@ -1,6 +1,7 @@
 """ROS message objects and the structs of the engine, in both directions."""
 
 cimport cython
+from cpython.object cimport PyObject
 from libc.stdint cimport int64_t
 
 from tf2_py._core.types cimport Incoming, Transform
@@ -25,6 +26,8 @@ cdef class Layout:
     # A message whose fields must all be given with `put` before anyone else sees it.
     cdef object new(self)
     cdef object get(self, object message, int index)
+    # The same, borrowed, where it can be read from its slot; otherwise NULL.
+    cdef PyObject* peek(self, object message, int index) noexcept
     cdef int put(self, object message, int index, object value) except -1
     # The first `count` fields as doubles; TypeError where one is not a number.
     cdef int get_doubles(self, object message, double* out, int count) except -1

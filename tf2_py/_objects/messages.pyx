@@ -76,12 +76,15 @@ cdef class Layout:
             _slot(message, self.check_offset)[0] = <PyObject*>self.check_fields
         return message
 
-    cdef object get(self, object message, int index):
-        cdef PyObject* value
+    cdef PyObject* peek(self, object message, int index) noexcept:
         if self.by_slot and type(message) is self.message_class:
-            value = _slot(message, self.offsets[index])[0]
-            if value != NULL:
-                return <object>value
+            return _slot(message, self.offsets[index])[0]
+        return NULL
+
+    cdef object get(self, object message, int index):
+        cdef PyObject* value = self.peek(message, index)
+        if value != NULL:
+            return <object>value
         return getattr(message, self.fields[index])
 
     cdef int put(self, object message, int index, object value) except -1:

@@ -1,6 +1,6 @@
 """Owns carrying lists of points and poses of geometry_msgs into another frame, in one pass each."""
 
-from tf2_geometry_msgs._parts cimport part, point32_layout
+from tf2_geometry_msgs._parts cimport get_field, point32_layout, set_field
 from tf2_geometry_msgs._transform cimport carried_point, carried_pose, stamped
 from tf2_py._core.types cimport Transform
 from tf2_py._objects.messages cimport Layout, read_transform
@@ -13,9 +13,10 @@ cdef Layout pose_array_layout = Layout(PoseArray, ("header", "poses"))
 
 
 cdef object _carried_polygon(object polygon, const Transform* transform):
-    points = [carried_point(point32_layout, point, transform) for point in part(polygon_layout, polygon, 0)]
+    corners = get_field(polygon_layout, polygon, "points")
+    points = [carried_point(point32_layout, point, transform) for point in corners]
     message = polygon_layout.new()
-    polygon_layout.put(message, 0, points)
+    set_field(polygon_layout, message, "points", points)
     return message
 
 
@@ -42,8 +43,8 @@ def do_transform_polygon_stamped(polygon, transform):
     """
     cdef Transform by
     read_transform(transform, &by)
-    content = _carried_polygon(part(polygon_stamped_layout, polygon, 1), &by)
-    return stamped(polygon_stamped_layout, content, transform)
+    content = _carried_polygon(get_field(polygon_stamped_layout, polygon, "polygon"), &by)
+    return stamped(polygon_stamped_layout, "polygon", content, transform)
 
 
 def do_transform_pose_array(poses, transform):
@@ -55,5 +56,5 @@ def do_transform_pose_array(poses, transform):
     """
     cdef Transform by
     read_transform(transform, &by)
-    content = [carried_pose(pose, &by) for pose in part(pose_array_layout, poses, 1)]
-    return stamped(pose_array_layout, content, transform)
+    content = [carried_pose(pose, &by) for pose in get_field(pose_array_layout, poses, "poses")]
+    return stamped(pose_array_layout, "poses", content, transform)

@@ -1,6 +1,6 @@
 """Owns carrying wrenches, velocities, twists and accelerations of geometry_msgs into another frame."""
 
-from tf2_geometry_msgs._parts cimport part, read_doubles, target_header, vector3_layout
+from tf2_geometry_msgs._parts cimport get_field, read_doubles, set_field, target_header, vector3_layout
 from tf2_geometry_msgs._transform cimport carried_vector, stamped
 from tf2_py._core.geometry cimport vector_rotate
 from tf2_py._core.types cimport Transform
@@ -27,35 +27,32 @@ cdef Layout velocity_stamped_layout = Layout(
 )
 
 
-cdef object _pair(Layout layout, object first, object second):
-    message = layout.new()
-    layout.put(message, 0, first)
-    layout.put(message, 1, second)
-    return message
-
-
-cdef object _carried_pair(Layout layout, object pair, const Transform* transform, int line, int lever):
-    # A message of two vectors, of which the one at index `line` belongs to a line through a point (force,
-    # angular velocity); seen from the new frame's origin it adds t x itself to the other, at index `lever`.
-    cdef double vectors[2][3]
-    cdef double* a = vectors[line]
-    cdef double* b = vectors[lever]
-    cdef int i
-    for i in range(2):
-        read_doubles(vector3_layout, part(layout, pair, i), vectors[i], 3)
-        vector_rotate(transform.rotation, vectors[i], vectors[i])
+cdef object _carried_pair(Layout layout, object pair, const Transform* transform, str line, str lever):
+    # A message of two vectors, of which that of the field `line` belongs to a line through a point (force,
+    # angular velocity); seen from the new frame's origin it adds t x itself to the other, the field `lever`.
+    cdef double a[3]
+    cdef double b[3]
+    read_doubles(vector3_layout, get_field(layout, pair, line), a, 3)
+    read_doubles(vector3_layout, get_field(layout, pair, lever), b, 3)
+    vector_rotate(transform.rotation, a, a)
+    vector_rotate(transform.rotation, b, b)
     b[0] += transform.translation[1] * a[2] - transform.translation[2] * a[1]
     b[1] += transform.translation[2] * a[0] - transform.translation[0] * a[2]
     b[2] += transform.translation[0] * a[1] - transform.translation[1] * a[0]
-    return _pair(layout, vector3_layout.new_doubles(vectors[0], 3), vector3_layout.new_doubles(vectors[1], 3))
+    message = layout.new()
+    set_field(layout, message, line, vector3_layout.new_doubles(a, 3))
+    set_field(layout, message, lever, vector3_layout.new_doubles(b, 3))
+    return message
 
 
 cdef object _turned_pair(Layout layout, object pair, const Transform* transform):
-    return _pair(
-        layout,
-        carried_vector(part(layout, pair, 0), transform),
-        carried_vector(part(layout, pair, 1), transform),
-    )
+    # Of a Twist or an Accel.
+    linear = get_field(layout, pair, "linear")
+    angular = get_field(layout, pair, "angular")
+    message = layout.new()
+    set_field(layout, message, "linear", carried_vector(linear, transform))
+    set_field(layout, message, "angular", carried_vector(angular, transform))
+    return message
 
 
 def do_transform_wrench(wrench, transform):
@@ -73,7 +70,7 @@ def do_transform_wrench(wrench, transform):
     """
     cdef Transform by
     read_transform(transform, &by)
-    return _carried_pair(wrench_layout, wrench, &by, 0, 1)
+    return _carried_pair(wrench_layout, wrench, &by, "force", "torque")
 
 
 def do_transform_wrench_stamped(wrench, transform):
@@ -83,8 +80,9 @@ def do_transform_wrench_stamped(wrench, transform):
     """
     cdef Transform by
     read_transform(transform, &by)
-    content = _carried_pair(wrench_layout, part(wrench_stamped_layout, wrench, 1), &by, 0, 1)
-    return stamped(wrench_stamped_layout, content, transform)
+    content = get_field(wrench_stamped_layout, wrench, "wrench")
+    content = _carried_pair(wrench_layout, content, &by, "force", "torque")
+    return stamped(wrench_stamped_layout, "wrench", content, transform)
 
 
 def do_transform_velocity_stamped(velocity, transform):
@@ -103,13 +101,13 @@ def do_transform_velocity_stamped(velocity, transform):
     """
     cdef Transform by
     cdef Layout layout = velocity_stamped_layout
-    cdef int i
     read_transform(transform, &by)
     message = layout.new()
-    layout.put(message, 0, target_header(transform))
-    for i in range(1, 3):
-        layout.put(message, i, part(layout, velocity, i))
-    layout.put(message, 3, _carried_pair(twist_layout, part(layout, velocity, 3), &by, 1, 0))
+    set_field(layout, message, "header", target_header(transform))
+    set_field(layout, message, "body_frame_id", get_field(layout, velocity, "body_frame_id"))
+    set_field(layout, message, "reference_frame_id", get_field(layout, velocity, "reference_frame_id"))
+    twist = get_field(layout, velocity, "velocity")
+    set_field(layout, message, "velocity", _carried_pair(twist_layout, twist, &by, "angular", "linear"))
     return message
 
 
@@ -127,8 +125,8 @@ def do_transform_twist_stamped(twist, transform):
     """
     cdef Transform by
     read_transform(transform, &by)
-    content = _turned_pair(twist_layout, part(twist_stamped_layout, twist, 1), &by)
-    return stamped(twist_stamped_layout, content, transform)
+    content = _turned_pair(twist_layout, get_field(twist_stamped_layout, twist, "twist"), &by)
+    return stamped(twist_stamped_layout, "twist", content, transform)
 
 
 def do_transform_accel_stamped(accel, transform):
@@ -145,5 +143,5 @@ def do_transform_accel_stamped(accel, transform):
     """
     cdef Transform by
     read_transform(transform, &by)
-    content = _turned_pair(accel_layout, part(accel_stamped_layout, accel, 1), &by)
-    return stamped(accel_stamped_layout, content, transform)
+    content = _turned_pair(accel_layout, get_field(accel_stamped_layout, accel, "accel"), &by)
+    return stamped(accel_stamped_layout, "accel", content, transform)

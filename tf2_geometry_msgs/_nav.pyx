@@ -2,9 +2,10 @@
 
 from tf2_geometry_msgs._parts cimport (
     new_covariance,
-    part,
+    get_field,
     read_covariance,
     read_doubles,
+    set_field,
     target_frame,
     target_header,
     vector3_layout,
@@ -29,14 +30,15 @@ cdef Layout twist_layout = Layout(Twist, ("linear", "angular"))
 
 cdef object _carried_step(object step, const Transform* transform, object path_frame, object new_frame):
     # A pose of a path keeps its own stamp: the time at which it is to be reached.
-    header = part(pose_stamped_layout, step, 0)
-    frame = part(header_layout, header, 1)
+    header = get_field(pose_stamped_layout, step, "header")
+    frame = get_field(header_layout, header, "frame_id")
     if frame and path_frame and frame != path_frame:
         raise ValueError(f"a pose of the path is in frame {frame!r}, the path itself in {path_frame!r}")
     message = pose_stamped_layout.new()
-    stamp_ns = time_to_ns(part(header_layout, header, 0))
-    pose_stamped_layout.put(message, 0, new_header(stamp_ns, new_frame))
-    pose_stamped_layout.put(message, 1, carried_pose(part(pose_stamped_layout, step, 1), transform))
+    stamp_ns = time_to_ns(get_field(header_layout, header, "stamp"))
+    set_field(pose_stamped_layout, message, "header", new_header(stamp_ns, new_frame))
+    pose = get_field(pose_stamped_layout, step, "pose")
+    set_field(pose_stamped_layout, message, "pose", carried_pose(pose, transform))
     return message
 
 
@@ -44,16 +46,15 @@ cdef object _copied_twist(object content):
     # So that neither message changes with the other.
     cdef double vector[3]
     cdef double covariance[36]
-    cdef int i
-    pair = part(twist_with_covariance_layout, content, 0)
+    pair = get_field(twist_with_covariance_layout, content, "twist")
     twist = twist_layout.new()
-    for i in range(2):
-        read_doubles(vector3_layout, part(twist_layout, pair, i), vector, 3)
-        twist_layout.put(twist, i, vector3_layout.new_doubles(vector, 3))
-    read_covariance(part(twist_with_covariance_layout, content, 1), 6, covariance)
+    for name in twist_layout.fields:
+        read_doubles(vector3_layout, get_field(twist_layout, pair, name), vector, 3)
+        set_field(twist_layout, twist, name, vector3_layout.new_doubles(vector, 3))
+    read_covariance(get_field(twist_with_covariance_layout, content, "covariance"), 6, covariance)
     message = twist_with_covariance_layout.new()
-    twist_with_covariance_layout.put(message, 0, twist)
-    twist_with_covariance_layout.put(message, 1, new_covariance(covariance, 6))
+    set_field(twist_with_covariance_layout, message, "twist", twist)
+    set_field(twist_with_covariance_layout, message, "covariance", new_covariance(covariance, 6))
     return message
 
 
@@ -69,10 +70,11 @@ def do_transform_path(path, transform):
     """
     cdef Transform by
     read_transform(transform, &by)
-    path_frame = part(header_layout, part(path_layout, path, 0), 1)
+    path_frame = get_field(header_layout, get_field(path_layout, path, "header"), "frame_id")
     new_frame = target_frame(transform)
-    content = [_carried_step(step, &by, path_frame, new_frame) for step in part(path_layout, path, 1)]
-    return stamped(path_layout, content, transform)
+    poses = get_field(path_layout, path, "poses")
+    content = [_carried_step(step, &by, path_frame, new_frame) for step in poses]
+    return stamped(path_layout, "poses", content, transform)
 
 
 def do_transform_odometry(odometry, transform):
@@ -90,8 +92,8 @@ def do_transform_odometry(odometry, transform):
     cdef Layout layout = odometry_layout
     read_transform(transform, &by)
     message = layout.new()
-    layout.put(message, 0, target_header(transform))
-    layout.put(message, 1, part(layout, odometry, 1))
-    layout.put(message, 2, carried_pose_with_covariance(part(layout, odometry, 2), &by))
-    layout.put(message, 3, _copied_twist(part(layout, odometry, 3)))
+    set_field(layout, message, "header", target_header(transform))
+    set_field(layout, message, "child_frame_id", get_field(layout, odometry, "child_frame_id"))
+    set_field(layout, message, "pose", carried_pose_with_covariance(get_field(layout, odometry, "pose"), &by))
+    set_field(layout, message, "twist", _copied_twist(get_field(layout, odometry, "twist")))
     return message

@@ -6,8 +6,14 @@ from tf2_py._objects.messages cimport Layout
 # Layouts of the classes of geometry_msgs, ready once this module is imported.
 cdef Layout point_layout, point32_layout, vector3_layout, quaternion_layout, pose_layout
 
+# A field by its name, one of those that the layout was made with (LookupError for another).
 # All that read a message raise a TypeError that names the message wanted, where it is another one.
-cdef object part(Layout layout, object message, int index)
+cdef object get_field(Layout layout, object message, str name)
+# Only for a message of `layout.new()`, once for each of its fields.
+cdef int set_field(Layout layout, object message, str name, object value) except -1
+# A new message with the very same field objects.
+cdef object copy_shallow(Layout layout, object message)
+# The first `count` fields.
 cdef int read_doubles(Layout layout, object message, double* out, int count) except -1
 # The orientation normalised; as upstream, one of zero length counts as no rotation at all.
 cdef int read_pose(object pose, Transform* out) except -1

@@ -1,5 +1,7 @@
 """Owns the parts that geometry messages share: reading them into C doubles, and making new ones."""
 
+from cpython.float cimport PyFloat_AS_DOUBLE, PyFloat_CheckExact
+from cpython.object cimport PyObject
 from cpython.unicode cimport PyUnicode_Check
 from libc.math cimport NAN
 from libc.string cimport memcpy
@@ -22,6 +24,11 @@ from geometry_msgs.msg import Point, Point32, Pose, Quaternion, Vector3
 
 from tf2_py._objects.errors import MalformedObjectError
 
+cdef extern from "Python.h":
+    # Without counting references.
+    Py_ssize_t PyTuple_GET_SIZE(PyObject* items)
+    PyObject* PyTuple_GET_ITEM(PyObject* items, Py_ssize_t index)
+
 cnp.import_array()
 load()
 
@@ -40,14 +47,46 @@ cdef _misfit(Layout layout, object message, Exception reason):
     return kind(f"expected a {name} or an object with its fields, got {got}: {reason}")
 
 
-cdef object part(Layout layout, object message, int index):
+cdef int _index_of(Layout layout, str name) except -1:
+    # Python interns the names in all modules, so that nearly always the same name is the same object.
+    cdef PyObject* fields = <PyObject*>layout.fields
+    cdef Py_ssize_t i
+    for i in range(PyTuple_GET_SIZE(fields)):
+        if PyTuple_GET_ITEM(fields, i) == <PyObject*>name:
+            return i
+    if name not in layout.fields:
+        raise LookupError(f"the layout of {layout.message_class.__name__} has no field {name!r}")
+    return layout.fields.index(name)
+
+
+cdef object get_field(Layout layout, object message, str name):
+    cdef PyObject* value = layout.peek(message, _index_of(layout, name))
+    return <object>value if value != NULL else _get_attribute(layout, message, name)
+
+
+cdef object _get_attribute(Layout layout, object message, str name):
     try:
-        return layout.get(message, index)
+        return getattr(message, name)
     except AttributeError as missing:
         raise _misfit(layout, message, missing) from None
 
 
+cdef int set_field(Layout layout, object message, str name, object value) except -1:
+    return layout.put(message, _index_of(layout, name), value)
+
+
 cdef int read_doubles(Layout layout, object message, double* out, int count) except -1:
+    cdef PyObject* value
+    cdef int i
+    for i in range(count):
+        value = layout.peek(message, i)
+        if value == NULL or not PyFloat_CheckExact(<object>value):
+            return _read_numbers(layout, message, out, count)
+        out[i] = PyFloat_AS_DOUBLE(<object>value)
+    return 0
+
+
+cdef int _read_numbers(Layout layout, object message, double* out, int count) except -1:
     try:
         return layout.get_doubles(message, out, count)
     except (AttributeError, TypeError) as missing:
@@ -64,8 +103,8 @@ cdef int read_orientation(object quaternion, double* out) except -1:
 
 
 cdef int read_pose(object pose, Transform* out) except -1:
-    read_doubles(point_layout, part(pose_layout, pose, 0), out.translation, 3)
-    return read_orientation(part(pose_layout, pose, 1), out.rotation)
+    read_doubles(point_layout, get_field(pose_layout, pose, "position"), out.translation, 3)
+    return read_orientation(get_field(pose_layout, pose, "orientation"), out.rotation)
 
 
 cdef int read_covariance(object covariance, int side, double* out) except -1:
@@ -89,16 +128,30 @@ cdef bint _is_plain(cnp.ndarray values):
     return cnp.PyArray_TYPE(values) == cnp.NPY_DOUBLE and cnp.PyArray_ISCARRAY_RO(values)
 
 
-cdef object target_frame(object transform):
-    frame_id = part(header_layout, part(transform_stamped_layout, transform, 0), 1)
+cdef object copy_shallow(Layout layout, object message):
+    cdef PyObject* value
+    cdef int i
+    copy = layout.new()
+    for i, name in enumerate(layout.fields):
+        value = layout.peek(message, i)
+        layout.put(copy, i, <object>value if value != NULL else _get_attribute(layout, message, name))
+    return copy
+
+
+cdef object _frame_id_of(object header):
+    frame_id = get_field(header_layout, header, "frame_id")
     if not PyUnicode_Check(frame_id):
         raise TypeError(f"a frame_id must be a str, not {type(frame_id).__name__}")
     return frame_id
 
 
+cdef object target_frame(object transform):
+    return _frame_id_of(get_field(transform_stamped_layout, transform, "header"))
+
+
 cdef object target_header(object transform):
-    stamp = part(header_layout, part(transform_stamped_layout, transform, 0), 0)
-    return new_header(time_to_ns(stamp), target_frame(transform))
+    header = get_field(transform_stamped_layout, transform, "header")
+    return new_header(time_to_ns(get_field(header_layout, header, "stamp")), _frame_id_of(header))
 
 
 cdef object new_orientation(const double* q):
@@ -114,8 +167,8 @@ cdef object new_orientation(const double* q):
 
 cdef object new_pose(const Transform* pose):
     message = pose_layout.new()
-    pose_layout.put(message, 0, point_layout.new_doubles(pose.translation, 3))
-    pose_layout.put(message, 1, new_orientation(pose.rotation))
+    set_field(pose_layout, message, "position", point_layout.new_doubles(pose.translation, 3))
+    set_field(pose_layout, message, "orientation", new_orientation(pose.rotation))
     return message
 
 

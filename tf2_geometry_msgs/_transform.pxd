@@ -10,5 +10,5 @@ cdef object carried_point(Layout layout, object point, const Transform* transfor
 cdef object carried_vector(object vector, const Transform* transform)      # turned, not moved
 cdef object carried_pose(object pose, const Transform* transform)
 cdef object carried_pose_with_covariance(object pose, const Transform* transform)
-# A message of two fields: the header that a TransformStamped gives to results, and `content`.
-cdef object stamped(Layout layout, object content, object transform)
+# A message of two fields: the header that a TransformStamped gives to results, and `content` by its name.
+cdef object stamped(Layout layout, str name, object content, object transform)

@@ -5,13 +5,14 @@ from tf2_geometry_msgs._parts cimport (
     new_covariance,
     new_orientation,
     new_pose,
-    part,
+    get_field,
     point32_layout,
     point_layout,
     read_covariance,
     read_doubles,
     read_orientation,
     read_pose,
+    set_field,
     target_header,
     vector3_layout,
 )
@@ -36,10 +37,10 @@ cdef Layout pose_with_covariance_layout = Layout(PoseWithCovariance, ("pose", "c
 cdef Layout pose_with_covariance_stamped_layout = Layout(PoseWithCovarianceStamped, ("header", "pose"))
 
 
-cdef object stamped(Layout layout, object content, object transform):
+cdef object stamped(Layout layout, str name, object content, object transform):
     message = layout.new()
-    layout.put(message, 0, target_header(transform))
-    layout.put(message, 1, content)
+    set_field(layout, message, "header", target_header(transform))
+    set_field(layout, message, name, content)
     return message
 
 
@@ -68,13 +69,11 @@ cdef object carried_pose(object pose, const Transform* transform):
 
 
 cdef object carried_pose_with_covariance(object pose, const Transform* transform):
-    message = pose_with_covariance_layout.new()
-    pose_with_covariance_layout.put(
-        message, 0, carried_pose(part(pose_with_covariance_layout, pose, 0), transform)
-    )
-    pose_with_covariance_layout.put(
-        message, 1, _carried_covariance(part(pose_with_covariance_layout, pose, 1), transform)
-    )
+    cdef Layout layout = pose_with_covariance_layout
+    covariance = get_field(layout, pose, "covariance")
+    message = layout.new()
+    set_field(layout, message, "pose", carried_pose(get_field(layout, pose, "pose"), transform))
+    set_field(layout, message, "covariance", _carried_covariance(covariance, transform))
     return message
 
 
@@ -97,12 +96,12 @@ cdef object _carried_quaternion(object quaternion, const Transform* transform):
 
 cdef object _carried_transform(object content, const Transform* transform):
     cdef Transform carried
-    read_doubles(vector3_layout, part(transform_layout, content, 0), carried.translation, 3)
-    read_orientation(part(transform_layout, content, 1), carried.rotation)
+    read_doubles(vector3_layout, get_field(transform_layout, content, "translation"), carried.translation, 3)
+    read_orientation(get_field(transform_layout, content, "rotation"), carried.rotation)
     transform_compose(transform, &carried, &carried)
     message = transform_layout.new()
-    transform_layout.put(message, 0, vector3_layout.new_doubles(carried.translation, 3))
-    transform_layout.put(message, 1, new_orientation(carried.rotation))
+    set_field(transform_layout, message, "translation", vector3_layout.new_doubles(carried.translation, 3))
+    set_field(transform_layout, message, "rotation", new_orientation(carried.rotation))
     return message
 
 
@@ -144,8 +143,8 @@ def do_transform_point(point, transform):
     cdef Layout layout = point_layout
     read_transform(transform, &by)
     if type(point) is point_stamped_layout.message_class or not _has_axes(point):
-        content = carried_point(point_layout, part(point_stamped_layout, point, 1), &by)
-        return stamped(point_stamped_layout, content, transform)
+        content = carried_point(point_layout, get_field(point_stamped_layout, point, "point"), &by)
+        return stamped(point_stamped_layout, "point", content, transform)
     if isinstance(point, point32_layout.message_class):
         layout = point32_layout
     return carried_point(layout, point, &by)
@@ -163,8 +162,8 @@ def do_transform_vector3(vector3, transform):
     cdef Transform by
     read_transform(transform, &by)
     if type(vector3) is vector3_stamped_layout.message_class or not _has_axes(vector3):
-        content = carried_vector(part(vector3_stamped_layout, vector3, 1), &by)
-        return stamped(vector3_stamped_layout, content, transform)
+        content = carried_vector(get_field(vector3_stamped_layout, vector3, "vector"), &by)
+        return stamped(vector3_stamped_layout, "vector", content, transform)
     return carried_vector(vector3, &by)
 
 
@@ -189,8 +188,8 @@ def do_transform_quaternion_stamped(quaternion, transform):
     """
     cdef Transform by
     read_transform(transform, &by)
-    content = _carried_quaternion(part(quaternion_stamped_layout, quaternion, 1), &by)
-    return stamped(quaternion_stamped_layout, content, transform)
+    content = _carried_quaternion(get_field(quaternion_stamped_layout, quaternion, "quaternion"), &by)
+    return stamped(quaternion_stamped_layout, "quaternion", content, transform)
 
 
 def do_transform_pose(pose, transform):
@@ -214,8 +213,8 @@ def do_transform_pose_stamped(pose, transform):
     """
     cdef Transform by
     read_transform(transform, &by)
-    content = carried_pose(part(pose_stamped_layout, pose, 1), &by)
-    return stamped(pose_stamped_layout, content, transform)
+    content = carried_pose(get_field(pose_stamped_layout, pose, "pose"), &by)
+    return stamped(pose_stamped_layout, "pose", content, transform)
 
 
 def do_transform_pose_with_covariance(pose, transform):
@@ -235,8 +234,8 @@ def do_transform_pose_with_covariance_stamped(pose, transform):
     """
     cdef Transform by
     read_transform(transform, &by)
-    content = carried_pose_with_covariance(part(pose_with_covariance_stamped_layout, pose, 1), &by)
-    return stamped(pose_with_covariance_stamped_layout, content, transform)
+    content = carried_pose_with_covariance(get_field(pose_with_covariance_stamped_layout, pose, "pose"), &by)
+    return stamped(pose_with_covariance_stamped_layout, "pose", content, transform)
 
 
 def do_transform_transform(content, transform):
@@ -259,10 +258,10 @@ def do_transform_transform_stamped(content, transform):
     :returns: a new TransformStamped with the frame and stamp of `transform` and the child of `content`
     """
     cdef Transform by
+    cdef Layout layout = transform_stamped_layout
     read_transform(transform, &by)
-    message = transform_stamped_layout.new()
-    transform_stamped_layout.put(message, 0, target_header(transform))
-    transform_stamped_layout.put(message, 1, part(transform_stamped_layout, content, 1))
-    carried = _carried_transform(part(transform_stamped_layout, content, 2), &by)
-    transform_stamped_layout.put(message, 2, carried)
+    message = layout.new()
+    set_field(layout, message, "header", target_header(transform))
+    set_field(layout, message, "child_frame_id", get_field(layout, content, "child_frame_id"))
+    set_field(layout, message, "transform", _carried_transform(get_field(layout, content, "transform"), &by))
     return message

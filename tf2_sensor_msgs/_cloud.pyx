@@ -4,7 +4,7 @@ from cpython cimport array
 from libc.stdint cimport uint32_t
 from libc.string cimport memcpy
 
-from tf2_geometry_msgs._parts cimport part, target_frame
+from tf2_geometry_msgs._parts cimport copy_shallow, get_field, set_field, target_frame
 from tf2_py._core.types cimport Transform
 from tf2_py._objects.messages cimport Layout, header_layout, new_header, read_any_rotation, time_to_ns
 from tf2_sensor_msgs._numbers cimport FLOAT32, FLOAT64, OTHER_ORDER, number_size
@@ -24,9 +24,6 @@ from array import array as byte_array
 from sensor_msgs.msg import PointCloud2, PointField
 
 from tf2_sensor_msgs._errors import FieldError, SizeError
-
-cdef enum:
-    HEADER, HEIGHT, WIDTH, FIELDS, IS_BIGENDIAN, POINT_STEP, ROW_STEP, DATA, IS_DENSE, CLOUD_FIELDS
 
 cdef enum:
     MAX_TRIPLES = 3
@@ -69,10 +66,9 @@ cdef struct Grid:
     int triple_count
 
 
-cdef uint32_t _whole(object message, Layout layout, int index) except? 0:
+cdef uint32_t _whole(object message, Layout layout, str name) except? 0:
     # A uint32 of a message, whose class may not have checked it.
-    value = part(layout, message, index)
-    name = layout.fields[index]
+    value = get_field(layout, message, name)
     try:
         value = operator.index(value)
     except TypeError:
@@ -91,21 +87,23 @@ cdef const unsigned char[::1] _bytes_of(object data):
 
 cdef dict _fields_by_name(object cloud):
     fields = {}
-    for field in part(cloud_layout, cloud, FIELDS):
-        fields.setdefault(part(field_layout, field, 0), field)     # of two alike, the first, as upstream
+    for field in get_field(cloud_layout, cloud, "fields"):
+        # Of two alike, the first, as upstream.
+        fields.setdefault(get_field(field_layout, field, "name"), field)
     return fields
 
 
 cdef int _read_coordinate(object field, str name, Py_ssize_t point_step, Triples* out,
                           int axis) except -1:
-    cdef Py_ssize_t offset = _whole(field, field_layout, 1)
+    cdef Py_ssize_t offset = _whole(field, field_layout, "offset")
     cdef Py_ssize_t size
-    datatype = part(field_layout, field, 2)
+    datatype = get_field(field_layout, field, "datatype")
     size = number_size(datatype) if isinstance(datatype, int) and 0 < datatype < <int>OTHER_ORDER else 0
     if size == 0:
         raise FieldError(f"field {name!r} is of datatype {datatype}, which is no number")
-    if part(field_layout, field, 3) > 1:
-        raise FieldError(f"field {name!r} holds {part(field_layout, field, 3)} numbers, not one")
+    count = get_field(field_layout, field, "count")
+    if count > 1:
+        raise FieldError(f"field {name!r} holds {count} numbers, not one")
     if offset + size > point_step:
         raise FieldError(f"field {name!r} at offset {offset} reaches beyond point_step {point_step}")
     out.offsets[axis] = offset
@@ -126,10 +124,10 @@ cdef int _read_triples(dict fields, tuple names, bint is_other_order, Py_ssize_t
 
 
 cdef int _read_grid(object cloud, Py_ssize_t size, Grid* out) except -1:
-    out.rows = _whole(cloud, cloud_layout, HEIGHT)
-    out.columns = _whole(cloud, cloud_layout, WIDTH)
-    out.point_step = _whole(cloud, cloud_layout, POINT_STEP)
-    out.row_step = _whole(cloud, cloud_layout, ROW_STEP)
+    out.rows = _whole(cloud, cloud_layout, "height")
+    out.columns = _whole(cloud, cloud_layout, "width")
+    out.point_step = _whole(cloud, cloud_layout, "point_step")
+    out.row_step = _whole(cloud, cloud_layout, "row_step")
     out.size = size
     # As Python numbers: the products may not fit into 64 bits with a sign.
     used = <object>out.columns * out.point_step
@@ -166,14 +164,17 @@ cdef int _drop_padding(const Triples* triples, Grid* out) except -1:
 
 cdef bint _has_directions(dict fields, tuple names):
     # Whole numbers stand for something else than a direction or a place.
-    return all(
-        name in fields and part(field_layout, fields[name], 2) in (FLOAT32, FLOAT64) for name in names
-    )
+    for name in names:
+        if name not in fields:
+            return False
+        if get_field(field_layout, fields[name], "datatype") not in (FLOAT32, FLOAT64):
+            return False
+    return True
 
 
 cdef int _add_triples(object cloud, dict fields, tuple names, const Transform* transform, bint moves,
                       Grid* grid) except -1:
-    cdef bint is_other_order = bool(part(cloud_layout, cloud, IS_BIGENDIAN)) != IS_BIG_MACHINE
+    cdef bint is_other_order = bool(get_field(cloud_layout, cloud, "is_bigendian")) != IS_BIG_MACHINE
     _read_triples(fields, names, is_other_order, grid.point_step, &grid.triples[grid.triple_count])
     rigid_from_transform(transform, moves, &grid.rigids[grid.triple_count])
     grid.triple_count += 1
@@ -256,14 +257,6 @@ cdef void _carry_grid(const char* source, char* target, const Grid* grid) noexce
     memcpy(target + new_end, source + end, grid.new_size - new_end)
 
 
-cdef object _copied_field(object field):
-    cdef int i
-    message = field_layout.new()
-    for i in range(4):
-        field_layout.put(message, i, part(field_layout, field, i))
-    return message
-
-
 def do_transform_cloud(cloud, transform, *, only_xyz=False):
     """Carry a point cloud into the frame of a transform: p' = R p + t, in double precision, without the GIL.
 
@@ -290,10 +283,13 @@ def do_transform_cloud(cloud, transform, *, only_xyz=False):
     cdef const unsigned char[::1] source
     cdef int i
     read_any_rotation(transform, &by)
-    old_header = part(cloud_layout, cloud, HEADER)
-    frame = target_frame(transform) if hasattr(transform, "transform") else part(header_layout, old_header, 1)
-    header = new_header(time_to_ns(part(header_layout, old_header, 0)), frame)
-    source = _bytes_of(part(cloud_layout, cloud, DATA))
+    old_header = get_field(cloud_layout, cloud, "header")
+    if hasattr(transform, "transform"):
+        frame = target_frame(transform)
+    else:
+        frame = get_field(header_layout, old_header, "frame_id")
+    header = new_header(time_to_ns(get_field(header_layout, old_header, "stamp")), frame)
+    source = _bytes_of(get_field(cloud_layout, cloud, "data"))
     _read_grid(cloud, source.shape[0], &grid)
     fields = _fields_by_name(cloud)
     grid.triple_count = 0
@@ -312,18 +308,12 @@ def do_transform_cloud(cloud, transform, *, only_xyz=False):
         with nogil:
             _carry_grid(<const char*>&source[0], carried.data.as_chars, &grid)
     message = cloud_layout.new()
-    for i in range(CLOUD_FIELDS):
-        if i == HEADER:
-            value = header
-        elif i == FIELDS:
-            value = [_copied_field(field) for field in part(cloud_layout, cloud, FIELDS)]
-        elif i == POINT_STEP:
-            value = grid.new_point_step
-        elif i == ROW_STEP:
-            value = grid.new_row_step
-        elif i == DATA:
-            value = carried
-        else:
-            value = part(cloud_layout, cloud, i)
-        cloud_layout.put(message, i, value)
+    set_field(cloud_layout, message, "header", header)
+    for name in ("height", "width", "is_bigendian", "is_dense"):
+        set_field(cloud_layout, message, name, get_field(cloud_layout, cloud, name))
+    new_fields = [copy_shallow(field_layout, field) for field in get_field(cloud_layout, cloud, "fields")]
+    set_field(cloud_layout, message, "fields", new_fields)
+    set_field(cloud_layout, message, "point_step", grid.new_point_step)
+    set_field(cloud_layout, message, "row_step", grid.new_row_step)
+    set_field(cloud_layout, message, "data", carried)
     return message

@@ -6,11 +6,12 @@ from tf2_geometry_msgs._matrix cimport covariance_rotate, matrix_from_quaternion
 from tf2_geometry_msgs._parts cimport (
     new_covariance,
     new_orientation,
-    part,
+    get_field,
     quaternion_layout,
     read_covariance,
     read_doubles,
     read_orientation,
+    set_field,
     target_header,
 )
 from tf2_geometry_msgs._transform cimport carried_vector
@@ -85,15 +86,20 @@ def do_transform_imu(imu, transform):
     """
     cdef Transform by
     cdef Layout layout = imu_layout
-    cdef int i
     read_transform(transform, &by)
     message = layout.new()
-    layout.put(message, 0, target_header(transform))
-    layout.put(message, 1, _carried_attitude(part(layout, imu, 1), &by))
-    layout.put(message, 2, _copied_covariance(part(layout, imu, 2)))
-    for i in range(3, 7, 2):
-        layout.put(message, i, carried_vector(part(layout, imu, i), &by))
-        layout.put(message, i + 1, _carried_covariance(part(layout, imu, i + 1), &by, True))
+    set_field(layout, message, "header", target_header(transform))
+    set_field(layout, message, "orientation", _carried_attitude(get_field(layout, imu, "orientation"), &by))
+    covariance = get_field(layout, imu, "orientation_covariance")
+    set_field(layout, message, "orientation_covariance", _copied_covariance(covariance))
+    velocity = get_field(layout, imu, "angular_velocity")
+    set_field(layout, message, "angular_velocity", carried_vector(velocity, &by))
+    covariance = get_field(layout, imu, "angular_velocity_covariance")
+    set_field(layout, message, "angular_velocity_covariance", _carried_covariance(covariance, &by, True))
+    acceleration = get_field(layout, imu, "linear_acceleration")
+    set_field(layout, message, "linear_acceleration", carried_vector(acceleration, &by))
+    covariance = get_field(layout, imu, "linear_acceleration_covariance")
+    set_field(layout, message, "linear_acceleration_covariance", _carried_covariance(covariance, &by, True))
     return message
 
 
@@ -112,7 +118,9 @@ def do_transform_magnetic_field(magnetic_field, transform):
     cdef Layout layout = magnetic_field_layout
     read_transform(transform, &by)
     message = layout.new()
-    layout.put(message, 0, target_header(transform))
-    layout.put(message, 1, carried_vector(part(layout, magnetic_field, 1), &by))
-    layout.put(message, 2, _carried_covariance(part(layout, magnetic_field, 2), &by, False))
+    set_field(layout, message, "header", target_header(transform))
+    field = get_field(layout, magnetic_field, "magnetic_field")
+    set_field(layout, message, "magnetic_field", carried_vector(field, &by))
+    covariance = get_field(layout, magnetic_field, "magnetic_field_covariance")
+    set_field(layout, message, "magnetic_field_covariance", _carried_covariance(covariance, &by, False))
     return message

@@ -2,17 +2,26 @@
 
 import importlib
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from typing import Any
 
 __all__ = [
     "ConvertRegistration",
     "NotImplementedException",
+    "TransformFunctions",
     "TransformRegistration",
     "TypeException",
     "convert",
+    "from_msg_msg",
+    "names_of",
+    "register_messages",
+    "to_msg_msg",
 ]
+
+# The function that transforms each message class: it takes a message and a TransformStamped and returns a new
+# message of the same class.
+TransformFunctions = dict[Any, Callable[[Any, Any], Any]]
 
 # Which package registers the types of a message package. It is imported when the first such type is seen, so
 # that a program that has a message need not know where its transformation lives.
@@ -175,6 +184,29 @@ class ConvertRegistration:
     def find_convert(self, key: tuple[type, type]) -> Callable[[Any], Any] | None:
         """Find what :meth:`add_convert` registered, or None."""
         return self.__convert_map.find(key)
+
+
+def to_msg_msg(msg: Any) -> Any:
+    """Return `msg`, which is a message already."""
+    return msg
+
+
+def from_msg_msg(msg: Any) -> Any:
+    """Return `msg`, which is a message already."""
+    return msg
+
+
+def register_messages(functions: TransformFunctions) -> None:
+    """Register this project's functions for message classes, and that each class converts to itself."""
+    for cls, function in functions.items():
+        TransformRegistration().add(cls, function, default=True)
+        ConvertRegistration().add_to_msg(cls, to_msg_msg, default=True)
+        ConvertRegistration().add_from_msg(cls, from_msg_msg, default=True)
+
+
+def names_of(functions: TransformFunctions) -> Mapping[str, Any]:
+    """The message classes and the functions, each by its own name."""
+    return {entry.__name__: entry for row in functions.items() for entry in row}
 
 
 def convert(a: Any, b_type: type) -> Any:

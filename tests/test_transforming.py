@@ -6,8 +6,9 @@ import sys
 import textwrap
 
 import pytest
-from carrying import STAMPED, UNSTAMPED, Maker, numbers
+from carrying import Maker, numbers
 from geometry_msgs.msg import PointStamped, PolygonInstance, PoseStamped
+from known_types import STAMPED, UNSTAMPED
 from making import at, stamp_ns, transform
 from rclpy.duration import Duration
 from rclpy.time import Time

@@ -1,7 +1,7 @@
-"""Owns carrying wrenches, velocities, twists and accelerations of geometry_msgs into another frame."""
+"""Owns transforming wrenches, velocities, twists and accelerations of geometry_msgs."""
 
 from tf2_geometry_msgs._parts cimport get_field, read_doubles, set_field, target_header, vector3_layout
-from tf2_geometry_msgs._transform cimport carried_vector, stamped
+from tf2_geometry_msgs._transform cimport rotated_vector, stamped
 from tf2_py._core.geometry cimport vector_rotate
 from tf2_py._core.types cimport Transform
 from tf2_py._objects.messages cimport Layout, read_transform
@@ -27,7 +27,7 @@ cdef Layout velocity_stamped_layout = Layout(
 )
 
 
-cdef object _carried_pair(Layout layout, object pair, const Transform* transform, str line, str lever):
+cdef object _moved_pair(Layout layout, object pair, const Transform* transform, str line, str lever):
     # A message of two vectors, of which that of the field `line` belongs to a line through a point (force,
     # angular velocity); seen from the new frame's origin it adds t x itself to the other, the field `lever`.
     cdef double a[3]
@@ -45,48 +45,52 @@ cdef object _carried_pair(Layout layout, object pair, const Transform* transform
     return message
 
 
-cdef object _turned_pair(Layout layout, object pair, const Transform* transform):
+cdef object _rotated_pair(Layout layout, object pair, const Transform* transform):
     # Of a Twist or an Accel.
     linear = get_field(layout, pair, "linear")
     angular = get_field(layout, pair, "angular")
     message = layout.new()
-    set_field(layout, message, "linear", carried_vector(linear, transform))
-    set_field(layout, message, "angular", carried_vector(angular, transform))
+    set_field(layout, message, "linear", rotated_vector(linear, transform))
+    set_field(layout, message, "angular", rotated_vector(angular, transform))
     return message
 
 
 def do_transform_wrench(wrench, transform):
-    """Carry a wrench from one frame's origin to another's: f' = R f, torque' = R torque + t x f'.
+    """Transform a wrench from one frame's origin to another's: f' = R f, torque' = R torque + t x f'.
 
     Both vectors are rotated; the lever arm counts: the force, which acted at the old frame's origin (at t in
     the new frame), adds its torque about the new one.
     Formula: K. M. Lynch and F. C. Park, Modern Robotics, 2017, section 3.4 (the wrench's adjoint).
 
     :param wrench: a Wrench, newtons and newton metres
-    :param transform: a TransformStamped or Transform
-    :returns: a new Wrench
-    :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation is not finite
+    :param transform: a TransformStamped or Transform, metres
+    :return: a new Wrench
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the transform's rotation is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
-    return _carried_pair(wrench_layout, wrench, &by, "force", "torque")
+    cdef Transform tf
+    read_transform(transform, &tf)
+    return _moved_pair(wrench_layout, wrench, &tf, "force", "torque")
 
 
 def do_transform_wrench_stamped(wrench, transform):
-    """`do_transform_wrench` for a WrenchStamped and a TransformStamped.
+    """Transform a wrench, as `do_transform_wrench` does.
 
-    :returns: a new WrenchStamped with the transform's frame and stamp
+    :param wrench: a WrenchStamped, newtons and newton metres
+    :param transform: a TransformStamped, metres
+    :return: a new WrenchStamped with the transform's frame and stamp
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the transform's rotation is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
+    cdef Transform tf
+    read_transform(transform, &tf)
     content = get_field(wrench_stamped_layout, wrench, "wrench")
-    content = _carried_pair(wrench_layout, content, &by, "force", "torque")
+    content = _moved_pair(wrench_layout, content, &tf, "force", "torque")
     return stamped(wrench_stamped_layout, "wrench", content, transform)
 
 
 def do_transform_velocity_stamped(velocity, transform):
-    """Carry a rigid body's velocity from one frame's origin to another's: w' = R w, v' = R v + t x w'.
+    """Transform a rigid body's velocity from one frame's origin to another's: w' = R w, v' = R v + t x w'.
 
     Both vectors are rotated; the lever arm counts: v' is the velocity of the body's point that lies at the
     new frame's origin. The two frames are taken to be at rest to each other. The tf2 of Jazzy adds the
@@ -94,54 +98,54 @@ def do_transform_velocity_stamped(velocity, transform):
     Formula: K. M. Lynch and F. C. Park, Modern Robotics, 2017, equation 3.83 (the twist's adjoint).
 
     :param velocity: a VelocityStamped, metres and radians per second
-    :param transform: a TransformStamped
-    :returns: a new VelocityStamped with the transform's frame and stamp, and the frames that `velocity` names
-    :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation is not finite
+    :param transform: a TransformStamped, metres
+    :return: a new VelocityStamped with the transform's frame and stamp, and the frames that `velocity` names
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the transform's rotation is not finite
     """
-    cdef Transform by
+    cdef Transform tf
     cdef Layout layout = velocity_stamped_layout
-    read_transform(transform, &by)
+    read_transform(transform, &tf)
     message = layout.new()
     set_field(layout, message, "header", target_header(transform))
     set_field(layout, message, "body_frame_id", get_field(layout, velocity, "body_frame_id"))
     set_field(layout, message, "reference_frame_id", get_field(layout, velocity, "reference_frame_id"))
     twist = get_field(layout, velocity, "velocity")
-    set_field(layout, message, "velocity", _carried_pair(twist_layout, twist, &by, "angular", "linear"))
+    set_field(layout, message, "velocity", _moved_pair(twist_layout, twist, &tf, "angular", "linear"))
     return message
 
 
 def do_transform_twist_stamped(twist, transform):
-    """Turn a twist into the axes of another frame: v' = R v, w' = R w.
+    """Rotate a twist into the axes of another frame: v' = R v, w' = R w.
 
     Both vectors are rotated; the lever arm does not count: v' is still the velocity of the old point, in new
     axes. `do_transform_velocity_stamped` moves the point too.
 
     :param twist: a TwistStamped, metres and radians per second
     :param transform: a TransformStamped
-    :returns: a new TwistStamped with the transform's frame and stamp
-    :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation is not finite
+    :return: a new TwistStamped with the transform's frame and stamp
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the transform's rotation is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
-    content = _turned_pair(twist_layout, get_field(twist_stamped_layout, twist, "twist"), &by)
+    cdef Transform tf
+    read_transform(transform, &tf)
+    content = _rotated_pair(twist_layout, get_field(twist_stamped_layout, twist, "twist"), &tf)
     return stamped(twist_stamped_layout, "twist", content, transform)
 
 
 def do_transform_accel_stamped(accel, transform):
-    """Turn an acceleration into the axes of another frame: a' = R a, for both its vectors.
+    """Rotate an acceleration into the axes of another frame: a' = R a, for both its vectors.
 
     The lever arm does not count: the linear part is still the acceleration of the old point, in new axes.
     To move the point would take the angular velocity, which the message does not hold.
 
     :param accel: an AccelStamped, metres and radians per second squared
     :param transform: a TransformStamped
-    :returns: a new AccelStamped with the transform's frame and stamp
-    :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation is not finite
+    :return: a new AccelStamped with the transform's frame and stamp
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the transform's rotation is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
-    content = _turned_pair(accel_layout, get_field(accel_stamped_layout, accel, "accel"), &by)
+    cdef Transform tf
+    read_transform(transform, &tf)
+    content = _rotated_pair(accel_layout, get_field(accel_stamped_layout, accel, "accel"), &tf)
     return stamped(accel_stamped_layout, "accel", content, transform)

@@ -1,4 +1,4 @@
-"""Owns carrying the types of nav_msgs into another frame; imports only where that package does."""
+"""Owns transforming the types of nav_msgs; importable only where nav_msgs is."""
 
 from tf2_geometry_msgs._parts cimport (
     new_covariance,
@@ -11,10 +11,10 @@ from tf2_geometry_msgs._parts cimport (
     vector3_layout,
 )
 from tf2_geometry_msgs._transform cimport (
-    carried_pose,
-    carried_pose_with_covariance,
     pose_stamped_layout,
     stamped,
+    transformed_pose,
+    transformed_pose_with_covariance,
 )
 from tf2_py._core.types cimport Transform
 from tf2_py._objects.messages cimport Layout, header_layout, new_header, read_transform, time_to_ns
@@ -28,7 +28,7 @@ cdef Layout twist_with_covariance_layout = Layout(TwistWithCovariance, ("twist",
 cdef Layout twist_layout = Layout(Twist, ("linear", "angular"))
 
 
-cdef object _carried_step(object step, const Transform* transform, object path_frame, object new_frame):
+cdef object _transformed_step(object step, const Transform* transform, object path_frame, object new_frame):
     # A pose of a path keeps its own stamp: the time at which it is to be reached.
     header = get_field(pose_stamped_layout, step, "header")
     frame = get_field(header_layout, header, "frame_id")
@@ -38,7 +38,7 @@ cdef object _carried_step(object step, const Transform* transform, object path_f
     stamp_ns = time_to_ns(get_field(header_layout, header, "stamp"))
     set_field(pose_stamped_layout, message, "header", new_header(stamp_ns, new_frame))
     pose = get_field(pose_stamped_layout, step, "pose")
-    set_field(pose_stamped_layout, message, "pose", carried_pose(pose, transform))
+    set_field(pose_stamped_layout, message, "pose", transformed_pose(pose, transform))
     return message
 
 
@@ -59,41 +59,42 @@ cdef object _copied_twist(object content):
 
 
 def do_transform_path(path, transform):
-    """Carry each pose of a path into the frame of a transform, as `do_transform_pose` does.
+    """Transform each pose of a path, as `do_transform_pose` does.
 
-    :param path: a Path; its poses may leave their frame empty
-    :param transform: a TransformStamped
-    :returns: a new Path with the transform's frame and stamp; its poses have that frame and keep their stamps
-    :raises TypeError: for other types
-    :raises ValueError: where a pose names another frame than the path, or the transform's rotation has no
-        length
+    :param path: a Path, metres; its poses may leave their frame empty
+    :param transform: a TransformStamped, metres
+    :return: a new Path with the transform's frame and stamp; its poses have that frame and keep their stamps
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: a pose names another frame than the path, or the transform's rotation is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
+    cdef Transform tf
+    read_transform(transform, &tf)
     path_frame = get_field(header_layout, get_field(path_layout, path, "header"), "frame_id")
     new_frame = target_frame(transform)
     poses = get_field(path_layout, path, "poses")
-    content = [_carried_step(step, &by, path_frame, new_frame) for step in poses]
+    content = [_transformed_step(step, &tf, path_frame, new_frame) for step in poses]
     return stamped(path_layout, "poses", content, transform)
 
 
 def do_transform_odometry(odometry, transform):
-    """Carry the pose of an Odometry into the frame of a transform, its covariance too.
+    """Transform the pose of an Odometry and its covariance.
 
     The twist is that of `child_frame_id` in its own axes, which no change of the header's frame touches.
 
-    :param odometry: an Odometry
-    :param transform: a TransformStamped
-    :returns: a new Odometry with the transform's frame and stamp
-    :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation is not finite
+    :param odometry: an Odometry, metres, radians and seconds
+    :param transform: a TransformStamped, metres
+    :return: a new Odometry with the transform's frame and stamp
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: a covariance is not 36 numbers, or the transform's rotation is not finite
     """
-    cdef Transform by
+    cdef Transform tf
     cdef Layout layout = odometry_layout
-    read_transform(transform, &by)
+    read_transform(transform, &tf)
     message = layout.new()
     set_field(layout, message, "header", target_header(transform))
     set_field(layout, message, "child_frame_id", get_field(layout, odometry, "child_frame_id"))
-    set_field(layout, message, "pose", carried_pose_with_covariance(get_field(layout, odometry, "pose"), &by))
+    set_field(
+        layout, message, "pose", transformed_pose_with_covariance(get_field(layout, odometry, "pose"), &tf)
+    )
     set_field(layout, message, "twist", _copied_twist(get_field(layout, odometry, "twist")))
     return message

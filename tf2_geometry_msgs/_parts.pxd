@@ -1,4 +1,4 @@
-"""What geometry messages are made of, to C doubles and back: vectors, poses, covariances, headers."""
+"""The parts of geometry messages, to and from C doubles: vectors, poses, covariances, headers."""
 
 from tf2_py._core.types cimport Transform
 from tf2_py._objects.messages cimport Layout
@@ -20,7 +20,7 @@ cdef int read_pose(object pose, Transform* out) except -1
 cdef int read_orientation(object quaternion, double* out) except -1
 # `side` x `side` doubles, row by row, from anything that NumPy takes for that many numbers.
 cdef int read_covariance(object covariance, int side, double* out) except -1
-# The frame that a TransformStamped leads to, and a header for results: that frame and the transform's stamp.
+# The target frame of a TransformStamped, and a header for results: that frame and the transform's stamp.
 cdef object target_frame(object transform)
 cdef object target_header(object transform)
 

@@ -39,7 +39,7 @@ cdef Layout quaternion_layout = Layout(Quaternion, ("x", "y", "z", "w"))
 cdef Layout pose_layout = Layout(Pose, ("position", "orientation"))
 
 
-cdef _misfit(Layout layout, object message, Exception reason):
+cdef _type_error(Layout layout, object message, Exception reason):
     kind = MalformedObjectError if isinstance(reason, AttributeError) else TypeError
     cls = layout.message_class
     name = f"{cls.__module__.partition('.')[0]}/{cls.__name__}"
@@ -68,7 +68,7 @@ cdef object _get_attribute(Layout layout, object message, str name):
     try:
         return getattr(message, name)
     except AttributeError as missing:
-        raise _misfit(layout, message, missing) from None
+        raise _type_error(layout, message, missing) from None
 
 
 cdef int set_field(Layout layout, object message, str name, object value) except -1:
@@ -90,7 +90,7 @@ cdef int _read_numbers(Layout layout, object message, double* out, int count) ex
     try:
         return layout.get_doubles(message, out, count)
     except (AttributeError, TypeError) as missing:
-        raise _misfit(layout, message, missing) from None
+        raise _type_error(layout, message, missing) from None
 
 
 cdef int read_orientation(object quaternion, double* out) except -1:
@@ -110,7 +110,7 @@ cdef int read_pose(object pose, Transform* out) except -1:
 cdef int read_covariance(object covariance, int side, double* out) except -1:
     cdef cnp.ndarray values
     cdef int count = side * side
-    if not cnp.PyArray_CheckExact(covariance) or not _is_plain(covariance):
+    if not cnp.PyArray_CheckExact(covariance) or not _is_contiguous_doubles(covariance):
         try:
             covariance = np.asarray(covariance, dtype=np.float64, order="C")
         except (TypeError, ValueError) as reason:
@@ -124,7 +124,7 @@ cdef int read_covariance(object covariance, int side, double* out) except -1:
     return 0
 
 
-cdef bint _is_plain(cnp.ndarray values):
+cdef bint _is_contiguous_doubles(cnp.ndarray values):
     return cnp.PyArray_TYPE(values) == cnp.NPY_DOUBLE and cnp.PyArray_ISCARRAY_RO(values)
 
 
@@ -155,14 +155,14 @@ cdef object target_header(object transform):
 
 
 cdef object new_orientation(const double* q):
-    cdef double turned[4]
+    cdef double negated[4]
     if q[3] >= 0.0:
         return quaternion_layout.new_doubles(q, 4)
-    turned[0] = -q[0]
-    turned[1] = -q[1]
-    turned[2] = -q[2]
-    turned[3] = -q[3]
-    return quaternion_layout.new_doubles(turned, 4)
+    negated[0] = -q[0]
+    negated[1] = -q[1]
+    negated[2] = -q[2]
+    negated[3] = -q[3]
+    return quaternion_layout.new_doubles(negated, 4)
 
 
 cdef object new_pose(const Transform* pose):

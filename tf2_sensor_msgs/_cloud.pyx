@@ -1,4 +1,4 @@
-"""Owns carrying sensor_msgs/PointCloud2 into another frame, in place on one copy of its bytes."""
+"""Owns transforming sensor_msgs/PointCloud2, in place on one copy of its bytes."""
 
 from cpython cimport array
 from libc.stdint cimport uint32_t
@@ -12,8 +12,8 @@ from tf2_sensor_msgs._points cimport (
     Rigid,
     Triples,
     rigid_from_transform,
-    triples_carry,
-    triples_carry_wide,
+    triples_transform,
+    triples_transform_wide,
     triples_fill_points,
 )
 
@@ -27,7 +27,7 @@ from tf2_sensor_msgs._errors import FieldError, SizeError
 
 cdef enum:
     MAX_TRIPLES = 3
-    BLOCK = 8192        # bytes that are copied, then changed while they are in the nearest cache
+    COPY_BYTES = 8192   # bytes that are copied, then changed while they are in the nearest cache
 
 cdef Layout cloud_layout = Layout(
     PointCloud2,
@@ -198,39 +198,39 @@ cdef void _copy_points(const char* source, char* target, Py_ssize_t count, const
         target += grid.new_point_step
 
 
-cdef void _carry_points(const char* source, char* target, Py_ssize_t count, Py_ssize_t behind,
-                        const Grid* grid) noexcept nogil:
-    # `count` points without a gap; `behind` bytes follow the last, in the source as in the target.
+cdef void _transform_points(const char* source, char* target, Py_ssize_t count, Py_ssize_t bytes_after,
+                            const Grid* grid) noexcept nogil:
+    # `count` points without a gap; `bytes_after` bytes follow the last, in the source as in the target.
     cdef Py_ssize_t step = grid.new_point_step
     cdef Py_ssize_t done = 0
-    cdef Py_ssize_t block, left, after
+    cdef Py_ssize_t batch, left, after
     cdef const Triples* triples
     cdef int i
     if grid.triple_count == 1 and triples_fill_points(&grid.triples[0], grid.point_step):
-        done = triples_carry_wide(
-            source, grid.point_step, target, &grid.triples[0], count, behind, &grid.rigids[0]
+        done = triples_transform_wide(
+            source, grid.point_step, target, &grid.triples[0], count, bytes_after, &grid.rigids[0]
         )
     while done < count:
         left = count - done
-        block = min(left, max(BLOCK // step, 1))
-        _copy_points(source + done * grid.point_step, target + done * step, block, grid)
+        batch = min(left, max(COPY_BYTES // step, 1))
+        _copy_points(source + done * grid.point_step, target + done * step, batch, grid)
         for i in range(grid.triple_count):
             triples = &grid.triples[i]
             # Counted as if each coordinate had 8 bytes: never more than there are.
-            after = (left - block) * step + behind + step - triples.offsets[2] - 8
-            triples_carry(
+            after = (left - batch) * step + bytes_after + step - triples.offsets[2] - 8
+            triples_transform(
                 target + done * step,
                 triples,
                 target + done * step,
                 triples,
-                block,
+                batch,
                 after,
                 &grid.rigids[i],
             )
-        done += block
+        done += batch
 
 
-cdef void _carry_grid(const char* source, char* target, const Grid* grid) noexcept nogil:
+cdef void _transform_grid(const char* source, char* target, const Grid* grid) noexcept nogil:
     cdef Py_ssize_t rows = grid.rows
     cdef Py_ssize_t columns = grid.columns
     cdef Py_ssize_t used = columns * grid.point_step
@@ -245,7 +245,7 @@ cdef void _carry_grid(const char* source, char* target, const Grid* grid) noexce
     for row in range(rows):
         end = row * grid.row_step + used
         new_end = row * grid.new_row_step + new_used
-        _carry_points(
+        _transform_points(
             source + end - used,
             target + new_end - new_used,
             columns,
@@ -258,31 +258,31 @@ cdef void _carry_grid(const char* source, char* target, const Grid* grid) noexce
 
 
 def do_transform_cloud(cloud, transform, *, only_xyz=False):
-    """Carry a point cloud into the frame of a transform: p' = R p + t, in double precision, without the GIL.
+    """Transform a point cloud: p' = R p + t, in double precision, without the GIL.
 
-    Fields may come in any order, at any offset, with any padding, in either byte order; x, y and z may be of
-    any type, even of different ones; whole numbers are cut off, as by tf2. Everything else stays as it is:
-    other fields, padding, rows, `is_dense`; a point with a NaN has three afterwards. But a cloud of x, y and
-    z alone loses the padding after them, as in tf2, and a `row_step` that the data contradicts is put right.
-    Normals (`normal_x/y/z`) are turned, viewpoints (`vp_x/y/z`) turned and moved, where all three are there
-    and are float32 or float64. Upstream's C++ turns normals, too, and leaves viewpoints; its Python carries
-    x y z alone.
+    Fields may be in any order, at any offset, with any padding, in either byte order; x, y and z may be of
+    any type, even of different ones; integers are truncated, as in tf2. Everything else stays as it is: other
+    fields, padding, rows, `is_dense`; a point with one NaN has three in the result. But a cloud of x, y and z
+    alone loses the padding after them, as in tf2, and a `row_step` that contradicts the data is corrected.
+    Normals (`normal_x/y/z`) are rotated, viewpoints (`vp_x/y/z`) rotated and translated, where a cloud has
+    all three as float32 or float64. Upstream's C++ also rotates normals, and leaves viewpoints; its Python
+    transforms x, y and z alone.
 
     :param cloud: a PointCloud2, coordinates in metres
-    :param transform: a TransformStamped, or a Transform: then the cloud's frame stays
+    :param transform: a TransformStamped, or a Transform, with which the cloud's frame stays; metres
     :param only_xyz: leave normals and viewpoints as they are
-    :returns: a new PointCloud2 with the transform's frame and the cloud's own stamp
-    :raises AttributeError: for other types (a TypeError, too)
-    :raises ValueError: where x, y or z is missing, no number or beyond `point_step` (as in tf2 also an
-        AssertionError), where `data` is too short for the points (also a TypeError), or the transform's
-        rotation is not finite
+    :return: a new PointCloud2 with the transform's frame and the cloud's own stamp
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: x, y or z is missing, no number or beyond `point_step` (as in tf2 also an
+        AssertionError), `data` is too short for the points (also a TypeError), or the transform's rotation is
+        not finite
     """
-    cdef Transform by
+    cdef Transform tf
     cdef Grid grid
-    cdef array.array carried
+    cdef array.array new_data
     cdef const unsigned char[::1] source
     cdef int i
-    read_any_rotation(transform, &by)
+    read_any_rotation(transform, &tf)
     old_header = get_field(cloud_layout, cloud, "header")
     if hasattr(transform, "transform"):
         frame = target_frame(transform)
@@ -293,20 +293,20 @@ def do_transform_cloud(cloud, transform, *, only_xyz=False):
     _read_grid(cloud, source.shape[0], &grid)
     fields = _fields_by_name(cloud)
     grid.triple_count = 0
-    _add_triples(cloud, fields, COORDINATES, &by, True, &grid)
+    _add_triples(cloud, fields, COORDINATES, &tf, True, &grid)
     if len(fields) == 3:
         _drop_padding(&grid.triples[0], &grid)
     elif not only_xyz:
         if _has_directions(fields, NORMAL):
-            _add_triples(cloud, fields, NORMAL, &by, False, &grid)
+            _add_triples(cloud, fields, NORMAL, &tf, False, &grid)
         if _has_directions(fields, VIEWPOINT):
-            _add_triples(cloud, fields, VIEWPOINT, &by, True, &grid)
+            _add_triples(cloud, fields, VIEWPOINT, &tf, True, &grid)
     for i in range(grid.triple_count):
         grid.triples[i].step = grid.new_point_step
-    carried = array.clone(NO_BYTES, grid.new_size, False)
+    new_data = array.clone(NO_BYTES, grid.new_size, False)
     if grid.new_size > 0:
         with nogil:
-            _carry_grid(<const char*>&source[0], carried.data.as_chars, &grid)
+            _transform_grid(<const char*>&source[0], new_data.data.as_chars, &grid)
     message = cloud_layout.new()
     set_field(cloud_layout, message, "header", header)
     for name in ("height", "width", "is_bigendian", "is_dense"):
@@ -315,5 +315,5 @@ def do_transform_cloud(cloud, transform, *, only_xyz=False):
     set_field(cloud_layout, message, "fields", new_fields)
     set_field(cloud_layout, message, "point_step", grid.new_point_step)
     set_field(cloud_layout, message, "row_step", grid.new_row_step)
-    set_field(cloud_layout, message, "data", carried)
+    set_field(cloud_layout, message, "data", new_data)
     return message

@@ -45,7 +45,7 @@ register_messages(TYPES)
 
 
 def __getattr__(name: str) -> Any:
-    # Nothing here needs them, and sensor_msgs_py takes its time to import.
+    # Nothing here needs them, and sensor_msgs_py is slow to import.
     if name not in ("create_cloud", "read_points"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:

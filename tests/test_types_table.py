@@ -61,6 +61,10 @@ def stub_line(function, table):
     return f"def {function.__name__}({message}: {name}, {transform}: {wanted}) -> {name}: ..."
 
 
+def root_of(package):
+    return Path(importlib.import_module(package).__file__).parents[1]
+
+
 def declared(path):
     """Of each function in a stub the names of its parameters."""
     functions = [node for node in ast.parse(path.read_text()).body if isinstance(node, ast.FunctionDef)]
@@ -72,7 +76,7 @@ def declared(path):
 
 @every_package
 def test_a_function_of_the_table_has_its_line_in_the_stub_beside_its_source(package):
-    root = Path(__file__).resolve().parents[1]
+    root = root_of(package)
     for function in set(TABLES[package].values()):
         path = root / (function.__module__.replace(".", "/") + ".pyi")
         parameters = list(inspect.signature(function).parameters)
@@ -82,7 +86,7 @@ def test_a_function_of_the_table_has_its_line_in_the_stub_beside_its_source(pack
 
 @every_package
 def test_a_stub_declares_no_function_that_is_not_there(package):
-    for path in Path(__file__).resolve().parents[1].glob(f"{package}/*.pyi"):
+    for path in root_of(package).glob(f"{package}/*.pyi"):
         module = importlib.import_module(f"{package}.{path.stem}")
         for name, parameters in declared(path).items():
             assert list(inspect.signature(getattr(module, name)).parameters) == parameters

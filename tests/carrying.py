@@ -1,4 +1,4 @@
-"""Makes the messages that are carried from frame to frame, and the arithmetic to judge the result by."""
+"""Makes the messages that are transformed, and the arithmetic to judge the results by."""
 
 import importlib
 import math
@@ -65,7 +65,7 @@ def matrix(t):
     return m
 
 
-def carried(points, t):
+def transformed(points, t):
     """An (n, 3) array of points in the target frame of a transform."""
     return points @ matrix(t)[:3, :3].T + matrix(t)[:3, 3]
 
@@ -77,7 +77,7 @@ def inverse(t):
     )
 
 
-def covariance_carried(covariance, t):
+def covariance_rotated(covariance, t):
     """A 6x6 covariance in the target frame of a transform, as one product of 6x6 matrices."""
     both = np.kron(np.eye(2), turn(t.transform.rotation).as_matrix())
     return both @ np.reshape(covariance, (6, 6)) @ both.T

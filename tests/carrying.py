@@ -1,40 +1,15 @@
-"""Makes the messages that are carried from frame to frame, and the arithmetic to judge the result by."""
+"""Makes the messages that are transformed, and the arithmetic to judge the results by."""
 
+import importlib
 import math
 
 import numpy as np
-from geometry_msgs.msg import (
-    Accel,
-    AccelStamped,
-    Point,
-    Point32,
-    PointStamped,
-    Polygon,
-    PolygonStamped,
-    Pose,
-    PoseArray,
-    PoseStamped,
-    PoseWithCovariance,
-    PoseWithCovarianceStamped,
-    Quaternion,
-    QuaternionStamped,
-    Transform,
-    TransformStamped,
-    Twist,
-    TwistStamped,
-    TwistWithCovariance,
-    Vector3,
-    Vector3Stamped,
-    VelocityStamped,
-    Wrench,
-    WrenchStamped,
-)
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Pose, Quaternion
 from hypothesis import settings
 from hypothesis import strategies as st
 from making import transform
-from nav_msgs.msg import Odometry, Path
 from scipy.spatial.transform import Rotation
-from sensor_msgs.msg import Imu, MagneticField
 from std_msgs.msg import Header
 
 # A busy machine is no reason to fail.
@@ -90,7 +65,7 @@ def matrix(t):
     return m
 
 
-def carried(points, t):
+def transformed(points, t):
     """An (n, 3) array of points in the target frame of a transform."""
     return points @ matrix(t)[:3, :3].T + matrix(t)[:3, 3]
 
@@ -102,27 +77,20 @@ def inverse(t):
     )
 
 
-def covariance_carried(covariance, t):
+def covariance_rotated(covariance, t):
     """A 6x6 covariance in the target frame of a transform, as one product of 6x6 matrices."""
     both = np.kron(np.eye(2), turn(t.transform.rotation).as_matrix())
     return both @ np.reshape(covariance, (6, 6)) @ both.T
 
 
 class Maker:
-    """Makes random messages; quaternions have length one and w >= 0, so that they compare."""
+    """Makes random messages of any class; quaternions have length one and w >= 0, so that they compare."""
 
     def __init__(self, seed):
         self.random = np.random.default_rng(seed)
 
-    def floats(self, count):
-        return self.random.uniform(-10, 10, count).tolist()
-
     def header(self):
-        return Header(frame_id="base")
-
-    def vector(self, cls=Vector3):
-        x, y, z = self.floats(3)
-        return cls(x=x, y=y, z=z)
+        return Header(frame_id="base", stamp=Time(sec=int(self.random.integers(100, 200))))
 
     def quaternion(self):
         q = self.random.normal(size=4)
@@ -134,120 +102,34 @@ class Maker:
         return (half @ half.T).ravel()
 
     def pose(self):
-        return Pose(position=self.vector(Point), orientation=self.quaternion())
-
-    def pose_with_covariance(self):
-        return PoseWithCovariance(pose=self.pose(), covariance=self.covariance())
-
-    def polygon(self):
-        return Polygon(points=[self.vector(Point32) for _ in range(5)])
-
-    def transform(self):
-        return Transform(translation=self.vector(), rotation=self.quaternion())
-
-    def wrench(self):
-        return Wrench(force=self.vector(), torque=self.vector())
-
-    def twist(self):
-        return Twist(linear=self.vector(), angular=self.vector())
-
-    def path(self):
-        poses = [PoseStamped(header=self.header(), pose=self.pose()) for _ in range(4)]
-        for i, pose in enumerate(poses):
-            pose.header.stamp.sec = 100 + i
-        return Path(header=self.header(), poses=poses)
-
-    def odometry(self):
-        twist = TwistWithCovariance(twist=self.twist(), covariance=self.covariance())
-        return Odometry(
-            header=self.header(), child_frame_id="wheels", pose=self.pose_with_covariance(), twist=twist
-        )
-
-    def imu(self):
-        return Imu(
-            header=self.header(),
-            orientation=self.quaternion(),
-            orientation_covariance=self.covariance(3),
-            angular_velocity=self.vector(),
-            angular_velocity_covariance=self.covariance(3),
-            linear_acceleration=self.vector(),
-            linear_acceleration_covariance=self.covariance(3),
-        )
-
-    def magnetic_field(self):
-        return MagneticField(
-            header=self.header(),
-            magnetic_field=self.vector(),
-            magnetic_field_covariance=self.covariance(3),
-        )
+        return self.message(Pose)
 
     def message(self, cls):
-        plain = {
-            Point: lambda: self.vector(Point),
-            Point32: lambda: self.vector(Point32),
-            Vector3: self.vector,
-            Quaternion: self.quaternion,
-            Pose: self.pose,
-            PoseWithCovariance: self.pose_with_covariance,
-            Polygon: self.polygon,
-            Transform: self.transform,
-            Wrench: self.wrench,
-            Path: self.path,
-            Odometry: self.odometry,
-            Imu: self.imu,
-            MagneticField: self.magnetic_field,
-        }
-        contents = {
-            PointStamped: lambda: {"point": self.vector(Point)},
-            Vector3Stamped: lambda: {"vector": self.vector()},
-            QuaternionStamped: lambda: {"quaternion": self.quaternion()},
-            PoseStamped: lambda: {"pose": self.pose()},
-            PoseWithCovarianceStamped: lambda: {"pose": self.pose_with_covariance()},
-            PolygonStamped: lambda: {"polygon": self.polygon()},
-            PoseArray: lambda: {"poses": [self.pose() for _ in range(5)]},
-            TransformStamped: lambda: {"transform": self.transform(), "child_frame_id": "tool"},
-            WrenchStamped: lambda: {"wrench": self.wrench()},
-            TwistStamped: lambda: {"twist": self.twist()},
-            AccelStamped: lambda: {"accel": Accel(linear=self.vector(), angular=self.vector())},
-            VelocityStamped: lambda: {
-                "velocity": self.twist(),
-                "body_frame_id": "body",
-                "reference_frame_id": "odom",
-            },
-        }
-        return plain[cls]() if cls in plain else cls(header=self.header(), **contents[cls]())
+        """A message whose texts are the names of their fields."""
+        if cls is Quaternion:
+            return self.quaternion()
+        kinds = cls.get_fields_and_field_types()
+        return cls(**{name: self.value(name, kind) for name, kind in kinds.items()})
 
-
-UNSTAMPED = [
-    Point,
-    Point32,
-    Vector3,
-    Quaternion,
-    Pose,
-    PoseWithCovariance,
-    Polygon,
-    Transform,
-    Wrench,
-]
-STAMPED = [
-    PointStamped,
-    Vector3Stamped,
-    QuaternionStamped,
-    PoseStamped,
-    PoseWithCovarianceStamped,
-    PolygonStamped,
-    PoseArray,
-    TransformStamped,
-    WrenchStamped,
-    TwistStamped,
-    AccelStamped,
-    VelocityStamped,
-    Path,
-    Odometry,
-    Imu,
-    MagneticField,
-]
-ALL = UNSTAMPED + STAMPED
+    def value(self, name, kind):
+        """A value of a type that is written as in `get_fields_and_field_types`."""
+        made = {
+            "double": lambda: self.random.uniform(-10, 10),
+            "float": lambda: self.random.uniform(-10, 10),
+            "int64": lambda: int(self.random.integers(100)),
+            "string": lambda: name,
+            "double[9]": lambda: self.covariance(3),
+            "double[36]": lambda: self.covariance(6),
+            "std_msgs/Header": self.header,
+        }
+        if kind in made:
+            return made[kind]()
+        if kind.startswith("sequence<"):
+            return [self.value(name, kind[len("sequence<") : -1]) for _ in range(5)]
+        if "/" not in kind:
+            raise NotImplementedError(f"tests/carrying.py makes no {kind} yet: give Maker.value a line")
+        package, _, cls = kind.partition("/")
+        return self.message(getattr(importlib.import_module(f"{package}.msg"), cls))
 
 
 def numbers(m):

@@ -1,4 +1,4 @@
-"""The benchmark of carried types: it runs, and both sides do the same arithmetic."""
+"""The benchmark of transformed types: it runs, and both sides do the same arithmetic."""
 
 import numpy as np
 import pytest

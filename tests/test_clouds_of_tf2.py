@@ -123,7 +123,7 @@ def test_whole_coordinates_turn():
 @pytest.mark.parametrize(
     "kinds", [("f4", "f8", "f4"), ("i2", "f4", "u1"), ("u4", "i4", "f8"), ("i4", "f4", "f4")]
 )
-def test_coordinates_of_different_types_are_carried(t, kinds):
+def test_coordinates_of_different_types_are_transformed(t, kinds):
     columns = [*zip("xyz", kinds, strict=True), ("intensity", "f4")]
     got = tf2_sensor_msgs.do_transform_cloud(cloud(columns, [(1, 2, 3, 0.5), (4, 5, 6, 0.25)]), t)
     assert columns_of(got) == {"x": [11, 14], "y": [22, 25], "z": [33, 36], "intensity": [0.5, 0.25]}

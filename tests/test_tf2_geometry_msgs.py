@@ -10,10 +10,10 @@ import pytest
 from carrying import (
     AWKWARD_TURNS,
     Maker,
-    carried,
-    covariance_carried,
+    covariance_rotated,
     inverse,
     matrix,
+    transformed,
     transforms,
     turn,
     turns,
@@ -75,7 +75,7 @@ def pose(position, q):
 @given(vectors, transforms)
 def test_a_point_is_rotated_and_moved(p, t):
     got = tf2.do_transform_point(point_stamped(*p), t)
-    close(xyz(got.point), carried(np.array([p]), t)[0])
+    close(xyz(got.point), transformed(np.array([p]), t)[0])
 
 
 @ours
@@ -160,7 +160,7 @@ def test_nan_stays_nan():
     assert np.isnan(xyz(tf2.do_transform_point(point_stamped(NAN, NAN, NAN), t).point)).all()
     got = tf2.do_transform_pose(pose((1.0, 2.0, 3.0), (0.0, 0.0, NAN, 0.0)), t)
     assert np.isnan(xyzw(got.orientation)).all()
-    close(xyz(got.position), carried(np.array([[1, 2, 3]]), t)[0])
+    close(xyz(got.position), transformed(np.array([[1, 2, 3]]), t)[0])
     assert np.isnan(
         xyzw(tf2.do_transform_pose(pose((1.0, 2.0, 3.0), (INF, 0.0, 0.0, 1.0)), t).orientation)
     ).all()
@@ -174,7 +174,7 @@ square = st.lists(st.floats(-1e3, 1e3), min_size=36, max_size=36)
 def test_a_covariance_is_rotated_in_all_four_blocks(values, t):
     got = tf2.transform_covariance(values, t)
     assert type(got) is np.ndarray and got.dtype == np.float64 and got.shape == (36,)
-    assert_allclose(got.reshape(6, 6), covariance_carried(values, t), atol=1e-9)
+    assert_allclose(got.reshape(6, 6), covariance_rotated(values, t), atol=1e-9)
 
 
 @ours
@@ -207,7 +207,7 @@ def test_a_covariance_may_come_in_every_form(way):
     t = transform("map", "base", 0, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))
     form = WAYS[way](values)
     assert_allclose(
-        tf2.transform_covariance(form, t).reshape(6, 6), covariance_carried(values, t), atol=1e-12
+        tf2.transform_covariance(form, t).reshape(6, 6), covariance_rotated(values, t), atol=1e-12
     )
     message = PoseWithCovariance(pose=maker.pose(), covariance=form)
     got = tf2.do_transform_pose_with_covariance(message, t)
@@ -241,7 +241,7 @@ def test_a_pose_with_covariance_has_both():
 @ours
 @pytest.mark.parametrize("count", [0, 1, 3, 1000])
 @pytest.mark.parametrize("sequence", [list, tuple, UserList])
-def test_a_polygon_is_carried_point_by_point(count, sequence):
+def test_a_polygon_is_transformed_point_by_point(count, sequence):
     corners = np.random.default_rng(count).uniform(-100, 100, (count, 3))
     polygon = Polygon(points=sequence(Point32(x=x, y=y, z=z) for x, y, z in corners.tolist()))
     t = transform("map", "base", 0, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))
@@ -250,11 +250,11 @@ def test_a_polygon_is_carried_point_by_point(count, sequence):
         tf2.do_transform_polygon(polygon, t),
     ):
         assert type(got.points) is list and {type(p) for p in got.points} <= {Point32}
-        close(np.array([xyz(p) for p in got.points]).reshape(-1, 3), carried(corners, t))
+        close(np.array([xyz(p) for p in got.points]).reshape(-1, 3), transformed(corners, t))
 
 
 @ours
-def test_the_poses_of_an_array_are_carried_one_by_one():
+def test_the_poses_of_an_array_are_transformed_one_by_one():
     poses = Maker(3).message(PoseArray)
     t = transform("map", "base", 0, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))
     got = tf2.do_transform_pose_array(poses, t)
@@ -283,7 +283,7 @@ def test_a_force_has_its_torque_about_the_new_origin(force, torque, t):
     r = turn(t.transform.rotation)
     assert_allclose(xyz(got.force), r.apply(force), rtol=1e-12, atol=1e-8)
     # The moment of the force about the new origin, from two points on its line.
-    ends = carried(np.array([[0, 0, 0], force]), t)
+    ends = transformed(np.array([[0, 0, 0], force]), t)
     moment = np.cross(ends[0], ends[1])
     assert_allclose(xyz(got.torque), r.apply(torque) + moment, rtol=1e-9, atol=1e-3)
 
@@ -319,7 +319,7 @@ def test_a_velocity_moves_points_alike_in_both_frames(linear, angular, t):
     got = tf2.do_transform_velocity_stamped(velocity, t).velocity
     point = np.array([0.5, -2.0, 1.0])
     seen_in_base = linear + np.cross(angular, point)
-    seen_in_map = xyz(got.linear) + np.cross(xyz(got.angular), carried(point[None], t)[0])
+    seen_in_map = xyz(got.linear) + np.cross(xyz(got.angular), transformed(point[None], t)[0])
     assert_allclose(seen_in_map, turn(t.transform.rotation).apply(seen_in_base), rtol=1e-9, atol=1e-4)
 
 
@@ -354,13 +354,13 @@ def test_a_pose_in_another_frame_than_its_path_is_a_value_error():
 
 
 @ours
-def test_an_odometry_has_its_pose_carried_and_its_twist_left_alone():
+def test_an_odometry_has_its_pose_transformed_and_its_twist_left_alone():
     odometry = Maker(22).message(Odometry)
     t = transform("map", "base", 0, (1, 2, 3), (0.1, 0.2, 0.3, 0.9))
     got = tf2.do_transform_odometry(odometry, t)
     assert got.pose == tf2.do_transform_pose_with_covariance(odometry.pose, t)
     assert got.twist == odometry.twist
-    assert (got.header.frame_id, got.child_frame_id) == ("map", "wheels")
+    assert (got.header.frame_id, got.child_frame_id) == ("map", odometry.child_frame_id)
 
 
 @ours

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from carrying import Maker, carried, inverse, matrix, transforms, turn, xyz, xyzw
+from carrying import Maker, inverse, matrix, transformed, transforms, turn, xyz, xyzw
 from geometry_msgs.msg import Quaternion, TransformStamped
 from hypothesis import given
 from hypothesis import strategies as st
@@ -104,14 +104,14 @@ class Arrangement:
         return bytearray(b"".join(bytes(data[start : start + new.point_step]) for start in starts))
 
     def expected(self, cloud, t, triples):
-        """The bytes that a cloud has after NumPy carried it; triples of a name and whether they move."""
+        """The bytes that a cloud has after NumPy transformed it; triples of a name and whether they move."""
         data = self.kept(cloud.data)
         self = self.result()
         for names, moves in triples:
             by = copy.deepcopy(t)
             if not moves:
                 by.transform.translation = type(by.transform.translation)()
-            new = carried(self.triple(data, names).astype(np.float64), by)
+            new = transformed(self.triple(data, names).astype(np.float64), by)
             for i, name in enumerate(names):
                 self.column(data, name)[:] = new[:, i].reshape(self.height, self.width)
         return data
@@ -450,7 +450,7 @@ def test_points_of_an_array_of_any_strides(view, dtype, t, count, seed):
     before = points.copy()
     got = tf2.transform_points(points, t)
     assert got.dtype == dtype and got.shape == (count, 3)
-    wanted = carried(before.astype(np.float64), t)
+    wanted = transformed(before.astype(np.float64), t)
     # The translation reaches 1e6.
     assert_allclose(got, wanted, rtol=2e-7 if dtype == np.float32 else 1e-12, atol=1e-8)
     assert np.array_equal(points, before)
@@ -461,7 +461,7 @@ def test_points_of_an_array_of_any_strides(view, dtype, t, count, seed):
 def test_whole_numbers_and_lists_come_out_as_doubles(points, t):
     got = tf2.transform_points(points, t)
     assert got.dtype == np.float64
-    assert_allclose(got, carried(np.array([[1, 2, 3], [4, 5, 6]]), t))
+    assert_allclose(got, transformed(np.array([[1, 2, 3], [4, 5, 6]]), t))
 
 
 @pytest.mark.parametrize("shape", [(3,), (2, 2), (2, 4), (1, 2, 3), (0,), ()])

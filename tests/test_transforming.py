@@ -1,4 +1,4 @@
-"""Objects carried by a buffer: every known type, types of one's own, and types that nobody knows."""
+"""Objects transformed by a buffer: every known type, types of one's own, and types that nobody knows."""
 
 import asyncio
 import subprocess
@@ -6,8 +6,9 @@ import sys
 import textwrap
 
 import pytest
-from carrying import STAMPED, UNSTAMPED, Maker, numbers
+from carrying import Maker, numbers
 from geometry_msgs.msg import PointStamped, PolygonInstance, PoseStamped
+from known_types import STAMPED, UNSTAMPED
 from making import at, stamp_ns, transform
 from rclpy.duration import Duration
 from rclpy.time import Time
@@ -41,7 +42,7 @@ def cloud():
 
 
 @pytest.mark.parametrize("cls", STAMPED, ids=lambda cls: cls.__name__)
-def test_every_type_with_a_header_is_carried(tf2_ros, buffer, cls):
+def test_every_type_with_a_header_is_transformed(tf2_ros, buffer, cls):
     message = stamped(Maker(1).message(cls), 2.5)
     got = buffer.transform(message, "map")
     wanted = tf2_ros.TransformRegistration().get(cls)(
@@ -52,7 +53,7 @@ def test_every_type_with_a_header_is_carried(tf2_ros, buffer, cls):
     assert numbers(got) != numbers(message)
 
 
-def test_a_cloud_without_a_time_is_carried_by_the_latest_and_keeps_its_stamp(buffer):
+def test_a_cloud_without_a_time_is_transformed_by_the_latest_and_keeps_its_stamp(buffer):
     got = buffer.transform(stamped(cloud(), 0), "map")
     assert (got.header.frame_id, stamp_ns(got)) == ("map", 0)
 
@@ -138,7 +139,7 @@ def test_the_result_becomes_the_type_asked_for(buffer, spots, way):
     assert type(got) is Spot and got.xyz == [3.0, 0.0, 0.0] and got.header.frame_id == "map"
 
 
-def test_types_of_ones_own_are_carried_and_converted(buffer, spots):
+def test_types_of_ones_own_are_transformed_and_converted(buffer, spots):
     spot = stamped(Spot(PointStamped().header, [1.0, 2.0, 3.0]), 3)
     assert buffer.transform(spot, "map").xyz == [101.0, 102.0, 103.0]
     got = buffer.transform(spot, "map", new_type=PointStamped)

@@ -1,43 +1,20 @@
-"""The types of geometry_msgs and nav_msgs carried from frame to frame."""
+"""The types of geometry_msgs and nav_msgs transformed from frame to frame."""
 
-import contextlib
-
-# Public programs take message classes from here; they stay outside __all__.
-from geometry_msgs.msg import (  # noqa: F401
-    AccelStamped,
-    Polygon,
-    PoseArray,
-    PoseWithCovariance,
-    Quaternion,
-    QuaternionStamped,
-    Transform,
-    TwistStamped,
-    Vector3,
-    VelocityStamped,
-    Wrench,
-    WrenchStamped,
-)
+from typing import TYPE_CHECKING
 
 from tf2_geometry_msgs import tf2_geometry_msgs
-from tf2_geometry_msgs._lists import do_transform_polygon as do_transform_polygon
-from tf2_geometry_msgs._lists import do_transform_pose_array as do_transform_pose_array
-from tf2_geometry_msgs._motion import do_transform_accel_stamped as do_transform_accel_stamped
-from tf2_geometry_msgs._motion import do_transform_twist_stamped as do_transform_twist_stamped
-from tf2_geometry_msgs._motion import do_transform_velocity_stamped as do_transform_velocity_stamped
-from tf2_geometry_msgs._motion import do_transform_wrench as do_transform_wrench
-from tf2_geometry_msgs._motion import do_transform_wrench_stamped as do_transform_wrench_stamped
-from tf2_geometry_msgs._transform import (
-    do_transform_pose_with_covariance as do_transform_pose_with_covariance,
-)
-from tf2_geometry_msgs._transform import do_transform_quaternion as do_transform_quaternion
-from tf2_geometry_msgs._transform import do_transform_quaternion_stamped as do_transform_quaternion_stamped
-from tf2_geometry_msgs._transform import do_transform_transform as do_transform_transform
-from tf2_geometry_msgs._transform import do_transform_transform_stamped as do_transform_transform_stamped
+from tf2_geometry_msgs._types import TYPES as _TYPES
 from tf2_geometry_msgs.tf2_geometry_msgs import *  # noqa: F403
+from tf2_ros._registration import names_of as _names_of
 
-with contextlib.suppress(ImportError):  # without nav_msgs they are not there
-    from tf2_geometry_msgs.tf2_geometry_msgs import do_transform_odometry as do_transform_odometry
-    from tf2_geometry_msgs.tf2_geometry_msgs import do_transform_path as do_transform_path
+if TYPE_CHECKING:  # the table's functions, as their stubs declare them
+    from tf2_geometry_msgs._lists import *  # noqa: F403
+    from tf2_geometry_msgs._motion import *  # noqa: F403
+    from tf2_geometry_msgs._nav import *  # noqa: F403
+    from tf2_geometry_msgs._transform import *  # noqa: F403
+
+# Types that tf2 lacks, and message classes, which public programs take from here, stay outside __all__.
+globals().update(_names_of(_TYPES))
 
 __all__ = ["tf2_geometry_msgs"]
 __all__ += tf2_geometry_msgs.__all__

@@ -62,7 +62,7 @@ def _build_affine(
     rotation: Iterable[float] | None = None, translation: Iterable[float] | None = None
 ) -> Matrix:
     """
-    The 4x4 matrix that turns and then moves.
+    The 4x4 matrix of a rotation followed by a translation.
 
     :param rotation: w, x, y, z.
     :param translation: x, y, z.

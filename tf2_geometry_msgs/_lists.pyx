@@ -1,9 +1,8 @@
-"""Owns carrying lists of points and poses of geometry_msgs into another frame, in one pass each."""
+"""Owns transforming lists of points and poses of geometry_msgs, in one pass each."""
 
-from tf2_geometry_msgs._parts cimport part, point32_layout
-from tf2_geometry_msgs._transform cimport carried_point, carried_pose, stamped
-from tf2_py._core.types cimport Transform
-from tf2_py._objects.messages cimport Layout, read_transform
+from tf2_geometry_msgs._parts cimport get_field, point32_layout, set_field
+from tf2_geometry_msgs._transform cimport stamped, transformed_point, transformed_pose
+from tf2_py._internal cimport Layout, Transform, read_transform
 
 from geometry_msgs.msg import Polygon, PolygonStamped, PoseArray
 
@@ -12,48 +11,55 @@ cdef Layout polygon_stamped_layout = Layout(PolygonStamped, ("header", "polygon"
 cdef Layout pose_array_layout = Layout(PoseArray, ("header", "poses"))
 
 
-cdef object _carried_polygon(object polygon, const Transform* transform):
-    points = [carried_point(point32_layout, point, transform) for point in part(polygon_layout, polygon, 0)]
+cdef object _transformed_polygon(object polygon, const Transform* transform):
+    corners = get_field(polygon_layout, polygon, "points")
+    points = [transformed_point(point32_layout, point, transform) for point in corners]
     message = polygon_layout.new()
-    polygon_layout.put(message, 0, points)
+    set_field(polygon_layout, message, "points", points)
     return message
 
 
 def do_transform_polygon(polygon, transform):
-    """Carry each point of a polygon into the frame of a transform: p' = R p + t.
+    """Transform each point of a polygon: p' = R p + t, in double precision.
 
-    Computed in double precision; the message's float32 is what goes over the wire.
+    A new Point32 holds doubles, as every Python message does; it is rounded to float32 when it is serialised.
 
     :param polygon: a Polygon of any number of Point32, metres
-    :param transform: a TransformStamped or Transform
-    :returns: a new Polygon
-    :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation is not finite
+    :param transform: a TransformStamped or Transform, metres
+    :return: a new Polygon
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the transform's rotation is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
-    return _carried_polygon(polygon, &by)
+    cdef Transform tf
+    read_transform(transform, &tf)
+    return _transformed_polygon(polygon, &tf)
 
 
 def do_transform_polygon_stamped(polygon, transform):
-    """`do_transform_polygon` for a PolygonStamped and a TransformStamped.
+    """Transform each point of a polygon, as `do_transform_polygon` does.
 
-    :returns: a new PolygonStamped with the transform's frame and stamp
+    :param polygon: a PolygonStamped, metres
+    :param transform: a TransformStamped, metres
+    :return: a new PolygonStamped with the transform's frame and stamp
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the transform's rotation is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
-    content = _carried_polygon(part(polygon_stamped_layout, polygon, 1), &by)
-    return stamped(polygon_stamped_layout, content, transform)
+    cdef Transform tf
+    read_transform(transform, &tf)
+    content = _transformed_polygon(get_field(polygon_stamped_layout, polygon, "polygon"), &tf)
+    return stamped(polygon_stamped_layout, "polygon", content, transform)
 
 
 def do_transform_pose_array(poses, transform):
-    """Carry each pose of a PoseArray into the frame of a TransformStamped, as `do_transform_pose` does.
+    """Transform each pose of an array, as `do_transform_pose` does.
 
-    :returns: a new PoseArray with the transform's frame and stamp
-    :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation is not finite
+    :param poses: a PoseArray, metres
+    :param transform: a TransformStamped, metres
+    :return: a new PoseArray with the transform's frame and stamp
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the transform's rotation is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
-    content = [carried_pose(pose, &by) for pose in part(pose_array_layout, poses, 1)]
-    return stamped(pose_array_layout, content, transform)
+    cdef Transform tf
+    read_transform(transform, &tf)
+    content = [transformed_pose(pose, &tf) for pose in get_field(pose_array_layout, poses, "poses")]
+    return stamped(pose_array_layout, "poses", content, transform)

@@ -1,4 +1,4 @@
-"""3x3 matrices on C doubles, row by row: of a rotation, and what one does to a covariance."""
+"""3x3 matrices on C doubles, row by row: of a rotation, and the rotation of a covariance."""
 
 
 cdef inline void matrix_from_quaternion(const double* q, double* out) noexcept nogil:
@@ -42,7 +42,7 @@ cdef inline void covariance_rotate(const double* r, const double* c, int side, d
     # that filters rely on: the mean of r b r^T and (r b^T r^T)^T, equal but for rounding, gives for a
     # block's transpose the transpose of the result, bit by bit.
     cdef double block[9]
-    cdef double turned[9]
+    cdef double transposed[9]
     cdef double straight[9]
     cdef double mirrored[9]
     cdef int row, column, i, j
@@ -51,9 +51,9 @@ cdef inline void covariance_rotate(const double* r, const double* c, int side, d
             for i in range(3):
                 for j in range(3):
                     block[3 * i + j] = c[side * (row + i) + column + j]
-                    turned[3 * j + i] = block[3 * i + j]
+                    transposed[3 * j + i] = block[3 * i + j]
             matrix_sandwich(r, block, straight)
-            matrix_sandwich(r, turned, mirrored)
+            matrix_sandwich(r, transposed, mirrored)
             for i in range(3):
                 for j in range(3):
                     out[side * (row + i) + column + j] = 0.5 * straight[3 * i + j] + 0.5 * mirrored[3 * j + i]

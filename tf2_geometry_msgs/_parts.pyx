@@ -1,26 +1,33 @@
 """Owns the parts that geometry messages share: reading them into C doubles, and making new ones."""
 
+from cpython.float cimport PyFloat_AS_DOUBLE, PyFloat_CheckExact
+from cpython.object cimport PyObject
 from cpython.unicode cimport PyUnicode_Check
 from libc.math cimport NAN
 from libc.string cimport memcpy
 
 cimport numpy as cnp
 
-from tf2_py._core.geometry cimport quaternion_normalise_any
-from tf2_py._core.types cimport Transform
-from tf2_py._objects.messages cimport (
+from tf2_py._internal cimport (
     Layout,
+    Transform,
     header_layout,
     load,
+    nanoseconds,
     new_header,
-    time_to_ns,
+    quaternion_normalise_any,
     transform_stamped_layout,
 )
 
 import numpy as np
 from geometry_msgs.msg import Point, Point32, Pose, Quaternion, Vector3
 
-from tf2_py._objects.errors import MalformedObjectError
+from tf2_py._internal import MalformedObjectError
+
+cdef extern from "Python.h":
+    # Without counting references.
+    Py_ssize_t PyTuple_GET_SIZE(PyObject* items)
+    PyObject* PyTuple_GET_ITEM(PyObject* items, Py_ssize_t index)
 
 cnp.import_array()
 load()
@@ -32,7 +39,7 @@ cdef Layout quaternion_layout = Layout(Quaternion, ("x", "y", "z", "w"))
 cdef Layout pose_layout = Layout(Pose, ("position", "orientation"))
 
 
-cdef _misfit(Layout layout, object message, Exception reason):
+cdef _type_error(Layout layout, object message, Exception reason):
     kind = MalformedObjectError if isinstance(reason, AttributeError) else TypeError
     cls = layout.message_class
     name = f"{cls.__module__.partition('.')[0]}/{cls.__name__}"
@@ -40,18 +47,50 @@ cdef _misfit(Layout layout, object message, Exception reason):
     return kind(f"expected a {name} or an object with its fields, got {got}: {reason}")
 
 
-cdef object part(Layout layout, object message, int index):
+cdef int _index_of(Layout layout, str name) except -1:
+    # Python interns the names in all modules, so that nearly always the same name is the same object.
+    cdef PyObject* fields = <PyObject*>layout.fields
+    cdef Py_ssize_t i
+    for i in range(PyTuple_GET_SIZE(fields)):
+        if PyTuple_GET_ITEM(fields, i) == <PyObject*>name:
+            return i
+    if name not in layout.fields:
+        raise LookupError(f"the layout of {layout.message_class.__name__} has no field {name!r}")
+    return layout.fields.index(name)
+
+
+cdef object get_field(Layout layout, object message, str name):
+    cdef PyObject* value = layout.peek(message, _index_of(layout, name))
+    return <object>value if value != NULL else _get_attribute(layout, message, name)
+
+
+cdef object _get_attribute(Layout layout, object message, str name):
     try:
-        return layout.get(message, index)
+        return getattr(message, name)
     except AttributeError as missing:
-        raise _misfit(layout, message, missing) from None
+        raise _type_error(layout, message, missing) from None
+
+
+cdef int set_field(Layout layout, object message, str name, object value) except -1:
+    return layout.put(message, _index_of(layout, name), value)
 
 
 cdef int read_doubles(Layout layout, object message, double* out, int count) except -1:
+    cdef PyObject* value
+    cdef int i
+    for i in range(count):
+        value = layout.peek(message, i)
+        if value == NULL or not PyFloat_CheckExact(<object>value):
+            return _read_numbers(layout, message, out, count)
+        out[i] = PyFloat_AS_DOUBLE(<object>value)
+    return 0
+
+
+cdef int _read_numbers(Layout layout, object message, double* out, int count) except -1:
     try:
         return layout.get_doubles(message, out, count)
     except (AttributeError, TypeError) as missing:
-        raise _misfit(layout, message, missing) from None
+        raise _type_error(layout, message, missing) from None
 
 
 cdef int read_orientation(object quaternion, double* out) except -1:
@@ -64,14 +103,14 @@ cdef int read_orientation(object quaternion, double* out) except -1:
 
 
 cdef int read_pose(object pose, Transform* out) except -1:
-    read_doubles(point_layout, part(pose_layout, pose, 0), out.translation, 3)
-    return read_orientation(part(pose_layout, pose, 1), out.rotation)
+    read_doubles(point_layout, get_field(pose_layout, pose, "position"), out.translation, 3)
+    return read_orientation(get_field(pose_layout, pose, "orientation"), out.rotation)
 
 
 cdef int read_covariance(object covariance, int side, double* out) except -1:
     cdef cnp.ndarray values
     cdef int count = side * side
-    if not cnp.PyArray_CheckExact(covariance) or not _is_plain(covariance):
+    if not cnp.PyArray_CheckExact(covariance) or not _is_contiguous_doubles(covariance):
         try:
             covariance = np.asarray(covariance, dtype=np.float64, order="C")
         except (TypeError, ValueError) as reason:
@@ -85,37 +124,51 @@ cdef int read_covariance(object covariance, int side, double* out) except -1:
     return 0
 
 
-cdef bint _is_plain(cnp.ndarray values):
+cdef bint _is_contiguous_doubles(cnp.ndarray values):
     return cnp.PyArray_TYPE(values) == cnp.NPY_DOUBLE and cnp.PyArray_ISCARRAY_RO(values)
 
 
-cdef object target_frame(object transform):
-    frame_id = part(header_layout, part(transform_stamped_layout, transform, 0), 1)
+cdef object copy_shallow(Layout layout, object message):
+    cdef PyObject* value
+    cdef int i
+    copy = layout.new()
+    for i, name in enumerate(layout.fields):
+        value = layout.peek(message, i)
+        layout.put(copy, i, <object>value if value != NULL else _get_attribute(layout, message, name))
+    return copy
+
+
+cdef object _frame_id_of(object header):
+    frame_id = get_field(header_layout, header, "frame_id")
     if not PyUnicode_Check(frame_id):
         raise TypeError(f"a frame_id must be a str, not {type(frame_id).__name__}")
     return frame_id
 
 
+cdef object target_frame(object transform):
+    return _frame_id_of(get_field(transform_stamped_layout, transform, "header"))
+
+
 cdef object target_header(object transform):
-    stamp = part(header_layout, part(transform_stamped_layout, transform, 0), 0)
-    return new_header(time_to_ns(stamp), target_frame(transform))
+    header = get_field(transform_stamped_layout, transform, "header")
+    return new_header(nanoseconds(get_field(header_layout, header, "stamp"), "a time"), _frame_id_of(header))
 
 
 cdef object new_orientation(const double* q):
-    cdef double turned[4]
+    cdef double negated[4]
     if q[3] >= 0.0:
         return quaternion_layout.new_doubles(q, 4)
-    turned[0] = -q[0]
-    turned[1] = -q[1]
-    turned[2] = -q[2]
-    turned[3] = -q[3]
-    return quaternion_layout.new_doubles(turned, 4)
+    negated[0] = -q[0]
+    negated[1] = -q[1]
+    negated[2] = -q[2]
+    negated[3] = -q[3]
+    return quaternion_layout.new_doubles(negated, 4)
 
 
 cdef object new_pose(const Transform* pose):
     message = pose_layout.new()
-    pose_layout.put(message, 0, point_layout.new_doubles(pose.translation, 3))
-    pose_layout.put(message, 1, new_orientation(pose.rotation))
+    set_field(pose_layout, message, "position", point_layout.new_doubles(pose.translation, 3))
+    set_field(pose_layout, message, "orientation", new_orientation(pose.rotation))
     return message
 
 

@@ -1,23 +1,31 @@
-"""Owns carrying points, vectors, poses, rotations and transforms of geometry_msgs into another frame."""
+"""Owns transforming points, vectors, poses, rotations and transforms of geometry_msgs."""
 
 from tf2_geometry_msgs._matrix cimport covariance_rotate, matrix_from_quaternion
 from tf2_geometry_msgs._parts cimport (
+    get_field,
     new_covariance,
     new_orientation,
     new_pose,
-    part,
     point32_layout,
     point_layout,
     read_covariance,
     read_doubles,
     read_orientation,
     read_pose,
+    set_field,
     target_header,
     vector3_layout,
 )
-from tf2_py._core.geometry cimport quaternion_multiply, transform_compose, vector_rotate
-from tf2_py._core.types cimport Transform
-from tf2_py._objects.messages cimport Layout, read_transform, transform_layout, transform_stamped_layout
+from tf2_py._internal cimport (
+    Layout,
+    Transform,
+    quaternion_multiply,
+    read_transform,
+    transform_compose,
+    transform_layout,
+    transform_stamped_layout,
+    vector_rotate,
+)
 
 from geometry_msgs.msg import (
     PointStamped,
@@ -36,14 +44,14 @@ cdef Layout pose_with_covariance_layout = Layout(PoseWithCovariance, ("pose", "c
 cdef Layout pose_with_covariance_stamped_layout = Layout(PoseWithCovarianceStamped, ("header", "pose"))
 
 
-cdef object stamped(Layout layout, object content, object transform):
+cdef object stamped(Layout layout, str name, object content, object transform):
     message = layout.new()
-    layout.put(message, 0, target_header(transform))
-    layout.put(message, 1, content)
+    set_field(layout, message, "header", target_header(transform))
+    set_field(layout, message, name, content)
     return message
 
 
-cdef object carried_point(Layout layout, object point, const Transform* transform):
+cdef object transformed_point(Layout layout, object point, const Transform* transform):
     cdef double xyz[3]
     cdef int i
     read_doubles(layout, point, xyz, 3)
@@ -53,56 +61,54 @@ cdef object carried_point(Layout layout, object point, const Transform* transfor
     return layout.new_doubles(xyz, 3)
 
 
-cdef object carried_vector(object vector, const Transform* transform):
+cdef object rotated_vector(object vector, const Transform* transform):
     cdef double xyz[3]
     read_doubles(vector3_layout, vector, xyz, 3)
     vector_rotate(transform.rotation, xyz, xyz)
     return vector3_layout.new_doubles(xyz, 3)
 
 
-cdef object carried_pose(object pose, const Transform* transform):
-    cdef Transform carried
-    read_pose(pose, &carried)
-    transform_compose(transform, &carried, &carried)
-    return new_pose(&carried)
+cdef object transformed_pose(object pose, const Transform* transform):
+    cdef Transform result
+    read_pose(pose, &result)
+    transform_compose(transform, &result, &result)
+    return new_pose(&result)
 
 
-cdef object carried_pose_with_covariance(object pose, const Transform* transform):
-    message = pose_with_covariance_layout.new()
-    pose_with_covariance_layout.put(
-        message, 0, carried_pose(part(pose_with_covariance_layout, pose, 0), transform)
-    )
-    pose_with_covariance_layout.put(
-        message, 1, _carried_covariance(part(pose_with_covariance_layout, pose, 1), transform)
-    )
+cdef object transformed_pose_with_covariance(object pose, const Transform* transform):
+    cdef Layout layout = pose_with_covariance_layout
+    message = layout.new()
+    set_field(layout, message, "pose", transformed_pose(get_field(layout, pose, "pose"), transform))
+    covariance = get_field(layout, pose, "covariance")
+    set_field(layout, message, "covariance", _rotated_covariance(covariance, transform))
     return message
 
 
-cdef object _carried_covariance(object covariance, const Transform* transform):
+cdef object _rotated_covariance(object covariance, const Transform* transform):
     cdef double values[36]
-    cdef double turned[36]
+    cdef double rotated[36]
     cdef double matrix[9]
     read_covariance(covariance, 6, values)
     matrix_from_quaternion(transform.rotation, matrix)
-    covariance_rotate(matrix, values, 6, turned)
-    return new_covariance(turned, 6)
+    covariance_rotate(matrix, values, 6, rotated)
+    return new_covariance(rotated, 6)
 
 
-cdef object _carried_quaternion(object quaternion, const Transform* transform):
+cdef object _rotated_quaternion(object quaternion, const Transform* transform):
     cdef double q[4]
     read_orientation(quaternion, q)
     quaternion_multiply(transform.rotation, q, q)
     return new_orientation(q)
 
 
-cdef object _carried_transform(object content, const Transform* transform):
-    cdef Transform carried
-    read_doubles(vector3_layout, part(transform_layout, content, 0), carried.translation, 3)
-    read_orientation(part(transform_layout, content, 1), carried.rotation)
-    transform_compose(transform, &carried, &carried)
+cdef object _composed_transform(object content, const Transform* transform):
+    cdef Transform result
+    read_doubles(vector3_layout, get_field(transform_layout, content, "translation"), result.translation, 3)
+    read_orientation(get_field(transform_layout, content, "rotation"), result.rotation)
+    transform_compose(transform, &result, &result)
     message = transform_layout.new()
-    transform_layout.put(message, 0, vector3_layout.new_doubles(carried.translation, 3))
-    transform_layout.put(message, 1, new_orientation(carried.rotation))
+    set_field(transform_layout, message, "translation", vector3_layout.new_doubles(result.translation, 3))
+    set_field(transform_layout, message, "rotation", new_orientation(result.rotation))
     return message
 
 
@@ -122,147 +128,169 @@ def transform_covariance(cov_in, transform):
     :param cov_in: 36 numbers, row by row: the 6x6 covariance of x y z in metres and of the rotations about
         x y z in radians
     :param transform: a TransformStamped or Transform
-    :returns: a float64 array of shape (36,)
-    :raises TypeError: for anything else
-    :raises ValueError: for another count of numbers, or a transform whose rotation is not finite
+    :return: a float64 array of shape (36,)
+    :raises TypeError: `cov_in` is no numbers, or `transform` is of another type
+    :raises ValueError: `cov_in` is another count of numbers, or the transform's rotation is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
-    return _carried_covariance(cov_in, &by)
+    cdef Transform tf
+    read_transform(transform, &tf)
+    return _rotated_covariance(cov_in, &tf)
 
 
 def do_transform_point(point, transform):
-    """Carry a point into the frame of a transform: p' = R p + t.
+    """Transform a point: p' = R p + t.
 
-    :param point: a PointStamped, or a Point or Point32, metres
-    :param transform: a TransformStamped; for a point without a header a Transform will do
-    :returns: a new message of the type given; its header, if any, has the transform's frame and stamp
-    :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation is not finite
+    :param point: a PointStamped, Point or Point32, metres
+    :param transform: a TransformStamped; for a point without a header also a Transform; metres
+    :return: a new message of the same class; its header, if any, has the transform's frame and stamp
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the transform's rotation is not finite
     """
-    cdef Transform by
+    cdef Transform tf
     cdef Layout layout = point_layout
-    read_transform(transform, &by)
+    read_transform(transform, &tf)
     if type(point) is point_stamped_layout.message_class or not _has_axes(point):
-        content = carried_point(point_layout, part(point_stamped_layout, point, 1), &by)
-        return stamped(point_stamped_layout, content, transform)
+        content = transformed_point(point_layout, get_field(point_stamped_layout, point, "point"), &tf)
+        return stamped(point_stamped_layout, "point", content, transform)
     if isinstance(point, point32_layout.message_class):
         layout = point32_layout
-    return carried_point(layout, point, &by)
+    return transformed_point(layout, point, &tf)
 
 
 def do_transform_vector3(vector3, transform):
-    """Turn a free vector into the frame of a transform: v' = R v. The translation counts for nothing.
+    """Rotate a free vector: v' = R v. The translation does not count.
 
-    :param vector3: a Vector3Stamped or Vector3
-    :param transform: a TransformStamped, which stays as it is; for a Vector3 a Transform will do
-    :returns: a new message of the type given; its header, if any, has the transform's frame and stamp
-    :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation is not finite
+    :param vector3: a Vector3Stamped or Vector3, of any unit
+    :param transform: a TransformStamped; for a Vector3 also a Transform
+    :return: a new message of the same class; its header, if any, has the transform's frame and stamp
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the transform's rotation is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
+    cdef Transform tf
+    read_transform(transform, &tf)
     if type(vector3) is vector3_stamped_layout.message_class or not _has_axes(vector3):
-        content = carried_vector(part(vector3_stamped_layout, vector3, 1), &by)
-        return stamped(vector3_stamped_layout, content, transform)
-    return carried_vector(vector3, &by)
+        content = rotated_vector(get_field(vector3_stamped_layout, vector3, "vector"), &tf)
+        return stamped(vector3_stamped_layout, "vector", content, transform)
+    return rotated_vector(vector3, &tf)
 
 
 def do_transform_quaternion(quaternion, transform):
-    """Carry an orientation into the frame of a transform: q' = r q, the transform's rotation on the left.
+    """Rotate an orientation: q' = r q, the transform's rotation on the left.
 
-    :param quaternion: a Quaternion; of any length, zero counts as no rotation
+    :param quaternion: a Quaternion of any length; zero length counts as no rotation
     :param transform: a TransformStamped or Transform
-    :returns: a new Quaternion of length one with w >= 0
-    :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation is not finite
+    :return: a new Quaternion of length one with w >= 0
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the transform's rotation is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
-    return _carried_quaternion(quaternion, &by)
+    cdef Transform tf
+    read_transform(transform, &tf)
+    return _rotated_quaternion(quaternion, &tf)
 
 
 def do_transform_quaternion_stamped(quaternion, transform):
-    """`do_transform_quaternion` for a QuaternionStamped and a TransformStamped.
+    """Rotate an orientation, as `do_transform_quaternion` does.
 
-    :returns: a new QuaternionStamped with the transform's frame and stamp
+    :param quaternion: a QuaternionStamped, of any length; zero length counts as no rotation
+    :param transform: a TransformStamped
+    :return: a new QuaternionStamped with the transform's frame and stamp
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the transform's rotation is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
-    content = _carried_quaternion(part(quaternion_stamped_layout, quaternion, 1), &by)
-    return stamped(quaternion_stamped_layout, content, transform)
+    cdef Transform tf
+    read_transform(transform, &tf)
+    content = _rotated_quaternion(get_field(quaternion_stamped_layout, quaternion, "quaternion"), &tf)
+    return stamped(quaternion_stamped_layout, "quaternion", content, transform)
 
 
 def do_transform_pose(pose, transform):
-    """Carry a pose into the frame of a transform: p' = R p + t, q' = r q.
+    """Transform a pose: p' = R p + t, q' = r q.
 
-    :param pose: a Pose, metres; its orientation of any length, zero counts as no rotation
-    :param transform: a TransformStamped or Transform
-    :returns: a new Pose; its orientation has length one and w >= 0
-    :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation is not finite
+    :param pose: a Pose, metres; its orientation of any length; zero length counts as no rotation
+    :param transform: a TransformStamped or Transform, metres
+    :return: a new Pose; its orientation has length one and w >= 0
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the transform's rotation is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
-    return carried_pose(pose, &by)
+    cdef Transform tf
+    read_transform(transform, &tf)
+    return transformed_pose(pose, &tf)
 
 
 def do_transform_pose_stamped(pose, transform):
-    """`do_transform_pose` for a PoseStamped and a TransformStamped.
+    """Transform a pose, as `do_transform_pose` does.
 
-    :returns: a new PoseStamped with the transform's frame and stamp
+    :param pose: a PoseStamped, metres
+    :param transform: a TransformStamped, metres
+    :return: a new PoseStamped with the transform's frame and stamp
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the transform's rotation is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
-    content = carried_pose(part(pose_stamped_layout, pose, 1), &by)
-    return stamped(pose_stamped_layout, content, transform)
+    cdef Transform tf
+    read_transform(transform, &tf)
+    content = transformed_pose(get_field(pose_stamped_layout, pose, "pose"), &tf)
+    return stamped(pose_stamped_layout, "pose", content, transform)
 
 
 def do_transform_pose_with_covariance(pose, transform):
-    """`do_transform_pose` for a PoseWithCovariance; its covariance as by `transform_covariance`.
+    """Transform a pose as `do_transform_pose` does, and its covariance as `transform_covariance` does.
 
-    :returns: a new PoseWithCovariance
+    :param pose: a PoseWithCovariance, metres and radians
+    :param transform: a TransformStamped or Transform, metres
+    :return: a new PoseWithCovariance
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the covariance is not 36 numbers, or the transform's rotation is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
-    return carried_pose_with_covariance(pose, &by)
+    cdef Transform tf
+    read_transform(transform, &tf)
+    return transformed_pose_with_covariance(pose, &tf)
 
 
 def do_transform_pose_with_covariance_stamped(pose, transform):
-    """`do_transform_pose_with_covariance` for a PoseWithCovarianceStamped and a TransformStamped.
+    """Transform a pose and its covariance, as `do_transform_pose_with_covariance` does.
 
-    :returns: a new PoseWithCovarianceStamped with the transform's frame and stamp
+    :param pose: a PoseWithCovarianceStamped, metres and radians
+    :param transform: a TransformStamped, metres
+    :return: a new PoseWithCovarianceStamped with the transform's frame and stamp
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the covariance is not 36 numbers, or the transform's rotation is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
-    content = carried_pose_with_covariance(part(pose_with_covariance_stamped_layout, pose, 1), &by)
-    return stamped(pose_with_covariance_stamped_layout, content, transform)
+    cdef Transform tf
+    read_transform(transform, &tf)
+    content = transformed_pose_with_covariance(
+        get_field(pose_with_covariance_stamped_layout, pose, "pose"), &tf
+    )
+    return stamped(pose_with_covariance_stamped_layout, "pose", content, transform)
 
 
 def do_transform_transform(content, transform):
-    """Put one transform behind another: T' = T_transform T_content.
+    """Compose two transforms: T' = T_transform T_content.
 
-    :param content: a Transform
-    :param transform: a TransformStamped or Transform
-    :returns: a new Transform; its rotation has length one and w >= 0
-    :raises TypeError: for other types
-    :raises ValueError: where the rotation of `transform` is not finite
+    :param content: a Transform, metres
+    :param transform: a TransformStamped or Transform, metres
+    :return: a new Transform; its rotation has length one and w >= 0
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the rotation of `transform` is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
-    return _carried_transform(content, &by)
+    cdef Transform tf
+    read_transform(transform, &tf)
+    return _composed_transform(content, &tf)
 
 
 def do_transform_transform_stamped(content, transform):
-    """`do_transform_transform` for two TransformStamped.
+    """Compose two transforms, as `do_transform_transform` does.
 
-    :returns: a new TransformStamped with the frame and stamp of `transform` and the child of `content`
+    :param content: a TransformStamped, metres
+    :param transform: a TransformStamped, metres
+    :return: a new TransformStamped with the frame and stamp of `transform` and the child of `content`
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: the rotation of `transform` is not finite
     """
-    cdef Transform by
-    read_transform(transform, &by)
-    message = transform_stamped_layout.new()
-    transform_stamped_layout.put(message, 0, target_header(transform))
-    transform_stamped_layout.put(message, 1, part(transform_stamped_layout, content, 1))
-    carried = _carried_transform(part(transform_stamped_layout, content, 2), &by)
-    transform_stamped_layout.put(message, 2, carried)
+    cdef Transform tf
+    cdef Layout layout = transform_stamped_layout
+    read_transform(transform, &tf)
+    message = layout.new()
+    set_field(layout, message, "header", target_header(transform))
+    set_field(layout, message, "child_frame_id", get_field(layout, content, "child_frame_id"))
+    set_field(layout, message, "transform", _composed_transform(get_field(layout, content, "transform"), &tf))
     return message

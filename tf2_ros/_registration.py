@@ -2,20 +2,29 @@
 
 import importlib
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from typing import Any
 
 __all__ = [
     "ConvertRegistration",
     "NotImplementedException",
+    "TransformFunctions",
     "TransformRegistration",
     "TypeException",
     "convert",
+    "from_msg_msg",
+    "names_of",
+    "register_messages",
+    "to_msg_msg",
 ]
 
-# Which package registers the types of a message package. It is imported when the first such type is seen, so
-# that a program that has a message need not know where its transformation lives.
+# The function that transforms each message class: it takes a message and a TransformStamped and returns a new
+# message of the same class.
+TransformFunctions = dict[Any, Callable[[Any, Any], Any]]
+
+# Which package registers the types of a message package. It is imported when the first such type is looked
+# up, so that a program need not know which package transforms its messages.
 _REGISTERED_BY = {
     "geometry_msgs": "tf2_geometry_msgs",
     "nav_msgs": "tf2_geometry_msgs",
@@ -56,7 +65,7 @@ def _package(key: Any) -> str:
 
 
 class _Functions(dict[Any, Callable[..., Any]]):
-    """Functions by key; one of this project stands only where no program registered its own."""
+    """Functions by key. A default, one of this project's, never replaces what a program registered."""
 
     def __init__(self, what: str) -> None:
         self._what = what
@@ -147,49 +156,103 @@ class ConvertRegistration:
     __convert_map = _Functions("tf2_ros.ConvertRegistration().add_convert()")
 
     def add_from_msg(self, key: type, callback: Callable[[Any], Any], *, default: bool = False) -> None:
-        """Register the function that makes an object of type ``key`` of a message."""
+        """
+        Register the function that makes objects of one type from messages.
+
+        :param key: the type.
+        :param callback: takes a message, returns an object of the type.
+        :param default: only where no program registers a function of its own for the type, before or after.
+        """
         self.__from_msg_map.add(key, callback, default)
 
     def add_to_msg(self, key: type, callback: Callable[[Any], Any], *, default: bool = False) -> None:
-        """Register the function that makes a message of an object of type ``key``."""
+        """
+        Register the function that makes messages from objects of one type.
+
+        :param key: the type.
+        :param callback: takes an object of the type, returns a message.
+        :param default: only where no program registers a function of its own for the type, before or after.
+        """
         self.__to_msg_map.add(key, callback, default)
 
     def add_convert(
         self, key: tuple[type, type], callback: Callable[[Any], Any], *, default: bool = False
     ) -> None:
-        """Register the function that goes straight from the first type of ``key`` to the second."""
+        """
+        Register the function that converts one type to another directly, without a message in between.
+
+        :param key: the type converted from, and the type converted to.
+        :param callback: takes an object of the first type, returns one of the second.
+        :param default: only where no program registers a function of its own for the pair, before or after.
+        """
         self.__convert_map.add(key, callback, default)
 
     def get_from_msg(self, key: type) -> Callable[[Any], Any]:
-        """Find what :meth:`add_from_msg` registered; TypeException where nothing is."""
+        """
+        Find the function that makes objects of a type from messages.
+
+        :raises TypeException: none is registered.
+        """
         return self.__from_msg_map.demand(key)
 
     def get_to_msg(self, key: type) -> Callable[[Any], Any]:
-        """Find what :meth:`add_to_msg` registered; TypeException where nothing is."""
+        """
+        Find the function that makes messages from objects of a type.
+
+        :raises TypeException: none is registered.
+        """
         return self.__to_msg_map.demand(key)
 
     def get_convert(self, key: tuple[type, type]) -> Callable[[Any], Any]:
-        """Find what :meth:`add_convert` registered; TypeException where nothing is."""
+        """
+        Find the function that converts the first type of ``key`` to the second directly.
+
+        :raises TypeException: none is registered.
+        """
         return self.__convert_map.demand(key)
 
     def find_convert(self, key: tuple[type, type]) -> Callable[[Any], Any] | None:
-        """Find what :meth:`add_convert` registered, or None."""
+        """As :meth:`get_convert`, but None where none is registered."""
         return self.__convert_map.find(key)
+
+
+def to_msg_msg(msg: Any) -> Any:
+    """Return `msg`, which is a message already."""
+    return msg
+
+
+def from_msg_msg(msg: Any) -> Any:
+    """Return `msg`, which is a message already."""
+    return msg
+
+
+def register_messages(functions: TransformFunctions) -> None:
+    """Register this project's functions for message classes, and that each class converts to itself."""
+    for cls, function in functions.items():
+        TransformRegistration().add(cls, function, default=True)
+        ConvertRegistration().add_to_msg(cls, to_msg_msg, default=True)
+        ConvertRegistration().add_from_msg(cls, from_msg_msg, default=True)
+
+
+def names_of(functions: TransformFunctions) -> Mapping[str, Any]:
+    """The message classes and the functions, each by its own name."""
+    return {entry.__name__: entry for row in functions.items() for entry in row}
 
 
 def convert(a: Any, b_type: type) -> Any:
     """
-    Turn an object into another type: straight, as a deep copy if it has that type, or through a message.
+    Convert an object to another type: directly, as a deep copy if it has that type, or through a message.
 
     :param a: the object; it is not changed.
-    :param b_type: the type wanted.
-    :raises TypeException: no way leads from the one type to the other, or it ends at a third.
+    :param b_type: the type to convert to.
+    :return: an object of that type; where a program's own function makes it, of whatever type that returns.
+    :raises TypeException: no conversion is registered, or it returns a message of another type.
     """
     registration = ConvertRegistration()
-    straight = registration.find_convert((type(a), b_type))
+    direct = registration.find_convert((type(a), b_type))
     message = a
-    if straight is not None:
-        converted = straight(a)
+    if direct is not None:
+        converted = direct(a)
     elif type(a) is b_type:
         converted = deepcopy(a)
     else:
@@ -197,7 +260,7 @@ def convert(a: Any, b_type: type) -> Any:
         from_msg = registration.get_from_msg(b_type)
         message = to_msg(a)
         converted = from_msg(message)
-    # What a program's own function makes is its own affair; but a message that only passed through is none.
+    # A program's own function may return any type; a message that was only passed on must be of `b_type`.
     if converted is message or hasattr(converted, "get_fields_and_field_types"):
         _check_type(converted, b_type, a)
     return converted

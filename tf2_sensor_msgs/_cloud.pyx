@@ -1,20 +1,19 @@
-"""Owns carrying sensor_msgs/PointCloud2 into another frame, in place on one copy of its bytes."""
+"""Owns transforming sensor_msgs/PointCloud2, in place on one copy of its bytes."""
 
 from cpython cimport array
 from libc.stdint cimport uint32_t
 from libc.string cimport memcpy
 
-from tf2_geometry_msgs._parts cimport part, target_frame
-from tf2_py._core.types cimport Transform
-from tf2_py._objects.messages cimport Layout, header_layout, new_header, read_any_rotation, time_to_ns
+from tf2_geometry_msgs._parts cimport copy_shallow, get_field, set_field, target_frame
+from tf2_py._internal cimport Layout, Transform, header_layout, nanoseconds, new_header, read_any_rotation
 from tf2_sensor_msgs._numbers cimport FLOAT32, FLOAT64, OTHER_ORDER, number_size
 from tf2_sensor_msgs._points cimport (
     Rigid,
     Triples,
     rigid_from_transform,
-    triples_carry,
-    triples_carry_wide,
     triples_fill_points,
+    triples_transform,
+    triples_transform_wide,
 )
 
 import operator
@@ -26,11 +25,8 @@ from sensor_msgs.msg import PointCloud2, PointField
 from tf2_sensor_msgs._errors import FieldError, SizeError
 
 cdef enum:
-    HEADER, HEIGHT, WIDTH, FIELDS, IS_BIGENDIAN, POINT_STEP, ROW_STEP, DATA, IS_DENSE, CLOUD_FIELDS
-
-cdef enum:
     MAX_TRIPLES = 3
-    BLOCK = 8192        # bytes that are copied, then changed while they are in the nearest cache
+    COPY_BYTES = 8192   # bytes that are copied, then changed while they are in the nearest cache
 
 cdef Layout cloud_layout = Layout(
     PointCloud2,
@@ -69,10 +65,9 @@ cdef struct Grid:
     int triple_count
 
 
-cdef uint32_t _whole(object message, Layout layout, int index) except? 0:
+cdef uint32_t _whole(object message, Layout layout, str name) except? 0:
     # A uint32 of a message, whose class may not have checked it.
-    value = part(layout, message, index)
-    name = layout.fields[index]
+    value = get_field(layout, message, name)
     try:
         value = operator.index(value)
     except TypeError:
@@ -91,21 +86,23 @@ cdef const unsigned char[::1] _bytes_of(object data):
 
 cdef dict _fields_by_name(object cloud):
     fields = {}
-    for field in part(cloud_layout, cloud, FIELDS):
-        fields.setdefault(part(field_layout, field, 0), field)     # of two alike, the first, as upstream
+    for field in get_field(cloud_layout, cloud, "fields"):
+        # Of two alike, the first, as upstream.
+        fields.setdefault(get_field(field_layout, field, "name"), field)
     return fields
 
 
 cdef int _read_coordinate(object field, str name, Py_ssize_t point_step, Triples* out,
                           int axis) except -1:
-    cdef Py_ssize_t offset = _whole(field, field_layout, 1)
+    cdef Py_ssize_t offset = _whole(field, field_layout, "offset")
     cdef Py_ssize_t size
-    datatype = part(field_layout, field, 2)
+    datatype = get_field(field_layout, field, "datatype")
     size = number_size(datatype) if isinstance(datatype, int) and 0 < datatype < <int>OTHER_ORDER else 0
     if size == 0:
         raise FieldError(f"field {name!r} is of datatype {datatype}, which is no number")
-    if part(field_layout, field, 3) > 1:
-        raise FieldError(f"field {name!r} holds {part(field_layout, field, 3)} numbers, not one")
+    count = get_field(field_layout, field, "count")
+    if count > 1:
+        raise FieldError(f"field {name!r} holds {count} numbers, not one")
     if offset + size > point_step:
         raise FieldError(f"field {name!r} at offset {offset} reaches beyond point_step {point_step}")
     out.offsets[axis] = offset
@@ -126,10 +123,10 @@ cdef int _read_triples(dict fields, tuple names, bint is_other_order, Py_ssize_t
 
 
 cdef int _read_grid(object cloud, Py_ssize_t size, Grid* out) except -1:
-    out.rows = _whole(cloud, cloud_layout, HEIGHT)
-    out.columns = _whole(cloud, cloud_layout, WIDTH)
-    out.point_step = _whole(cloud, cloud_layout, POINT_STEP)
-    out.row_step = _whole(cloud, cloud_layout, ROW_STEP)
+    out.rows = _whole(cloud, cloud_layout, "height")
+    out.columns = _whole(cloud, cloud_layout, "width")
+    out.point_step = _whole(cloud, cloud_layout, "point_step")
+    out.row_step = _whole(cloud, cloud_layout, "row_step")
     out.size = size
     # As Python numbers: the products may not fit into 64 bits with a sign.
     used = <object>out.columns * out.point_step
@@ -166,14 +163,17 @@ cdef int _drop_padding(const Triples* triples, Grid* out) except -1:
 
 cdef bint _has_directions(dict fields, tuple names):
     # Whole numbers stand for something else than a direction or a place.
-    return all(
-        name in fields and part(field_layout, fields[name], 2) in (FLOAT32, FLOAT64) for name in names
-    )
+    for name in names:
+        if name not in fields:
+            return False
+        if get_field(field_layout, fields[name], "datatype") not in (FLOAT32, FLOAT64):
+            return False
+    return True
 
 
 cdef int _add_triples(object cloud, dict fields, tuple names, const Transform* transform, bint moves,
                       Grid* grid) except -1:
-    cdef bint is_other_order = bool(part(cloud_layout, cloud, IS_BIGENDIAN)) != IS_BIG_MACHINE
+    cdef bint is_other_order = bool(get_field(cloud_layout, cloud, "is_bigendian")) != IS_BIG_MACHINE
     _read_triples(fields, names, is_other_order, grid.point_step, &grid.triples[grid.triple_count])
     rigid_from_transform(transform, moves, &grid.rigids[grid.triple_count])
     grid.triple_count += 1
@@ -197,39 +197,39 @@ cdef void _copy_points(const char* source, char* target, Py_ssize_t count, const
         target += grid.new_point_step
 
 
-cdef void _carry_points(const char* source, char* target, Py_ssize_t count, Py_ssize_t behind,
-                        const Grid* grid) noexcept nogil:
-    # `count` points without a gap; `behind` bytes follow the last, in the source as in the target.
+cdef void _transform_points(const char* source, char* target, Py_ssize_t count, Py_ssize_t bytes_after,
+                            const Grid* grid) noexcept nogil:
+    # `count` points without a gap; `bytes_after` bytes follow the last, in the source as in the target.
     cdef Py_ssize_t step = grid.new_point_step
     cdef Py_ssize_t done = 0
-    cdef Py_ssize_t block, left, after
+    cdef Py_ssize_t batch, left, after
     cdef const Triples* triples
     cdef int i
     if grid.triple_count == 1 and triples_fill_points(&grid.triples[0], grid.point_step):
-        done = triples_carry_wide(
-            source, grid.point_step, target, &grid.triples[0], count, behind, &grid.rigids[0]
+        done = triples_transform_wide(
+            source, grid.point_step, target, &grid.triples[0], count, bytes_after, &grid.rigids[0]
         )
     while done < count:
         left = count - done
-        block = min(left, max(BLOCK // step, 1))
-        _copy_points(source + done * grid.point_step, target + done * step, block, grid)
+        batch = min(left, max(COPY_BYTES // step, 1))
+        _copy_points(source + done * grid.point_step, target + done * step, batch, grid)
         for i in range(grid.triple_count):
             triples = &grid.triples[i]
             # Counted as if each coordinate had 8 bytes: never more than there are.
-            after = (left - block) * step + behind + step - triples.offsets[2] - 8
-            triples_carry(
+            after = (left - batch) * step + bytes_after + step - triples.offsets[2] - 8
+            triples_transform(
                 target + done * step,
                 triples,
                 target + done * step,
                 triples,
-                block,
+                batch,
                 after,
                 &grid.rigids[i],
             )
-        done += block
+        done += batch
 
 
-cdef void _carry_grid(const char* source, char* target, const Grid* grid) noexcept nogil:
+cdef void _transform_grid(const char* source, char* target, const Grid* grid) noexcept nogil:
     cdef Py_ssize_t rows = grid.rows
     cdef Py_ssize_t columns = grid.columns
     cdef Py_ssize_t used = columns * grid.point_step
@@ -244,7 +244,7 @@ cdef void _carry_grid(const char* source, char* target, const Grid* grid) noexce
     for row in range(rows):
         end = row * grid.row_step + used
         new_end = row * grid.new_row_step + new_used
-        _carry_points(
+        _transform_points(
             source + end - used,
             target + new_end - new_used,
             columns,
@@ -256,74 +256,63 @@ cdef void _carry_grid(const char* source, char* target, const Grid* grid) noexce
     memcpy(target + new_end, source + end, grid.new_size - new_end)
 
 
-cdef object _copied_field(object field):
-    cdef int i
-    message = field_layout.new()
-    for i in range(4):
-        field_layout.put(message, i, part(field_layout, field, i))
-    return message
-
-
 def do_transform_cloud(cloud, transform, *, only_xyz=False):
-    """Carry a point cloud into the frame of a transform: p' = R p + t, in double precision, without the GIL.
+    """Transform a point cloud: p' = R p + t, in double precision, without the GIL.
 
-    Fields may come in any order, at any offset, with any padding, in either byte order; x, y and z may be of
-    any type, even of different ones; whole numbers are cut off, as by tf2. Everything else stays as it is:
-    other fields, padding, rows, `is_dense`; a point with a NaN has three afterwards. But a cloud of x, y and
-    z alone loses the padding after them, as in tf2, and a `row_step` that the data contradicts is put right.
-    Normals (`normal_x/y/z`) are turned, viewpoints (`vp_x/y/z`) turned and moved, where all three are there
-    and are float32 or float64. Upstream's C++ turns normals, too, and leaves viewpoints; its Python carries
-    x y z alone.
+    Fields may be in any order, at any offset, with any padding, in either byte order; x, y and z may be of
+    any type, even of different ones; integers are truncated, as in tf2. Everything else stays as it is: other
+    fields, padding, rows, `is_dense`; a point with one NaN has three in the result. But a cloud of x, y and z
+    alone loses the padding after them, as in tf2, and a `row_step` that contradicts the data is corrected.
+    Normals (`normal_x/y/z`) are rotated, viewpoints (`vp_x/y/z`) rotated and translated, where a cloud has
+    all three as float32 or float64. Upstream's C++ also rotates normals, and leaves viewpoints; its Python
+    transforms x, y and z alone.
 
     :param cloud: a PointCloud2, coordinates in metres
-    :param transform: a TransformStamped, or a Transform: then the cloud's frame stays
+    :param transform: a TransformStamped, or a Transform, with which the cloud's frame stays; metres
     :param only_xyz: leave normals and viewpoints as they are
-    :returns: a new PointCloud2 with the transform's frame and the cloud's own stamp
-    :raises AttributeError: for other types (a TypeError, too)
-    :raises ValueError: where x, y or z is missing, no number or beyond `point_step` (as in tf2 also an
-        AssertionError), where `data` is too short for the points (also a TypeError), or the transform's
-        rotation is not finite
+    :return: a new PointCloud2 with the transform's frame and the cloud's own stamp
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: x, y or z is missing, no number or beyond `point_step` (as in tf2 also an
+        AssertionError), `data` is too short for the points (also a TypeError), or the transform's rotation is
+        not finite
     """
-    cdef Transform by
+    cdef Transform tf
     cdef Grid grid
-    cdef array.array carried
+    cdef array.array new_data
     cdef const unsigned char[::1] source
     cdef int i
-    read_any_rotation(transform, &by)
-    old_header = part(cloud_layout, cloud, HEADER)
-    frame = target_frame(transform) if hasattr(transform, "transform") else part(header_layout, old_header, 1)
-    header = new_header(time_to_ns(part(header_layout, old_header, 0)), frame)
-    source = _bytes_of(part(cloud_layout, cloud, DATA))
+    read_any_rotation(transform, &tf)
+    old_header = get_field(cloud_layout, cloud, "header")
+    if hasattr(transform, "transform"):
+        frame = target_frame(transform)
+    else:
+        frame = get_field(header_layout, old_header, "frame_id")
+    header = new_header(nanoseconds(get_field(header_layout, old_header, "stamp"), "a time"), frame)
+    source = _bytes_of(get_field(cloud_layout, cloud, "data"))
     _read_grid(cloud, source.shape[0], &grid)
     fields = _fields_by_name(cloud)
     grid.triple_count = 0
-    _add_triples(cloud, fields, COORDINATES, &by, True, &grid)
+    _add_triples(cloud, fields, COORDINATES, &tf, True, &grid)
     if len(fields) == 3:
         _drop_padding(&grid.triples[0], &grid)
     elif not only_xyz:
         if _has_directions(fields, NORMAL):
-            _add_triples(cloud, fields, NORMAL, &by, False, &grid)
+            _add_triples(cloud, fields, NORMAL, &tf, False, &grid)
         if _has_directions(fields, VIEWPOINT):
-            _add_triples(cloud, fields, VIEWPOINT, &by, True, &grid)
+            _add_triples(cloud, fields, VIEWPOINT, &tf, True, &grid)
     for i in range(grid.triple_count):
         grid.triples[i].step = grid.new_point_step
-    carried = array.clone(NO_BYTES, grid.new_size, False)
+    new_data = array.clone(NO_BYTES, grid.new_size, False)
     if grid.new_size > 0:
         with nogil:
-            _carry_grid(<const char*>&source[0], carried.data.as_chars, &grid)
+            _transform_grid(<const char*>&source[0], new_data.data.as_chars, &grid)
     message = cloud_layout.new()
-    for i in range(CLOUD_FIELDS):
-        if i == HEADER:
-            value = header
-        elif i == FIELDS:
-            value = [_copied_field(field) for field in part(cloud_layout, cloud, FIELDS)]
-        elif i == POINT_STEP:
-            value = grid.new_point_step
-        elif i == ROW_STEP:
-            value = grid.new_row_step
-        elif i == DATA:
-            value = carried
-        else:
-            value = part(cloud_layout, cloud, i)
-        cloud_layout.put(message, i, value)
+    set_field(cloud_layout, message, "header", header)
+    for name in ("height", "width", "is_bigendian", "is_dense"):
+        set_field(cloud_layout, message, name, get_field(cloud_layout, cloud, name))
+    new_fields = [copy_shallow(field_layout, field) for field in get_field(cloud_layout, cloud, "fields")]
+    set_field(cloud_layout, message, "fields", new_fields)
+    set_field(cloud_layout, message, "point_step", grid.new_point_step)
+    set_field(cloud_layout, message, "row_step", grid.new_row_step)
+    set_field(cloud_layout, message, "data", new_data)
     return message

@@ -1,4 +1,4 @@
-"""Owns what is raised for clouds that contradict themselves."""
+"""Owns the errors of inconsistent clouds."""
 
 __all__ = ["FieldError", "SizeError"]
 

@@ -1,22 +1,21 @@
-"""Owns carrying what an IMU and a magnetometer measure into another frame."""
+"""Owns transforming what an IMU and a magnetometer measure."""
 
 from libc.string cimport memcpy
 
 from tf2_geometry_msgs._matrix cimport covariance_rotate, matrix_from_quaternion
 from tf2_geometry_msgs._parts cimport (
+    get_field,
     new_covariance,
     new_orientation,
-    part,
     quaternion_layout,
     read_covariance,
     read_doubles,
     read_orientation,
+    set_field,
     target_header,
 )
-from tf2_geometry_msgs._transform cimport carried_vector
-from tf2_py._core.geometry cimport quaternion_conjugate, quaternion_multiply
-from tf2_py._core.types cimport Transform
-from tf2_py._objects.messages cimport Layout, read_transform
+from tf2_geometry_msgs._transform cimport rotated_vector
+from tf2_py._internal cimport Layout, Transform, quaternion_conjugate, quaternion_multiply, read_transform
 
 from sensor_msgs.msg import Imu, MagneticField
 
@@ -37,20 +36,20 @@ cdef Layout magnetic_field_layout = Layout(
 )
 
 
-cdef object _carried_covariance(object covariance, const Transform* transform, bint may_be_absent):
+cdef object _rotated_covariance(object covariance, const Transform* transform, bint may_be_absent):
     cdef double values[9]
-    cdef double turned[9]
+    cdef double rotated[9]
     cdef double matrix[9]
     read_covariance(covariance, 3, values)
     if may_be_absent and values[0] == -1.0:
-        memcpy(turned, values, sizeof(values))
+        memcpy(rotated, values, sizeof(values))
     else:
         matrix_from_quaternion(transform.rotation, matrix)
-        covariance_rotate(matrix, values, 3, turned)
-    return new_covariance(turned, 3)
+        covariance_rotate(matrix, values, 3, rotated)
+    return new_covariance(rotated, 3)
 
 
-cdef object _carried_attitude(object quaternion, const Transform* transform):
+cdef object _transformed_attitude(object quaternion, const Transform* transform):
     # The attitude of the new frame, instead of the old one's, in the same world: q' = q r^-1.
     cdef double q[4]
     cdef double back[4]
@@ -77,42 +76,51 @@ def do_transform_imu(imu, transform):
     q' = q r^-1, with the covariance it had, as in upstream's C++. A covariance that begins with -1 marks an
     estimate as absent and stays as it is, and so does an orientation of zero length.
 
-    :param imu: an Imu
+    :param imu: an Imu, radians per second and metres per second squared
     :param transform: a TransformStamped
-    :returns: a new Imu with the transform's frame and stamp; its orientation has length one and w >= 0
-    :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation is not finite
+    :return: a new Imu with the transform's frame and stamp; its orientation has length one and w >= 0
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: a covariance is not 9 numbers, or the transform's rotation is not finite
     """
-    cdef Transform by
+    cdef Transform tf
     cdef Layout layout = imu_layout
-    cdef int i
-    read_transform(transform, &by)
+    read_transform(transform, &tf)
     message = layout.new()
-    layout.put(message, 0, target_header(transform))
-    layout.put(message, 1, _carried_attitude(part(layout, imu, 1), &by))
-    layout.put(message, 2, _copied_covariance(part(layout, imu, 2)))
-    for i in range(3, 7, 2):
-        layout.put(message, i, carried_vector(part(layout, imu, i), &by))
-        layout.put(message, i + 1, _carried_covariance(part(layout, imu, i + 1), &by, True))
+    set_field(layout, message, "header", target_header(transform))
+    set_field(
+        layout, message, "orientation", _transformed_attitude(get_field(layout, imu, "orientation"), &tf)
+    )
+    covariance = get_field(layout, imu, "orientation_covariance")
+    set_field(layout, message, "orientation_covariance", _copied_covariance(covariance))
+    velocity = get_field(layout, imu, "angular_velocity")
+    set_field(layout, message, "angular_velocity", rotated_vector(velocity, &tf))
+    covariance = get_field(layout, imu, "angular_velocity_covariance")
+    set_field(layout, message, "angular_velocity_covariance", _rotated_covariance(covariance, &tf, True))
+    acceleration = get_field(layout, imu, "linear_acceleration")
+    set_field(layout, message, "linear_acceleration", rotated_vector(acceleration, &tf))
+    covariance = get_field(layout, imu, "linear_acceleration_covariance")
+    set_field(layout, message, "linear_acceleration_covariance", _rotated_covariance(covariance, &tf, True))
     return message
 
 
 def do_transform_magnetic_field(magnetic_field, transform):
     """Express a magnetic field in the axes of another frame: b' = R b, its covariance R C R^T.
 
-    The translation counts for nothing.
+    The translation does not count.
 
     :param magnetic_field: a MagneticField, tesla
     :param transform: a TransformStamped
-    :returns: a new MagneticField with the transform's frame and stamp
-    :raises TypeError: for other types
-    :raises ValueError: where the transform's rotation is not finite
+    :return: a new MagneticField with the transform's frame and stamp
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
+    :raises ValueError: a covariance is not 9 numbers, or the transform's rotation is not finite
     """
-    cdef Transform by
+    cdef Transform tf
     cdef Layout layout = magnetic_field_layout
-    read_transform(transform, &by)
+    read_transform(transform, &tf)
     message = layout.new()
-    layout.put(message, 0, target_header(transform))
-    layout.put(message, 1, carried_vector(part(layout, magnetic_field, 1), &by))
-    layout.put(message, 2, _carried_covariance(part(layout, magnetic_field, 2), &by, False))
+    set_field(layout, message, "header", target_header(transform))
+    field = get_field(layout, magnetic_field, "magnetic_field")
+    set_field(layout, message, "magnetic_field", rotated_vector(field, &tf))
+    covariance = get_field(layout, magnetic_field, "magnetic_field_covariance")
+    set_field(layout, message, "magnetic_field_covariance", _rotated_covariance(covariance, &tf, False))
     return message

@@ -103,7 +103,7 @@ cdef inline double number_load(const char* place, int number) noexcept nogil:
 
 
 cdef inline int64_t _whole(double value, bint is_wide) noexcept nogil:
-    # Rounded towards zero. Beyond the range, which C leaves open, what x86 and so NumPy there make of it.
+    # Rounded towards zero. Out of range, which C leaves undefined: what x86 gives, and so NumPy there.
     if is_wide:
         return <int64_t>value if -9223372036854775808.0 <= value < 9223372036854775808.0 else INT64_MIN
     return <int64_t>value if -2147483649.0 < value < 2147483648.0 else INT32_MIN

@@ -1,4 +1,4 @@
-"""Owns reading clouds into NumPy arrays and making clouds of them, where sensor_msgs_py is absent."""
+"""Owns reading clouds into NumPy arrays and creating clouds from them, where sensor_msgs_py is absent."""
 
 import sys
 from array import array

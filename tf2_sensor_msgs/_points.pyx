@@ -1,11 +1,10 @@
-"""Owns carrying points by the thousand: arrays of them, and whatever lies in memory like clouds do."""
+"""Owns transforming many points: arrays of them, and points in memory as in clouds."""
 
 cimport numpy as cnp
 
-from tf2_py._core.types cimport Transform
-from tf2_py._objects.messages cimport read_any_rotation
+from tf2_py._internal cimport Transform, read_any_rotation
 from tf2_sensor_msgs._numbers cimport FLOAT32, FLOAT64, OTHER_ORDER, number_load, number_size, number_store
-from tf2_sensor_msgs._wide cimport wide_carry_doubles, wide_carry_floats
+from tf2_sensor_msgs._wide cimport wide_transform_doubles, wide_transform_floats
 
 import numpy as np
 
@@ -36,13 +35,13 @@ cdef void rigid_from_transform(const Transform* transform, bint moves, Rigid* ou
         out.translation[i] = transform.translation[i] if moves else 0.0
 
 
-cdef inline void _carry_each(const char* source, const Triples* here, char* target, const Triples* there,
-                             Py_ssize_t count, const Rigid* rigid, int number_x, int number_y,
-                             int number_z) noexcept nogil:
+cdef inline void _transform_each(const char* source, const Triples* source_at, char* target,
+                                 const Triples* target_at, Py_ssize_t count, const Rigid* rigid, int number_x,
+                                 int number_y, int number_z) noexcept nogil:
     # Called with constant numbers where they are common, so that the loop has no branches. And with copies of
     # all it needs: a store through a char* might change what a pointer leads to.
-    cdef Triples a = here[0]
-    cdef Triples b = there[0]
+    cdef Triples a = source_at[0]
+    cdef Triples b = target_at[0]
     cdef Rigid r = rigid[0]
     cdef double x, y, z
     cdef Py_ssize_t _
@@ -87,25 +86,29 @@ cdef bint triples_fill_points(const Triples* triples, Py_ssize_t source_step) no
     return triples.step == 3 * size or (triples.step == 4 * size and source_step == triples.step)
 
 
-cdef Py_ssize_t triples_carry_wide(const char* source, Py_ssize_t source_step, char* target,
-                                   const Triples* triples, Py_ssize_t count, Py_ssize_t behind,
-                                   const Rigid* rigid) noexcept nogil:
+cdef Py_ssize_t triples_transform_wide(const char* source, Py_ssize_t source_step, char* target,
+                                       const Triples* triples, Py_ssize_t count, Py_ssize_t bytes_after,
+                                       const Rigid* rigid) noexcept nogil:
     cdef Py_ssize_t size = _wide_size(triples)
     cdef Py_ssize_t step = triples.step
-    if behind < size:
+    if bytes_after < size:
         count -= 1
     if count <= 0:
         return 0
     source += triples.offsets[0]
     target += triples.offsets[0]
     if size == 4:
-        return wide_carry_floats(source, source_step, target, step, count, rigid.matrix, rigid.translation)
+        return wide_transform_floats(
+            source, source_step, target, step, count, rigid.matrix, rigid.translation
+        )
     if size == 8:
-        return wide_carry_doubles(source, source_step, target, step, count, rigid.matrix, rigid.translation)
+        return wide_transform_doubles(
+            source, source_step, target, step, count, rigid.matrix, rigid.translation
+        )
     return 0
 
 
-cdef bint _lie_alike(const Triples* a, const Triples* b) noexcept nogil:
+cdef bint _same_arrangement(const Triples* a, const Triples* b) noexcept nogil:
     cdef int i
     for i in range(3):
         if a.offsets[i] != b.offsets[i]:
@@ -115,62 +118,66 @@ cdef bint _lie_alike(const Triples* a, const Triples* b) noexcept nogil:
     return a.step == b.step
 
 
-cdef void triples_carry(const char* source, const Triples* here, char* target, const Triples* there,
-                        Py_ssize_t count, Py_ssize_t behind, const Rigid* rigid) noexcept nogil:
+cdef void triples_transform(const char* source, const Triples* source_at, char* target,
+                            const Triples* target_at, Py_ssize_t count, Py_ssize_t bytes_after,
+                            const Rigid* rigid) noexcept nogil:
     cdef Py_ssize_t done = 0
-    cdef int number
-    if _lie_alike(here, there):
-        done = triples_carry_wide(source, here.step, target, here, count, behind, rigid)
-    source += done * here.step
-    target += done * there.step
+    cdef int number, x, y, z
+    if _same_arrangement(source_at, target_at):
+        done = triples_transform_wide(source, source_at.step, target, source_at, count, bytes_after, rigid)
+    source += done * source_at.step
+    target += done * target_at.step
     count -= done
-    number = _common_number(here)
+    number = _common_number(source_at)
     if number == FLOAT32:
-        _carry_each(source, here, target, there, count, rigid, FLOAT32, FLOAT32, FLOAT32)
+        _transform_each(source, source_at, target, target_at, count, rigid, FLOAT32, FLOAT32, FLOAT32)
     elif number == FLOAT64:
-        _carry_each(source, here, target, there, count, rigid, FLOAT64, FLOAT64, FLOAT64)
+        _transform_each(source, source_at, target, target_at, count, rigid, FLOAT64, FLOAT64, FLOAT64)
     elif number == OTHER_FLOAT32:
-        _carry_each(source, here, target, there, count, rigid, OTHER_FLOAT32, OTHER_FLOAT32, OTHER_FLOAT32)
-    elif number == OTHER_FLOAT64:
-        _carry_each(source, here, target, there, count, rigid, OTHER_FLOAT64, OTHER_FLOAT64, OTHER_FLOAT64)
-    else:
-        _carry_each(
-            source, here, target, there, count, rigid, here.numbers[0], here.numbers[1], here.numbers[2]
+        _transform_each(
+            source, source_at, target, target_at, count, rigid, OTHER_FLOAT32, OTHER_FLOAT32, OTHER_FLOAT32
         )
+    elif number == OTHER_FLOAT64:
+        _transform_each(
+            source, source_at, target, target_at, count, rigid, OTHER_FLOAT64, OTHER_FLOAT64, OTHER_FLOAT64
+        )
+    else:
+        x, y, z = source_at.numbers[0], source_at.numbers[1], source_at.numbers[2]
+        _transform_each(source, source_at, target, target_at, count, rigid, x, y, z)
 
 
 def transform_points(point_cloud, transform):
-    """Carry points into the frame of a transform: p' = R p + t, in double precision, without the GIL.
+    """Transform points: p' = R p + t, in double precision, without the GIL.
 
     :param point_cloud: an array of shape (n, 3), x y z in metres, of any strides; or what NumPy makes one of
-    :param transform: a TransformStamped or Transform
-    :returns: a new array of shape (n, 3): float32 for float32, otherwise float64
-    :raises TypeError: for another transform, or points that are no real numbers
-    :raises ValueError: for another shape, or a transform whose rotation is not finite
+    :param transform: a TransformStamped or Transform, metres
+    :return: a new array of shape (n, 3): float32 for float32, otherwise float64
+    :raises TypeError: `transform` is of another type, or the points are no real numbers
+    :raises ValueError: the points have another shape, or the transform's rotation is not finite
     """
-    cdef Transform by
+    cdef Transform tf
     cdef Rigid rigid
-    cdef Triples here, there
-    cdef cnp.ndarray points, carried
+    cdef Triples source_at, target_at
+    cdef cnp.ndarray points, result
     cdef Py_ssize_t count, size
     cdef int i
-    read_any_rotation(transform, &by)
-    rigid_from_transform(&by, True, &rigid)
+    read_any_rotation(transform, &tf)
+    rigid_from_transform(&tf, True, &rigid)
     points = _real_points(point_cloud)
     count = cnp.PyArray_DIM(points, 0)
-    carried = np.empty((count, 3), dtype=points.dtype)
+    result = np.empty((count, 3), dtype=points.dtype)
     size = cnp.PyArray_ITEMSIZE(points)
-    here.step = cnp.PyArray_STRIDE(points, 0)
-    there.step = 3 * size
+    source_at.step = cnp.PyArray_STRIDE(points, 0)
+    target_at.step = 3 * size
     for i in range(3):
-        here.offsets[i] = i * cnp.PyArray_STRIDE(points, 1)
-        there.offsets[i] = i * size
-        here.numbers[i] = there.numbers[i] = FLOAT32 if size == 4 else FLOAT64
+        source_at.offsets[i] = i * cnp.PyArray_STRIDE(points, 1)
+        target_at.offsets[i] = i * size
+        source_at.numbers[i] = target_at.numbers[i] = FLOAT32 if size == 4 else FLOAT64
     with nogil:
-        triples_carry(
-            cnp.PyArray_BYTES(points), &here, cnp.PyArray_BYTES(carried), &there, count, 0, &rigid
+        triples_transform(
+            cnp.PyArray_BYTES(points), &source_at, cnp.PyArray_BYTES(result), &target_at, count, 0, &rigid
         )
-    return carried
+    return result
 
 
 cdef cnp.ndarray _real_points(object points):

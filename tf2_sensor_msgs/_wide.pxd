@@ -1,4 +1,4 @@
-"""Triples of coordinates carried with the widest registers that the machine at hand has.
+"""Triples of coordinates transformed with the widest vector registers that the machine has.
 
 Products and sums are those of the plain loop, in double precision and in the same order: same bits.
 """
@@ -125,8 +125,8 @@ cdef extern from *:
         return count;
     }
 
-    static size_t wide_carry_floats(const char *source, size_t step, char *target, size_t target_step,
-                                    size_t count, const double *matrix, const double *translation)
+    static size_t wide_transform_floats(const char *source, size_t step, char *target, size_t target_step,
+                                        size_t count, const double *matrix, const double *translation)
     {
         if ((step == 12 || step >= 16) && __builtin_cpu_supports("avx512f"))
             return wide_eight(source, step, target, target_step, count, matrix, translation);
@@ -135,8 +135,8 @@ cdef extern from *:
         return 0;
     }
 
-    static size_t wide_carry_doubles(const char *source, size_t step, char *target, size_t target_step,
-                                     size_t count, const double *matrix, const double *translation)
+    static size_t wide_transform_doubles(const char *source, size_t step, char *target, size_t target_step,
+                                         size_t count, const double *matrix, const double *translation)
     {
         if (__builtin_cpu_supports("avx2"))
             return wide_doubles(source, step, target, target_step, count, matrix, translation);
@@ -144,8 +144,8 @@ cdef extern from *:
     }
 
     #else
-    #define wide_carry_floats(source, step, target, target_step, count, matrix, translation) ((size_t)0)
-    #define wide_carry_doubles(source, step, target, target_step, count, matrix, translation) ((size_t)0)
+    #define wide_transform_floats(source, step, target, target_step, count, matrix, translation) ((size_t)0)
+    #define wide_transform_doubles(source, step, target, target_step, count, matrix, translation) ((size_t)0)
     #endif
     """
     # x y z beside each other, of this machine's byte order, at the start of each of `count` points that do
@@ -153,7 +153,8 @@ cdef extern from *:
     # is that of three numbers. The bytes after the last z, as many as a number has, must be there in both;
     # in the target they are written as they were read.
     # How many points were done, from the first on; 0 where the machine has no wide registers.
-    size_t wide_carry_floats(const char* source, size_t step, char* target, size_t target_step, size_t count,
-                             const double* matrix, const double* translation) noexcept nogil
-    size_t wide_carry_doubles(const char* source, size_t step, char* target, size_t target_step, size_t count,
-                              const double* matrix, const double* translation) noexcept nogil
+    size_t wide_transform_floats(const char* source, size_t step, char* target, size_t target_step,
+                                 size_t count, const double* matrix, const double* translation) noexcept nogil
+    size_t wide_transform_doubles(const char* source, size_t step, char* target, size_t target_step,
+                                  size_t count, const double* matrix,
+                                  const double* translation) noexcept nogil

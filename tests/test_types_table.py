@@ -1,0 +1,92 @@
+"""What follows from a line in a package's table of types: registration, names, and the stub that it needs."""
+
+import ast
+import importlib
+import inspect
+from pathlib import Path
+
+import pytest
+from known_types import TABLES
+
+from tf2_ros._registration import _REGISTERED_BY, names_of
+from tf2_ros.buffer_interface import ConvertRegistration, TransformRegistration
+
+pytestmark = pytest.mark.ours
+
+every_package = pytest.mark.parametrize("package", TABLES)
+every_row = pytest.mark.parametrize(
+    ("package", "cls"),
+    [(package, cls) for package, table in TABLES.items() for cls in table],
+    ids=lambda x: x if isinstance(x, str) else x.__name__,
+)
+
+
+@every_row
+def test_a_type_of_the_table_is_registered(package, cls):
+    function = TABLES[package][cls]
+    assert TransformRegistration().get(cls) is function
+    assert TransformRegistration().is_default(cls)
+    message = cls()
+    assert ConvertRegistration().get_to_msg(cls)(message) is message
+    assert ConvertRegistration().get_from_msg(cls)(message) is message
+
+
+@every_row
+def test_a_message_package_says_who_registers_its_types(package, cls):
+    messages = cls.__module__.partition(".")[0]
+    assert _REGISTERED_BY.get(messages) == package, (
+        f'tf2_ros/_registration.py needs in _REGISTERED_BY: "{messages}": "{package}",'
+    )
+
+
+@every_package
+def test_classes_and_functions_of_the_table_import_from_the_package(package):
+    inner = importlib.import_module(f"{package}.{package}")
+    for name, entry in names_of(TABLES[package]).items():
+        assert getattr(importlib.import_module(package), name) is getattr(inner, name) is entry
+
+
+@every_package
+def test_the_rows_of_a_table_are_in_order(package):
+    names = [(cls.__module__.partition(".")[0], cls.__name__) for cls in TABLES[package]]
+    assert names == sorted(names)
+
+
+def stub_line(function, table):
+    """What a stub has for a function of the table."""
+    message, transform = list(inspect.signature(function).parameters)[:2]
+    classes = [cls for cls in table if table[cls] is function]
+    wanted = "TransformStamped" if hasattr(classes[0], "header") else "TransformStamped | Transform"
+    name = " | ".join(cls.__name__ for cls in classes)
+    return f"def {function.__name__}({message}: {name}, {transform}: {wanted}) -> {name}: ..."
+
+
+def root_of(package):
+    return Path(importlib.import_module(package).__file__).parents[1]
+
+
+def declared(path):
+    """Of each function in a stub the names of its parameters."""
+    functions = [node for node in ast.parse(path.read_text()).body if isinstance(node, ast.FunctionDef)]
+    return {
+        node.name: [argument.arg for argument in (*node.args.args, *node.args.kwonlyargs)]
+        for node in functions
+    }
+
+
+@every_package
+def test_a_function_of_the_table_has_its_line_in_the_stub_beside_its_source(package):
+    root = root_of(package)
+    for function in set(TABLES[package].values()):
+        path = root / (function.__module__.replace(".", "/") + ".pyi")
+        parameters = list(inspect.signature(function).parameters)
+        if declared(path).get(function.__name__) != parameters:
+            pytest.fail(f"{path.relative_to(root)} needs: {stub_line(function, TABLES[package])}")
+
+
+@every_package
+def test_a_stub_declares_no_function_that_is_not_there(package):
+    for path in root_of(package).glob(f"{package}/*.pyi"):
+        module = importlib.import_module(f"{package}.{path.stem}")
+        for name, parameters in declared(path).items():
+            assert list(inspect.signature(getattr(module, name)).parameters) == parameters

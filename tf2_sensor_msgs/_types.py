@@ -1,0 +1,13 @@
+"""Owns the table of the types of sensor_msgs: which function transforms which."""
+
+from sensor_msgs import msg as sensor
+
+from tf2_ros._registration import TransformFunctions
+from tf2_sensor_msgs import _cloud, _imu
+
+# A line here registers a type and gives its class and its function to the package's namespace.
+TYPES: TransformFunctions = {
+    sensor.Imu: _imu.do_transform_imu,
+    sensor.MagneticField: _imu.do_transform_magnetic_field,
+    sensor.PointCloud2: _cloud.do_transform_cloud,
+}

@@ -43,7 +43,7 @@ def libraries(folder: Path) -> list[Library]:
         Library(
             "ros1_cpp",
             "Debian tf2 C++",
-            [str(_compile(folder, root, library_folder))],
+            [PYTHON, str(CONTESTANTS / "ros1_cpp.py"), str(_compile(folder, root, library_folder))],
             ("core",),
             environment,
             note="BufferCore::lookupTransform, returns a C++ message; histories are searched in halves",
@@ -51,7 +51,7 @@ def libraries(folder: Path) -> list[Library]:
         Library(
             "ros1_py",
             "Debian tf2_py",
-            [PYTHON, str(CONTESTANTS / "ros1_tf2.py")],
+            [PYTHON, str(CONTESTANTS / "ros1_py.py")],
             ("core",),
             {**environment, **python},
             note="lookup_transform_core, returns a message; the same engine",
@@ -75,7 +75,7 @@ def _fetch(folder: Path) -> None:
 
 
 def _compile(folder: Path, root: Path, library_folder: Path) -> Path:
-    source, program = CONTESTANTS / "ros1_tf2.cpp", folder / "ros1_tf2"
+    source, program = CONTESTANTS / "ros1_cpp.cpp", folder / "libros1_cpp.so"
     if not program.exists() or program.stat().st_mtime < source.stat().st_mtime:
         print("  compiling the C++ loop ...", file=sys.stderr, flush=True)
         _run(
@@ -83,6 +83,8 @@ def _compile(folder: Path, root: Path, library_folder: Path) -> Path:
             "-std=c++17",
             "-O3",
             "-DNDEBUG",
+            "-shared",
+            "-fPIC",
             "-o",
             str(program),
             str(source),

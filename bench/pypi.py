@@ -14,28 +14,24 @@ from bench.processes import CONTESTANTS, Failure, Library, clean_environment
 WANTED_PYTHON = (3, 12)  # schiebung's wheels begin there
 COMMAND_S = 300
 
-# package -> script, key, ways of a single lookup, what to know of it
+# package -> key, ways of a single lookup, what to know of it
 LIBRARIES = {
     "schiebung": (
-        "schiebung_tree.py",
         "schiebung",
         ("core",),
         "Rust; returns an object of its own; keeps 120 s; 'latest' takes each link's own newest sample",
     ),
     "transforms-py": (
-        "transforms_registry.py",
         "transforms",
         ("core",),
         "Rust; returns a tuple; knows no 'latest': asked for the newest common stamp",
     ),
     "pytransform3d": (
-        "pytransform3d_manager.py",
         "pytransform3d",
         ("core",),
         "NumPy; returns a 4x4 array; histories are given whole; interpolates along screws",
     ),
     "scipy": (
-        "scipy_slerp.py",
         "scipy",
         (),
         "Slerp and interp of each link, composed; no tree, no inserting; many times only",
@@ -49,11 +45,13 @@ def libraries(folder: Path) -> list[Library | tuple[str, str]]:
     if not python.exists():
         _run(_python(), "-m", "venv", str(folder))
     found: list[Library | tuple[str, str]] = []
-    for package, (script, key, ways, note) in LIBRARIES.items():
+    for package, (key, ways, note) in LIBRARIES.items():
         try:
             if not (folder / f"{package}.installed").exists():
                 # A source package may want a compiler of another language, and a network of its own.
-                _run(str(python), "-m", "pip", "install", "--quiet", "--only-binary", ":all:", package)
+                _run(
+                    str(python), "-m", "pip", "install", "--quiet", "--only-binary", ":all:", "numpy", package
+                )
                 (folder / f"{package}.installed").touch()
         except Failure as failure:
             found.append((package, str(failure)))
@@ -61,7 +59,14 @@ def libraries(folder: Path) -> list[Library | tuple[str, str]]:
         # schiebung writes a configuration into its user's home.
         environment = {"HOME": str(folder), "XDG_CONFIG_HOME": str(folder / "config"), "PYTHONPATH": ""}
         found.append(
-            Library(key, package, [str(python), str(CONTESTANTS / script)], ways, environment, note=note)
+            Library(
+                key,
+                package,
+                [str(python), str(CONTESTANTS / "from_pypi.py"), package],
+                ways,
+                environment,
+                note=note,
+            )
         )
     return found
 

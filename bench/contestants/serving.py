@@ -119,6 +119,8 @@ class Contestant:
     `inserts(way, transforms)`: a function, the argument tuples, and how many transforms each call carries.
     """
 
+    time = staticmethod(time_calls)
+
     def __init__(self):
         self.tree = None
         self.sets = {}
@@ -127,7 +129,7 @@ class Contestant:
 
     def order_about(self):
         version = "{}.{}.{}".format(*sys.version_info[:3])
-        return dict(self.about(), python=version)
+        return {"python": version, **self.about()}
 
     def order_load(self, path, keep):
         """Take a tree in. Trees before it go, with their sets of queries, unless they are to be kept."""
@@ -157,8 +159,8 @@ class Contestant:
     def order_time(self, way, name, count, budget_s):
         function, calls = self.sets[way, name]
         # Others have run since, and the caches of the machine have forgotten these queries.
-        time_calls(function, calls, min(len(calls), int(count)), float(budget_s) / 2)
-        times, failed, empty = time_calls(function, calls, int(count), float(budget_s))
+        self.time(function, calls, min(len(calls), int(count)), float(budget_s) / 2)
+        times, failed, empty = self.time(function, calls, int(count), float(budget_s))
         return {"ns": times, "failed": failed, "empty_ns": empty}
 
     def order_insert(self, way, count, budget_s):
@@ -175,7 +177,7 @@ class Contestant:
             transforms += [(child, parent, self.next_ns, pose) for child, parent, pose in self.moving]
             self.next_ns += STEP_NS
         function, calls, batch = self.inserts(way, transforms)
-        times, failed, empty = time_calls(function, calls, len(calls), float(budget_s), must_answer=False)
+        times, failed, empty = self.time(function, calls, len(calls), float(budget_s), must_answer=False)
         return {"ns": times, "failed": failed, "empty_ns": empty, "batch": batch}
 
 

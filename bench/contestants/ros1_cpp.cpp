@@ -1,0 +1,127 @@
+// Owns the timed loops around ROS 1's tf2 for C++, as a library that ros1_cpp.py loads.
+#include <geometry_msgs/TransformStamped.h>
+#include <tf2/buffer_core.h>
+#include <tf2/exceptions.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+// As ros1_cpp.py declares them.
+struct Transform {
+  const char* child;
+  const char* parent;
+  int64_t is_static, stamp_ns;
+  double pose[7];  // x y z, qx qy qz qw
+};
+
+struct Query {
+  const char* target;
+  const char* source;
+  int64_t time_ns;
+};
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+const char AUTHORITY[] = "bench";
+const int64_t S = 1000000000;
+const int64_t REFUSED = -1;
+
+struct Call {
+  std::string target, source;
+  ros::Time time;
+};
+
+ros::Time time_of(int64_t ns) { return ros::Time(ns / S, ns % S); }
+
+int64_t since(Clock::time_point start) {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now() - start).count();
+}
+
+geometry_msgs::TransformStamped message_of(const Transform& transform) {
+  geometry_msgs::TransformStamped message;
+  message.header.frame_id = transform.parent;
+  message.child_frame_id = transform.child;
+  message.header.stamp = time_of(transform.stamp_ns);
+  auto& t = message.transform.translation;
+  auto& q = message.transform.rotation;
+  t.x = transform.pose[0], t.y = transform.pose[1], t.z = transform.pose[2];
+  q.x = transform.pose[3], q.y = transform.pose[4], q.z = transform.pose[5], q.w = transform.pose[6];
+  return message;
+}
+
+}  // namespace
+
+extern "C" {
+
+tf2::BufferCore* buffer_new(int64_t cache_ns) { return new tf2::BufferCore(ros::Duration(cache_ns / S, cache_ns % S)); }
+
+void buffer_free(tf2::BufferCore* buffer) { delete buffer; }
+
+// ns[i] becomes what insert i takes, or REFUSED. Returns how many inserts the budget allowed.
+size_t buffer_insert(tf2::BufferCore* buffer, const Transform* transforms, size_t count, double budget_s, int64_t* ns) {
+  std::vector<geometry_msgs::TransformStamped> messages;
+  for (size_t i = 0; i < count; ++i) messages.push_back(message_of(transforms[i]));
+  const auto began = Clock::now();
+  size_t i = 0;
+  for (; i < count && since(began) < budget_s * S; ++i) {
+    const auto start = Clock::now();
+    const bool inserted = buffer->setTransform(messages[i], AUTHORITY, transforms[i].is_static);
+    ns[i] = since(start);
+    if (!inserted) ns[i] = REFUSED;
+  }
+  return i;
+}
+
+// As buffer_insert, for `count` lookups that go round the queries.
+size_t buffer_look_up(const tf2::BufferCore* buffer, const Query* queries, size_t query_count, size_t count,
+                      double budget_s, int64_t* ns) {
+  std::vector<Call> calls;
+  for (size_t i = 0; i < query_count; ++i)
+    calls.push_back({queries[i].target, queries[i].source, time_of(queries[i].time_ns)});
+  const auto began = Clock::now();
+  size_t i = 0;
+  for (; i < count && since(began) < budget_s * S; ++i) {
+    const Call& call = calls[i % query_count];
+    bool answered = true;
+    const auto start = Clock::now();
+    try {
+      // The answer is made and dropped within the time, as a caller's would be.
+      const geometry_msgs::TransformStamped answer = buffer->lookupTransform(call.target, call.source, call.time);
+      asm volatile("" : : "g"(&answer) : "memory");
+    } catch (const tf2::TransformException&) {
+      answered = false;
+    }
+    ns[i] = since(start);
+    if (!answered) ns[i] = REFUSED;
+  }
+  return i;
+}
+
+// The pose of one answer; false where there is none.
+bool buffer_answer(const tf2::BufferCore* buffer, const char* target, const char* source, int64_t time_ns, double* pose) {
+  try {
+    const auto transform = buffer->lookupTransform(target, source, time_of(time_ns)).transform;
+    const auto& t = transform.translation;
+    const auto& q = transform.rotation;
+    const double values[] = {t.x, t.y, t.z, q.x, q.y, q.z, q.w};
+    std::copy(std::begin(values), std::end(values), pose);
+    return true;
+  } catch (const tf2::TransformException&) {
+    return false;
+  }
+}
+
+// The loop without the call.
+void time_nothing(size_t count, int64_t* ns) {
+  for (size_t i = 0; i < count; ++i) {
+    const auto start = Clock::now();
+    asm volatile("" : : : "memory");
+    ns[i] = since(start);
+  }
+}
+}

@@ -17,30 +17,28 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from bench import (
-    failing,
-    growth,
-    inserts,
-    instructions,
-    load,
-    lookups,
-    machine,
-    memory,
-    online,
-    peers,
-    pictures,
-    report,
-    targets,
-    types,
-    vectors,
-    waiters,
-)
-from bench.arena import Arena
+from bench import guard, inserts, lookups, machine, nodes, peers, pictures, report, targets, types
 from bench.processes import Failure
-from bench.rows import Row
+from bench.race import OURS, Arena
 from bench.sizes import FULL, QUICK
 
-SECTIONS = (lookups, growth, vectors, inserts, waiters, failing, memory, online, load, instructions)
+SECTIONS = {
+    section.__name__: section
+    for section in (
+        lookups.lookups,
+        lookups.growth,
+        lookups.vectors,
+        inserts.inserts,
+        inserts.waiters,
+        lookups.failing,
+        inserts.memory,
+        nodes.online,
+        nodes.load,
+        nodes.receive,
+        types.types,
+        guard.instructions,
+    )
+}
 RESULTS = Path(__file__).resolve().parent / "results"
 QUICK_RESULTS = peers.FETCHED / "results"
 
@@ -60,68 +58,58 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="python -m bench", description="Measure this project beside its peers."
     )
     parser.add_argument("--quick", action="store_true", help="fewer rounds and sizes: within two minutes")
-    names = [section.SECTION for section in SECTIONS]
-    parser.add_argument("--only", nargs="+", choices=names, help="of this project alone; nothing is written")
+    parser.add_argument(
+        "--only", nargs="+", choices=SECTIONS, help="of this project alone; nothing is written"
+    )
     options = parser.parse_args(arguments)
-    quick, wanted = options.quick, options.only or names
     say = Progress()
     load_before = machine.load_average()
     ours = peers.ours()
     others, missing = ([], {}) if options.only else peers.all_peers(say)
+    libraries = {library.key: library for library in (ours, *others)}
     with (
         tempfile.TemporaryDirectory() as folder,
-        Arena([ours, *others], QUICK if quick else FULL, Path(folder), say) as arena,
+        Arena(libraries, QUICK if options.quick else FULL, Path(folder), say) as arena,
     ):
         try:
-            ours.about = arena.ask(ours.key, "about")
+            ours.about = arena.ask(OURS, "about")
         except Failure as failure:
             print(f"this project does not run here: {failure}", file=sys.stderr)
             return 1
-        for section in SECTIONS:
-            if section.SECTION not in wanted:
-                continue
-            try:
-                section.run(arena)
-            except Failure as failure:
-                arena.absent.append({"who": ours.key, "what": section.SECTION, "reason": str(failure)})
-    types_rows = []
-    if not options.only:
-        say("functions of the types")
-        types_rows = types.run(quick)
-    arena.rows.extend(Row(**row) for row in types_rows)
+        for name, section in SECTIONS.items():
+            if name in (options.only or SECTIONS):
+                with arena.excused(OURS, name):
+                    section(arena)
     result = {
         "machine": machine.describe(peers.ROOT),
         "load_average": {"before": load_before, "after": machine.load_average()},
-        "quick": quick,
+        "quick": options.quick,
         "libraries": [
             {"key": library.key, "title": library.title, "note": library.note, **library.about}
-            for library in arena.libraries.values()
+            for library in libraries.values()
         ],
         "missing": missing,
         "absent": arena.absent,
         "rows": arena.rows.as_json(),
         "targets": [asdict(verdict) for verdict in targets.verdicts(arena.rows)],
     }
-    _print(result, arena, types_rows)
+    _print(result, arena, bool(options.only))
     if not options.only:
-        _write(result, arena, QUICK_RESULTS if quick else RESULTS)
+        _write(result, arena, QUICK_RESULTS if options.quick else RESULTS)
     return 0
 
 
-def _print(result: dict[str, Any], arena: Arena, types_rows: list[dict[str, Any]]) -> None:
+def _print(result: dict[str, Any], arena: Arena, known_only: bool) -> None:
     busy = [result["load_average"][when][0] for when in ("before", "after")]
+    verdicts = targets.verdicts(arena.rows)
+    if known_only:
+        verdicts = [verdict for verdict in verdicts if verdict.verdict != targets.UNKNOWN]
     parts = [
         report.introduction(result["machine"], busy, arena.libraries.values(), result["missing"]),
         report.tables(arena.rows, arena.libraries),
+        report.remarks(arena.rows, arena.libraries, arena.absent),
+        report.verdict_table(verdicts),
     ]
-    if any(row.section == waiters.SECTION for row in arena.rows):
-        parts.append(report.part(waiters.TITLE, waiters.table(arena.rows)))
-    verdicts = targets.verdicts(arena.rows)
-    if types_rows:
-        parts.append(report.part("Functions of the types", types.table(types_rows)))
-    else:
-        verdicts = [verdict for verdict in verdicts if verdict.verdict != targets.UNKNOWN]
-    parts += [report.remarks(arena.rows, arena.libraries, arena.absent), report.verdict_table(verdicts)]
     print(redacted("\n\n".join(parts)))
 
 
@@ -138,11 +126,11 @@ def _write(result: dict[str, Any], arena: Arena, folder: Path) -> None:
 
 
 def redacted(text: str) -> str:
-    """Without the places of this machine and its registries, which some reasons for a failure name."""
+    """Without the paths of this machine and the addresses of its registries, which some errors name."""
     text = re.sub(r"\b(?:https?|file)://[^\s\"']+", "(an address)", text)
-    for place in (peers.ROOT, Path(sys.prefix), Path.home()):
-        if place != Path(place.anchor):
-            text = text.replace(str(place), "...")
+    for path in (peers.ROOT, Path(sys.prefix), Path.home()):
+        if path != Path(path.anchor):
+            text = text.replace(str(path), "...")
     return text
 
 

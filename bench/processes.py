@@ -15,14 +15,15 @@ from typing import Any
 
 CONTESTANTS = Path(__file__).resolve().parent / "contestants"
 ANSWER_S = 300.0  # the longest order is loading the largest tree
+COMMAND_S = 300.0
 
 
 class Failure(Exception):
-    """Something cannot be had, or a process did not do what it was told."""
+    """Something is not available, or a process did not do what it was told."""
 
 
 class Refusal(Failure):
-    """A process could not do what it was told, and says so; it goes on."""
+    """A process could not do what it was told, and says so; it takes further orders."""
 
 
 def clean_environment(extra: Mapping[str, str] = {}) -> dict[str, str]:
@@ -38,6 +39,35 @@ def clean_environment(extra: Mapping[str, str] = {}) -> dict[str, str]:
     environment["OPENBLAS_NUM_THREADS"] = "1"
     environment.update(extra)
     return environment
+
+
+def run(
+    *command: str, cwd: Path | None = None, seconds: float = COMMAND_S, environment: Mapping[str, str] = {}
+) -> str:
+    """What a command prints; Failure where it fails or takes longer than `seconds`."""
+    try:
+        return subprocess.run(
+            command,
+            cwd=cwd,
+            env=clean_environment(environment),
+            check=True,
+            capture_output=True,
+            text=True,
+            timeout=seconds,
+        ).stdout
+    except OSError as error:
+        raise Failure(str(error)) from None
+    except subprocess.TimeoutExpired:
+        raise Failure(f"{command[0]} took longer than {seconds:.0f} s") from None
+    except subprocess.CalledProcessError as error:
+        # Valgrind's lines begin with ==, pip's advice with [notice].
+        lines = [
+            line
+            for line in error.stderr.splitlines()
+            if line.strip() and not line.startswith(("==", "[notice]"))
+        ]
+        last = lines[-1] if lines else "no message"
+        raise Failure(f"{command[0]} ended with {error.returncode}: {last}") from None
 
 
 @dataclass
@@ -79,7 +109,7 @@ class Process:
             self._process.stdin.write(("\t".join(map(str, words)) + "\n").encode())
             self._process.stdin.flush()
         except BrokenPipeError:
-            raise Failure(self._last_words()) from None
+            raise Failure(self._reason_of_end()) from None
         deadline = time.monotonic() + seconds
         stdout = self._process.stdout.fileno()
         while b"\n" not in self._unread:
@@ -88,7 +118,7 @@ class Process:
                 raise Failure(f"no answer to {words[0]} within {seconds:.0f} s")
             data = os.read(stdout, 1 << 20)
             if not data:
-                raise Failure(self._last_words())
+                raise Failure(self._reason_of_end())
             self._unread += data
         line, self._unread = self._unread.split(b"\n", 1)
         answer = json.loads(line)
@@ -96,11 +126,11 @@ class Process:
             raise Refusal(answer["error"])
         return answer
 
-    def _last_words(self) -> str:
+    def _reason_of_end(self) -> str:
         self._process.wait(timeout=10)
         self._log.seek(0)
         lines = [line for line in self._log.read().splitlines() if line.strip()]
-        return f"it ended with {self._process.returncode}: {lines[-1] if lines else 'no word'}"
+        return f"it ended with {self._process.returncode}: {lines[-1] if lines else 'no message'}"
 
     def end(self) -> None:
         assert self._process.stdin is not None and self._process.stdout is not None

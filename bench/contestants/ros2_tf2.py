@@ -15,6 +15,8 @@ from tf2_ros import Buffer
 
 AUTHORITY = "bench"
 S = 1_000_000_000
+DISCOVERY_S = 20
+HISTORY_S = 0.8  # to look up in
 
 
 def fill(message, child, parent, stamp_ns, pose):
@@ -29,7 +31,7 @@ class Ros2(Contestant):
     def __init__(self):
         super().__init__()
         self.buffer = None
-        self.listening = None
+        self.node = self.listener = None
 
     def about(self):
         for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(":"):
@@ -61,43 +63,53 @@ class Ros2(Contestant):
         messages = [fill(TransformStamped(), *transform) for transform in transforms]
         return self.buffer.set_transform, [(message, AUTHORITY) for message in messages], 1
 
-    def order_listen(self, cache_s, frame_count):
-        """Fill a new buffer from /tf and /tf_static, until the publishing process has told all frames."""
+    def listen(self, buffer, **options):
         import rclpy
 
         from tf2_ros import TransformListener
 
-        if not rclpy.ok():
+        if self.node is None:
             rclpy.init()
-        node = rclpy.create_node("bench_listener")
+            self.node = rclpy.create_node("bench_listener")
+        self.listener = TransformListener(buffer, self.node, **options)
+
+    def order_listen(self, cache_s, frame_count):
+        """Fill a new buffer from /tf and /tf_static, until the publishing process has sent all frames."""
         self.buffer = Buffer(Duration(seconds=float(cache_s)))
-        self.listening = node, TransformListener(self.buffer, node, spin_thread=True)
-        deadline = time.monotonic() + 20
+        self.listen(self.buffer, spin_thread=True)
+        deadline = time.monotonic() + DISCOVERY_S
         while len(self.buffer._getFrameStrings()) < int(frame_count):
             if time.monotonic() > deadline:
-                return {"error": f"only {len(self.buffer._getFrameStrings())} frames came"}
+                return {"error": f"only {len(self.buffer._getFrameStrings())} frames arrived"}
             threading.Event().wait(0.05)
-        threading.Event().wait(0.8)  # history to look back on
+        threading.Event().wait(HISTORY_S)
         return {}
 
+    def order_deafen(self):
+        if self.listener is not None:
+            self.listener.unregister()
+            self.listener = None
+        return {}
+
+    def end(self):
+        """Leave the network: otherwise the publisher waits until this process counts as lost."""
+        if self.node is not None:
+            import rclpy
+
+            self.order_deafen()
+            self.node.destroy_node()
+            rclpy.shutdown()
+
     def order_online(self, way, queries, age_s, count, budget_s):
-        """Time lookups while transforms come in; `age_s` ago, or 0 for the latest."""
+        """Time lookups while transforms arrive; `age_s` ago, or 0 for the latest."""
         age_ns = int(float(age_s) * S)
-        time_asked = Time(nanoseconds=time.time_ns() - age_ns) if age_ns else Time()
-        function = {"buffer": self.buffer.lookup_transform, "core": self.buffer.lookup_transform_core}[way]
-        calls = [(*pair.split(" "), time_asked) for pair in queries.split(",")]
+        time_ns = time.time_ns() - age_ns if age_ns else 0
+        queries = [(*pair.split(" "), time_ns) for pair in queries.split(",")]
+        function, calls = self.calls(way, queries)
         times, failed, empty = time_calls(function, calls, int(count), float(budget_s))
         return {"ns": times, "failed": failed, "empty_ns": empty}
 
-    def order_deafen(self):
-        import rclpy
-
-        node, listener = self.listening
-        self.listening = None
-        listener.unregister()
-        rclpy.shutdown()
-        return {}
-
 
 if __name__ == "__main__":
-    serve(Ros2())
+    ros2 = Ros2()
+    serve(ros2, ros2.end)

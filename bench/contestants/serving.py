@@ -143,7 +143,7 @@ class Contestant:
         self.next_ns = self.tree.newest_ns + 2 * STEP_NS
         return {"seconds": (perf_counter_ns() - start) / 1e9, "rss_bytes": rss_bytes() - before}
 
-    def order_aim(self, way, name, path, check):
+    def order_prepare(self, way, name, path, check):
         """Prepare a set of queries; the numbers of the first few answers show that all mean the same."""
         function, calls = self.calls(way, self.tree.queries(path))
         self.sets[way, name] = function, calls
@@ -181,8 +181,12 @@ class Contestant:
         return {"ns": times, "failed": failed, "empty_ns": empty, "batch": batch}
 
 
-def serve(contestant):
-    """Take orders from standard input, one a line, words between tabs; answer each with a line of JSON."""
+def serve(contestant, end=None):
+    """
+    Take orders from standard input, one a line, words between tabs; answer each with a line of JSON.
+
+    :param end: called when the input ends.
+    """
     # Libraries print to standard output when they please.
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
@@ -195,3 +199,5 @@ def serve(contestant):
             answer = {"error": f"{type(error).__name__}: {error}"}
         answers.write(json.dumps(answer) + "\n")
         answers.flush()
+    if end is not None:
+        end()

@@ -19,7 +19,7 @@ from typing import Any
 
 from bench import guard, inserts, lookups, machine, nodes, peers, pictures, report, targets, types
 from bench.processes import Failure
-from bench.race import OURS, Arena
+from bench.race import OURS, Run
 from bench.sizes import FULL, QUICK
 
 SECTIONS = {
@@ -69,17 +69,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     libraries = {library.key: library for library in (ours, *others)}
     with (
         tempfile.TemporaryDirectory() as folder,
-        Arena(libraries, QUICK if options.quick else FULL, Path(folder), say) as arena,
+        Run(libraries, QUICK if options.quick else FULL, Path(folder), say) as run,
     ):
         try:
-            ours.about = arena.ask(OURS, "about")
+            ours.about = run.ask(OURS, "about")
         except Failure as failure:
             print(f"this project does not run here: {failure}", file=sys.stderr)
             return 1
         for name, section in SECTIONS.items():
             if name in (options.only or SECTIONS):
-                with arena.excused(OURS, name):
-                    section(arena)
+                with run.recording_failure(OURS, name):
+                    section(run)
     result = {
         "machine": machine.describe(peers.ROOT),
         "load_average": {"before": load_before, "after": machine.load_average()},
@@ -89,37 +89,37 @@ def main(arguments: Sequence[str] | None = None) -> int:
             for library in libraries.values()
         ],
         "missing": missing,
-        "absent": arena.absent,
-        "rows": arena.rows.as_json(),
-        "targets": [asdict(verdict) for verdict in targets.verdicts(arena.rows)],
+        "absent": run.absent,
+        "rows": run.rows.as_json(),
+        "targets": [asdict(verdict) for verdict in targets.verdicts(run.rows)],
     }
-    _print(result, arena, bool(options.only))
+    _print(result, run, bool(options.only))
     if not options.only:
-        _write(result, arena, QUICK_RESULTS if options.quick else RESULTS)
+        _write(result, run, QUICK_RESULTS if options.quick else RESULTS)
     return 0
 
 
-def _print(result: dict[str, Any], arena: Arena, known_only: bool) -> None:
+def _print(result: dict[str, Any], run: Run, known_only: bool) -> None:
     busy = [result["load_average"][when][0] for when in ("before", "after")]
-    verdicts = targets.verdicts(arena.rows)
+    verdicts = targets.verdicts(run.rows)
     if known_only:
         verdicts = [verdict for verdict in verdicts if verdict.verdict != targets.UNKNOWN]
     parts = [
-        report.introduction(result["machine"], busy, arena.libraries.values(), result["missing"]),
-        report.tables(arena.rows, arena.libraries),
-        report.remarks(arena.rows, arena.libraries, arena.absent),
+        report.introduction(result["machine"], busy, run.libraries.values(), result["missing"]),
+        report.tables(run.rows, run.libraries),
+        report.remarks(run.rows, run.libraries, run.absent),
         report.verdict_table(verdicts),
     ]
     print(redacted("\n\n".join(parts)))
 
 
-def _write(result: dict[str, Any], arena: Arena, folder: Path) -> None:
+def _write(result: dict[str, Any], run: Run, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{machine.slug()}.json"
     path.write_text(redacted(json.dumps(result, indent=1)) + "\n")
     print(f"\nwrote {path.relative_to(peers.ROOT)}")
     try:
-        for picture in pictures.draw(arena.rows, arena.libraries, folder, machine.slug()):
+        for picture in pictures.draw(run.rows, run.libraries, folder, machine.slug()):
             print(f"wrote {picture.relative_to(peers.ROOT)}")
     except ImportError:
         print("no pictures: matplotlib is missing (pip install '.[bench]')")

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from bench.peers import ours
-from bench.processes import CONTESTANTS, Failure, run
-from bench.race import OURS, Arena, Entry, Sample
+from bench.processes import CONTESTANTS, Failure, run_command
+from bench.race import OURS, Entry, Run, Sample
 
 DUMPS_PER_CASE = 3  # up to the first mark; the shorter run; the run of twice as many calls
 # As in counted.py, which only an interpreter with ROS can import.
@@ -61,7 +61,7 @@ def count(cases: Sequence[str]) -> dict[str, float]:
         raise Failure("valgrind is not installed")
     library = ours()
     with tempfile.TemporaryDirectory() as folder:
-        run(
+        run_command(
             "valgrind",
             "--tool=callgrind",
             "--dump-before=getpgid",
@@ -86,11 +86,11 @@ def count(cases: Sequence[str]) -> dict[str, float]:
     }
 
 
-def instructions(arena: Arena) -> None:
+def instructions(run: Run) -> None:
     """How instructions grow with history and depth, in a full run."""
-    if not arena.sizes.thorough:
+    if not run.sizes.thorough:
         return
-    arena.say("instructions: callgrind")
+    run.say("instructions: callgrind")
     cases = {f"{case}={value}": (case, axis, value) for case, axis, values in GROWING for value in values}
 
     def measure() -> Iterator[Sample]:
@@ -99,7 +99,7 @@ def instructions(arena: Arena) -> None:
             per = VECTOR_TIMES if case == "lookup_transforms" else 1
             yield Sample(OURS, case, {axis: value}, [counted / per], "instructions")
 
-    arena.race("instructions", [Entry(OURS, measure)], rounds=1)
+    run.race("instructions", [Entry(OURS, measure)], rounds=1)
 
 
 def python_series() -> str:

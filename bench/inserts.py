@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from bench.processes import Failure
-from bench.race import OURS, Arena, Entry, Sample, sample_of
+from bench.race import OURS, Entry, Rows, Run, Sample, ratio_of_rounds, sample_of
 from bench.trees import bushy, chain
 
 FRAMES = 50
@@ -31,48 +31,48 @@ INTO = ("own frame", "other frame", "two parents", "alternating", "new frame", "
 MEMORY_SAMPLES = 10_000  # of one frame: 100 s, for schiebung keeps 120 s
 
 
-def inserts(arena: Arena) -> None:
+def inserts(run: Run) -> None:
     """By message, batch and serialised message; and beside waiting futures."""
-    sizes = arena.sizes
-    arena.say("inserts: filling histories")
+    sizes = run.sizes
+    run.say("inserts: filling histories")
     # Longer than the cache, so that every insert drops an old sample, as in a program that runs for long.
     tree = bushy(f"inserts {FRAMES}", FRAMES + 1, 1.0, round(CACHE_S * 100) + 100)
     tree.cache_s = CACHE_S
-    keys = arena.load(tree, [who for who in arena.with_lookups() if who not in CANNOT_INSERT])
+    keys = run.load(tree, [who for who in run.with_lookups() if who not in CANNOT_INSERT])
     labels = {"frames": FRAMES}
     entries = [
-        arena.timed(who, way, labels, ("insert", way, sizes.inserts))
+        run.timed(who, way, labels, ("insert", way, sizes.inserts))
         for who in keys
         for way in (OUR_WAYS if who == OURS else OUR_WAYS[:1])
     ]
-    arena.say("inserts: rounds")
-    arena.race("inserts", entries)
+    run.say("inserts: rounds")
+    run.race("inserts", entries)
 
     def beside_waiters(waiting_for: str) -> list[Sample]:
-        pending = arena.ask(OURS, "wait", waiting_for, sizes.waiters)["pending"]
+        pending = run.ask(OURS, "wait", waiting_for, sizes.waiters)["pending"]
         if pending != sizes.waiters:
             raise Failure(f"only {pending} of {sizes.waiters} wait")
-        answer = arena.ask(OURS, "insert", "set_transform", sizes.inserts, sizes.budget_s)
-        arena.ask(OURS, "stop_waiting")
+        answer = run.ask(OURS, "insert", "set_transform", sizes.inserts, sizes.budget_s)
+        run.ask(OURS, "stop_waiting")
         beside = {**labels, "waiters": sizes.waiters, "waiting_for": waiting_for}
         return [sample_of(answer, OURS, BESIDE_WAITERS, beside)]
 
     if OURS in keys:
-        arena.say(f"inserts: rounds beside {sizes.waiters} futures")
+        run.say(f"inserts: rounds beside {sizes.waiters} futures")
         order = ("insert", "set_transform", sizes.inserts)
-        alone = arena.timed(OURS, BESIDE_WAITERS, {**labels, "waiters": 0}, order)
+        alone = run.timed(OURS, BESIDE_WAITERS, {**labels, "waiters": 0}, order)
         waiting = [Entry(OURS, lambda what=what: beside_waiters(what)) for what in ("unknown", "later")]
-        arena.race("inserts", [alone, *waiting])
+        run.race("inserts", [alone, *waiting])
 
 
-def waiters(arena: Arena) -> None:
+def waiters(run: Run) -> None:
     """Inserts beside waiters of every kind that they do not answer."""
-    sizes = arena.sizes
+    sizes = run.sizes
 
-    with arena.process("waiting.py") as process:
+    with run.process("waiting.py") as process:
 
         def measure(kind: str) -> Iterator[Sample]:
-            arena.say(f"waiters: {sizes.waiters} that wait for: {kind}")
+            run.say(f"waiters: {sizes.waiters} that wait for: {kind}")
             pending = process.ask("prepare", kind, sizes.waiters)["pending"]
             for into in INTO:
                 order = "insert", kind, into, sizes.waited_inserts, sizes.budget_s / 10
@@ -83,31 +83,37 @@ def waiters(arena: Arena) -> None:
                     labels = {"waiting_for": kind, "waiters": count}
                     yield sample_of({**answer, "ns": answer[key]}, OURS, into, labels)
 
-        arena.race("waiters", [Entry(OURS, lambda kind=kind: measure(kind)) for kind in KINDS])
+        run.race("waiters", [Entry(OURS, lambda kind=kind: measure(kind)) for kind in KINDS])
 
 
-def memory(arena: Arena) -> None:
+def waiters_ratio(rows: Rows, kind: str, into: str) -> float:
+    """Beside the waiters of a kind over beside none; NaN where it was not measured."""
+    alone, beside = rows.all("waiters", OURS, into, waiting_for=kind) or (None, None)
+    return ratio_of_rounds(beside, alone)
+
+
+def memory(run: Run) -> None:
     """Bytes per dynamic sample: what our buffer accounts for, and what each process holds."""
-    sizes = arena.sizes
+    sizes = run.sizes
 
     def of_one_ring() -> Iterator[Sample]:
-        arena.restart(OURS)
-        ring = arena.ask(OURS, "ring", sizes.ring_samples)
+        run.restart(OURS)
+        ring = run.ask(OURS, "ring", sizes.ring_samples)
         for way, bytes_, samples in ("fullest", *ring["best"]), ("just grown", *ring["worst"]):
             yield Sample(OURS, f"ring, {way}", {"samples": samples}, [bytes_], "B")
-        arena.restart(OURS)
-        worst = arena.ask(OURS, "resident", sizes.resident_samples)["worst"]
+        run.restart(OURS)
+        worst = run.ask(OURS, "resident", sizes.resident_samples)["worst"]
         yield Sample(OURS, "resident, while growing", {"samples": sizes.resident_samples}, [worst], "B")
 
     def of_a_process(who: str) -> Iterator[Sample]:
-        arena.say(f"memory: {arena.libraries[who].label}")
-        arena.restart(who)
+        run.say(f"memory: {run.libraries[who].label}")
+        run.restart(who)
         samples = sum(tree.dynamic) * tree.samples
-        held = arena.ask(who, "load", path, 0)["rss_bytes"]
+        held = run.ask(who, "load", path, 0)["rss_bytes"]
         yield Sample(who, "resident", {"samples": samples}, [held / samples], "B")
 
-    arena.say("memory: one ring, sample by sample")
+    run.say("memory: one ring, sample by sample")
     tree = chain("memory", max(1, sizes.resident_samples // MEMORY_SAMPLES), MEMORY_SAMPLES)
-    path = tree.write(arena.folder)
-    processes = [Entry(who, lambda who=who: of_a_process(who)) for who in arena.with_lookups()]
-    arena.race("memory", [Entry(OURS, of_one_ring), *processes], rounds=1)
+    path = tree.write(run.folder)
+    processes = [Entry(who, lambda who=who: of_a_process(who)) for who in run.with_lookups()]
+    run.race("memory", [Entry(OURS, of_one_ring), *processes], rounds=1)

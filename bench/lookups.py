@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from bench.processes import Failure
-from bench.race import OURS, Arena, Entry, Sample, set_name
+from bench.race import OURS, Entry, Run, Sample, set_name
 from bench.trees import LATEST, Tree, bushy, chain, fork, star, write_queries, write_vector_queries
 
 HOPS = (1, 4, 10)
@@ -26,37 +26,37 @@ FAILING_WAYS = ("lookup_transform_core", "can_transform_core")
 REASONS = ("extrapolation", "unknown frame", "two trees")
 
 
-def lookups(arena: Arena) -> None:
+def lookups(run: Run) -> None:
     """One lookup: in static and dynamic trees by hops, in deep histories by place."""
-    for tree in _trees(arena, arena.sizes.dynamic_frames):
-        keys = arena.load(tree, arena.with_lookups())
+    for tree in _trees(run, run.sizes.dynamic_frames):
+        keys = run.load(tree, run.with_lookups())
         for place in ("past", "latest") if tree.moves else ("static",):
             for hops in HOPS:
                 labels = {"tree": tree.name, "place": place, "hops": hops}
-                pairs = tree.pairs(hops, arena.sizes.queries, seed=hops, must_move=tree.moves)
-                _race_lookups(arena, keys, tree, labels, pairs, hops)
-    for depth in arena.sizes.depths:
+                pairs = tree.pairs(hops, run.sizes.queries, seed=hops, must_move=tree.moves)
+                _race_lookups(run, keys, tree, labels, pairs, hops)
+    for depth in run.sizes.depths:
         tree = chain(f"chain of {depth}", DEEP_HOPS, depth)
-        keys = arena.load(tree, arena.with_lookups())
+        keys = run.load(tree, run.with_lookups())
         for place in ("newest", "random", "oldest"):
             labels = {"tree": tree.name, "place": place, "hops": DEEP_HOPS, "depth": depth}
-            _race_lookups(arena, keys, tree, labels, [(0, DEEP_HOPS)], depth)
+            _race_lookups(run, keys, tree, labels, [(0, DEEP_HOPS)], depth)
 
 
-def _trees(arena: Arena, dynamic_frames: Iterable[int]) -> list[Tree]:
-    sizes = arena.sizes
+def _trees(run: Run, dynamic_frames: Iterable[int]) -> list[Tree]:
+    sizes = run.sizes
     still = bushy(f"static {sizes.static_frames}", sizes.static_frames, 0.0, 0)
     samples = round(sizes.seconds * 100)
     return [still, *(bushy(f"dynamic {frames}", frames, 0.5, samples) for frames in dynamic_frames)]
 
 
 def _race_lookups(
-    arena: Arena, keys: list[str], tree: Tree, labels: dict, pairs: Sequence[tuple[int, int]], seed: int
+    run: Run, keys: list[str], tree: Tree, labels: dict, pairs: Sequence[tuple[int, int]], seed: int
 ) -> None:
-    arena.say(f"lookups: {', '.join(map(str, labels.values()))} hops")
-    times = _times(tree, labels["place"], arena.sizes.queries, seed)
-    queries = write_queries(arena.folder / "queries", pairs, times)
-    arena.race("lookups", arena.prepare("lookups", labels, arena.ways(keys), queries, arena.sizes.calls))
+    run.say(f"lookups: {', '.join(map(str, labels.values()))} hops")
+    times = _times(tree, labels["place"], run.sizes.queries, seed)
+    queries = write_queries(run.folder / "queries", pairs, times)
+    run.race("lookups", run.prepare("lookups", labels, run.ways(keys), queries, run.sizes.calls))
 
 
 def _times(tree: Tree, place: str, count: int, seed: int) -> np.ndarray:
@@ -67,80 +67,80 @@ def _times(tree: Tree, place: str, count: int, seed: int) -> np.ndarray:
     return np.sort(times) if place == "sorted" else times
 
 
-def vectors(arena: Arena) -> None:
+def vectors(run: Run) -> None:
     """Many times in one call: each cell, beside NumPy and SciPy, in two threads."""
-    sizes = arena.sizes
-    for tree in _trees(arena, sizes.dynamic_frames[:1]):
-        arena.say(f"vectors: {tree.name} frames")
-        keys = arena.load(tree, [OURS])
+    sizes = run.sizes
+    for tree in _trees(run, sizes.dynamic_frames[:1]):
+        run.say(f"vectors: {tree.name} frames")
+        keys = run.load(tree, [OURS])
         entries = []
         for place in ("sorted", "random", "latest") if tree.moves else ("static",):
             for hops in HOPS:
                 pairs = tree.pairs(hops, sizes.vector_pairs, seed=hops, must_move=tree.moves)
-                entries += _vector_entries(arena, keys, tree, place, hops, pairs)
-        arena.race("vectors", entries)
+                entries += _vector_entries(run, keys, tree, place, hops, pairs)
+        run.race("vectors", entries)
     for depth in sizes.depths[1:]:
         tree = chain(f"chain of {depth}", DEEP_HOPS, depth)
-        arena.say(f"vectors: {tree.name} samples per frame, and in {THREADS} threads")
-        keys = arena.load(tree, [OURS, *(VECTOR_PEERS if depth == sizes.depths[1] else ())])
+        run.say(f"vectors: {tree.name} samples per frame, and in {THREADS} threads")
+        keys = run.load(tree, [OURS, *(VECTOR_PEERS if depth == sizes.depths[1] else ())])
         for place in ("sorted", "random"):
-            arena.race("vectors", _vector_entries(arena, keys, tree, place, DEEP_HOPS, [(0, DEEP_HOPS)]))
+            run.race("vectors", _vector_entries(run, keys, tree, place, DEEP_HOPS, [(0, DEEP_HOPS)]))
         if OURS in keys:
-            _race_points_and_threads(arena, tree)
+            _race_points_and_threads(run, tree)
 
 
 def _vector_entries(
-    arena: Arena, keys: list[str], tree: Tree, place: str, hops: int, pairs: Sequence[tuple[int, int]]
+    run: Run, keys: list[str], tree: Tree, place: str, hops: int, pairs: Sequence[tuple[int, int]]
 ) -> list[Entry]:
-    sizes = arena.sizes
+    sizes = run.sizes
     times = [_times(tree, place, sizes.vector_times, seed) for seed in range(len(pairs))]
-    queries = write_vector_queries(arena.folder / "queries", pairs, times)
+    queries = write_vector_queries(run.folder / "queries", pairs, times)
     labels = {"tree": tree.name, "place": place, "hops": hops}
     contenders = [(who, "vector") for who in keys]
-    return arena.prepare("vectors", labels, contenders, queries, sizes.vector_pairs, sizes.vector_times)
+    return run.prepare("vectors", labels, contenders, queries, sizes.vector_pairs, sizes.vector_times)
 
 
-def _race_points_and_threads(arena: Arena, tree: Tree) -> None:
-    sizes = arena.sizes
+def _race_points_and_threads(run: Run, tree: Tree) -> None:
+    sizes = run.sizes
     labels = {"tree": tree.name, "place": "sorted", "hops": DEEP_HOPS}
     times = _times(tree, "sorted", sizes.points, 5)
-    queries = write_vector_queries(arena.folder / "queries", [(0, DEEP_HOPS)], [times])
-    arena.race("vectors", arena.prepare("vectors", labels, [(OURS, "points")], queries, 2, sizes.points))
+    queries = write_vector_queries(run.folder / "queries", [(0, DEEP_HOPS)], [times])
+    run.race("vectors", run.prepare("vectors", labels, [(OURS, "points")], queries, 2, sizes.points))
 
     def gain() -> list[Sample]:
         # One thread before and after, because the machine's speed drifts.
         order = "threads", "vector", set_name("vectors", labels)
-        before, together, after = (arena.ask(OURS, *order, n, calls)["ns"] for n in (1, THREADS, 1))
+        before, together, after = (run.ask(OURS, *order, n, calls)["ns"] for n in (1, THREADS, 1))
         ratio = (before + after) / 2 / together
         return [Sample(OURS, "threads", {"tree": tree.name, "threads": THREADS}, [ratio], "x")]
 
     calls = 10 * sizes.vector_pairs
-    arena.race("vectors", [Entry(OURS, gain)])
+    run.race("vectors", [Entry(OURS, gain)])
 
 
-def growth(arena: Arena) -> None:
+def growth(run: Run) -> None:
     """How cost grows with the length of history, the number of frames, the depth of the tree."""
-    sizes = arena.sizes
+    sizes = run.sizes
     trees = {
         "samples": [(n, chain(f"samples {n}", DEEP_HOPS, n)) for n in sizes.growth_samples],
         "frames": [(n, bushy(f"frames {n}", n, 1.0, GROWTH_SAMPLES)) for n in sizes.growth_frames],
         "ancestors": [(n, fork(f"ancestors {n}", n, GROWTH_SAMPLES)) for n in sizes.growth_ancestors],
     }
-    wanted = arena.with_lookups() if sizes.thorough else QUICK_GROWTH_PEERS
+    wanted = run.with_lookups() if sizes.thorough else QUICK_GROWTH_PEERS
     for axis, grown in trees.items():
         # Every size is in memory before the first round, so that a disturbance affects all sizes.
         entries: list[Entry] = []
         for index, (value, tree) in enumerate(grown):
-            arena.say(f"growth: loading {tree.name}")
-            keys = arena.load(tree, [who for who in wanted if who not in NOT_IN_GROWTH], keep=index > 0)
-            for kind, pairs in _growth_pairs(arena, axis, tree).items():
+            run.say(f"growth: loading {tree.name}")
+            keys = run.load(tree, [who for who in wanted if who not in NOT_IN_GROWTH], keep=index > 0)
+            for kind, pairs in _growth_pairs(run, axis, tree).items():
                 labels = {"axis": axis, "value": value, "pairs": kind}
-                entries += _growth_entries(arena, keys, tree, labels, pairs)
-        arena.say(f"growth: rounds over {axis}")
-        arena.race("growth", entries)
+                entries += _growth_entries(run, keys, tree, labels, pairs)
+        run.say(f"growth: rounds over {axis}")
+        run.race("growth", entries)
 
 
-def _growth_pairs(arena: Arena, axis: str, tree: Tree) -> dict[str, list[tuple[int, int]]]:
+def _growth_pairs(run: Run, axis: str, tree: Tree) -> dict[str, list[tuple[int, int]]]:
     if axis == "samples":
         return {"few": [(0, DEEP_HOPS)]}
     if axis == "ancestors":
@@ -148,43 +148,39 @@ def _growth_pairs(arena: Arena, axis: str, tree: Tree) -> dict[str, list[tuple[i
     # A program looks up the same few pairs; looking up all of them measures the machine's caches, too.
     return {
         "few": tree.pairs(DEEP_HOPS, FEW, seed=1, must_move=True),
-        "many": tree.pairs(DEEP_HOPS, arena.sizes.queries, seed=2, must_move=True),
+        "many": tree.pairs(DEEP_HOPS, run.sizes.queries, seed=2, must_move=True),
     }
 
 
 def _growth_entries(
-    arena: Arena, keys: list[str], tree: Tree, labels: dict, pairs: list[tuple[int, int]]
+    run: Run, keys: list[str], tree: Tree, labels: dict, pairs: list[tuple[int, int]]
 ) -> list[Entry]:
-    sizes, value = arena.sizes, labels["value"]
-    queries = write_queries(arena.folder / "queries", pairs, tree.random_times(sizes.queries, value))
+    sizes, value = run.sizes, labels["value"]
+    queries = write_queries(run.folder / "queries", pairs, tree.random_times(sizes.queries, value))
     # Of ours, what users call; of the others, what they have.
-    contenders = [(who, way) for who, way in arena.ways(keys) if (who, way) != (OURS, "core")]
-    entries = arena.prepare("growth", labels, contenders, queries, sizes.calls)
+    contenders = [(who, way) for who, way in run.ways(keys) if (who, way) != (OURS, "core")]
+    entries = run.prepare("growth", labels, contenders, queries, sizes.calls)
     if OURS in keys and labels["pairs"] == "few":
         times = [_times(tree, "sorted", sizes.vector_times, value + i) for i in range(len(pairs))]
-        queries = write_vector_queries(arena.folder / "queries", pairs, times)
-        entries += arena.prepare(
-            "growth", labels, [(OURS, "vector")], queries, len(pairs), sizes.vector_times
-        )
+        queries = write_vector_queries(run.folder / "queries", pairs, times)
+        entries += run.prepare("growth", labels, [(OURS, "vector")], queries, len(pairs), sizes.vector_times)
     return entries
 
 
-def failing(arena: Arena) -> None:
+def failing(run: Run) -> None:
     """Lookups that fail, in a small and in a large tree."""
     entries: list[Entry] = []
-    for index, frames in enumerate(arena.sizes.failing_frames):
-        arena.say(f"failing: a tree of {frames:,} frames")
+    for index, frames in enumerate(run.sizes.failing_frames):
+        run.say(f"failing: a tree of {frames:,} frames")
         tree = star(f"failing {frames}", frames, samples=2)
-        if OURS not in arena.load(tree, [OURS], keep=index > 0):
+        if OURS not in run.load(tree, [OURS], keep=index > 0):
             raise Failure("the tree was not loaded")
         frame, (island, _, unknown) = 1, range(frames + 1, frames + 4)
         late_ns = tree.newest_ns + 10**12
         no_answer = (frame, late_ns), (unknown, tree.newest_ns), (island, tree.newest_ns)
         for reason, (source, time_ns) in zip(REASONS, no_answer, strict=True):
-            queries = write_queries(arena.folder / "queries", [(0, source)], np.array([time_ns]))
+            queries = write_queries(run.folder / "queries", [(0, source)], np.array([time_ns]))
             labels = {"frames": frames, "reason": reason}
             contenders = [(OURS, way) for way in FAILING_WAYS]
-            entries += arena.prepare(
-                "failing", labels, contenders, queries, arena.sizes.calls, compared=False
-            )
-    arena.race("failing", entries)
+            entries += run.prepare("failing", labels, contenders, queries, run.sizes.calls, compared=False)
+    run.race("failing", entries)

@@ -9,7 +9,7 @@ import numpy as np
 
 from bench.lookups import DEEP_HOPS, HOPS
 from bench.processes import Failure, Process
-from bench.race import OURS, Arena, Entry, Sample, percentile
+from bench.race import OURS, Entry, Run, Sample
 from bench.trees import bushy, chain, write_vector_queries
 
 AGES_S = {"past": 0.5, "latest": 0.0}
@@ -37,19 +37,19 @@ WAKING = ("listener", "executor")  # paths on which lookups wait
 RECEIVER_THREAD = "tf2_ros receiver"
 
 
-def online(arena: Arena) -> None:
+def online(run: Run) -> None:
     """Lookups while another process publishes transforms over DDS."""
-    sizes = arena.sizes
+    sizes = run.sizes
     frames = sizes.dynamic_frames[0]
     tree = bushy(f"online {frames}", frames, 0.5, 2)
-    path = tree.write(arena.folder)
-    for who in filter(arena.libraries.__contains__, (OURS, "ros2")):
-        arena.say(f"online: {arena.libraries[who].label} listens to a publishing process")
-        program = arena.libraries[who].command[1]
+    path = tree.write(run.folder)
+    for who in filter(run.libraries.__contains__, (OURS, "ros2")):
+        run.say(f"online: {run.libraries[who].label} listens to a publishing process")
+        program = run.libraries[who].command[1]
         with (
-            arena.excused(who, "online"),
-            arena.process("publishing.py", who=who) as publisher,
-            arena.process(program, who=who) as process,
+            run.recording_failure(who, "online"),
+            run.process("publishing.py", who=who) as publisher,
+            run.process(program, who=who) as process,
         ):
             publisher.ask("tree", path)
             process.ask("listen", tree.cache_s, len(tree.names))
@@ -58,62 +58,62 @@ def online(arena: Arena) -> None:
                 for hops in HOPS:
                     pairs = tree.pairs(hops, PAIRS, seed=hops, must_move=True)
                     names = ",".join(f"{tree.names[target]} {tree.names[source]}" for target, source in pairs)
-                    for way in arena.libraries[who].ways:
+                    for way in run.libraries[who].ways:
                         labels = {"tree": tree.name, "place": place, "hops": hops}
                         process.ask("online", way, names, age_s, sizes.warm_up, sizes.budget_s)
                         order = "online", way, names, age_s, sizes.calls
-                        entries.append(arena.timed(who, way, labels, order, process=process))
-            arena.race("online", entries)
-            process.ask("deafen")
+                        entries.append(run.timed(who, way, labels, order, process=process))
+            run.race("online", entries)
+            process.ask("stop_listening")
 
 
-def load(arena: Arena) -> None:
+def load(run: Run) -> None:
     """How long readers and writers of one buffer delay each other."""
     tree = chain("load", HOPS[-1], 100)
     tree.cache_s = 10.0
-    with arena.process("publishing.py") as publisher, arena.process("ours.py") as loaded:
-        loaded.ask("load", tree.write(arena.folder), 0)
-        loaded.ask("twin")
+    with run.process("publishing.py") as publisher, run.process("ours.py") as loaded:
+        loaded.ask("load", tree.write(run.folder), 0)
+        loaded.ask("load_other")
         for way, times in ("buffer", 1), ("vector", IN_THREADS["lookup_transforms"][2]):
             stamps = np.sort(tree.random_times(times, 1))
-            queries = write_vector_queries(arena.folder / "queries", [(0, DEEP_HOPS)], [stamps])
+            queries = write_vector_queries(run.folder / "queries", [(0, DEEP_HOPS)], [stamps])
             loaded.ask("prepare", way, "load", queries, 0)
-        _race_threads(arena, loaded)
-        _race_beside_readers(arena, loaded)
-        _messages_beside_readers(arena, loaded, publisher)
-        _race_beside_messages(arena, loaded, publisher)
+        _race_threads(run, loaded)
+        _race_beside_readers(run, loaded)
+        _messages_beside_readers(run, loaded, publisher)
+        _race_beside_messages(run, loaded, publisher)
 
 
-def _race_threads(arena: Arena, loaded: Process) -> None:
+def _race_threads(run: Run, loaded: Process) -> None:
     """The same calls alone and in several threads at once."""
 
     def measure(what: str, threads: int) -> Iterator[Sample]:
         way, share, times = IN_THREADS[what]
-        calls = round(arena.sizes.load_calls * share)
+        calls = round(run.sizes.load_calls * share)
         ns = loaded.ask("threads", way, "load", threads, calls)["ns"]
         yield Sample(OURS, what, {"threads": threads}, [ns / (threads * calls * times)])
 
-    arena.say(f"load: calls in 1 thread and in {READERS}")
+    run.say(f"load: calls in 1 thread and in {READERS}")
     for what in IN_THREADS:
         entries = [Entry(OURS, lambda n=n, what=what: measure(what, n)) for n in (1, READERS)]
-        arena.race("load", entries, arena.sizes.load_rounds)
+        run.race("load", entries, run.sizes.load_rounds)
 
 
-def _race_beside_readers(arena: Arena, loaded: Process) -> None:
+def _race_beside_readers(run: Run, loaded: Process) -> None:
     def measure(which: str) -> Iterator[Sample]:
-        arena.say(f"load: inserts beside {READERS} readers of {which} buffer")
+        run.say(f"load: inserts beside {READERS} readers of {which} buffer")
         with _readers(loaded, which) as late:
             loaded.ask("sleep")
-            inserts = loaded.ask("probe", "set_transform", arena.sizes.load_s)["ns"]
+            inserts = loaded.ask("probe", "set_transform", run.sizes.load_s)["ns"]
         for way, values in (INSERT, inserts), (LATE, late):
-            yield Sample(OURS, way, {"readers": READERS, "of": which}, [percentile(sorted(values), 0.99)])
+            yield Sample(OURS, way, {"readers": READERS, "of": which}, [np.quantile(values, 0.99).item()])
 
     entries = [Entry(OURS, lambda which=which: measure(which)) for which in BUFFERS]
-    arena.race("load", entries, arena.sizes.load_rounds)
+    run.race("load", entries, run.sizes.load_rounds)
 
 
-def _messages_beside_readers(arena: Arena, loaded: Process, publisher: Process) -> None:
-    messages = arena.sizes.load_messages
+def _messages_beside_readers(run: Run, loaded: Process, publisher: Process) -> None:
+    messages = run.sizes.load_messages
 
     def measure() -> Iterator[Sample]:
         with _receiving(loaded, publisher, "this", DEPTH) as before:
@@ -124,26 +124,26 @@ def _messages_beside_readers(arena: Arena, loaded: Process, publisher: Process) 
         labels = {"readers": READERS, "of": "this", "messages": messages}
         yield Sample(OURS, LOST, labels, [lost], "messages")
 
-    arena.say(f"load: {messages} messages at {RATE} Hz beside {READERS} readers")
-    arena.race("load", [Entry(OURS, measure)], rounds=1)
+    run.say(f"load: {messages} messages at {RATE} Hz beside {READERS} readers")
+    run.race("load", [Entry(OURS, measure)], rounds=1)
 
 
-def _race_beside_messages(arena: Arena, loaded: Process, publisher: Process) -> None:
-    seconds = arena.sizes.load_s
+def _race_beside_messages(run: Run, loaded: Process, publisher: Process) -> None:
+    seconds = run.sizes.load_s
 
     def measure(transforms: int, rate: int, which: str) -> Iterator[Sample]:
-        arena.say(f"load: lookups beside {rate} messages/s of {transforms} into {which} buffer")
+        run.say(f"load: lookups beside {rate} messages/s of {transforms} into {which} buffer")
         with _receiving(loaded, publisher, which, rate):
             publisher.ask("start", rate, transforms, round(rate * seconds))
             lookups = loaded.ask("probe", "lookup_transform", seconds)["ns"]
             publisher.ask("finish")
         labels = {"transforms": transforms, "Hz": rate, "into": which}
-        yield Sample(OURS, LOOKUP, labels, [percentile(sorted(lookups), 0.999)])
+        yield Sample(OURS, LOOKUP, labels, [np.quantile(lookups, 0.999).item()])
 
     for transforms, rate in HEAVY.items():
         arguments = [(transforms, rate, which) for which in BUFFERS]
         entries = [Entry(OURS, lambda own=own: measure(*own)) for own in arguments]
-        arena.race("load", entries, arena.sizes.load_rounds)
+        run.race("load", entries, run.sizes.load_rounds)
 
 
 @contextmanager
@@ -168,25 +168,25 @@ def _receiving(loaded: Process, publisher: Process, which: str, depth: int) -> I
         publisher.ask("discover", 1)
         yield before
     finally:
-        loaded.ask("deafen")
+        loaded.ask("stop_listening")
     publisher.ask("discover", 0)
 
 
-def receive(arena: Arena) -> None:
+def receive(run: Run) -> None:
     """CPU of a listening process, and the time from the sending of a message to a waiting lookup's answer."""
-    paths = {OURS: OUR_PATHS, "ros2": UPSTREAM_PATHS if "ros2" in arena.libraries else ()}
+    paths = {OURS: OUR_PATHS, "ros2": UPSTREAM_PATHS if "ros2" in run.libraries else ()}
     contenders = [(who, path) for who, own in paths.items() for path in own]
-    with arena.process("publishing.py") as publisher:
+    with run.process("publishing.py") as publisher:
         entries = [
-            Entry(who, lambda own=(who, path): _receive(arena, publisher, *own)) for who, path in contenders
+            Entry(who, lambda own=(who, path): _receive(run, publisher, *own)) for who, path in contenders
         ]
-        arena.race("receive", entries, arena.sizes.receive_rounds)
+        run.race("receive", entries, run.sizes.receive_rounds)
 
 
-def _receive(arena: Arena, publisher: Process, who: str, path: str) -> Iterator[Sample]:
-    sizes = arena.sizes
-    arena.say(f"receive: {arena.libraries[who].title}, {path}")
-    with arena.process("listening.py", path, who=who) as listener:
+def _receive(run: Run, publisher: Process, who: str, path: str) -> Iterator[Sample]:
+    sizes = run.sizes
+    run.say(f"receive: {run.libraries[who].title}, {path}")
+    with run.process("listening.py", path, who=who) as listener:
         publisher.ask("discover", 1)
         for transforms, rate in RECEIVED.items():
             labels = {"transforms": transforms, "rate": rate}

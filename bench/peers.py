@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from bench.processes import CONTESTANTS, Failure, Library, Process, run
+from bench.processes import CONTESTANTS, Failure, Library, Process, run_command
 
 ROOT = Path(__file__).resolve().parents[1]
 FETCHED = ROOT / ".bench"
@@ -95,7 +95,7 @@ def _sourced_ros2() -> list[Library]:
     python = shutil.which("python3", path=path)
     if python is None:
         raise Failure("no python3 beside this one")
-    run(python, "-c", "import tf2_ros", cwd=Path("/"), seconds=60)
+    run_command(python, "-c", "import tf2_ros", cwd=Path("/"), seconds=60)
     command = [python, str(CONTESTANTS / "ros2_tf2.py")]
     note = "Buffer.lookup_transform and lookup_transform_core of the sourced ROS 2"
     return [Library("ros2", "ROS 2 tf2_ros", command, ("buffer", "core"), note=note)]
@@ -110,7 +110,7 @@ def _from_debian(folder: Path) -> list[Library]:
     if not (folder / "unpacked").exists():
         _download_from_debian(folder)
         for package in sorted(folder.glob("*.deb")):
-            run("dpkg", "-x", str(package), str(root))
+            run_command("dpkg", "-x", str(package), str(root))
         (folder / "unpacked").touch()
     (library_folder,) = {path.parent for path in root.glob("usr/lib/*/libtf2.so")}
     (tf2,) = folder.glob("libtf2-2d_*.deb")
@@ -145,15 +145,15 @@ def _download_from_debian(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     download = ["apt-get", "-qq", "download", *DEBIAN_PACKAGES]
     try:
-        run(*download, cwd=folder)
+        run_command(*download, cwd=folder)
     except Failure:
         # Containers come without package lists: keep lists of our own, the system's stay as they are.
         state, cache = folder / "state", folder / "cache"
         for place in (state / "lists/partial", cache / "archives/partial"):
             place.mkdir(parents=True, exist_ok=True)
         options = ["-o", f"Dir::State::Lists={state / 'lists'}", "-o", f"Dir::Cache={cache}"]
-        run("apt-get", "-qq", *options, "update")
-        run(download[0], *options, *download[1:], cwd=folder)
+        run_command("apt-get", "-qq", *options, "update")
+        run_command(download[0], *options, *download[1:], cwd=folder)
 
 
 def _compile(folder: Path, root: Path, library_folder: Path) -> Path:
@@ -163,7 +163,7 @@ def _compile(folder: Path, root: Path, library_folder: Path) -> Path:
         options = ["-std=c++17", "-O3", "-DNDEBUG", "-shared", "-fPIC"]
         folders = ["-isystem", str(root / "usr/include"), f"-L{library_folder}"]
         libraries = ["-ltf2", "-lrostime", "-lcpp_common", console_bridge]
-        run(COMPILER, *options, "-o", str(library), str(source), *folders, *libraries)
+        run_command(COMPILER, *options, "-o", str(library), str(source), *folders, *libraries)
     return library
 
 
@@ -172,11 +172,13 @@ def _from_pypi(folder: Path, package: str) -> Library:
     key, ways, note = PYPI_PACKAGES[package]
     python = folder / "bin" / "python"
     if not python.exists():
-        run(_python_for_pypi(), "-m", "venv", str(folder))
+        run_command(_python_for_pypi(), "-m", "venv", str(folder))
     installed = folder / f"{package}.installed"
     if not installed.exists():
         # A source package may need a compiler of another language. from_pypi.py itself needs NumPy.
-        run(str(python), "-m", "pip", "install", "--quiet", "--only-binary", ":all:", "numpy", package)
+        run_command(
+            str(python), "-m", "pip", "install", "--quiet", "--only-binary", ":all:", "numpy", package
+        )
         installed.touch()
     # schiebung writes a configuration into its user's home.
     environment = {"HOME": str(folder), "XDG_CONFIG_HOME": str(folder / "config"), "PYTHONPATH": ""}
@@ -192,7 +194,7 @@ def _python_for_pypi() -> str:
     good = []
     for candidate in filter(None, candidates):
         try:
-            words = run(
+            words = run_command(
                 candidate, "-c", "import ensurepip, sys; print(*sys.version_info[:3])", seconds=20
             ).split()
         except Failure:

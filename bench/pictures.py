@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -90,7 +91,7 @@ def _latency(pyplot: Any, rows: Rows, libraries: Mapping[str, Library]) -> Any:
 def _mark_jazzy(axis: Any, rows: Rows, place: str) -> None:
     """What is not at hand cannot be a box."""
     factor = python_factor(rows)
-    if factor is None or any(row.who == "ros2" for row in rows):
+    if math.isnan(factor) or any(row.who == "ros2" for row in rows):
         return
     us = [JAZZY_BUFFER[place, hops] * factor / 1e3 for hops in HOPS]
     label = "ROS 2 Jazzy's Buffer (measured elsewhere, carried over)"

@@ -41,12 +41,12 @@ def clean_environment(extra: Mapping[str, str] = {}) -> dict[str, str]:
     return environment
 
 
-def run(
+def run_command(
     *command: str, cwd: Path | None = None, seconds: float = COMMAND_S, environment: Mapping[str, str] = {}
 ) -> str:
     """What a command prints; Failure where it fails or takes longer than `seconds`."""
     try:
-        return subprocess.run(
+        return subprocess.run_command(
             command,
             cwd=cwd,
             env=clean_environment(environment),

@@ -1,11 +1,12 @@
 """
 Owns measuring side by side: entries take turns, round by round, and what they measure becomes rows.
 
-A section declares entries, each a function that measures once a round; :meth:`Arena.race` runs them all.
+A section declares entries, each a function that measures once a round; :meth:`Run.race` runs them all.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import statistics
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -13,6 +14,8 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from bench.processes import CONTESTANTS, Failure, Library, Process, Refusal
 from bench.sizes import Sizes
@@ -70,10 +73,6 @@ class Row:
     empty_ns: float = 0.0
     deviation: float | None = None
 
-    def ratio_to(self, other: Row) -> float:
-        """The median of the rounds' ratios: in a race, a disturbance of a round affects both."""
-        return statistics.median(a / b for a, b in zip(self.rounds, other.rounds, strict=True))
-
 
 class Rows(list[Row]):
     """All rows of a run."""
@@ -89,27 +88,31 @@ class Rows(list[Row]):
             if (row.section, row.who, row.way) == (section, who, way) and labels.items() <= row.labels.items()
         ]
 
+    def median(self, section: str, who: str, way: str, **labels: Any) -> float:
+        """NaN if it was not measured."""
+        row = self.find(section, who, way, **labels)
+        return math.nan if row is None else row.median
+
     def as_json(self) -> list[dict[str, Any]]:
         return [asdict(row) for row in self]
 
 
-def percentile(ordered: Sequence[float], share: float) -> float:
-    """By linear interpolation between the two nearest ranks."""
-    rank = share * (len(ordered) - 1)
-    low = int(rank)
-    high = min(low + 1, len(ordered) - 1)
-    return ordered[low] + (rank - low) * (ordered[high] - ordered[low])
+def ratio_of_rounds(above: Row | None, below: Row | None) -> float:
+    """The median of the rounds' ratios: in a race, a disturbance affects both. NaN where one is missing."""
+    if above is None or below is None:
+        return math.nan
+    return statistics.median(a / b for a, b in zip(above.rounds, below.rounds, strict=True))
 
 
 def row_of(section: str, samples: Sequence[Sample]) -> Row:
     first = samples[0]
-    pooled = sorted(value for sample in samples for value in sample.values)
+    pooled = [value for sample in samples for value in sample.values]
     return Row(
         section,
         first.who,
         first.way,
         first.labels,
-        *(percentile(pooled, share) for share in (0.5, 0.05, 0.25, 0.75, 0.95)),
+        *np.quantile(pooled, (0.5, 0.05, 0.25, 0.75, 0.95)).tolist(),
         rounds=[statistics.median(sample.values) for sample in samples if sample.values],
         unit=first.unit,
         count=len(pooled),
@@ -120,7 +123,7 @@ def row_of(section: str, samples: Sequence[Sample]) -> Row:
 
 
 @dataclass
-class Arena:
+class Run:
     """The libraries that take part, and what they have measured so far."""
 
     libraries: dict[str, Library]
@@ -132,7 +135,7 @@ class Arena:
     _processes: dict[str, Process] = field(default_factory=dict)
     _ended: set[str] = field(default_factory=set)  # until they load another tree
 
-    def __enter__(self) -> Arena:
+    def __enter__(self) -> Run:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -181,7 +184,7 @@ class Arena:
         return [(who, way) for who in keys for way in self.libraries[who].ways]
 
     @contextmanager
-    def excused(self, who: str, what: str) -> Iterator[None]:
+    def recording_failure(self, who: str, what: str) -> Iterator[None]:
         """A failure in here is recorded; the run continues."""
         try:
             yield
@@ -200,7 +203,7 @@ class Arena:
         loaded = []
         for who in filter(self.libraries.__contains__, keys):
             self._ended.discard(who)
-            with self.excused(who, tree.name):
+            with self.recording_failure(who, tree.name):
                 self.ask(who, "load", path, int(keep), seconds=LOAD_S)
                 loaded.append(who)
         return loaded
@@ -225,7 +228,7 @@ class Arena:
         entries = []
         truth: list[list[float] | None] = []
         for who, way in contenders:
-            with self.excused(who, name):
+            with self.recording_failure(who, name):
                 answers = self.ask(who, "prepare", way, name, queries, CHECKED if compared else 0)["answers"]
                 if who == OURS:
                     truth = truth or answers
@@ -265,7 +268,7 @@ class Arena:
         running = list(range(len(entries)))
         for turn in range(rounds or self.sizes.rounds):
             for index in sorted(running, key=lambda index: (index - turn) % len(entries)):
-                with self.excused(entries[index].who, section):
+                with self.recording_failure(entries[index].who, section):
                     samples[index] += entries[index].measure()
                     continue
                 samples[index].clear()
@@ -303,13 +306,11 @@ def largest_deviation(
     truth: Sequence[Sequence[float] | None], answers: Sequence[Sequence[float] | None]
 ) -> float | None:
     """Largest difference, in m or of a quaternion's component; None where nothing compares."""
-    largest = None
+    differences = []
     for ours, theirs in zip(truth, answers, strict=False):
-        if ours is None or theirs is None:
-            continue
-        dot = sum(a * b for a, b in zip(ours[3:], theirs[3:], strict=False))
-        sign = 1.0 if dot >= 0 else -1.0  # q and -q are one rotation
-        signed = [*theirs[:3], *(sign * value for value in theirs[3:])]
-        difference = max(abs(a - b) for a, b in zip(ours, signed, strict=False))
-        largest = difference if largest is None else max(largest, difference)
-    return largest
+        if ours is not None and theirs is not None:
+            a, b = np.array(ours), np.array(theirs)
+            if a[3:] @ b[3:] < 0:
+                b[3:] *= -1  # q and -q are one rotation
+            differences.append(float(np.abs(a - b).max()))
+    return max(differences, default=None)

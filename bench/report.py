@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from bench.inserts import INTO, KINDS
+from bench.inserts import INTO, KINDS, waiters_ratio
 from bench.processes import Library
 from bench.race import OURS, Row, Rows
 from bench.targets import Verdict, cpp_factor, python_factor
@@ -156,24 +157,19 @@ def _line(row: Row, main: Row | None, libraries: Mapping[str, Library]) -> str:
 
 def _waiters(rows: Rows) -> list[str]:
     """How many times as long each insert takes beside the waiters; in the first line us beside none."""
-    beside_none, lines = [], []
-    for into in INTO:
-        own = rows.all("waiters", OURS, into, waiters=0)
-        beside_none.append(f"{statistics.median(row.median for row in own) / 1e3:.2f}")
-    for kind in KINDS:
-        cells = []
-        for into in INTO:
-            alone, beside = rows.all("waiters", OURS, into, waiting_for=kind)
-            cells.append(f"{beside.ratio_to(alone):.2f}x")
-        lines.append(_cells(kind, cells))
-    return [_cells("", INTO), _cells("beside none, us", beside_none), *lines]
+    beside_none = [
+        statistics.median(row.median for row in rows.all("waiters", OURS, into, waiters=0)) / 1e3
+        for into in INTO
+    ]
+    lines = [_cells(kind, [f"{waiters_ratio(rows, kind, into):.2f}x" for into in INTO]) for kind in KINDS]
+    return [_cells("", INTO), _cells("beside none, us", [f"{us:.2f}" for us in beside_none]), *lines]
 
 
 def remarks(rows: Rows, libraries: Mapping[str, Library], absent: Sequence[Mapping[str, str]]) -> str:
     """What did not answer, and whose answers are not ours."""
     lines = [_rule("Remarks")]
     factor, python = cpp_factor(rows), python_factor(rows)
-    if factor and python:
+    if not math.isnan(factor + python):
         lines.append(
             f"Debian's C++ takes {factor:.2f}, its Python {python:.2f} times what they took where tf2 of "
             "ROS 2 Jazzy was measured beside them."

@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from bench.race import OURS, Arena, Entry, Sample, sample_of
+from bench.race import OURS, Entry, Run, Sample, sample_of
 
 CALLS = 100_000
 
 
-def types(arena: Arena) -> None:
+def types(run: Run) -> None:
     """One race for each type; who is `ours`, `numpy`, or a copy of what is transformed."""
-    sizes = arena.sizes
+    sizes = run.sizes
 
     def measure(who: str, name: str, labels: dict) -> list[Sample]:
         answer = process.ask("time", who, name, CALLS, sizes.types_budget_s)
         return [sample_of(answer, who, "call", labels)]
 
-    with arena.process("types_by_numpy.py") as process:
+    with run.process("types_by_numpy.py") as process:
         for name, contenders in process.ask("types", sizes.points)["types"].items():
-            arena.say(f"types: {name}")
+            run.say(f"types: {name}")
             labels = {"type": name}
             if name.startswith(("cloud", "array")):
                 labels["points"] = sizes.points
-            arena.race(
+            run.race(
                 "types",
                 [Entry(OURS, lambda who=who, own=(name, labels): measure(who, *own)) for who in contenders],
             )

@@ -15,37 +15,48 @@ from bench import __main__, guard, lookups, peers, pictures, race, report, sizes
 from bench.inserts import INTO, KINDS
 from bench.nodes import OUR_PATHS, WAKING
 from bench.processes import CONTESTANTS, Failure, Library, Process
-from bench.race import Arena, Entry, Row, Rows, Sample, largest_deviation, percentile
+from bench.race import Entry, Row, Rows, Run, Sample, largest_deviation
 
 pytestmark = pytest.mark.ours
 
 SECTIONS = {name: section for name, section in __main__.SECTIONS.items() if name != "instructions"}
 
 
-def arena_of(libraries, folder, measured=sizes.TINY):
-    return Arena({library.key: library for library in libraries}, measured, folder, lambda text: None)
+def run_of(libraries, folder, measured=sizes.TINY):
+    return Run({library.key: library for library in libraries}, measured, folder, lambda text: None)
 
 
 @pytest.fixture(scope="module")
-def arena(tmp_path_factory):
+def run(tmp_path_factory):
     """The sections share it: its rows are what all of them have measured so far."""
-    with arena_of([peers.ours()], tmp_path_factory.mktemp("bench")) as arena:
-        yield arena
+    with run_of([peers.ours()], tmp_path_factory.mktemp("bench")) as run:
+        yield run
+
+
+@pytest.fixture
+def measured(run, monkeypatch):
+    """A function: the rows of a section, which is measured once."""
+    monkeypatch.setattr(race, "domain", lambda: DOMAIN)
+
+    def rows_of(section):
+        if all(row.section != section for row in run.rows):
+            SECTIONS[section](run)
+        return [row for row in run.rows if row.section == section]
+
+    return rows_of
 
 
 @pytest.mark.parametrize("section", SECTIONS)
-def test_each_section_measures_something_of_every_kind(arena, monkeypatch, section):
-    monkeypatch.setattr(race, "domain", lambda: DOMAIN)
-    SECTIONS[section](arena)
-    rows = [row for row in arena.rows if row.section == section]
+def test_each_section_measures_something_of_every_kind(run, measured, section):
+    rows = measured(section)
     assert rows
-    assert not arena.absent
+    assert not run.absent
     assert all(math.isfinite(row.median) and row.failed == 0 for row in rows)
     assert all(row.p05 <= row.p25 <= row.median <= row.p75 <= row.p95 for row in rows)
 
 
-def test_receiving_is_measured_in_every_way(arena):
-    rows = [row for row in arena.rows if row.section == "receive"]
+def test_receiving_is_measured_in_every_way(measured):
+    rows = measured("receive")
     assert all(row.median > 0 for row in rows)
     # The executor's receiver thread serves static transforms alone, and may not run in this time.
     assert {row.way for row in rows} - {"executor, its thread"} == {
@@ -55,20 +66,20 @@ def test_receiving_is_measured_in_every_way(arena):
     }
 
 
-def test_every_type_is_measured_beside_numpy(arena):
+def test_every_type_is_measured_beside_numpy(measured):
     who_of = {}
-    for row in arena.rows:
-        if row.section == "types":
-            who_of.setdefault(row.labels["type"], set()).add(row.who)
+    for row in measured("types"):
+        who_of.setdefault(row.labels["type"], set()).add(row.who)
     assert len(who_of) == 5 + 6 + 2  # messages, clouds, arrays
     assert all({"ours", "numpy"} <= who for who in who_of.values())
 
 
-def test_tables_and_verdicts_are_written_of_what_was_measured(arena):
-    tables = report.tables(arena.rows, arena.libraries)
+def test_tables_and_verdicts_are_written_of_what_was_measured(run, measured):
+    assert all(measured(section) for section in SECTIONS)
+    tables = report.tables(run.rows, run.libraries)
     assert all(report.SECTIONS[section][0] in tables for section in SECTIONS)
     assert all(kind in tables for kind in (*KINDS, *INTO))
-    verdicts = targets.verdicts(arena.rows)
+    verdicts = targets.verdicts(run.rows)
     assert all(verdict.what in report.verdict_table(verdicts) for verdict in verdicts)
     # Nobody to compare with is no pass.
     unknown = {verdict.target for verdict in verdicts if verdict.verdict == targets.UNKNOWN}
@@ -103,12 +114,13 @@ def test_tables_and_verdicts_are_written_of_what_was_measured(arena):
         "receive-vs-floor",
         "wake-up latency",
     }
-    json.dumps(arena.rows.as_json())
+    json.dumps(run.rows.as_json())
 
 
-def test_pictures_are_drawn_of_what_was_measured(arena, tmp_path):
+def test_pictures_are_drawn_of_what_was_measured(run, measured, tmp_path):
     pytest.importorskip("matplotlib")
-    drawn = pictures.draw(arena.rows, arena.libraries, tmp_path, "machine")
+    assert all(measured(section) for section in ("lookups", "online", "growth"))
+    drawn = pictures.draw(run.rows, run.libraries, tmp_path, "machine")
     assert [path.name for path in drawn] == ["machine-latency.png", "machine-growth.png"]
     assert all(path.stat().st_size for path in drawn)
 
@@ -117,22 +129,22 @@ def test_a_sourced_ros_2_is_measured_through_upstreams_names_only(tmp_path):
     ours = peers.ours()
     program = [sys.executable, str(CONTESTANTS / "ros2_tf2.py")]
     stand_in = Library("ros2", "stand-in", program, ("buffer", "core"), ours.environment)
-    with arena_of([ours, stand_in], tmp_path, replace(sizes.TINY, depths=(10,))) as arena:
-        arena.ask("ros2", "about")
-        lookups.lookups(arena)
-    assert not arena.absent
-    assert {row.who for row in arena.rows} == {"ours", "ros2"}
-    assert {row.deviation for row in arena.rows} == {0.0}
+    with run_of([ours, stand_in], tmp_path, replace(sizes.TINY, depths=(10,))) as run:
+        run.ask("ros2", "about")
+        lookups.lookups(run)
+    assert not run.absent
+    assert {row.who for row in run.rows} == {"ours", "ros2"}
+    assert {row.deviation for row in run.rows} == {0.0}
 
 
 def test_a_library_that_fails_is_named_and_the_others_continue(tmp_path):
     command = [sys.executable, "-c", "raise SystemExit('no such library')"]
     broken = Library("broken", "broken", command, ("core",))
-    with arena_of([peers.ours(), broken], tmp_path, replace(sizes.TINY, depths=(10,))) as arena:
-        lookups.lookups(arena)
-    assert {row.who for row in arena.rows} == {"ours"}
-    assert {entry["who"] for entry in arena.absent} == {"broken"}
-    assert all("no such library" in entry["reason"] for entry in arena.absent)
+    with run_of([peers.ours(), broken], tmp_path, replace(sizes.TINY, depths=(10,))) as run:
+        lookups.lookups(run)
+    assert {row.who for row in run.rows} == {"ours"}
+    assert {entry["who"] for entry in run.absent} == {"broken"}
+    assert all("no such library" in entry["reason"] for entry in run.absent)
 
 
 def test_an_entry_that_fails_once_has_no_row(tmp_path):
@@ -144,10 +156,10 @@ def test_an_entry_that_fails_once_has_no_row(tmp_path):
             raise Failure("it broke")
         return [Sample(who, "way", {}, [1.0])]
 
-    with arena_of([], tmp_path) as arena:
-        arena.race("section", [Entry(who, lambda who=who: measure(who)) for who in ("broken", "whole")], 3)
-    assert [(row.who, row.rounds) for row in arena.rows] == [("whole", [1.0, 1.0, 1.0])]
-    assert arena.absent == [{"who": "broken", "what": "section", "reason": "it broke"}]
+    with run_of([], tmp_path) as run:
+        run.race("section", [Entry(who, lambda who=who: measure(who)) for who in ("broken", "whole")], 3)
+    assert [(row.who, row.rounds) for row in run.rows] == [("whole", [1.0, 1.0, 1.0])]
+    assert run.absent == [{"who": "broken", "what": "section", "reason": "it broke"}]
     assert turns == ["broken", "whole", "whole", "broken", "whole"]
 
 
@@ -217,11 +229,6 @@ def test_pairs_are_as_many_hops_apart_as_asked_and_move():
             frame = tree.parents[frame]
         assert steps + up[top] == 4
         assert any(tree.dynamic[link] for link in links)
-
-
-def test_percentiles_lie_between_the_ranks():
-    assert percentile([1.0, 2.0, 3.0], 0.5) == 2.0
-    assert percentile([0.0, 10.0], 0.05) == pytest.approx(0.5)
 
 
 def test_a_quaternion_and_its_negative_are_one_answer():

@@ -128,7 +128,7 @@ class Ours(Ros2):
         self.waiting = []
         return {}
 
-    def order_twin(self):
+    def order_load_other(self):
         """Load the tree again: calls are timed on buffer `this`, the load is on this one or `other`."""
         self.buffers["other"] = self.buffer
         self.load(self.tree)

@@ -85,7 +85,7 @@ class Ros2(Contestant):
         threading.Event().wait(HISTORY_S)
         return {}
 
-    def order_deafen(self):
+    def order_stop_listening(self):
         if self.listener is not None:
             self.listener.unregister()
             self.listener = None
@@ -96,7 +96,7 @@ class Ros2(Contestant):
         if self.node is not None:
             import rclpy
 
-            self.order_deafen()
+            self.order_stop_listening()
             self.node.destroy_node()
             rclpy.shutdown()
 

@@ -9,6 +9,7 @@ from geometry_msgs.msg import (
     Point32,
     PointStamped,
     PolygonStamped,
+    Pose,
     PoseStamped,
     PoseWithCovarianceStamped,
     Quaternion,
@@ -112,7 +113,8 @@ def messages():
     }
 
 
-def rotation(q):
+def rotation(t):
+    q = t.transform.rotation
     x, y, z, w = np.array([q.x, q.y, q.z, q.w]) / np.sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w)
     return np.array(
         [
@@ -132,51 +134,67 @@ def header(t):
     return Header(stamp=copy.copy(t.header.stamp), frame_id=t.header.frame_id)
 
 
-def point_by_numpy(message, t):
-    p = message.point
-    x, y, z = (rotation(t.transform.rotation) @ np.array([p.x, p.y, p.z]) + translation(t)).tolist()
-    return PointStamped(header=header(t), point=Point(x=x, y=y, z=z))
+def moved(p, t):
+    x, y, z = (rotation(t) @ np.array([p.x, p.y, p.z]) + translation(t)).tolist()
+    return Point(x=x, y=y, z=z)
 
 
-def vector_by_numpy(message, t):
-    v = message.vector
-    x, y, z = (rotation(t.transform.rotation) @ np.array([v.x, v.y, v.z])).tolist()
-    return Vector3Stamped(header=header(t), vector=Vector3(x=x, y=y, z=z))
-
-
-def product(a, b):
+def turned(b, t):
+    a = t.transform.rotation
     x, y, z, w = a.x, a.y, a.z, a.w
     left = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]])
     q = left @ np.array([b.x, b.y, b.z, b.w])
     q /= np.linalg.norm(q)
-    return -q if q[3] < 0 else q
+    x, y, z, w = (-q if q[3] < 0 else q).tolist()
+    return Quaternion(x=x, y=y, z=z, w=w)
+
+
+def point_by_numpy(message, t):
+    return PointStamped(header=header(t), point=moved(message.point, t))
+
+
+def vector_by_numpy(message, t):
+    v = message.vector
+    x, y, z = (rotation(t) @ np.array([v.x, v.y, v.z])).tolist()
+    return Vector3Stamped(header=header(t), vector=Vector3(x=x, y=y, z=z))
 
 
 def pose_by_numpy(message, t):
-    p = message.pose.position
-    x, y, z = (rotation(t.transform.rotation) @ np.array([p.x, p.y, p.z]) + translation(t)).tolist()
-    q = product(t.transform.rotation, message.pose.orientation).tolist()
-    got = PoseStamped(header=header(t))
-    got.pose.position = Point(x=x, y=y, z=z)
-    got.pose.orientation = Quaternion(x=q[0], y=q[1], z=q[2], w=q[3])
-    return got
+    pose = message.pose
+    pose = Pose(position=moved(pose.position, t), orientation=turned(pose.orientation, t))
+    return PoseStamped(header=header(t), pose=pose)
 
 
 def covariance_by_numpy(message, t):
-    got = PoseWithCovarianceStamped(header=header(t))
-    got.pose.pose = pose_by_numpy(message.pose, t).pose
-    r = rotation(t.transform.rotation)
-    blocks = message.pose.covariance.reshape(2, 3, 2, 3).transpose(0, 2, 1, 3)
-    got.pose.covariance = (r @ blocks @ r.T).transpose(0, 2, 1, 3).reshape(36)
-    return got
+    result = PoseWithCovarianceStamped(header=header(t))
+    result.pose.pose = pose_by_numpy(message.pose, t).pose
+    r = rotation(t)
+    parts = message.pose.covariance.reshape(2, 3, 2, 3).transpose(0, 2, 1, 3)
+    result.pose.covariance = (r @ parts @ r.T).transpose(0, 2, 1, 3).reshape(36)
+    return result
 
 
 def polygon_by_numpy(message, t):
-    corners = np.array([(p.x, p.y, p.z) for p in message.polygon.points])
-    carried = corners @ rotation(t.transform.rotation).T + translation(t)
-    got = PolygonStamped(header=header(t))
-    got.polygon.points = [Point32(x=x, y=y, z=z) for x, y, z in carried.tolist()]
-    return got
+    corners = points_by_numpy(np.array([(p.x, p.y, p.z) for p in message.polygon.points]), t)
+    result = PolygonStamped(header=header(t))
+    result.polygon.points = [Point32(x=x, y=y, z=z) for x, y, z in corners.tolist()]
+    return result
+
+
+def points_by_numpy(points, t):
+    result = points.astype(np.float64, copy=False) @ rotation(t).T + translation(t)
+    return result.astype(points.dtype, copy=False)
+
+
+def cloud_by_numpy(cloud, t):
+    """In double precision, column by column, which is faster than one product of matrices."""
+    data = array.array("B", cloud.data)
+    kind = "f4" if cloud.fields[0].datatype == PointField.FLOAT32 else "f8"
+    x, y, z = (np.ndarray(cloud.width, kind, data, f.offset, cloud.point_step) for f in cloud.fields[:3])
+    columns = [column.astype(np.float64) for column in (x, y, z)]
+    for out, row, offset in zip((x, y, z), rotation(t), translation(t), strict=True):
+        out[:] = row[0] * columns[0] + row[1] * columns[1] + row[2] * columns[2] + offset
+    return data
 
 
 def cloud(step, kind, count):
@@ -184,14 +202,10 @@ def cloud(step, kind, count):
     datatype = PointField.FLOAT32 if kind == "f4" else PointField.FLOAT64
     fields = [PointField(name=n, offset=i * size, datatype=datatype, count=1) for i, n in enumerate("xyz")]
     if step > 3 * size:
-        # Otherwise the rest were padding, which a cloud of x, y and z alone loses.
+        # Otherwise the rest would be padding, which a cloud of x, y and z alone loses.
         fields.append(PointField(name="intensity", offset=3 * size, datatype=PointField.FLOAT32, count=1))
-    points = np.zeros(
-        count,
-        np.dtype(
-            {"names": list("xyz"), "formats": [kind] * 3, "offsets": [0, size, 2 * size], "itemsize": step}
-        ),
-    )
+    layout = {"names": list("xyz"), "formats": [kind] * 3, "offsets": [0, size, 2 * size], "itemsize": step}
+    points = np.zeros(count, np.dtype(layout))
     random = np.random.default_rng(1)
     for axis in "xyz":
         points[axis] = random.uniform(-100, 100, count)
@@ -205,23 +219,6 @@ def cloud(step, kind, count):
         data=array.array("B", points.tobytes()),
         is_dense=True,
     )
-
-
-def cloud_by_numpy(cloud, t):
-    """In double precision, column by column, which is faster than one product of matrices."""
-    data = array.array("B", cloud.data)
-    kind = "f4" if cloud.fields[0].datatype == PointField.FLOAT32 else "f8"
-    x, y, z = (np.ndarray(cloud.width, kind, data, f.offset, cloud.point_step) for f in cloud.fields[:3])
-    r, v = rotation(t.transform.rotation), translation(t)
-    columns = [column.astype(np.float64) for column in (x, y, z)]
-    for out, row, offset in zip((x, y, z), r, v, strict=True):
-        out[:] = row[0] * columns[0] + row[1] * columns[1] + row[2] * columns[2] + offset
-    return data
-
-
-def points_by_numpy(points, t):
-    carried = points.astype(np.float64) @ rotation(t.transform.rotation).T + translation(t)
-    return carried.astype(points.dtype, copy=False)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from bench.processes import Failure
-from bench.race import OURS, Entry, Rows, Run, Sample, ratio_of_rounds, sample_of
+from bench.race import OURS, Entry, Row, Rows, Run, Sample, ratio_of_rounds, sample_of
 from bench.trees import bushy, chain
 
 FRAMES = 50
@@ -13,20 +13,6 @@ CACHE_S = 10.0
 OUR_WAYS = ("set_transform", "set_transforms", "set_transforms_cdr", "set_transforms_cdr of 1")
 CANNOT_INSERT = ("pytransform3d",)
 BESIDE_WAITERS = "set_transform beside waiters"
-
-# What waiters wait for, and what is inserted meanwhile.
-KINDS = (
-    "later",
-    "earlier",
-    "unknown target",
-    "unknown source",
-    "latest, unconnected",
-    "latest, new parent",
-    "two times",
-    "a time, unconnected",
-    "later, in a loop",
-)
-INTO = ("own frame", "other frame", "two parents", "alternating", "new frame", "static or not")
 
 MEMORY_SAMPLES = 10_000  # of one frame: 100 s, for schiebung keeps 120 s
 
@@ -70,11 +56,12 @@ def waiters(run: Run) -> None:
     sizes = run.sizes
 
     with run.process("waiting.py") as process:
+        kinds = process.ask("kinds")
 
         def measure(kind: str) -> Iterator[Sample]:
             run.say(f"waiters: {sizes.waiters} that wait for: {kind}")
             pending = process.ask("prepare", kind, sizes.waiters)["pending"]
-            for into in INTO:
+            for into in kinds["into"]:
                 order = "insert", kind, into, sizes.waited_inserts, sizes.budget_s / 10
                 answer = process.ask(*order)
                 if not pending == answer["pending"] == sizes.waiters:
@@ -83,13 +70,20 @@ def waiters(run: Run) -> None:
                     labels = {"waiting_for": kind, "waiters": count}
                     yield sample_of({**answer, "ns": answer[key]}, OURS, into, labels)
 
-        run.race("waiters", [Entry(OURS, lambda kind=kind: measure(kind)) for kind in KINDS])
+        run.race("waiters", [Entry(OURS, lambda kind=kind: measure(kind)) for kind in kinds["waiting_for"]])
 
 
-def waiters_ratio(rows: Rows, kind: str, into: str) -> float:
-    """Beside the waiters of a kind over beside none; NaN where it was not measured."""
-    alone, beside = rows.all("waiters", OURS, into, waiting_for=kind) or (None, None)
-    return ratio_of_rounds(beside, alone)
+def waiters_ratios(rows: Rows) -> dict[str, dict[str, float]]:
+    """By what waiters wait for and what is inserted: beside the waiters over beside none."""
+    ratios: dict[str, dict[str, float]] = {}
+    alone: dict[tuple[str, str], Row] = {}
+    for row in rows:
+        if row.section == "waiters":
+            kind = row.labels["waiting_for"]
+            before = alone.setdefault((kind, row.way), row)
+            if before is not row:
+                ratios.setdefault(kind, {})[row.way] = ratio_of_rounds(row, before)
+    return ratios
 
 
 def memory(run: Run) -> None:

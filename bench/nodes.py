@@ -57,7 +57,7 @@ def online(run: Run) -> None:
             for place, age_s in AGES_S.items():
                 for hops in HOPS:
                     pairs = tree.pairs(hops, PAIRS, seed=hops, must_move=True)
-                    names = ",".join(f"{tree.names[target]} {tree.names[source]}" for target, source in pairs)
+                    names = [(tree.names[target], tree.names[source]) for target, source in pairs]
                     for way in run.libraries[who].ways:
                         labels = {"tree": tree.name, "place": place, "hops": hops}
                         process.ask("online", way, names, age_s, sizes.warm_up, sizes.budget_s)
@@ -191,10 +191,10 @@ def _receive(run: Run, publisher: Process, who: str, path: str) -> Iterator[Samp
         for transforms, rate in RECEIVED.items():
             labels = {"transforms": transforms, "rate": rate}
             # Histories that are full: each message drops an old sample, as in a program that runs for long.
-            _publish(publisher, listener, path, transforms, max(RECEIVED.values()), sizes.receive_filling)
+            _publish(publisher, listener, transforms, max(RECEIVED.values()), sizes.receive_filling)
             before = listener.ask("cost")
             messages = round(rate * sizes.receive_s)
-            _publish(publisher, listener, path, transforms, rate, messages)
+            _publish(publisher, listener, transforms, rate, messages)
             after = listener.ask("cost")
             yield Sample(who, path, labels, [(after["cpu_ns"] - before["cpu_ns"]) / messages])
             own_ns, own_ns_before = (cost["threads"].get(RECEIVER_THREAD, 0) for cost in (after, before))
@@ -209,12 +209,8 @@ def _receive(run: Run, publisher: Process, who: str, path: str) -> Iterator[Samp
     publisher.ask("discover", 0)
 
 
-def _publish(
-    publisher: Process, listener: Process, path: str, transforms: int, rate: int, messages: int
-) -> None:
+def _publish(publisher: Process, listener: Process, transforms: int, rate: int, messages: int) -> None:
     first = publisher.ask("start", rate, transforms, messages)["next"]
     publisher.ask("finish")
-    if path == "floor":
-        listener.ask("settle")
-    elif not listener.ask("arrived", first + messages - 1)["arrived"]:
+    if not listener.ask("arrived", first + messages - 1)["arrived"]:
         raise Failure(f"the last of {messages} messages did not arrive")

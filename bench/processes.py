@@ -46,7 +46,7 @@ def run_command(
 ) -> str:
     """What a command prints; Failure where it fails or takes longer than `seconds`."""
     try:
-        return subprocess.run_command(
+        return subprocess.run(
             command,
             cwd=cwd,
             env=clean_environment(environment),
@@ -106,7 +106,7 @@ class Process:
         """Give an order, wait for its answer. Failure where it fails, ends or takes longer than `seconds`."""
         assert self._process.stdin is not None and self._process.stdout is not None
         try:
-            self._process.stdin.write(("\t".join(map(str, words)) + "\n").encode())
+            self._process.stdin.write((json.dumps(words, default=os.fspath) + "\n").encode())
             self._process.stdin.flush()
         except BrokenPipeError:
             raise Failure(self._reason_of_end()) from None

@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from bench.inserts import INTO, KINDS, waiters_ratio
+from bench.inserts import waiters_ratios
 from bench.processes import Library
 from bench.race import OURS, Row, Rows
 from bench.targets import Verdict, cpp_factor, python_factor
@@ -157,12 +157,12 @@ def _line(row: Row, main: Row | None, libraries: Mapping[str, Library]) -> str:
 
 def _waiters(rows: Rows) -> list[str]:
     """How many times as long each insert takes beside the waiters; in the first line us beside none."""
-    beside_none = [
-        statistics.median(row.median for row in rows.all("waiters", OURS, into, waiters=0)) / 1e3
-        for into in INTO
-    ]
-    lines = [_cells(kind, [f"{waiters_ratio(rows, kind, into):.2f}x" for into in INTO]) for kind in KINDS]
-    return [_cells("", INTO), _cells("beside none, us", [f"{us:.2f}" for us in beside_none]), *lines]
+    ratios = waiters_ratios(rows)
+    ways = list(next(iter(ratios.values())))
+    alone = [rows.all("waiters", OURS, way, waiters=0) for way in ways]
+    us = [f"{statistics.median(row.median for row in own) / 1e3:.2f}" for own in alone]
+    lines = [_cells(kind, [f"{ratio:.2f}x" for ratio in own.values()]) for kind, own in ratios.items()]
+    return [_cells("", ways), _cells("beside none, us", us), *lines]
 
 
 def remarks(rows: Rows, libraries: Mapping[str, Library], absent: Sequence[Mapping[str, str]]) -> str:

@@ -17,7 +17,7 @@ import statistics
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
-from bench.inserts import BESIDE_WAITERS, INTO, KINDS, waiters_ratio
+from bench.inserts import BESIDE_WAITERS, waiters_ratios
 from bench.lookups import FAILING_WAYS, REASONS
 from bench.nodes import BUFFERS, HEAVY, INSERT, LATE, LOOKUP, LOST, RATE, READERS
 from bench.race import OURS, Row, Rows, ratio_of_rounds
@@ -45,7 +45,7 @@ DEBIAN_CPP = {"newest": 580, "random": 690, "oldest": 590}
 DEBIAN_CORE = {"newest": 3500}
 
 # How often ours is to fit into the time of the other.
-TYPES_WANTED = {"point": 30, "vector": 30, "pose": 30, "pose with covariance": 20, "polygon of 100": 100}
+TYPES_WANTED = {30: ("point", "pose"), 20: ("pose with covariance",), 100: ("polygon of 100",)}
 RECEIVE_WANTED = {1: 8, 50: 20}
 GROWTH_WANTED = {"samples": 1.5, "frames": 1.2, "ancestors": 1.1}
 GROWTH_WAYS = {
@@ -218,9 +218,11 @@ def _load(rows: Rows) -> Iterable[Verdict]:
 
 
 def _waiters(rows: Rows) -> Iterable[Verdict]:
-    beside = {}
-    for kind, into in itertools.product(KINDS, INTO):
-        beside[f"{kind}, into {into}"] = waiters_ratio(rows, kind, into)
+    beside = {
+        f"{kind}, into {into}": ratio
+        for kind, ratios in waiters_ratios(rows).items()
+        for into, ratio in ratios.items()
+    }
     yield at_most("insert-beside-waiters", "insert that answers no waiter over one beside none", beside, 1.2)
     fails = {}
     for way, reason in itertools.product(FAILING_WAYS, REASONS):
@@ -255,8 +257,8 @@ def _receive(rows: Rows) -> Iterable[Verdict]:
 
 def _types(rows: Rows) -> Iterable[Verdict]:
     factor = python_factor(rows)
-    for name, wanted in TYPES_WANTED.items():
-        own = rows.median("types", OURS, "call", type=name)
-        what = f"do_transform of a {name} against Jazzy's (carried over)"
-        values = {name: JAZZY_TYPES.get(name, math.nan) * factor / own}
+    for wanted, names in TYPES_WANTED.items():
+        own = {name: rows.median("types", OURS, "call", type=name) for name in names}
+        values = {name: JAZZY_TYPES[name] * factor / ns for name, ns in own.items()}
+        what = f"do_transform of {' and '.join(names)} against Jazzy's (carried over)"
         yield at_least("types-vs-python", what, values, wanted)

@@ -12,9 +12,8 @@ from conftest import DOMAIN
 from numpy.testing import assert_allclose
 
 from bench import __main__, guard, lookups, peers, pictures, race, report, sizes, targets, trees
-from bench.inserts import INTO, KINDS
 from bench.nodes import OUR_PATHS, WAKING
-from bench.processes import CONTESTANTS, Failure, Library, Process
+from bench.processes import CONTESTANTS, Failure, Library, Process, run_command
 from bench.race import Entry, Row, Rows, Run, Sample, largest_deviation
 
 pytestmark = pytest.mark.ours
@@ -78,7 +77,11 @@ def test_tables_and_verdicts_are_written_of_what_was_measured(run, measured):
     assert all(measured(section) for section in SECTIONS)
     tables = report.tables(run.rows, run.libraries)
     assert all(report.SECTIONS[section][0] in tables for section in SECTIONS)
-    assert all(kind in tables for kind in (*KINDS, *INTO))
+    kinds = {row.labels["waiting_for"] for row in measured("waiters")} | {
+        row.way for row in measured("waiters")
+    }
+    assert len(kinds) == 9 + 6  # of waiters, of inserts
+    assert all(kind in tables for kind in kinds)
     verdicts = targets.verdicts(run.rows)
     assert all(verdict.what in report.verdict_table(verdicts) for verdict in verdicts)
     # Nobody to compare with is no pass.
@@ -180,6 +183,14 @@ def test_an_order_that_takes_too_long_is_given_up():
             process.ask("about", seconds=0.1)
     finally:
         process.kill()
+
+
+def test_a_command_that_fails_says_why():
+    assert run_command(sys.executable, "-c", "print('printed')") == "printed\n"
+    with pytest.raises(Failure, match="ended with 1: no such library"):
+        run_command(sys.executable, "-c", "raise SystemExit('no such library')")
+    with pytest.raises(Failure, match="took longer"):
+        run_command(sys.executable, "-c", "import time; time.sleep(60)", seconds=0.1)
 
 
 @pytest.fixture

@@ -83,7 +83,7 @@ class Ours(Ros2):
     def order_threads(self, way, name, thread_count, call_count):
         """Wall time of so many calls in each of several threads."""
         began, ends = [], []
-        work = [self.thread_calls(way, name, i, int(call_count)) for i in range(int(thread_count))]
+        work = [self.thread_calls(way, name, i, call_count) for i in range(thread_count)]
         begin = threading.Barrier(len(work), lambda: began.append(perf_counter_ns()))
 
         def run(function, calls):
@@ -118,7 +118,7 @@ class Ours(Ros2):
             self.buffer.wait_for_transform_async(
                 names[0], f"nobody_{i}" if what == "unknown" else names[1 + i % (len(names) - 1)], later
             )
-            for i in range(int(count))
+            for i in range(count)
         ]
         return {"pending": sum(not future.done() for future in self.waiting)}
 
@@ -139,7 +139,7 @@ class Ours(Ros2):
         """Start threads in vector lookups that never pause."""
         buffer, names = self.buffers[which], self.tree.names
         times = self.tree.newest_ns - np.linspace(READ_NS, 0, READ_TIMES).astype(np.int64)
-        begin = threading.Barrier(int(count) + 1)
+        begin = threading.Barrier(count + 1)
 
         def read():
             begin.wait()
@@ -147,7 +147,7 @@ class Ours(Ros2):
                 buffer.lookup_transforms(names[0], names[-1], times)
                 self.read += 1
 
-        for _ in range(int(count)):
+        for _ in range(count):
             self.start(read)
         begin.wait()
         return {}
@@ -186,7 +186,7 @@ class Ours(Ros2):
         names, stamp = self.tree.names, Time(nanoseconds=self.tree.newest_ns - READ_NS)
         function = getattr(self.buffer, way)
         times = []
-        end_ns = perf_counter_ns() + int(float(seconds) * 1e9)
+        end_ns = perf_counter_ns() + int(seconds * 1e9)
         while perf_counter_ns() < end_ns:
             time.sleep(PAUSE_S[way])
             if way == "set_transform":
@@ -200,7 +200,7 @@ class Ours(Ros2):
 
     def order_receive(self, which, depth):
         """Receive into a buffer, with a queue so deep; how many transforms it has received so far."""
-        self.listen(self.buffers[which], qos=QoSProfile(depth=int(depth)))
+        self.listen(self.buffers[which], qos=QoSProfile(depth=depth))
         return {"received": self.buffers[which].statistics()["taken"]}
 
     def order_received(self, which):
@@ -215,7 +215,7 @@ class Ours(Ros2):
         """Bytes per sample that one ring accounts for while it fills, one by one: at worst and at best."""
         buffer = Buffer(ENDLESS)
         worst, best = (0.0, 0), (float("inf"), 0)  # bytes, samples
-        for i, message in enumerate(self.serialised(int(count), 1), start=1):
+        for i, message in enumerate(self.serialised(count, 1), start=1):
             buffer.set_transforms_cdr(message, AUTHORITY)
             if i >= SETTLED:
                 per_sample = buffer.statistics()["bytes"] / i
@@ -225,7 +225,7 @@ class Ours(Ros2):
     def order_resident(self, count):
         """Bytes per sample that the process holds at worst while one ring fills."""
         batch = 1000
-        messages = self.serialised(int(count), batch)
+        messages = self.serialised(count, batch)
         buffer = Buffer(ENDLESS)
         with open("/proc/self/clear_refs", "w") as file:
             file.write("5")  # forget the highest residence so far

@@ -36,7 +36,7 @@ class Publishing:
 
     def order_discover(self, listeners):
         deadline = time.monotonic() + DISCOVERY_S
-        while self._publisher.get_subscription_count() != int(listeners):
+        while self._publisher.get_subscription_count() != listeners:
             if time.monotonic() > deadline:
                 return {"error": f"{self._publisher.get_subscription_count()} listen, not {listeners}"}
             threading.Event().wait(0.01)
@@ -44,9 +44,9 @@ class Publishing:
 
     def order_start(self, rate, transforms, messages):
         """Begin to publish so many messages; `next` is the number of the first."""
-        first, template = self._next, Template(int(transforms))
-        self._next += int(messages)
-        self._thread = threading.Thread(target=self._publish, args=(int(rate), template, first, self._next))
+        first, template = self._next, Template(transforms)
+        self._next += messages
+        self._thread = threading.Thread(target=self._publish, args=(rate, template, first, self._next))
         self._thread.start()
         return {"next": first}
 

@@ -9,18 +9,23 @@
 #include <string>
 #include <vector>
 
-// As ros1_cpp.py declares them.
-struct Transform {
-  const char* child;
-  const char* parent;
-  int64_t is_static, stamp_ns;
+// As serving.py packs them; frames by index.
+struct Record {
+  uint32_t child, parent, is_static, reserved;
+  int64_t stamp_ns;
   double pose[7];  // x y z, qx qy qz qw
 };
+static_assert(sizeof(Record) == 80, "as serving.py packs it");
 
 struct Query {
-  const char* target;
-  const char* source;
+  uint32_t target, source;
   int64_t time_ns;
+};
+static_assert(sizeof(Query) == 16, "as serving.py packs it");
+
+struct Buffer {
+  tf2::BufferCore core;
+  std::vector<std::string> names;
 };
 
 namespace {
@@ -42,35 +47,41 @@ int64_t since(Clock::time_point start) {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now() - start).count();
 }
 
-geometry_msgs::TransformStamped message_of(const Transform& transform) {
+geometry_msgs::TransformStamped message_of(const Buffer& buffer, const Record& record) {
   geometry_msgs::TransformStamped message;
-  message.header.frame_id = transform.parent;
-  message.child_frame_id = transform.child;
-  message.header.stamp = time_of(transform.stamp_ns);
+  message.header.frame_id = buffer.names.at(record.parent);
+  message.child_frame_id = buffer.names.at(record.child);
+  message.header.stamp = time_of(record.stamp_ns);
   auto& t = message.transform.translation;
   auto& q = message.transform.rotation;
-  t.x = transform.pose[0], t.y = transform.pose[1], t.z = transform.pose[2];
-  q.x = transform.pose[3], q.y = transform.pose[4], q.z = transform.pose[5], q.w = transform.pose[6];
+  t.x = record.pose[0], t.y = record.pose[1], t.z = record.pose[2];
+  q.x = record.pose[3], q.y = record.pose[4], q.z = record.pose[5], q.w = record.pose[6];
   return message;
+}
+
+Call call_of(const Buffer& buffer, const Query& query) {
+  return {buffer.names.at(query.target), buffer.names.at(query.source), time_of(query.time_ns)};
 }
 
 }  // namespace
 
 extern "C" {
 
-tf2::BufferCore* buffer_new(int64_t cache_ns) { return new tf2::BufferCore(ros::Duration(cache_ns / S, cache_ns % S)); }
+Buffer* buffer_new(int64_t cache_ns, const char* const* names, size_t count) {
+  return new Buffer{tf2::BufferCore(ros::Duration(cache_ns / S, cache_ns % S)), {names, names + count}};
+}
 
-void buffer_free(tf2::BufferCore* buffer) { delete buffer; }
+void buffer_free(Buffer* buffer) { delete buffer; }
 
 // ns[i] becomes what insert i takes, or REFUSED. Returns how many inserts the budget allowed.
-size_t buffer_insert(tf2::BufferCore* buffer, const Transform* transforms, size_t count, double budget_s, int64_t* ns) {
+size_t buffer_insert(Buffer* buffer, const Record* records, size_t count, double budget_s, int64_t* ns) {
   std::vector<geometry_msgs::TransformStamped> messages;
-  for (size_t i = 0; i < count; ++i) messages.push_back(message_of(transforms[i]));
+  for (size_t i = 0; i < count; ++i) messages.push_back(message_of(*buffer, records[i]));
   const auto began = Clock::now();
   size_t i = 0;
   for (; i < count && since(began) < budget_s * S; ++i) {
     const auto start = Clock::now();
-    const bool inserted = buffer->setTransform(messages[i], AUTHORITY, transforms[i].is_static);
+    const bool inserted = buffer->core.setTransform(messages[i], AUTHORITY, records[i].is_static);
     ns[i] = since(start);
     if (!inserted) ns[i] = REFUSED;
   }
@@ -78,11 +89,10 @@ size_t buffer_insert(tf2::BufferCore* buffer, const Transform* transforms, size_
 }
 
 // As buffer_insert, for `count` lookups that go round the queries.
-size_t buffer_look_up(const tf2::BufferCore* buffer, const Query* queries, size_t query_count, size_t count,
-                      double budget_s, int64_t* ns) {
+size_t buffer_look_up(const Buffer* buffer, const Query* queries, size_t query_count, size_t count, double budget_s,
+                      int64_t* ns) {
   std::vector<Call> calls;
-  for (size_t i = 0; i < query_count; ++i)
-    calls.push_back({queries[i].target, queries[i].source, time_of(queries[i].time_ns)});
+  for (size_t i = 0; i < query_count; ++i) calls.push_back(call_of(*buffer, queries[i]));
   const auto began = Clock::now();
   size_t i = 0;
   for (; i < count && since(began) < budget_s * S; ++i) {
@@ -91,7 +101,7 @@ size_t buffer_look_up(const tf2::BufferCore* buffer, const Query* queries, size_
     const auto start = Clock::now();
     try {
       // The answer is made and dropped within the time, as a caller's would be.
-      const geometry_msgs::TransformStamped answer = buffer->lookupTransform(call.target, call.source, call.time);
+      const geometry_msgs::TransformStamped answer = buffer->core.lookupTransform(call.target, call.source, call.time);
       asm volatile("" : : "g"(&answer) : "memory");
     } catch (const tf2::TransformException&) {
       answered = false;
@@ -103,9 +113,10 @@ size_t buffer_look_up(const tf2::BufferCore* buffer, const Query* queries, size_
 }
 
 // The pose of one answer; false where there is none.
-bool buffer_answer(const tf2::BufferCore* buffer, const char* target, const char* source, int64_t time_ns, double* pose) {
+bool buffer_answer(const Buffer* buffer, const Query* query, double* pose) {
+  const Call call = call_of(*buffer, *query);
   try {
-    const auto transform = buffer->lookupTransform(target, source, time_of(time_ns)).transform;
+    const auto transform = buffer->core.lookupTransform(call.target, call.source, call.time).transform;
     const auto& t = transform.translation;
     const auto& q = transform.rotation;
     const double values[] = {t.x, t.y, t.z, q.x, q.y, q.z, q.w};

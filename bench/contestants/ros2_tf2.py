@@ -75,10 +75,10 @@ class Ros2(Contestant):
 
     def order_listen(self, cache_s, frame_count):
         """Fill a new buffer from /tf and /tf_static, until the publishing process has sent all frames."""
-        self.buffer = Buffer(Duration(seconds=float(cache_s)))
+        self.buffer = Buffer(Duration(seconds=cache_s))
         self.listen(self.buffer, spin_thread=True)
         deadline = time.monotonic() + DISCOVERY_S
-        while len(self.buffer._getFrameStrings()) < int(frame_count):
+        while len(self.buffer._getFrameStrings()) < frame_count:
             if time.monotonic() > deadline:
                 return {"error": f"only {len(self.buffer._getFrameStrings())} frames arrived"}
             threading.Event().wait(0.05)
@@ -100,13 +100,12 @@ class Ros2(Contestant):
             self.node.destroy_node()
             rclpy.shutdown()
 
-    def order_online(self, way, queries, age_s, count, budget_s):
+    def order_online(self, way, pairs, age_s, count, budget_s):
         """Time lookups while transforms arrive; `age_s` ago, or 0 for the latest."""
-        age_ns = int(float(age_s) * S)
+        age_ns = int(age_s * S)
         time_ns = time.time_ns() - age_ns if age_ns else 0
-        queries = [(*pair.split(" "), time_ns) for pair in queries.split(",")]
-        function, calls = self.calls(way, queries)
-        times, failed, empty = time_calls(function, calls, int(count), float(budget_s))
+        function, calls = self.calls(way, [(target, source, time_ns) for target, source in pairs])
+        times, failed, empty = time_calls(function, calls, count, budget_s)
         return {"ns": times, "failed": failed, "empty_ns": empty}
 
 

@@ -75,14 +75,19 @@ class Tree:
             self.names = [file.readline().decode().rstrip("\n") for _ in range(name_count)]
             self._start = file.tell()
 
-    def records(self):
-        """(child, parent, static, stamp in ns, pose) of each transform, as they would have come in."""
-        names = self.names
+    def chunks(self):
+        """Bytes of many records each."""
         with open(self._path, "rb") as file:
             file.seek(self._start)
             while data := file.read(RECORD.size * CHUNK):
-                for child, parent, static, _, stamp_ns, *pose in RECORD.iter_unpack(data):
-                    yield names[child], names[parent], bool(static), stamp_ns, pose
+                yield data
+
+    def records(self):
+        """(child, parent, static, stamp in ns, pose) of each transform, in the order of arrival."""
+        names = self.names
+        for data in self.chunks():
+            for child, parent, static, _, stamp_ns, *pose in RECORD.iter_unpack(data):
+                yield names[child], names[parent], bool(static), stamp_ns, pose
 
     def queries(self, path):
         """(target, source, time in ns) of each query in a file."""
@@ -114,7 +119,7 @@ class Contestant:
 
     `about()`: a dict with `version`, and what a lookup `returns`.
     `load(tree)`: make a new buffer and fill it.
-    `calls(way, queries)`: a function and the argument tuples, one for each query, for a way of asking.
+    `calls(way, queries)`: a function and the argument tuples, one for each query, for a way of looking up.
     `numbers(answer)`: x y z qx qy qz qw of what the function returned.
     `inserts(way, transforms)`: a function, the argument tuples, and how many transforms each call carries.
     """
@@ -132,8 +137,8 @@ class Contestant:
         return {"python": version, **self.about()}
 
     def order_load(self, path, keep):
-        """Take a tree in. Trees before it go, with their sets of queries, unless they are to be kept."""
-        if not int(keep):
+        """Load a tree. Those before are dropped, with their sets of queries, unless they are to be kept."""
+        if not keep:
             self.sets.clear()
         before = rss_bytes()
         start = perf_counter_ns()
@@ -148,7 +153,7 @@ class Contestant:
         function, calls = self.calls(way, self.tree.queries(path))
         self.sets[way, name] = function, calls
         answers = []
-        for arguments in calls[: int(check)]:
+        for arguments in calls[:check]:
             try:
                 answer = function(*arguments)
             except Exception:
@@ -159,12 +164,12 @@ class Contestant:
     def order_time(self, way, name, count, budget_s):
         function, calls = self.sets[way, name]
         # Others have run since, and the caches of the machine have forgotten these queries.
-        self.time(function, calls, min(len(calls), int(count)), float(budget_s) / 2)
-        times, failed, empty = self.time(function, calls, int(count), float(budget_s))
+        self.time(function, calls, min(len(calls), count), budget_s / 2)
+        times, failed, empty = self.time(function, calls, count, budget_s)
         return {"ns": times, "failed": failed, "empty_ns": empty}
 
     def order_insert(self, way, count, budget_s):
-        """Time inserts that go on where the tree's dynamic frames end."""
+        """Time inserts that continue where the histories of the tree's dynamic frames end."""
         if not self.moving:
             moving = {
                 child: (child, parent, pose)
@@ -173,17 +178,17 @@ class Contestant:
             }
             self.moving = list(moving.values())
         transforms = []
-        while len(transforms) < int(count):
+        while len(transforms) < count:
             transforms += [(child, parent, self.next_ns, pose) for child, parent, pose in self.moving]
             self.next_ns += STEP_NS
         function, calls, batch = self.inserts(way, transforms)
-        times, failed, empty = self.time(function, calls, len(calls), float(budget_s), must_answer=False)
+        times, failed, empty = self.time(function, calls, len(calls), budget_s, must_answer=False)
         return {"ns": times, "failed": failed, "empty_ns": empty, "batch": batch}
 
 
 def serve(contestant, end=None):
     """
-    Take orders from standard input, one a line, words between tabs; answer each with a line of JSON.
+    Take orders from standard input, each a line of JSON: its name and arguments; answer with a line of JSON.
 
     :param end: called when the input ends.
     """
@@ -191,9 +196,9 @@ def serve(contestant, end=None):
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     for line in sys.stdin:
-        order, *words = line.rstrip("\n").split("\t")
+        order, *arguments = json.loads(line)
         try:
-            answer = getattr(contestant, "order_" + order)(*words)
+            answer = getattr(contestant, "order_" + order)(*arguments)
         except Exception as error:
             traceback.print_exc()
             answer = {"error": f"{type(error).__name__}: {error}"}

@@ -42,7 +42,7 @@ class Types(Contestant):
         t = transform()
         self.sets = {
             (who, name): (function, [(argument, t)])
-            for name, (argument, functions) in cases(int(points)).items()
+            for name, (argument, functions) in cases(points).items()
             for who, function in functions.items()
         }
         types = {}

@@ -63,11 +63,14 @@ class Waiting:
         self.waiting = []
         self.next_ns = 0
 
+    def order_kinds(self):
+        return {"waiting_for": list(WAITERS), "into": list(INTO)}
+
     def order_prepare(self, kind, count):
         """Two equal buffers, one of them with waiters; how many pend."""
         self.alone, self.beside = filled(kind), filled(kind)
         self.next_ns = START_NS + 3 * STEP_NS
-        self.waiting = [self.beside._wait(*WAITERS[kind](i), notify=print) for i in range(int(count))]
+        self.waiting = [self.beside._wait(*WAITERS[kind](i), notify=print) for i in range(count)]
         return {"pending": self.beside.statistics()["waiters"]}
 
     def order_insert(self, kind, into, count, budget_s):
@@ -79,16 +82,16 @@ class Waiting:
         times = {"alone": [], "beside": []}
         failed = 0
         for turn in range(TURNS + 1):
-            links = [INTO[into](kind, i) for i in range(int(count) // TURNS)]
+            links = [INTO[into](kind, i) for i in range(count // TURNS)]
             messages = [message(link, self.next_ns + i) for i, link in enumerate(links)]
-            self.next_ns += int(count)
+            self.next_ns += count
             for name, buffer in ("alone", self.alone), ("beside", self.beside):
                 if into == "static or not":
                     function = buffer.set_transforms
                     calls = [([each], AUTHORITY, i % 2 == 0) for i, each in enumerate(messages)]
                 else:
                     function, calls = buffer.set_transform, [(each, AUTHORITY) for each in messages]
-                budget = float(budget_s) / TURNS
+                budget = budget_s / TURNS
                 taken, refused, empty_ns = time_calls(function, calls, len(calls), budget, must_answer=False)
                 failed += refused
                 if turn:  # the first one is to warm up

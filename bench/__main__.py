@@ -71,10 +71,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         tempfile.TemporaryDirectory() as folder,
         Run(libraries, QUICK if options.quick else FULL, Path(folder), say) as run,
     ):
-        try:
-            ours.about = run.ask(OURS, "about")
-        except Failure as failure:
-            print(f"this project does not run here: {failure}", file=sys.stderr)
+        for who, library in list(libraries.items()):
+            try:
+                library.about = run.ask(who, "about")
+            except Failure as failure:
+                missing[library.title] = str(failure)
+                del libraries[who]
+        if OURS not in libraries:
+            print(f"this project does not run here: {missing[ours.title]}", file=sys.stderr)
             return 1
         for name, section in SECTIONS.items():
             if name in (options.only or SECTIONS):

@@ -188,10 +188,10 @@ def _receive(run: Run, publisher: Process, who: str, path: str) -> Iterator[Samp
     run.say(f"receive: {run.libraries[who].title}, {path}")
     with run.process("listening.py", path, who=who) as listener:
         publisher.ask("discover", 1)
-        for transforms, rate in RECEIVED.items():
+        _publish(publisher, listener, max(RECEIVED), max(RECEIVED.values()), sizes.receive_filling)
+        # The largest messages first: every frame has a full history then, the few of the others, too.
+        for transforms, rate in sorted(RECEIVED.items(), reverse=True):
             labels = {"transforms": transforms, "rate": rate}
-            # Histories that are full: each message drops an old sample, as in a program that runs for long.
-            _publish(publisher, listener, transforms, max(RECEIVED.values()), sizes.receive_filling)
             before = listener.ask("cost")
             messages = round(rate * sizes.receive_s)
             _publish(publisher, listener, transforms, rate, messages)

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from bench.processes import CONTESTANTS, Failure, Library, Process, run_command
+from bench.processes import CONTESTANTS, Failure, Library, run_command
 
 ROOT = Path(__file__).resolve().parents[1]
 FETCHED = ROOT / ".bench"
@@ -57,7 +57,7 @@ def ours() -> Library:
 
 
 def all_peers(say: Callable[[str], None]) -> tuple[list[Library], dict[str, str]]:
-    """Every peer that starts and tells its version, and why the others are missing."""
+    """Every peer that can be had here, and why the others are missing."""
     found: list[Library] = []
     missing: dict[str, str] = {}
     sources: dict[str, Callable[[], list[Library]]] = {
@@ -69,20 +69,10 @@ def all_peers(say: Callable[[str], None]) -> tuple[list[Library], dict[str, str]
     for title, fetch in sources.items():
         say(f"looking for {title}")
         try:
-            for library in fetch():
-                _introduce(library)
-                found.append(library)
+            found += fetch()
         except Failure as failure:
             missing[title] = str(failure)
     return found, missing
-
-
-def _introduce(library: Library) -> None:
-    process = Process(library)
-    try:
-        library.about = process.ask("about", seconds=60)
-    finally:
-        process.end()
 
 
 def _sourced_ros2() -> list[Library]:

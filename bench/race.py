@@ -152,8 +152,7 @@ class Run:
         except Refusal:
             raise
         except Failure:
-            # It has ended, or is still busy.
-            self._processes.pop(who).kill()
+            self._processes.pop(who).end()
             self._ended.add(who)
             raise
 

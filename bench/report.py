@@ -113,7 +113,7 @@ def _cells(first: str, texts: Iterable[str]) -> str:
 
 def _heads(library: Library | None, who: str, way: str) -> tuple[str, str]:
     if way == "call":  # of types: a library, or how bytes are copied
-        return "", who
+        return ("copy of", who.removeprefix("copy of ")) if who.startswith("copy of") else ("", who)
     assert library is not None
     if who in (OURS, "ros2"):
         return "ours" if who == OURS else library.title, "Buffer" if way == "buffer" else way

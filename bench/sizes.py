@@ -31,7 +31,7 @@ class Sizes:
     load_calls: int = 20_000  # in each thread, a round
     load_messages: int = 1000  # beside readers
     receive_rounds: int = 7
-    # Messages before each load; from then on each drops an old sample, as in a program that runs for long.
+    # Messages beforehand; from then on each drops an old sample, as in a program that runs for long.
     receive_filling: int = 700
     receive_s: float = 5.0  # of publishing, for each load in each round
     receive_wakes: int = 200  # lookups of each kind in each round

@@ -182,7 +182,7 @@ def test_an_order_that_takes_too_long_is_given_up():
         with pytest.raises(Failure, match="no answer to about"):
             process.ask("about", seconds=0.1)
     finally:
-        process.kill()
+        process.end()
 
 
 def test_a_command_that_fails_says_why():

@@ -7,7 +7,11 @@ The benchmark's command line: `python -m bench [--quick]` measures, prints, writ
 from __future__ import annotations
 
 import argparse
+import datetime
+import importlib.metadata
 import json
+import os
+import platform
 import re
 import sys
 import tempfile
@@ -17,8 +21,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from bench import guard, inserts, lookups, machine, nodes, peers, pictures, report, targets, types
-from bench.processes import Failure
+from bench import guard, inserts, lookups, nodes, peers, pictures, report, targets, types
+from bench.processes import Failure, run_command
 from bench.race import OURS, Run
 from bench.sizes import FULL, QUICK
 
@@ -40,6 +44,7 @@ SECTIONS = {
     )
 }
 RESULTS = Path(__file__).resolve().parent / "results"
+PACKAGES = ("tf2-ros-cython", "numpy", "ros-jazzy-rclpy", "matplotlib")
 QUICK_RESULTS = peers.FETCHED / "results"
 
 
@@ -63,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     options = parser.parse_args(arguments)
     say = Progress()
-    load_before = machine.load_average()
+    load_before = _load_average()
     ours = peers.ours()
     others, missing = ([], {}) if options.only else peers.all_peers(say)
     libraries = {library.key: library for library in (ours, *others)}
@@ -85,8 +90,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 with run.recording_failure(OURS, name):
                     section(run)
     result = {
-        "machine": machine.describe(peers.ROOT),
-        "load_average": {"before": load_before, "after": machine.load_average()},
+        "machine": _machine(),
+        "load_average": {"before": load_before, "after": _load_average()},
         "quick": options.quick,
         "libraries": [
             {"key": library.key, "title": library.title, "note": library.note, **library.about}
@@ -119,14 +124,59 @@ def _print(result: dict[str, Any], run: Run, known_only: bool) -> None:
 
 def _write(result: dict[str, Any], run: Run, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{machine.slug()}.json"
+    path = folder / f"{_slug()}.json"
     path.write_text(redacted(json.dumps(result, indent=1)) + "\n")
     print(f"\nwrote {path.relative_to(peers.ROOT)}")
     try:
-        for picture in pictures.draw(run.rows, run.libraries, folder, machine.slug()):
+        for picture in pictures.draw(run.rows, run.libraries, folder, _slug()):
             print(f"wrote {picture.relative_to(peers.ROOT)}")
     except ImportError:
         print("no pictures: matplotlib is missing (pip install '.[bench]')")
+
+
+def _cpu() -> str:
+    for line in Path("/proc/cpuinfo").read_text().splitlines():
+        if line.startswith("model name"):
+            return line.split(":", 1)[1].strip()
+    return platform.machine()
+
+
+def _slug() -> str:
+    return re.sub(r"[^a-z0-9]+", "-", f"{_cpu()} {os.cpu_count()} cores".lower()).strip("-")
+
+
+def _load_average() -> list[float]:
+    return [round(value, 2) for value in os.getloadavg()]
+
+
+def _machine() -> dict[str, Any]:
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return {
+        "cpu": _cpu(),
+        "cores": os.cpu_count(),
+        "memory_gib": round(memory / 2**30),
+        "system": platform.freedesktop_os_release().get("PRETTY_NAME", platform.system()),
+        "kernel": platform.release(),
+        "date": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
+        "versions": {"python": platform.python_version(), "project": _revision()}
+        | {package: _version(package) for package in PACKAGES},
+    }
+
+
+def _version(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _revision() -> str:
+    try:
+        return run_command(
+            "git", "-C", str(peers.ROOT), "describe", "--always", "--dirty", seconds=20
+        ).strip()
+    except Failure:
+        return "unknown"
 
 
 def redacted(text: str) -> str:

@@ -1,4 +1,4 @@
-"""Owns the processes that measure: each library in its own, told what to do line by line."""
+"""Owns the processes that measure: each library in its own, which takes orders as lines of JSON."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ END_S = 10.0
 
 
 class Failure(Exception):
-    """Something is not available, or a process did not do what it was told."""
+    """Something is not available, or a process did not carry out an order."""
 
 
 class Refusal(Failure):
-    """A process could not do what it was told, and says so; it takes further orders."""
+    """A process answers that it could not carry out an order; it takes further ones."""
 
 
 def clean_environment(extra: Mapping[str, str] = {}) -> dict[str, str]:
@@ -65,7 +65,7 @@ def run_command(
 
 
 def last_line(text: str) -> str:
-    """The last one that says something: valgrind's begin with ==, pip's advice with [notice]."""
+    """The last line of an error message, without valgrind's own (==) and pip's advice ([notice])."""
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith(("==", "[notice]"))]
     return lines[-1] if lines else "no message"
 

@@ -124,7 +124,7 @@ def row_of(section: str, samples: Sequence[Sample]) -> Row:
 
 @dataclass
 class Run:
-    """The libraries that take part, and what they have measured so far."""
+    """The libraries that take part, and what they have measured until now."""
 
     libraries: dict[str, Library]
     sizes: Sizes
@@ -221,7 +221,7 @@ class Run:
         Hand each (who, way) the queries, compare the answers with ours, warm up; the entries of a race.
 
         :param per: transforms that one call looks up.
-        :param compared: not so where nobody has an answer.
+        :param compared: false where no library has an answer.
         """
         name = set_name(section, labels)
         entries = []
@@ -286,7 +286,7 @@ def sample_of(
     per: int = 1,
     deviation: float | None = None,
 ) -> Sample:
-    """The ns of an answer, less the empty loop, for one transform; an insert tells how many it carries."""
+    """The ns of an answer, less the empty loop, for one transform; an insert's answer has their number."""
     batch = per * answer.get("batch", 1)
     values = [(ns - answer["empty_ns"]) / batch for ns in answer["ns"]]
     return Sample(who, way, labels, values, "ns", answer["failed"], answer["empty_ns"], deviation)

@@ -1,4 +1,4 @@
-"""Owns the trees that lookups are measured on, and the questions asked of them; the same in every run."""
+"""Owns the trees that lookups are measured on, and the queries; the same in every run."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Tree:
     """
     Frames by index. A frame that is its own parent is a root; frame 0 is one.
 
-    Dynamic frames carry as many samples as `samples` says.
+    Every dynamic frame has `samples` samples.
     """
 
     name: str
@@ -176,7 +176,7 @@ def star(name: str, frames: int, samples: int) -> Tree:
 
 
 def write_queries(path: Path, pairs: Sequence[tuple[int, int]], times_ns: np.ndarray) -> Path:
-    """One query for each time; pairs go round."""
+    """One query for each time; the pairs in turn."""
     sides = np.resize(np.array(pairs), (len(times_ns), 2))
     return _write(path, sides[:, 0], sides[:, 1], times_ns)
 

@@ -1,4 +1,4 @@
-"""The benchmark: every section of it runs, and says what it measured."""
+"""The benchmark: every section runs and reports what it measured."""
 
 import json
 import math
@@ -27,7 +27,7 @@ def run_of(libraries, folder, measured=sizes.TINY):
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """The sections share it: its rows are what all of them have measured so far."""
+    """All tests share it: its rows are those of all sections measured before."""
     with run_of([peers.ours()], tmp_path_factory.mktemp("bench")) as run:
         yield run
 

@@ -29,7 +29,7 @@ class FromPypi(Contestant):
 
 
 class Schiebung(FromPypi):
-    # Its history is 120 s, whatever the tree says; a latest lookup takes each edge's own newest sample.
+    # Its history is 120 s for any cache time; a latest lookup takes each edge's own newest sample.
     package, returns, modules = "schiebung", "StampedIsometry, an object of its own", ("schiebung",)
 
     def load(self, tree):

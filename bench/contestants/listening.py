@@ -1,5 +1,5 @@
 """
-A node that listens to /tf, and tells what that costs and how soon it has a transform. Its argument says how:
+A node that listens to /tf, and measures what that costs and how soon a lookup has an answer. Its argument:
 
 `listener`: a TransformListener as programs make it, which spins its node in a thread.
 `executor`: the same, but every message and every transform passes through Python, as in upstream.
@@ -63,7 +63,7 @@ class Listening:
             self.buffer.can_transform_core("map", "f0", Time())
 
     def order_cost(self):
-        """ns of CPU so far: of the process, and of its threads by name."""
+        """ns of CPU since the start: of the process, and of its threads by name."""
         threads = {}
         mine = {thread.native_id: thread.name for thread in threading.enumerate()}
         for task in os.listdir("/proc/self/task"):

@@ -111,7 +111,7 @@ class Ours(Ros2):
         return fill(TransformStamped(), child, "world", self.next_ns, POSE)
 
     def order_wait(self, what, count):
-        """Have `count` futures pend: on frames nobody knows, or on known ones, later than any insert."""
+        """Make `count` futures that wait: for unknown frames, or for known ones later than any insert."""
         later = Time(nanoseconds=self.next_ns + FAR_NS)
         names = self.tree.names
         self.waiting = [
@@ -199,7 +199,7 @@ class Ours(Ros2):
         return {"ns": times}
 
     def order_receive(self, which, depth):
-        """Receive into a buffer, with a queue so deep; how many transforms it has received so far."""
+        """Receive into a buffer, with a queue of that depth; how many transforms it has received before."""
         self.listen(self.buffers[which], qos=QoSProfile(depth=depth))
         return {"received": self.buffers[which].statistics()["taken"]}
 
@@ -228,7 +228,7 @@ class Ours(Ros2):
         messages = self.serialised(count, batch)
         buffer = Buffer(ENDLESS)
         with open("/proc/self/clear_refs", "w") as file:
-            file.write("5")  # forget the highest residence so far
+            file.write("5")  # reset the highest residence
         before = rss_bytes()
         worst = 0.0
         for i, message in enumerate(messages, start=1):

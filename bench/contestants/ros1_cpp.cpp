@@ -88,7 +88,7 @@ size_t buffer_insert(Buffer* buffer, const Record* records, size_t count, double
   return i;
 }
 
-// As buffer_insert, for `count` lookups that go round the queries.
+// As buffer_insert, for `count` lookups, of the queries in turn.
 size_t buffer_look_up(const Buffer* buffer, const Query* queries, size_t query_count, size_t count, double budget_s,
                       int64_t* ns) {
   std::vector<Call> calls;

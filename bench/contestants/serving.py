@@ -15,7 +15,7 @@ from time import perf_counter_ns
 RECORD = struct.Struct("<IIIIq7d")  # child, parent, static, 0, stamp in ns, x y z, qx qy qz qw
 QUERY = struct.Struct("<IIq")  # target, source, time in ns (0: latest)
 CHUNK = 4096  # records read at a time
-STEP_NS = 10_000_000  # inserts go on at 100 Hz
+STEP_NS = 10_000_000  # from insert to insert
 
 # One text for every number of arguments, as timeit does it: a call with `*arguments` would cost extra.
 LOOP = """
@@ -115,7 +115,7 @@ def rss_bytes():
 
 class Contestant:
     """
-    One library under measurement. A subclass says how its calls look:
+    One library under measurement. A subclass defines its calls:
 
     `about()`: a dict with `version`, and what a lookup `returns`.
     `load(tree)`: make a new buffer and fill it.

@@ -8,7 +8,7 @@ import numpy as np
 
 from bench.processes import Failure
 from bench.race import OURS, Entry, Run, Sample, set_name
-from bench.trees import LATEST, Tree, bushy, chain, fork, star, write_queries, write_vector_queries
+from bench.trees import LATEST, Tree, bushy, chain, fork, queries_of, star, vector_queries_of
 
 HOPS = (1, 4, 10)
 DEEP_HOPS = 4
@@ -55,7 +55,7 @@ def _race_lookups(
 ) -> None:
     run.say(f"lookups: {', '.join(map(str, labels.values()))} hops")
     times = _times(tree, labels["place"], run.sizes.queries, seed)
-    queries = write_queries(run.folder / "queries", pairs, times)
+    queries = queries_of(pairs, times)
     run.race("lookups", run.prepare("lookups", labels, run.ways(keys), queries, run.sizes.calls))
 
 
@@ -94,7 +94,7 @@ def _vector_entries(
 ) -> list[Entry]:
     sizes = run.sizes
     times = [_times(tree, place, sizes.vector_times, seed) for seed in range(len(pairs))]
-    queries = write_vector_queries(run.folder / "queries", pairs, times)
+    queries = vector_queries_of(pairs, times)
     labels = {"tree": tree.name, "place": place, "hops": hops}
     contenders = [(who, "vector") for who in keys]
     return run.prepare("vectors", labels, contenders, queries, sizes.vector_pairs, sizes.vector_times)
@@ -104,14 +104,14 @@ def _race_points_and_threads(run: Run, tree: Tree) -> None:
     sizes = run.sizes
     labels = {"tree": tree.name, "place": "sorted", "hops": DEEP_HOPS}
     times = _times(tree, "sorted", sizes.points, 5)
-    queries = write_vector_queries(run.folder / "queries", [(0, DEEP_HOPS)], [times])
+    queries = vector_queries_of([(0, DEEP_HOPS)], [times])
     run.race("vectors", run.prepare("vectors", labels, [(OURS, "points")], queries, 2, sizes.points))
 
     def gain() -> list[Sample]:
         # One thread before and after, because the machine's speed drifts.
         order = "threads", "vector", set_name("vectors", labels)
         before, together, after = (run.ask(OURS, *order, n, calls)["ns"] for n in (1, THREADS, 1))
-        ratio = (before + after) / 2 / together
+        ratio = THREADS * (before + after) / 2 / together
         return [Sample(OURS, "threads", {"tree": tree.name, "threads": THREADS}, [ratio], "x")]
 
     calls = 10 * sizes.vector_pairs
@@ -156,13 +156,13 @@ def _growth_entries(
     run: Run, keys: list[str], tree: Tree, labels: dict, pairs: list[tuple[int, int]]
 ) -> list[Entry]:
     sizes, value = run.sizes, labels["value"]
-    queries = write_queries(run.folder / "queries", pairs, tree.random_times(sizes.queries, value))
+    queries = queries_of(pairs, tree.random_times(sizes.queries, value))
     # Of ours, what users call; of the others, what they have.
     contenders = [(who, way) for who, way in run.ways(keys) if (who, way) != (OURS, "core")]
     entries = run.prepare("growth", labels, contenders, queries, sizes.calls)
     if OURS in keys and labels["pairs"] == "few":
         times = [_times(tree, "sorted", sizes.vector_times, value + i) for i in range(len(pairs))]
-        queries = write_vector_queries(run.folder / "queries", pairs, times)
+        queries = vector_queries_of(pairs, times)
         entries += run.prepare("growth", labels, [(OURS, "vector")], queries, len(pairs), sizes.vector_times)
     return entries
 
@@ -179,7 +179,7 @@ def failing(run: Run) -> None:
         late_ns = tree.newest_ns + 10**12
         no_answer = (frame, late_ns), (unknown, tree.newest_ns), (island, tree.newest_ns)
         for reason, (source, time_ns) in zip(REASONS, no_answer, strict=True):
-            queries = write_queries(run.folder / "queries", [(0, source)], np.array([time_ns]))
+            queries = queries_of([(0, source)], np.array([time_ns]))
             labels = {"frames": frames, "reason": reason}
             contenders = [(OURS, way) for way in FAILING_WAYS]
             entries += run.prepare("failing", labels, contenders, queries, run.sizes.calls, compared=False)

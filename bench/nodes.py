@@ -10,7 +10,7 @@ import numpy as np
 from bench.lookups import DEEP_HOPS, HOPS
 from bench.processes import Failure, Process
 from bench.race import OURS, Entry, Run, Sample
-from bench.trees import bushy, chain, write_vector_queries
+from bench.trees import bushy, chain, vector_queries_of
 
 AGES_S = {"past": 0.5, "latest": 0.0}
 PAIRS = 100
@@ -76,8 +76,8 @@ def load(run: Run) -> None:
         loaded.ask("load_other")
         for way, times in ("buffer", 1), ("vector", IN_THREADS["lookup_transforms"][2]):
             stamps = np.sort(tree.random_times(times, 1))
-            queries = write_vector_queries(run.folder / "queries", [(0, DEEP_HOPS)], [stamps])
-            loaded.ask("prepare", way, "load", queries, 0)
+            queries = vector_queries_of([(0, DEEP_HOPS)], [stamps])
+            loaded.ask("prepare", way, "load", run.write(queries), 0)
         _race_threads(run, loaded)
         _race_beside_readers(run, loaded)
         _messages_beside_readers(run, loaded, publisher)

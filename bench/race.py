@@ -207,12 +207,18 @@ class Run:
                 loaded.append(who)
         return loaded
 
+    def write(self, queries: np.ndarray) -> Path:
+        """A file that processes read the next set of queries from."""
+        path = self.folder / "queries"
+        path.write_bytes(queries.tobytes())
+        return path
+
     def prepare(
         self,
         section: str,
         labels: dict[str, Any],
         contenders: Iterable[tuple[str, str]],
-        queries: Path,
+        queries: np.ndarray,
         calls: int,
         per: int = 1,
         compared: bool = True,
@@ -223,12 +229,12 @@ class Run:
         :param per: transforms that one call looks up.
         :param compared: false where no library has an answer.
         """
-        name = set_name(section, labels)
+        name, path = set_name(section, labels), self.write(queries)
         entries = []
         truth: list[list[float] | None] = []
         for who, way in contenders:
             with self.recording_failure(who, name):
-                answers = self.ask(who, "prepare", way, name, queries, CHECKED if compared else 0)["answers"]
+                answers = self.ask(who, "prepare", way, name, path, CHECKED if compared else 0)["answers"]
                 if who == OURS:
                     truth = truth or answers
                 warm_up = self.sizes.warm_up if per == 1 else 2

@@ -175,22 +175,19 @@ def star(name: str, frames: int, samples: int) -> Tree:
     return Tree(name, parents, [frame not in (0, sea, unknown) for frame in range(len(parents))], samples)
 
 
-def write_queries(path: Path, pairs: Sequence[tuple[int, int]], times_ns: np.ndarray) -> Path:
+def queries_of(pairs: Sequence[tuple[int, int]], times_ns: np.ndarray) -> np.ndarray:
     """One query for each time; the pairs in turn."""
-    sides = np.resize(np.array(pairs), (len(times_ns), 2))
-    return _write(path, sides[:, 0], sides[:, 1], times_ns)
+    return _queries(np.resize(np.array(pairs), (len(times_ns), 2)), times_ns)
 
 
-def write_vector_queries(
-    path: Path, pairs: Sequence[tuple[int, int]], times_ns: Sequence[np.ndarray]
-) -> Path:
+def vector_queries_of(pairs: Sequence[tuple[int, int]], times_ns: Sequence[np.ndarray]) -> np.ndarray:
     """For each pair its own run of times: one vector lookup each."""
-    sides = np.repeat(np.array(pairs), [len(run) for run in times_ns], axis=0)
-    return _write(path, sides[:, 0], sides[:, 1], np.concatenate(times_ns))
+    return _queries(
+        np.repeat(np.array(pairs), [len(run) for run in times_ns], axis=0), np.concatenate(times_ns)
+    )
 
 
-def _write(path: Path, targets: np.ndarray, sources: np.ndarray, times_ns: np.ndarray) -> Path:
+def _queries(pairs: np.ndarray, times_ns: np.ndarray) -> np.ndarray:
     queries = np.zeros(len(times_ns), QUERY)
-    queries["target"], queries["source"], queries["time_ns"] = targets, sources, times_ns
-    path.write_bytes(queries.tobytes())
-    return path
+    queries["target"], queries["source"], queries["time_ns"] = *pairs.T, times_ns
+    return queries

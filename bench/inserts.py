@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 from bench.processes import Failure
 from bench.race import OURS, Entry, Row, Rows, Run, Sample, ratio_of_rounds, sample_of
@@ -47,7 +48,7 @@ def inserts(run: Run) -> None:
         run.say(f"inserts: rounds beside {sizes.waiters} futures")
         order = ("insert", "set_transform", sizes.inserts)
         alone = run.timed(OURS, BESIDE_WAITERS, {**labels, "waiters": 0}, order)
-        waiting = [Entry(OURS, lambda what=what: beside_waiters(what)) for what in ("unknown", "later")]
+        waiting = [Entry(OURS, partial(beside_waiters, what)) for what in ("unknown", "later")]
         run.race("inserts", [alone, *waiting])
 
 
@@ -70,7 +71,7 @@ def waiters(run: Run) -> None:
                     labels = {"waiting_for": kind, "waiters": count}
                     yield sample_of({**answer, "ns": answer[key]}, OURS, into, labels)
 
-        run.race("waiters", [Entry(OURS, lambda kind=kind: measure(kind)) for kind in kinds["waiting_for"]])
+        run.race("waiters", [Entry(OURS, partial(measure, kind)) for kind in kinds["waiting_for"]])
 
 
 def waiters_ratios(rows: Rows) -> dict[str, dict[str, float]]:
@@ -109,5 +110,5 @@ def memory(run: Run) -> None:
     run.say("memory: one ring, sample by sample")
     tree = chain("memory", max(1, sizes.resident_samples // MEMORY_SAMPLES), MEMORY_SAMPLES)
     path = tree.write(run.folder)
-    processes = [Entry(who, lambda who=who: of_a_process(who)) for who in run.with_lookups()]
+    processes = [Entry(who, partial(of_a_process, who)) for who in run.with_lookups()]
     run.race("memory", [Entry(OURS, of_one_ring), *processes], rounds=1)

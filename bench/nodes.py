@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 
@@ -95,7 +96,7 @@ def _race_threads(run: Run, loaded: Process) -> None:
 
     run.say(f"load: calls in 1 thread and in {READERS}")
     for what in IN_THREADS:
-        entries = [Entry(OURS, lambda n=n, what=what: measure(what, n)) for n in (1, READERS)]
+        entries = [Entry(OURS, partial(measure, what, n)) for n in (1, READERS)]
         run.race("load", entries, run.sizes.load_rounds)
 
 
@@ -108,7 +109,7 @@ def _race_beside_readers(run: Run, loaded: Process) -> None:
         for way, values in (INSERT, inserts), (LATE, late):
             yield Sample(OURS, way, {"readers": READERS, "of": which}, [np.quantile(values, 0.99).item()])
 
-    entries = [Entry(OURS, lambda which=which: measure(which)) for which in BUFFERS]
+    entries = [Entry(OURS, partial(measure, which)) for which in BUFFERS]
     run.race("load", entries, run.sizes.load_rounds)
 
 
@@ -142,7 +143,7 @@ def _race_beside_messages(run: Run, loaded: Process, publisher: Process) -> None
 
     for transforms, rate in HEAVY.items():
         arguments = [(transforms, rate, which) for which in BUFFERS]
-        entries = [Entry(OURS, lambda own=own: measure(*own)) for own in arguments]
+        entries = [Entry(OURS, partial(measure, *own)) for own in arguments]
         run.race("load", entries, run.sizes.load_rounds)
 
 
@@ -177,9 +178,7 @@ def receive(run: Run) -> None:
     paths = {OURS: OUR_PATHS, "ros2": UPSTREAM_PATHS if "ros2" in run.libraries else ()}
     contenders = [(who, path) for who, own in paths.items() for path in own]
     with run.process("publishing.py") as publisher:
-        entries = [
-            Entry(who, lambda own=(who, path): _receive(run, publisher, *own)) for who, path in contenders
-        ]
+        entries = [Entry(who, partial(_receive, run, publisher, who, path)) for who, path in contenders]
         run.race("receive", entries, run.sizes.receive_rounds)
 
 

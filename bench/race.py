@@ -107,12 +107,17 @@ def ratio_of_rounds(above: Row | None, below: Row | None) -> float:
 def row_of(section: str, samples: Sequence[Sample]) -> Row:
     first = samples[0]
     pooled = [value for sample in samples for value in sample.values]
+    median, p05, p25, p75, p95 = np.quantile(pooled, (0.5, 0.05, 0.25, 0.75, 0.95)).tolist()
     return Row(
         section,
         first.who,
         first.way,
         first.labels,
-        *np.quantile(pooled, (0.5, 0.05, 0.25, 0.75, 0.95)).tolist(),
+        median,
+        p05,
+        p25,
+        p75,
+        p95,
         rounds=[statistics.median(sample.values) for sample in samples if sample.values],
         unit=first.unit,
         count=len(pooled),
@@ -136,6 +141,8 @@ class Run:
     _ended: set[str] = field(default_factory=set)  # until they load another tree
 
     def __enter__(self) -> Run:
+        # All at once: their imports take seconds.
+        self._processes = {who: Process(library) for who, library in self.libraries.items()}
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -144,7 +144,8 @@ def _lookups(rows: Rows) -> Iterable[Verdict]:
 
 def _vectors(rows: Rows) -> Iterable[Verdict]:
     factor = cpp_factor(rows)
-    past, others = {}, {}
+    past: dict[str, float] = {}
+    others: dict[str, float] = {}
     for (place, hops), ns in JAZZY_CPP.items():
         for times in ("sorted", "random") if place == "past" else (place,):
             own = _cell(rows, OURS, "vector", (times, hops), "vectors")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from bench.race import OURS, Entry, Run, Sample, sample_of
 
 CALLS = 100_000
@@ -21,7 +23,4 @@ def types(run: Run) -> None:
             labels = {"type": name}
             if name.startswith(("cloud", "array")):
                 labels["points"] = sizes.points
-            run.race(
-                "types",
-                [Entry(OURS, lambda who=who, own=(name, labels): measure(who, *own)) for who in contenders],
-            )
+            run.race("types", [Entry(OURS, partial(measure, who, name, labels)) for who in contenders])

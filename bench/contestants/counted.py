@@ -9,8 +9,8 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.duration import Duration
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
-from ros2_tf2 import AUTHORITY, fill
-from serving import STEP_NS
+from ros2_tf2 import fill
+from serving import AUTHORITY, STEP_NS
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer

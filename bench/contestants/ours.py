@@ -11,8 +11,8 @@ from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
-from ros2_tf2 import AUTHORITY, Ros2, fill
-from serving import STEP_NS, by_pair, rss_bytes, serve
+from ros2_tf2 import Ros2, fill
+from serving import AUTHORITY, STEP_NS, by_pair, rss_bytes, serve
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import TransformException
@@ -72,7 +72,7 @@ class Ours(Ros2):
     def inserts(self, way, transforms):
         if way == "set_transform":
             return super().inserts(way, transforms)
-        messages = [fill(TransformStamped(), *transform) for transform in transforms]
+        messages = self.messages(transforms)
         size = 1 if way == "set_transforms_cdr of 1" else BATCH
         batches = [messages[i : i + size] for i in range(0, len(messages) - size + 1, size)]
         if way == "set_transforms":

@@ -5,29 +5,33 @@ import threading
 import time
 import xml.etree.ElementTree
 
+import rclpy
+import serving
 from builtin_interfaces.msg import Time as TimeMessage
 from geometry_msgs.msg import TransformStamped
 from rclpy.duration import Duration
 from rclpy.time import Time
-from serving import Contestant, serve, time_calls
+from serving import Tf2, serve, time_calls
 
-from tf2_ros import Buffer
+from tf2_ros import Buffer, TransformListener
 
-AUTHORITY = "bench"
 S = 1_000_000_000
 DISCOVERY_S = 20
 HISTORY_S = 0.8  # to look up in
 
 
 def fill(message, child, parent, stamp_ns, pose):
-    message.header.frame_id, message.child_frame_id = parent, child
-    message.header.stamp = TimeMessage(sec=stamp_ns // S, nanosec=stamp_ns % S)
-    translation, rotation = message.transform.translation, message.transform.rotation
-    translation.x, translation.y, translation.z, rotation.x, rotation.y, rotation.z, rotation.w = pose
-    return message
+    return serving.fill_transform(message, child, parent, stamp_of(stamp_ns), pose)
 
 
-class Ros2(Contestant):
+def stamp_of(ns):
+    return TimeMessage(sec=ns // S, nanosec=ns % S)
+
+
+class Ros2(Tf2):
+    message = TransformStamped
+    stamp_of = staticmethod(stamp_of)
+
     def __init__(self):
         super().__init__()
         self.buffer = None
@@ -41,33 +45,13 @@ class Ros2(Contestant):
                 return {"version": version, "returns": "geometry_msgs/TransformStamped"}
         return {"version": "unknown", "returns": "geometry_msgs/TransformStamped"}
 
-    def load(self, tree):
-        self.buffer = Buffer(Duration(nanoseconds=tree.cache_ns))
-        message = TransformStamped()
-        for child, parent, static, stamp_ns, pose in tree.records():
-            fill(message, child, parent, stamp_ns, pose)
-            if static:
-                self.buffer.set_transform_static(message, AUTHORITY)
-            else:
-                self.buffer.set_transform(message, AUTHORITY)
+    def buffer_of(self, cache_ns):
+        return Buffer(Duration(nanoseconds=cache_ns))
 
-    def calls(self, way, queries):
-        function = {"buffer": self.buffer.lookup_transform, "core": self.buffer.lookup_transform_core}[way]
-        return function, [(target, source, Time(nanoseconds=ns)) for target, source, ns in queries]
-
-    def numbers(self, answer):
-        t, q = answer.transform.translation, answer.transform.rotation
-        return t.x, t.y, t.z, q.x, q.y, q.z, q.w
-
-    def inserts(self, way, transforms):
-        messages = [fill(TransformStamped(), *transform) for transform in transforms]
-        return self.buffer.set_transform, [(message, AUTHORITY) for message in messages], 1
+    def time_of(self, ns):
+        return Time(nanoseconds=ns)
 
     def listen(self, buffer, **options):
-        import rclpy
-
-        from tf2_ros import TransformListener
-
         if self.node is None:
             rclpy.init()
             self.node = rclpy.create_node("bench_listener")
@@ -94,8 +78,6 @@ class Ros2(Contestant):
     def end(self):
         """Leave the network: otherwise the publisher waits until this process counts as lost."""
         if self.node is not None:
-            import rclpy
-
             self.order_stop_listening()
             self.node.destroy_node()
             rclpy.shutdown()

@@ -15,6 +15,7 @@ from time import perf_counter_ns
 RECORD = struct.Struct("<IIIIq7d")  # child, parent, static, 0, stamp in ns, x y z, qx qy qz qw
 QUERY = struct.Struct("<IIq")  # target, source, time in ns (0: latest)
 CHUNK = 4096  # records read at a time
+AUTHORITY = "bench"
 STEP_NS = 10_000_000  # from insert to insert
 
 # One text for every number of arguments, as timeit does it: a call with `*arguments` would cost extra.
@@ -184,6 +185,51 @@ class Contestant:
         function, calls, batch = self.inserts(way, transforms)
         times, failed, empty = self.time(function, calls, len(calls), budget_s, must_answer=False)
         return {"ns": times, "failed": failed, "empty_ns": empty, "batch": batch}
+
+
+class Tf2(Contestant):
+    """
+    tf2 for Python. A subclass says how the ROS at hand makes its objects:
+
+    `message`: the class of a TransformStamped.
+    `stamp_of(ns)`, `time_of(ns)`: a message's stamp, the time of a lookup.
+    `buffer_of(cache_ns)`: an empty buffer.
+    """
+
+    def load(self, tree):
+        self.buffer = self.buffer_of(tree.cache_ns)
+        message = self.message()
+        for child, parent, static, stamp_ns, pose in tree.records():
+            fill_transform(message, child, parent, self.stamp_of(stamp_ns), pose)
+            if static:
+                self.buffer.set_transform_static(message, AUTHORITY)
+            else:
+                self.buffer.set_transform(message, AUTHORITY)
+
+    def calls(self, way, queries):
+        function = self.buffer.lookup_transform if way == "buffer" else self.buffer.lookup_transform_core
+        return function, [(target, source, self.time_of(ns)) for target, source, ns in queries]
+
+    def numbers(self, answer):
+        t, q = answer.transform.translation, answer.transform.rotation
+        return t.x, t.y, t.z, q.x, q.y, q.z, q.w
+
+    def inserts(self, way, transforms):
+        return self.buffer.set_transform, [(message, AUTHORITY) for message in self.messages(transforms)], 1
+
+    def messages(self, transforms):
+        return [
+            fill_transform(self.message(), child, parent, self.stamp_of(stamp_ns), pose)
+            for child, parent, stamp_ns, pose in transforms
+        ]
+
+
+def fill_transform(message, child, parent, stamp, pose):
+    message.header.frame_id, message.child_frame_id = parent, child
+    message.header.stamp = stamp
+    translation, rotation = message.transform.translation, message.transform.rotation
+    translation.x, translation.y, translation.z, rotation.x, rotation.y, rotation.z, rotation.w = pose
+    return message
 
 
 def serve(contestant, end=None):

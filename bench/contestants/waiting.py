@@ -4,8 +4,8 @@ import itertools
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.time import Time
-from ros2_tf2 import AUTHORITY, S, fill
-from serving import STEP_NS, serve, time_calls
+from ros2_tf2 import S, fill
+from serving import AUTHORITY, STEP_NS, serve, time_calls
 
 from tf2_py import BufferCore
 

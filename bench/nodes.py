@@ -190,7 +190,7 @@ def _receive(run: Run, publisher: Process, who: str, path: str) -> Iterator[Samp
         _publish(publisher, listener, max(RECEIVED), max(RECEIVED.values()), sizes.receive_filling)
         # The largest messages first: every frame has a full history then, the few of the others, too.
         for transforms, rate in sorted(RECEIVED.items(), reverse=True):
-            labels = {"transforms": transforms, "rate": rate}
+            labels = {"transforms": transforms, "Hz": rate}
             before = listener.ask("cost")
             messages = round(rate * sizes.receive_s)
             _publish(publisher, listener, transforms, rate, messages)
@@ -204,7 +204,7 @@ def _receive(run: Run, publisher: Process, who: str, path: str) -> Iterator[Samp
                 first = publisher.ask("start", WAKE_RATE, 1, sizes.receive_wakes)["next"]
                 answers = listener.ask("look", first, sizes.receive_wakes, how)["ns"]
                 publisher.ask("finish")
-                yield Sample(who, f"{path}, {how}", {"rate": WAKE_RATE}, answers)
+                yield Sample(who, f"{path}, {how}", {"Hz": WAKE_RATE}, answers)
     publisher.ask("discover", 0)
 
 

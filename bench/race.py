@@ -12,18 +12,19 @@ import statistics
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bench.processes import CONTESTANTS, Failure, Library, Process, Refusal
+from bench.processes import ANSWER_S, CONTESTANTS, Failure, Library, Process, Refusal
 from bench.sizes import Sizes
 from bench.trees import Tree
 
 OURS = "ours"
 LOAD_S = 40.0  # a library that needs longer to load a tree does not take part
-ORDER_S = 60.0
+TIMED_S = 60.0  # a library that needs longer for calls within the budget leaves the race
 CHECKED = 5  # answers that are compared with ours
 
 
@@ -149,7 +150,7 @@ class Run:
         for process in self._processes.values():
             process.end()
 
-    def ask(self, who: str, *words: object, seconds: float = ORDER_S) -> dict[str, Any]:
+    def ask(self, who: str, *words: object, seconds: float = ANSWER_S) -> dict[str, Any]:
         if who in self._ended:
             raise Failure("it has ended before, and what it had loaded is lost")
         if who not in self._processes:
@@ -245,7 +246,7 @@ class Run:
                 if who == OURS:
                     truth = truth or answers
                 warm_up = self.sizes.warm_up if per == 1 else 2
-                if not self.ask(who, "time", way, name, warm_up, self.sizes.budget_s)["ns"]:
+                if not self.ask(who, "time", way, name, warm_up, self.sizes.budget_s, seconds=TIMED_S)["ns"]:
                     raise Failure("it has no answer to any of the queries")
                 deviation = largest_deviation(truth, answers)
                 entries.append(self.timed(who, way, labels, ("time", way, name, calls), per, deviation))
@@ -265,7 +266,8 @@ class Run:
         words = (*order, self.sizes.budget_s)
 
         def measure() -> list[Sample]:
-            answer = self.ask(who, *words) if process is None else process.ask(*words, seconds=ORDER_S)
+            ask = partial(self.ask, who) if process is None else process.ask
+            answer = ask(*words, seconds=TIMED_S)
             return [sample_of(answer, who, way, labels, per, deviation)]
 
         return Entry(who, measure)

@@ -44,7 +44,6 @@ demo: $(VENV)/installed.stamp
 # QUICK=1 ends within two minutes. The libraries compared with are fetched into .bench.
 bench: $(VENV)/bench.stamp $(VENV)/installed.stamp
 	$(PY) -m bench $(if $(QUICK),--quick)
-	$(if $(QUICK),,$(PY) -m bench.receive)
 
 guard: $(VENV)/installed.stamp
 	$(PY) -m bench.guard

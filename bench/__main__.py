@@ -7,7 +7,11 @@ The benchmark's command line: `python -m bench [--quick]` measures, prints, writ
 from __future__ import annotations
 
 import argparse
+import datetime
+import importlib.metadata
 import json
+import os
+import platform
 import re
 import sys
 import tempfile
@@ -17,31 +21,30 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from bench import (
-    failing,
-    growth,
-    inserts,
-    instructions,
-    load,
-    lookups,
-    machine,
-    memory,
-    online,
-    peers,
-    pictures,
-    report,
-    targets,
-    types,
-    vectors,
-    waiters,
-)
-from bench.arena import Arena
-from bench.processes import Failure
-from bench.rows import Row
+from bench import guard, inserts, lookups, nodes, peers, pictures, report, targets, types
+from bench.processes import Failure, run_command
+from bench.race import OURS, Run
 from bench.sizes import FULL, QUICK
 
-SECTIONS = (lookups, growth, vectors, inserts, waiters, failing, memory, online, load, instructions)
+SECTIONS = {
+    section.__name__: section
+    for section in (
+        lookups.lookups,
+        lookups.growth,
+        lookups.vectors,
+        inserts.inserts,
+        inserts.waiters,
+        lookups.failing,
+        inserts.memory,
+        nodes.online,
+        nodes.load,
+        nodes.receive,
+        types.types,
+        guard.instructions,
+    )
+}
 RESULTS = Path(__file__).resolve().parent / "results"
+PACKAGES = ("tf2-ros-cython", "numpy", "ros-jazzy-rclpy", "matplotlib")
 QUICK_RESULTS = peers.FETCHED / "results"
 
 
@@ -60,89 +63,128 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="python -m bench", description="Measure this project beside its peers."
     )
     parser.add_argument("--quick", action="store_true", help="fewer rounds and sizes: within two minutes")
-    names = [section.SECTION for section in SECTIONS]
-    parser.add_argument("--only", nargs="+", choices=names, help="of this project alone; nothing is written")
+    parser.add_argument(
+        "--only", nargs="+", choices=SECTIONS, help="of this project alone; nothing is written"
+    )
     options = parser.parse_args(arguments)
-    quick, wanted = options.quick, options.only or names
     say = Progress()
-    load_before = machine.load_average()
+    load_before = _load_average()
     ours = peers.ours()
     others, missing = ([], {}) if options.only else peers.all_peers(say)
+    libraries = {library.key: library for library in (ours, *others)}
     with (
         tempfile.TemporaryDirectory() as folder,
-        Arena([ours, *others], QUICK if quick else FULL, Path(folder), say) as arena,
+        Run(libraries, QUICK if options.quick else FULL, Path(folder), say) as run,
     ):
-        try:
-            ours.about = arena.ask(ours.key, "about")
-        except Failure as failure:
-            print(f"this project does not run here: {failure}", file=sys.stderr)
-            return 1
-        for section in SECTIONS:
-            if section.SECTION not in wanted:
-                continue
+        for who, library in list(libraries.items()):
             try:
-                section.run(arena)
+                library.about = run.ask(who, "about")
             except Failure as failure:
-                arena.absent.append({"who": ours.key, "what": section.SECTION, "reason": str(failure)})
-    types_rows = []
-    if not options.only:
-        say("functions of the types")
-        types_rows = types.run(quick)
-    arena.rows.extend(Row(**row) for row in types_rows)
+                missing[library.title] = str(failure)
+                del libraries[who]
+        if OURS not in libraries:
+            print(f"this project does not run here: {missing[ours.title]}", file=sys.stderr)
+            return 1
+        for name, section in SECTIONS.items():
+            if name in (options.only or SECTIONS):
+                with run.recording_failure(OURS, name):
+                    section(run)
     result = {
-        "machine": machine.describe(peers.ROOT),
-        "load_average": {"before": load_before, "after": machine.load_average()},
-        "quick": quick,
+        "machine": _machine(),
+        "load_average": {"before": load_before, "after": _load_average()},
+        "quick": options.quick,
         "libraries": [
             {"key": library.key, "title": library.title, "note": library.note, **library.about}
-            for library in arena.libraries.values()
+            for library in libraries.values()
         ],
         "missing": missing,
-        "absent": arena.absent,
-        "rows": arena.rows.as_json(),
-        "targets": [asdict(verdict) for verdict in targets.verdicts(arena.rows)],
+        "absent": run.absent,
+        "rows": run.rows.as_json(),
+        "targets": [asdict(verdict) for verdict in targets.verdicts(run.rows)],
     }
-    _print(result, arena, types_rows)
+    _print(result, run, bool(options.only))
     if not options.only:
-        _write(result, arena, QUICK_RESULTS if quick else RESULTS)
+        _write(result, run, QUICK_RESULTS if options.quick else RESULTS)
     return 0
 
 
-def _print(result: dict[str, Any], arena: Arena, types_rows: list[dict[str, Any]]) -> None:
+def _print(result: dict[str, Any], run: Run, known_only: bool) -> None:
     busy = [result["load_average"][when][0] for when in ("before", "after")]
-    parts = [
-        report.introduction(result["machine"], busy, arena.libraries.values(), result["missing"]),
-        report.tables(arena.rows, arena.libraries),
-    ]
-    if any(row.section == waiters.SECTION for row in arena.rows):
-        parts.append(report.part(waiters.TITLE, waiters.table(arena.rows)))
-    verdicts = targets.verdicts(arena.rows)
-    if types_rows:
-        parts.append(report.part("Functions of the types", types.table(types_rows)))
-    else:
+    verdicts = targets.verdicts(run.rows)
+    if known_only:
         verdicts = [verdict for verdict in verdicts if verdict.verdict != targets.UNKNOWN]
-    parts += [report.remarks(arena.rows, arena.libraries, arena.absent), report.verdict_table(verdicts)]
+    parts = [
+        report.introduction(result["machine"], busy, run.libraries.values(), result["missing"]),
+        report.tables(run.rows, run.libraries),
+        report.remarks(run.rows, run.libraries, run.absent),
+        report.verdict_table(verdicts),
+    ]
     print(redacted("\n\n".join(parts)))
 
 
-def _write(result: dict[str, Any], arena: Arena, folder: Path) -> None:
+def _write(result: dict[str, Any], run: Run, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{machine.slug()}.json"
+    path = folder / f"{_slug()}.json"
     path.write_text(redacted(json.dumps(result, indent=1)) + "\n")
     print(f"\nwrote {path.relative_to(peers.ROOT)}")
     try:
-        for picture in pictures.draw(arena.rows, arena.libraries, folder, machine.slug()):
+        for picture in pictures.draw(run.rows, run.libraries, folder, _slug()):
             print(f"wrote {picture.relative_to(peers.ROOT)}")
     except ImportError:
         print("no pictures: matplotlib is missing (pip install '.[bench]')")
 
 
+def _cpu() -> str:
+    for line in Path("/proc/cpuinfo").read_text().splitlines():
+        if line.startswith("model name"):
+            return line.split(":", 1)[1].strip()
+    return platform.machine()
+
+
+def _slug() -> str:
+    return re.sub(r"[^a-z0-9]+", "-", f"{_cpu()} {os.cpu_count()} cores".lower()).strip("-")
+
+
+def _load_average() -> list[float]:
+    return [round(value, 2) for value in os.getloadavg()]
+
+
+def _machine() -> dict[str, Any]:
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return {
+        "cpu": _cpu(),
+        "cores": os.cpu_count(),
+        "memory_gib": round(memory / 2**30),
+        "system": platform.freedesktop_os_release().get("PRETTY_NAME", platform.system()),
+        "kernel": platform.release(),
+        "date": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
+        "versions": {"python": platform.python_version(), "project": _revision()}
+        | {package: _version(package) for package in PACKAGES},
+    }
+
+
+def _version(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _revision() -> str:
+    try:
+        return run_command(
+            "git", "-C", str(peers.ROOT), "describe", "--always", "--dirty", seconds=20
+        ).strip()
+    except Failure:
+        return "unknown"
+
+
 def redacted(text: str) -> str:
-    """Without the places of this machine and its registries, which some reasons for a failure name."""
+    """Without the paths of this machine and the addresses of its registries, which some errors name."""
     text = re.sub(r"\b(?:https?|file)://[^\s\"']+", "(an address)", text)
-    for place in (peers.ROOT, Path(sys.prefix), Path.home()):
-        if place != Path(place.anchor):
-            text = text.replace(str(place), "...")
+    for path in (peers.ROOT, Path(sys.prefix), Path.home()):
+        if path != Path(path.anchor):
+            text = text.replace(str(path), "...")
     return text
 
 

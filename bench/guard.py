@@ -1,8 +1,9 @@
 """
-Owns the guard against silent slow-downs: `python -m bench.guard`, and `--renew` to accept what is now.
+Owns counting instructions with callgrind, which a busy machine does not disturb.
 
-Instructions of a few calls, as multiples of those of a piece of pure Python, which stands for machine and
-Python, against the committed `guard_baseline.json`.
+`python -m bench.guard` guards against slow-downs: the instructions of a few calls, as multiples of those of a
+piece of pure Python, which stands for machine and Python, against `guard_baseline.json`. `--renew`
+writes a new baseline.
 """
 
 from __future__ import annotations
@@ -10,13 +11,30 @@ from __future__ import annotations
 import argparse
 import json
 import platform
+import re
+import shutil
 import sys
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from bench import instructions
-from bench.processes import Failure
+from bench.peers import ours
+from bench.processes import CONTESTANTS, Failure, run_command
+from bench.race import OURS, Entry, Run, Sample
+
+DUMPS_PER_CASE = 3  # up to the first mark; the shorter run; the run of twice as many calls
+# As in counted.py, which only an interpreter with ROS can import.
+BATCHED = "lookup_transforms", "set_transforms"
+BATCHED_CALLS, SINGLE_CALLS = 10, 200
+VECTOR_TIMES = 1000
+
+# Case, what grows, to what sizes: as in the section `growth`, but small enough for callgrind.
+GROWING = (
+    ("Buffer.lookup_transform past", "samples", (100, 1000, 10_000)),
+    ("lookup_transforms", "samples", (1000, 10_000)),
+    ("Buffer.lookup_transform below", "ancestors", (10, 100, 500)),
+)
 
 BASELINE = Path(__file__).resolve().parent / "guard_baseline.json"
 REFERENCE = "reference"
@@ -29,8 +47,59 @@ CASES = (
     "lookup_transforms",
 )
 TOLERANCE = 0.10
-# Another Python's share of a call's instructions is not quite the reference's.
+# The share of a call's instructions that the interpreter executes differs between versions.
 TOLERANCE_OTHER_PYTHON = 0.30
+
+
+def count(cases: Sequence[str]) -> dict[str, float]:
+    """
+    Instructions of one call of each case of `contestants/counted.py`.
+
+    The difference between two run lengths: start and end of the loop cancel. Failure without valgrind.
+    """
+    if shutil.which("valgrind") is None:
+        raise Failure("valgrind is not installed")
+    library = ours()
+    with tempfile.TemporaryDirectory() as folder:
+        run_command(
+            "valgrind",
+            "--tool=callgrind",
+            "--dump-before=getpgid",
+            "--combine-dumps=no",
+            # A Python with ROS wheels starts itself anew with their libraries on its path.
+            "--trace-children=yes",
+            f"--callgrind-out-file={folder}/counted.%p",
+            library.command[0],
+            str(CONTESTANTS / "counted.py"),
+            *cases,
+            # Equal hashes, equal paths through dicts.
+            environment={**library.environment, "PYTHONHASHSEED": "0"},
+        )
+        dumps = sorted((int(path.suffix[1:]), path) for path in Path(folder).glob("counted.*.*"))
+        totals = [int(re.findall(r"^totals: (\d+)", path.read_text(), re.M)[0]) for _, path in dumps]
+    if len(totals) != DUMPS_PER_CASE * len(cases):
+        raise Failure(f"callgrind wrote {len(totals)} counts, not {DUMPS_PER_CASE * len(cases)}")
+    shorter, longer = totals[1::DUMPS_PER_CASE], totals[2::DUMPS_PER_CASE]
+    return {
+        name: (more - less) / (BATCHED_CALLS if name.startswith(BATCHED) else SINGLE_CALLS)
+        for name, less, more in zip(cases, shorter, longer, strict=True)
+    }
+
+
+def instructions(run: Run) -> None:
+    """How instructions grow with history and depth, in a full run."""
+    if not run.sizes.thorough:
+        return
+    run.say("instructions: callgrind")
+    cases = {f"{case}={value}": (case, axis, value) for case, axis, values in GROWING for value in values}
+
+    def measure() -> Iterator[Sample]:
+        for name, counted in count(list(cases)).items():
+            case, axis, value = cases[name]
+            per = VECTOR_TIMES if case == "lookup_transforms" else 1
+            yield Sample(OURS, case, {axis: value}, [counted / per], "instructions")
+
+    run.race("instructions", [Entry(OURS, measure)], rounds=1)
 
 
 def python_series() -> str:
@@ -65,7 +134,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--renew", action="store_true", help="write what is counted now as the new baseline")
     renew = parser.parse_args(arguments).renew
     try:
-        counts = instructions.count([REFERENCE, *CASES])
+        counts = count([REFERENCE, *CASES])
     except Failure as failure:
         if "not installed" in str(failure):
             print(f"guard: skipped, {failure}")

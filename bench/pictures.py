@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from bench.arena import OURS
-from bench.jazzy import BUFFER, python_factor
 from bench.lookups import HOPS
 from bench.processes import Library
-from bench.rows import Row, Rows
+from bench.race import OURS, Row, Rows
+from bench.targets import JAZZY_BUFFER, python_factor
 
 SCENARIOS = (
     ("lookups", "static", "static, offline"),
@@ -91,9 +91,9 @@ def _latency(pyplot: Any, rows: Rows, libraries: Mapping[str, Library]) -> Any:
 def _mark_jazzy(axis: Any, rows: Rows, place: str) -> None:
     """What is not at hand cannot be a box."""
     factor = python_factor(rows)
-    if factor is None or any(row.who == "ros2" for row in rows):
+    if math.isnan(factor) or any(row.who == "ros2" for row in rows):
         return
-    us = [BUFFER[place, hops] * factor / 1e3 for hops in HOPS]
+    us = [JAZZY_BUFFER[place, hops] * factor / 1e3 for hops in HOPS]
     label = "ROS 2 Jazzy's Buffer (measured elsewhere, carried over)"
     axis.plot(range(len(HOPS)), us, "D", markersize=5, markerfacecolor="none", color="black", label=label)
 

@@ -1,12 +1,12 @@
-"""Owns the processes that measure: each library in its own, told what to do line by line."""
+"""Owns the processes that measure: each library in its own, which takes orders as lines of JSON."""
 
 from __future__ import annotations
 
 import json
 import os
-import select
 import subprocess
 import tempfile
+import threading
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,14 +15,16 @@ from typing import Any
 
 CONTESTANTS = Path(__file__).resolve().parent / "contestants"
 ANSWER_S = 300.0  # the longest order is loading the largest tree
+COMMAND_S = 300.0
+END_S = 10.0
 
 
 class Failure(Exception):
-    """Something cannot be had, or a process did not do what it was told."""
+    """Something is not available, or a process did not carry out an order."""
 
 
 class Refusal(Failure):
-    """A process could not do what it was told, and says so; it goes on."""
+    """A process answers that it could not carry out an order; it takes further ones."""
 
 
 def clean_environment(extra: Mapping[str, str] = {}) -> dict[str, str]:
@@ -38,6 +40,34 @@ def clean_environment(extra: Mapping[str, str] = {}) -> dict[str, str]:
     environment["OPENBLAS_NUM_THREADS"] = "1"
     environment.update(extra)
     return environment
+
+
+def run_command(
+    *command: str, cwd: Path | None = None, seconds: float = COMMAND_S, environment: Mapping[str, str] = {}
+) -> str:
+    """What a command prints; Failure where it fails or takes longer than `seconds`."""
+    try:
+        return subprocess.run(
+            command,
+            cwd=cwd,
+            env=clean_environment(environment),
+            check=True,
+            capture_output=True,
+            text=True,
+            timeout=seconds,
+        ).stdout
+    except OSError as error:
+        raise Failure(str(error)) from None
+    except subprocess.TimeoutExpired:
+        raise Failure(f"{command[0]} took longer than {seconds:.0f} s") from None
+    except subprocess.CalledProcessError as error:
+        raise Failure(f"{command[0]} ended with {error.returncode}: {last_line(error.stderr)}") from None
+
+
+def last_line(text: str) -> str:
+    """The last line of an error message, without valgrind's own (==) and pip's advice ([notice])."""
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith(("==", "[notice]"))]
+    return lines[-1] if lines else "no message"
 
 
 @dataclass
@@ -68,54 +98,40 @@ class Process:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._log,
+            text=True,
             env=clean_environment(library.environment),
         )
-        self._unread = b""
 
     def ask(self, *words: object, seconds: float = ANSWER_S) -> dict[str, Any]:
         """Give an order, wait for its answer. Failure where it fails, ends or takes longer than `seconds`."""
         assert self._process.stdin is not None and self._process.stdout is not None
-        try:
-            self._process.stdin.write(("\t".join(map(str, words)) + "\n").encode())
-            self._process.stdin.flush()
-        except BrokenPipeError:
-            raise Failure(self._last_words()) from None
         deadline = time.monotonic() + seconds
-        stdout = self._process.stdout.fileno()
-        while b"\n" not in self._unread:
-            ready, _, _ = select.select([stdout], [], [], max(0.0, deadline - time.monotonic()))
-            if not ready:
+        timer = threading.Timer(seconds, self._process.kill)
+        timer.start()
+        try:
+            self._process.stdin.write(json.dumps(words, default=os.fspath) + "\n")
+            self._process.stdin.flush()
+            line = self._process.stdout.readline()
+        except BrokenPipeError:
+            line = ""
+        finally:
+            timer.cancel()
+        if not line:
+            code = self._process.wait()
+            if time.monotonic() >= deadline:
                 raise Failure(f"no answer to {words[0]} within {seconds:.0f} s")
-            data = os.read(stdout, 1 << 20)
-            if not data:
-                raise Failure(self._last_words())
-            self._unread += data
-        line, self._unread = self._unread.split(b"\n", 1)
+            self._log.seek(0)
+            raise Failure(f"it ended with {code}: {last_line(self._log.read())}")
         answer = json.loads(line)
         if "error" in answer:
             raise Refusal(answer["error"])
         return answer
 
-    def _last_words(self) -> str:
-        self._process.wait(timeout=10)
-        self._log.seek(0)
-        lines = [line for line in self._log.read().splitlines() if line.strip()]
-        return f"it ended with {self._process.returncode}: {lines[-1] if lines else 'no word'}"
-
     def end(self) -> None:
-        assert self._process.stdin is not None and self._process.stdout is not None
+        """Let it end by itself, if it does so soon."""
         try:
-            self._process.stdin.close()
-            self._process.wait(timeout=10)
-        except (BrokenPipeError, subprocess.TimeoutExpired):
-            pass
-        finally:
-            self.kill()
-
-    def kill(self) -> None:
-        assert self._process.stdin is not None and self._process.stdout is not None
-        self._process.kill()
-        self._process.wait()
-        self._process.stdin.close()
-        self._process.stdout.close()
+            self._process.communicate(timeout=END_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.communicate()
         self._log.close()

@@ -1,40 +1,41 @@
-"""Owns the tables and the verdicts as text."""
+"""Owns the tables as text."""
 
 from __future__ import annotations
 
+import math
+import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from bench.arena import OURS
-from bench.jazzy import cpp_factor, python_factor
+from bench.inserts import waiters_ratios
 from bench.processes import Library
-from bench.rows import Row, Rows
-from bench.targets import Verdict
+from bench.race import OURS, Row, Rows
+from bench.targets import Verdict, cpp_factor, python_factor
 
 WIDTH = 110
 BUSY = 0.75  # load for each core, this run's own included
 FIRST, COLUMN = 30, 15
-MAIN_WAY = {"lookups": "buffer", "online": "buffer", "growth": "buffer", "vectors": "vector",
-            "inserts": "set_transform", "memory": "resident"}  # fmt: skip
-ONE_BY_ONE = (
-    "inserts",
-    "failing",
-    "load",
-    "memory",
-    "instructions",
-)  # few things, each its own: a line for each
-WAY_TITLES = {"buffer": "Buffer"}
-SECTION_TITLES = {
-    "lookups": "Single lookups, us per call",
-    "online": "Single lookups while another process publishes at 100 Hz over DDS, us per call",
-    "vectors": "Lookups at many times in one call, us per transform",
-    "growth": "Growth: 4 dynamic hops at random times (vector: sorted), us per transform",
-    "inserts": "Inserts into full histories of 50 frames, us per transform",
-    "failing": "Lookups that fail, us per call",
-    "load": "Readers and writers at once, us (readers: in vector lookups; this: the buffer that is timed)",
-    "memory": "Memory, bytes per dynamic sample",
-    "instructions": "Growth in instructions (callgrind), 4 dynamic hops, per transform",
+# Section: title, and the way of ours that others are compared with.
+SECTIONS = {
+    "lookups": ("Single lookups, us per call", "buffer"),
+    "online": ("Single lookups while another process publishes at 100 Hz over DDS, us per call", "buffer"),
+    "vectors": ("Lookups at many times in one call, us per transform", "vector"),
+    "growth": ("Growth: 4 dynamic hops at random times (vector: sorted), us per transform", "buffer"),
+    "inserts": ("Inserts into full histories of 50 frames, us per transform", "set_transform"),
+    "waiters": ("Inserts beside waiters that they do not answer: times what they take beside none", ""),
+    "failing": ("Lookups that fail, us per call", ""),
+    "load": ("Readers and writers at once, us (readers: in vector lookups; this: the timed buffer)", ""),
+    "receive": (
+        "Receiving, us: CPU of the listening process per message; from sending to answer",
+        "listener",
+    ),
+    "types": ("Messages, clouds and arrays into another frame, us per call", "call"),
+    "memory": ("Memory, bytes per dynamic sample", "resident"),
+    "instructions": ("Growth in instructions (callgrind), 4 dynamic hops, per transform", ""),
 }
+# Few things, each its own: a line for each row.
+LISTED = ("inserts", "failing", "load", "receive", "memory", "instructions")
+UNITS = {"x": "{:.2f}x", "B": "{:.1f}"}
 
 
 def introduction(
@@ -53,7 +54,9 @@ def introduction(
         "them the 5th and 95th percentile; the empty loop is subtracted. 2.0x: takes twice what ours takes.",
     ]
     if max(load) > BUSY * machine["cores"]:
-        lines.append("THE MACHINE WAS BUSY: two threads, and whatever needs the caches, come off too badly.")
+        lines.append(
+            "THE MACHINE WAS BUSY: the figures of threads and of what needs the caches are too high."
+        )
     for library in libraries:
         python = library.about.get("python")
         python = f" on CPython {python}" if python else ""
@@ -63,45 +66,70 @@ def introduction(
 
 
 def tables(rows: Rows, libraries: Mapping[str, Library]) -> str:
-    return "\n\n".join(
-        _table(section, title, [row for row in rows if row.section == section], libraries)
-        for section, title in SECTION_TITLES.items()
-        if any(row.section == section for row in rows)
-    )
+    """A table of each section that has rows."""
+    parts = []
+    for section, (title, main_way) in SECTIONS.items():
+        own = [row for row in rows if row.section == section]
+        if not own:
+            continue
+        if section == "waiters":
+            lines = _waiters(rows)
+        elif section in LISTED:
+            lines = [_line(row, _main(own, main_way, row.labels), libraries) for row in own]
+        else:
+            lines = _matrix(own, main_way, libraries)
+        parts.append("\n".join([_rule(title), *(line.rstrip() for line in lines)]))
+    return "\n\n".join(parts)
 
 
-def _table(section: str, title: str, rows: Sequence[Row], libraries: Mapping[str, Library]) -> str:
-    columns = list(dict.fromkeys((row.who, row.way) for row in rows))
-    lines = [_rule(title)]
-    if section in ONE_BY_ONE:
-        main = next((row for row in rows if (row.who, row.way) == (OURS, MAIN_WAY.get(section))), None)
-        return "\n".join([*lines, *(_line(row, main, libraries) for row in rows)])
-    heads = [_heads(libraries[who], way) for who, way in columns]
-    for k in range(2):
-        lines.append(" " * FIRST + "".join(f"{head[k]:>{COLUMN}}" for head in heads))
-    empty = {column: [row.empty_ns for row in rows if (row.who, row.way) == column] for column in columns}
-    lines.append(
-        f"{'(empty loop, ns)':{FIRST}}"
-        + "".join(f"{sorted(empty[column])[len(empty[column]) // 2]:>{COLUMN}.0f}" for column in columns)
-    )
-    for labels in dict.fromkeys(tuple(row.labels.items()) for row in rows):
-        at = {(row.who, row.way): row for row in rows if tuple(row.labels.items()) == labels}
-        main = at.get((OURS, MAIN_WAY[section]))
-        cells = [_cell(at.get(column), main) for column in columns]
-        lines.append(f"{_label(dict(labels)):{FIRST}}" + "".join(f"{cell[0]:>{COLUMN}}" for cell in cells))
-        lines.append(" " * FIRST + "".join(f"{cell[1]:>{COLUMN}}" for cell in cells))
-    return "\n".join(line.rstrip() for line in lines)
+def _main(rows: Sequence[Row], way: str, labels: Mapping[str, Any]) -> Row | None:
+    """The row of ours that one with these labels is compared with; where there is a single one, all are."""
+    own = [row for row in rows if (row.who, row.way) == (OURS, way)]
+    return own[0] if len(own) == 1 else next((row for row in own if row.labels == labels), None)
 
 
-def _heads(library: Library, way: str) -> tuple[str, str]:
-    if library.key in (OURS, "ros2"):
-        return "ours" if library.key == OURS else library.title, WAY_TITLES.get(way, way)
+def _matrix(rows: Sequence[Row], main_way: str, libraries: Mapping[str, Library]) -> list[str]:
+    """A column for each library's way, a line for each set of labels."""
+    columns: dict[tuple[str, str], list[Row]] = {}
+    lines: dict[str, list[Row]] = {}
+    for row in rows:
+        columns.setdefault((row.who, row.way), []).append(row)
+        lines.setdefault(_label(row.labels), []).append(row)
+    heads = [_heads(libraries.get(who), who, way) for who, way in columns]
+    empty = [f"{statistics.median(row.empty_ns for row in own):.0f}" for own in columns.values()]
+    texts = [_cells("", own) for own in zip(*heads, strict=True)] + [_cells("(empty loop, ns)", empty)]
+    for label, own in lines.items():
+        main = next((row for row in own if (row.who, row.way) == (OURS, main_way)), None)
+        at = {(row.who, row.way): row for row in own}
+        cells = [_cell(at[column], main) if column in at else ("-", "") for column in columns]
+        values, spreads = zip(*cells, strict=True)
+        texts += [_cells(label, values), _cells("", spreads)]
+    return texts
+
+
+def _cells(first: str, texts: Iterable[str]) -> str:
+    return f"{first:{FIRST}}" + "".join(f"{text:>{COLUMN}}" for text in texts)
+
+
+def _heads(library: Library | None, who: str, way: str) -> tuple[str, str]:
+    if way == "call":  # of types: a library, or how bytes are copied
+        return ("copy of", who.removeprefix("copy of ")) if who.startswith("copy of") else ("", who)
+    assert library is not None
+    if who in (OURS, "ros2"):
+        return "ours" if who == OURS else library.title, "Buffer" if way == "buffer" else way
     return library.title.removeprefix("Debian "), str(library.about.get("version", ""))
 
 
 def _label(labels: Mapping[str, Any]) -> str:
     if "axis" in labels:
         return f"{labels['value']:,} {labels['axis']}" + (", all pairs" if labels["pairs"] == "many" else "")
+    if "type" in labels:
+        return str(labels["type"])
+    if "tree" not in labels:
+        return ", ".join(
+            f"{value:,} {key}" if isinstance(value, int) else f"{key.replace('_', ' ')} {value}"
+            for key, value in labels.items()
+        )
     if "threads" in labels:
         return f"{labels['tree']}, {labels['threads']} threads"
     place = "" if labels["tree"].startswith("static") else f", {labels['place']}"
@@ -110,14 +138,12 @@ def _label(labels: Mapping[str, Any]) -> str:
 
 def _number(row: Row, value: float) -> str:
     if row.unit != "ns":
-        return {"x": f"{value:.2f}x", "B": f"{value:.1f}"}.get(row.unit, f"{value:.0f}")
+        return UNITS.get(row.unit, "{:.0f}").format(value)
     value /= 1e3
     return f"{value:.0f}" if value >= 1000 else f"{value:.3g}"
 
 
-def _cell(row: Row | None, main: Row | None) -> tuple[str, str]:
-    if row is None:
-        return "-", ""
+def _cell(row: Row, main: Row | None) -> tuple[str, str]:
     ratio = f" {row.median / main.median:.1f}x" if main and row is not main and row.unit == main.unit else ""
     failed = "!" if row.failed else ""
     spread = f"{_number(row, row.p05)}-{_number(row, row.p95)}" if row.count > 1 else ""
@@ -125,19 +151,25 @@ def _cell(row: Row | None, main: Row | None) -> tuple[str, str]:
 
 
 def _line(row: Row, main: Row | None, libraries: Mapping[str, Library]) -> str:
-    labels = ", ".join(
-        f"{value:,} {key}" if isinstance(value, int) else f"{key.replace('_', ' ')} {value}"
-        for key, value in row.labels.items()
-    )
     value, spread = _cell(row, main)
-    return f"{libraries[row.who].label:26}{row.way:32}{labels:42}{value:>12}  {spread}".rstrip()
+    return f"{libraries[row.who].label:26}{row.way:32}{_label(row.labels):42}{value:>12}  {spread}"
+
+
+def _waiters(rows: Rows) -> list[str]:
+    """How many times as long each insert takes beside the waiters; in the first line us beside none."""
+    ratios = waiters_ratios(rows)
+    ways = list(next(iter(ratios.values())))
+    alone = [rows.all("waiters", OURS, way, waiters=0) for way in ways]
+    us = [f"{statistics.median(row.median for row in own) / 1e3:.2f}" for own in alone]
+    lines = [_cells(kind, [f"{ratio:.2f}x" for ratio in own.values()]) for kind, own in ratios.items()]
+    return [_cells("", ways), _cells("beside none, us", us), *lines]
 
 
 def remarks(rows: Rows, libraries: Mapping[str, Library], absent: Sequence[Mapping[str, str]]) -> str:
     """What did not answer, and whose answers are not ours."""
     lines = [_rule("Remarks")]
     factor, python = cpp_factor(rows), python_factor(rows)
-    if factor and python:
+    if not math.isnan(factor + python):
         lines.append(
             f"Debian's C++ takes {factor:.2f}, its Python {python:.2f} times what they took where tf2 of "
             "ROS 2 Jazzy was measured beside them."
@@ -146,9 +178,9 @@ def remarks(rows: Rows, libraries: Mapping[str, Library], absent: Sequence[Mappi
         failed = [row for row in rows if row.who == who and row.failed]
         if failed:
             worst = max(failed, key=lambda row: row.failed / (row.failed + row.count))
-            asked = worst.failed + worst.count
+            calls = worst.failed + worst.count
             lines.append(
-                f"{library.label} (!): no answer to {worst.failed:,} of {asked:,} calls: "
+                f"{library.label} (!): no answer to {worst.failed:,} of {calls:,} calls: "
                 f"{_label(worst.labels)}; only answers are timed (rows concerned: {len(failed)})"
             )
         compared = [row for row in rows if row.who == who and row.deviation is not None and row.who != OURS]
@@ -167,14 +199,9 @@ def remarks(rows: Rows, libraries: Mapping[str, Library], absent: Sequence[Mappi
 def verdict_table(verdicts: Sequence[Verdict]) -> str:
     lines = [_rule("Targets")]
     for verdict in verdicts:
-        lines.append(f"{verdict.target}  {verdict.verdict:13}{verdict.what}")
-        lines.append(f"{'':16}{verdict.measured}; wanted {verdict.wanted}")
+        lines.append(f"{verdict.verdict:13}{verdict.target:28}{verdict.what}")
+        lines.append(f"{'':13}{verdict.measured}; wanted {verdict.wanted}")
     return "\n".join(lines)
-
-
-def part(title: str, text: str) -> str:
-    """What a section says of itself, among the others."""
-    return f"{_rule(title)}\n{text}"
 
 
 def _rule(title: str) -> str:

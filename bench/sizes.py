@@ -1,102 +1,77 @@
 """Owns how much is measured: everything, a quick look, or just enough to see that it runs."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
 class Sizes:
-    rounds: int
-    warm_up: int  # calls before the first round
-    calls: int  # a round
-    queries: int  # different ones, asked in turn
-    budget_s: float  # of one measurement; slow libraries get fewer calls
-    static_frames: int
-    dynamic_frames: tuple[int, ...]
-    seconds: float  # of history at 100 Hz
-    depths: tuple[int, ...]  # samples per frame
-    growth_samples: tuple[int, ...]
-    growth_frames: tuple[int, ...]
-    growth_ancestors: tuple[int, ...]
-    vector_times: int
-    vector_pairs: int
-    points: int
-    inserts: int
-    waiters: int
-    waited_inserts: int  # beside the waiters, of each kind, a round
-    failing_frames: tuple[int, int]
-    load_rounds: int
-    load_s: float  # of one round
-    load_calls: int  # in each thread, a round
-    load_messages: int  # beside readers
-    ring_samples: int
-    resident_samples: int
-    thorough: bool  # every library in every part; instructions are counted
+    rounds: int = 9
+    warm_up: int = 5000  # calls before the first round
+    calls: int = 4000  # a round
+    queries: int = 1000  # different ones, in turn
+    budget_s: float = 0.25  # of one measurement; slow libraries get fewer calls
+    static_frames: int = 500
+    dynamic_frames: tuple[int, ...] = (100, 300)
+    seconds: float = 10.0  # of history at 100 Hz
+    depths: tuple[int, ...] = (10, 1000, 6000)  # samples per frame
+    growth_samples: tuple[int, ...] = (100, 1000, 10_000, 100_000)
+    growth_frames: tuple[int, ...] = (10, 100, 1000, 10_000)
+    growth_ancestors: tuple[int, ...] = (10, 50, 100, 500)
+    vector_times: int = 10_000
+    vector_pairs: int = 10
+    points: int = 100_000
+    inserts: int = 5000
+    waiters: int = 10_000
+    waited_inserts: int = 500  # beside the waiters, of each kind, a round
+    failing_frames: tuple[int, int] = (10, 100_000)
+    ring_samples: int = 40_000
+    resident_samples: int = 500_000
+    load_rounds: int = 5
+    load_s: float = 1.0  # of one round
+    load_calls: int = 20_000  # in each thread, a round
+    load_messages: int = 1000  # beside readers
+    receive_rounds: int = 7
+    # Messages beforehand; from then on each drops an old sample, as in a program that runs for long.
+    receive_filling: int = 700
+    receive_s: float = 5.0  # of publishing, for each load in each round
+    receive_wakes: int = 200  # lookups of each kind in each round
+    types_budget_s: float = 0.2
+    thorough: bool = True  # every library in every section; instructions are counted
 
 
-FULL = Sizes(
-    rounds=9,
-    warm_up=5000,
-    calls=4000,
-    queries=1000,
-    budget_s=0.25,
-    static_frames=500,
-    dynamic_frames=(100, 300),
-    seconds=10.0,
-    depths=(10, 1000, 6000),
-    growth_samples=(100, 1000, 10_000, 100_000),
-    growth_frames=(10, 100, 1000, 10_000),
-    growth_ancestors=(10, 50, 100, 500),
-    vector_times=10_000,
-    vector_pairs=10,
-    points=100_000,
-    inserts=5000,
-    waiters=10_000,
-    waited_inserts=500,
-    failing_frames=(10, 100_000),
-    load_rounds=5,
-    load_s=1.0,
-    load_calls=20_000,
-    load_messages=1000,
-    ring_samples=40_000,
-    resident_samples=500_000,
-    thorough=True,
-)
+FULL = Sizes()
 
-QUICK = Sizes(
+QUICK = replace(
+    FULL,
     rounds=5,
-    warm_up=5000,
     calls=1000,
     queries=500,
     budget_s=0.05,
-    static_frames=500,
     dynamic_frames=(100,),
-    seconds=10.0,
-    depths=(10, 1000, 6000),
     growth_samples=(100, 10_000, 100_000),
     growth_frames=(10, 1000, 10_000),
     growth_ancestors=(10, 500),
-    vector_times=10_000,
     vector_pairs=4,
-    points=100_000,
     inserts=2000,
-    waiters=10_000,
-    waited_inserts=500,
-    failing_frames=(10, 100_000),
+    ring_samples=20_000,
+    resident_samples=100_000,
     load_rounds=2,
     load_s=0.5,
-    load_calls=10_000,
+    load_calls=5000,
     load_messages=200,
-    ring_samples=20_000,
-    resident_samples=200_000,
+    receive_rounds=1,
+    receive_s=1.0,
+    receive_wakes=100,
+    types_budget_s=0.02,
     thorough=False,
 )
 
-TINY = Sizes(
+TINY = replace(
+    QUICK,
     rounds=1,
     warm_up=10,
     calls=20,
     queries=10,
-    budget_s=0.05,
     static_frames=60,
     dynamic_frames=(60,),
     seconds=0.2,
@@ -111,11 +86,14 @@ TINY = Sizes(
     waiters=10,
     waited_inserts=10,
     failing_frames=(5, 50),
+    ring_samples=10_100,
+    resident_samples=11_000,
     load_rounds=1,
     load_s=0.1,
     load_calls=1000,
     load_messages=10,
-    ring_samples=10_100,
-    resident_samples=11_000,
-    thorough=False,
+    receive_filling=20,
+    receive_s=0.2,
+    receive_wakes=5,
+    types_budget_s=0.001,
 )

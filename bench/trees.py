@@ -1,4 +1,4 @@
-"""Owns the trees that lookups are measured on, and the questions asked of them; the same in every run."""
+"""Owns the trees that lookups are measured on, and the queries; the same in every run."""
 
 from __future__ import annotations
 
@@ -31,7 +31,11 @@ QUERY = np.dtype([("target", "<u4"), ("source", "<u4"), ("time_ns", "<i8")])
 
 @dataclass
 class Tree:
-    """Frames by index; frame 0 is the root. Dynamic frames carry as many samples as `samples` says."""
+    """
+    Frames by index. A frame that is its own parent is a root; frame 0 is one.
+
+    Every dynamic frame has `samples` samples.
+    """
 
     name: str
     parents: list[int]
@@ -45,56 +49,38 @@ class Tree:
     def __post_init__(self) -> None:
         self.names = ["world"] + [f"frame_{i:05}" for i in range(1, len(self.parents))]
 
+    @property
+    def moves(self) -> bool:
+        return any(self.dynamic)
+
+    def links(self) -> list[tuple[int, int]]:
+        """(child, parent) of every frame that is no root."""
+        return [(child, parent) for child, parent in enumerate(self.parents) if child != parent]
+
     def write(self, folder: Path) -> Path:
         """Write the transforms in the order of their stamps, static ones first; sets the common times."""
         path = folder / f"{self.name}.tree"
         numbers = np.random.default_rng(7)
-        static = [
-            _static_record(child, self.parents[child], numbers)
-            for child in range(1, len(self.parents))
-            if not self.dynamic[child]
-        ]
-        histories = [
-            self._history(child, numbers) for child in range(1, len(self.parents)) if self.dynamic[child]
-        ]
-        if histories:
-            self.first_ns = max(int(history["stamp_ns"][0]) for history in histories)
-            self.newest_ns = min(int(history["stamp_ns"][-1]) for history in histories)
-        moving = np.concatenate(histories) if histories else np.empty(0, RECORD)
-        moving = moving[np.argsort(moving["stamp_ns"], kind="stable")]
+        links = np.array(self.links())
+        moving = np.array(self.dynamic)[links[:, 0]]
+        static = _static_records(links[~moving], numbers)
+        histories = _histories(links[moving], self.samples, numbers)
+        if histories.size:
+            self.first_ns = int(histories["stamp_ns"][:, 0].max())
+            self.newest_ns = int(histories["stamp_ns"][:, -1].min())
+        samples = histories.reshape(-1)
+        records = np.concatenate([static, samples[np.argsort(samples["stamp_ns"], kind="stable")]])
         with path.open("wb") as file:
-            count = len(static) + len(moving)
-            file.write(f"{len(self.names)} {count} {round(self.cache_s * 1e9)} {self.newest_ns}\n".encode())
-            file.write("".join(name + "\n" for name in self.names).encode())
-            for record in static:
-                file.write(record.tobytes())
-            file.write(moving.tobytes())
+            facts = len(self.names), len(records), round(self.cache_s * 1e9), self.newest_ns
+            file.write("".join(f"{line}\n" for line in (" ".join(map(str, facts)), *self.names)).encode())
+            file.write(records.tobytes())
         return path
-
-    def _history(self, child: int, numbers: np.random.Generator) -> np.ndarray:
-        """A frame that wanders smoothly and turns about one axis at up to 1 rad/s."""
-        count = self.samples
-        history = np.zeros(count, RECORD)
-        history["child"], history["parent"] = child, self.parents[child]
-        phase = int(numbers.integers(PERIOD_NS))
-        jitter = numbers.integers(-JITTER_NS, JITTER_NS, count)
-        history["stamp_ns"] = START_NS + phase + np.arange(count) * PERIOD_NS + jitter
-        seconds = (history["stamp_ns"] - START_NS) / 1e9
-        axis = numbers.normal(size=3)
-        axis /= np.linalg.norm(axis)
-        half = (numbers.uniform(-3, 3) + numbers.uniform(-1, 1) * seconds) / 2
-        history["pose"][:, :3] = numbers.uniform(-5, 5, 3) + np.sin(
-            seconds[:, None] * numbers.uniform(0.1, 1, 3)
-        )
-        history["pose"][:, 3:6] = np.sin(half)[:, None] * axis
-        history["pose"][:, 6] = np.cos(half)
-        return history
 
     def pairs(self, hops: int, count: int, seed: int, must_move: bool) -> list[tuple[int, int]]:
         """Random (target, source), exactly `hops` links apart; one of them dynamic if `must_move`."""
         dice = random.Random(seed)
         neighbours: list[list[int]] = [[] for _ in self.parents]
-        for child, parent in enumerate(self.parents[1:], start=1):
+        for child, parent in self.links():
             neighbours[child].append(parent)
             neighbours[parent].append(child)
         found: list[tuple[int, int]] = []
@@ -102,20 +88,19 @@ class Tree:
             if len(found) == count:
                 break
             source = dice.randrange(len(self.parents))
-            ring, seen, moves = [source], {source}, {source: False}
+            reached, moves = [source], {source: False}  # by so many hops; whether a link on the way moves
             for _ in range(hops):
-                outer = []
-                for near in ring:
-                    for far in neighbours[near]:
-                        if far not in seen:
-                            seen.add(far)
-                            child = far if self.parents[far] == near else near
-                            moves[far] = moves[near] or self.dynamic[child]
-                            outer.append(far)
-                ring = outer
-            ring = [target for target in ring if moves[target] or not must_move]
-            if ring:
-                found.append((dice.choice(ring), source))
+                next_reached = []
+                for frame in reached:
+                    for neighbour in neighbours[frame]:
+                        if neighbour not in moves:
+                            child = neighbour if self.parents[neighbour] == frame else frame
+                            moves[neighbour] = moves[frame] or self.dynamic[child]
+                            next_reached.append(neighbour)
+                reached = next_reached
+            targets = [frame for frame in reached if moves[frame] or not must_move]
+            if targets:
+                found.append((dice.choice(targets), source))
         if len(found) < count:
             raise ValueError(f"{self.name} has too few pairs {hops} hops apart")
         return found
@@ -124,12 +109,36 @@ class Tree:
         return np.random.default_rng(seed).integers(self.first_ns, self.newest_ns, count, endpoint=True)
 
 
-def _static_record(child: int, parent: int, numbers: np.random.Generator) -> np.ndarray:
-    record = np.zeros((), RECORD)
-    rotation = numbers.normal(size=4)
-    record["child"], record["parent"], record["static"] = child, parent, 1
-    record["pose"] = (*numbers.uniform(-5, 5, 3), *(rotation / np.linalg.norm(rotation)))
-    return record
+def _static_records(links: np.ndarray, numbers: np.random.Generator) -> np.ndarray:
+    count = len(links)
+    records = np.zeros(count, RECORD)
+    records["child"], records["parent"], records["static"] = *links.T, 1
+    records["pose"][:, :3] = numbers.uniform(-5, 5, (count, 3))
+    records["pose"][:, 3:] = _normalized(numbers.normal(size=(count, 4)))
+    return records
+
+
+def _histories(links: np.ndarray, count: int, numbers: np.random.Generator) -> np.ndarray:
+    """A row of records for each frame, which moves smoothly and turns about one axis at up to 1 rad/s."""
+    column = len(links), 1
+    records = np.zeros((len(links), count), RECORD)
+    records["child"], records["parent"] = links.T[:, :, None]
+    phase = numbers.integers(PERIOD_NS, size=column)
+    jitter = numbers.integers(-JITTER_NS, JITTER_NS, records.shape)
+    records["stamp_ns"] = START_NS + phase + np.arange(count) * PERIOD_NS + jitter
+    seconds = (records["stamp_ns"] - START_NS) / 1e9
+    half = (numbers.uniform(-3, 3, column) + numbers.uniform(-1, 1, column) * seconds) / 2
+    for axis in range(3):
+        frequency = numbers.uniform(0.1, 1, column)
+        records["pose"][..., axis] = numbers.uniform(-5, 5, column) + np.sin(seconds * frequency)
+    turning_axis = _normalized(numbers.normal(size=(len(links), 1, 3)))
+    records["pose"][..., 3:6] = np.sin(half)[..., None] * turning_axis
+    records["pose"][..., 6] = np.cos(half)
+    return records
+
+
+def _normalized(rows: np.ndarray) -> np.ndarray:
+    return rows / np.linalg.norm(rows, axis=-1, keepdims=True)
 
 
 def bushy(name: str, frames: int, dynamic_share: float, samples: int) -> Tree:
@@ -159,22 +168,26 @@ def fork(name: str, ancestors: int, samples: int) -> Tree:
     return Tree(name, parents, [frame > 0 for frame in range(len(parents))], samples)
 
 
-def write_queries(path: Path, pairs: Sequence[tuple[int, int]], times_ns: np.ndarray) -> Path:
-    """One query for each time; pairs go round."""
-    sides = np.resize(np.array(pairs), (len(times_ns), 2))
-    return _write(path, sides[:, 0], sides[:, 1], times_ns)
+def star(name: str, frames: int, samples: int) -> Tree:
+    """Dynamic frames below one root; then a frame of another tree, its root, and a root never inserted."""
+    island, sea, unknown = range(frames + 1, frames + 4)
+    parents = [0] * (frames + 1) + [sea, sea, unknown]
+    return Tree(name, parents, [frame not in (0, sea, unknown) for frame in range(len(parents))], samples)
 
 
-def write_vector_queries(
-    path: Path, pairs: Sequence[tuple[int, int]], times_ns: Sequence[np.ndarray]
-) -> Path:
+def queries_of(pairs: Sequence[tuple[int, int]], times_ns: np.ndarray) -> np.ndarray:
+    """One query for each time; the pairs in turn."""
+    return _queries(np.resize(np.array(pairs), (len(times_ns), 2)), times_ns)
+
+
+def vector_queries_of(pairs: Sequence[tuple[int, int]], times_ns: Sequence[np.ndarray]) -> np.ndarray:
     """For each pair its own run of times: one vector lookup each."""
-    sides = np.repeat(np.array(pairs), [len(run) for run in times_ns], axis=0)
-    return _write(path, sides[:, 0], sides[:, 1], np.concatenate(times_ns))
+    return _queries(
+        np.repeat(np.array(pairs), [len(run) for run in times_ns], axis=0), np.concatenate(times_ns)
+    )
 
 
-def _write(path: Path, targets: np.ndarray, sources: np.ndarray, times_ns: np.ndarray) -> Path:
+def _queries(pairs: np.ndarray, times_ns: np.ndarray) -> np.ndarray:
     queries = np.zeros(len(times_ns), QUERY)
-    queries["target"], queries["source"], queries["time_ns"] = targets, sources, times_ns
-    path.write_bytes(queries.tobytes())
-    return path
+    queries["target"], queries["source"], queries["time_ns"] = *pairs.T, times_ns
+    return queries

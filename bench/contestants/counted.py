@@ -9,8 +9,8 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.duration import Duration
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
-from ros2_tf2 import AUTHORITY, fill
-from serving import STEP_NS
+from ros2_tf2 import fill
+from serving import AUTHORITY, STEP_NS
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import Buffer
@@ -47,7 +47,7 @@ def chain(samples, above=0, full=False):
 
 
 def past(samples, i):
-    """A time within the history, far from the one before it."""
+    """A time within the history, in another interval than the one before it."""
     return START_NS + (i * 7919 % ((samples - 1) * STEP_NS // 1000)) * 1000
 
 
@@ -62,8 +62,8 @@ def vector(buffer, samples, count):
     return buffer.lookup_transforms, [("frame_0", f"frame_{HOPS}", times)] * count
 
 
-def coming(samples, count, per_message):
-    """Messages that go on where a chain ends."""
+def next_messages(samples, count, per_message):
+    """Messages that continue the history of a chain."""
     for i in range(count):
         yield [
             fill(
@@ -111,12 +111,12 @@ def case(name, count):
         return vector(chain(samples), samples, count)
     if kind == "set_transform":
         return chain(samples, full=True).set_transform, [
-            (message, AUTHORITY) for (message,) in coming(samples, count, 1)
+            (message, AUTHORITY) for (message,) in next_messages(samples, count, 1)
         ]
     if kind == "set_transforms_cdr":
         data = [
             bytes(serialize_message(TFMessage(transforms=batch)))
-            for batch in coming(samples + 1000, count, BATCH)
+            for batch in next_messages(samples + 1000, count, BATCH)
         ]
         return chain(samples, full=True).set_transforms_cdr, [(message, AUTHORITY) for message in data]
     raise ValueError(name)
@@ -128,13 +128,13 @@ def run(function, calls):
 
 
 def mark():
-    # callgrind is told to write down its counts whenever this C function is entered; nobody else calls it.
+    # callgrind writes its counts whenever this C function is entered; nothing else calls it.
     os.getpgid(0)
 
 
 def main(names):
     for name in names:
-        # The parent tells them apart by the same two prefixes.
+        # bench/guard.py distinguishes them by the same two prefixes.
         short = BATCHED if name.startswith(("lookup_transforms", "set_transforms")) else SINGLE
         function, calls = case(name, WARM_UP + 3 * short)
         run(function, calls[:WARM_UP])

@@ -15,7 +15,8 @@ from time import perf_counter_ns
 RECORD = struct.Struct("<IIIIq7d")  # child, parent, static, 0, stamp in ns, x y z, qx qy qz qw
 QUERY = struct.Struct("<IIq")  # target, source, time in ns (0: latest)
 CHUNK = 4096  # records read at a time
-STEP_NS = 10_000_000  # inserts go on at 100 Hz
+AUTHORITY = "bench"
+STEP_NS = 10_000_000  # from insert to insert
 
 # One text for every number of arguments, as timeit does it: a call with `*arguments` would cost extra.
 LOOP = """
@@ -75,14 +76,19 @@ class Tree:
             self.names = [file.readline().decode().rstrip("\n") for _ in range(name_count)]
             self._start = file.tell()
 
-    def records(self):
-        """(child, parent, static, stamp in ns, pose) of each transform, as they would have come in."""
-        names = self.names
+    def chunks(self):
+        """Bytes of many records each."""
         with open(self._path, "rb") as file:
             file.seek(self._start)
             while data := file.read(RECORD.size * CHUNK):
-                for child, parent, static, _, stamp_ns, *pose in RECORD.iter_unpack(data):
-                    yield names[child], names[parent], bool(static), stamp_ns, pose
+                yield data
+
+    def records(self):
+        """(child, parent, static, stamp in ns, pose) of each transform, in the order of arrival."""
+        names = self.names
+        for data in self.chunks():
+            for child, parent, static, _, stamp_ns, *pose in RECORD.iter_unpack(data):
+                yield names[child], names[parent], bool(static), stamp_ns, pose
 
     def queries(self, path):
         """(target, source, time in ns) of each query in a file."""
@@ -110,14 +116,16 @@ def rss_bytes():
 
 class Contestant:
     """
-    One library under measurement. A subclass says how its calls look:
+    One library under measurement. A subclass defines its calls:
 
     `about()`: a dict with `version`, and what a lookup `returns`.
     `load(tree)`: make a new buffer and fill it.
-    `calls(way, queries)`: a function and the argument tuples, one for each query, for a way of asking.
+    `calls(way, queries)`: a function and the argument tuples, one for each query, for a way of looking up.
     `numbers(answer)`: x y z qx qy qz qw of what the function returned.
     `inserts(way, transforms)`: a function, the argument tuples, and how many transforms each call carries.
     """
+
+    time = staticmethod(time_calls)
 
     def __init__(self):
         self.tree = None
@@ -127,11 +135,11 @@ class Contestant:
 
     def order_about(self):
         version = "{}.{}.{}".format(*sys.version_info[:3])
-        return dict(self.about(), python=version)
+        return {"python": version, **self.about()}
 
     def order_load(self, path, keep):
-        """Take a tree in. Trees before it go, with their sets of queries, unless they are to be kept."""
-        if not int(keep):
+        """Load a tree. Those before are dropped, with their sets of queries, unless they are to be kept."""
+        if not keep:
             self.sets.clear()
         before = rss_bytes()
         start = perf_counter_ns()
@@ -141,12 +149,12 @@ class Contestant:
         self.next_ns = self.tree.newest_ns + 2 * STEP_NS
         return {"seconds": (perf_counter_ns() - start) / 1e9, "rss_bytes": rss_bytes() - before}
 
-    def order_aim(self, way, name, path, check):
+    def order_prepare(self, way, name, path, check):
         """Prepare a set of queries; the numbers of the first few answers show that all mean the same."""
         function, calls = self.calls(way, self.tree.queries(path))
         self.sets[way, name] = function, calls
         answers = []
-        for arguments in calls[: int(check)]:
+        for arguments in calls[:check]:
             try:
                 answer = function(*arguments)
             except Exception:
@@ -157,12 +165,12 @@ class Contestant:
     def order_time(self, way, name, count, budget_s):
         function, calls = self.sets[way, name]
         # Others have run since, and the caches of the machine have forgotten these queries.
-        time_calls(function, calls, min(len(calls), int(count)), float(budget_s) / 2)
-        times, failed, empty = time_calls(function, calls, int(count), float(budget_s))
+        self.time(function, calls, min(len(calls), count), budget_s / 2)
+        times, failed, empty = self.time(function, calls, count, budget_s)
         return {"ns": times, "failed": failed, "empty_ns": empty}
 
     def order_insert(self, way, count, budget_s):
-        """Time inserts that go on where the tree's dynamic frames end."""
+        """Time inserts that continue where the histories of the tree's dynamic frames end."""
         if not self.moving:
             moving = {
                 child: (child, parent, pose)
@@ -171,25 +179,76 @@ class Contestant:
             }
             self.moving = list(moving.values())
         transforms = []
-        while len(transforms) < int(count):
+        while len(transforms) < count:
             transforms += [(child, parent, self.next_ns, pose) for child, parent, pose in self.moving]
             self.next_ns += STEP_NS
         function, calls, batch = self.inserts(way, transforms)
-        times, failed, empty = time_calls(function, calls, len(calls), float(budget_s), must_answer=False)
+        times, failed, empty = self.time(function, calls, len(calls), budget_s, must_answer=False)
         return {"ns": times, "failed": failed, "empty_ns": empty, "batch": batch}
 
 
-def serve(contestant):
-    """Take orders from standard input, one a line, words between tabs; answer each with a line of JSON."""
+class Tf2(Contestant):
+    """
+    tf2 for Python. A subclass says how the ROS at hand makes its objects:
+
+    `message`: the class of a TransformStamped.
+    `stamp_of(ns)`, `time_of(ns)`: a message's stamp, the time of a lookup.
+    `buffer_of(cache_ns)`: an empty buffer.
+    """
+
+    def load(self, tree):
+        self.buffer = self.buffer_of(tree.cache_ns)
+        message = self.message()
+        for child, parent, static, stamp_ns, pose in tree.records():
+            fill_transform(message, child, parent, self.stamp_of(stamp_ns), pose)
+            if static:
+                self.buffer.set_transform_static(message, AUTHORITY)
+            else:
+                self.buffer.set_transform(message, AUTHORITY)
+
+    def calls(self, way, queries):
+        function = self.buffer.lookup_transform if way == "buffer" else self.buffer.lookup_transform_core
+        return function, [(target, source, self.time_of(ns)) for target, source, ns in queries]
+
+    def numbers(self, answer):
+        t, q = answer.transform.translation, answer.transform.rotation
+        return t.x, t.y, t.z, q.x, q.y, q.z, q.w
+
+    def inserts(self, way, transforms):
+        return self.buffer.set_transform, [(message, AUTHORITY) for message in self.messages(transforms)], 1
+
+    def messages(self, transforms):
+        return [
+            fill_transform(self.message(), child, parent, self.stamp_of(stamp_ns), pose)
+            for child, parent, stamp_ns, pose in transforms
+        ]
+
+
+def fill_transform(message, child, parent, stamp, pose):
+    message.header.frame_id, message.child_frame_id = parent, child
+    message.header.stamp = stamp
+    translation, rotation = message.transform.translation, message.transform.rotation
+    translation.x, translation.y, translation.z, rotation.x, rotation.y, rotation.z, rotation.w = pose
+    return message
+
+
+def serve(contestant, end=None):
+    """
+    Take orders from standard input, each a line of JSON: its name and arguments; answer with a line of JSON.
+
+    :param end: called when the input ends.
+    """
     # Libraries print to standard output when they please.
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     for line in sys.stdin:
-        order, *words = line.rstrip("\n").split("\t")
+        order, *arguments = json.loads(line)
         try:
-            answer = getattr(contestant, "order_" + order)(*words)
+            answer = getattr(contestant, "order_" + order)(*arguments)
         except Exception as error:
             traceback.print_exc()
             answer = {"error": f"{type(error).__name__}: {error}"}
         answers.write(json.dumps(answer) + "\n")
         answers.flush()
+    if end is not None:
+        end()

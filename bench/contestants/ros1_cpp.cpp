@@ -1,0 +1,138 @@
+// Owns the timed loops around ROS 1's tf2 for C++, as a library that ros1_cpp.py loads.
+#include <geometry_msgs/TransformStamped.h>
+#include <tf2/buffer_core.h>
+#include <tf2/exceptions.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+// As serving.py packs them; frames by index.
+struct Record {
+  uint32_t child, parent, is_static, reserved;
+  int64_t stamp_ns;
+  double pose[7];  // x y z, qx qy qz qw
+};
+static_assert(sizeof(Record) == 80, "as serving.py packs it");
+
+struct Query {
+  uint32_t target, source;
+  int64_t time_ns;
+};
+static_assert(sizeof(Query) == 16, "as serving.py packs it");
+
+struct Buffer {
+  tf2::BufferCore core;
+  std::vector<std::string> names;
+};
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+const char AUTHORITY[] = "bench";
+const int64_t S = 1000000000;
+const int64_t REFUSED = -1;
+
+struct Call {
+  std::string target, source;
+  ros::Time time;
+};
+
+ros::Time time_of(int64_t ns) { return ros::Time(ns / S, ns % S); }
+
+int64_t since(Clock::time_point start) {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now() - start).count();
+}
+
+geometry_msgs::TransformStamped message_of(const Buffer& buffer, const Record& record) {
+  geometry_msgs::TransformStamped message;
+  message.header.frame_id = buffer.names.at(record.parent);
+  message.child_frame_id = buffer.names.at(record.child);
+  message.header.stamp = time_of(record.stamp_ns);
+  auto& t = message.transform.translation;
+  auto& q = message.transform.rotation;
+  t.x = record.pose[0], t.y = record.pose[1], t.z = record.pose[2];
+  q.x = record.pose[3], q.y = record.pose[4], q.z = record.pose[5], q.w = record.pose[6];
+  return message;
+}
+
+Call call_of(const Buffer& buffer, const Query& query) {
+  return {buffer.names.at(query.target), buffer.names.at(query.source), time_of(query.time_ns)};
+}
+
+}  // namespace
+
+extern "C" {
+
+Buffer* buffer_new(int64_t cache_ns, const char* const* names, size_t count) {
+  return new Buffer{tf2::BufferCore(ros::Duration(cache_ns / S, cache_ns % S)), {names, names + count}};
+}
+
+void buffer_free(Buffer* buffer) { delete buffer; }
+
+// ns[i] becomes what insert i takes, or REFUSED. Returns how many inserts the budget allowed.
+size_t buffer_insert(Buffer* buffer, const Record* records, size_t count, double budget_s, int64_t* ns) {
+  std::vector<geometry_msgs::TransformStamped> messages;
+  for (size_t i = 0; i < count; ++i) messages.push_back(message_of(*buffer, records[i]));
+  const auto began = Clock::now();
+  size_t i = 0;
+  for (; i < count && since(began) < budget_s * S; ++i) {
+    const auto start = Clock::now();
+    const bool inserted = buffer->core.setTransform(messages[i], AUTHORITY, records[i].is_static);
+    ns[i] = since(start);
+    if (!inserted) ns[i] = REFUSED;
+  }
+  return i;
+}
+
+// As buffer_insert, for `count` lookups, of the queries in turn.
+size_t buffer_look_up(const Buffer* buffer, const Query* queries, size_t query_count, size_t count, double budget_s,
+                      int64_t* ns) {
+  std::vector<Call> calls;
+  for (size_t i = 0; i < query_count; ++i) calls.push_back(call_of(*buffer, queries[i]));
+  const auto began = Clock::now();
+  size_t i = 0;
+  for (; i < count && since(began) < budget_s * S; ++i) {
+    const Call& call = calls[i % query_count];
+    bool answered = true;
+    const auto start = Clock::now();
+    try {
+      // The answer is made and dropped within the time, as a caller's would be.
+      const geometry_msgs::TransformStamped answer = buffer->core.lookupTransform(call.target, call.source, call.time);
+      asm volatile("" : : "g"(&answer) : "memory");
+    } catch (const tf2::TransformException&) {
+      answered = false;
+    }
+    ns[i] = since(start);
+    if (!answered) ns[i] = REFUSED;
+  }
+  return i;
+}
+
+// The pose of one answer; false where there is none.
+bool buffer_answer(const Buffer* buffer, const Query* query, double* pose) {
+  const Call call = call_of(*buffer, *query);
+  try {
+    const auto transform = buffer->core.lookupTransform(call.target, call.source, call.time).transform;
+    const auto& t = transform.translation;
+    const auto& q = transform.rotation;
+    const double values[] = {t.x, t.y, t.z, q.x, q.y, q.z, q.w};
+    std::copy(std::begin(values), std::end(values), pose);
+    return true;
+  } catch (const tf2::TransformException&) {
+    return false;
+  }
+}
+
+// The loop without the call.
+void time_nothing(size_t count, int64_t* ns) {
+  for (size_t i = 0; i < count; ++i) {
+    const auto start = Clock::now();
+    asm volatile("" : : : "memory");
+    ns[i] = since(start);
+  }
+}
+}

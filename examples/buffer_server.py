@@ -1,6 +1,6 @@
-"""One process keeps the transforms, another asks it: the program tf2_buffer_server and a BufferClient.
+"""Look transforms up in the buffer of another process: the program tf2_buffer_server and a BufferClient.
 
-Ends by itself; the exit status is 0 only if all that it shows has happened.
+Ends by itself. The exit status is 0 only if everything succeeded.
 """
 
 import subprocess
@@ -13,22 +13,22 @@ from rclpy.time import Time
 
 from tf2_ros import BufferClient, LookupException, StaticTransformBroadcaster
 
-PATIENCE = Duration(seconds=15)
+TIMEOUT = Duration(seconds=15)
 
 
 def main():
     server = subprocess.Popen([sys.executable, "-m", "tf2_ros.cli.tf2_buffer_server"])
     rclpy.init()
-    node = rclpy.create_node("asking")
+    node = rclpy.create_node("client")
     client = BufferClient(node, "tf2_buffer_server")
     try:
         broadcaster = StaticTransformBroadcaster(node)
         broadcaster.sendTransform(camera())
 
-        # Blocking lookups need nobody who spins the node.
-        found = client.lookup_transform("base_link", "camera", Time(), PATIENCE)
+        # A blocking lookup works although nothing spins the node.
+        found = client.lookup_transform("base_link", "camera", Time(), TIMEOUT)
         x = found.transform.translation.x
-        print(f"the camera sits {x} m ahead, says the other process")
+        print(f"the other process answers: the camera is mounted {x} m ahead")
 
         can, reason = client.can_transform("base_link", "moon", Time(), return_debug_tuple=True)
         print(f"the moon: {can}, {reason}")
@@ -45,7 +45,7 @@ def main():
 
 
 def camera():
-    """Where the camera sits."""
+    """Where the camera is mounted."""
     transform = TransformStamped()
     transform.header.frame_id, transform.child_frame_id = "base_link", "camera"
     transform.transform.translation.x = 0.3

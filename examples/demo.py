@@ -1,6 +1,6 @@
-"""A robot drives a circle in one process; another process listens and looks its transforms up, over real DDS.
+"""One process broadcasts a robot that drives a circle; another one receives its transforms and looks them up.
 
-Ends by itself within 20 s; the exit status is 0 only if everything that it shows has happened.
+Ends by itself within 20 s. The exit status is 0 only if everything succeeded.
 """
 
 import fcntl
@@ -16,13 +16,13 @@ LIMIT_S = 18.0
 RATE_HZ = 25.0
 RADIUS_M = 2.0
 TURN_RAD_S = 0.8
-ODOM_X_M = 10.0  # where odometry began, in the map
-CAMERA = (0.3, 0.0, 0.5)  # where the camera sits on the robot, in metres; it looks ahead
+ODOM_X_M = 10.0  # where odometry starts, in the map
+CAMERA = (0.3, 0.0, 0.5)  # where the camera is mounted on the robot, in metres; it looks ahead
 LOOKUPS = 6
 
 
 def broadcast():
-    """The first process: map -> odom and base_link -> camera stand still, odom -> base_link moves."""
+    """The first process: map -> odom and base_link -> camera are static, odom -> base_link moves."""
     import rclpy
     from geometry_msgs.msg import TransformStamped
     from rclpy.executors import ExternalShutdownException
@@ -42,15 +42,15 @@ def broadcast():
     def drive():
         angle = TURN_RAD_S * (time.monotonic() - begin)
         if angle > TURN_RAD_S * LIMIT_S:
-            raise SystemExit("the broadcaster was left alone")
+            raise SystemExit("the listener did not end the broadcaster")
         position = (RADIUS_M * math.cos(angle), RADIUS_M * math.sin(angle), 0.0)
         moving.sendTransform(transform("odom", "base_link", position, angle + math.pi / 2))
 
     rclpy.init()
     node = rclpy.create_node("robot")
-    standing = StaticTransformBroadcaster(node)
-    standing.sendTransform(transform("map", "odom", (ODOM_X_M, 0.0, 0.0), 0.0))
-    standing.sendTransform(transform("base_link", "camera", CAMERA, 0.0))
+    fixed = StaticTransformBroadcaster(node)
+    fixed.sendTransform(transform("map", "odom", (ODOM_X_M, 0.0, 0.0), 0.0))
+    fixed.sendTransform(transform("base_link", "camera", CAMERA, 0.0))
     moving = TransformBroadcaster(node)
     begin = time.monotonic()
     node.create_timer(1 / RATE_HZ, drive)
@@ -61,14 +61,14 @@ def broadcast():
 
 
 def listen():
-    """The second process: shows what it looks up."""
+    """The second process: prints what it looks up."""
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
 
     from tf2_ros import Buffer, TransformListener
 
     rclpy.init()
-    node = rclpy.create_node("onlooker")
+    node = rclpy.create_node("listener")
     buffer = Buffer(node=node)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
@@ -81,19 +81,19 @@ def listen():
 
 
 async def show(node, buffer):
-    """Everything there is to see."""
+    """The steps of the demonstration."""
     from rclpy.duration import Duration
     from rclpy.time import Time
 
-    patience = Duration(seconds=LIMIT_S)
-    found = await buffer.lookup_transform_async("map", "camera", Time(), timeout=patience)
+    timeout = Duration(seconds=LIMIT_S)
+    found = await buffer.lookup_transform_async("map", "camera", Time(), timeout=timeout)
     begin = Time.from_msg(found.header.stamp)
 
     print("\nWhere the camera is in the map, every quarter of a second:")
     places = []
     for i in range(LOOKUPS):
         stamp = begin + Duration(nanoseconds=i * 250_000_000)
-        found = await buffer.lookup_transform_async("map", "camera", stamp, timeout=patience)
+        found = await buffer.lookup_transform_async("map", "camera", stamp, timeout=timeout)
         place = found.transform.translation
         places.append((place.x, place.y, place.z))
         print(f"  {i * 0.25:4.2f} s   x {place.x:6.3f}   y {place.y:6.3f}   z {place.z:6.3f} m")
@@ -104,40 +104,40 @@ async def show(node, buffer):
         expect(abs(z - CAMERA[2]) < 1e-9, f"the camera is as high as it is mounted ({z} m)")
 
     show_point(node, buffer, begin)
-    await show_future(node, buffer, patience)
+    await show_future(node, buffer, timeout)
     show_failure(node, buffer)
 
 
 def show_point(node, buffer, stamp):
-    """A point carried from frame to frame."""
+    """A point transformed from one frame into another."""
     from geometry_msgs.msg import PointStamped
 
     seen = PointStamped()
     seen.header.frame_id = "camera"
     seen.header.stamp = stamp.to_msg()
     seen.point.x = 1.0
-    carried = buffer.transform(seen, "map")
-    point, camera = carried.point, buffer.lookup_transform("map", "camera", stamp).transform.translation
+    transformed = buffer.transform(seen, "map")
+    point, camera = transformed.point, buffer.lookup_transform("map", "camera", stamp).transform.translation
     print("\nA point that the camera sees 1 m ahead:")
     print(f"  in camera   x {seen.point.x:6.3f}   y {seen.point.y:6.3f}   z {seen.point.z:6.3f} m")
     print(f"  in map      x {point.x:6.3f}   y {point.y:6.3f}   z {point.z:6.3f} m")
-    expect(carried.header.frame_id == "map", "the point is in the map")
+    expect(transformed.header.frame_id == "map", "the point is in the map")
     distance = math.dist((point.x, point.y, point.z), (camera.x, camera.y, camera.z))
     expect(abs(distance - 1.0) < 1e-6, f"it is 1 m from the camera ({distance} m)")
 
 
-async def show_future(node, buffer, patience):
-    """A transform of a time that is still to come."""
+async def show_future(node, buffer, timeout):
+    """A transform of a time in the future."""
     from rclpy.duration import Duration
 
     print("\nA transform of the time one second from now:")
     begin = time.monotonic()
     stamp = node.get_clock().now() + Duration(seconds=1)
-    expect(not buffer.can_transform("map", "base_link", stamp), "it is not there yet")
-    found = await buffer.lookup_transform_async("map", "base_link", stamp, timeout=patience)
+    expect(not buffer.can_transform("map", "base_link", stamp), "it is not available yet")
+    found = await buffer.lookup_transform_async("map", "base_link", stamp, timeout=timeout)
     waited = time.monotonic() - begin
     place = found.transform.translation
-    print(f"  came after {waited:.3f} s   x {place.x:6.3f}   y {place.y:6.3f} m")
+    print(f"  arrived after {waited:.3f} s   x {place.x:6.3f}   y {place.y:6.3f} m")
     expect(waited > 0.9, "it was awaited")
 
 
@@ -152,19 +152,19 @@ def show_failure(node, buffer):
         buffer.lookup_transform("map", "camera", node.get_clock().now() + Duration(seconds=60))
     except ExtrapolationException as error:
         print(f"  {type(error).__name__}: {error}")
-        expect("extrapolation into the future" in str(error), "the reason is the one that it must be")
+        expect("extrapolation into the future" in str(error), "the error says why")
     else:
         expect(False, "the lookup failed")
 
 
 def expect(happened, what):
-    """Without it the demonstration has failed."""
+    """End the demonstration if something did not happen."""
     if not happened:
         raise SystemExit(f"This did not happen: {what}.")
 
 
 def claim_domain():
-    """A ROS domain that no other demonstration or test on this machine uses, and the lock that says so."""
+    """A ROS domain that no other demonstration or test on this machine uses, and the lock that claims it."""
     for domain in range(1, 102):
         lock = open(Path(tempfile.gettempdir()) / f"tf2-ros-cython-domain-{domain}.lock", "w")
         try:
@@ -177,7 +177,7 @@ def claim_domain():
 
 
 def main():
-    """Start both processes; the exit status of the second is that of the demonstration."""
+    """Start both processes; return the exit status of the second."""
     begin = time.monotonic()
     domain, _lock = claim_domain()
     os.environ.update(
@@ -193,9 +193,9 @@ def main():
     )
     try:
         status = listener.wait(timeout=LIMIT_S)
-        expect(broadcaster.poll() is None, "the broadcaster went on to the end")
+        expect(broadcaster.poll() is None, "the broadcaster ran to the end")
     except subprocess.TimeoutExpired:
-        raise SystemExit(f"The listener was not done after {LIMIT_S} s.") from None
+        raise SystemExit(f"The listener did not end within {LIMIT_S} s.") from None
     finally:
         listener.kill()
         broadcaster.terminate()
@@ -203,7 +203,7 @@ def main():
             broadcaster.wait(timeout=1.0)
         except subprocess.TimeoutExpired:
             broadcaster.kill()
-    print(f"\n{'All of it happened' if status == 0 else 'It failed'}, in {time.monotonic() - begin:.1f} s.")
+    print(f"\n{'Everything succeeded' if status == 0 else 'It failed'}, in {time.monotonic() - begin:.1f} s.")
     return status
 
 

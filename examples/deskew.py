@@ -1,8 +1,8 @@
-"""Carry every point of a spinning lidar's sweep into the sensor's frame at the end of the sweep.
+"""Deskew a lidar's sweep: transform each point, at its own time, to where the sensor is when the sweep ends.
 
-A lidar takes 0.1 s to turn once, and the robot drives meanwhile: each point was measured from another
-place. The robot here drives a curve through a room with known walls, so that one can see how far each point
-lies from the wall that it was measured on, before and after.
+A lidar takes 0.1 s to turn once. The robot drives meanwhile, so each point is measured from another place.
+Here it drives a curve between known walls, and the program prints how far the points lie from the wall that
+they were measured on, before and after.
 """
 
 import time
@@ -21,7 +21,7 @@ ODOMETRY_NS = 10_000_000  # wheel odometry at 100 Hz
 START_NS = 1_700_000_000_000_000_000
 SPEED = 8.0  # m/s
 TURN = 0.9  # rad/s
-HALF_ROOM = np.array([30.0, 20.0])  # metres from the room's middle to its walls
+WALLS = np.array([30.0, 20.0])  # metres from the origin to the walls in x and y
 MOUNT = np.array([0.4, 0.0, 1.6])  # of the lidar on the robot, metres
 
 
@@ -36,7 +36,7 @@ def stamped(parent: str, child: str, ns: int, xyz: np.ndarray, turn: Rotation) -
 
 
 def pose(ns: np.ndarray) -> tuple[np.ndarray, Rotation]:
-    """Where the robot is in ``odom``: an even drive along a circle."""
+    """Where the robot is in ``odom``: it drives along a circle at constant speed."""
     heading = TURN * (ns - START_NS) * 1e-9
     radius = SPEED / TURN
     xyz = np.stack([radius * np.sin(heading), radius * (1 - np.cos(heading)), np.zeros(len(ns))], axis=1)
@@ -44,19 +44,19 @@ def pose(ns: np.ndarray) -> tuple[np.ndarray, Rotation]:
 
 
 def sweep(times: np.ndarray) -> np.ndarray:
-    """What the lidar measures, each point in the sensor's frame at its own time: the walls, one turn."""
+    """The points of one turn, each in the sensor's frame at its own time."""
     xyz, turn = pose(times)
     origin = xyz + turn.apply(MOUNT)
     beam = turn.apply(Rotation.from_rotvec(
         np.linspace(0, 2 * np.pi, len(times))[:, None] * [0.0, 0.0, 1.0]
     ).apply([1.0, 0.0, 0.0]))  # fmt: skip
     with np.errstate(divide="ignore"):
-        reach = np.min((np.copysign(HALF_ROOM, beam[:, :2]) - origin[:, :2]) / beam[:, :2], axis=1)
+        reach = np.min((np.copysign(WALLS, beam[:, :2]) - origin[:, :2]) / beam[:, :2], axis=1)
     return turn.inv().apply(reach[:, None] * beam)
 
 
-def off_the_walls(points_in_odom: np.ndarray) -> np.ndarray:
-    return np.abs(np.min(HALF_ROOM - np.abs(points_in_odom[:, :2]), axis=1))
+def distance_from_walls(points_in_odom: np.ndarray) -> np.ndarray:
+    return np.abs(np.min(WALLS - np.abs(points_in_odom[:, :2]), axis=1))
 
 
 def main() -> None:
@@ -74,14 +74,14 @@ def main() -> None:
     deskewed = buffer.transform_points(points, times, "lidar", "lidar", fixed_frame="odom", target_time=end)
     took = time.perf_counter() - began
 
-    # Both clouds seen from the end of the sweep; only one of them is the room.
+    # Both clouds as seen from the end of the sweep.
     (xyz,), (turn,) = buffer.lookup_transforms("odom", "lidar", [end.nanoseconds])
     to_odom = Rotation.from_quat(turn)
-    raw_error = off_the_walls(to_odom.apply(points) + xyz)
-    error = off_the_walls(to_odom.apply(deskewed) + xyz)
+    raw_error = distance_from_walls(to_odom.apply(points) + xyz)
+    error = distance_from_walls(to_odom.apply(deskewed) + xyz)
     print(f"{POINTS} points, each with its own time, in {took * 1e3:.1f} ms")
-    print(f"distance from the walls as measured: up to {raw_error.max():.3f} m")
-    print(f"distance from the walls deskewed:    up to {error.max() * 1e3:.3f} mm")
+    print(f"distance from the walls, as measured: up to {raw_error.max():.3f} m")
+    print(f"distance from the walls, deskewed:    up to {error.max() * 1e3:.3f} mm")
     if error.max() > 0.002:
         raise SystemExit("the deskewed points do not lie on the walls")
 

@@ -1,0 +1,289 @@
+"""The documentation: its programs run, its commands work, its links lead somewhere, its names exist."""
+
+import importlib
+import json
+import re
+import shlex
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from processes import DEADLINE_S
+from sources import PACKAGES, ROOT, imported_from_outside, is_defined, is_literal, modules, names_in
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+pytestmark = pytest.mark.ours
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+by_name = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+
+FENCE = re.compile(r"^```(?P<language>\w*)\n(?P<code>.*?)^```$", re.MULTILINE | re.DOTALL)
+SPAN = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+HEADING = re.compile(r"^#+ +(.*)$", re.MULTILINE)
+
+RUN = "python"  # all blocks of a page, one after the other, in one process
+CHECKED = "sh"  # each line by `check_command`
+SHOWN = {"text"}  # diagrams and output
+APPLIED = {"cython": "test_adding_a_type.py"}  # by that test, which reads the page
+
+
+@dataclass(frozen=True)
+class Block:
+    page: Path
+    language: str
+    code: str
+    line: int  # of its first line of code
+
+
+def blocks(page):
+    text = page.read_text(encoding="utf-8")
+    for found in FENCE.finditer(text):
+        yield Block(page, found["language"], found["code"], text.count("\n", 0, found.start()) + 2)
+
+
+def prose(page):
+    return FENCE.sub("", page.read_text(encoding="utf-8"))
+
+
+@by_name
+def test_every_block_is_run_or_checked(page):
+    opened = re.findall(r"^ *```", page.read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(opened) == 2 * len(list(blocks(page)))
+    languages = {block.language for block in blocks(page)}
+    assert languages <= {RUN, CHECKED, *SHOWN, *APPLIED}
+    for test in (APPLIED[language] for language in languages & APPLIED.keys()):
+        assert page.name in (ROOT / "tests" / test).read_text(encoding="utf-8")
+
+
+@by_name
+def test_no_code_in_the_text_is_broken_by_the_end_of_a_line(page):
+    assert [line for line in prose(page).splitlines() if line.count("`") % 2] == []
+
+
+# Programs: in a process of their own, with rclpy, on the ROS domain of this test run.
+
+
+def program(page):
+    """The Python blocks of a page, on the lines that they have there."""
+    lines = []
+    for block in blocks(page):
+        if block.language == RUN:
+            lines += [""] * (block.line - 1 - len(lines))
+            lines += block.code.splitlines()
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if program(page)], ids=lambda page: page.name)
+def test_the_programs_of_a_page_run_and_print_what_it_says(page, tmp_path):
+    path = tmp_path / page.name
+    path.write_text(program(page), encoding="utf-8")
+    ended = subprocess.run(
+        [sys.executable, path], cwd=tmp_path, text=True, capture_output=True, timeout=3 * DEADLINE_S
+    )
+    assert ended.returncode == 0, ended.stderr
+    printed = iter(ended.stdout.splitlines())
+    for said in re.findall(r"^print\(.*  # (.*)$", program(page), re.MULTILINE):
+        assert any(said in line for line in printed), f"{said!r} is not in {ended.stdout!r}"
+
+
+@pytest.mark.parametrize("name", ["demo", "deskew"])  # the others: test_cli.py
+def test_an_example_runs(name):
+    ended = subprocess.run(
+        [sys.executable, ROOT / "examples" / f"{name}.py"],
+        text=True,
+        capture_output=True,
+        timeout=3 * DEADLINE_S,
+    )
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+
+
+# Commands: those in blocks, and those in the text.
+
+COMMANDS = ("colcon", "make", "pip", "python", "ros2", "source")
+# What only another file of tests/ can run, and a part of it that shows that it does.
+RUN_ELSEWHERE = {
+    "colcon build": ("test_colcon.py", '[colcon, "build", *options]'),
+    "source install/setup.bash": ("test_colcon.py", "install/setup.bash"),
+    "source .venv/bin/activate": ("../Makefile", "-m venv"),
+    "ros2 run tf2_ros_cython tf2_which": ("test_colcon.py", '"tf2_which"'),
+}
+MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def commands(page):
+    lines = [line for block in blocks(page) if block.language == CHECKED for line in block.code.splitlines()]
+    spans = [span for span in SPAN.findall(prose(page)) if span.split()[0] in COMMANDS and " " in span]
+    return list(
+        dict.fromkeys(" ".join(shlex.split(line, comments=True, posix=False)) for line in lines + spans)
+    )
+
+
+@pytest.mark.parametrize(
+    "command", list(dict.fromkeys(command for page in PAGES for command in commands(page) if command))
+)
+def test_a_command_is_one_that_works(command, tmp_path):
+    check_command(command, tmp_path)
+
+
+def check_command(command, folder):
+    if command in RUN_ELSEWHERE:
+        test, part = RUN_ELSEWHERE[command]
+        assert part in (ROOT / "tests" / test).read_text(encoding="utf-8")
+        return
+    words = shlex.split(command)
+    while re.fullmatch(r"[A-Z0-9_]+=.*", words[0]):
+        assert is_literal(words[0].partition("=")[0]), f"no source reads {words[0]}"
+        del words[0]
+    match words:
+        case ["make", target, *settings]:
+            check_make(target, settings)
+        case ["pip", "install", *arguments]:
+            check_pip_install(arguments)
+        case ["python", "-m", "pytest", *arguments]:
+            check_pytest(arguments)
+        case ["python", "-m", ("tf2_ros_cython" | "tf2_ros.cli.which") as module]:
+            run([sys.executable, "-m", module], folder)
+        case ["python", "-m", module, *arguments]:
+            said = run([sys.executable, "-m", module, "--help"], ROOT).stdout
+            assert all(one in said for one in arguments if one.startswith("-"))
+        case ["python", "setup.py", "build_ext", "--inplace"]:
+            assert "$(PY) setup.py -q build_ext --inplace" in MAKEFILE
+        case ["python", path]:
+            assert (ROOT / path).is_file()
+        case _:
+            pytest.fail(f"nothing says how to check: {command}")
+
+
+def check_make(target, settings):
+    [phony] = re.findall(r"^\.PHONY: (.*)$", MAKEFILE, re.MULTILINE)
+    assert target in phony.split() and re.search(rf"^{target}:", MAKEFILE, re.MULTILINE)
+    for setting in settings:
+        assert f"$({setting.partition('=')[0]})" in MAKEFILE or f"({setting.partition('=')[0]})," in MAKEFILE
+
+
+AS_PIP_READS = """
+import json, sys
+from build_backend import environment  # before pip: it replaces distutils
+from pip._internal.commands import create_command
+options, wanted = create_command("install").parse_args(sys.argv[1:])
+print(json.dumps([wanted + options.editables, options.config_settings or {}, environment.CHOICES]))
+"""
+
+
+def check_pip_install(arguments):
+    """As pip would read it: the project with extras that it has, or a requirement that it names itself."""
+    read = run([sys.executable, "-c", AS_PIP_READS, *arguments], ROOT).stdout
+    [wanted], settings, choices = json.loads(read.splitlines()[-1])
+    for key, value in settings.items():
+        assert key == "ros" and value in choices
+    if wanted.startswith("."):
+        extras = [name for name in re.split(r"[\[\],]", wanted[1:]) if name]
+        assert set(extras) <= set(PYPROJECT["project"]["optional-dependencies"])
+    else:
+        asked = Requirement(wanted)
+        required = [Requirement(one) for one in PYPROJECT["build-system"]["requires"]]
+        assert (asked.name, asked.specifier) in [(one.name, one.specifier) for one in required]
+
+
+def check_pytest(arguments):
+    ended = run([sys.executable, "-m", "pytest", "--collect-only", "-q", *arguments], ROOT)
+    assert re.search(r"^[1-9]\d*(/\d+)? tests? collected", ended.stdout, re.MULTILINE)
+
+
+def run(command, folder):
+    ended = subprocess.run(command, cwd=folder, text=True, capture_output=True, timeout=3 * DEADLINE_S)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    return ended
+
+
+# Links and names.
+
+# What the pages tell of before it is there. The tests fail once it is, so that this does not outlive its use.
+NOT_YET = {"TF2_DEBUG", "docs/adding-a-type.md"}
+
+
+def anchors(page):
+    headings = HEADING.findall(prose(page))
+    return {re.sub(r"[^\w\- ]", "", heading).strip().lower().replace(" ", "-") for heading in headings}
+
+
+@by_name
+def test_links_lead_somewhere(page):
+    for link in LINK.findall(prose(page)):
+        path, _, anchor = link.partition("#")
+        target = page.parent / path if path else page
+        assert target.exists() != (link in NOT_YET), link
+        assert not anchor or anchor in anchors(target), link
+
+
+@by_name
+def test_a_page_is_linked_from_the_readme_or_for_contributors(page):
+    links = [link for entry in PAGES[:2] for link in LINK.findall(prose(entry))]
+    assert page in {PAGES[0], *((ROOT / link.partition("#")[0]).resolve() for link in links)}
+
+
+INTERNALS = ROOT / "docs" / "internals.md"
+
+
+def names_of(page):
+    """What is written as code, and what looks like a name in a diagram."""
+    diagrams = "\n".join(block.code for block in blocks(page) if block.language in SHOWN)
+    words = re.findall(r"(?<![/\w.])[A-Za-z_][\w.]*\w", diagrams)
+    # The table of packages is test_layout.py's.
+    text = re.sub(r"^\| package \|.*?(?=\n\n)", "", prose(page), flags=re.MULTILINE | re.DOTALL)
+    spans = [span for span in SPAN.findall(text) if " " not in span]
+    return sorted({*spans, *(word for word in words if re.search(r"[_.]|[a-z][A-Z]", word))})
+
+
+@pytest.mark.parametrize("name", names_of(INTERNALS))
+def test_a_name_in_the_internals_exists(name):
+    name = re.sub(r"\(.*\)$|=.*$", "", name)
+    assert is_known(name)
+
+
+def is_known(name):
+    return is_defined(name) or is_literal(name) or name in imported_from_outside() or (ROOT / name).exists()
+
+
+# How the other pages call an object of a class.
+OBJECTS = {
+    "buffer": "tf2_ros.Buffer",
+    "listener": "tf2_ros.TransformListener",
+    "executor": "rclpy.executors.Executor",
+}
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page != INTERNALS], ids=lambda page: page.name)
+def test_the_names_on_a_page_exist(page):
+    names = (re.sub(r"\(.*\)$|=.*$", "", name) for name in names_of(page))
+    ours = [name for name in names if re.fullmatch(r"[A-Za-z_][\w.]*", name) and re.search(r"[_.]\w", name)]
+    assert {name for name in ours if not exists(name)} == NOT_YET & set(ours)
+
+
+def exists(name):
+    owner, _, member = name.rpartition(".")
+    if owner in OBJECTS:
+        module, _, kind = OBJECTS[owner].rpartition(".")
+        return member in dir(getattr(importlib.import_module(module), kind)) or is_known(member)
+    if owner in (*PACKAGES, "rclpy"):
+        return hasattr(importlib.import_module(owner), member) or name in modules()
+    if name.startswith("test_"):
+        return any(name in names_in(path) for module in modules().values() for path in module)
+    limits = importlib.import_module("tf2_py._objects.limits").DEFAULTS
+    variables = {f"TF2_ROS_CYTHON_{limit.upper()}" for limit in limits}
+    files = {"setup.bash"}  # of ROS 2
+    return name in (variables | files) or name in PYPROJECT["project"]["scripts"] or is_known(name)
+
+
+def test_the_check_of_names_finds_what_is_not_there():
+    for name in ("Engine.walk_lookup", "tree_inserts", "tf2_py._core.block", "Receiver.lookup_transform"):
+        assert not is_known(name)

@@ -348,15 +348,19 @@ def test_a_server_that_is_killed_in_the_middle_of_a_goal_is_a_timeout(tf2_ros, t
                 # Without a timeout: its absence alone ends it.
                 asyncio.run(client.lookup_transform_async("silent", "robot", LATEST))
             else:
-                client.lookup_transform("silent", "robot", LATEST, Duration(seconds=2))
+                client.lookup_transform("silent", "robot", LATEST, Duration(seconds=DEADLINE_S / 2))
         except tf2_py.TransformException as error:
             errors.append(error)
 
     looking = threading.Thread(target=look_up)
-    looking.start()
-    until(lambda: any(pending.handle for pending in client._goal_sender._pending))
-    process.kill()
-    process.communicate()
+    try:
+        # On a busy machine it may start later than the lookup gives up.
+        assert process.stdout.readline() == "ready\n"
+        looking.start()
+        until(lambda: any(pending.handle for pending in client._goal_sender._pending))
+    finally:
+        process.kill()
+        process.communicate()
     looking.join(3 * DEADLINE_S)
     assert [type(error) for error in errors] == [tf2_py.TimeoutException]
     assert "buffer server" in str(errors[0])

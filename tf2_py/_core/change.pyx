@@ -3,7 +3,7 @@
 from libc.stdint cimport INT64_MAX, INT64_MIN, uint32_t
 
 from tf2_py._core.cache_insert cimport CacheChange
-from tf2_py._core.tree cimport MIXED_PARENTS, NEWEST
+from tf2_py._core.types cimport MIXED_PARENTS, NEWEST
 
 
 cdef void change_add_parents(Change* change, uint32_t before, uint32_t after, bint limits_common_time,

@@ -5,10 +5,9 @@ from libc.stdint cimport int64_t, uint32_t, uint64_t
 from tf2_py._core.cache cimport Cache
 from tf2_py._core.change cimport Change
 from tf2_py._core.names cimport Names
-from tf2_py._core.types cimport REFUSAL_KINDS, FrameId, Incoming
+from tf2_py._core.types cimport MIXED_PARENTS, NEWEST, REFUSAL_KINDS, FrameId, Incoming
 
 cdef enum:
-    MIXED_PARENTS = 0x80000000      # flag in Tree.parents: the history holds more than one parent
     TREE_NO_MEMORY = 0x40000000     # what tree_insert returns without memory; no REFUSED_* bit
 
 
@@ -37,12 +36,9 @@ cdef struct Tree:
 
 cdef extern from *:
     """
-    #include <stdint.h>
     #define TF2_DEFAULT_CACHE_TIME_NS 10000000000LL
-    #define TF2_NEWEST INT64_MIN
     """
     const int64_t DEFAULT_CACHE_TIME_NS "TF2_DEFAULT_CACHE_TIME_NS"     # as tf2's
-    const int64_t NEWEST "TF2_NEWEST"       # as a time: that of the newest sample, whatever its stamp
 
 
 # Zero a Tree before tree_init; after a failed tree_init, tree_free is still due.

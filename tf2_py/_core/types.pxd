@@ -9,12 +9,16 @@ ctypedef uint32_t FrameId
 cdef enum:
     NO_FRAME = 0        # id of the reserved name NO_PARENT; as a parent: there is none
     MAX_HOPS = 1000     # hops on each side of a lookup, tf2's limit
+    MIXED_PARENTS = 0x80000000      # flag beside a frame's parent: its history holds more than one
 
 cdef extern from *:
     """
+    #include <stdint.h>
+    #define TF2_NEWEST INT64_MIN
     #define TF2_MIN_STAMP_NS (-2147483648000000000LL)
     #define TF2_MAX_STAMP_NS 2147483647999999999LL
     """
+    const int64_t NEWEST "TF2_NEWEST"       # as a time: that of the newest sample, whatever its stamp
     # What the stamp of a message can carry, in nanoseconds: its seconds have 32 bits, with a sign.
     const int64_t MIN_STAMP_NS "TF2_MIN_STAMP_NS"
     const int64_t MAX_STAMP_NS "TF2_MAX_STAMP_NS"

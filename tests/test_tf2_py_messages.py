@@ -93,7 +93,16 @@ class WithProperties:
     z = property(lambda self: self._z)
 
 
-@pytest.mark.parametrize("cls", [Subclass, WithExtraSlot, WithDict, WithProperties])
+class WithNew:
+    __slots__ = ("x", "y", "z")
+
+    def __new__(cls):
+        made = super().__new__(cls)
+        made.x = made.y = made.z = 0.0
+        return made
+
+
+@pytest.mark.parametrize("cls", [Subclass, WithExtraSlot, WithDict, WithProperties, WithNew])
 def test_classes_that_look_otherwise_go_through_their_attributes(layout, cls):
     assert not layout(cls, ("x", "y", "z")).by_slot
 

@@ -34,7 +34,7 @@ cdef object _transformed_step(object step, const Transform* transform, object pa
     if frame and path_frame and frame != path_frame:
         raise ValueError(f"a pose of the path is in frame {frame!r}, the path itself in {path_frame!r}")
     message = pose_stamped_layout.new()
-    stamp_ns = nanoseconds(get_field(header_layout, header, "stamp"), "a time")
+    stamp_ns = nanoseconds(get_field(header_layout, header, "stamp"), "header.stamp")
     set_field(pose_stamped_layout, message, "header", new_header(stamp_ns, new_frame))
     pose = get_field(pose_stamped_layout, step, "pose")
     set_field(pose_stamped_layout, message, "pose", transformed_pose(pose, transform))

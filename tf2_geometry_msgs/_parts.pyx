@@ -151,7 +151,8 @@ cdef object target_frame(object transform):
 
 cdef object target_header(object transform):
     header = get_field(transform_stamped_layout, transform, "header")
-    return new_header(nanoseconds(get_field(header_layout, header, "stamp"), "a time"), _frame_id_of(header))
+    stamp_ns = nanoseconds(get_field(header_layout, header, "stamp"), "header.stamp")
+    return new_header(stamp_ns, _frame_id_of(header))
 
 
 cdef object new_orientation(const double* q):

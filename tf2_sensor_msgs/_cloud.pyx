@@ -287,7 +287,7 @@ def do_transform_cloud(cloud, transform, *, only_xyz=False):
         frame = target_frame(transform)
     else:
         frame = get_field(header_layout, old_header, "frame_id")
-    header = new_header(nanoseconds(get_field(header_layout, old_header, "stamp"), "a time"), frame)
+    header = new_header(nanoseconds(get_field(header_layout, old_header, "stamp"), "header.stamp"), frame)
     source = _bytes_of(get_field(cloud_layout, cloud, "data"))
     _read_grid(cloud, source.shape[0], &grid)
     fields = _fields_by_name(cloud)

@@ -3,8 +3,8 @@
 from libc.stdint cimport int64_t, uint32_t
 
 from tf2_py._core.lookup cimport Query
+from tf2_py._core.path cimport Path
 from tf2_py._core.types cimport STATUS_OK, Status
-from tf2_py._core.walk cimport Path
 from tf2_py._engine.engine cimport Engine
 from tf2_py._objects.arguments cimport query_frames
 

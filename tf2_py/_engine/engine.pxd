@@ -6,15 +6,12 @@ from libc.stdint cimport int64_t, uint32_t
 from tf2_py._core.forking cimport ForkedLock
 from tf2_py._core.lock cimport Lock
 from tf2_py._core.lookup cimport Query
+from tf2_py._core.path cimport Path
 from tf2_py._core.series cimport TimeSeries
 from tf2_py._core.tree cimport Limits, Tree
 from tf2_py._core.types cimport Status, Transform
 from tf2_py._core.waiters cimport Waiter, WaiterList, Waiters
-from tf2_py._core.walk cimport Path
 from tf2_py._wire.batch cimport Batch
-
-
-cdef Limits NO_LIMITS
 
 
 cdef enum:

@@ -7,8 +7,15 @@ from libc.string cimport memset
 
 from tf2_py._core.forking cimport FORK_INNER, fork_forget, fork_watch
 from tf2_py._core.lock cimport lock_free, lock_init, lock_read, lock_write, unlock_read, unlock_write
-from tf2_py._core.lookup cimport Query, query_answer, query_end_frames, query_fixed_frame, query_is_identity
+from tf2_py._core.lookup cimport (
+    Query,
+    query_answer,
+    query_end_frames,
+    query_fixed_frame,
+    query_is_identity,
+)
 from tf2_py._core.names cimport NAME_NO_MEMORY, NAME_UNKNOWN, names_find
+from tf2_py._core.path cimport Path
 from tf2_py._core.series cimport TimeSeries, series_lookup
 from tf2_py._core.tree cimport (
     DEFAULT_CACHE_TIME_NS,
@@ -46,7 +53,7 @@ from tf2_py._core.waiters cimport (
     wake_begin,
     wake_step,
 )
-from tf2_py._core.walk cimport Path, walk_common_time, walk_lookup
+from tf2_py._core.walk cimport walk_common_time, walk_lookup
 from tf2_py._engine.snapshot cimport snapshot_frames, snapshot_names
 from tf2_py._objects.lookup_errors cimport query_error, query_lack
 from tf2_py._objects.names_in_logs cimport name_for_log
@@ -59,6 +66,7 @@ cdef extern from "Python.h":
     ctypedef struct CPythonSized "PyVarObject":
         Py_ssize_t ob_size
 
+cdef Limits NO_LIMITS
 NO_LIMITS.frames = NO_LIMITS.waiters = UINT32_MAX
 NO_LIMITS.bytes = SIZE_MAX
 

@@ -23,7 +23,6 @@ cdef bint is_exact_transform_stamped(object message) except -1
 # double's epsilon, so also a zero one, counts as none. ValueError where it is not finite.
 cdef int read_transform(object message, Transform* out) except -1
 cdef int read_any_rotation(object message, Transform* out) except -1   # the same, not normalised
-cdef int64_t time_to_ns(object stamp) except? -1       # of the stamp of a header
 cdef object new_header(int64_t stamp_ns, object frame_id)
 cdef object new_transform_stamped(const Transform* transform, int64_t stamp_ns, object frame_id,
                                   object child_frame_id)

@@ -11,12 +11,22 @@ from tf2_py._core.geometry cimport quaternion_normalise
 from tf2_py._core.stamp cimport NS_PER_S
 from tf2_py._core.types cimport Incoming, Transform
 from tf2_py._objects.layout cimport Layout
-from tf2_py._objects.times cimport load_time, nanoseconds, new_stamp, time_layout
+from tf2_py._objects.times cimport TIME_NANOSEC, TIME_SEC, load_time, nanoseconds, new_stamp, time_layout
 
 from tf2_py._objects.errors import MalformedObjectError
 
 cdef extern from "Python.h":
     const char* PyUnicode_AsUTF8AndSize(object text, Py_ssize_t* size) except NULL
+
+# The fields of each class, in the order of its layout.
+cdef enum:
+    HEADER_STAMP = 0
+    HEADER_FRAME_ID = 1
+    TRANSFORM_TRANSLATION = 0
+    TRANSFORM_ROTATION = 1
+    STAMPED_HEADER = 0
+    STAMPED_CHILD_FRAME_ID = 1
+    STAMPED_TRANSFORM = 2
 
 cdef Layout header_layout = None
 cdef Layout vector3_layout = None
@@ -52,8 +62,8 @@ cdef const char* name_utf8(object name, Py_ssize_t* size) except NULL:
 
 
 cdef int _read_transform(object transform, Transform* out) except -1:
-    vector3_layout.get_doubles(transform_layout.get(transform, 0), out.translation, 3)
-    quaternion_layout.get_doubles(transform_layout.get(transform, 1), out.rotation, 4)
+    vector3_layout.get_doubles(transform_layout.get(transform, TRANSFORM_TRANSLATION), out.translation, 3)
+    quaternion_layout.get_doubles(transform_layout.get(transform, TRANSFORM_ROTATION), out.rotation, 4)
     return 0
 
 
@@ -69,7 +79,7 @@ cdef int read_any_rotation(object message, Transform* out) except -1:
     load()
     try:
         if type(message) is transform_stamped_layout.message_class:
-            message = transform_stamped_layout.get(message, 2)
+            message = transform_stamped_layout.get(message, STAMPED_TRANSFORM)
         elif hasattr(message, "transform"):
             message = message.transform
         _read_transform(message, out)
@@ -94,12 +104,12 @@ cdef int read_transform_stamped(object message, Incoming* out, list keep) except
     cdef Py_ssize_t size
     load()
     try:
-        header = transform_stamped_layout.get(message, 0)
-        child = transform_stamped_layout.get(message, 1)
-        transform = transform_stamped_layout.get(message, 2)
-        parent = header_layout.get(header, 1)
+        header = transform_stamped_layout.get(message, STAMPED_HEADER)
+        child = transform_stamped_layout.get(message, STAMPED_CHILD_FRAME_ID)
+        transform = transform_stamped_layout.get(message, STAMPED_TRANSFORM)
+        parent = header_layout.get(header, HEADER_FRAME_ID)
         _read_transform(transform, &out.transform)
-        out.stamp_ns = nanoseconds(header_layout.get(header, 0), "header.stamp")
+        out.stamp_ns = nanoseconds(header_layout.get(header, HEADER_STAMP), "header.stamp")
     except AttributeError as missing:
         raise _misfit(message, "a geometry_msgs/TransformStamped", missing) from None
     # Last, so that no Python code runs between taking these pointers and using them.
@@ -128,30 +138,26 @@ cdef bint is_exact_transform_stamped(object message) except -1:
     load()
     if not (_is_exact_class(transform_stamped_layout, message, 0)):
         return False
-    header = transform_stamped_layout.get(message, 0)
-    transform = transform_stamped_layout.get(message, 2)
+    header = transform_stamped_layout.get(message, STAMPED_HEADER)
+    transform = transform_stamped_layout.get(message, STAMPED_TRANSFORM)
     if not (_is_exact_class(header_layout, header, 0) and _is_exact_class(transform_layout, transform, 0)):
         return False
-    stamp = header_layout.get(header, 0)
+    stamp = header_layout.get(header, HEADER_STAMP)
     if not _is_exact_class(time_layout, stamp, 0):
         return False
-    sec, nanosec = time_layout.get(stamp, 0), time_layout.get(stamp, 1)
+    sec, nanosec = time_layout.get(stamp, TIME_SEC), time_layout.get(stamp, TIME_NANOSEC)
     return (type(sec) is int and -0x80000000 <= sec < 0x80000000
             and type(nanosec) is int and 0 <= nanosec < NS_PER_S
-            and type(header_layout.get(header, 1)) is str
-            and type(transform_stamped_layout.get(message, 1)) is str
-            and _is_exact_class(vector3_layout, transform_layout.get(transform, 0), 3)
-            and _is_exact_class(quaternion_layout, transform_layout.get(transform, 1), 4))
-
-
-cdef int64_t time_to_ns(object stamp) except? -1:
-    return nanoseconds(stamp, "header.stamp")
+            and type(header_layout.get(header, HEADER_FRAME_ID)) is str
+            and type(transform_stamped_layout.get(message, STAMPED_CHILD_FRAME_ID)) is str
+            and _is_exact_class(vector3_layout, transform_layout.get(transform, TRANSFORM_TRANSLATION), 3)
+            and _is_exact_class(quaternion_layout, transform_layout.get(transform, TRANSFORM_ROTATION), 4))
 
 
 cdef object new_header(int64_t stamp_ns, object frame_id):
     header = header_layout.new()
-    header_layout.put(header, 0, new_stamp(stamp_ns))
-    header_layout.put(header, 1, frame_id)
+    header_layout.put(header, HEADER_STAMP, new_stamp(stamp_ns))
+    header_layout.put(header, HEADER_FRAME_ID, frame_id)
     return header
 
 
@@ -159,10 +165,10 @@ cdef object new_transform_stamped(const Transform* transform, int64_t stamp_ns, 
                                   object child_frame_id):
     load()
     inner = transform_layout.new()
-    transform_layout.put(inner, 0, vector3_layout.new_doubles(transform.translation, 3))
-    transform_layout.put(inner, 1, quaternion_layout.new_doubles(transform.rotation, 4))
+    transform_layout.put(inner, TRANSFORM_TRANSLATION, vector3_layout.new_doubles(transform.translation, 3))
+    transform_layout.put(inner, TRANSFORM_ROTATION, quaternion_layout.new_doubles(transform.rotation, 4))
     message = transform_stamped_layout.new()
-    transform_stamped_layout.put(message, 0, new_header(stamp_ns, frame_id))
-    transform_stamped_layout.put(message, 1, child_frame_id)
-    transform_stamped_layout.put(message, 2, inner)
+    transform_stamped_layout.put(message, STAMPED_HEADER, new_header(stamp_ns, frame_id))
+    transform_stamped_layout.put(message, STAMPED_CHILD_FRAME_ID, child_frame_id)
+    transform_stamped_layout.put(message, STAMPED_TRANSFORM, inner)
     return message

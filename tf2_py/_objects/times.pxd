@@ -6,6 +6,9 @@ from tf2_py._objects.layout cimport Layout
 
 # Of builtin_interfaces/Time; None before load_time() has run.
 cdef Layout time_layout
+cdef enum:
+    TIME_SEC = 0            # the fields of it
+    TIME_NANOSEC = 1
 cdef int load_time() except -1
 
 # Of a time or a duration: anything with `nanoseconds`, or with `sec` and `nanosec`. TypeError, whose text

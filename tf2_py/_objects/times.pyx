@@ -66,10 +66,12 @@ cdef int _look_at_time_class(cls) except -1:
     _time_class = cls
     _handle_class = None
     for known_ns in (0x0123456789ABCDEF, 1):
-        handle = getattr(cls(nanoseconds=known_ns), "_time_handle", None)
+        ordinary = cls(nanoseconds=known_ns)
+        handle = getattr(ordinary, "_time_handle", None)
         handle_class = type(handle)
-        if type(handle_class).__name__ != "pybind11_type" or _handle_ns(handle) == NULL \
-                or _handle_ns(handle)[0] != known_ns:
+        if type(handle_class).__name__ != "pybind11_type" or _handle_ns(handle) == NULL:
+            return 0
+        if _handle_ns(handle)[0] != known_ns or ordinary.nanoseconds != known_ns:
             return 0
     _handle_class = handle_class
     return 0
@@ -82,7 +84,7 @@ cdef int64_t nanoseconds(object value, str argument) except? -1:
             return _handle_ns(handle)[0]
     load_time()
     if type(value) is time_layout.message_class:
-        return _from_parts(time_layout.get(value, 0), time_layout.get(value, 1))
+        return _from_parts(time_layout.get(value, TIME_SEC), time_layout.get(value, TIME_NANOSEC))
     found = getattr(value, "nanoseconds", None)
     if found is not None:
         if type(value) is not _time_class and type(value) is _rclpy_time():
@@ -103,8 +105,8 @@ cdef object new_stamp(int64_t stamp_ns):
     stamp_split(stamp_ns, &sec, &nanosec)
     load_time()
     stamp = time_layout.new()
-    time_layout.put(stamp, 0, sec)
-    time_layout.put(stamp, 1, nanosec)
+    time_layout.put(stamp, TIME_SEC, sec)
+    time_layout.put(stamp, TIME_NANOSEC, nanosec)
     return stamp
 
 
@@ -148,4 +150,7 @@ def duration_ns(duration, str argument):
 
 def stamp_parts(int64_t stamp_ns):
     """The ``(sec, nanosec)`` of a stamp; ``nanosec`` is never negative."""
-    return divmod(stamp_ns, <object>NS_PER_S)
+    cdef int64_t sec
+    cdef uint32_t nanosec
+    stamp_split(stamp_ns, &sec, &nanosec)
+    return sec, nanosec

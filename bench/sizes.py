@@ -60,8 +60,8 @@ QUICK = replace(
     load_calls=5000,
     load_messages=200,
     receive_rounds=1,
-    receive_s=1.0,
-    receive_wakes=100,
+    receive_s=0.6,
+    receive_wakes=60,
     types_budget_s=0.02,
     thorough=False,
 )

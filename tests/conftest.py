@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 from processes import DEADLINE_S, start
 
+from tf2_ros_cython._ros import rclpy_version, running_prefix
+
 ROOT = Path(__file__).resolve().parent.parent
 DOMAINS = range(1, 102)  # the ports of higher ones may be taken by the system
 
@@ -36,10 +38,11 @@ _log_folder = tempfile.TemporaryDirectory(prefix="tf2-ros-cython-log-")
 os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_LOG_DIR"] = _log_folder.name
-# By Jazzy's and by Kilted's name.
-os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = os.environ["FASTDDS_DEFAULT_PROFILES_FILE"] = str(
-    ROOT / "tests" / "fastdds.xml"
-)
+# Kilted warns of the variable that Jazzy reads, also in programs that must print nothing.
+_prefix = running_prefix()
+_jazzy = _prefix is not None and (rclpy_version(_prefix) or "").startswith("7.")
+_profiles = "FASTRTPS_DEFAULT_PROFILES_FILE" if _jazzy else "FASTDDS_DEFAULT_PROFILES_FILE"
+os.environ[_profiles] = str(ROOT / "tests" / "fastdds.xml")
 os.environ.pop("ROS_LOCALHOST_ONLY", None)  # it would override the line before
 # For the tests' own programs.
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))

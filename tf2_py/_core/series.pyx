@@ -252,7 +252,7 @@ cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, 
             _answer_batch(&pinned, series.times_ns + start, count, &work)
         answered = _answer_singly(tree, lock, query, &pinned, series, start, count, &work, status)
         if series.points != NULL:
-            work_transform_points(&work, answered, series.points + 3 * start, series.carried + 3 * start)
+            work_transform_points(&work, answered, series.points + 3 * start, series.transformed + 3 * start)
         else:
             work_store(&work, answered, series.translations + 3 * start, series.rotations + 4 * start)
         start += answered

@@ -392,8 +392,7 @@ cdef class Receiver:
                 engine.report(&self._batch, later)
         except BaseException:
             # Usually for lack of memory; the next message may succeed.
-            if engine._throttle.passes("receiver"):
-                log._logger().error(f"While transforms came in: {traceback.format_exc()}")
+            log.receiving_failed(engine._throttle, traceback.format_exc())
         return bool(later) and self._hand_over(later)
 
 

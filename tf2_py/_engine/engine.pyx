@@ -55,8 +55,8 @@ from tf2_py._core.waiters cimport (
 )
 from tf2_py._core.walk cimport walk_common_time, walk_lookup
 from tf2_py._engine.snapshot cimport snapshot_frames, snapshot_names
+from tf2_py._objects.frame_names cimport name_for_log
 from tf2_py._objects.lookup_errors cimport query_error, query_lack
-from tf2_py._objects.names_in_logs cimport name_for_log
 from tf2_py._objects.throttle cimport LINES_PER_MESSAGE, Throttle
 from tf2_py._wire.batch cimport Batch, Entry, batch_begin
 

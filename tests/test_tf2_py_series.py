@@ -262,7 +262,7 @@ class TestMissing:
 
 class TestPoints:
     @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-    def test_each_point_is_carried_with_its_own_time(self, buffer, dtype):
+    def test_each_point_is_transformed_at_its_own_time(self, buffer, dtype):
         low, high = span_of_all(buffer)
         random = np.random.default_rng(5)
         times = random.integers(low, high, 300)

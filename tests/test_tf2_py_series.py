@@ -70,8 +70,8 @@ def singles(buffer, target, source, times, **two_times):
     return np.array(rows).reshape(-1, 7)
 
 
-def assert_same_to_the_last_bit(vector, rows):
-    got = np.hstack(vector)
+def assert_same_to_the_last_bit(series, rows):
+    got = np.hstack(series)
     assert got.shape == rows.shape
     assert got.dtype == np.float64
     assert (got.view(np.int64) == np.ascontiguousarray(rows).view(np.int64)).all()

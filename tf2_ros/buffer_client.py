@@ -90,7 +90,7 @@ class BufferClient(BufferInterface):
         node: Node,
         ns: str,
         check_frequency: float = 10.0,
-        timeout_padding: Duration = Duration(seconds=2.0),  # noqa: B008  as upstream; a Duration cannot change
+        timeout_padding: Duration = Duration(seconds=2.0),  # noqa: B008  as in tf2; a Duration cannot change
     ) -> None:
         if not check_frequency > 0.0:
             raise ValueError(f"check_frequency must be above 0 Hz, it is {check_frequency}")

@@ -49,7 +49,7 @@ class BufferServer:
     :param buffer: the buffer; a listener, or the program, fills it.
     :param node: offers the action; its executor answers.
     :param ns: the name of the action.
-    :param check_period: in seconds; accepted because upstream has it, and without effect: a goal that waits
+    :param check_period: in seconds; accepted because tf2 has it, and without effect: a goal that waits
         is answered when its transform is inserted.
     :raises TypeError: ``buffer`` is no buffer.
 

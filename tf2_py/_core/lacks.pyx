@@ -161,7 +161,7 @@ cdef void _find_latest(const Tree* tree, FrameId target, FrameId source, Lacks* 
         lacks.unknown = True
         return
     if tree.ever_looped:
-        # The reference's order depends on the frames above the common ancestor, too.
+        # A walk in tf2's order depends on the frames above the common ancestor, too.
         visit.end_count = 0
         _climb(tree, source, NEWEST, ANY_TIME, lacks, &visit)
         _climb(tree, target, NEWEST, ANY_TIME, lacks, &visit)

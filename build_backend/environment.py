@@ -41,7 +41,8 @@ def without_ros():
 
 
 def ros_wheels():
-    """The wheels to build with, which hold the generators, too; none where a ROS 2 is sourced or unwanted.
+    """
+    The wheels to build with, which hold the generators, too; none where a ROS 2 is sourced or unwanted.
 
     Whoever installs into an environment that has the wheels of one distribution is taken to mean that one.
     """
@@ -90,7 +91,8 @@ def must_build_tf2_msgs(environ=os.environ):
 
 
 def ros_prefixes(environ=os.environ):
-    """The prefixes to generate from and to link with.
+    """
+    The prefixes to generate from and to link with.
 
     Without a sourced ROS 2 that is where the wheels lie: under build isolation the build environment's own
     prefix, which is not `sys.prefix`.

@@ -106,7 +106,8 @@ class BuildExtensions(build_ext):
         return lacking
 
     def _cythonize(self):
-        """Turn each `.pyx` into C; return the modules that Cython refused, which are left out of the rest.
+        """
+        Turn each `.pyx` into C; return the modules that Cython refused, which are left out of the rest.
 
         So one broken module shows all its errors and does not keep the others from being built.
         """

@@ -30,7 +30,8 @@ def interface_files(source):
 
 
 def generate(package, source, output, dependencies, prefixes):
-    """Generate `package` from `source` into one folder of `output` per generator.
+    """
+    Generate `package` from `source` into one folder of `output` per generator.
 
     `dependencies` are the ROS packages whose interfaces it uses, directly or not; they are looked up in
     `prefixes`. All paths are absolute.

@@ -8,7 +8,8 @@ NAME = Path("tf2_ros_cython", "_built.py")
 
 
 def write(build_lib, receiver_lacks):
-    """Write the note below the folder of what is built, and return its path.
+    """
+    Write the note below the folder of what is built, and return its path.
 
     `receiver_lacks` says why the receiver was left out, or is None.
     """

@@ -90,7 +90,8 @@ def generate(ext, folder):
 
 
 def build(ext, compiler, target, output_dir):
-    """Make the libraries and the generated Python in `target`, and note in `ext` what it is linked with.
+    """
+    Make the libraries and the generated Python in `target`, and note in `ext` what it is linked with.
 
     Compiled objects go to `output_dir`.
     """
@@ -126,7 +127,8 @@ def build(ext, compiler, target, output_dir):
 
 
 def copy_made(source, target, copy_file):
-    """Copy the libraries and the generated Python from one folder to another, for an in-place build.
+    """
+    Copy the libraries and the generated Python from one folder to another, for an in-place build.
 
     `copy_file` is the command's: it replaces a file, and does not write into one that a program has mapped.
     """

@@ -58,13 +58,14 @@ cdef object _copied_twist(object content):
 
 
 def do_transform_path(path, transform):
-    """Transform each pose of a path, as `do_transform_pose` does.
+    """
+    Transform each pose of a path, as `do_transform_pose` does.
 
-    :param path: a Path, metres; its poses may leave their frame empty
-    :param transform: a TransformStamped, metres
-    :return: a new Path with the transform's frame and stamp; its poses have that frame and keep their stamps
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: a pose names another frame than the path, or the transform's rotation is not finite
+    :param path: a Path, metres; its poses may leave their frame empty.
+    :param transform: a TransformStamped, metres.
+    :return: a new Path with the transform's frame and stamp; its poses have that frame and keep their stamps.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: a pose names another frame than the path, or the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -76,15 +77,16 @@ def do_transform_path(path, transform):
 
 
 def do_transform_odometry(odometry, transform):
-    """Transform the pose of an Odometry and its covariance.
+    """
+    Transform the pose of an Odometry and its covariance.
 
     The twist is that of `child_frame_id` in its own axes, which no change of the header's frame touches.
 
-    :param odometry: an Odometry, metres, radians and seconds
-    :param transform: a TransformStamped, metres
-    :return: a new Odometry with the transform's frame and stamp
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: a covariance is not 36 numbers, or the transform's rotation is not finite
+    :param odometry: an Odometry, metres, radians and seconds.
+    :param transform: a TransformStamped, metres.
+    :return: a new Odometry with the transform's frame and stamp.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: a covariance is not 36 numbers, or the transform's rotation is not finite.
     """
     cdef Transform tf
     cdef Layout layout = odometry_layout

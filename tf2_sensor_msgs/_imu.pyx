@@ -69,18 +69,19 @@ cdef object _copied_covariance(object covariance):
 
 
 def do_transform_imu(imu, transform):
-    """Express what an IMU measured in the axes of another frame that is fixed to it: w' = R w, a' = R a.
+    """
+    Express what an IMU measured in the axes of another frame that is fixed to it: w' = R w, a' = R a.
 
     Both vectors and their covariances (R C R^T) are rotated; the lever arm does not count: the acceleration
     is still that of the IMU's place. The orientation becomes that of the new frame in the same world,
-    q' = q r^-1, with the covariance it had, as in upstream's C++. A covariance that begins with -1 marks an
+    q' = q r^-1, with the covariance it had, as in tf2's C++. A covariance that begins with -1 marks an
     estimate as absent and stays as it is, and so does an orientation of zero length.
 
-    :param imu: an Imu, radians per second and metres per second squared
-    :param transform: a TransformStamped
-    :return: a new Imu with the transform's frame and stamp; its orientation has length one and w >= 0
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: a covariance is not 9 numbers, or the transform's rotation is not finite
+    :param imu: an Imu, radians per second and metres per second squared.
+    :param transform: a TransformStamped.
+    :return: a new Imu with the transform's frame and stamp; its orientation has length one and w >= 0.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: a covariance is not 9 numbers, or the transform's rotation is not finite.
     """
     cdef Transform tf
     cdef Layout layout = imu_layout
@@ -104,15 +105,16 @@ def do_transform_imu(imu, transform):
 
 
 def do_transform_magnetic_field(magnetic_field, transform):
-    """Express a magnetic field in the axes of another frame: b' = R b, its covariance R C R^T.
+    """
+    Express a magnetic field in the axes of another frame: b' = R b, its covariance R C R^T.
 
     The translation does not count.
 
-    :param magnetic_field: a MagneticField, tesla
-    :param transform: a TransformStamped
-    :return: a new MagneticField with the transform's frame and stamp
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: a covariance is not 9 numbers, or the transform's rotation is not finite
+    :param magnetic_field: a MagneticField, tesla.
+    :param transform: a TransformStamped.
+    :return: a new MagneticField with the transform's frame and stamp.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: a covariance is not 9 numbers, or the transform's rotation is not finite.
     """
     cdef Transform tf
     cdef Layout layout = magnetic_field_layout

@@ -1,4 +1,4 @@
-"""Owns answering the lookups of other processes, through the action of a buffer server."""
+"""Owns the buffer server: it answers the lookups of other processes, through an action."""
 
 from typing import Any
 

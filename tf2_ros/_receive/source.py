@@ -51,8 +51,10 @@ class Source:
         event = self._event.take_event()
         if event is not None:
             self._logger.warning(
-                f"A publisher on topic '{self._topic}' is offering incompatible QoS: nothing will come from "
-                f"it. The policy that does not fit: {qos_policy_name_from_kind(event.last_policy_kind)}"
+                # As rclpy says it of subscriptions that an executor takes from.
+                f"New publisher discovered on topic '{self._topic}', offering incompatible QoS. "
+                f"No messages will be received from it. Last incompatible policy: "
+                f"{qos_policy_name_from_kind(event.last_policy_kind)}"
             )
 
     def destroy(self) -> None:

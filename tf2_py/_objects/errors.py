@@ -36,7 +36,7 @@ class InvalidArgumentException(TransformException):
 
 
 class TimeoutException(TransformException):
-    """An answer did not come in time."""
+    """An answer was not available in time."""
 
 
 class MalformedObjectError(AttributeError, TypeError):

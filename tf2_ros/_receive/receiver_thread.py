@@ -277,8 +277,8 @@ def _after_fork_in_child() -> None:
     if lost:
         # Not through ROS, whose locks another thread may have held.
         logging.getLogger("tf2_ros").warning(
-            f"Process {os.getpid()} is a fork of one with {lost} TransformListener(s): no transforms will "
-            "come in here. Let it be spawned instead, and make listeners of its own."
+            f"Process {os.getpid()} is a fork of one with {lost} TransformListener(s), which receive nothing "
+            "here. Spawn the process instead of forking it, and make its own listeners."
         )
 
 

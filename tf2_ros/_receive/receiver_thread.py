@@ -21,7 +21,7 @@ from tf2_py import BufferCore
 from tf2_ros._forking import keep_for_ever
 from tf2_ros._rclpy import enter_handle, handle_pointer
 from tf2_ros._receive.arrivals import Arrivals, Completion
-from tf2_ros._receive.callback_group import ListenerGroup, ReceivedSubscription, wake_executor
+from tf2_ros._receive.subscriptions import ListenerGroup, ReceivedSubscription, wake_executor
 from tf2_ros._receive.callback_thread import callback_thread
 from tf2_ros._receive.source import Source
 

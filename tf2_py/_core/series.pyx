@@ -27,8 +27,17 @@ from tf2_py._core.series_work cimport (
     work_store,
     work_transform_points,
 )
-from tf2_py._core.tree cimport MIXED_PARENTS, NEWEST, Tree
-from tf2_py._core.types cimport HALF_SOURCE, NO_FRAME, STATUS_OK, FrameId, Status, Transform
+from tf2_py._core.tree cimport Tree
+from tf2_py._core.types cimport (
+    HALF_SOURCE,
+    MIXED_PARENTS,
+    NEWEST,
+    NO_FRAME,
+    STATUS_OK,
+    FrameId,
+    Status,
+    Transform,
+)
 from tf2_py._core.walk cimport walk_climb, walk_lookup
 
 # A call may take long. So it pins the histories that it reads and releases the lock: however long it takes,

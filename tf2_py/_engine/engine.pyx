@@ -5,6 +5,7 @@ from libc.stdint cimport SIZE_MAX, UINT32_MAX, int64_t, uint32_t, uint64_t
 from libc.stdlib cimport free, malloc
 from libc.string cimport memset
 
+from tf2_py._core.change cimport Change
 from tf2_py._core.forking cimport FORK_INNER, fork_forget, fork_watch
 from tf2_py._core.lock cimport lock_free, lock_init, lock_read, lock_write, unlock_read, unlock_write
 from tf2_py._core.lookup cimport (
@@ -20,7 +21,6 @@ from tf2_py._core.series cimport TimeSeries, series_lookup
 from tf2_py._core.tree cimport (
     DEFAULT_CACHE_TIME_NS,
     TREE_NO_MEMORY,
-    Change,
     Limits,
     Tree,
     tree_authority,

@@ -21,9 +21,9 @@ from tf2_py import BufferCore
 from tf2_ros._forking import keep_for_ever
 from tf2_ros._rclpy import enter_handle, handle_pointer
 from tf2_ros._receive.arrivals import Arrivals, Completion
-from tf2_ros._receive.subscriptions import ListenerGroup, ReceivedSubscription, wake_executor
 from tf2_ros._receive.callback_thread import callback_thread
 from tf2_ros._receive.source import Source
+from tf2_ros._receive.subscriptions import ListenerGroup, ReceivedSubscription, wake_executor
 
 Receiver: Any
 try:
@@ -40,8 +40,8 @@ __all__ = [
     "reinsert_recent",
 ]
 
-END_WAIT_S = 1.0
-RETRY_S = 0.5
+END_WAIT_S = 1.0  # how long to wait for the thread to end
+RETRY_S = 0.5  # how long to pause after an error of rcl
 
 _running: "weakref.WeakSet[ReceiverThread]" = weakref.WeakSet()
 

@@ -1,8 +1,5 @@
 """Owns the loop that takes transforms from rcl's subscriptions into a buffer, without the GIL."""
 
-import traceback
-import weakref
-
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uintptr_t
 from libc.string cimport memset
@@ -64,6 +61,9 @@ from tf2_ros._receive.type_watch cimport (
     type_watch_is_unchanged,
     type_watch_permits,
 )
+
+import traceback
+import weakref
 
 from tf2_py._internal import log
 

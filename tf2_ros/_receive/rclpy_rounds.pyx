@@ -5,9 +5,9 @@ The Python part is `tf2_ros._rclpy`. Each assumption has a test in tests/test_rc
 with rclpy 7.1 (Jazzy) and 9.1 (Kilted).
 """
 
-import sys
-
 from libc.stdint cimport uintptr_t
+
+import sys
 
 import rclpy
 from rclpy.executors import Executor

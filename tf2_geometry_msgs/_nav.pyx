@@ -1,9 +1,8 @@
 """Owns transforming the types of nav_msgs; importable only where nav_msgs is."""
 
 from tf2_geometry_msgs._parts cimport (
+    copied_covariance,
     get_field,
-    new_covariance,
-    read_covariance,
     read_doubles,
     set_field,
     target_frame,
@@ -44,16 +43,15 @@ cdef object _transformed_step(object step, const Transform* transform, object pa
 cdef object _copied_twist(object content):
     # So that neither message changes with the other.
     cdef double vector[3]
-    cdef double covariance[36]
     pair = get_field(twist_with_covariance_layout, content, "twist")
     twist = twist_layout.new()
     for name in twist_layout.fields:
         read_doubles(vector3_layout, get_field(twist_layout, pair, name), vector, 3)
         set_field(twist_layout, twist, name, vector3_layout.new_doubles(vector, 3))
-    read_covariance(get_field(twist_with_covariance_layout, content, "covariance"), 6, covariance)
+    covariance = copied_covariance(get_field(twist_with_covariance_layout, content, "covariance"), 6)
     message = twist_with_covariance_layout.new()
     set_field(twist_with_covariance_layout, message, "twist", twist)
-    set_field(twist_with_covariance_layout, message, "covariance", new_covariance(covariance, 6))
+    set_field(twist_with_covariance_layout, message, "covariance", covariance)
     return message
 
 

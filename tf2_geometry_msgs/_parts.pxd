@@ -27,3 +27,5 @@ cdef object target_header(object transform)
 cdef object new_orientation(const double* q)
 cdef object new_pose(const Transform* pose)
 cdef object new_covariance(const double* values, int side)
+# Its own array, so that neither message changes with the other.
+cdef object copied_covariance(object covariance, int side)

@@ -4,6 +4,7 @@ from libc.string cimport memcpy
 
 from tf2_geometry_msgs._matrix cimport covariance_rotate, matrix_from_quaternion
 from tf2_geometry_msgs._parts cimport (
+    copied_covariance,
     get_field,
     new_covariance,
     new_orientation,
@@ -62,12 +63,6 @@ cdef object _transformed_attitude(object quaternion, const Transform* transform)
     return new_orientation(q)
 
 
-cdef object _copied_covariance(object covariance):
-    cdef double values[9]
-    read_covariance(covariance, 3, values)
-    return new_covariance(values, 3)
-
-
 def do_transform_imu(imu, transform):
     """
     Express what an IMU measured in the axes of another frame that is fixed to it: w' = R w, a' = R a.
@@ -92,7 +87,7 @@ def do_transform_imu(imu, transform):
         layout, message, "orientation", _transformed_attitude(get_field(layout, imu, "orientation"), &tf)
     )
     covariance = get_field(layout, imu, "orientation_covariance")
-    set_field(layout, message, "orientation_covariance", _copied_covariance(covariance))
+    set_field(layout, message, "orientation_covariance", copied_covariance(covariance, 3))
     velocity = get_field(layout, imu, "angular_velocity")
     set_field(layout, message, "angular_velocity", rotated_vector(velocity, &tf))
     covariance = get_field(layout, imu, "angular_velocity_covariance")

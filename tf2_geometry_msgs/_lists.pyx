@@ -38,7 +38,7 @@ def do_transform_polygon(polygon, transform):
 
 def do_transform_polygon_stamped(polygon, transform):
     """
-    Transform each point of a polygon, as `do_transform_polygon` does.
+    Transform each point of a polygon, as ``do_transform_polygon`` does.
 
     :param polygon: a PolygonStamped, metres.
     :param transform: a TransformStamped, metres.
@@ -54,7 +54,7 @@ def do_transform_polygon_stamped(polygon, transform):
 
 def do_transform_pose_array(poses, transform):
     """
-    Transform each pose of an array, as `do_transform_pose` does.
+    Transform each pose of an array, as ``do_transform_pose`` does.
 
     :param poses: a PoseArray, metres.
     :param transform: a TransformStamped, metres.

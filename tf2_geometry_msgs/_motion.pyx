@@ -74,7 +74,7 @@ def do_transform_wrench(wrench, transform):
 
 def do_transform_wrench_stamped(wrench, transform):
     """
-    Transform a wrench, as `do_transform_wrench` does.
+    Transform a wrench, as ``do_transform_wrench`` does.
 
     :param wrench: a WrenchStamped, newtons and newton metres.
     :param transform: a TransformStamped, metres.
@@ -100,7 +100,8 @@ def do_transform_velocity_stamped(velocity, transform):
 
     :param velocity: a VelocityStamped, metres and radians per second.
     :param transform: a TransformStamped, metres.
-    :return: a new VelocityStamped with the transform's frame and stamp, and the frames that `velocity` names.
+    :return: a new VelocityStamped with the transform's frame and stamp, and the frames that ``velocity``
+        names.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
     :raises ValueError: the transform's rotation is not finite.
     """
@@ -121,7 +122,7 @@ def do_transform_twist_stamped(twist, transform):
     Rotate a twist into the axes of another frame: v' = R v, w' = R w.
 
     Both vectors are rotated; the lever arm does not count: v' is still the velocity of the old point, in new
-    axes. `do_transform_velocity_stamped` moves the point too.
+    axes. ``do_transform_velocity_stamped`` moves the point too.
 
     :param twist: a TwistStamped, metres and radians per second.
     :param transform: a TransformStamped.

@@ -57,7 +57,7 @@ cdef object _copied_twist(object content):
 
 def do_transform_path(path, transform):
     """
-    Transform each pose of a path, as `do_transform_pose` does.
+    Transform each pose of a path, as ``do_transform_pose`` does.
 
     :param path: a Path, metres; its poses may leave their frame empty.
     :param transform: a TransformStamped, metres.
@@ -78,7 +78,7 @@ def do_transform_odometry(odometry, transform):
     """
     Transform the pose of an Odometry and its covariance.
 
-    The twist is that of `child_frame_id` in its own axes, which no change of the header's frame touches.
+    The twist is that of ``child_frame_id`` in its own axes, which no change of the header's frame touches.
 
     :param odometry: an Odometry, metres, radians and seconds.
     :param transform: a TransformStamped, metres.

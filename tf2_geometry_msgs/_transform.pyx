@@ -130,8 +130,8 @@ def transform_covariance(cov_in, transform):
         x y z in radians.
     :param transform: a TransformStamped or Transform.
     :return: a float64 array of shape (36,).
-    :raises TypeError: `cov_in` is no numbers, or `transform` is of another type.
-    :raises ValueError: `cov_in` is another count of numbers, or the transform's rotation is not finite.
+    :raises TypeError: ``cov_in`` is no numbers, or ``transform`` is of another type.
+    :raises ValueError: ``cov_in`` is another count of numbers, or the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -194,7 +194,7 @@ def do_transform_quaternion(quaternion, transform):
 
 def do_transform_quaternion_stamped(quaternion, transform):
     """
-    Rotate an orientation, as `do_transform_quaternion` does.
+    Rotate an orientation, as ``do_transform_quaternion`` does.
 
     :param quaternion: a QuaternionStamped, of any length; zero length counts as no rotation.
     :param transform: a TransformStamped.
@@ -225,7 +225,7 @@ def do_transform_pose(pose, transform):
 
 def do_transform_pose_stamped(pose, transform):
     """
-    Transform a pose, as `do_transform_pose` does.
+    Transform a pose, as ``do_transform_pose`` does.
 
     :param pose: a PoseStamped, metres.
     :param transform: a TransformStamped, metres.
@@ -241,7 +241,7 @@ def do_transform_pose_stamped(pose, transform):
 
 def do_transform_pose_with_covariance(pose, transform):
     """
-    Transform a pose as `do_transform_pose` does, and its covariance as `transform_covariance` does.
+    Transform a pose as ``do_transform_pose`` does, and its covariance as ``transform_covariance`` does.
 
     :param pose: a PoseWithCovariance, metres and radians.
     :param transform: a TransformStamped or Transform, metres.
@@ -256,7 +256,7 @@ def do_transform_pose_with_covariance(pose, transform):
 
 def do_transform_pose_with_covariance_stamped(pose, transform):
     """
-    Transform a pose and its covariance, as `do_transform_pose_with_covariance` does.
+    Transform a pose and its covariance, as ``do_transform_pose_with_covariance`` does.
 
     :param pose: a PoseWithCovarianceStamped, metres and radians.
     :param transform: a TransformStamped, metres.
@@ -280,7 +280,7 @@ def do_transform_transform(content, transform):
     :param transform: a TransformStamped or Transform, metres.
     :return: a new Transform; its rotation has length one and w >= 0.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the rotation of `transform` is not finite.
+    :raises ValueError: the rotation of ``transform`` is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -289,13 +289,13 @@ def do_transform_transform(content, transform):
 
 def do_transform_transform_stamped(content, transform):
     """
-    Compose two transforms, as `do_transform_transform` does.
+    Compose two transforms, as ``do_transform_transform`` does.
 
     :param content: a TransformStamped, metres.
     :param transform: a TransformStamped, metres.
-    :return: a new TransformStamped with the frame and stamp of `transform` and the child of `content`.
+    :return: a new TransformStamped with the frame and stamp of ``transform`` and the child of ``content``.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: the rotation of `transform` is not finite.
+    :raises ValueError: the rotation of ``transform`` is not finite.
     """
     cdef Transform tf
     cdef Layout layout = transform_stamped_layout

@@ -34,7 +34,7 @@ def install():
 
 def precedes(name):
     """
-    Whether ours takes precedence over the package `name` that the path offers.
+    Whether ours takes precedence over the package ``name`` that the path offers.
 
     It does where that is the distribution's, and no layer below it is of a workspace: a workspace with a fork
     of one package keeps it, together with the distribution's packages that stand on it.
@@ -48,7 +48,7 @@ def precedes(name):
 
 
 def found_on_path(name):
-    """The folder of the path that holds the package `name`, or None."""
+    """The folder of the path that holds the package ``name``, or None."""
     spec = _path_finder().find_spec(name)
     if spec is None or not spec.submodule_search_locations:
         return None

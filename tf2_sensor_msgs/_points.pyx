@@ -153,7 +153,7 @@ def transform_points(point_cloud, transform):
     :param point_cloud: an array of shape (n, 3), x y z in metres, of any strides; or what NumPy makes one of.
     :param transform: a TransformStamped or Transform, metres.
     :return: a new array of shape (n, 3): float32 for float32, otherwise float64.
-    :raises TypeError: `transform` is of another type, or the points are no real numbers.
+    :raises TypeError: ``transform`` is of another type, or the points are no real numbers.
     :raises ValueError: the points have another shape, or the transform's rotation is not finite.
     """
     cdef Transform tf

@@ -108,7 +108,7 @@ cdef class Receiver:
     :param str authority: of the transforms.
     :param arrivals: counts the messages.
     :param hand_over: called with a list of callables that run user code: what a message completed. Where it
-        returns true, the message is counted with these, and not in `arrivals`.
+        returns true, the message is counted with these, and not in ``arrivals``.
     """
 
     cdef void* _engine          # NULL once it was destroyed; guarded by _engine_lock
@@ -185,7 +185,7 @@ cdef class Receiver:
 
     def reinsert_recent(self, int64_t until_ns):
         """
-        Insert again what arrived since the clock last moved forward, except stamps after `until_ns`.
+        Insert again what arrived since the clock last moved forward, except stamps after ``until_ns``.
 
         For the jump callback of the clock, after the buffer was cleared.
         """

@@ -87,7 +87,7 @@ class ReceiverThread:
     :param choose: given one of these pairs, the buffer that gets its messages without Python; None where
         Python must see them: the subscription is then left to executors for good. It must refer to neither
         node nor buffer.
-    :param types: the types whose attributes `choose` reads. For attributes of objects there is
+    :param types: the types whose attributes ``choose`` reads. For attributes of objects there is
         :meth:`decide_again`.
 
     The thread ends with :meth:`stop`, with the last of the subscriptions, with the context and with the
@@ -139,7 +139,7 @@ class ReceiverThread:
         return self._receiver is not None and self._receiver.fills(buffer)
 
     def decide_again(self) -> None:
-        """Ask `choose` and `types` again before the next message is taken."""
+        """Ask ``choose`` and ``types`` again before the next message is taken."""
         if self._receiver is not None:
             self._receiver.decide_again()
         self._wake(wait=False)

@@ -40,7 +40,7 @@ class Source:
         return enter_handle(self.handle, uses) and (self._event is None or enter_handle(self._event, uses))
 
     def as_tuple(self) -> tuple[int, int, int, str, bool]:
-        """It as `Receiver.run` takes it."""
+        """It as ``Receiver.run`` takes it."""
         event = 0 if self._event is None else handle_pointer(self._event)
         return self.number, handle_pointer(self.handle), event, self._topic, self.is_static
 

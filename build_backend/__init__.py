@@ -32,10 +32,11 @@ __all__ = [
 
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
-    """Build from the sources alone.
+    """
+    Build from the sources alone.
 
     setuptools puts into the wheel whatever an earlier build left in its folder: modules that are gone, and a
-    `tf2_msgs` that would shadow the one of a ROS 2 sourced since.
+    ``tf2_msgs`` that would shadow the one of a ROS 2 sourced since.
     """
     environment.choose(config_settings)
     for left in Path("build").glob("lib*"):

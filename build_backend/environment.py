@@ -21,7 +21,7 @@ _chosen: str | None = None
 
 
 def choose(config_settings):
-    """Heed `-C ros=...` of pip: the distribution to build for, or none."""
+    """Heed ``-C ros=...`` of pip: the distribution to build for, or none."""
     global _chosen
     _chosen = (config_settings or {}).get("ros")
     if _chosen is not None and _chosen not in CHOICES:
@@ -41,7 +41,8 @@ def without_ros():
 
 
 def ros_wheels():
-    """The wheels to build with, which hold the generators, too; none where a ROS 2 is sourced or unwanted.
+    """
+    The wheels to build with, which hold the generators, too; none where a ROS 2 is sourced or unwanted.
 
     Whoever installs into an environment that has the wheels of one distribution is taken to mean that one.
     """
@@ -74,7 +75,7 @@ def ament_prefixes(environ=os.environ):
 
 
 def ament_offers(package, environ=os.environ):
-    """Whether a sourced ROS 2 holds `package`, by the marker that every ament package installs."""
+    """Whether a sourced ROS 2 holds ``package``, by the marker that every ament package installs."""
     marker = Path("share", "ament_index", "resource_index", "packages", package)
     return any((prefix / marker).is_file() for prefix in ament_prefixes(environ))
 
@@ -85,15 +86,16 @@ def ros_is_sourced(environ=os.environ):
 
 
 def must_build_tf2_msgs(environ=os.environ):
-    """Whether this distribution brings `tf2_msgs`: never where it would shadow the environment's own."""
+    """Whether this distribution brings ``tf2_msgs``: never where it would shadow the environment's own."""
     return not without_ros() and not ament_offers("tf2_msgs", environ)
 
 
 def ros_prefixes(environ=os.environ):
-    """The prefixes to generate from and to link with.
+    """
+    The prefixes to generate from and to link with.
 
     Without a sourced ROS 2 that is where the wheels lie: under build isolation the build environment's own
-    prefix, which is not `sys.prefix`.
+    prefix, which is not ``sys.prefix``.
     """
     if without_ros():
         return []
@@ -112,7 +114,7 @@ def ros_prefixes(environ=os.environ):
 
 
 def share_directory(package, prefixes):
-    """`share/<package>` of the first prefix that has it."""
+    """``share/<package>`` of the first prefix that has it."""
     for prefix in prefixes:
         if (prefix / "share" / package).is_dir():
             return prefix / "share" / package

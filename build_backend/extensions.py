@@ -1,4 +1,4 @@
-"""Owns the compiling: which extensions there are, with which flags, and the `build_ext` that makes them."""
+"""Owns the compiling: which extensions there are, with which flags, and the ``build_ext`` that makes them."""
 
 import fcntl
 import os
@@ -28,7 +28,7 @@ DIRECTIVES = {
 
 
 def cython_extensions(root, packages):
-    """One extension for each `.pyx` of the packages, which may have none."""
+    """One extension for each ``.pyx`` of the packages, which may have none."""
     return [
         Extension(
             f"{package}.{path.stem}",
@@ -106,7 +106,8 @@ class BuildExtensions(build_ext):
         return lacking
 
     def _cythonize(self):
-        """Turn each `.pyx` into C; return the modules that Cython refused, which are left out of the rest.
+        """
+        Turn each ``.pyx`` into C; return the modules that Cython refused, which are left out of the rest.
 
         So one broken module shows all its errors and does not keep the others from being built.
         """

@@ -1,4 +1,4 @@
-"""Owns one check of `make lint`: Cython has neither warnings nor performance hints for the packages given."""
+"""Owns one check of ``make lint``: Cython has no warnings and no performance hints for the packages given."""
 
 import subprocess
 import sys

@@ -25,15 +25,16 @@ GENERATORS = {
 
 
 def interface_files(source):
-    """The package's interface files, relative to `source`, in a fixed order."""
+    """The package's interface files, relative to ``source``, in a fixed order."""
     return sorted(path.relative_to(source) for kind in KINDS for path in source.glob(f"{kind}/*.{kind}"))
 
 
 def generate(package, source, output, dependencies, prefixes):
-    """Generate `package` from `source` into one folder of `output` per generator.
+    """
+    Generate ``package`` from ``source`` into one folder of ``output`` per generator.
 
-    `dependencies` are the ROS packages whose interfaces it uses, directly or not; they are looked up in
-    `prefixes`. All paths are absolute.
+    ``dependencies`` are the ROS packages whose interfaces it uses, directly or not; they are looked up in
+    ``prefixes``. All paths are absolute.
     """
     _let_import_from(prefixes)
     try:

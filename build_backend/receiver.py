@@ -13,7 +13,8 @@ _NEEDED = ("include/rcl/rcl/rcl.h", *(f"lib/lib{library}.so" for library in _LIB
 
 
 def complete(ext, environ=os.environ):
-    """Note in `ext` what it is compiled and linked with; return what is lacking for that, or None.
+    """
+    Note in ``ext`` what it is compiled and linked with; return what is lacking for that, or None.
 
     No path to the libraries goes into the extension: rclpy has loaded them before, and the loader knows them
     by name. So of two installations only one is ever in use.

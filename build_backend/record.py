@@ -1,4 +1,4 @@
-"""Owns the note that the build leaves about itself, for the check at import and for `tf2_ros.cli.which`."""
+"""Owns the note that the build leaves about itself, for the check at import and for ``tf2_ros.cli.which``."""
 
 from pathlib import Path
 
@@ -8,9 +8,10 @@ NAME = Path("tf2_ros_cython", "_built.py")
 
 
 def write(build_lib, receiver_lacks):
-    """Write the note below the folder of what is built, and return its path.
+    """
+    Write the note below the folder of what is built, and return its path.
 
-    `receiver_lacks` says why the receiver was left out, or is None.
+    ``receiver_lacks`` says why the receiver was left out, or is None.
     """
     facts = {
         "RCLPY": environment.rclpy_version(environment.ros_prefixes()),

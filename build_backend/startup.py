@@ -16,7 +16,8 @@ LINE = (
 
 
 def add_to(wheel):
-    """Put the file into the wheel at the path given, and into its list of files.
+    """
+    Put the file into the wheel at the path given, and into its list of files.
 
     setuptools knows no such files, and puts no file of the project into an editable install's wheel.
     """

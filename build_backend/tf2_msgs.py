@@ -1,4 +1,4 @@
-"""Owns the making of `tf2_msgs`: three shared libraries, an extension on them, the generated Python."""
+"""Owns the making of ``tf2_msgs``: three shared libraries, an extension on them, the generated Python."""
 
 import os
 import shutil
@@ -74,7 +74,7 @@ def is_current(ext, extension_path):
 
 
 def generate(ext, folder):
-    """Generate all sources into `folder`, and note in `ext` what it is compiled from."""
+    """Generate all sources into ``folder``, and note in ``ext`` what it is compiled from."""
     shutil.rmtree(folder, ignore_errors=True)
     prefixes = environment.ros_prefixes()
     interfaces.generate(NAME, ext.source, folder.resolve(), _INTERFACE_PACKAGES, prefixes)
@@ -90,9 +90,10 @@ def generate(ext, folder):
 
 
 def build(ext, compiler, target, output_dir):
-    """Make the libraries and the generated Python in `target`, and note in `ext` what it is linked with.
+    """
+    Make the libraries and the generated Python in ``target``, and note in ``ext`` what it is linked with.
 
-    Compiled objects go to `output_dir`.
+    Compiled objects go to ``output_dir``.
     """
     target.mkdir(parents=True, exist_ok=True)
     ext.library_dirs.insert(0, str(target))
@@ -126,9 +127,10 @@ def build(ext, compiler, target, output_dir):
 
 
 def copy_made(source, target, copy_file):
-    """Copy the libraries and the generated Python from one folder to another, for an in-place build.
+    """
+    Copy the libraries and the generated Python from one folder to another, for an in-place build.
 
-    `copy_file` is the command's: it replaces a file, and does not write into one that a program has mapped.
+    ``copy_file`` is the command's: it replaces a file, and does not write into one that a program has mapped.
     """
     for file in [*source.glob("lib*.so"), *source.glob("*/*.py")]:
         copy_file(str(file), str(target / file.relative_to(source)))

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from carrying import numbers
 from conftest import DOMAIN
 from numpy.testing import assert_allclose
+from random_messages import numbers
 
 from bench import __main__, guard, lookups, peers, pictures, race, report, sizes, targets, trees
 from bench.nodes import OUR_PATHS, WAKING

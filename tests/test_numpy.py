@@ -7,11 +7,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from carrying import AWKWARD_TURNS, matrix, transforms, turn, turns, vectors, xyz, xyzw
+from expected import matrix, turn, xyz, xyzw
 from geometry_msgs.msg import Point, Pose, PoseStamped, Transform, TransformStamped, Twist
 from hypothesis import given
 from making import rotation, transform, translation
 from numpy.testing import assert_allclose
+from random_messages import AWKWARD_TURNS, transforms, turns, vectors
 from scipy.spatial.transform import Rotation
 
 from tf2_ros.numpy import from_matrix, to_arrays, to_matrix

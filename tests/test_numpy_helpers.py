@@ -5,11 +5,12 @@ import importlib
 
 import numpy as np
 import pytest
-from carrying import turn, turns
+from expected import turn
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from hypothesis import given
 from making import transform
 from numpy.testing import assert_allclose
+from random_messages import turns
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 

@@ -7,20 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from carrying import (
-    AWKWARD_TURNS,
-    Maker,
-    covariance_rotated,
-    inverse,
-    matrix,
-    transformed,
-    transforms,
-    turn,
-    turns,
-    vectors,
-    xyz,
-    xyzw,
-)
+from expected import covariance_rotated, inverse, matrix, transformed, turn, xyz, xyzw
 from geometry_msgs.msg import (
     AccelStamped,
     Point,
@@ -47,6 +34,7 @@ from hypothesis import strategies as st
 from making import about_z, transform
 from nav_msgs.msg import Odometry, Path
 from numpy.testing import assert_allclose
+from random_messages import AWKWARD_TURNS, Maker, transforms, turns, vectors
 from scipy.spatial import transform as scipy_transform
 
 import tf2_geometry_msgs as tf2

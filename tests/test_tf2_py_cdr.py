@@ -1,4 +1,4 @@
-"""Serialised TFMessages, as they come off the wire."""
+"""Serialised TFMessages, as a publisher sends them."""
 
 import struct
 

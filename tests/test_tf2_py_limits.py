@@ -1,4 +1,4 @@
-"""What a buffer holds at the most, and that what is there still answers beyond that."""
+"""The limits of a buffer: what exceeds them is refused, and lookups of what it holds still answer."""
 
 import threading
 

@@ -10,6 +10,8 @@ import pytest
 from making import transform
 from tf2_py._core.names import hash_with_key
 
+from tf2_py._internal import is_invalid_name
+
 pytestmark = pytest.mark.ours
 
 TEXTS = [bytes(range(1, size + 1)) for size in range(1, 65)]
@@ -92,3 +94,11 @@ def test_names_of_any_kind_lie_apart(tf2_py, kind):
     assert all(buffer._frameExists(name) for name in names)
     assert not any(buffer._frameExists(name + "y") for name in names[:-1])
     assert buffer._getFrameStrings() == [names[0], "map", *names[1:]]
+
+
+@pytest.mark.parametrize(
+    ("name", "invalid"),
+    [("", True), ("/", True), ("/map", True), ("map", False), ("a/b", False), ("\ud800", False)],
+)
+def test_a_name_is_invalid_if_it_is_empty_or_begins_with_a_slash(name, invalid):
+    assert is_invalid_name(name) is invalid

@@ -10,12 +10,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from carrying import Maker, inverse, matrix, transformed, transforms, turn, xyz, xyzw
+from expected import inverse, matrix, transformed, turn, xyz, xyzw
 from geometry_msgs.msg import Quaternion, TransformStamped
 from hypothesis import given
 from hypothesis import strategies as st
 from making import stamp_ns, transform
 from numpy.testing import assert_allclose
+from random_messages import Maker, transforms
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Imu, MagneticField, PointCloud2, PointField
 

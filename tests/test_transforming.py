@@ -6,10 +6,10 @@ import sys
 import textwrap
 
 import pytest
-from carrying import Maker, numbers
 from geometry_msgs.msg import PointStamped, PolygonInstance, PoseStamped
 from known_types import STAMPED, UNSTAMPED
 from making import at, stamp_ns, transform
+from random_messages import Maker, numbers
 from rclpy.duration import Duration
 from rclpy.time import Time
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
@@ -71,11 +71,13 @@ def test_full_carries_from_one_time_to_another(buffer):
 
 def test_async_carries_as_soon_as_it_can(buffer):
     async def both():
-        carrying = asyncio.ensure_future(buffer.transform_async(stamped(PointStamped(), 3.5, "odom"), "map"))
+        transforming = asyncio.ensure_future(
+            buffer.transform_async(stamped(PointStamped(), 3.5, "odom"), "map")
+        )
         await asyncio.sleep(0)
-        assert not carrying.done()
+        assert not transforming.done()
         buffer.set_transform(transform("map", "odom", 4, (4, 0, 0)), "x")
-        return await carrying
+        return await transforming
 
     assert asyncio.run(both()).point.x == 3.5
 

@@ -20,15 +20,16 @@ cdef object _transformed_polygon(object polygon, const Transform* transform):
 
 
 def do_transform_polygon(polygon, transform):
-    """Transform each point of a polygon: p' = R p + t, in double precision.
+    """
+    Transform each point of a polygon: p' = R p + t, in double precision.
 
     A new Point32 holds doubles, as every Python message does; it is rounded to float32 when it is serialised.
 
-    :param polygon: a Polygon of any number of Point32, metres
-    :param transform: a TransformStamped or Transform, metres
-    :return: a new Polygon
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the transform's rotation is not finite
+    :param polygon: a Polygon of any number of Point32, metres.
+    :param transform: a TransformStamped or Transform, metres.
+    :return: a new Polygon.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -36,13 +37,14 @@ def do_transform_polygon(polygon, transform):
 
 
 def do_transform_polygon_stamped(polygon, transform):
-    """Transform each point of a polygon, as `do_transform_polygon` does.
+    """
+    Transform each point of a polygon, as ``do_transform_polygon`` does.
 
-    :param polygon: a PolygonStamped, metres
-    :param transform: a TransformStamped, metres
-    :return: a new PolygonStamped with the transform's frame and stamp
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the transform's rotation is not finite
+    :param polygon: a PolygonStamped, metres.
+    :param transform: a TransformStamped, metres.
+    :return: a new PolygonStamped with the transform's frame and stamp.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -51,13 +53,14 @@ def do_transform_polygon_stamped(polygon, transform):
 
 
 def do_transform_pose_array(poses, transform):
-    """Transform each pose of an array, as `do_transform_pose` does.
+    """
+    Transform each pose of an array, as ``do_transform_pose`` does.
 
-    :param poses: a PoseArray, metres
-    :param transform: a TransformStamped, metres
-    :return: a new PoseArray with the transform's frame and stamp
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the transform's rotation is not finite
+    :param poses: a PoseArray, metres.
+    :param transform: a TransformStamped, metres.
+    :return: a new PoseArray with the transform's frame and stamp.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)

@@ -54,17 +54,18 @@ cdef object _rotated_pair(Layout layout, object pair, const Transform* transform
 
 
 def do_transform_wrench(wrench, transform):
-    """Transform a wrench from one frame's origin to another's: f' = R f, torque' = R torque + t x f'.
+    """
+    Transform a wrench from one frame's origin to another's: f' = R f, torque' = R torque + t x f'.
 
     Both vectors are rotated; the lever arm counts: the force, which acted at the old frame's origin (at t in
     the new frame), adds its torque about the new one.
     Formula: K. M. Lynch and F. C. Park, Modern Robotics, 2017, section 3.4 (the wrench's adjoint).
 
-    :param wrench: a Wrench, newtons and newton metres
-    :param transform: a TransformStamped or Transform, metres
-    :return: a new Wrench
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the transform's rotation is not finite
+    :param wrench: a Wrench, newtons and newton metres.
+    :param transform: a TransformStamped or Transform, metres.
+    :return: a new Wrench.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -72,13 +73,14 @@ def do_transform_wrench(wrench, transform):
 
 
 def do_transform_wrench_stamped(wrench, transform):
-    """Transform a wrench, as `do_transform_wrench` does.
+    """
+    Transform a wrench, as ``do_transform_wrench`` does.
 
-    :param wrench: a WrenchStamped, newtons and newton metres
-    :param transform: a TransformStamped, metres
-    :return: a new WrenchStamped with the transform's frame and stamp
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the transform's rotation is not finite
+    :param wrench: a WrenchStamped, newtons and newton metres.
+    :param transform: a TransformStamped, metres.
+    :return: a new WrenchStamped with the transform's frame and stamp.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -88,18 +90,20 @@ def do_transform_wrench_stamped(wrench, transform):
 
 
 def do_transform_velocity_stamped(velocity, transform):
-    """Transform a rigid body's velocity from one frame's origin to another's: w' = R w, v' = R v + t x w'.
+    """
+    Transform a rigid body's velocity from one frame's origin to another's: w' = R w, v' = R v + t x w'.
 
     Both vectors are rotated; the lever arm counts: v' is the velocity of the body's point that lies at the
     new frame's origin. The two frames are taken to be at rest to each other. The tf2 of Jazzy adds the
     unrotated input to this and keeps the old header; later ones do not add it.
     Formula: K. M. Lynch and F. C. Park, Modern Robotics, 2017, equation 3.83 (the twist's adjoint).
 
-    :param velocity: a VelocityStamped, metres and radians per second
-    :param transform: a TransformStamped, metres
-    :return: a new VelocityStamped with the transform's frame and stamp, and the frames that `velocity` names
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the transform's rotation is not finite
+    :param velocity: a VelocityStamped, metres and radians per second.
+    :param transform: a TransformStamped, metres.
+    :return: a new VelocityStamped with the transform's frame and stamp, and the frames that ``velocity``
+        names.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the transform's rotation is not finite.
     """
     cdef Transform tf
     cdef Layout layout = velocity_stamped_layout
@@ -114,16 +118,17 @@ def do_transform_velocity_stamped(velocity, transform):
 
 
 def do_transform_twist_stamped(twist, transform):
-    """Rotate a twist into the axes of another frame: v' = R v, w' = R w.
+    """
+    Rotate a twist into the axes of another frame: v' = R v, w' = R w.
 
     Both vectors are rotated; the lever arm does not count: v' is still the velocity of the old point, in new
-    axes. `do_transform_velocity_stamped` moves the point too.
+    axes. ``do_transform_velocity_stamped`` moves the point too.
 
-    :param twist: a TwistStamped, metres and radians per second
-    :param transform: a TransformStamped
-    :return: a new TwistStamped with the transform's frame and stamp
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the transform's rotation is not finite
+    :param twist: a TwistStamped, metres and radians per second.
+    :param transform: a TransformStamped.
+    :return: a new TwistStamped with the transform's frame and stamp.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -132,16 +137,17 @@ def do_transform_twist_stamped(twist, transform):
 
 
 def do_transform_accel_stamped(accel, transform):
-    """Rotate an acceleration into the axes of another frame: a' = R a, for both its vectors.
+    """
+    Rotate an acceleration into the axes of another frame: a' = R a, for both its vectors.
 
     The lever arm does not count: the linear part is still the acceleration of the old point, in new axes.
     To move the point would take the angular velocity, which the message does not hold.
 
-    :param accel: an AccelStamped, metres and radians per second squared
-    :param transform: a TransformStamped
-    :return: a new AccelStamped with the transform's frame and stamp
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the transform's rotation is not finite
+    :param accel: an AccelStamped, metres and radians per second squared.
+    :param transform: a TransformStamped.
+    :return: a new AccelStamped with the transform's frame and stamp.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)

@@ -1,9 +1,8 @@
 """Owns transforming the types of nav_msgs; importable only where nav_msgs is."""
 
 from tf2_geometry_msgs._parts cimport (
+    copied_covariance,
     get_field,
-    new_covariance,
-    read_covariance,
     read_doubles,
     set_field,
     target_frame,
@@ -44,27 +43,27 @@ cdef object _transformed_step(object step, const Transform* transform, object pa
 cdef object _copied_twist(object content):
     # So that neither message changes with the other.
     cdef double vector[3]
-    cdef double covariance[36]
     pair = get_field(twist_with_covariance_layout, content, "twist")
     twist = twist_layout.new()
     for name in twist_layout.fields:
         read_doubles(vector3_layout, get_field(twist_layout, pair, name), vector, 3)
         set_field(twist_layout, twist, name, vector3_layout.new_doubles(vector, 3))
-    read_covariance(get_field(twist_with_covariance_layout, content, "covariance"), 6, covariance)
+    covariance = copied_covariance(get_field(twist_with_covariance_layout, content, "covariance"), 6)
     message = twist_with_covariance_layout.new()
     set_field(twist_with_covariance_layout, message, "twist", twist)
-    set_field(twist_with_covariance_layout, message, "covariance", new_covariance(covariance, 6))
+    set_field(twist_with_covariance_layout, message, "covariance", covariance)
     return message
 
 
 def do_transform_path(path, transform):
-    """Transform each pose of a path, as `do_transform_pose` does.
+    """
+    Transform each pose of a path, as ``do_transform_pose`` does.
 
-    :param path: a Path, metres; its poses may leave their frame empty
-    :param transform: a TransformStamped, metres
-    :return: a new Path with the transform's frame and stamp; its poses have that frame and keep their stamps
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: a pose names another frame than the path, or the transform's rotation is not finite
+    :param path: a Path, metres; its poses may leave their frame empty.
+    :param transform: a TransformStamped, metres.
+    :return: a new Path with the transform's frame and stamp; its poses have that frame and keep their stamps.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: a pose names another frame than the path, or the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -76,15 +75,16 @@ def do_transform_path(path, transform):
 
 
 def do_transform_odometry(odometry, transform):
-    """Transform the pose of an Odometry and its covariance.
+    """
+    Transform the pose of an Odometry and its covariance.
 
-    The twist is that of `child_frame_id` in its own axes, which no change of the header's frame touches.
+    The twist is that of ``child_frame_id`` in its own axes, which no change of the header's frame touches.
 
-    :param odometry: an Odometry, metres, radians and seconds
-    :param transform: a TransformStamped, metres
-    :return: a new Odometry with the transform's frame and stamp
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: a covariance is not 36 numbers, or the transform's rotation is not finite
+    :param odometry: an Odometry, metres, radians and seconds.
+    :param transform: a TransformStamped, metres.
+    :return: a new Odometry with the transform's frame and stamp.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: a covariance is not 36 numbers, or the transform's rotation is not finite.
     """
     cdef Transform tf
     cdef Layout layout = odometry_layout

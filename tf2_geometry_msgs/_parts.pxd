@@ -14,7 +14,7 @@ cdef int set_field(Layout layout, object message, str name, object value) except
 cdef object copy_shallow(Layout layout, object message)
 # The first `count` fields.
 cdef int read_doubles(Layout layout, object message, double* out, int count) except -1
-# The orientation normalised; as upstream, one of zero length counts as no rotation at all.
+# The orientation normalised; as in tf2, one of zero length counts as no rotation at all.
 cdef int read_pose(object pose, Transform* out) except -1
 cdef int read_orientation(object quaternion, double* out) except -1
 # `side` x `side` doubles, row by row, from anything that NumPy takes for that many numbers.
@@ -27,3 +27,5 @@ cdef object target_header(object transform)
 cdef object new_orientation(const double* q)
 cdef object new_pose(const Transform* pose)
 cdef object new_covariance(const double* values, int side)
+# Its own array, so that neither message changes with the other.
+cdef object copied_covariance(object covariance, int side)

@@ -29,6 +29,9 @@ cdef extern from "Python.h":
     Py_ssize_t PyTuple_GET_SIZE(PyObject* items)
     PyObject* PyTuple_GET_ITEM(PyObject* items, Py_ssize_t index)
 
+cdef enum:
+    MAX_COVARIANCE = 36     # numbers, of a pose or a twist
+
 cnp.import_array()
 load()
 
@@ -178,3 +181,9 @@ cdef object new_covariance(const double* values, int side):
     array = cnp.PyArray_SimpleNew(1, &count, cnp.NPY_DOUBLE)
     memcpy(cnp.PyArray_DATA(array), values, count * sizeof(double))
     return array
+
+
+cdef object copied_covariance(object covariance, int side):
+    cdef double values[MAX_COVARIANCE]
+    read_covariance(covariance, side, values)
+    return new_covariance(values, side)

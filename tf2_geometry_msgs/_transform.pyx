@@ -118,19 +118,20 @@ cdef bint _has_axes(object message):
 
 
 def transform_covariance(cov_in, transform):
-    """Rotate the covariance matrix of a pose.
+    """
+    Rotate the covariance matrix of a pose.
 
     Both 3x3 blocks on the diagonal (position, rotation) and both cross blocks C become R C R^T; the
-    translation counts for nothing, as upstream. A symmetric matrix stays exactly symmetric.
+    translation has no effect, as in tf2. A symmetric matrix stays exactly symmetric.
     Formula: A. Leon-Garcia, Probability, Statistics, and Random Processes for Electrical Engineering,
     3rd ed., 2008, "Linear transformations of random vectors".
 
     :param cov_in: 36 numbers, row by row: the 6x6 covariance of x y z in metres and of the rotations about
-        x y z in radians
-    :param transform: a TransformStamped or Transform
-    :return: a float64 array of shape (36,)
-    :raises TypeError: `cov_in` is no numbers, or `transform` is of another type
-    :raises ValueError: `cov_in` is another count of numbers, or the transform's rotation is not finite
+        x y z in radians.
+    :param transform: a TransformStamped or Transform.
+    :return: a float64 array of shape (36,).
+    :raises TypeError: ``cov_in`` is no numbers, or ``transform`` is of another type.
+    :raises ValueError: ``cov_in`` is another count of numbers, or the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -138,13 +139,14 @@ def transform_covariance(cov_in, transform):
 
 
 def do_transform_point(point, transform):
-    """Transform a point: p' = R p + t.
+    """
+    Transform a point: p' = R p + t.
 
-    :param point: a PointStamped, Point or Point32, metres
-    :param transform: a TransformStamped; for a point without a header also a Transform; metres
-    :return: a new message of the same class; its header, if any, has the transform's frame and stamp
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the transform's rotation is not finite
+    :param point: a PointStamped, Point or Point32, metres.
+    :param transform: a TransformStamped; for a point without a header also a Transform; metres.
+    :return: a new message of the same class; its header, if any, has the transform's frame and stamp.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the transform's rotation is not finite.
     """
     cdef Transform tf
     cdef Layout layout = point_layout
@@ -158,13 +160,14 @@ def do_transform_point(point, transform):
 
 
 def do_transform_vector3(vector3, transform):
-    """Rotate a free vector: v' = R v. The translation does not count.
+    """
+    Rotate a free vector: v' = R v. The translation does not count.
 
-    :param vector3: a Vector3Stamped or Vector3, of any unit
-    :param transform: a TransformStamped; for a Vector3 also a Transform
-    :return: a new message of the same class; its header, if any, has the transform's frame and stamp
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the transform's rotation is not finite
+    :param vector3: a Vector3Stamped or Vector3, of any unit.
+    :param transform: a TransformStamped; for a Vector3 also a Transform.
+    :return: a new message of the same class; its header, if any, has the transform's frame and stamp.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -175,13 +178,14 @@ def do_transform_vector3(vector3, transform):
 
 
 def do_transform_quaternion(quaternion, transform):
-    """Rotate an orientation: q' = r q, the transform's rotation on the left.
+    """
+    Rotate an orientation: q' = r q, the transform's rotation on the left.
 
-    :param quaternion: a Quaternion of any length; zero length counts as no rotation
-    :param transform: a TransformStamped or Transform
-    :return: a new Quaternion of length one with w >= 0
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the transform's rotation is not finite
+    :param quaternion: a Quaternion of any length; zero length counts as no rotation.
+    :param transform: a TransformStamped or Transform.
+    :return: a new Quaternion of length one with w >= 0.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -189,13 +193,14 @@ def do_transform_quaternion(quaternion, transform):
 
 
 def do_transform_quaternion_stamped(quaternion, transform):
-    """Rotate an orientation, as `do_transform_quaternion` does.
+    """
+    Rotate an orientation, as ``do_transform_quaternion`` does.
 
-    :param quaternion: a QuaternionStamped, of any length; zero length counts as no rotation
-    :param transform: a TransformStamped
-    :return: a new QuaternionStamped with the transform's frame and stamp
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the transform's rotation is not finite
+    :param quaternion: a QuaternionStamped, of any length; zero length counts as no rotation.
+    :param transform: a TransformStamped.
+    :return: a new QuaternionStamped with the transform's frame and stamp.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -204,13 +209,14 @@ def do_transform_quaternion_stamped(quaternion, transform):
 
 
 def do_transform_pose(pose, transform):
-    """Transform a pose: p' = R p + t, q' = r q.
+    """
+    Transform a pose: p' = R p + t, q' = r q.
 
-    :param pose: a Pose, metres; its orientation of any length; zero length counts as no rotation
-    :param transform: a TransformStamped or Transform, metres
-    :return: a new Pose; its orientation has length one and w >= 0
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the transform's rotation is not finite
+    :param pose: a Pose, metres; its orientation of any length; zero length counts as no rotation.
+    :param transform: a TransformStamped or Transform, metres.
+    :return: a new Pose; its orientation has length one and w >= 0.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -218,13 +224,14 @@ def do_transform_pose(pose, transform):
 
 
 def do_transform_pose_stamped(pose, transform):
-    """Transform a pose, as `do_transform_pose` does.
+    """
+    Transform a pose, as ``do_transform_pose`` does.
 
-    :param pose: a PoseStamped, metres
-    :param transform: a TransformStamped, metres
-    :return: a new PoseStamped with the transform's frame and stamp
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the transform's rotation is not finite
+    :param pose: a PoseStamped, metres.
+    :param transform: a TransformStamped, metres.
+    :return: a new PoseStamped with the transform's frame and stamp.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -233,13 +240,14 @@ def do_transform_pose_stamped(pose, transform):
 
 
 def do_transform_pose_with_covariance(pose, transform):
-    """Transform a pose as `do_transform_pose` does, and its covariance as `transform_covariance` does.
+    """
+    Transform a pose as ``do_transform_pose`` does, and its covariance as ``transform_covariance`` does.
 
-    :param pose: a PoseWithCovariance, metres and radians
-    :param transform: a TransformStamped or Transform, metres
-    :return: a new PoseWithCovariance
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the covariance is not 36 numbers, or the transform's rotation is not finite
+    :param pose: a PoseWithCovariance, metres and radians.
+    :param transform: a TransformStamped or Transform, metres.
+    :return: a new PoseWithCovariance.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the covariance is not 36 numbers, or the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -247,13 +255,14 @@ def do_transform_pose_with_covariance(pose, transform):
 
 
 def do_transform_pose_with_covariance_stamped(pose, transform):
-    """Transform a pose and its covariance, as `do_transform_pose_with_covariance` does.
+    """
+    Transform a pose and its covariance, as ``do_transform_pose_with_covariance`` does.
 
-    :param pose: a PoseWithCovarianceStamped, metres and radians
-    :param transform: a TransformStamped, metres
-    :return: a new PoseWithCovarianceStamped with the transform's frame and stamp
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the covariance is not 36 numbers, or the transform's rotation is not finite
+    :param pose: a PoseWithCovarianceStamped, metres and radians.
+    :param transform: a TransformStamped, metres.
+    :return: a new PoseWithCovarianceStamped with the transform's frame and stamp.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the covariance is not 36 numbers, or the transform's rotation is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -264,13 +273,14 @@ def do_transform_pose_with_covariance_stamped(pose, transform):
 
 
 def do_transform_transform(content, transform):
-    """Compose two transforms: T' = T_transform T_content.
+    """
+    Compose two transforms: T' = T_transform T_content.
 
-    :param content: a Transform, metres
-    :param transform: a TransformStamped or Transform, metres
-    :return: a new Transform; its rotation has length one and w >= 0
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the rotation of `transform` is not finite
+    :param content: a Transform, metres.
+    :param transform: a TransformStamped or Transform, metres.
+    :return: a new Transform; its rotation has length one and w >= 0.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the rotation of ``transform`` is not finite.
     """
     cdef Transform tf
     read_transform(transform, &tf)
@@ -278,13 +288,14 @@ def do_transform_transform(content, transform):
 
 
 def do_transform_transform_stamped(content, transform):
-    """Compose two transforms, as `do_transform_transform` does.
+    """
+    Compose two transforms, as ``do_transform_transform`` does.
 
-    :param content: a TransformStamped, metres
-    :param transform: a TransformStamped, metres
-    :return: a new TransformStamped with the frame and stamp of `transform` and the child of `content`
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: the rotation of `transform` is not finite
+    :param content: a TransformStamped, metres.
+    :param transform: a TransformStamped, metres.
+    :return: a new TransformStamped with the frame and stamp of ``transform`` and the child of ``content``.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: the rotation of ``transform`` is not finite.
     """
     cdef Transform tf
     cdef Layout layout = transform_stamped_layout

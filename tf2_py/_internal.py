@@ -8,6 +8,7 @@ its modules can be moved; what they cimport stands in ``_internal.pxd``.
 from tf2_py._objects import log
 from tf2_py._objects.at_exit import keep_for_ever, skip_exit_handlers
 from tf2_py._objects.errors import MalformedObjectError, bad_name
+from tf2_py._objects.frame_names import is_invalid_name
 from tf2_py._objects.printable import printable
 from tf2_py._objects.rotations import normalise
 from tf2_py._objects.serialize import serialize_transforms
@@ -18,6 +19,7 @@ __all__ = [
     "MalformedObjectError",
     "bad_name",
     "duration_ns",
+    "is_invalid_name",
     "keep_for_ever",
     "log",
     "normalise",

@@ -18,10 +18,11 @@ class _SecNanosec(Protocol):
 
 _TimeLike = _Nanoseconds | _SecNanosec
 _DurationLike = _Nanoseconds | _SecNanosec
-_Times = ArrayLike | Sequence[_TimeLike]
+_Times = ArrayLike | Sequence[_TimeLike]  # an ArrayLike holds integer nanoseconds
 _Float = TypeVar("_Float", np.float32, np.float64)
-_Vector = tuple[float, float, float]
+_Vector = tuple[float, float, float]  # x y z
 
+# What BufferCore.statistics returns; all are counts but `bytes`.
 class _Statistics(TypedDict):
     taken: int
     refused: dict[str, int]
@@ -32,7 +33,7 @@ class _Statistics(TypedDict):
     waits_refused: int
     malformed_messages: int
 
-class _Wait:
+class _Wait:  # tf2_py._engine.wait.Wait
     @property
     def answer(self) -> TransformStamped | None: ...
     def cancel(self) -> bool: ...

@@ -278,7 +278,7 @@ cdef class BufferCore(Engine):
             series.translations = &translations[0, 0]
             series.rotations = &rotations[0, 0]
             series.points = NULL
-            series.carried = NULL
+            series.transformed = NULL
             series.nan_missing = on_missing == "nan"
             self._lookup_series(&query, &series)
         return translations_array, rotations_array
@@ -300,23 +300,23 @@ cdef class BufferCore(Engine):
         cdef TimeSeries series
         cdef const int64_t[::1] times_ns = as_times_ns(times)
         cdef const double[:, ::1] rows
-        cdef double[:, ::1] carried
+        cdef double[:, ::1] transformed
         rows_array, dtype = as_points(points)
         series.count = times_ns.shape[0]
         if len(rows_array) != series.count:
             raise ValueError(f"{len(rows_array)} points, {series.count} times: each point needs its own time")
-        carried_array = new_rows(series.count, 3)
+        transformed_array = new_rows(series.count, 3)
         query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
         if series.count:
-            rows, carried = rows_array, carried_array
+            rows, transformed = rows_array, transformed_array
             series.times_ns = &times_ns[0]
             series.points = &rows[0, 0]
-            series.carried = &carried[0, 0]
+            series.transformed = &transformed[0, 0]
             series.translations = NULL
             series.rotations = NULL
             series.nan_missing = False
             self._lookup_series(&query, &series)
-        return carried_array.astype(dtype, copy=False)
+        return transformed_array.astype(dtype, copy=False)
 
     cdef int _lookup_series(self, Query* query, const TimeSeries* series) except -1:
         cdef Py_ssize_t answered

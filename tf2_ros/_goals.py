@@ -139,7 +139,7 @@ class GoalSender:
         """
         End; pending goals fail with a TimeoutException.
 
-        :param wait: until the thread has ended. Not from a finalizer, see `Spinner.stop`.
+        :param wait: until the thread has ended. Not from a finalizer, see ``Spinner.stop``.
         """
         if self._closed:
             return

@@ -58,7 +58,7 @@ def dynamic_overrides(node: Node, topic: str, kind: str) -> dict[str, Any]:
 
 
 def static_overrides(node: Node, topic: str, kind: str) -> dict[str, Any]:
-    """The same for a static topic; `kind` is 'publisher' or 'subscription'."""
+    """The same for a static topic; ``kind`` is 'publisher' or 'subscription'."""
     return _overrides(node, topic, kind, _STATIC_POLICIES)
 
 

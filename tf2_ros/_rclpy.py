@@ -3,8 +3,7 @@ Owns all that relies on the inside of rclpy: attributes and frames that its docu
 
 Each function says what it assumes, and what it does where that does not hold. Tested with rclpy 7.1 (Jazzy)
 and 9.1 (Kilted), each assumption in tests/test_rclpy_inside.py. What an executor's rounds need in Cython is
-in
-`tf2_ros._receive.rclpy_rounds`; how times are read from their handles, in `tf2_py._objects.times`.
+in ``tf2_ros._receive.rclpy_rounds``; how times are read from their handles, in ``tf2_py._objects.times``.
 """
 
 import sys
@@ -60,7 +59,7 @@ def handle_pointer(handle: Any) -> int:
     """
     The address of a handle's rcl struct.
 
-    Assumes the attribute ``pointer``, an int, which holds while the handle is in use (`enter_handle`).
+    Assumes the attribute ``pointer``, an int, which holds while the handle is in use (``enter_handle``).
     Without it an AttributeError is raised.
     """
     pointer: int = handle.pointer

@@ -217,12 +217,12 @@ class ConvertRegistration:
 
 
 def to_msg_msg(msg: Any) -> Any:
-    """Return `msg`, which is a message already."""
+    """Return ``msg``, which is a message already."""
     return msg
 
 
 def from_msg_msg(msg: Any) -> Any:
-    """Return `msg`, which is a message already."""
+    """Return ``msg``, which is a message already."""
     return msg
 
 

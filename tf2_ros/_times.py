@@ -21,7 +21,7 @@ FOR_EVER = Duration(seconds=2**31 - 1)  # the most that a duration message can s
 
 
 def timeout_ns(timeout: Any) -> int:
-    """The nanoseconds of a timeout, at most FOR_EVER_NS; see `tf2_py._internal.duration_ns`."""
+    """The nanoseconds of a timeout, at most FOR_EVER_NS; see ``tf2_py._internal.duration_ns``."""
     return duration_ns(timeout, "a timeout")
 
 

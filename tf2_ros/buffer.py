@@ -1,4 +1,4 @@
-"""Owns the buffer that a node uses: the engine, waiting for it, its service and its clock."""
+"""Owns the buffer that a node uses: a BufferCore that can be waited for, with a service and a clock."""
 
 from functools import partial
 from typing import Any
@@ -137,10 +137,10 @@ class Buffer(BufferCore, BufferInterface):
         self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
     ) -> TransformStamped:
         """
-        Get the transform that carries data from ``source_frame`` into ``target_frame``.
+        Get the transform that maps data from ``source_frame`` to ``target_frame``.
 
-        :param target_frame: where to.
-        :param source_frame: the frame of the data.
+        :param target_frame: the frame that the data is wanted in.
+        :param source_frame: the frame that the data is in.
         :param time: of the transform; 0 is the latest time for which all frames on the path have data.
         :param timeout: how long to wait until there is an answer. The wait ends early when the context ends,
             and on Ctrl-C. Zero or negative: do not wait.
@@ -170,10 +170,10 @@ class Buffer(BufferCore, BufferInterface):
         """
         Get the transform from ``source_frame`` at ``source_time`` into ``target_frame`` at ``target_time``.
 
-        :param target_frame: where to.
+        :param target_frame: the frame that the data is wanted in.
         :param target_time: the time in ``target_frame``; 0 is the latest time for which all frames on the
             path between it and ``fixed_frame`` have data.
-        :param source_frame: the frame of the data.
+        :param source_frame: the frame that the data is in.
         :param source_time: the time of the data; 0 likewise, for the path between it and ``fixed_frame``.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: as of :meth:`lookup_transform`.
@@ -308,7 +308,7 @@ class Buffer(BufferCore, BufferInterface):
         self, target_frame: str, source_frame: str, time: Time, *, timeout: Duration | None = None
     ) -> TransformStamped:
         """
-        Await the transform that carries data from ``source_frame`` into ``target_frame``.
+        Await the transform that maps data from ``source_frame`` to ``target_frame``.
 
         :param target_frame: as of :meth:`lookup_transform`, like ``source_frame`` and ``time``.
         :param timeout: how long. None: for ever.

@@ -90,7 +90,7 @@ class BufferClient(BufferInterface):
         node: Node,
         ns: str,
         check_frequency: float = 10.0,
-        timeout_padding: Duration = Duration(seconds=2.0),  # noqa: B008  as upstream; a Duration cannot change
+        timeout_padding: Duration = Duration(seconds=2.0),  # noqa: B008  as in tf2; a Duration cannot change
     ) -> None:
         if not check_frequency > 0.0:
             raise ValueError(f"check_frequency must be above 0 Hz, it is {check_frequency}")
@@ -118,10 +118,10 @@ class BufferClient(BufferInterface):
         self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
     ) -> TransformStamped:
         """
-        Get the transform that carries data from ``source_frame`` into ``target_frame``.
+        Get the transform that maps data from ``source_frame`` to ``target_frame``.
 
-        :param target_frame: where to.
-        :param source_frame: the frame of the data.
+        :param target_frame: the frame that the data is wanted in.
+        :param source_frame: the frame that the data is in.
         :param time: of the transform; 0 is the latest time for which all frames on the path have data.
         :param timeout: how long to wait, for a server and then in it for the transform, in steady time.
         :return: a ``TransformStamped``, as of :meth:`tf2_ros.Buffer.lookup_transform`.
@@ -146,9 +146,9 @@ class BufferClient(BufferInterface):
         """
         Get the transform from ``source_frame`` at ``source_time`` into ``target_frame`` at ``target_time``.
 
-        :param target_frame: where to.
+        :param target_frame: the frame that the data is wanted in.
         :param target_time: the time in ``target_frame``; 0 is the latest one.
-        :param source_frame: the frame of the data.
+        :param source_frame: the frame that the data is in.
         :param source_time: the time of the data; 0 is the latest one.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: as of :meth:`lookup_transform`, which raises the same.

@@ -100,7 +100,7 @@ class BufferInterface:
 
         :param object_stamped: an object with a ``header``, of a registered type. If its stamp is 0, the
             latest transform is used.
-        :param target_frame: where to.
+        :param target_frame: the frame that the object is wanted in.
         :param timeout: how long to wait for the transform, in steady time. Zero: do not wait.
         :param new_type: convert the result to this type. None: no conversion.
         :return: a new object; the one given is not changed.
@@ -129,7 +129,7 @@ class BufferInterface:
         Transform an object from its own time into another frame at another time.
 
         :param object_stamped: as of :meth:`transform`, which raises the same.
-        :param target_frame: where to.
+        :param target_frame: the frame that the object is wanted in.
         :param target_time: the time of the result; 0 is the latest time for which the frames between
             ``target_frame`` and ``fixed_frame`` have data.
         :param fixed_frame: a frame that does not move between the two times.
@@ -155,7 +155,7 @@ class BufferInterface:
         Transform an object into another frame as soon as the transform is available.
 
         :param object_stamped: as of :meth:`transform`, which raises the same.
-        :param target_frame: where to.
+        :param target_frame: the frame that the object is wanted in.
         :param timeout: how long to wait for the transform, in steady time. None: for ever.
         :param new_type: as of :meth:`transform`.
         :return: a new object.
@@ -173,7 +173,7 @@ class BufferInterface:
         self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
     ) -> TransformStamped:
         """
-        Get the transform that carries data from ``source_frame`` into ``target_frame``.
+        Get the transform that maps data from ``source_frame`` to ``target_frame``.
 
         :param time: of the transform; 0 is the latest time for which all frames on the path have data.
         :param timeout: how long to wait for it, in steady time. Zero: do not wait.

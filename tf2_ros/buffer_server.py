@@ -1,4 +1,4 @@
-"""Owns answering the lookups of other processes, through the action of a buffer server."""
+"""Owns the buffer server: it answers the lookups of other processes, through an action."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._internal import bad_name
+from tf2_py._internal import bad_name, is_invalid_name
 from tf2_ros._qos import lookup_qos
 from tf2_ros._times import timeout_ns
 from tf2_ros._wait.handoff import Handoff
@@ -49,7 +49,7 @@ class BufferServer:
     :param buffer: the buffer; a listener, or the program, fills it.
     :param node: offers the action; its executor answers.
     :param ns: the name of the action.
-    :param check_period: in seconds; accepted because upstream has it, and without effect: a goal that waits
+    :param check_period: in seconds; accepted because tf2 has it, and without effect: a goal that waits
         is answered when its transform is inserted.
     :raises TypeError: ``buffer`` is no buffer.
 
@@ -104,7 +104,7 @@ class BufferServer:
             lookup = lookup._replace(target_time=goal.target_time, fixed_frame=goal.fixed_frame)
         for argument, name in names.items():
             # Here, because a lookup between equal names does not check them.
-            if not name or name.startswith("/"):
+            if is_invalid_name(name):
                 refused = Future()
                 refused.set_exception(bad_name(name, argument))
                 return refused

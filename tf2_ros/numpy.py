@@ -23,7 +23,8 @@ def to_matrix(msg: Any) -> Array:
 
     :param msg: a ``TransformStamped``, ``Transform``, ``PoseStamped`` or ``Pose``, or an object with the
         fields of one.
-    :return: shape (4, 4), float64: ``to_matrix(t) @ [x, y, z, 1]`` is a point carried by ``t``, in metres.
+    :return: shape (4, 4), float64: ``to_matrix(t) @ [x, y, z, 1]`` is the point (x, y, z), in metres,
+        transformed by ``t``.
     :raises TypeError: another type.
     :raises ValueError: the rotation has no finite length above zero.
     """

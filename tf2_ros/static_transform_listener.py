@@ -1,4 +1,4 @@
-"""Owns nothing: the path by which upstream's StaticTransformListener is imported."""
+"""Owns nothing: the module from which tf2's StaticTransformListener is imported."""
 
 from tf2_ros.transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, StaticTransformListener
 

@@ -13,8 +13,8 @@ from tf2_py import BufferCore
 from tf2_ros._forking import NodeUse
 from tf2_ros._hidden_node import hidden_node
 from tf2_ros._qos import dynamic_overrides, listener_qos, static_listener_qos, static_overrides
-from tf2_ros._receive.callback_group import ListenerGroup, wake_executor
 from tf2_ros._receive.receiver_thread import ReceiverThread, can_receive
+from tf2_ros._receive.subscriptions import ListenerGroup, wake_executor
 from tf2_ros._spinner import END_WAIT_S, Spinner
 from tf2_ros._tf2_names import (
     DurabilityPolicy,

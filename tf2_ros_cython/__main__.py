@@ -1,4 +1,4 @@
-"""`python -m tf2_ros_cython` is `tf2_ros.cli.which` where `tf2_ros` may be another's, which has none."""
+"""``python -m tf2_ros_cython`` is ``tf2_ros.cli.which``, also where another tf2_ros is imported."""
 
 import sys
 

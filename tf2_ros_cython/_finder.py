@@ -1,4 +1,5 @@
-"""Owns the precedence over the tf2 of a sourced ROS 2, whose folder precedes site-packages on the path.
+"""
+Owns the precedence over the tf2 of a sourced ROS 2, whose folder precedes site-packages on the path.
 
 The installation's .pth file imports this module at Python's start wherever AMENT_PREFIX_PATH is set. So it
 imports nothing that Python has not loaded by then, and looks at the disk only when one of ours is imported.
@@ -32,7 +33,8 @@ def install():
 
 
 def precedes(name):
-    """Whether ours takes precedence over the package `name` that the path offers.
+    """
+    Whether ours takes precedence over the package ``name`` that the path offers.
 
     It does where that is the distribution's, and no layer below it is of a workspace: a workspace with a fork
     of one package keeps it, together with the distribution's packages that stand on it.
@@ -46,7 +48,7 @@ def precedes(name):
 
 
 def found_on_path(name):
-    """The folder of the path that holds the package `name`, or None."""
+    """The folder of the path that holds the package ``name``, or None."""
     spec = _path_finder().find_spec(name)
     if spec is None or not spec.submodule_search_locations:
         return None
@@ -54,7 +56,8 @@ def found_on_path(name):
 
 
 def distribution_prefix(environ=os.environ):
-    """The folder in which the ROS 2 distribution is installed: the undermost one that holds rclpy.
+    """
+    The folder in which the ROS 2 distribution is installed: the undermost one that holds rclpy.
 
     So a workspace over it that has an rclpy of its own is a workspace still. A distribution that colcon built
     may have a folder for each package: then it is the folder of all of them.

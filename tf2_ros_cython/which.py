@@ -32,7 +32,7 @@ def main(args: list[str] | None = None) -> int:
 
 
 def _imported_from(name: str) -> Path | None:
-    """The folder that holds the package that `import name` gives; nothing is imported for that."""
+    """The folder that holds the package that ``import name`` gives; nothing is imported for that."""
     spec = importlib.util.find_spec(name)
     if spec is None or not spec.submodule_search_locations:
         return None

@@ -87,7 +87,7 @@ cdef const unsigned char[::1] _bytes_of(object data):
 cdef dict _fields_by_name(object cloud):
     fields = {}
     for field in get_field(cloud_layout, cloud, "fields"):
-        # Of two alike, the first, as upstream.
+        # Of two with one name, the first, as in tf2.
         fields.setdefault(get_field(field_layout, field, "name"), field)
     return fields
 
@@ -257,24 +257,25 @@ cdef void _transform_grid(const char* source, char* target, const Grid* grid) no
 
 
 def do_transform_cloud(cloud, transform, *, only_xyz=False):
-    """Transform a point cloud: p' = R p + t, in double precision, without the GIL.
+    """
+    Transform a point cloud: p' = R p + t, in double precision, without the GIL.
 
     Fields may be in any order, at any offset, with any padding, in either byte order; x, y and z may be of
     any type, even of different ones; integers are truncated, as in tf2. Everything else stays as it is: other
-    fields, padding, rows, `is_dense`; a point with one NaN has three in the result. But a cloud of x, y and z
-    alone loses the padding after them, as in tf2, and a `row_step` that contradicts the data is corrected.
-    Normals (`normal_x/y/z`) are rotated, viewpoints (`vp_x/y/z`) rotated and translated, where a cloud has
-    all three as float32 or float64. Upstream's C++ also rotates normals, and leaves viewpoints; its Python
-    transforms x, y and z alone.
+    fields, padding, rows, ``is_dense``; a point with one NaN has three in the result. But a cloud of x, y and
+    z alone loses the padding after them, as in tf2, and a ``row_step`` that contradicts the data is
+    corrected. Normals (``normal_x/y/z``) are rotated, viewpoints (``vp_x/y/z``) rotated and translated, where
+    a cloud has all three as float32 or float64. tf2's C++ also rotates normals, and leaves viewpoints; its
+    Python transforms x, y and z alone.
 
-    :param cloud: a PointCloud2, coordinates in metres
-    :param transform: a TransformStamped, or a Transform, with which the cloud's frame stays; metres
-    :param only_xyz: leave normals and viewpoints as they are
-    :return: a new PointCloud2 with the transform's frame and the cloud's own stamp
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: x, y or z is missing, no number or beyond `point_step` (as in tf2 also an
-        AssertionError), `data` is too short for the points (also a TypeError), or the transform's rotation is
-        not finite
+    :param cloud: a PointCloud2, coordinates in metres.
+    :param transform: a TransformStamped, or a Transform, with which the cloud's frame stays; metres.
+    :param only_xyz: leave normals and viewpoints as they are.
+    :return: a new PointCloud2 with the transform's frame and the cloud's own stamp.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: x, y or z is missing, no number or beyond ``point_step`` (as in tf2 also an
+        AssertionError), ``data`` is too short for the points (also a TypeError), or the transform's rotation
+        is not finite.
     """
     cdef Transform tf
     cdef Grid grid

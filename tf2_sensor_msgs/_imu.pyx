@@ -4,6 +4,7 @@ from libc.string cimport memcpy
 
 from tf2_geometry_msgs._matrix cimport covariance_rotate, matrix_from_quaternion
 from tf2_geometry_msgs._parts cimport (
+    copied_covariance,
     get_field,
     new_covariance,
     new_orientation,
@@ -62,25 +63,20 @@ cdef object _transformed_attitude(object quaternion, const Transform* transform)
     return new_orientation(q)
 
 
-cdef object _copied_covariance(object covariance):
-    cdef double values[9]
-    read_covariance(covariance, 3, values)
-    return new_covariance(values, 3)
-
-
 def do_transform_imu(imu, transform):
-    """Express what an IMU measured in the axes of another frame that is fixed to it: w' = R w, a' = R a.
+    """
+    Express what an IMU measured in the axes of another frame that is fixed to it: w' = R w, a' = R a.
 
     Both vectors and their covariances (R C R^T) are rotated; the lever arm does not count: the acceleration
     is still that of the IMU's place. The orientation becomes that of the new frame in the same world,
-    q' = q r^-1, with the covariance it had, as in upstream's C++. A covariance that begins with -1 marks an
+    q' = q r^-1, with the covariance it had, as in tf2's C++. A covariance that begins with -1 marks an
     estimate as absent and stays as it is, and so does an orientation of zero length.
 
-    :param imu: an Imu, radians per second and metres per second squared
-    :param transform: a TransformStamped
-    :return: a new Imu with the transform's frame and stamp; its orientation has length one and w >= 0
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: a covariance is not 9 numbers, or the transform's rotation is not finite
+    :param imu: an Imu, radians per second and metres per second squared.
+    :param transform: a TransformStamped.
+    :return: a new Imu with the transform's frame and stamp; its orientation has length one and w >= 0.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: a covariance is not 9 numbers, or the transform's rotation is not finite.
     """
     cdef Transform tf
     cdef Layout layout = imu_layout
@@ -91,7 +87,7 @@ def do_transform_imu(imu, transform):
         layout, message, "orientation", _transformed_attitude(get_field(layout, imu, "orientation"), &tf)
     )
     covariance = get_field(layout, imu, "orientation_covariance")
-    set_field(layout, message, "orientation_covariance", _copied_covariance(covariance))
+    set_field(layout, message, "orientation_covariance", copied_covariance(covariance, 3))
     velocity = get_field(layout, imu, "angular_velocity")
     set_field(layout, message, "angular_velocity", rotated_vector(velocity, &tf))
     covariance = get_field(layout, imu, "angular_velocity_covariance")
@@ -104,15 +100,16 @@ def do_transform_imu(imu, transform):
 
 
 def do_transform_magnetic_field(magnetic_field, transform):
-    """Express a magnetic field in the axes of another frame: b' = R b, its covariance R C R^T.
+    """
+    Express a magnetic field in the axes of another frame: b' = R b, its covariance R C R^T.
 
     The translation does not count.
 
-    :param magnetic_field: a MagneticField, tesla
-    :param transform: a TransformStamped
-    :return: a new MagneticField with the transform's frame and stamp
-    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError
-    :raises ValueError: a covariance is not 9 numbers, or the transform's rotation is not finite
+    :param magnetic_field: a MagneticField, tesla.
+    :param transform: a TransformStamped.
+    :return: a new MagneticField with the transform's frame and stamp.
+    :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
+    :raises ValueError: a covariance is not 9 numbers, or the transform's rotation is not finite.
     """
     cdef Transform tf
     cdef Layout layout = magnetic_field_layout

@@ -147,13 +147,14 @@ cdef void triples_transform(const char* source, const Triples* source_at, char* 
 
 
 def transform_points(point_cloud, transform):
-    """Transform points: p' = R p + t, in double precision, without the GIL.
+    """
+    Transform points: p' = R p + t, in double precision, without the GIL.
 
-    :param point_cloud: an array of shape (n, 3), x y z in metres, of any strides; or what NumPy makes one of
-    :param transform: a TransformStamped or Transform, metres
-    :return: a new array of shape (n, 3): float32 for float32, otherwise float64
-    :raises TypeError: `transform` is of another type, or the points are no real numbers
-    :raises ValueError: the points have another shape, or the transform's rotation is not finite
+    :param point_cloud: an array of shape (n, 3), x y z in metres, of any strides; or what NumPy makes one of.
+    :param transform: a TransformStamped or Transform, metres.
+    :return: a new array of shape (n, 3): float32 for float32, otherwise float64.
+    :raises TypeError: ``transform`` is of another type, or the points are no real numbers.
+    :raises ValueError: the points have another shape, or the transform's rotation is not finite.
     """
     cdef Transform tf
     cdef Rigid rigid

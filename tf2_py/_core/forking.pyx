@@ -1,8 +1,8 @@
 """
 Owns the list of locks to be held around a fork: in the child their holders do not exist.
 
-C's `pthread_atfork` and not Python's `os.register_at_fork`: it also runs for the forks of C code, and right
-around the fork, so that no Python code runs while the locks are held.
+C's ``pthread_atfork`` and not Python's ``os.register_at_fork``: it also runs for the forks of C code, and
+right around the fork, so that no Python code runs while the locks are held.
 """
 
 from libc.stdint cimport uint32_t

@@ -17,12 +17,14 @@ from tf2_py._core.change cimport ANY_TIME, CHANGE_DATA, CHANGE_NAME, CHANGE_PARE
 from tf2_py._core.lookup cimport Query, query_end_frames, query_fixed_frame
 from tf2_py._core.names cimport name_hash
 from tf2_py._core.path cimport Path
-from tf2_py._core.tree cimport MIXED_PARENTS, NEWEST, Tree, tree_parent
+from tf2_py._core.tree cimport Tree, tree_parent
 from tf2_py._core.types cimport (
     GAP_NONE,
     HALF_SOURCE,
     HALF_TARGET,
     MAX_HOPS,
+    MIXED_PARENTS,
+    NEWEST,
     NO_FRAME,
     STATUS_BAD_FIXED,
     STATUS_BAD_SOURCE,
@@ -161,7 +163,7 @@ cdef void _find_latest(const Tree* tree, FrameId target, FrameId source, Lacks* 
         lacks.unknown = True
         return
     if tree.ever_looped:
-        # The reference's order depends on the frames above the common ancestor, too.
+        # A walk in tf2's order depends on the frames above the common ancestor, too.
         visit.end_count = 0
         _climb(tree, source, NEWEST, ANY_TIME, lacks, &visit)
         _climb(tree, target, NEWEST, ANY_TIME, lacks, &visit)

@@ -1,5 +1,5 @@
 """
-Walks in the order of the reference, geometry2: up from the source to its root or first gap, then up from the
+Walks in the order of tf2, the reference: up from the source to its root or first gap, then up from the
 target. The order decides which of several errors is reported, and what a tree that contains a loop answers.
 Lookups that succeed in trees without a loop do not need it.
 """

@@ -1,4 +1,4 @@
-"""Owns the walks in the order of the reference, geometry2."""
+"""Owns the walks in the order of tf2, the reference."""
 
 from libc.stdint cimport int64_t, uint32_t
 

@@ -9,13 +9,14 @@ from tf2_py._core.types cimport Status
 
 
 cdef struct TimeSeries:
-    # The times of one call and the memory for its answers; exactly one of `translations` and `points` is set.
+    # The times of one call and the memory for its answers: either `translations` and `rotations`, or `points`
+    # and `transformed`; the other two are NULL.
     const int64_t* times_ns     # the source's times
     Py_ssize_t count            # of the times
     double* translations        # (count, 3), metres
     double* rotations           # (count, 4), x y z w
     const double* points        # (count, 3), metres: to be transformed, each with its own time
-    double* carried             # (count, 3): the transformed points
+    double* transformed         # (count, 3), metres: the transformed points
     bint nan_missing            # fill NaN where there is no answer, instead of stopping there
 
 

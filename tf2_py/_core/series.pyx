@@ -27,8 +27,17 @@ from tf2_py._core.series_work cimport (
     work_store,
     work_transform_points,
 )
-from tf2_py._core.tree cimport MIXED_PARENTS, NEWEST, Tree
-from tf2_py._core.types cimport HALF_SOURCE, NO_FRAME, STATUS_OK, FrameId, Status, Transform
+from tf2_py._core.tree cimport Tree
+from tf2_py._core.types cimport (
+    HALF_SOURCE,
+    MIXED_PARENTS,
+    NEWEST,
+    NO_FRAME,
+    STATUS_OK,
+    FrameId,
+    Status,
+    Transform,
+)
 from tf2_py._core.walk cimport walk_climb, walk_lookup
 
 # A call may take long. So it pins the histories that it reads and releases the lock: however long it takes,
@@ -252,7 +261,7 @@ cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, 
             _answer_batch(&pinned, series.times_ns + start, count, &work)
         answered = _answer_singly(tree, lock, query, &pinned, series, start, count, &work, status)
         if series.points != NULL:
-            work_transform_points(&work, answered, series.points + 3 * start, series.carried + 3 * start)
+            work_transform_points(&work, answered, series.points + 3 * start, series.transformed + 3 * start)
         else:
             work_store(&work, answered, series.translations + 3 * start, series.rotations + 4 * start)
         start += answered

@@ -321,7 +321,7 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     tree.work += history.moved // SAMPLES_PER_INSERT
     if change != NULL:
         change.frame = child
-        # Once a link has closed a loop, all walks keep to the reference's order.
+        # Once a link has closed a loop, all walks are made in tf2's order.
         change.everything = tree.ever_looped != ever_looped
         change_add(change, CHANGE_DATA, history.covered.first, history.covered.last)
         limits_common_time = cache.newest_ns != 0 and not had_stamp

@@ -7,8 +7,18 @@ from tf2_py._core.cache_find cimport cache_parent_at
 from tf2_py._core.geometry cimport transform_identity
 from tf2_py._core.path cimport Path, path_common_time, path_transform
 from tf2_py._core.reference_walk cimport reference_common_time, reference_walk
-from tf2_py._core.tree cimport MIXED_PARENTS, NEWEST, Tree
-from tf2_py._core.types cimport MAX_HOPS, NO_FRAME, STATUS_OK, FrameId, Status, Transform, status_of
+from tf2_py._core.tree cimport Tree
+from tf2_py._core.types cimport (
+    MAX_HOPS,
+    MIXED_PARENTS,
+    NEWEST,
+    NO_FRAME,
+    STATUS_OK,
+    FrameId,
+    Status,
+    Transform,
+    status_of,
+)
 
 
 cdef enum:

@@ -5,6 +5,7 @@ from libc.stdint cimport SIZE_MAX, UINT32_MAX, int64_t, uint32_t, uint64_t
 from libc.stdlib cimport free, malloc
 from libc.string cimport memset
 
+from tf2_py._core.change cimport Change
 from tf2_py._core.forking cimport FORK_INNER, fork_forget, fork_watch
 from tf2_py._core.lock cimport lock_free, lock_init, lock_read, lock_write, unlock_read, unlock_write
 from tf2_py._core.lookup cimport (
@@ -20,7 +21,6 @@ from tf2_py._core.series cimport TimeSeries, series_lookup
 from tf2_py._core.tree cimport (
     DEFAULT_CACHE_TIME_NS,
     TREE_NO_MEMORY,
-    Change,
     Limits,
     Tree,
     tree_authority,
@@ -55,8 +55,8 @@ from tf2_py._core.waiters cimport (
 )
 from tf2_py._core.walk cimport walk_common_time, walk_lookup
 from tf2_py._engine.snapshot cimport snapshot_frames, snapshot_names
+from tf2_py._objects.frame_names cimport name_for_log
 from tf2_py._objects.lookup_errors cimport query_error, query_lack
-from tf2_py._objects.names_in_logs cimport name_for_log
 from tf2_py._objects.throttle cimport LINES_PER_MESSAGE, Throttle
 from tf2_py._wire.batch cimport Batch, Entry, batch_begin
 

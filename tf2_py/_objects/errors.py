@@ -1,5 +1,6 @@
 """Owns the exceptions and their texts."""
 
+from tf2_py._objects.frame_names import is_invalid_name
 from tf2_py._objects.printable import printable
 
 __all__ = [
@@ -35,7 +36,7 @@ class InvalidArgumentException(TransformException):
 
 
 class TimeoutException(TransformException):
-    """An answer did not come in time."""
+    """An answer was not available in time."""
 
 
 class MalformedObjectError(AttributeError, TypeError):
@@ -61,7 +62,7 @@ def bad_name(name: str, argument: str, call: str = "lookupTransform") -> Transfo
     """What is wrong with the name of a frame that no lookup accepts; ``call`` is who was given it."""
     is_question = call == "canTransform"
     given = f'"{printable(name)}" passed to {call} argument {argument}'
-    if name and not name.startswith("/"):
+    if not is_invalid_name(name):
         return LookupException(
             f"Invalid frame ID {given} - frame does not exist" if is_question else f"{given} does not exist"
         )

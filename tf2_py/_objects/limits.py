@@ -1,4 +1,4 @@
-"""Owns how much a buffer may hold: more than robots need, less than a hostile sender would send."""
+"""Owns the limits of a buffer, so that no sender can fill the memory: defaults, and what sets others."""
 
 import os
 
@@ -6,7 +6,16 @@ DEFAULTS = {"max_frames": 1_000_000, "max_bytes": 1 << 30, "max_waiters": 100_00
 
 
 def limit(name: str, given: int | None) -> int:
-    """A limit: as given, or as in the environment (``TF2_ROS_CYTHON_MAX_FRAMES`` ...), or the default."""
+    """
+    Decide one limit: the argument, else the environment variable, else the default.
+
+    :param name: of the argument, a key of DEFAULTS; the variable of ``max_frames`` is
+        ``TF2_ROS_CYTHON_MAX_FRAMES``.
+    :param given: the argument; None: not given. Frames or waiters are counted, memory is in bytes.
+    :raises TypeError: the argument is no int.
+    :raises ValueError: the limit is not above 0, it does not fit into the C type that holds it, or the
+        variable is no whole number.
+    """
     source = name
     if given is None:
         source = f"TF2_ROS_CYTHON_{name.upper()}"

@@ -32,7 +32,7 @@ class FrameFacts(NamedTuple):
 
 
 def _microseconds(ns: int) -> str:
-    # In the reference's order of rounding: at today's times a double holds six decimals just about.
+    # Rounded in tf2's order: at the times of today a double holds little more than six decimals.
     whole, rest = divmod(ns, NS_PER_S)
     return f"{whole + 1e-9 * rest:.6f}"
 

@@ -7,7 +7,16 @@ from tf2_py._objects.errors import seconds
 from tf2_py._objects.printable import printable
 from tf2_py._objects.throttle import Throttle
 
-__all__ = ["OLD_DATA", "REFUSALS", "Throttle", "malformed", "not_logged", "refused", "too_many_waiters"]
+__all__ = [
+    "OLD_DATA",
+    "REFUSALS",
+    "Throttle",
+    "malformed",
+    "not_logged",
+    "receiving_failed",
+    "refused",
+    "too_many_waiters",
+]
 
 # By bit of the engine's REFUSED_*: the tag that users search for, the key in statistics(), the reason.
 REFUSALS = (
@@ -58,6 +67,12 @@ def malformed(throttle: Throttle, what: str, error: str) -> None:
     """Log one message that could not be read."""
     if throttle.passes(what):
         _logger().error(f"Ignoring a malformed message on {what}: {error}")
+
+
+def receiving_failed(throttle: Throttle, error: str) -> None:
+    """Log what a receiver's thread could not raise; ``error`` is a traceback."""
+    if throttle.passes("receiver"):
+        _logger().error(f"Receiving transforms failed: {error}")
 
 
 def too_many_waiters(throttle: Throttle, error: str) -> None:

@@ -1,6 +1,8 @@
-"""Stand-ins for the message classes, with the same fields, for environments without ROS."""
+"""Owns stand-ins for the message classes, with their fields and defaults, for environments without ROS."""
 
 from dataclasses import dataclass, field
+
+from tf2_py._objects.errors import NS_PER_S
 
 __all__ = ["Header", "Quaternion", "Time", "Transform", "TransformStamped", "Vector3"]
 
@@ -10,9 +12,10 @@ class Time:
     sec: int = 0
     nanosec: int = 0
 
+    # Not of the message: this class also stands for rclpy.time.Time.
     @property
     def nanoseconds(self) -> int:
-        return self.sec * 1_000_000_000 + self.nanosec
+        return self.sec * NS_PER_S + self.nanosec
 
 
 @dataclass(slots=True)

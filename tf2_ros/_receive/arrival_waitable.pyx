@@ -1,7 +1,5 @@
 """Owns the counts of messages that a receiver took, and what an executor calls in each of its rounds."""
 
-from collections import deque
-
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t
 
@@ -23,6 +21,8 @@ from tf2_ros._receive.rcl cimport (
     rcl_trigger_guard_condition,
 )
 from tf2_ros._receive.rclpy_rounds cimport ONE_GUARD_CONDITION, called_by_own_loop, handle_pointer
+
+from collections import deque
 
 # How often messages wake an executor in its own loop, at most.
 cdef int64_t ROUND_NS = 100000000

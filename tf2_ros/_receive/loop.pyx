@@ -1,8 +1,5 @@
 """Owns the loop that takes transforms from rcl's subscriptions into a buffer, without the GIL."""
 
-import traceback
-import weakref
-
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uintptr_t
 from libc.string cimport memset
@@ -65,6 +62,9 @@ from tf2_ros._receive.type_watch cimport (
     type_watch_permits,
 )
 
+import traceback
+import weakref
+
 from tf2_py._internal import log
 
 cdef enum:
@@ -108,7 +108,7 @@ cdef class Receiver:
     :param str authority: of the transforms.
     :param arrivals: counts the messages.
     :param hand_over: called with a list of callables that run user code: what a message completed. Where it
-        returns true, the message is counted with these, and not in `arrivals`.
+        returns true, the message is counted with these, and not in ``arrivals``.
     """
 
     cdef void* _engine          # NULL once it was destroyed; guarded by _engine_lock
@@ -185,7 +185,7 @@ cdef class Receiver:
 
     def reinsert_recent(self, int64_t until_ns):
         """
-        Insert again what arrived since the clock last moved forward, except stamps after `until_ns`.
+        Insert again what arrived since the clock last moved forward, except stamps after ``until_ns``.
 
         For the jump callback of the clock, after the buffer was cleared.
         """
@@ -392,8 +392,7 @@ cdef class Receiver:
                 engine.report(&self._batch, later)
         except BaseException:
             # Usually for lack of memory; the next message may succeed.
-            if engine._throttle.passes("receiver"):
-                log._logger().error(f"While transforms came in: {traceback.format_exc()}")
+            log.receiving_failed(engine._throttle, traceback.format_exc())
         return bool(later) and self._hand_over(later)
 
 

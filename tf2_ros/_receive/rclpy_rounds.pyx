@@ -1,13 +1,13 @@
 """
 Owns what the receiver relies on of rclpy's executors in each of their rounds, where Python would be too slow.
 
-The Python part is `tf2_ros._rclpy`. Each assumption has a test in tests/test_rclpy_inside.py, and was tested
-with rclpy 7.1 (Jazzy) and 9.1 (Kilted).
+The Python part is ``tf2_ros._rclpy``. Each assumption has a test in tests/test_rclpy_inside.py, and was
+tested with rclpy 7.1 (Jazzy) and 9.1 (Kilted).
 """
 
-import sys
-
 from libc.stdint cimport uintptr_t
+
+import sys
 
 import rclpy
 from rclpy.executors import Executor

@@ -21,9 +21,9 @@ from tf2_py import BufferCore
 from tf2_ros._forking import keep_for_ever
 from tf2_ros._rclpy import enter_handle, handle_pointer
 from tf2_ros._receive.arrivals import Arrivals, Completion
-from tf2_ros._receive.callback_group import ListenerGroup, ReceivedSubscription, wake_executor
 from tf2_ros._receive.callback_thread import callback_thread
 from tf2_ros._receive.source import Source
+from tf2_ros._receive.subscriptions import ListenerGroup, ReceivedSubscription, wake_executor
 
 Receiver: Any
 try:
@@ -40,8 +40,8 @@ __all__ = [
     "reinsert_recent",
 ]
 
-END_WAIT_S = 1.0
-RETRY_S = 0.5
+END_WAIT_S = 1.0  # how long to wait for the thread to end
+RETRY_S = 0.5  # how long to pause after an error of rcl
 
 _running: "weakref.WeakSet[ReceiverThread]" = weakref.WeakSet()
 
@@ -87,7 +87,7 @@ class ReceiverThread:
     :param choose: given one of these pairs, the buffer that gets its messages without Python; None where
         Python must see them: the subscription is then left to executors for good. It must refer to neither
         node nor buffer.
-    :param types: the types whose attributes `choose` reads. For attributes of objects there is
+    :param types: the types whose attributes ``choose`` reads. For attributes of objects there is
         :meth:`decide_again`.
 
     The thread ends with :meth:`stop`, with the last of the subscriptions, with the context and with the
@@ -139,7 +139,7 @@ class ReceiverThread:
         return self._receiver is not None and self._receiver.fills(buffer)
 
     def decide_again(self) -> None:
-        """Ask `choose` and `types` again before the next message is taken."""
+        """Ask ``choose`` and ``types`` again before the next message is taken."""
         if self._receiver is not None:
             self._receiver.decide_again()
         self._wake(wait=False)
@@ -277,8 +277,8 @@ def _after_fork_in_child() -> None:
     if lost:
         # Not through ROS, whose locks another thread may have held.
         logging.getLogger("tf2_ros").warning(
-            f"Process {os.getpid()} is a fork of one with {lost} TransformListener(s): no transforms will "
-            "come in here. Let it be spawned instead, and make listeners of its own."
+            f"Process {os.getpid()} is a fork of one with {lost} TransformListener(s), which receive nothing "
+            "here. Spawn the process instead of forking it, and make its own listeners."
         )
 
 

@@ -40,7 +40,7 @@ class Source:
         return enter_handle(self.handle, uses) and (self._event is None or enter_handle(self._event, uses))
 
     def as_tuple(self) -> tuple[int, int, int, str, bool]:
-        """It as `Receiver.run` takes it."""
+        """It as ``Receiver.run`` takes it."""
         event = 0 if self._event is None else handle_pointer(self._event)
         return self.number, handle_pointer(self.handle), event, self._topic, self.is_static
 
@@ -51,8 +51,10 @@ class Source:
         event = self._event.take_event()
         if event is not None:
             self._logger.warning(
-                f"A publisher on topic '{self._topic}' is offering incompatible QoS: nothing will come from "
-                f"it. The policy that does not fit: {qos_policy_name_from_kind(event.last_policy_kind)}"
+                # As rclpy says it of subscriptions that an executor takes from.
+                f"New publisher discovered on topic '{self._topic}', offering incompatible QoS. "
+                f"No messages will be received from it. Last incompatible policy: "
+                f"{qos_policy_name_from_kind(event.last_policy_kind)}"
             )
 
     def destroy(self) -> None:

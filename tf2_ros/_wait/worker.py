@@ -13,7 +13,7 @@ __all__ = ["Worker"]
 
 class Worker:
     """
-    A daemon thread that calls what `_next()` returns, one after the other; a subclass decides what that is.
+    A daemon thread that calls what ``_next()`` returns, one after the other; a subclass decides what that is.
 
     It starts with the first call and ends with the last. A forked child does not have it.
 
@@ -32,11 +32,11 @@ class Worker:
         self._thread: threading.Thread | None = None
 
     def _next(self) -> Callable[[], object] | None:
-        """What to call, when that is due; None, with `_thread` set to None under LOCK: the thread ends."""
+        """What to call, when that is due; None, with ``_thread`` set to None under LOCK: the thread ends."""
         raise NotImplementedError
 
     def _new_thread(self) -> threading.Thread | None:
-        """With LOCK held: the thread that `_start()` is to start, or None where one runs already."""
+        """With LOCK held: the thread that ``_start()`` is to start, or None where one runs already."""
         if self._thread is not None:
             return None
         self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)

@@ -1,4 +1,4 @@
-"""What a BufferCore takes in, and what it refuses."""
+"""What a BufferCore inserts, and what it refuses."""
 
 import math
 import types
@@ -65,7 +65,7 @@ def test_a_rotation_without_a_finite_length_is_refused(buffer, xyzw):
         (transform("a", "/NO_PARENT", 1), "reserved_frame_id"),
     ],
 )
-def test_what_the_reference_takes_and_should_not_is_refused_and_counted(buffer, message, reason):
+def test_what_tf2_accepts_and_should_not_is_refused_and_counted(buffer, message, reason):
     buffer.set_transform(message, "x")
     statistics = buffer.statistics()
     assert frames(buffer) == []
@@ -146,7 +146,7 @@ def test_a_rotation_of_any_length_whose_square_is_a_normal_number_is_normalised(
 
 
 @pytest.mark.parametrize("scale", [2.0, 0.001, -1.0])
-def test_a_rotation_is_normalised_on_the_way_in(buffer, scale):
+def test_a_rotation_is_normalised_when_it_is_inserted(buffer, scale):
     q = tuple(scale * x for x in about_z(0.7))
     buffer.set_transform_static(transform("map", "odom", xyzw=q), "x")
     assert rotation(buffer.lookup_transform_core("map", "odom", at(0))) == pytest.approx(

@@ -1,4 +1,4 @@
-"""Makes the messages that are transformed, and the arithmetic to judge the results by."""
+"""Makes random messages and transforms for the tests of transforming."""
 
 import importlib
 import math
@@ -9,12 +9,11 @@ from geometry_msgs.msg import Pose, Quaternion
 from hypothesis import settings
 from hypothesis import strategies as st
 from making import transform
-from scipy.spatial.transform import Rotation
 from std_msgs.msg import Header
 
 # A busy machine is no reason to fail.
-settings.register_profile("carrying", deadline=None)
-settings.load_profile("carrying")
+settings.register_profile("transforming", deadline=None)
+settings.load_profile("transforming")
 
 coordinates = st.floats(-1e6, 1e6) | st.sampled_from([0.0, -0.0, 1e-300, -5e-324, 1.0, 0.1])
 vectors = st.tuples(coordinates, coordinates, coordinates)
@@ -41,46 +40,6 @@ turns = st.sampled_from(AWKWARD_TURNS) | st.builds(
     lambda q, length: tuple(length * x for x in q), _any_turn, _lengths
 )
 transforms = st.builds(lambda xyz, xyzw: transform("map", "base", 7.25, xyz, xyzw), vectors, turns)
-
-
-def xyz(m):
-    return np.array([m.x, m.y, m.z])
-
-
-def xyzw(m):
-    return np.array([m.x, m.y, m.z, m.w])
-
-
-def turn(q):
-    """SciPy's rotation for a quaternion of any length, message or tuple."""
-    q = np.array(q if isinstance(q, tuple) else xyzw(q))
-    return Rotation.from_quat(q / np.linalg.norm(q))
-
-
-def matrix(t):
-    """The 4x4 matrix of a transform, by SciPy."""
-    m = np.eye(4)
-    m[:3, :3] = turn(t.transform.rotation).as_matrix()
-    m[:3, 3] = xyz(t.transform.translation)
-    return m
-
-
-def transformed(points, t):
-    """An (n, 3) array of points in the target frame of a transform."""
-    return points @ matrix(t)[:3, :3].T + matrix(t)[:3, 3]
-
-
-def inverse(t):
-    back = turn(t.transform.rotation).inv()
-    return transform(
-        t.child_frame_id, t.header.frame_id, 7.25, -back.apply(xyz(t.transform.translation)), back.as_quat()
-    )
-
-
-def covariance_rotated(covariance, t):
-    """A 6x6 covariance in the target frame of a transform, as one product of 6x6 matrices."""
-    both = np.kron(np.eye(2), turn(t.transform.rotation).as_matrix())
-    return both @ np.reshape(covariance, (6, 6)) @ both.T
 
 
 class Maker:
@@ -127,7 +86,9 @@ class Maker:
         if kind.startswith("sequence<"):
             return [self.value(name, kind[len("sequence<") : -1]) for _ in range(5)]
         if "/" not in kind:
-            raise NotImplementedError(f"tests/carrying.py makes no {kind} yet: give Maker.value a line")
+            raise NotImplementedError(
+                f"tests/random_messages.py makes no {kind} yet: give Maker.value a line"
+            )
         package, _, cls = kind.partition("/")
         return self.message(getattr(importlib.import_module(f"{package}.msg"), cls))
 

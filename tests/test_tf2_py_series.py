@@ -70,8 +70,8 @@ def singles(buffer, target, source, times, **two_times):
     return np.array(rows).reshape(-1, 7)
 
 
-def assert_same_to_the_last_bit(vector, rows):
-    got = np.hstack(vector)
+def assert_same_to_the_last_bit(series, rows):
+    got = np.hstack(series)
     assert got.shape == rows.shape
     assert got.dtype == np.float64
     assert (got.view(np.int64) == np.ascontiguousarray(rows).view(np.int64)).all()
@@ -262,7 +262,7 @@ class TestMissing:
 
 class TestPoints:
     @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-    def test_each_point_is_carried_with_its_own_time(self, buffer, dtype):
+    def test_each_point_is_transformed_at_its_own_time(self, buffer, dtype):
         low, high = span_of_all(buffer)
         random = np.random.default_rng(5)
         times = random.integers(low, high, 300)

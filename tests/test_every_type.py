@@ -8,11 +8,12 @@ import textwrap
 
 import numpy as np
 import pytest
-from carrying import Maker, inverse, numbers
+from expected import inverse
 from geometry_msgs.msg import Pose, Quaternion, Transform, Vector3
 from known_types import ALL, STAMPED, UNSTAMPED
 from making import stamp_ns, transform
 from numpy.testing import assert_allclose
+from random_messages import Maker, numbers
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Header
 
@@ -200,7 +201,7 @@ def test_classes_that_look_otherwise_go_through_their_attributes():
                 if isinstance(cls, type):
                     setattr(package, name, type(cls)(name, (cls,), {"__module__": cls.__module__}))
         sys.path.insert(0, "tests")
-        from carrying import Maker, numbers
+        from random_messages import Maker, numbers
         from known_types import ALL
         from making import transform
         from tf2_ros.buffer_interface import TransformRegistration

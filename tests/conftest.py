@@ -1,6 +1,7 @@
 """Owns what all tests share: a ROS domain of their own, and which tf2 they test."""
 
 import fcntl
+import gc
 import importlib
 import os
 import random
@@ -110,6 +111,9 @@ def ros():
     rclpy.init(args=[])
     yield rclpy
     rclpy.try_shutdown()
+    # Here, where nothing runs, and not in a thread of a later test: what is left of the middleware is
+    # destroyed with the GIL held, and may wait for threads of the middleware.
+    gc.collect()
 
 
 @pytest.fixture

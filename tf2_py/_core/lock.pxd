@@ -1,6 +1,7 @@
 """The readers-writer lock of a BufferCore: no thread starves; usable without the GIL."""
 
 from libc.stdint cimport uint32_t
+from posix.time cimport CLOCK_REALTIME, clock_gettime, timespec
 
 
 cdef extern from "<pthread.h>" nogil:
@@ -14,7 +15,7 @@ cdef extern from "<pthread.h>" nogil:
     int pthread_mutex_unlock(pthread_mutex_t* mutex)
     int pthread_cond_init(pthread_cond_t* condition, const void* attributes)
     int pthread_cond_destroy(pthread_cond_t* condition)
-    int pthread_cond_wait(pthread_cond_t* condition, pthread_mutex_t* mutex)
+    int pthread_cond_timedwait(pthread_cond_t* condition, pthread_mutex_t* mutex, const timespec* until)
     int pthread_cond_broadcast(pthread_cond_t* condition)
 
 cdef extern from *:
@@ -34,6 +35,8 @@ cdef extern from *:
     void _store_relaxed "TF2_STORE_RELAXED"(uint32_t* where, uint32_t value) nogil
 
 cdef enum:
+    SLEEP_NS = 20000000     # how long a thread sleeps before it looks at the counts again
+    NS_IN_S = 1000000000
     SPINS = 500     # some 12 us on an AMD EPYC, half a turn: sleeping and being woken costs more
 
 
@@ -78,6 +81,18 @@ cdef inline void _spin_while(const uint32_t* where, uint32_t value) noexcept nog
         spins += 1
 
 
+cdef inline void _sleep(pthread_cond_t* condition, pthread_mutex_t* mutex) noexcept nogil:
+    # Not without end: condition variables of glibc before 2.41 may lose a wake-up (its bug 25847). The clock
+    # is the one that they use by default; if it jumps, a thread looks earlier, or later by that much once.
+    cdef timespec until
+    clock_gettime(CLOCK_REALTIME, &until)
+    until.tv_nsec += SLEEP_NS
+    if until.tv_nsec >= NS_IN_S:
+        until.tv_nsec -= NS_IN_S
+        until.tv_sec += 1
+    pthread_cond_timedwait(condition, mutex, &until)
+
+
 cdef inline void lock_read(Lock* lock) noexcept nogil:
     cdef uint32_t done
     pthread_mutex_lock(&lock.mutex)
@@ -91,7 +106,7 @@ cdef inline void lock_read(Lock* lock) noexcept nogil:
         _spin_while(&lock.writers_done, done)
         pthread_mutex_lock(&lock.mutex)
         while done == lock.writers_done:
-            pthread_cond_wait(&lock.readers_turn, &lock.mutex)
+            _sleep(&lock.readers_turn, &lock.mutex)
     pthread_mutex_unlock(&lock.mutex)
 
 
@@ -114,7 +129,7 @@ cdef inline void lock_write(Lock* lock) noexcept nogil:
         _spin_while(&lock.readers, 1)
         pthread_mutex_lock(&lock.mutex)
     while lock.readers or lock.writers_done != turn:
-        pthread_cond_wait(&lock.writers_turn, &lock.mutex)
+        _sleep(&lock.writers_turn, &lock.mutex)
     pthread_mutex_unlock(&lock.mutex)
 
 

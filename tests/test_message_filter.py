@@ -3,6 +3,7 @@
 import asyncio
 import subprocess
 import threading
+import time
 from contextlib import contextmanager
 
 import pytest
@@ -668,6 +669,8 @@ def test_threads_that_add_insert_and_change_lose_nothing(tf2_ros, new_node, buff
         while any(thread.is_alive() for thread in threads[:-1]):
             filter.setTargetFrames(["map"])
             filter.setTargetFrames(["odom", "map"])
+            # A thread that takes a lock of Python again at once may keep the others from it for minutes.
+            time.sleep(0.005)
 
     threads = [threading.Thread(target=add, args=(mine,)) for mine in messages]
     threads += [threading.Thread(target=insert_all), threading.Thread(target=change)]

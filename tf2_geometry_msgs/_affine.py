@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tf2_py._internal import normalise, rotation_matrices
+
 __all__ = [
     "_build_affine",
     "_decompose_affine",
@@ -17,23 +19,18 @@ __all__ = [
 Matrix = NDArray[Any]
 
 
-def _cross_matrix(vector: NDArray[Any]) -> Matrix:
-    """The matrix K with K v = vector x v."""
-    x, y, z = vector
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
 def _get_mat_from_quat(quaternion: NDArray[Any]) -> Matrix:
     """
-    The rotation matrix of a quaternion: Rodrigues' formula, as I + 2 (w K + K K) / |q|^2.
+    The rotation matrix of a quaternion.
 
     :param quaternion: w, x, y, z, of any length; zero is no rotation.
     """
-    squared = np.dot(quaternion, quaternion)
-    if squared < np.finfo(np.float64).eps:
+    if np.dot(quaternion, quaternion) < np.finfo(np.float64).eps:
         return np.eye(3)
-    cross = _cross_matrix(quaternion[1:])
-    return np.eye(3) + 2.0 / squared * (quaternion[0] * cross + cross @ cross)
+    w, x, y, z = quaternion
+    rotations = np.array([[x, y, z, w]], dtype=np.float64)
+    normalise(rotations)  # not if NaN or infinite, as the matrix is then
+    return rotation_matrices(rotations)[0]
 
 
 def _get_quat_from_mat(rot_mat: NDArray[Any]) -> NDArray[Any]:

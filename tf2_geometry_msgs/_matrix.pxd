@@ -1,26 +1,4 @@
-"""3x3 matrices on C doubles, row by row: of a rotation, and the rotation of a covariance."""
-
-
-cdef inline void matrix_from_quaternion(const double* q, double* out) noexcept nogil:
-    # Of a unit quaternion x y z w.
-    cdef double xx = q[0] * q[0]
-    cdef double yy = q[1] * q[1]
-    cdef double zz = q[2] * q[2]
-    cdef double xy = q[0] * q[1]
-    cdef double xz = q[0] * q[2]
-    cdef double yz = q[1] * q[2]
-    cdef double wx = q[3] * q[0]
-    cdef double wy = q[3] * q[1]
-    cdef double wz = q[3] * q[2]
-    out[0] = 1.0 - 2.0 * (yy + zz)
-    out[1] = 2.0 * (xy - wz)
-    out[2] = 2.0 * (xz + wy)
-    out[3] = 2.0 * (xy + wz)
-    out[4] = 1.0 - 2.0 * (xx + zz)
-    out[5] = 2.0 * (yz - wx)
-    out[6] = 2.0 * (xz - wy)
-    out[7] = 2.0 * (yz + wx)
-    out[8] = 1.0 - 2.0 * (xx + yy)
+"""Rotated covariances: 3x3 matrices on C doubles, row by row."""
 
 
 cdef inline void matrix_sandwich(const double* r, const double* c, double* out) noexcept nogil:

@@ -1,6 +1,6 @@
 """Owns transforming points, vectors, poses, rotations and transforms of geometry_msgs."""
 
-from tf2_geometry_msgs._matrix cimport covariance_rotate, matrix_from_quaternion
+from tf2_geometry_msgs._matrix cimport covariance_rotate
 from tf2_geometry_msgs._parts cimport (
     get_field,
     new_covariance,
@@ -19,6 +19,7 @@ from tf2_geometry_msgs._parts cimport (
 from tf2_py._internal cimport (
     Layout,
     Transform,
+    matrix_from_quaternion,
     quaternion_multiply,
     read_transform,
     transform_compose,

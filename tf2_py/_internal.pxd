@@ -13,6 +13,7 @@ from tf2_py._wire.batch cimport Batch, batch_begin, batch_free, batch_read_cdr
 
 # tf2_geometry_msgs and tf2_sensor_msgs: messages as C structs, and the maths of transforms.
 from tf2_py._core.geometry cimport (
+    matrix_from_quaternion,
     quaternion_conjugate,
     quaternion_multiply,
     quaternion_normalise_any,

@@ -6,17 +6,19 @@ its modules can be moved; what they cimport stands in ``_internal.pxd``.
 """
 
 from tf2_py._objects import log
+from tf2_py._objects.arrays import as_times_ns
 from tf2_py._objects.at_exit import keep_for_ever, skip_exit_handlers
 from tf2_py._objects.errors import MalformedObjectError, bad_name
 from tf2_py._objects.frame_names import is_invalid_name
 from tf2_py._objects.printable import printable
-from tf2_py._objects.rotations import normalise
+from tf2_py._objects.rotations import normalise, rotation_matrices
 from tf2_py._objects.serialize import serialize_transforms
 from tf2_py._objects.times import FOR_EVER_NS, duration_ns, stamp_parts, time_ns
 
 __all__ = [
     "FOR_EVER_NS",
     "MalformedObjectError",
+    "as_times_ns",
     "bad_name",
     "duration_ns",
     "is_invalid_name",
@@ -24,6 +26,7 @@ __all__ = [
     "log",
     "normalise",
     "printable",
+    "rotation_matrices",
     "serialize_transforms",
     "skip_exit_handlers",
     "stamp_parts",

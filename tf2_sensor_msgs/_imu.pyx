@@ -2,7 +2,7 @@
 
 from libc.string cimport memcpy
 
-from tf2_geometry_msgs._matrix cimport covariance_rotate, matrix_from_quaternion
+from tf2_geometry_msgs._matrix cimport covariance_rotate
 from tf2_geometry_msgs._parts cimport (
     copied_covariance,
     get_field,
@@ -16,7 +16,14 @@ from tf2_geometry_msgs._parts cimport (
     target_header,
 )
 from tf2_geometry_msgs._transform cimport rotated_vector
-from tf2_py._internal cimport Layout, Transform, quaternion_conjugate, quaternion_multiply, read_transform
+from tf2_py._internal cimport (
+    Layout,
+    Transform,
+    matrix_from_quaternion,
+    quaternion_conjugate,
+    quaternion_multiply,
+    read_transform,
+)
 
 from sensor_msgs.msg import Imu, MagneticField
 

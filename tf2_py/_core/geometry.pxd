@@ -174,3 +174,25 @@ cdef inline void transform_between(const Transform* target, const Transform* sou
     apart[2] = source.translation[2] - target.translation[2]
     vector_rotate(inverse, apart, out.translation)
     quaternion_multiply(inverse, source.rotation, out.rotation)
+
+
+cdef inline void matrix_from_quaternion(const double* q, double* out) noexcept nogil:
+    # The 3x3 matrix, row by row, of a unit quaternion; J. Diebel, Representing Attitude, 2006.
+    cdef double xx = q[0] * q[0]
+    cdef double yy = q[1] * q[1]
+    cdef double zz = q[2] * q[2]
+    cdef double xy = q[0] * q[1]
+    cdef double xz = q[0] * q[2]
+    cdef double yz = q[1] * q[2]
+    cdef double wx = q[3] * q[0]
+    cdef double wy = q[3] * q[1]
+    cdef double wz = q[3] * q[2]
+    out[0] = 1.0 - 2.0 * (yy + zz)
+    out[1] = 2.0 * (xy - wz)
+    out[2] = 2.0 * (xz + wy)
+    out[3] = 2.0 * (xy + wz)
+    out[4] = 1.0 - 2.0 * (xx + zz)
+    out[5] = 2.0 * (yz - wx)
+    out[6] = 2.0 * (xz - wy)
+    out[7] = 2.0 * (yz + wx)
+    out[8] = 1.0 - 2.0 * (xx + yy)

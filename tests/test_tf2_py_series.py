@@ -201,6 +201,80 @@ class TestTimes:
             buffer.lookup_transforms("map", "base", times)
 
 
+class TestDates:
+    NS = np.array([2 * S + 30_000_000, 3 * S, 4 * S])
+
+    def same(self, buffer, times, ns=NS):
+        got = buffer.lookup_transforms("map", "odom", times)
+        assert_same_to_the_last_bit(got, np.hstack(buffer.lookup_transforms("map", "odom", ns)))
+
+    @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns", "ps"])
+    def test_datetime64_of_any_unit(self, buffer, unit):
+        dates = self.NS.view("M8[ns]").astype(f"M8[{unit}]")
+        self.same(buffer, dates, dates.astype("M8[ns]").view(np.int64))
+        self.same(buffer, list(dates), dates.astype("M8[ns]").view(np.int64))
+
+    @pytest.mark.parametrize(
+        "change", [lambda d: d[::-1], lambda d: np.repeat(d, 2)[::2], lambda d: d.astype(">M8[ns]")]
+    )
+    def test_datetime64_in_any_layout(self, buffer, change):
+        dates = change(self.NS.view("M8[ns]"))
+        self.same(buffer, dates, dates.astype("M8[ns]").astype(np.int64))
+
+    @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+    @pytest.mark.parametrize("zone", [None, "UTC", "Asia/Tokyo"])
+    def test_times_of_pandas(self, buffer, unit, zone):
+        pandas = pytest.importorskip("pandas")
+        index = pandas.DatetimeIndex(self.NS.view("M8[ns]")).as_unit(unit)
+        ns = index.as_unit("ns").asi8
+        if zone is not None:
+            index = index.tz_localize("UTC").tz_convert(zone)
+        for times in (index, pandas.Series(index), pandas.Series(index, index=[7, 8, 9])):
+            self.same(buffer, times, ns)
+
+    def test_numbers_of_pandas(self, buffer):
+        pandas = pytest.importorskip("pandas")
+        for dtype in ("int64", "Int64"):
+            self.same(buffer, pandas.Series(self.NS, dtype=dtype))
+
+    @pytest.mark.parametrize("zone", [None, "UTC"])
+    def test_times_of_polars(self, buffer, zone):
+        polars = pytest.importorskip("polars")
+        times = polars.Series(self.NS).cast(polars.Datetime("ns")).dt.replace_time_zone(zone)
+        self.same(buffer, times)
+        self.same(buffer, polars.Series(self.NS))
+
+    def test_points_have_dates_too(self, buffer):
+        points = np.ones((3, 3))
+        got = buffer.transform_points(points, self.NS.view("M8[ns]"), "map", "odom")
+        assert (got == buffer.transform_points(points, self.NS, "map", "odom")).all()
+
+    @pytest.mark.parametrize(
+        "wrong",
+        [
+            np.datetime64("NaT", "ns"),
+            np.datetime64("NaT"),
+            np.datetime64("9999-01-01"),
+            np.datetime64(1, "ps"),
+        ],
+        ids=str,
+    )
+    def test_what_is_no_time_in_nanoseconds_is_named_by_its_index(self, buffer, wrong):
+        times = np.array([np.datetime64(3, "s").astype(wrong.dtype), wrong])
+        with pytest.raises(ValueError, match=r"times\[1\] is .*: no whole number of nanoseconds that fits"):
+            buffer.lookup_transforms("map", "odom", times)
+
+    def test_a_date_of_pandas_that_does_not_fit_is_named(self, buffer):
+        pandas = pytest.importorskip("pandas")
+        late = pandas.Series([pandas.Timestamp("9999-01-01", tz="UTC").as_unit("s")])
+        with pytest.raises(ValueError, match=r"times\[0\] is 9999"):
+            buffer.lookup_transforms("map", "odom", late)
+
+    def test_durations_are_no_times(self, buffer):
+        with pytest.raises(TypeError, match="timedelta64"):
+            buffer.lookup_transforms("map", "odom", self.NS.view("m8[ns]"))
+
+
 class TestMissing:
     def test_the_first_missing_time_is_raised_with_its_index(self, tf2_py, buffer):
         low, high = span(buffer, "map", "base")

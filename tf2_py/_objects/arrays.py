@@ -24,14 +24,14 @@ def as_times_ns(times: Any) -> np.ndarray:
     """Times as contiguous int64 nanoseconds of shape (N,); TypeError or ValueError says what is wanted."""
     import numpy as np
 
-    wanted = "times must be integer nanoseconds of shape (N,), or a sequence of time objects"
+    wanted = "times must be integer nanoseconds of shape (N,), datetime64, or a sequence of time objects"
     if not isinstance(times, np.ndarray):
         if not isinstance(times, Sequence) and not hasattr(times, "__array__"):
             raise TypeError(f"{wanted}, not {type(times).__name__}")
         if isinstance(times, Sequence) and len(times) and not _is_number(times[0]):
             times = _nanoseconds(times, wanted)
     try:
-        array = np.asarray(times)
+        array = _as_array(times)
     except OverflowError as error:
         raise ValueError(f"{wanted} that fit into 64 bits: {error}") from None
     if array.size == 0 and not isinstance(times, np.ndarray):
@@ -40,6 +40,8 @@ def as_times_ns(times: Any) -> np.ndarray:
         raise ValueError(f"{wanted}; the shape is {array.shape}")
     if array.dtype == object and all(isinstance(time, int) for time in array):
         raise ValueError(f"{wanted} that fit into 64 bits")
+    if array.dtype.kind == "M":
+        return _since_1970(array)
     if array.dtype.kind not in "iu":
         raise TypeError(f"{wanted}, not of dtype {array.dtype}")
     if array.dtype.kind == "u" and array.size and int(array.max()) > np.iinfo(np.int64).max:
@@ -50,7 +52,27 @@ def as_times_ns(times: Any) -> np.ndarray:
 def _is_number(value: Any) -> bool:
     import numpy as np
 
-    return isinstance(value, (int, float, np.number))
+    return isinstance(value, (int, float, np.number, np.datetime64))
+
+
+def _as_array(times: Any) -> np.ndarray:
+    import numpy as np
+
+    # Times of pandas that have a time zone become objects, unless a dtype is asked for: then they are UTC.
+    unit = getattr(getattr(times, "dtype", None), "unit", None)
+    return np.asarray(times, dtype=None if unit is None else f"datetime64[{unit}]")
+
+
+def _since_1970(times: np.ndarray) -> np.ndarray:
+    """The nanoseconds of datetime64 of any unit; NumPy's conversion wraps around where they do not fit."""
+    import numpy as np
+
+    exact = times.astype("datetime64[ns]")
+    inexact = np.flatnonzero(exact.astype(times.dtype) != times)  # NaT differs from itself
+    if inexact.size:
+        i = inexact[0]
+        raise ValueError(f"times[{i}] is {times[i]}: no whole number of nanoseconds that fits into 64 bits")
+    return np.ascontiguousarray(exact).view(np.int64)
 
 
 def _nanoseconds(times: Sequence[Any], wanted: str) -> list[int]:

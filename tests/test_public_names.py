@@ -51,7 +51,14 @@ MODULES = {
     "tf2_ros.buffer_server": {"BufferServer"},
     "tf2_ros.cli.tf2_buffer_server": {"main"},
     "tf2_ros.message_filter": {"FilterFailureReason", "MessageFilter"},
-    "tf2_ros.numpy": {"from_matrix", "to_arrays", "to_matrix"},
+    "tf2_ros.numpy": {
+        "from_matrix",
+        "from_rotation",
+        "to_arrays",
+        "to_columns",
+        "to_matrix",
+        "to_rotation",
+    },
     "tf2_ros.static_transform_listener": {
         "DEFAULT_STATIC_TF_TOPIC",
         "DEFAULT_TF_TOPIC",

@@ -1,89 +1,209 @@
-"""Owns the conversion between messages and NumPy: 4x4 matrices, and arrays of many transforms."""
+"""Owns the conversion between messages and NumPy, SciPy and data frames: matrices, arrays, columns."""
 
-from collections.abc import Iterable
-from typing import Any
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from copy import deepcopy
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
+from std_msgs.msg import Header
 
-from tf2_py._internal import normalise
+from tf2_py._internal import as_times_ns, normalise, rotation_matrices, time_ns
 
-__all__ = ["from_matrix", "to_arrays", "to_matrix"]
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
-Array = npt.NDArray[np.float64]
+__all__ = ["from_matrix", "from_rotation", "to_arrays", "to_columns", "to_matrix", "to_rotation"]
+
+Array: TypeAlias = npt.NDArray[np.float64]
+Pair: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike]  # translations, shape (..., 3); rotations, (..., 4)
+Message: TypeAlias = Transform | TransformStamped | Pose | PoseStamped
+_Unstamped = TypeVar("_Unstamped", Transform, Pose)
 
 # How far a matrix may differ from a rotation; a product of a few that were rounded to float32 differs less.
 TOLERANCE = 1e-5
 
 
-def to_matrix(msg: Any) -> Array:
+def to_matrix(transforms: Message | Pair) -> Array:
     """
-    Make the homogeneous matrix of a transform or a pose.
+    Make the homogeneous matrix of a transform or a pose, or those of arrays of transforms.
 
-    :param msg: a ``TransformStamped``, ``Transform``, ``PoseStamped`` or ``Pose``, or an object with the
-        fields of one.
-    :return: shape (4, 4), float64: ``to_matrix(t) @ [x, y, z, 1]`` is the point (x, y, z), in metres,
-        transformed by ``t``.
-    :raises TypeError: another type.
-    :raises ValueError: the rotation has no finite length above zero.
+    :param transforms: a ``TransformStamped``, ``Transform``, ``PoseStamped`` or ``Pose``, or an object with
+        the fields of one; or a tuple ``(translations, rotations)`` of arrays of shape (N, 3), metres, and
+        (N, 4), x y z w, as :func:`to_arrays` and ``Buffer.lookup_transforms`` return it. Any shape may stand
+        in the place of N, also none.
+    :return: float64, shape (4, 4) or (N, 4, 4): ``to_matrix(t) @ [x, y, z, 1]`` is the point (x, y, z), in
+        metres, transformed by ``t``. Where a row of ``rotations`` is NaN, the matrix is.
+    :raises TypeError: another type, or no numbers.
+    :raises ValueError: arrays of other shapes; or a rotation has no finite length above zero.
     """
-    translations, rotations = to_arrays([msg])
-    x, y, z, w = rotations[0]
-    matrix = np.eye(4)
-    # Of a unit quaternion; J. Diebel, Representing Attitude, 2006.
-    matrix[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    matrix[:3, 3] = translations[0]
-    return matrix
+    translations, rotations = _pair(transforms) if isinstance(transforms, tuple) else _one(transforms)
+    matrices = np.zeros((*rotations.shape[:-1], 4, 4))
+    matrices[..., :3, :3] = rotation_matrices(rotations.reshape(-1, 4)).reshape(*rotations.shape[:-1], 3, 3)
+    matrices[..., :3, 3] = translations
+    matrices[..., 3, 3] = 1
+    matrices[np.isnan(rotations[..., 0])] = np.nan
+    return matrices
 
 
-def from_matrix(matrix: npt.ArrayLike, message_class: Any = Transform) -> Any:
+@overload
+def from_matrix(matrix: npt.ArrayLike) -> Transform: ...
+@overload
+def from_matrix(
+    matrix: npt.ArrayLike, *, header: Header | None = None, child_frame_id: str
+) -> TransformStamped: ...
+@overload
+def from_matrix(matrix: npt.ArrayLike, message_class: type[_Unstamped]) -> _Unstamped: ...
+@overload
+def from_matrix(
+    matrix: npt.ArrayLike, message_class: type[PoseStamped], *, header: Header | None = None
+) -> PoseStamped: ...
+@overload
+def from_matrix(
+    matrix: npt.ArrayLike,
+    message_class: type[TransformStamped],
+    *,
+    header: Header | None = None,
+    child_frame_id: str | None = None,
+) -> TransformStamped: ...
+def from_matrix(
+    matrix: npt.ArrayLike,
+    message_class: type[Message] | None = None,
+    *,
+    header: Header | None = None,
+    child_frame_id: str | None = None,
+) -> Message:
     """
-    Make a message of a homogeneous matrix.
+    Make a message of a homogeneous matrix. :func:`to_arrays` takes many matrices.
 
     :param matrix: shape (4, 4): a rotation, a translation in metres, and the last row 0 0 0 1.
-    :param message_class: ``Transform``, ``TransformStamped``, ``Pose`` or ``PoseStamped``, then with an
-        empty header.
+    :param message_class: ``Transform``, ``TransformStamped``, ``Pose`` or ``PoseStamped``. Without it: a
+        ``TransformStamped`` if ``child_frame_id`` is given, otherwise a ``Transform``.
+    :param header: of a stamped message, which gets a copy; without it, an empty one.
+    :param child_frame_id: of a ``TransformStamped``; without it, empty.
     :return: a new message; its quaternion has length one and w >= 0.
-    :raises TypeError: another class, or no numbers.
-    :raises ValueError: another shape, or a matrix that is no rigid transform.
+    :raises TypeError: another class, one that lacks what is given, or no numbers.
+    :raises ValueError: another shape, or a matrix that is no rigid transform; the text says how far from one.
     """
+    if message_class is None:
+        message_class = Transform if child_frame_id is None else TransformStamped
     if message_class not in (Transform, TransformStamped, Pose, PoseStamped):
         raise TypeError(f"a matrix can become a Transform or a Pose, stamped or not; not a {message_class}")
-    translation, rotation = _translation_and_rotation(matrix)
+    if child_frame_id is not None and message_class is not TransformStamped:
+        raise TypeError(f"a {message_class.__name__} has no child_frame_id")
+    if header is not None and message_class in (Transform, Pose):
+        raise TypeError(
+            f"a {message_class.__name__} has no header: pass child_frame_id, too, or a stamped message_class"
+        )
+    array = _matrices(matrix)
+    if array.ndim != 2:
+        raise ValueError(f"a matrix must have the shape (4, 4), not {array.shape}; to_arrays takes many")
+    translation, rotation = _translations_and_rotations(array)
     x, y, z = translation.tolist()
-    quaternion = Quaternion(**dict(zip("xyzw", rotation.tolist(), strict=True)))
+    header = Header() if header is None else deepcopy(header)
+    quaternion = _quaternion_message(rotation)
     if message_class in (Transform, TransformStamped):
         transform = Transform(translation=Vector3(x=x, y=y, z=z), rotation=quaternion)
-        return transform if message_class is Transform else TransformStamped(transform=transform)
+        if message_class is Transform:
+            return transform
+        return TransformStamped(header=header, child_frame_id=child_frame_id or "", transform=transform)
     pose = Pose(position=Point(x=x, y=y, z=z), orientation=quaternion)
-    return pose if message_class is Pose else PoseStamped(pose=pose)
+    return pose if message_class is Pose else PoseStamped(header=header, pose=pose)
 
 
-def to_arrays(msgs: Iterable[Any]) -> tuple[Array, Array]:
+def to_arrays(transforms: Iterable[Message] | npt.NDArray[Any]) -> tuple[Array, Array]:
     """
-    Make arrays of transforms or poses.
+    Make arrays of transforms or poses, or of homogeneous matrices.
 
-    :param msgs: N messages, each as for :func:`to_matrix`.
-    :return: translations, shape (N, 3), metres; rotations, shape (N, 4), x y z w of length one; both float64,
-        in the order in which ``scipy.spatial.transform.Rotation.from_quat`` takes them.
+    :param transforms: N messages, each as for :func:`to_matrix`; or an array of matrices of shape (N, 4, 4),
+        each as for :func:`from_matrix` or NaN throughout. Any shape may stand in the place of N, also none.
+    :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), metres, and (N, 4), x y z w of
+        length one; NaN for a matrix of NaN. Those of matrices have w >= 0.
     :raises TypeError: another type.
-    :raises ValueError: a rotation has no finite length above zero.
+    :raises ValueError: a rotation has no finite length above zero; or as :func:`from_matrix`.
     """
-    rows = [_row(msg) for msg in msgs]
+    if isinstance(transforms, np.ndarray):
+        return _translations_and_rotations(_matrices(transforms))
+    return _arrays([_row(msg) for msg in transforms])
+
+
+def to_rotation(rotations: Message | Quaternion | Pair | npt.ArrayLike) -> Rotation:
+    """
+    Make SciPy's rotation of a message or of arrays.
+
+    :param rotations: a message as for :func:`to_matrix`, a ``Quaternion`` or a ``QuaternionStamped``, or an
+        object with the fields of one; an array of shape (4,) or (N, 4), x y z w; or a tuple
+        ``(translations, rotations)`` of arrays.
+    :return: one rotation, or N. A row of NaN becomes a rotation that makes NaN of what it is applied to.
+    :raises ImportError: SciPy is not installed.
+    :raises TypeError: another type, or no numbers.
+    :raises ValueError: another shape; or a rotation has no finite length above zero.
+    """
     try:
-        numbers = np.array(rows, dtype=np.float64).reshape(len(rows), 7)
-    except ValueError as reason:
-        raise TypeError(f"the fields of transforms and poses must be numbers: {reason}") from None
-    rotations = numbers[:, 3:].copy()
-    bad = normalise(rotations)
-    if bad >= 0:
-        raise ValueError(f"the rotation of message {bad} must have a finite length above zero")
-    return numbers[:, :3].copy(), rotations
+        from scipy.spatial.transform import Rotation
+    except ModuleNotFoundError as missing:
+        if missing.name != "scipy":
+            raise
+        raise ModuleNotFoundError("to_rotation needs SciPy: pip install scipy", name="scipy") from None
+    # Not by from_quat: it refuses NaN. The rows have the length one already.
+    return Rotation(_rotations(rotations), normalize=False)
+
+
+def from_rotation(rotation: Rotation) -> Quaternion:
+    """
+    Make a message of one of SciPy's rotations.
+
+    :return: a new ``Quaternion``, of length one and with w >= 0.
+    :raises TypeError: another type.
+    :raises ValueError: more than one rotation, for which ``rotation.as_quat()`` makes an array; or NaN.
+    """
+    if not hasattr(rotation, "as_quat"):
+        raise TypeError(f"expected a Rotation of SciPy, got {type(rotation).__name__}")
+    quaternion = np.asarray(rotation.as_quat())
+    if quaternion.shape != (4,):
+        raise ValueError(f"a Quaternion holds one rotation, not {len(quaternion)}: as_quat() makes an array")
+    return _quaternion_message(_unit(quaternion))
+
+
+@overload
+def to_columns(transforms: Pair, times: Any) -> dict[str, npt.NDArray[Any]]: ...
+@overload
+def to_columns(transforms: Iterable[TransformStamped | PoseStamped]) -> dict[str, npt.NDArray[Any]]: ...
+def to_columns(
+    transforms: Pair | Iterable[TransformStamped | PoseStamped], times: Any = None
+) -> dict[str, npt.NDArray[Any]]:
+    """
+    Make the columns of a data frame: ``pandas.DataFrame(to_columns(...))``, ``polars.DataFrame(...)``.
+
+    :param transforms: a tuple ``(translations, rotations)`` of arrays of shape (N, 3), metres, and (N, 4),
+        x y z w; or N stamped messages, each as for :func:`to_matrix`.
+    :param times: N times, as for ``Buffer.lookup_transforms``; of messages, their stamps are taken.
+    :return: new arrays of shape (N,): ``stamp_ns``, int64, nanoseconds; ``x``, ``y``, ``z``, float64, metres;
+        ``qx``, ``qy``, ``qz``, ``qw``, float64, of length one. NaN where the rotation is NaN.
+    :raises TypeError: another type; arrays without times, or messages with times.
+    :raises ValueError: other shapes, other numbers of times and transforms; or as :func:`to_matrix`.
+    """
+    if isinstance(transforms, tuple):
+        if times is None:
+            raise TypeError("arrays have no stamps: pass the times that they were looked up at")
+        stamps_ns = as_times_ns(times)
+        translations, rotations = _pair(transforms)
+    else:
+        if times is not None:
+            raise TypeError("messages have stamps of their own: pass no times")
+        msgs = list(transforms)
+        stamps_ns = np.array([_stamp_ns(msg) for msg in msgs], dtype=np.int64)
+        translations, rotations = to_arrays(msgs)
+    if rotations.shape != (len(stamps_ns), 4):
+        raise ValueError(f"{len(stamps_ns)} times, but rotations of shape {rotations.shape}")
+    return {
+        "stamp_ns": stamps_ns.copy(),
+        **{name: translations[:, i].copy() for i, name in enumerate(("x", "y", "z"))},
+        **{name: rotations[:, i].copy() for i, name in enumerate(("qx", "qy", "qz", "qw"))},
+    }
 
 
 def _row(msg: Any) -> tuple[float, ...]:
@@ -99,38 +219,141 @@ def _row(msg: Any) -> tuple[float, ...]:
         raise TypeError(f"expected {wanted}, got {type(msg).__name__}: {missing}") from None
 
 
-def _translation_and_rotation(matrix: npt.ArrayLike) -> tuple[Array, Array]:
+def _arrays(rows: Sequence[tuple[float, ...]]) -> tuple[Array, Array]:
+    numbers = _numbers(rows).reshape(len(rows), 7)
+    rotations = numbers[:, 3:].copy()
+    bad = normalise(rotations)
+    if bad >= 0:
+        raise ValueError(f"the rotation of message {bad} must have a finite length above zero")
+    return numbers[:, :3].copy(), rotations
+
+
+def _one(msg: Any) -> tuple[Array, Array]:
+    translations, rotations = _arrays([_row(msg)])
+    return translations[0], rotations[0]
+
+
+def _stamp_ns(msg: Any) -> int:
     try:
-        m = np.asarray(matrix, dtype=np.float64)
+        stamp = msg.header.stamp
+    except AttributeError as missing:
+        wanted = "stamped messages, or a tuple (translations, rotations)"
+        raise TypeError(f"expected {wanted}, got {type(msg).__name__}: {missing}") from None
+    return time_ns(stamp, "header.stamp")
+
+
+def _numbers(values: Any) -> Array:
+    try:
+        return np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as reason:
+        raise TypeError(f"translations and rotations must be numbers: {reason}") from None
+
+
+def _pair(transforms: tuple[Any, ...]) -> tuple[Array, Array]:
+    if len(transforms) != 2:
+        raise TypeError(f"expected a tuple (translations, rotations), got a tuple of {len(transforms)}")
+    translations, rotations = map(_numbers, transforms)
+    if translations.shape[-1:] != (3,) or rotations.shape != (*translations.shape[:-1], 4):
+        raise ValueError(
+            "translations and rotations must have the shapes (N, 3) and (N, 4), "
+            f"not {translations.shape} and {rotations.shape}"
+        )
+    return translations, _unit(rotations)
+
+
+def _rotations(value: Any) -> Array:
+    if isinstance(value, tuple) and len(value) == 2:
+        return _pair(value)[1]
+    # First, because a data frame has a method `transform`.
+    if isinstance(value, Sequence) or hasattr(value, "__array__"):
+        rotations = _numbers(value)
+        if rotations.shape[-1:] != (4,):
+            raise ValueError(f"rotations must have the shape (N, 4), not {rotations.shape}")
+        return _unit(rotations)
+    q = getattr(value, "quaternion", value)
+    if hasattr(q, "w"):
+        return _arrays([(0.0, 0.0, 0.0, q.x, q.y, q.z, q.w)])[1][0]
+    return _one(value)[1]
+
+
+def _unit(rotations: Array) -> Array:
+    """Quaternions of length one; a row of NaN, a missing transform, stays NaN."""
+    rows = rotations.reshape(-1, 4)
+    present = np.flatnonzero(~np.isnan(rows).all(axis=1))
+    units = rows[present]
+    bad = normalise(units)
+    if bad >= 0:
+        which = _which("rotations", rotations.shape[:-1], present[bad]) or "the rotation"
+        raise ValueError(f"{which} must have a finite length above zero")
+    result = np.full(rows.shape, np.nan)
+    result[present] = units
+    return result.reshape(rotations.shape)
+
+
+def _which(name: str, shape: tuple[int, ...], flat: int) -> str:
+    """How to index one of many, by its index among the flattened; empty where there is only one."""
+    return f"{name}[{', '.join(str(i) for i in np.unravel_index(flat, shape))}]" if shape else ""
+
+
+def _matrices(values: npt.ArrayLike) -> Array:
+    try:
+        matrices = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as reason:
         raise TypeError(f"a matrix must be made of numbers: {reason}") from None
-    if m.shape != (4, 4):
-        raise ValueError(f"a matrix must have the shape (4, 4), not {m.shape}")
-    if not np.isfinite(m).all():
-        raise ValueError("a matrix must be finite")
-    if not np.allclose(m[3], (0, 0, 0, 1), rtol=0, atol=TOLERANCE):
-        raise ValueError(f"the last row of a matrix must be 0 0 0 1, not {m[3]}")
-    r = m[:3, :3]
-    error = np.abs(r @ r.T - np.eye(3)).max()
-    if error > TOLERANCE:
-        raise ValueError(f"the rotation of a matrix must be orthogonal; R R^T is off by {error:.2g}")
-    if np.linalg.det(r) < 0:
-        raise ValueError("the rotation of a matrix must not be a reflection; its determinant is -1")
-    return m[:3, 3], _quaternion(r)
+    if matrices.shape[-2:] != (4, 4):
+        raise ValueError(f"a matrix must have the shape (4, 4), not {matrices.shape}")
+    return matrices
 
 
-def _quaternion(r: Array) -> Array:
-    # S. W. Shepperd, Quaternion from Rotation Matrix, 1978: each row below is the quaternion x y z w times
-    # four times one of its parts; the row of the greatest part loses nothing to rounding.
-    trace = np.trace(r)
-    products = np.array(
-        [
-            [1 + 2 * r[0, 0] - trace, r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[2, 1] - r[1, 2]],
-            [r[0, 1] + r[1, 0], 1 + 2 * r[1, 1] - trace, r[1, 2] + r[2, 1], r[0, 2] - r[2, 0]],
-            [r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1 + 2 * r[2, 2] - trace, r[1, 0] - r[0, 1]],
-            [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], 1 + trace],
-        ]
-    )
-    q = products[np.argmax(products.diagonal())]
-    q /= np.linalg.norm(q)
-    return -q if q[3] < 0 else q
+def _translations_and_rotations(matrices: Array) -> tuple[Array, Array]:
+    shape = matrices.shape[:-2]
+    flat = matrices.reshape(-1, 4, 4)
+    present = np.flatnonzero(~np.isnan(flat).all(axis=(1, 2)))
+    if (wrong := _no_rigid_transform(flat[present])) is not None:
+        which = _which("matrices", shape, present[wrong[0]])
+        raise ValueError(f"{which}: {wrong[1]}" if which else wrong[1])
+    translations, rotations = np.full((len(flat), 3), np.nan), np.full((len(flat), 4), np.nan)
+    translations[present] = flat[present, :3, 3]
+    rotations[present] = _quaternions(flat[present, :3, :3])
+    return translations.reshape(*shape, 3), rotations.reshape(*shape, 4)
+
+
+def _no_rigid_transform(m: Array) -> tuple[int, str] | None:
+    """The index of a matrix that is no rigid transform, and the reason; None: all are."""
+    if (bad := np.flatnonzero(~np.isfinite(m).all(axis=(1, 2)))).size:
+        return bad[0], "a matrix must be finite"
+    if (bad := np.flatnonzero(np.abs(m[:, 3] - (0, 0, 0, 1)).max(axis=1) > TOLERANCE)).size:
+        return bad[0], f"the last row of a matrix must be 0 0 0 1, not {m[bad[0], 3]}"
+    r = m[:, :3, :3]
+    error = np.abs(r @ r.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    if (bad := np.flatnonzero(error > TOLERANCE)).size:
+        off = f"R R^T is off by {error[bad[0]]:.2g}"
+        return bad[0], f"the rotation of a matrix must be orthogonal; {off}"
+    if (bad := np.flatnonzero(np.linalg.det(r) < 0)).size:
+        return bad[0], "the rotation of a matrix must not be a reflection; its determinant is -1"
+    return None
+
+
+def _quaternions(r: Array) -> Array:
+    # S. W. Shepperd, Quaternion from Rotation Matrix, 1978: each row of `products` is the quaternion x y z w
+    # times four times one of its parts; the row of the greatest part loses nothing to rounding.
+    products = np.empty((len(r), 4, 4))
+    trace = np.trace(r, axis1=1, axis2=2)
+    for i in range(3):
+        products[:, i, i] = 1 + 2 * r[:, i, i] - trace
+    products[:, 3, 3] = 1 + trace
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        products[:, i, j] = products[:, j, i] = r[:, i, j] + r[:, j, i]
+        products[:, k, 3] = products[:, 3, k] = r[:, j, i] - r[:, i, j]
+    greatest = products.diagonal(axis1=1, axis2=2).argmax(axis=1)
+    q = products[np.arange(len(r)), greatest]
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    q[q[:, 3] < 0] *= -1
+    return q
+
+
+def _quaternion_message(rotation: Array) -> Quaternion:
+    if np.isnan(rotation).any():
+        raise ValueError("the rotation of a message must be finite, not NaN")
+    x, y, z, w = (-rotation if rotation[3] < 0 else rotation).tolist()
+    return Quaternion(x=x, y=y, z=z, w=w)

@@ -1,10 +1,12 @@
 """Look transforms up in the buffer of another process: the program tf2_buffer_server and a BufferClient.
 
+Run: python examples/buffer_server.py
 Ends by itself. The exit status is 0 only if everything succeeded.
 """
 
 import subprocess
 import sys
+from contextlib import contextmanager
 
 import rclpy
 from geometry_msgs.msg import TransformStamped
@@ -17,31 +19,46 @@ TIMEOUT = Duration(seconds=15)
 
 
 def main():
-    server = subprocess.Popen([sys.executable, "-m", "tf2_ros.cli.tf2_buffer_server"])
     rclpy.init()
     node = rclpy.create_node("client")
-    client = BufferClient(node, "tf2_buffer_server")
-    try:
-        broadcaster = StaticTransformBroadcaster(node)
-        broadcaster.sendTransform(camera())
-
-        # A blocking lookup works although nothing spins the node.
-        found = client.lookup_transform("base_link", "camera", Time(), TIMEOUT)
-        x = found.transform.translation.x
-        print(f"the other process answers: the camera is mounted {x} m ahead")
-
-        can, reason = client.can_transform("base_link", "moon", Time(), return_debug_tuple=True)
-        print(f"the moon: {can}, {reason}")
+    with running_server() as server:
+        print(f"the server is process {server.pid}, the client waits for it")
+        client = BufferClient(node, "tf2_buffer_server")
         try:
-            client.lookup_transform("base_link", "moon", Time())
-        except LookupException:
-            return 0 if x == 0.3 and not can else 1
-        return 1
+            return ask(node, client)
+        finally:
+            client.destroy()
+            rclpy.try_shutdown()
+
+
+@contextmanager
+def running_server():
+    # In a session of its own, Ctrl-C reaches this program alone, which then ends the server.
+    command = [sys.executable, "-m", "tf2_ros.cli.tf2_buffer_server"]
+    server = subprocess.Popen(command, start_new_session=True)
+    try:
+        yield server
     finally:
-        client.destroy()
-        rclpy.shutdown()
         server.terminate()
         server.wait()
+
+
+def ask(node, client):
+    broadcaster = StaticTransformBroadcaster(node)
+    broadcaster.sendTransform(camera())
+
+    # A blocking lookup works although nothing spins the node.
+    found = client.lookup_transform("base_link", "camera", Time(), TIMEOUT)
+    x = found.transform.translation.x
+    print(f"the other process answers: the camera is mounted {x} m ahead")
+
+    can, reason = client.can_transform("base_link", "moon", Time(), return_debug_tuple=True)
+    print(f"the moon: {can}, {reason}")
+    try:
+        client.lookup_transform("base_link", "moon", Time())
+    except LookupException:
+        return 0 if x == 0.3 and not can else 1
+    return 1
 
 
 def camera():
@@ -54,4 +71,7 @@ def camera():
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    try:
+        raise SystemExit(main())
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None

@@ -1,5 +1,6 @@
 """One process broadcasts a robot that drives a circle; another one receives its transforms and looks them up.
 
+Run: python examples/demo.py
 Ends by itself within 20 s. The exit status is 0 only if everything succeeded.
 """
 
@@ -63,7 +64,7 @@ def broadcast():
 def listen():
     """The second process: prints what it looks up."""
     import rclpy
-    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
     from tf2_ros import Buffer, TransformListener
 
@@ -74,7 +75,10 @@ def listen():
     executor.add_node(node)
     with TransformListener(buffer, node):
         task = executor.create_task(show(node, buffer))
-        executor.spin_until_future_complete(task, timeout_sec=LIMIT_S)
+        try:
+            executor.spin_until_future_complete(task, timeout_sec=LIMIT_S)
+        except ExternalShutdownException:  # the demonstration was interrupted
+            return
     expect(task.done(), "everything happened in time")
     task.result()
     rclpy.shutdown()
@@ -185,8 +189,9 @@ def main():
     )
     os.environ.pop("ROS_LOCALHOST_ONLY", None)  # it would override the line before
     command = [sys.executable, str(Path(__file__).resolve())]
-    broadcaster = subprocess.Popen([*command, "broadcast"])
-    listener = subprocess.Popen([*command, "listen"])
+    # In sessions of their own, Ctrl-C reaches this process alone, which then ends the other two.
+    broadcaster = subprocess.Popen([*command, "broadcast"], start_new_session=True)
+    listener = subprocess.Popen([*command, "listen"], start_new_session=True)
     print(
         f"Broadcaster (process {broadcaster.pid}) and listener ({listener.pid}) are on ROS domain {domain}.",
         flush=True,
@@ -197,16 +202,23 @@ def main():
     except subprocess.TimeoutExpired:
         raise SystemExit(f"The listener did not end within {LIMIT_S} s.") from None
     finally:
-        listener.kill()
-        broadcaster.terminate()
-        try:
-            broadcaster.wait(timeout=1.0)
-        except subprocess.TimeoutExpired:
-            broadcaster.kill()
+        end(listener)
+        end(broadcaster)
     print(f"\n{'Everything succeeded' if status == 0 else 'It failed'}, in {time.monotonic() - begin:.1f} s.")
     return status
 
 
+def end(process):
+    process.terminate()
+    try:
+        process.wait(timeout=1.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+
+
 if __name__ == "__main__":
     roles = {"broadcast": broadcast, "listen": listen}
-    sys.exit(roles[sys.argv[1]]() if len(sys.argv) > 1 else main())
+    try:
+        sys.exit(roles[sys.argv[1]]() if len(sys.argv) > 1 else main())
+    except KeyboardInterrupt:
+        sys.exit(130)

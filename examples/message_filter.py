@@ -1,14 +1,13 @@
 """A lidar whose transforms arrive late: a message filter passes each scan once its transform is available.
 
+Run: python examples/message_filter.py
 Ends by itself. The exit status is 0 only if every scan passed, in order.
 """
-
-import threading
 
 import rclpy
 from geometry_msgs.msg import TransformStamped
 from rclpy.duration import Duration
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.task import Future
 from rclpy.time import Time
 from sensor_msgs.msg import LaserScan
 
@@ -24,8 +23,7 @@ def main():
     rclpy.init()
     node = rclpy.create_node("mapping")
     buffer = Buffer(node=node)
-    listener = TransformListener(buffer, node)
-    passed, done = [], threading.Event()
+    passed, done = [], Future()
 
     def on_scan(scan):
         stamp = Time.from_msg(scan.header.stamp)
@@ -34,7 +32,7 @@ def main():
         x = found.transform.translation.x
         print(f"scan of {stamp.nanoseconds / 1e9:.2f} s: the lidar was at x = {x:.2f} m")
         if len(passed) == SCANS:
-            done.set()
+            done.set_result(True)
 
     def on_failure(scan, reason):
         print(f"a scan was dropped: {reason.value}")
@@ -43,42 +41,38 @@ def main():
     scans = MessageFilter(topic, buffer, "map", 50, node=node, buffer_timeout=Duration(seconds=2))
     scans.registerCallback(on_scan)
     scans.registerFailureCallback(on_failure)
-
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    spinning = threading.Thread(target=executor.spin)
-    spinning.start()
-    publish(node, done)
-    complete = done.wait(LIMIT_S)
+    with TransformListener(buffer, node):
+        node.create_timer(PERIOD_S, Lidar(node).tick)
+        rclpy.spin_until_future_complete(node, done, timeout_sec=LIMIT_S)
     scans.close()
-    listener.unregister()
-    executor.create_task(executor.shutdown)
-    spinning.join()
     print(scans.statistics())
     rclpy.shutdown()
-    return 0 if complete and passed == sorted(passed) else 1
+    return 0 if done.done() and passed == sorted(passed) else 1
 
 
-def publish(node, done):
-    """Send scans, and each scan's transform DELAY periods later."""
-    scans = node.create_publisher(LaserScan, "scan", 10)
-    broadcaster = TransformBroadcaster(node)
-    ticks = threading.Event()
-    while not (scans.get_subscription_count() and broadcaster.pub_tf.get_subscription_count()):
-        ticks.wait(0.01)
-    for tick in range(SCANS + DELAY):
-        if tick < SCANS:
+class Lidar:
+    """Sends scans, and each scan's transform DELAY periods later."""
+
+    def __init__(self, node):
+        self.scans = node.create_publisher(LaserScan, "scan", 10)
+        self.transforms = TransformBroadcaster(node)
+        self.ticks = 0
+
+    def tick(self):
+        if not (self.scans.get_subscription_count() and self.transforms.pub_tf.get_subscription_count()):
+            return  # nobody would receive
+        if self.ticks < SCANS:
             scan = LaserScan()
             scan.header.frame_id = "lidar"
-            scan.header.stamp = stamp(tick)
-            scans.publish(scan)
-        if tick >= DELAY:
+            scan.header.stamp = stamp(self.ticks)
+            self.scans.publish(scan)
+        if DELAY <= self.ticks < DELAY + SCANS:
             transform = TransformStamped()
             transform.header.frame_id, transform.child_frame_id = "map", "lidar"
-            transform.header.stamp = stamp(tick - DELAY)
-            transform.transform.translation.x = 0.1 * (tick - DELAY)
-            broadcaster.sendTransform(transform)
-        done.wait(PERIOD_S)
+            transform.header.stamp = stamp(self.ticks - DELAY)
+            transform.transform.translation.x = 0.1 * (self.ticks - DELAY)
+            self.transforms.sendTransform(transform)
+        self.ticks += 1
 
 
 def stamp(tick):
@@ -87,4 +81,7 @@ def stamp(tick):
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    try:
+        raise SystemExit(main())
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None

@@ -94,17 +94,6 @@ def test_the_programs_of_a_page_run_and_print_what_it_says(page, tmp_path):
         assert any(said in line for line in printed), f"{said!r} is not in {ended.stdout!r}"
 
 
-@pytest.mark.parametrize("name", ["demo", "deskew"])  # the others: test_cli.py
-def test_an_example_runs(name):
-    ended = subprocess.run(
-        [sys.executable, ROOT / "examples" / f"{name}.py"],
-        text=True,
-        capture_output=True,
-        timeout=3 * DEADLINE_S,
-    )
-    assert ended.returncode == 0, ended.stdout + ended.stderr
-
-
 # Commands: those in blocks, and those in the text.
 
 COMMANDS = ("colcon", "make", "pip", "python", "ros2", "source")

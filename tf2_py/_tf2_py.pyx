@@ -249,8 +249,8 @@ cdef class BufferCore(Engine):
         """
         Look one transform up at many times, with the results of as many single lookups.
 
-        :param times: N times: integer nanoseconds (array-like of shape (N,)) or a sequence of time objects; 0
-            is the latest common time.
+        :param times: N times: integer nanoseconds or datetime64 (array-like of shape (N,), also a column of a
+            data frame), or a sequence of time objects; 0 is the latest common time.
         :param fixed_frame: with ``target_time``, a two-time lookup: the source at each of ``times``, the
             target at ``target_time``.
         :param on_missing: ``'raise'`` raises the error of the first time without an answer, with its index;
@@ -258,8 +258,8 @@ cdef class BufferCore(Engine):
         :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), metres, and (N, 4), x y z w.
         :raises TransformException: as :meth:`lookup_transform_core`.
         :raises TypeError: ``times`` are no times, or ``fixed_frame`` and ``target_time`` are not both given.
-        :raises ValueError: ``times`` have not one dimension or do not fit into 64 bits, or ``on_missing``
-            is neither.
+        :raises ValueError: ``times`` have not one dimension, are NaT or do not fit into 64 bits, or
+            ``on_missing`` is neither.
 
         Other threads run meanwhile: the GIL is released.
         """

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_py._internal import normalise, rotation_matrices
+from tf2_py._internal import matrices_from_rotations, normalise
 
 __all__ = [
     "_build_affine",
@@ -30,7 +30,7 @@ def _get_mat_from_quat(quaternion: NDArray[Any]) -> Matrix:
     w, x, y, z = quaternion
     rotations = np.array([[x, y, z, w]], dtype=np.float64)
     normalise(rotations)  # not if NaN or infinite, as the matrix is then
-    return rotation_matrices(rotations)[0]
+    return matrices_from_rotations(rotations)[0]
 
 
 def _get_quat_from_mat(rot_mat: NDArray[Any]) -> NDArray[Any]:

@@ -11,7 +11,7 @@ from tf2_py._objects.at_exit import keep_for_ever, skip_exit_handlers
 from tf2_py._objects.errors import MalformedObjectError, bad_name
 from tf2_py._objects.frame_names import is_invalid_name
 from tf2_py._objects.printable import printable
-from tf2_py._objects.rotations import normalise, rotation_matrices
+from tf2_py._objects.rotations import matrices_from_rotations, normalise, rotations_from_matrices
 from tf2_py._objects.serialize import serialize_transforms
 from tf2_py._objects.times import FOR_EVER_NS, duration_ns, stamp_parts, time_ns
 
@@ -24,9 +24,10 @@ __all__ = [
     "is_invalid_name",
     "keep_for_ever",
     "log",
+    "matrices_from_rotations",
     "normalise",
     "printable",
-    "rotation_matrices",
+    "rotations_from_matrices",
     "serialize_transforms",
     "skip_exit_handlers",
     "stamp_parts",

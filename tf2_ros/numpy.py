@@ -11,7 +11,13 @@ import numpy.typing as npt
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
 from std_msgs.msg import Header
 
-from tf2_py._internal import as_times_ns, normalise, rotation_matrices, time_ns
+from tf2_py._internal import (
+    as_times_ns,
+    matrices_from_rotations,
+    normalise,
+    rotations_from_matrices,
+    time_ns,
+)
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -41,8 +47,9 @@ def to_matrix(transforms: Message | Pair) -> Array:
     :raises ValueError: arrays of other shapes; or a rotation has no finite length above zero.
     """
     translations, rotations = _pair(transforms) if isinstance(transforms, tuple) else _one(transforms)
-    matrices = np.zeros((*rotations.shape[:-1], 4, 4))
-    matrices[..., :3, :3] = rotation_matrices(rotations.reshape(-1, 4)).reshape(*rotations.shape[:-1], 3, 3)
+    shape = rotations.shape[:-1]
+    matrices = np.zeros((*shape, 4, 4))
+    matrices[..., :3, :3] = matrices_from_rotations(rotations.reshape(-1, 4)).reshape(*shape, 3, 3)
     matrices[..., :3, 3] = translations
     matrices[..., 3, 3] = 1
     matrices[np.isnan(rotations[..., 0])] = np.nan
@@ -278,16 +285,12 @@ def _rotations(value: Any) -> Array:
 
 def _unit(rotations: Array) -> Array:
     """Quaternions of length one; a row of NaN, a missing transform, stays NaN."""
-    rows = rotations.reshape(-1, 4)
-    present = np.flatnonzero(~np.isnan(rows).all(axis=1))
-    units = rows[present]
-    bad = normalise(units)
+    units = rotations.reshape(-1, 4).copy()
+    bad = normalise(units, nan_missing=True)
     if bad >= 0:
-        which = _which("rotations", rotations.shape[:-1], present[bad]) or "the rotation"
+        which = _which("rotations", rotations.shape[:-1], bad) or "the rotation"
         raise ValueError(f"{which} must have a finite length above zero")
-    result = np.full(rows.shape, np.nan)
-    result[present] = units
-    return result.reshape(rotations.shape)
+    return units.reshape(rotations.shape)
 
 
 def _which(name: str, shape: tuple[int, ...], flat: int) -> str:
@@ -307,49 +310,30 @@ def _matrices(values: npt.ArrayLike) -> Array:
 
 def _translations_and_rotations(matrices: Array) -> tuple[Array, Array]:
     shape = matrices.shape[:-2]
-    flat = matrices.reshape(-1, 4, 4)
-    present = np.flatnonzero(~np.isnan(flat).all(axis=(1, 2)))
-    if (wrong := _no_rigid_transform(flat[present])) is not None:
-        which = _which("matrices", shape, present[wrong[0]])
-        raise ValueError(f"{which}: {wrong[1]}" if which else wrong[1])
-    translations, rotations = np.full((len(flat), 3), np.nan), np.full((len(flat), 4), np.nan)
-    translations[present] = flat[present, :3, 3]
-    rotations[present] = _quaternions(flat[present, :3, :3])
-    return translations.reshape(*shape, 3), rotations.reshape(*shape, 4)
+    flat = matrices.reshape(-1, 16)
+    finite = np.isfinite(flat).all(axis=1)
+    missing = ~finite
+    missing[missing] = np.isnan(flat[missing]).all(axis=1)
+    if (bad := np.flatnonzero(~(finite | missing))).size:
+        raise _no_rigid_transform(shape, bad[0], "a matrix must be finite")
+    # Comparisons with NaN are false.
+    if (bad := np.flatnonzero((np.abs(flat[:, 12:] - (0, 0, 0, 1)) > TOLERANCE).any(axis=1))).size:
+        last = flat[bad[0], 12:]
+        raise _no_rigid_transform(shape, bad[0], f"the last row of a matrix must be 0 0 0 1, not {last}")
+    turns = flat.reshape(-1, 4, 4)[:, :3, :3].reshape(-1, 9)
+    rotations, wrong, defect = rotations_from_matrices(turns, TOLERANCE)
+    if wrong >= 0 and defect > TOLERANCE:
+        reason = f"the rotation of a matrix must be orthogonal; R R^T is off by {defect:.2g}"
+        raise _no_rigid_transform(shape, wrong, reason)
+    if wrong >= 0:
+        reason = "the rotation of a matrix must not be a reflection; its determinant is -1"
+        raise _no_rigid_transform(shape, wrong, reason)
+    return matrices[..., :3, 3].copy(), rotations.reshape(*shape, 4)
 
 
-def _no_rigid_transform(m: Array) -> tuple[int, str] | None:
-    """The index of a matrix that is no rigid transform, and the reason; None: all are."""
-    if (bad := np.flatnonzero(~np.isfinite(m).all(axis=(1, 2)))).size:
-        return bad[0], "a matrix must be finite"
-    if (bad := np.flatnonzero(np.abs(m[:, 3] - (0, 0, 0, 1)).max(axis=1) > TOLERANCE)).size:
-        return bad[0], f"the last row of a matrix must be 0 0 0 1, not {m[bad[0], 3]}"
-    r = m[:, :3, :3]
-    error = np.abs(r @ r.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    if (bad := np.flatnonzero(error > TOLERANCE)).size:
-        off = f"R R^T is off by {error[bad[0]]:.2g}"
-        return bad[0], f"the rotation of a matrix must be orthogonal; {off}"
-    if (bad := np.flatnonzero(np.linalg.det(r) < 0)).size:
-        return bad[0], "the rotation of a matrix must not be a reflection; its determinant is -1"
-    return None
-
-
-def _quaternions(r: Array) -> Array:
-    # S. W. Shepperd, Quaternion from Rotation Matrix, 1978: each row of `products` is the quaternion x y z w
-    # times four times one of its parts; the row of the greatest part loses nothing to rounding.
-    products = np.empty((len(r), 4, 4))
-    trace = np.trace(r, axis1=1, axis2=2)
-    for i in range(3):
-        products[:, i, i] = 1 + 2 * r[:, i, i] - trace
-    products[:, 3, 3] = 1 + trace
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        products[:, i, j] = products[:, j, i] = r[:, i, j] + r[:, j, i]
-        products[:, k, 3] = products[:, 3, k] = r[:, j, i] - r[:, i, j]
-    greatest = products.diagonal(axis1=1, axis2=2).argmax(axis=1)
-    q = products[np.arange(len(r)), greatest]
-    q /= np.linalg.norm(q, axis=1, keepdims=True)
-    q[q[:, 3] < 0] *= -1
-    return q
+def _no_rigid_transform(shape: tuple[int, ...], flat: int, reason: str) -> ValueError:
+    which = _which("matrices", shape, flat)
+    return ValueError(f"{which}: {reason}" if which else reason)
 
 
 def _quaternion_message(rotation: Array) -> Quaternion:

@@ -1,6 +1,7 @@
 """Messages as matrices, arrays, rotations of SciPy and data frames, judged by SciPy."""
 
 import importlib.abc
+import json
 import math
 import subprocess
 import sys
@@ -487,6 +488,44 @@ class TestDataFrames:
     def test_each_transform_has_one_time(self, pair):
         with pytest.raises(ValueError, match="2 times, but rotations of shape"):
             to_columns(pair, [1, 2])
+
+
+TYPED = """
+import numpy as np
+from geometry_msgs.msg import Pose, PoseStamped, Quaternion, Transform, TransformStamped
+from scipy.spatial.transform import Rotation
+from std_msgs.msg import Header
+from tf2_ros.numpy import from_matrix, from_rotation, to_arrays, to_columns, to_matrix, to_rotation
+
+matrix: np.ndarray = to_matrix(to_arrays([Transform(), PoseStamped()]))
+transform: Transform = from_matrix(matrix)
+pose: Pose = from_matrix(matrix, Pose)
+stamped: TransformStamped = from_matrix(matrix, header=Header(), child_frame_id="base")
+stamped_pose: PoseStamped = from_matrix(matrix, PoseStamped, header=Header())
+rotation: Rotation = to_rotation(to_arrays(matrix))
+quaternion: Quaternion = from_rotation(to_rotation(Quaternion()))
+columns: dict[str, np.ndarray] = to_columns([TransformStamped()])
+"""
+MISTYPED = [
+    "wrong: Pose = from_matrix(matrix)",
+    "wrong: Transform = from_matrix(matrix, PoseStamped)",
+    "from_matrix(matrix, header=Header())",
+    "from_matrix(matrix, Pose, header=Header())",
+    "from_matrix(matrix, PoseStamped, child_frame_id='base')",
+    "to_columns(to_arrays(matrix))",
+]
+
+
+def test_a_type_checker_knows_what_each_returns(tmp_path):
+    pytest.importorskip("pyright")
+    program = tmp_path / "typed.py"
+    program.write_text(TYPED + "\n".join(MISTYPED))
+    command = [sys.executable, "-m", "pyright", "--pythonpath", sys.executable, "--outputjson", program]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    errors = [one for one in json.loads(done.stdout)["generalDiagnostics"] if one["severity"] == "error"]
+    found = {one["range"]["start"]["line"] for one in errors}
+    first = TYPED.count("\n")
+    assert sorted(found) == list(range(first, first + len(MISTYPED))), done.stdout
 
 
 def test_numpy_is_still_numpy_for_the_modules_beside_it():

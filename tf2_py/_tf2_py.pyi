@@ -18,7 +18,7 @@ class _SecNanosec(Protocol):
 
 _TimeLike = _Nanoseconds | _SecNanosec
 _DurationLike = _Nanoseconds | _SecNanosec
-_Times = ArrayLike | Sequence[_TimeLike]  # an ArrayLike holds integer nanoseconds
+_Times = ArrayLike | Sequence[_TimeLike]  # an ArrayLike holds integer nanoseconds or datetime64
 _Float = TypeVar("_Float", np.float32, np.float64)
 _Vector = tuple[float, float, float]  # x y z
 

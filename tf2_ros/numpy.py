@@ -311,13 +311,13 @@ def _matrices(values: npt.ArrayLike) -> Array:
 def _translations_and_rotations(matrices: Array) -> tuple[Array, Array]:
     shape = matrices.shape[:-2]
     flat = matrices.reshape(-1, 16)
-    finite = np.isfinite(flat).all(axis=1)
-    missing = ~finite
-    missing[missing] = np.isnan(flat[missing]).all(axis=1)
-    if (bad := np.flatnonzero(~(finite | missing))).size:
+    bad = np.flatnonzero(~np.isfinite(flat).all(axis=1))
+    bad = bad[~np.isnan(flat[bad]).all(axis=1)]  # the others are missing
+    if bad.size:
         raise _no_rigid_transform(shape, bad[0], "a matrix must be finite")
     # Comparisons with NaN are false.
-    if (bad := np.flatnonzero((np.abs(flat[:, 12:] - (0, 0, 0, 1)) > TOLERANCE).any(axis=1))).size:
+    bad = np.flatnonzero((np.abs(flat[:, 12:] - (0, 0, 0, 1)) > TOLERANCE).any(axis=1))
+    if bad.size:
         last = flat[bad[0], 12:]
         raise _no_rigid_transform(shape, bad[0], f"the last row of a matrix must be 0 0 0 1, not {last}")
     turns = flat.reshape(-1, 4, 4)[:, :3, :3].reshape(-1, 9)

@@ -216,8 +216,8 @@ cdef inline double matrix_determinant(const double* r) noexcept nogil:
 
 
 cdef inline void quaternion_from_matrix(const double* r, double* q) noexcept nogil:
-    # Of a rotation matrix, row by row; of length one, w >= 0. S. W. Shepperd, Quaternion from Rotation Matrix,
-    # 1978: the quaternion times four times its greatest part, which loses nothing to rounding.
+    # Of a rotation matrix, row by row; of length one, w >= 0. S. W. Shepperd, Quaternion from Rotation
+    # Matrix, 1978: the quaternion times four times its greatest part, which loses nothing to rounding.
     cdef double trace = r[0] + r[4] + r[8]
     if trace >= r[0] and trace >= r[4] and trace >= r[8]:
         q[0] = r[7] - r[5]

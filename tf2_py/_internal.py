@@ -12,7 +12,7 @@ from tf2_py._objects.frame_names import is_invalid_name
 from tf2_py._objects.printable import printable
 from tf2_py._objects.rotations import normalise
 from tf2_py._objects.serialize import serialize_transforms
-from tf2_py._objects.times import FOR_EVER_NS, duration_ns, stamp_parts, time_ns
+from tf2_py._objects.times import FOR_EVER_NS, duration_ns, stamp_parts, time_ns, timeout_ns
 
 __all__ = [
     "FOR_EVER_NS",
@@ -28,4 +28,5 @@ __all__ = [
     "skip_exit_handlers",
     "stamp_parts",
     "time_ns",
+    "timeout_ns",
 ]

@@ -128,7 +128,7 @@ class BufferClient(BufferInterface):
         :raises TimeoutException: there is no server, it did not answer, or the transform was not available in
             time.
         :raises TransformException: what the lookup in the server raised.
-        :raises TypeError: ``time`` is no time, or ``timeout`` no duration.
+        :raises TypeError: ``time`` is no time, or ``timeout`` no timeout.
         """
         goal = _simple_goal(target_frame, source_frame, time)
         goal.timeout = duration_msg(timeout)
@@ -237,7 +237,7 @@ class BufferClient(BufferInterface):
     def __process_goal(self, goal: Any) -> TransformStamped:
         sender = self._goal_sender
         if sender is None or self.action_client is not sender.action_client:
-            padding_ns = timeout_ns(self.timeout_padding)
+            padding_ns = timeout_ns(self.timeout_padding, "timeout_padding")
             return self.__process_result(send_directly(self.action_client, goal, padding_ns))
         pending = self._send(sender, goal, timeout_ns(Duration.from_msg(goal.timeout)))
         done = threading.Event()
@@ -269,12 +269,12 @@ class BufferClient(BufferInterface):
             pending.abandon()
 
     def _send(self, sender: GoalSender, goal: Any, lookup_ns: int | None) -> PendingGoal:
-        return sender.send(goal, lookup_ns, timeout_ns(self.timeout_padding))
+        return sender.send(goal, lookup_ns, timeout_ns(self.timeout_padding, "timeout_padding"))
 
 
 def _simple_goal(target_frame: str, source_frame: str, time: Any) -> Any:
     return LookupTransform.Goal(
-        target_frame=target_frame, source_frame=source_frame, source_time=time_msg(time)
+        target_frame=target_frame, source_frame=source_frame, source_time=time_msg(time, "time")
     )
 
 
@@ -283,9 +283,9 @@ def _full_goal(
 ) -> Any:
     return LookupTransform.Goal(
         target_frame=target_frame,
-        target_time=time_msg(target_time),
+        target_time=time_msg(target_time, "target_time"),
         source_frame=source_frame,
-        source_time=time_msg(source_time),
+        source_time=time_msg(source_time, "source_time"),
         fixed_frame=fixed_frame,
         advanced=True,
     )

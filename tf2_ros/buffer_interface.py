@@ -2,6 +2,7 @@
 
 from typing import Any, TypeVar
 
+from builtin_interfaces.msg import Time as TimeMsg
 from geometry_msgs.msg import (
     PointStamped,
     PoseStamped,
@@ -31,6 +32,7 @@ from tf2_ros._tf2_names import (
     tf2,
     tf2_ros,
 )
+from tf2_ros._times import time_msg
 
 # What `import *` gives from tf2's module.
 __all__ = [
@@ -81,8 +83,8 @@ class BufferInterface:
     What :class:`tf2_ros.Buffer` and :class:`tf2_ros.BufferClient` share.
 
     A subclass implements the lookups; ``transform``, ``transform_full`` and ``transform_async`` use them. The
-    attribute ``registration`` is the table of functions that transform objects. Every ``time`` is an rclpy
-    ``Time``, a time message, or an object with their attributes.
+    attribute ``registration`` is the table of functions that transform objects. Every ``time`` and
+    ``timeout`` is as of :class:`tf2_ros.Buffer`.
     """
 
     def __init__(self) -> None:
@@ -106,7 +108,7 @@ class BufferInterface:
         :return: a new object; the one given is not changed.
         :raises TypeException: the type is not registered, or no conversion to ``new_type`` is.
         :raises TransformException: what the lookup raises.
-        :raises TypeError: ``target_frame`` is no str, or ``timeout`` no duration.
+        :raises TypeError: ``target_frame`` is no str, or ``timeout`` no timeout.
         :raises AttributeError: the object has no header.
         """
         do_transform = self.registration.get(type(object_stamped))
@@ -257,10 +259,12 @@ def Stamped(obj: Any, stamp: Any, frame_id: str) -> Any:
     Give an object a header.
 
     :param obj: the object; it gets the attribute ``header``.
-    :param stamp: a ``builtin_interfaces/Time`` or an ``rclpy.time.Time``; 0 stands for the latest transform.
+    :param stamp: a time as of :class:`tf2_ros.Buffer`; 0 stands for the latest transform.
     :param frame_id: the frame of the object.
     :return: the same object.
     :raises AttributeError: the object can have no attribute ``header``.
+    :raises TypeError: ``stamp`` is no time.
     """
-    obj.header = Header(frame_id=frame_id, stamp=stamp.to_msg() if isinstance(stamp, Time) else stamp)
+    message = stamp if isinstance(stamp, TimeMsg) else time_msg(stamp, "stamp")
+    obj.header = Header(frame_id=frame_id, stamp=message)
     return obj

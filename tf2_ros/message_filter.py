@@ -76,7 +76,7 @@ class MessageFilter:
         self._node = node
         self._target_frames = _names(target_frames)
         self._queue_size = _size(queue_size)
-        self._timeout_ns = optional_timeout_ns(buffer_timeout)
+        self._timeout_ns = optional_timeout_ns(buffer_timeout, "buffer_timeout")
         self._tolerance_ns = _tolerance_ns(tolerance)
         self._failure_callbacks: dict[int, tuple[Callable[..., None], tuple[Any, ...]]] = {}
         self._connections = itertools.count()
@@ -327,7 +327,7 @@ def _size(queue_size: int) -> int:
 
 
 def _tolerance_ns(tolerance: Duration | None) -> int:
-    tolerance_ns = 0 if tolerance is None else duration_ns(tolerance, "a tolerance")
+    tolerance_ns = 0 if tolerance is None else duration_ns(tolerance, "tolerance")
     if tolerance_ns < 0:
         raise ValueError(f"tolerance must not be negative, it is {tolerance_ns / 1e9} s")
     if tolerance_ns >= FOR_EVER_NS:

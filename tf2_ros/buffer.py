@@ -16,6 +16,7 @@ from rclpy.utilities import get_default_context
 
 from tf2_msgs.srv import FrameGraph
 from tf2_py import BufferCore, TransformException
+from tf2_ros._arguments import has, is_duration, refuse_swapped
 from tf2_ros._clock_jumps import clear_at_jumps
 from tf2_ros._receive.receiver_thread import attribute_changed
 from tf2_ros._replaced import (
@@ -99,6 +100,7 @@ class Buffer(BufferCore, BufferInterface):
     def __init__(
         self, cache_time: Duration | None = None, node: Node | None = None, **limits: int | None
     ) -> None:
+        refuse_swapped("Buffer", cache_time=(is_duration, cache_time), node=(has("create_service"), node))
         BufferCore.__init__(self, cache_time, **limits)
         BufferInterface.__init__(self)
         self._node_context = None if node is None else node.context

@@ -22,6 +22,7 @@ from tf2_py import (
     TransformException,
 )
 from tf2_py._internal import printable
+from tf2_ros._arguments import has, is_name, refuse_swapped
 from tf2_ros._goals import GoalSender, PendingGoal, send_directly
 from tf2_ros._tf2_names import (
     Clock,
@@ -92,6 +93,7 @@ class BufferClient(BufferInterface):
         check_frequency: float = 10.0,
         timeout_padding: Duration = Duration(seconds=2.0),  # noqa: B008  as in tf2; a Duration cannot change
     ) -> None:
+        refuse_swapped("BufferClient", node=(has("create_client"), node), ns=(is_name, ns))
         if not check_frequency > 0.0:
             raise ValueError(f"check_frequency must be above 0 Hz, it is {check_frequency}")
         super().__init__()

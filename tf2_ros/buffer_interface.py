@@ -15,6 +15,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
+from tf2_ros._arguments import has, is_name, swapped
 from tf2_ros._registration import (
     ConvertRegistration,
     NotImplementedException,
@@ -111,7 +112,7 @@ class BufferInterface:
         :raises TypeError: ``target_frame`` is no str, or ``timeout`` no timeout.
         :raises AttributeError: the object has no header.
         """
-        do_transform = self.registration.get(type(object_stamped))
+        do_transform = _function_for(self.registration, "transform", object_stamped, target_frame)
         header = _header_of(object_stamped)
         result = do_transform(
             object_stamped, self.lookup_transform(target_frame, header.frame_id, header.stamp, timeout)
@@ -138,7 +139,7 @@ class BufferInterface:
         :param timeout: as of :meth:`transform`, like ``new_type``.
         :return: a new object, stamped with the target time.
         """
-        do_transform = self.registration.get(type(object_stamped))
+        do_transform = _function_for(self.registration, "transform_full", object_stamped, target_frame)
         header = _header_of(object_stamped)
         transform = self.lookup_transform_full(
             target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout
@@ -163,7 +164,7 @@ class BufferInterface:
         :return: a new object.
         :raises TimeoutException: the transform was not available in time.
         """
-        do_transform = self.registration.get(type(object_stamped))
+        do_transform = _function_for(self.registration, "transform_async", object_stamped, target_frame)
         header = _header_of(object_stamped)
         transform = await self.lookup_transform_async(
             target_frame, header.frame_id, header.stamp, timeout=timeout
@@ -239,6 +240,18 @@ class BufferInterface:
         :raises NotImplementedException: a subclass must implement it.
         """
         raise NotImplementedException()
+
+
+def _function_for(registration: Any, call: str, object_stamped: Any, target_frame: Any) -> Any:
+    try:
+        return registration.get(type(object_stamped))
+    except TypeException:
+        text = swapped(
+            call, object_stamped=(has("header"), object_stamped), target_frame=(is_name, target_frame)
+        )
+        if text is None:
+            raise
+        raise TypeException(text) from None
 
 
 def _header_of(object_stamped: Any) -> Any:

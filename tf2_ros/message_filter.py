@@ -14,6 +14,7 @@ from rclpy.executors import await_or_execute
 from rclpy.node import Node
 
 from tf2_py._internal import printable
+from tf2_ros._arguments import has, is_a, is_names, refuse_swapped
 from tf2_ros._forking import register_for_fork
 from tf2_ros._times import FOR_EVER_NS, duration_ns, optional_timeout_ns
 from tf2_ros._wait.handoff import Handoff
@@ -70,6 +71,14 @@ class MessageFilter:
         buffer_timeout: Duration | None = None,
         tolerance: Duration | None = None,
     ) -> None:
+        refuse_swapped(
+            "MessageFilter",
+            input=(_is_input, input),
+            buffer=(is_a(Buffer), buffer),
+            target_frames=(is_names, target_frames),
+            queue_size=(is_a(int), queue_size),
+            node=(has("create_subscription"), node),
+        )
         if not isinstance(buffer, Buffer):
             raise TypeError(f"buffer must be a tf2_ros.Buffer, not {type(buffer).__name__}")
         self.callbacks: dict[int, tuple[Callable[..., None], tuple[Any, ...]]] = {}
@@ -311,6 +320,12 @@ class MessageFilter:
             f"MessageFilter [target={frames}]: {dropped} of the last {SAMPLE} messages were dropped; the "
             f"last, from frame [{printable(message.header.frame_id)}], for {reason.value}. {text}".rstrip()
         )
+
+
+def _is_input(value: Any) -> bool:
+    if isinstance(value, tuple):
+        return len(value) == 3 and hasattr(value[0], "header")
+    return hasattr(value, "registerCallback") or hasattr(value, "callback")
 
 
 def _names(target_frames: str | Sequence[str]) -> tuple[str, ...]:

@@ -142,9 +142,11 @@ class TestLookup:
         assert seconds < 1
 
     @pytest.mark.ours
-    def test_a_timeout_that_is_no_duration_is_refused(self, buffer):
-        with pytest.raises(TypeError, match="Duration"):
-            buffer.lookup_transform("map", "robot", LATEST, 1.0)
+    def test_a_timeout_that_is_none_is_refused(self, buffer):
+        with pytest.raises(TypeError, match=r"timeout must be .*, not str: use Duration\(seconds=\.\.\.\)"):
+            buffer.lookup_transform("map", "robot", LATEST, "1")
+        with pytest.raises(TypeError, match="timeout is a Time"):
+            buffer.lookup_transform("map", "robot", Duration(), at(1))
 
     @pytest.mark.ours
     def test_an_insert_without_waiters_costs_no_more(self, buffer, tf2_py):

@@ -2,11 +2,13 @@
 
 import asyncio
 import gc
+import math
 import subprocess
 import threading
 import time
 from contextlib import contextmanager
 
+import numpy as np
 import pytest
 from making import at, stamp_ns, translation
 from processes import DEADLINE_S, start, until
@@ -84,12 +86,28 @@ class TestLookup:
     @pytest.mark.ours
     def test_a_time_may_be_a_message(self, client):
         assert stamp_ns(client.lookup_transform("map", "robot", at(1.5).to_msg(), LONG)) == 1_500_000_000
-        with pytest.raises(TypeError, match="Time"):
-            client.lookup_transform("map", "robot", 1.5)
 
     @pytest.mark.ours
-    @pytest.mark.parametrize("timeout", [Infinite, Duration(seconds=9223372036)])
-    def test_a_timeout_may_be_infinite(self, client, timeout):
+    @pytest.mark.parametrize("moment", [1_500_000_000, np.datetime64(1500, "ms")], ids=repr)
+    def test_a_time_may_be_an_integer_or_a_datetime(self, client, moment):
+        assert stamp_ns(client.lookup_transform("map", "robot", moment, LONG)) == 1_500_000_000
+        full = client.lookup_transform_full("map", moment, "robot", moment, "odom", LONG)
+        assert stamp_ns(full) == 1_500_000_000
+
+    @pytest.mark.ours
+    def test_another_time_or_timeout_is_refused_with_what_to_use(self, client):
+        with pytest.raises(TypeError, match=r"^time must .*float has neither: use Time\(seconds="):
+            client.lookup_transform("map", "robot", 1.5)
+        with pytest.raises(TypeError, match="^target_time must "):
+            client.lookup_transform_full("map", 1.5, "robot", at(1.5), "odom")
+        with pytest.raises(OverflowError, match="does not fit into the stamp of a message"):
+            client.lookup_transform("map", "robot", 2**62)
+        with pytest.raises(TypeError, match=r"^timeout must .*use Duration\(seconds="):
+            client.lookup_transform("map", "robot", at(1.5), "1")
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("timeout", [Infinite, Duration(seconds=9223372036), math.inf, 9223372036, 20.0])
+    def test_a_timeout_may_be_infinite_or_seconds(self, client, timeout):
         assert client.lookup_transform("map", "robot", at(1.5), timeout).child_frame_id == "robot"
         awaited = client.lookup_transform_async("map", "robot", at(1.5), timeout=timeout)
         assert asyncio.run(awaited).child_frame_id == "robot"

@@ -249,3 +249,27 @@ def test_tf2_msgs_of_a_checkout_hands_over_to_the_sourced_one(tmp_path):
         env={**os.environ, "PYTHONPATH": str(tmp_path / "ros")},
         check=True,
     )
+
+
+@pytest.mark.parametrize("package", ["tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs"])
+def test_a_checkout_that_is_not_built_says_what_to_do(tmp_path, package):
+    project = checkout_copy(tmp_path / "project")
+    ended = subprocess.run(
+        [sys.executable, "-c", f"import {package}"], cwd=project, capture_output=True, text=True, check=False
+    )
+    assert ended.returncode == 1
+    [error] = [line for line in ended.stderr.splitlines() if line.startswith("ModuleNotFoundError: tf2_py.")]
+    assert f" is missing: {project} is not built for Python " in error
+    assert "Run `make build` or `pip install .` there, or cd elsewhere" in error
+    assert "During handling" not in ended.stderr
+
+
+def test_a_library_that_is_missing_is_not_called_a_missing_build(tmp_path):
+    folder = tmp_path / "tf2_py"
+    folder.mkdir()
+    (folder / "__init__.py").write_text((ROOT / "tf2_py" / "__init__.py").read_text(encoding="utf-8"))
+    (folder / "_tf2_py.py").write_text("import surely_not_installed")
+    ended = subprocess.run(
+        [sys.executable, "-c", "import tf2_py"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert ended.stderr.splitlines()[-1] == "ModuleNotFoundError: No module named 'surely_not_installed'"

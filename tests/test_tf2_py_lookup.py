@@ -86,7 +86,7 @@ class TestTime:
         fill(buffer, ("map odom", 1, 2))
         assert translation(buffer.lookup_transform_core("map", "odom", time)) == (1.5, 0, 0)
 
-    @pytest.mark.parametrize("time", [1, 1.5, None, "1"])
+    @pytest.mark.parametrize("time", [True, 1.5, None, "1"])
     def test_what_is_no_time_is_a_type_error(self, buffer, time):
         with pytest.raises(TypeError):
             buffer.lookup_transform_core("map", "odom", time)

@@ -1,7 +1,20 @@
 """The tf2 buffer core and its exceptions, without ROS nodes or topics."""
 
 import importlib
+import os
 import sys
+
+try:
+    from tf2_py._tf2_py import BufferCore
+except ModuleNotFoundError as missing:
+    if not (missing.name or "").startswith("tf2_py."):
+        raise
+    raise ModuleNotFoundError(
+        f"{missing.name} is missing: {os.path.dirname(os.path.dirname(__file__))} is not built for Python "
+        f"{sys.version_info.major}.{sys.version_info.minor}. Run `make build` or `pip install .` there, or "
+        f"cd elsewhere to import an installed tf2_py",
+        name=missing.name,
+    ) from None
 
 from tf2_py._dll import add_dll_directories_from_env
 from tf2_py._objects.errors import (
@@ -12,7 +25,6 @@ from tf2_py._objects.errors import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._tf2_py import BufferCore
 
 # What `import *` gives from tf2's package.
 __all__ = [

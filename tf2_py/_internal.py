@@ -13,7 +13,7 @@ from tf2_py._objects.frame_names import is_invalid_name
 from tf2_py._objects.printable import printable
 from tf2_py._objects.rotations import matrices_from_rotations, normalise, rotations_from_matrices
 from tf2_py._objects.serialize import serialize_transforms
-from tf2_py._objects.times import FOR_EVER_NS, duration_ns, stamp_parts, time_ns
+from tf2_py._objects.times import FOR_EVER_NS, duration_ns, stamp_parts, time_ns, timeout_ns
 
 __all__ = [
     "FOR_EVER_NS",
@@ -32,4 +32,5 @@ __all__ = [
     "skip_exit_handlers",
     "stamp_parts",
     "time_ns",
+    "timeout_ns",
 ]

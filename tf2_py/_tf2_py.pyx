@@ -17,10 +17,9 @@ from tf2_py._objects.arguments cimport (
     query_fill_full,
     query_fill_series,
     query_frames,
-    query_time,
 )
 from tf2_py._objects.messages cimport name_utf8, new_transform_stamped, read_transform_stamped
-from tf2_py._objects.times cimport nanoseconds, new_time
+from tf2_py._objects.times cimport duration_nanoseconds, nanoseconds, new_time, stamp_nanoseconds
 from tf2_py._wire.batch cimport Batch, Entry, batch_free, batch_read_cdr, batch_reserve
 
 from tf2_py._objects import errors, listings
@@ -65,8 +64,9 @@ cdef class BufferCore(Engine):
     defaults.
 
     For all methods: a frame name is a ``str``; a time or duration is any object with ``nanoseconds``, or with
-    ``sec`` and ``nanosec``. The time 0 asks for the latest time that every frame on the path has data for.
-    Anything else is a ``TypeError``. A name that holds a NUL character is a ``ValueError``, one with a lone
+    ``sec`` and ``nanosec``; a time may also be an integer, which is nanoseconds, or a ``numpy.datetime64``.
+    The time 0 asks for the latest time that every frame on the path has data for. Anything else is a
+    ``TypeError``. A name that holds a NUL character, or the time NaT, is a ``ValueError``, a name with a lone
     surrogate a ``UnicodeEncodeError``. A time whose seconds do not fit into the 32 bits of a message is an
     ``OverflowError``. Every method may be called from any thread. Calling ``__init__`` again empties the
     buffer; pending waits go on.
@@ -79,7 +79,7 @@ cdef class BufferCore(Engine):
         limits.bytes = limit("max_bytes", max_bytes)
         limits.waiters = limit("max_waiters", max_waiters)
         if cache_time is not None:
-            cache_time_ns = nanoseconds(cache_time, "cache_time")
+            cache_time_ns = duration_nanoseconds(cache_time, "cache_time")
         if cache_time_ns < 0:
             raise ValueError(f"cache_time must not be negative, it is {errors.seconds(cache_time_ns)} s")
         self.start_over(cache_time_ns, &limits)
@@ -398,8 +398,9 @@ cdef class BufferCore(Engine):
         Angular: the rotation vector between the two poses over the time between them. Linear: the chord
         of the origin over that time, plus angular x (reference point - origin).
         """
-        cdef int64_t time_ns = max(query_time(time, "time"), 1)     # a lookup would take 0 for "latest"
-        cdef int64_t interval_ns = nanoseconds(averaging_interval, "averaging_interval")
+        # At least 1: a lookup would take 0 for "latest".
+        cdef int64_t time_ns = max(stamp_nanoseconds(time, "time"), 1)
+        cdef int64_t interval_ns = duration_nanoseconds(averaging_interval, "averaging_interval")
         cdef int64_t start_ns, end_ns, common_ns
         cdef Transform start, end, middle, point_frame, reference
         cdef double point[3]
@@ -496,8 +497,8 @@ cdef class BufferCore(Engine):
     def _chain(self, target_frame, target_time, source_frame, source_time, fixed_frame):
         """The frames from source up to the common ancestor and down to target, each once."""
         return chain_between(
-            self, target_frame, query_time(target_time, "target_time"), source_frame,
-            query_time(source_time, "source_time"), fixed_frame,
+            self, target_frame, stamp_nanoseconds(target_time, "target_time"), source_frame,
+            stamp_nanoseconds(source_time, "source_time"), fixed_frame,
         )
 
     def statistics(self):

@@ -1,6 +1,7 @@
 """tf2 for nodes: buffers, listeners and broadcasters; and everything of tf2_py."""
 
 # Before the imports below fail without a word of advice or, on another ROS 2 than the one built for, crash.
+from tf2_py import BufferCore
 from tf2_ros_cython import _requirement as _requirement
 
 # isort: split
@@ -21,7 +22,6 @@ from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TFMessage
 from tf2_msgs.srv import FrameGraph
 from tf2_py import (
-    BufferCore,
     ConnectivityException,
     ExtrapolationException,
     InvalidArgumentException,

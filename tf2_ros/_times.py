@@ -5,7 +5,7 @@ from typing import Any
 from builtin_interfaces.msg import Time as TimeMsg
 from rclpy.duration import Duration
 
-from tf2_py._internal import FOR_EVER_NS, duration_ns, stamp_parts
+from tf2_py._internal import FOR_EVER_NS, duration_ns, stamp_parts, timeout_ns
 
 __all__ = [
     "FOR_EVER",
@@ -20,14 +20,9 @@ __all__ = [
 FOR_EVER = Duration(seconds=2**31 - 1)  # the most that a duration message can say
 
 
-def timeout_ns(timeout: Any) -> int:
-    """The nanoseconds of a timeout, at most FOR_EVER_NS; see ``tf2_py._internal.duration_ns``."""
-    return duration_ns(timeout, "a timeout")
-
-
-def optional_timeout_ns(timeout: Any) -> int | None:
-    """The same; None, for no end, where the timeout is None or at least FOR_EVER_NS."""
-    nanoseconds = FOR_EVER_NS if timeout is None else timeout_ns(timeout)
+def optional_timeout_ns(timeout: Any, argument: str = "timeout") -> int | None:
+    """The nanoseconds of a timeout; None, for no end, where it is None or at least FOR_EVER_NS."""
+    nanoseconds = FOR_EVER_NS if timeout is None else timeout_ns(timeout, argument)
     return None if nanoseconds == FOR_EVER_NS else nanoseconds
 
 
@@ -37,15 +32,11 @@ def duration_msg(timeout: Any) -> Any:
     return Duration(nanoseconds=max(-longest_ns, min(timeout_ns(timeout), longest_ns))).to_msg()
 
 
-def time_msg(time: Any) -> TimeMsg:
+def time_msg(time: Any, argument: str) -> TimeMsg:
     """
-    The time message of an rclpy ``Time``, or of a time message.
+    The time message of a time; it raises as ``tf2_py._internal.stamp_parts``.
 
-    :raises TypeError: it is something else.
+    :param argument: what the errors call it.
     """
-    if hasattr(time, "nanoseconds"):
-        sec, nanosec = stamp_parts(time.nanoseconds)
-        return TimeMsg(sec=sec, nanosec=nanosec)
-    if hasattr(time, "sec") and hasattr(time, "nanosec"):
-        return TimeMsg(sec=time.sec, nanosec=time.nanosec)
-    raise TypeError(f"a time is an rclpy.time.Time, not {type(time).__name__}")
+    sec, nanosec = stamp_parts(time, argument)
+    return TimeMsg(sec=sec, nanosec=nanosec)

@@ -16,6 +16,7 @@ from rclpy.utilities import get_default_context
 
 from tf2_msgs.srv import FrameGraph
 from tf2_py import BufferCore, TransformException
+from tf2_ros._arguments import has, is_duration, refuse_swapped
 from tf2_ros._clock_jumps import clear_at_jumps
 from tf2_ros._receive.receiver_thread import attribute_changed
 from tf2_ros._replaced import (
@@ -86,10 +87,11 @@ class Buffer(BufferCore, BufferInterface):
     :raises ValueError: ``cache_time`` is negative, or a limit not above 0.
 
     It is cleared when its clock jumps back by 1 s or more, and when simulated time is switched on or off.
-    Every ``time`` is an rclpy ``Time``, a time message, or an object with their attributes; 0 is the latest
-    time for which all frames on the path have data. Every ``timeout`` is an rclpy ``Duration`` or a duration
-    message, in steady time, also while time is simulated. Translations are in metres, rotations are unit
-    quaternions.
+    Every ``time`` is an rclpy ``Time``, a time message, an object with their attributes, an integer, which is
+    nanoseconds, or a ``numpy.datetime64``; 0 is the latest time for which all frames on the path have data.
+    Every ``timeout`` is an rclpy ``Duration``, a duration message, or a number, which is seconds; it counts
+    steady time, also while time is simulated. NaT and NaN are a ``ValueError``. Translations are in metres,
+    rotations are unit quaternions.
 
     With ``TF2_DEBUG=1`` in the environment when this module is imported, each wait for a transform that lasts
     longer than a second logs, once, what it lacks; not those by methods that a program has replaced.
@@ -98,6 +100,7 @@ class Buffer(BufferCore, BufferInterface):
     def __init__(
         self, cache_time: Duration | None = None, node: Node | None = None, **limits: int | None
     ) -> None:
+        refuse_swapped("Buffer", cache_time=(is_duration, cache_time), node=(has("create_service"), node))
         BufferCore.__init__(self, cache_time, **limits)
         BufferInterface.__init__(self)
         self._node_context = None if node is None else node.context
@@ -150,7 +153,7 @@ class Buffer(BufferCore, BufferInterface):
         :raises ConnectivityException: the frames are in different trees.
         :raises ExtrapolationException: a frame on the path has no data for the time.
         :raises InvalidArgumentException: a name is empty or begins with ``/``; this is not waited for.
-        :raises TypeError: a name is no str, ``time`` is no time, or ``timeout`` no duration.
+        :raises TypeError: a name is no str, ``time`` is no time, or ``timeout`` no timeout.
         """
         if timeout is NO_TIMEOUT:
             return self.lookup_transform_core(target_frame, source_frame, time)

@@ -22,6 +22,7 @@ from tf2_py import (
     TransformException,
 )
 from tf2_py._internal import printable
+from tf2_ros._arguments import has, is_name, refuse_swapped
 from tf2_ros._goals import GoalSender, PendingGoal, send_directly
 from tf2_ros._tf2_names import (
     Clock,
@@ -92,6 +93,7 @@ class BufferClient(BufferInterface):
         check_frequency: float = 10.0,
         timeout_padding: Duration = Duration(seconds=2.0),  # noqa: B008  as in tf2; a Duration cannot change
     ) -> None:
+        refuse_swapped("BufferClient", node=(has("create_client"), node), ns=(is_name, ns))
         if not check_frequency > 0.0:
             raise ValueError(f"check_frequency must be above 0 Hz, it is {check_frequency}")
         super().__init__()
@@ -128,7 +130,7 @@ class BufferClient(BufferInterface):
         :raises TimeoutException: there is no server, it did not answer, or the transform was not available in
             time.
         :raises TransformException: what the lookup in the server raised.
-        :raises TypeError: ``time`` is no time, or ``timeout`` no duration.
+        :raises TypeError: ``time`` is no time, or ``timeout`` no timeout.
         """
         goal = _simple_goal(target_frame, source_frame, time)
         goal.timeout = duration_msg(timeout)
@@ -237,7 +239,7 @@ class BufferClient(BufferInterface):
     def __process_goal(self, goal: Any) -> TransformStamped:
         sender = self._goal_sender
         if sender is None or self.action_client is not sender.action_client:
-            padding_ns = timeout_ns(self.timeout_padding)
+            padding_ns = timeout_ns(self.timeout_padding, "timeout_padding")
             return self.__process_result(send_directly(self.action_client, goal, padding_ns))
         pending = self._send(sender, goal, timeout_ns(Duration.from_msg(goal.timeout)))
         done = threading.Event()
@@ -269,12 +271,12 @@ class BufferClient(BufferInterface):
             pending.abandon()
 
     def _send(self, sender: GoalSender, goal: Any, lookup_ns: int | None) -> PendingGoal:
-        return sender.send(goal, lookup_ns, timeout_ns(self.timeout_padding))
+        return sender.send(goal, lookup_ns, timeout_ns(self.timeout_padding, "timeout_padding"))
 
 
 def _simple_goal(target_frame: str, source_frame: str, time: Any) -> Any:
     return LookupTransform.Goal(
-        target_frame=target_frame, source_frame=source_frame, source_time=time_msg(time)
+        target_frame=target_frame, source_frame=source_frame, source_time=time_msg(time, "time")
     )
 
 
@@ -283,9 +285,9 @@ def _full_goal(
 ) -> Any:
     return LookupTransform.Goal(
         target_frame=target_frame,
-        target_time=time_msg(target_time),
+        target_time=time_msg(target_time, "target_time"),
         source_frame=source_frame,
-        source_time=time_msg(source_time),
+        source_time=time_msg(source_time, "source_time"),
         fixed_frame=fixed_frame,
         advanced=True,
     )

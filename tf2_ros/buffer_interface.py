@@ -2,6 +2,7 @@
 
 from typing import Any, TypeVar
 
+from builtin_interfaces.msg import Time as TimeMsg
 from geometry_msgs.msg import (
     PointStamped,
     PoseStamped,
@@ -14,6 +15,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
+from tf2_ros._arguments import has, is_name, swapped
 from tf2_ros._registration import (
     ConvertRegistration,
     NotImplementedException,
@@ -31,6 +33,7 @@ from tf2_ros._tf2_names import (
     tf2,
     tf2_ros,
 )
+from tf2_ros._times import time_msg
 
 # What `import *` gives from tf2's module.
 __all__ = [
@@ -81,8 +84,8 @@ class BufferInterface:
     What :class:`tf2_ros.Buffer` and :class:`tf2_ros.BufferClient` share.
 
     A subclass implements the lookups; ``transform``, ``transform_full`` and ``transform_async`` use them. The
-    attribute ``registration`` is the table of functions that transform objects. Every ``time`` is an rclpy
-    ``Time``, a time message, or an object with their attributes.
+    attribute ``registration`` is the table of functions that transform objects. Every ``time`` and
+    ``timeout`` is as of :class:`tf2_ros.Buffer`.
     """
 
     def __init__(self) -> None:
@@ -106,10 +109,10 @@ class BufferInterface:
         :return: a new object; the one given is not changed.
         :raises TypeException: the type is not registered, or no conversion to ``new_type`` is.
         :raises TransformException: what the lookup raises.
-        :raises TypeError: ``target_frame`` is no str, or ``timeout`` no duration.
+        :raises TypeError: ``target_frame`` is no str, or ``timeout`` no timeout.
         :raises AttributeError: the object has no header.
         """
-        do_transform = self.registration.get(type(object_stamped))
+        do_transform = _function_for(self.registration, "transform", object_stamped, target_frame)
         header = _header_of(object_stamped)
         result = do_transform(
             object_stamped, self.lookup_transform(target_frame, header.frame_id, header.stamp, timeout)
@@ -136,7 +139,7 @@ class BufferInterface:
         :param timeout: as of :meth:`transform`, like ``new_type``.
         :return: a new object, stamped with the target time.
         """
-        do_transform = self.registration.get(type(object_stamped))
+        do_transform = _function_for(self.registration, "transform_full", object_stamped, target_frame)
         header = _header_of(object_stamped)
         transform = self.lookup_transform_full(
             target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout
@@ -161,7 +164,7 @@ class BufferInterface:
         :return: a new object.
         :raises TimeoutException: the transform was not available in time.
         """
-        do_transform = self.registration.get(type(object_stamped))
+        do_transform = _function_for(self.registration, "transform_async", object_stamped, target_frame)
         header = _header_of(object_stamped)
         transform = await self.lookup_transform_async(
             target_frame, header.frame_id, header.stamp, timeout=timeout
@@ -239,6 +242,18 @@ class BufferInterface:
         raise NotImplementedException()
 
 
+def _function_for(registration: Any, call: str, object_stamped: Any, target_frame: Any) -> Any:
+    try:
+        return registration.get(type(object_stamped))
+    except TypeException:
+        text = swapped(
+            call, object_stamped=(has("header"), object_stamped), target_frame=(is_name, target_frame)
+        )
+        if text is None:
+            raise
+        raise TypeException(text) from None
+
+
 def _header_of(object_stamped: Any) -> Any:
     try:
         return object_stamped.header
@@ -257,10 +272,12 @@ def Stamped(obj: Any, stamp: Any, frame_id: str) -> Any:
     Give an object a header.
 
     :param obj: the object; it gets the attribute ``header``.
-    :param stamp: a ``builtin_interfaces/Time`` or an ``rclpy.time.Time``; 0 stands for the latest transform.
+    :param stamp: a time as of :class:`tf2_ros.Buffer`; 0 stands for the latest transform.
     :param frame_id: the frame of the object.
     :return: the same object.
     :raises AttributeError: the object can have no attribute ``header``.
+    :raises TypeError: ``stamp`` is no time.
     """
-    obj.header = Header(frame_id=frame_id, stamp=stamp.to_msg() if isinstance(stamp, Time) else stamp)
+    message = stamp if isinstance(stamp, TimeMsg) else time_msg(stamp, "stamp")
+    obj.header = Header(frame_id=frame_id, stamp=message)
     return obj

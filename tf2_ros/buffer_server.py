@@ -20,6 +20,7 @@ from tf2_py import (
     TransformException,
 )
 from tf2_py._internal import bad_name, is_invalid_name
+from tf2_ros._arguments import has, is_a, is_name, refuse_swapped
 from tf2_ros._qos import lookup_qos
 from tf2_ros._times import timeout_ns
 from tf2_ros._wait.handoff import Handoff
@@ -59,6 +60,12 @@ class BufferServer:
     """
 
     def __init__(self, buffer: BufferCore, node: Node, ns: str, check_period: float = 0.01) -> None:
+        refuse_swapped(
+            "BufferServer",
+            buffer=(is_a(BufferCore), buffer),
+            node=(has("create_service"), node),
+            ns=(is_name, ns),
+        )
         if not isinstance(buffer, BufferCore):
             raise TypeError(f"buffer must be a tf2_ros.Buffer, not {type(buffer).__name__}")
         self._buffer = buffer

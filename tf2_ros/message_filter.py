@@ -14,6 +14,7 @@ from rclpy.executors import await_or_execute
 from rclpy.node import Node
 
 from tf2_py._internal import printable
+from tf2_ros._arguments import has, is_a, is_names, refuse_swapped
 from tf2_ros._forking import register_for_fork
 from tf2_ros._times import FOR_EVER_NS, duration_ns, optional_timeout_ns
 from tf2_ros._wait.handoff import Handoff
@@ -70,13 +71,21 @@ class MessageFilter:
         buffer_timeout: Duration | None = None,
         tolerance: Duration | None = None,
     ) -> None:
+        refuse_swapped(
+            "MessageFilter",
+            input=(_is_input, input),
+            buffer=(is_a(Buffer), buffer),
+            target_frames=(is_names, target_frames),
+            queue_size=(is_a(int), queue_size),
+            node=(has("create_subscription"), node),
+        )
         if not isinstance(buffer, Buffer):
             raise TypeError(f"buffer must be a tf2_ros.Buffer, not {type(buffer).__name__}")
         self.callbacks: dict[int, tuple[Callable[..., None], tuple[Any, ...]]] = {}
         self._node = node
         self._target_frames = _names(target_frames)
         self._queue_size = _size(queue_size)
-        self._timeout_ns = optional_timeout_ns(buffer_timeout)
+        self._timeout_ns = optional_timeout_ns(buffer_timeout, "buffer_timeout")
         self._tolerance_ns = _tolerance_ns(tolerance)
         self._failure_callbacks: dict[int, tuple[Callable[..., None], tuple[Any, ...]]] = {}
         self._connections = itertools.count()
@@ -313,6 +322,12 @@ class MessageFilter:
         )
 
 
+def _is_input(value: Any) -> bool:
+    if isinstance(value, tuple):
+        return len(value) == 3 and hasattr(value[0], "header")
+    return hasattr(value, "registerCallback") or hasattr(value, "callback")
+
+
 def _names(target_frames: str | Sequence[str]) -> tuple[str, ...]:
     names = (target_frames,) if isinstance(target_frames, str) else tuple(target_frames)
     if not names:
@@ -327,7 +342,7 @@ def _size(queue_size: int) -> int:
 
 
 def _tolerance_ns(tolerance: Duration | None) -> int:
-    tolerance_ns = 0 if tolerance is None else duration_ns(tolerance, "a tolerance")
+    tolerance_ns = 0 if tolerance is None else duration_ns(tolerance, "tolerance")
     if tolerance_ns < 0:
         raise ValueError(f"tolerance must not be negative, it is {tolerance_ns / 1e9} s")
     if tolerance_ns >= FOR_EVER_NS:

@@ -9,6 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
+from tf2_ros._arguments import require_node
 from tf2_ros._forking import register_for_fork
 from tf2_ros._qos import static_broadcaster_qos, static_overrides
 from tf2_ros._tf2_names import (
@@ -48,6 +49,7 @@ class StaticTransformBroadcaster:
     """
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:
+        require_node("StaticTransformBroadcaster", node, "create_publisher")
         self.net_message = TFMessage()
         # Held until a message is published: the last message must contain all.
         self._sending = threading.RLock()

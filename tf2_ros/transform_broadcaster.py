@@ -8,7 +8,8 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
-from tf2_py._internal import serialize_transforms
+from tf2_py._internal import MalformedObjectError, serialize_transforms
+from tf2_ros._arguments import require_node
 from tf2_ros._qos import dynamic_broadcaster_qos, dynamic_overrides
 from tf2_ros._tf2_names import (
     List,
@@ -39,6 +40,7 @@ class TransformBroadcaster:
     """
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:
+        require_node("TransformBroadcaster", node, "create_publisher")
         overrides = {}
         if qos is None:
             qos = dynamic_broadcaster_qos()
@@ -58,7 +60,13 @@ class TransformBroadcaster:
 
 def transforms_of(transform: TransformStamped | Iterable[TransformStamped]) -> list[TransformStamped]:
     """Make a list of what a broadcaster was given."""
-    return list(transform) if isinstance(transform, Iterable) else [transform]
+    transforms = list(transform) if isinstance(transform, Iterable) else [transform]
+    for one in transforms:
+        if not isinstance(one, TransformStamped):
+            raise MalformedObjectError(
+                f"sendTransform takes a TransformStamped, or several, not {type(one).__name__}"
+            )
+    return transforms
 
 
 def publish_transforms(publisher: Publisher, transforms: list[TransformStamped]) -> None:

@@ -10,6 +10,7 @@ from rclpy.subscription import Subscription
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
+from tf2_ros._arguments import has, refuse_swapped, require_node
 from tf2_ros._forking import NodeUse
 from tf2_ros._hidden_node import hidden_node
 from tf2_ros._qos import dynamic_overrides, listener_qos, static_listener_qos, static_overrides
@@ -106,6 +107,13 @@ class TransformListener:
         tf_static_topic: str = DEFAULT_STATIC_TF_TOPIC,
         static_only: bool = False,
     ) -> None:
+        refuse_swapped(
+            type(self).__name__,
+            buffer=(has("set_transform"), buffer),
+            node=(has("create_subscription"), node),
+        )
+        if node is not None:
+            require_node(type(self).__name__, node, "create_subscription")
         self.buffer = buffer
         self._owns_node = node is None
         self.node = node = hidden_node("transform_listener_impl", self) if node is None else node

@@ -1,12 +1,8 @@
 """The arguments of a lookup as its caller words them."""
 
-from libc.stdint cimport int64_t
-
 from tf2_py._core.lookup cimport Query
 
 # Read the caller's objects; TypeError, ValueError or OverflowError where they do not fit.
-# Nanoseconds; OverflowError for what no message can carry. `argument` is what the errors call it.
-cdef int64_t query_time(object time, str argument) except? -1
 # The simple lookup without its time: the frames alone.
 cdef int query_frames(Query* query, object target_frame, object source_frame) except -1
 cdef int query_fill(Query* query, object target_frame, object source_frame, object time) except -1

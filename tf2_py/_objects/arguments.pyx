@@ -1,20 +1,8 @@
 """Owns reading the arguments of a lookup."""
 
-from libc.stdint cimport int64_t
-
 from tf2_py._core.lookup cimport Query
-from tf2_py._core.types cimport MAX_STAMP_NS, MIN_STAMP_NS
 from tf2_py._objects.messages cimport name_utf8
-from tf2_py._objects.times cimport nanoseconds
-
-from tf2_py._objects import errors
-
-
-cdef int64_t query_time(object time, str argument) except? -1:
-    cdef int64_t time_ns = nanoseconds(time, argument)
-    if not MIN_STAMP_NS <= time_ns <= MAX_STAMP_NS:
-        raise OverflowError(f"the time {errors.seconds(time_ns)} s does not fit into the stamp of a message")
-    return time_ns
+from tf2_py._objects.times cimport stamp_nanoseconds
 
 
 cdef int query_frames(Query* query, object target_frame, object source_frame) except -1:
@@ -26,16 +14,16 @@ cdef int query_frames(Query* query, object target_frame, object source_frame) ex
 
 cdef int query_fill(Query* query, object target_frame, object source_frame, object time) except -1:
     query_frames(query, target_frame, source_frame)
-    query.source_ns = query_time(time, "time")
+    query.source_ns = stamp_nanoseconds(time, "time")
     return 0
 
 
 cdef int query_fill_full(Query* query, object target_frame, object target_time, object source_frame,
                          object source_time, object fixed_frame) except -1:
     query_frames(query, target_frame, source_frame)
-    query.source_ns = query_time(source_time, "source_time")
+    query.source_ns = stamp_nanoseconds(source_time, "source_time")
     query.fixed = name_utf8(fixed_frame, &query.fixed_size)
-    query.target_ns = query_time(target_time, "target_time")
+    query.target_ns = stamp_nanoseconds(target_time, "target_time")
     return 0
 
 
@@ -46,5 +34,5 @@ cdef int query_fill_series(Query* query, object target_frame, object source_fram
     query_frames(query, target_frame, source_frame)
     if fixed_frame is not None:
         query.fixed = name_utf8(fixed_frame, &query.fixed_size)
-        query.target_ns = query_time(target_time, "target_time")
+        query.target_ns = stamp_nanoseconds(target_time, "target_time")
     return 0

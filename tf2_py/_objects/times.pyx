@@ -8,15 +8,21 @@ once, with Times of known numbers; where they are not found there, the property 
 of ROS 2 Jazzy (CPython 3.10 to 3.13) and Kilted.
 """
 
-from cpython.long cimport PyLong_AsLongLong
+from cpython.long cimport PyLong_AsLongLong, PyLong_CheckExact
 from cpython.object cimport PyObject
 from libc.stdint cimport INT64_MAX, int64_t, uint32_t
 
 from tf2_py._core.stamp cimport NS_PER_S, stamp_join, stamp_split
+from tf2_py._core.types cimport MAX_STAMP_NS, MIN_STAMP_NS
 from tf2_py._objects.layout cimport Layout
 
+import operator
 import sys
+from numbers import Integral, Real
 
+from tf2_py._objects import errors
+
+TIMES_TO_USE = "Time(seconds=...), node.get_clock().now(), or Time() for the latest"
 FOR_EVER_NS = 2**62     # 146 years; added to a steady time, it still fits into 64 bits
 
 cdef int64_t MAX_SECONDS = INT64_MAX // NS_PER_S
@@ -85,18 +91,61 @@ cdef int64_t nanoseconds(object value, str argument) except? -1:
     load_time()
     if type(value) is time_layout.message_class:
         return _from_parts(time_layout.get(value, TIME_SEC), time_layout.get(value, TIME_NANOSEC))
+    if PyLong_CheckExact(value):
+        return _whole(value, argument)
     found = getattr(value, "nanoseconds", None)
     if found is not None:
         if type(value) is not _time_class and type(value) is _rclpy_time():
             _look_at_time_class(type(value))
         return _whole(found, "nanoseconds")
+    if hasattr(value, "sec") and hasattr(value, "nanosec"):
+        return _from_parts(value.sec, value.nanosec)
+    number = _integer(value)
+    return _datetime64_ns(value, argument) if number is None else _whole(number, argument)
+
+
+cdef int64_t stamp_nanoseconds(object value, str argument) except? -1:
+    cdef int64_t stamp_ns = nanoseconds(value, argument)
+    if not MIN_STAMP_NS <= stamp_ns <= MAX_STAMP_NS:
+        raise OverflowError(f"the time {errors.seconds(stamp_ns)} s does not fit into the stamp of a message")
+    return stamp_ns
+
+
+cdef object _integer(object value):
+    # An int, or None. A bool is a mistake; NumPy's timedelta64 calls itself Integral, but is no index.
+    if isinstance(value, bool):
+        return None
     try:
-        sec, nanosec = value.sec, value.nanosec
-    except AttributeError:
-        raise TypeError(
-            f"{argument} must have nanoseconds, or sec and nanosec; {type(value).__name__} has neither"
-        ) from None
-    return _from_parts(sec, nanosec)
+        return operator.index(value)
+    except TypeError:
+        return None
+
+
+cdef int64_t _datetime64_ns(object value, str argument) except? -1:
+    # Without NumPy in the process no object of its class exists.
+    numpy = sys.modules.get("numpy")
+    if numpy is None or not isinstance(value, numpy.datetime64):
+        raise TypeError(f"{_without_fields(argument, value)}: use {TIMES_TO_USE}")
+    if numpy.isnat(value):
+        raise ValueError(f"{argument} is NaT, which is no time: use Time() for the latest")
+    converted = value.astype("datetime64[ns]")
+    if converted.astype(value.dtype) != value:      # NumPy wraps around
+        raise OverflowError(f"{argument} = {value} is no whole number of nanoseconds that fits into 64 bits")
+    return converted.astype("int64")
+
+
+cdef str _without_fields(str argument, object value):
+    return f"{argument} must have nanoseconds, or sec and nanosec; {type(value).__name__} has neither"
+
+
+cdef bint _has_fields(object value) except -1:
+    return hasattr(value, "nanoseconds") or (hasattr(value, "sec") and hasattr(value, "nanosec"))
+
+
+cdef int64_t duration_nanoseconds(object value, str argument) except? -1:
+    if not _has_fields(value):
+        raise TypeError(f"{_without_fields(argument, value)}: use Duration(seconds=...)")
+    return nanoseconds(value, argument)
 
 
 cdef object new_stamp(int64_t stamp_ns):
@@ -120,11 +169,13 @@ cdef object new_time(int64_t time_ns):
 
 def time_ns(time, str argument):
     """
-    The nanoseconds of a time: of anything with ``nanoseconds``, or with ``sec`` and ``nanosec``.
+    The nanoseconds of a time: of anything with ``nanoseconds``, or with ``sec`` and ``nanosec``; of an
+    integer, which is nanoseconds; or of a ``numpy.datetime64``.
 
     :param argument: what the errors call it.
-    :raises TypeError: it has neither, or they are no integers.
-    :raises OverflowError: it does not fit into 64 bits.
+    :raises TypeError: it is none of these, or its fields are no integers.
+    :raises ValueError: it is NaT.
+    :raises OverflowError: it does not fit into 64 bits, or is no whole number of nanoseconds.
     """
     return nanoseconds(time, argument)
 
@@ -138,19 +189,55 @@ def duration_ns(duration, str argument):
 
     What is longer than FOR_EVER_NS, including an infinite float, becomes FOR_EVER_NS, or minus that.
     """
+    if not _has_fields(duration):
+        raise TypeError(f"{_without_fields(argument, duration)}: use Duration(seconds=...)")
     if hasattr(duration, "nanoseconds"):
-        found = duration.nanoseconds
-    elif hasattr(duration, "sec") and hasattr(duration, "nanosec"):
-        found = duration.sec * <object>NS_PER_S + duration.nanosec
-    else:
-        raise TypeError(f"{argument} is an rclpy.duration.Duration, not {type(duration).__name__}")
+        return _at_most_for_ever(duration.nanoseconds)
+    return _at_most_for_ever(duration.sec * <object>NS_PER_S + duration.nanosec)
+
+
+def timeout_ns(timeout, str argument="timeout"):
+    """
+    The nanoseconds of a timeout: of a duration, as :func:`duration_ns`; or of a number, which is seconds.
+
+    :param argument: what the errors call it.
+    :raises TypeError: it is neither, or it is a time.
+    :raises ValueError: it is NaN.
+    """
+    load_time()
+    rclpy_time = _rclpy_time()
+    if isinstance(timeout, time_layout.message_class) or (
+        rclpy_time is not None and isinstance(timeout, rclpy_time)
+    ):
+        raise TypeError(f"{argument} is a Time, which says when and not how long: use Duration(seconds=...)")
+    if _has_fields(timeout):
+        return duration_ns(timeout, argument)
+    seconds = _integer(timeout)
+    if seconds is None and isinstance(timeout, Real) and not isinstance(timeout, Integral):
+        seconds = float(timeout)
+    if seconds is None:
+        raise TypeError(
+            f"{argument} must be a duration or seconds, not {type(timeout).__name__}: use "
+            f"Duration(seconds=...)"
+        )
+    if seconds != seconds:
+        raise ValueError(f"{argument} is NaN: use seconds, or Duration(seconds=...)")
+    return _at_most_for_ever(seconds * <object>NS_PER_S)
+
+
+cdef object _at_most_for_ever(object duration_ns):
     # Before it becomes an int: it may be an infinite float.
-    return int(max(-FOR_EVER_NS, min(found, FOR_EVER_NS)))
+    return int(max(-FOR_EVER_NS, min(duration_ns, FOR_EVER_NS)))
 
 
-def stamp_parts(int64_t stamp_ns):
-    """The ``(sec, nanosec)`` of a stamp; ``nanosec`` is never negative."""
+def stamp_parts(time, str argument):
+    """
+    The ``(sec, nanosec)`` of a time as a stamp; ``nanosec`` is never negative. It raises as :func:`time_ns`.
+
+    :param argument: what the errors call it.
+    :raises OverflowError: no message can carry it, either.
+    """
     cdef int64_t sec
     cdef uint32_t nanosec
-    stamp_split(stamp_ns, &sec, &nanosec)
+    stamp_split(stamp_nanoseconds(time, argument), &sec, &nanosec)
     return sec, nanosec

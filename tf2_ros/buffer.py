@@ -1,7 +1,7 @@
 """Owns the buffer that a node uses: a BufferCore that can be waited for, with a service and a clock."""
 
 from functools import partial
-from typing import Any
+from typing import Any, Literal, overload
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.clock import Clock, ClockChange, JumpHandle, JumpThreshold, TimeJump
@@ -16,6 +16,7 @@ from rclpy.utilities import get_default_context
 
 from tf2_msgs.srv import FrameGraph
 from tf2_py import BufferCore, TransformException
+from tf2_py.typing import DurationLike, TimeLike, TimeoutLike
 from tf2_ros._clock_jumps import clear_at_jumps
 from tf2_ros._receive.receiver_thread import attribute_changed
 from tf2_ros._replaced import (
@@ -96,7 +97,7 @@ class Buffer(BufferCore, BufferInterface):
     """
 
     def __init__(
-        self, cache_time: Duration | None = None, node: Node | None = None, **limits: int | None
+        self, cache_time: DurationLike | None = None, node: Node | None = None, **limits: int | None
     ) -> None:
         BufferCore.__init__(self, cache_time, **limits)
         BufferInterface.__init__(self)
@@ -134,7 +135,7 @@ class Buffer(BufferCore, BufferInterface):
             handle.unregister()
 
     def lookup_transform(
-        self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
+        self, target_frame: str, source_frame: str, time: TimeLike, timeout: TimeoutLike = NO_TIMEOUT
     ) -> TransformStamped:
         """
         Get the transform that maps data from ``source_frame`` to ``target_frame``.
@@ -161,11 +162,11 @@ class Buffer(BufferCore, BufferInterface):
     def lookup_transform_full(
         self,
         target_frame: str,
-        target_time: Time,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: Time,
+        source_time: TimeLike,
         fixed_frame: str,
-        timeout: Duration = NO_TIMEOUT,
+        timeout: TimeoutLike = NO_TIMEOUT,
     ) -> TransformStamped:
         """
         Get the transform from ``source_frame`` at ``source_time`` into ``target_frame`` at ``target_time``.
@@ -190,12 +191,53 @@ class Buffer(BufferCore, BufferInterface):
             )
         return self.__wait(Lookup(target_frame, target_time, source_frame, source_time, fixed_frame), timeout)
 
+    @overload
     def can_transform(
         self,
         target_frame: str,
         source_frame: str,
-        time: Time,
-        timeout: Duration = NO_TIMEOUT,
+        time: TimeLike,
+        timeout: TimeoutLike = ...,
+        return_debug_tuple: Literal[False] = ...,
+    ) -> bool: ...
+
+    @overload
+    def can_transform(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        timeout: TimeoutLike = ...,
+        *,
+        return_debug_tuple: Literal[True],
+    ) -> tuple[bool, str]: ...
+
+    @overload
+    def can_transform(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        timeout: TimeoutLike,
+        return_debug_tuple: Literal[True],
+    ) -> tuple[bool, str]: ...
+
+    @overload
+    def can_transform(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        timeout: TimeoutLike = ...,
+        return_debug_tuple: bool = ...,
+    ) -> bool | tuple[bool, str]: ...
+
+    def can_transform(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        timeout: TimeoutLike = NO_TIMEOUT,
         return_debug_tuple: bool = False,
     ) -> bool | tuple[bool, str]:
         """
@@ -216,14 +258,63 @@ class Buffer(BufferCore, BufferInterface):
         can, reason = self.can_transform_core(target_frame, source_frame, time)
         return (bool(can), reason) if return_debug_tuple else bool(can)
 
+    @overload
     def can_transform_full(
         self,
         target_frame: str,
-        target_time: Time,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: Time,
+        source_time: TimeLike,
         fixed_frame: str,
-        timeout: Duration = NO_TIMEOUT,
+        timeout: TimeoutLike = ...,
+        return_debug_tuple: Literal[False] = ...,
+    ) -> bool: ...
+
+    @overload
+    def can_transform_full(
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike = ...,
+        *,
+        return_debug_tuple: Literal[True],
+    ) -> tuple[bool, str]: ...
+
+    @overload
+    def can_transform_full(
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike,
+        return_debug_tuple: Literal[True],
+    ) -> tuple[bool, str]: ...
+
+    @overload
+    def can_transform_full(
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike = ...,
+        return_debug_tuple: bool = ...,
+    ) -> bool | tuple[bool, str]: ...
+
+    def can_transform_full(
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike = NO_TIMEOUT,
         return_debug_tuple: bool = False,
     ) -> bool | tuple[bool, str]:
         """
@@ -253,7 +344,7 @@ class Buffer(BufferCore, BufferInterface):
         return (bool(can), reason) if return_debug_tuple else bool(can)
 
     def wait_for_transform_async(
-        self, target_frame: str, source_frame: str, time: Time, *, timeout: Duration | None = None
+        self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: TimeoutLike | None = None
     ) -> Future:
         """
         Get a future of what :meth:`lookup_transform` will return.
@@ -280,12 +371,12 @@ class Buffer(BufferCore, BufferInterface):
     def wait_for_transform_full_async(
         self,
         target_frame: str,
-        target_time: Time,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: Time,
+        source_time: TimeLike,
         fixed_frame: str,
         *,
-        timeout: Duration | None = None,
+        timeout: TimeoutLike | None = None,
     ) -> Future:
         """
         Get a future of what :meth:`lookup_transform_full` will return.
@@ -305,7 +396,7 @@ class Buffer(BufferCore, BufferInterface):
         return TransformFuture(self, lookup, timeout)
 
     async def lookup_transform_async(
-        self, target_frame: str, source_frame: str, time: Time, *, timeout: Duration | None = None
+        self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: TimeoutLike | None = None
     ) -> TransformStamped:
         """
         Await the transform that maps data from ``source_frame`` to ``target_frame``.
@@ -324,12 +415,12 @@ class Buffer(BufferCore, BufferInterface):
     async def lookup_transform_full_async(
         self,
         target_frame: str,
-        target_time: Time,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: Time,
+        source_time: TimeLike,
         fixed_frame: str,
         *,
-        timeout: Duration | None = None,
+        timeout: TimeoutLike | None = None,
     ) -> TransformStamped:
         """
         Await what :meth:`lookup_transform_full` returns.
@@ -379,10 +470,10 @@ class Buffer(BufferCore, BufferInterface):
     def __context(self) -> Context:
         return self._node_context or get_default_context()
 
-    def __wait(self, lookup: Lookup, timeout: Duration) -> TransformStamped:
+    def __wait(self, lookup: Lookup, timeout: TimeoutLike) -> TransformStamped:
         return wait_for_transform(self, lookup, timeout_ns(timeout), self.__context())
 
-    def __becomes_available(self, lookup: Lookup, timeout: Duration) -> bool:
+    def __becomes_available(self, lookup: Lookup, timeout: TimeoutLike) -> bool:
         try:
             self.__wait(lookup, timeout)
         except TransformException:

@@ -14,6 +14,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
+from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros._registration import (
     ConvertRegistration,
     NotImplementedException,
@@ -92,7 +93,7 @@ class BufferInterface:
         self,
         object_stamped: Any,
         target_frame: str,
-        timeout: Duration = NO_TIMEOUT,
+        timeout: TimeoutLike = NO_TIMEOUT,
         new_type: type | None = None,
     ) -> Any:
         """
@@ -120,9 +121,9 @@ class BufferInterface:
         self,
         object_stamped: Any,
         target_frame: str,
-        target_time: Time,
+        target_time: TimeLike,
         fixed_frame: str,
-        timeout: Duration = NO_TIMEOUT,
+        timeout: TimeoutLike = NO_TIMEOUT,
         new_type: type | None = None,
     ) -> Any:
         """
@@ -148,7 +149,7 @@ class BufferInterface:
         self,
         object_stamped: Any,
         target_frame: str,
-        timeout: Duration | None = None,
+        timeout: TimeoutLike | None = None,
         new_type: type | None = None,
     ) -> Any:
         """
@@ -170,7 +171,7 @@ class BufferInterface:
         return result if new_type is None else convert(result, new_type)
 
     def lookup_transform(
-        self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
+        self, target_frame: str, source_frame: str, time: TimeLike, timeout: TimeoutLike = NO_TIMEOUT
     ) -> TransformStamped:
         """
         Get the transform that maps data from ``source_frame`` to ``target_frame``.
@@ -184,11 +185,11 @@ class BufferInterface:
     def lookup_transform_full(
         self,
         target_frame: str,
-        target_time: Time,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: Time,
+        source_time: TimeLike,
         fixed_frame: str,
-        timeout: Duration = NO_TIMEOUT,
+        timeout: TimeoutLike = NO_TIMEOUT,
     ) -> TransformStamped:
         """
         Get the transform from ``source_frame`` at ``source_time`` into ``target_frame`` at ``target_time``.
@@ -200,7 +201,7 @@ class BufferInterface:
         raise NotImplementedException()
 
     async def lookup_transform_async(
-        self, target_frame: str, source_frame: str, time: Time, *, timeout: Duration | None = None
+        self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: TimeoutLike | None = None
     ) -> TransformStamped:
         """
         Await what :meth:`lookup_transform` returns.
@@ -211,8 +212,8 @@ class BufferInterface:
         raise NotImplementedException()
 
     def can_transform(
-        self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
-    ) -> Any:
+        self, target_frame: str, source_frame: str, time: TimeLike, timeout: TimeoutLike = NO_TIMEOUT
+    ) -> bool:
         """
         Tell whether :meth:`lookup_transform` would answer.
 
@@ -224,12 +225,12 @@ class BufferInterface:
     def can_transform_full(
         self,
         target_frame: str,
-        target_time: Time,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: Time,
+        source_time: TimeLike,
         fixed_frame: str,
-        timeout: Duration = NO_TIMEOUT,
-    ) -> Any:
+        timeout: TimeoutLike = NO_TIMEOUT,
+    ) -> bool:
         """
         Tell whether :meth:`lookup_transform_full` would answer.
 

@@ -9,11 +9,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.duration import Duration
 from rclpy.executors import await_or_execute
 from rclpy.node import Node
 
 from tf2_py._internal import printable
+from tf2_py.typing import DurationLike, TimeoutLike
 from tf2_ros._forking import register_for_fork
 from tf2_ros._times import FOR_EVER_NS, duration_ns, optional_timeout_ns
 from tf2_ros._wait.handoff import Handoff
@@ -67,8 +67,8 @@ class MessageFilter:
         queue_size: int,
         *,
         node: Node,
-        buffer_timeout: Duration | None = None,
-        tolerance: Duration | None = None,
+        buffer_timeout: TimeoutLike | None = None,
+        tolerance: DurationLike | None = None,
     ) -> None:
         if not isinstance(buffer, Buffer):
             raise TypeError(f"buffer must be a tf2_ros.Buffer, not {type(buffer).__name__}")
@@ -158,7 +158,7 @@ class MessageFilter:
         self._target_frames = _names(target_frames)
         self._configure()
 
-    def setTolerance(self, tolerance: Duration) -> None:
+    def setTolerance(self, tolerance: DurationLike) -> None:
         """
         Set for how much later than its stamp a message needs transforms, also for messages that wait already.
 
@@ -326,7 +326,7 @@ def _size(queue_size: int) -> int:
     return queue_size
 
 
-def _tolerance_ns(tolerance: Duration | None) -> int:
+def _tolerance_ns(tolerance: DurationLike | None) -> int:
     tolerance_ns = 0 if tolerance is None else duration_ns(tolerance, "a tolerance")
     if tolerance_ns < 0:
         raise ValueError(f"tolerance must not be negative, it is {tolerance_ns / 1e9} s")

@@ -56,7 +56,7 @@ def lookup_transform_full_via_can(
     return self.lookup_transform_full_core(target_frame, target_time, source_frame, source_time, fixed_frame)
 
 
-class RecheckingFuture(WakingFuture):
+class RecheckingFuture(WakingFuture[TransformStamped]):
     """
     The future of what a method answers, called again after every insert.
 

@@ -43,6 +43,7 @@ from tf2_ros._times import optional_timeout_ns, timeout_ns
 from tf2_ros._wait.blocking import aliveness, wait_for_transform
 from tf2_ros._wait.lookup import Lookup
 from tf2_ros._wait.transform_future import TransformFuture
+from tf2_ros._wait.waking_future import WakingFuture
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 
 # What `import *` gives from tf2's module.
@@ -345,7 +346,7 @@ class Buffer(BufferCore, BufferInterface):
 
     def wait_for_transform_async(
         self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: TimeoutLike | None = None
-    ) -> Future:
+    ) -> WakingFuture[TransformStamped]:
         """
         Get a future of what :meth:`lookup_transform` will return.
 
@@ -377,7 +378,7 @@ class Buffer(BufferCore, BufferInterface):
         fixed_frame: str,
         *,
         timeout: TimeoutLike | None = None,
-    ) -> Future:
+    ) -> WakingFuture[TransformStamped]:
         """
         Get a future of what :meth:`lookup_transform_full` will return.
 

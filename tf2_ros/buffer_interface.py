@@ -1,7 +1,8 @@
 """Owns what every buffer offers: transforming objects on top of a lookup."""
 
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 
+from builtin_interfaces.msg import Time as TimeMsg
 from geometry_msgs.msg import (
     PointStamped,
     PoseStamped,
@@ -73,6 +74,9 @@ PyKDLType = TypeVar("PyKDLType")
 TransformableObject = Union[MsgStamped, PyKDLType]
 TransformableObjectType = TypeVar("TransformableObjectType")
 
+_Object = TypeVar("_Object")
+_New = TypeVar("_New")
+
 # The default of every `timeout`: one object, so that "none" is an identity, not a comparison of Durations.
 NO_TIMEOUT = Duration()
 
@@ -88,6 +92,34 @@ class BufferInterface:
 
     def __init__(self) -> None:
         self.registration = TransformRegistration()
+
+    @overload
+    def transform(
+        self,
+        object_stamped: _Object,
+        target_frame: str,
+        timeout: TimeoutLike = ...,
+        new_type: None = ...,
+    ) -> _Object: ...
+
+    @overload
+    def transform(
+        self,
+        object_stamped: Any,
+        target_frame: str,
+        timeout: TimeoutLike = ...,
+        *,
+        new_type: type[_New],
+    ) -> _New: ...
+
+    @overload
+    def transform(
+        self,
+        object_stamped: Any,
+        target_frame: str,
+        timeout: TimeoutLike,
+        new_type: type[_New],
+    ) -> _New: ...
 
     def transform(
         self,
@@ -117,6 +149,40 @@ class BufferInterface:
         )
         return result if new_type is None else convert(result, new_type)
 
+    @overload
+    def transform_full(
+        self,
+        object_stamped: _Object,
+        target_frame: str,
+        target_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike = ...,
+        new_type: None = ...,
+    ) -> _Object: ...
+
+    @overload
+    def transform_full(
+        self,
+        object_stamped: Any,
+        target_frame: str,
+        target_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike = ...,
+        *,
+        new_type: type[_New],
+    ) -> _New: ...
+
+    @overload
+    def transform_full(
+        self,
+        object_stamped: Any,
+        target_frame: str,
+        target_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike,
+        new_type: type[_New],
+    ) -> _New: ...
+
     def transform_full(
         self,
         object_stamped: Any,
@@ -144,6 +210,34 @@ class BufferInterface:
         )
         result = do_transform(object_stamped, transform)
         return result if new_type is None else convert(result, new_type)
+
+    @overload
+    async def transform_async(
+        self,
+        object_stamped: _Object,
+        target_frame: str,
+        timeout: TimeoutLike | None = ...,
+        new_type: None = ...,
+    ) -> _Object: ...
+
+    @overload
+    async def transform_async(
+        self,
+        object_stamped: Any,
+        target_frame: str,
+        timeout: TimeoutLike | None = ...,
+        *,
+        new_type: type[_New],
+    ) -> _New: ...
+
+    @overload
+    async def transform_async(
+        self,
+        object_stamped: Any,
+        target_frame: str,
+        timeout: TimeoutLike | None,
+        new_type: type[_New],
+    ) -> _New: ...
 
     async def transform_async(
         self,
@@ -253,7 +347,7 @@ def _header_of(object_stamped: Any) -> Any:
         raise
 
 
-def Stamped(obj: Any, stamp: Any, frame_id: str) -> Any:
+def Stamped(obj: _Object, stamp: Time | TimeMsg, frame_id: str) -> _Object:
     """
     Give an object a header.
 
@@ -263,5 +357,6 @@ def Stamped(obj: Any, stamp: Any, frame_id: str) -> Any:
     :return: the same object.
     :raises AttributeError: the object can have no attribute ``header``.
     """
-    obj.header = Header(frame_id=frame_id, stamp=stamp.to_msg() if isinstance(stamp, Time) else stamp)
+    stamped: Any = obj
+    stamped.header = Header(frame_id=frame_id, stamp=stamp.to_msg() if isinstance(stamp, Time) else stamp)
     return obj

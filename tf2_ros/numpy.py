@@ -1,7 +1,7 @@
 """Owns the conversion between messages and NumPy: 4x4 matrices, and arrays of many transforms."""
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,8 @@ from tf2_py._internal import normalise
 __all__ = ["from_matrix", "to_arrays", "to_matrix"]
 
 Array = npt.NDArray[np.float64]
+
+_Message = TypeVar("_Message", Transform, TransformStamped, Pose, PoseStamped)
 
 # How far a matrix may differ from a rotation; a product of a few that were rounded to float32 differs less.
 TOLERANCE = 1e-5
@@ -39,6 +41,14 @@ def to_matrix(msg: Any) -> Array:
     ]
     matrix[:3, 3] = translations[0]
     return matrix
+
+
+@overload
+def from_matrix(matrix: npt.ArrayLike) -> Transform: ...
+
+
+@overload
+def from_matrix(matrix: npt.ArrayLike, message_class: type[_Message]) -> _Message: ...
 
 
 def from_matrix(matrix: npt.ArrayLike, message_class: Any = Transform) -> Any:

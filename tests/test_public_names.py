@@ -57,6 +57,7 @@ MODULES = {
         "TimesLike",
     },
     "tf2_ros.buffer_server": {"BufferServer"},
+    "tf2_ros.cli.message_stubs": {"main"},
     "tf2_ros.cli.tf2_buffer_server": {"main"},
     "tf2_ros.message_filter": {"FilterFailureReason", "MessageFilter"},
     "tf2_ros.numpy": {"from_matrix", "to_arrays", "to_matrix"},

@@ -6,7 +6,25 @@ from geometry_msgs.msg import TransformStamped
 from numpy.typing import NDArray
 from rclpy.time import Time
 
+from tf2_py._objects.errors import (
+    ConnectivityException,
+    ExtrapolationException,
+    InvalidArgumentException,
+    LookupException,
+    TimeoutException,
+    TransformException,
+)
 from tf2_py.typing import DurationLike, TimeLike, TimesLike
+
+__all__ = [
+    "BufferCore",
+    "ConnectivityException",
+    "ExtrapolationException",
+    "InvalidArgumentException",
+    "LookupException",
+    "TimeoutException",
+    "TransformException",
+]
 
 _Float = TypeVar("_Float", np.float32, np.float64)
 _Vector = tuple[float, float, float]  # x y z

@@ -83,7 +83,7 @@ class Buffer(BufferCore, BufferInterface):
     :param cache_time: how far each frame's history reaches back from its latest sample. None: 10 s.
     :param node: offer the service ``tf2_frames`` and follow the clock of this node. None: the buffer has a
         clock of its own, and no service.
-    :param limits: ``max_frames``, ``max_bytes``, ``max_waiters``: see :class:`tf2_py.BufferCore`.
+    :param max_frames: see :class:`tf2_py.BufferCore`, also for ``max_bytes`` and ``max_waiters``.
     :raises TypeError: ``cache_time`` is no duration, or a limit no int.
     :raises ValueError: ``cache_time`` is negative, or a limit not above 0.
 
@@ -98,9 +98,17 @@ class Buffer(BufferCore, BufferInterface):
     """
 
     def __init__(
-        self, cache_time: DurationLike | None = None, node: Node | None = None, **limits: int | None
+        self,
+        cache_time: DurationLike | None = None,
+        node: Node | None = None,
+        *,
+        max_frames: int | None = None,
+        max_bytes: int | None = None,
+        max_waiters: int | None = None,
     ) -> None:
-        BufferCore.__init__(self, cache_time, **limits)
+        BufferCore.__init__(
+            self, cache_time, max_frames=max_frames, max_bytes=max_bytes, max_waiters=max_waiters
+        )
         BufferInterface.__init__(self)
         self._node_context = None if node is None else node.context
         self.srv: Service | None = None

@@ -32,7 +32,6 @@ from rclpy.clock import TimeJump
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.subscription import Subscription
 from rclpy.time import Time
 from sensor_msgs.msg import Imu, MagneticField, PointCloud2, PointField
 from std_msgs.msg import Header
@@ -223,7 +222,7 @@ def dropped(message: PointStamped, reason: FilterFailureReason) -> None:
     print(message.header.frame_id, reason.value, reason in late or reason in nowhere)
 
 
-async def filters(node: Node, buffer: Buffer, subscription: Subscription, qos: QoSProfile) -> None:
+async def filters(node: Node, buffer: Buffer, qos: QoSProfile) -> None:
     """A filter knows the type of its messages."""
     topic = MessageFilter(
         (PointStamped, "points", 10),
@@ -252,6 +251,7 @@ async def filters(node: Node, buffer: Buffer, subscription: Subscription, qos: Q
     assert_type(chained, MessageFilter[PointStamped])
     by_hand = MessageFilter[Imu](None, buffer, "map", 10, node=node)
     by_hand.add(Imu())
+    subscription = node.create_subscription(PointStamped, "points", topic.add, qos)
     print(MessageFilter(subscription, buffer, "map", 10, node=node))
     for ended in (topic, chained):
         ended.clear()

@@ -53,6 +53,7 @@ def times(buffer: Buffer, pose: PoseStamped) -> None:
     print(time, timeout, duration)
     print(Buffer(10.0))  # wrong: how far back is a duration
     print(BufferCore(max_frames="many"))  # wrong
+    print(Buffer(max_framse=10))  # wrong
 
 
 def flags(buffer: Buffer, client: BufferClient) -> None:

@@ -16,6 +16,7 @@ from typing import TypeVar
 import pytest
 from processes import DEADLINE_S
 from sources import PACKAGES, ROOT, modules
+from test_docs import PAGES, program
 from test_public_names import MODULES, OURS
 
 pytestmark = pytest.mark.ours
@@ -63,8 +64,11 @@ def test_the_stubs_of_the_extensions_say_what_these_have(tmp_path):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Where a user works: the programs, and the types of messages in `typings`."""
+    """Where a user works: the programs, those of the pages, and the types of messages in `typings`."""
     folder = tmp_path_factory.mktemp("typed")
+    for page in PAGES:
+        if program(page):
+            (folder / f"page_{page.stem.replace('-', '_')}.py").write_text(program(page))
     for name in (EVERY_NAME, MISTAKES):
         shutil.copy(PROGRAMS / name, folder)
     written = run(folder, "tf2_ros.cli.message_stubs", "typings")
@@ -72,9 +76,13 @@ def folder(tmp_path_factory):
     return folder
 
 
+def programs(folder):
+    return sorted(path.name for path in folder.glob("*.py"))
+
+
 def by_mypy(folder):
     # On PYTHONPATH, and not on mypy's own path, this project is what an installed package is.
-    ended = run(folder, "mypy", "--strict", "--cache-dir=cache", EVERY_NAME, MISTAKES, MYPYPATH="typings")
+    ended = run(folder, "mypy", "--strict", "--cache-dir=cache", *programs(folder), MYPYPATH="typings")
     assert ended.returncode in (0, 1), ended.stdout + ended.stderr
     return re.findall(r"^(\S+):(\d+): error: (.*)$", ended.stdout, re.MULTILINE)
 
@@ -83,7 +91,7 @@ def by_pyright(folder):
     (folder / "pyrightconfig.json").write_text(json.dumps({"extraPaths": [str(ROOT)]}))
     offline = {"PYRIGHT_PYTHON_USE_BUNDLED_PYRIGHT": "1", "PYRIGHT_PYTHON_IGNORE_WARNINGS": "1"}
     ended = run(
-        folder, "pyright", "--outputjson", "--pythonpath", sys.executable, EVERY_NAME, MISTAKES, **offline
+        folder, "pyright", "--outputjson", "--pythonpath", sys.executable, *programs(folder), **offline
     )
     assert ended.returncode in (0, 1), ended.stdout + ended.stderr
     return [
@@ -101,6 +109,12 @@ def errors(request, folder):
 
 def test_a_program_of_every_public_name_is_accepted(errors):
     assert [error for error in errors if error[0] == EVERY_NAME] == []
+
+
+def test_the_programs_of_the_documentation_are_accepted(errors):
+    # They are short: some functions in them have no annotations.
+    found = [(name, line, text) for name, line, text in errors if name not in (EVERY_NAME, MISTAKES)]
+    assert [error for error in found if not re.search(r"\[no-untyped-(def|call)\]$", error[2])] == []
 
 
 def test_mistakes_are_found_and_nothing_else(errors):

@@ -1,5 +1,5 @@
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Literal, TypedDict, TypeVar
+from typing import Any, Literal, TypedDict, TypeVar, overload
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
@@ -91,6 +91,18 @@ class BufferCore:
         target_time: TimeLike | None = None,
         on_missing: Literal["raise", "nan"] = "raise",
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    @overload
+    def transform_points(
+        self,
+        points: Sequence[Sequence[float]],
+        times: TimesLike,
+        target_frame: str,
+        source_frame: str,
+        *,
+        fixed_frame: str | None = None,
+        target_time: TimeLike | None = None,
+    ) -> NDArray[np.float64]: ...
+    @overload
     def transform_points(
         self,
         points: NDArray[_Float],

@@ -120,6 +120,7 @@ def series(buffer: Buffer, many: TimesLike, points: npt.NDArray[np.float32]) -> 
     buffer.lookup_transforms("a", "b", np.array([1, 2]))
     buffer.lookup_transforms("a", "b", [TimeMsg(), TimeMsg()])
     assert_type(buffer.transform_points(points, many, "a", "b"), npt.NDArray[np.float32])
+    assert_type(buffer.transform_points([[1.0, 2.0, 3.0]], many, "a", "b"), Floats)
 
 
 def lookups(buffer: Buffer | BufferClient, message: PoseStamped, timeout: TimeoutLike, flag: bool) -> None:

@@ -54,6 +54,7 @@ def times(buffer: Buffer, pose: PoseStamped) -> None:
     print(Buffer(10.0))  # wrong: how far back is a duration
     print(BufferCore(max_frames="many"))  # wrong
     print(Buffer(max_framse=10))  # wrong
+    print(buffer.transform_points([1.0, 2.0, 3.0], [1], "a", "b"))  # wrong: one point is a row, too
 
 
 def flags(buffer: Buffer, client: BufferClient) -> None:

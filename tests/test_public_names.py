@@ -48,7 +48,16 @@ OURS = {
 }
 # Modules that tf2 lacks, and all that is public in them.
 MODULES = {
+    "tf2_py.typing": {
+        "DurationLike",
+        "HasNanoseconds",
+        "HasSecNanosec",
+        "TimeLike",
+        "TimeoutLike",
+        "TimesLike",
+    },
     "tf2_ros.buffer_server": {"BufferServer"},
+    "tf2_ros.cli.message_stubs": {"main"},
     "tf2_ros.cli.tf2_buffer_server": {"main"},
     "tf2_ros.message_filter": {"FilterFailureReason", "MessageFilter"},
     "tf2_ros.numpy": {

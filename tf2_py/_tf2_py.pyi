@@ -1,24 +1,31 @@
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Literal, Protocol, TypedDict, TypeVar
+from typing import Any, Literal, TypedDict, TypeVar, overload
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from rclpy.time import Time
 
-class _Nanoseconds(Protocol):
-    @property
-    def nanoseconds(self) -> int: ...
+from tf2_py._objects.errors import (
+    ConnectivityException,
+    ExtrapolationException,
+    InvalidArgumentException,
+    LookupException,
+    TimeoutException,
+    TransformException,
+)
+from tf2_py.typing import DurationLike, TimeLike, TimesLike
 
-class _SecNanosec(Protocol):
-    @property
-    def sec(self) -> int: ...
-    @property
-    def nanosec(self) -> int: ...
+__all__ = [
+    "BufferCore",
+    "ConnectivityException",
+    "ExtrapolationException",
+    "InvalidArgumentException",
+    "LookupException",
+    "TimeoutException",
+    "TransformException",
+]
 
-_TimeLike = _Nanoseconds | _SecNanosec
-_DurationLike = _Nanoseconds | _SecNanosec
-_Times = ArrayLike | Sequence[_TimeLike]  # an ArrayLike holds integer nanoseconds or datetime64
 _Float = TypeVar("_Float", np.float32, np.float64)
 _Vector = tuple[float, float, float]  # x y z
 
@@ -48,7 +55,7 @@ class BufferCore:
     def cache_time_ns(self) -> int: ...
     def __init__(
         self,
-        cache_time: _DurationLike | None = None,
+        cache_time: DurationLike | None = None,
         *,
         max_frames: int | None = None,
         max_bytes: int | None = None,
@@ -64,45 +71,55 @@ class BufferCore:
     ) -> int: ...
     def clear(self) -> None: ...
     def lookup_transform_core(
-        self, target_frame: str, source_frame: str, time: _TimeLike
+        self, target_frame: str, source_frame: str, time: TimeLike
     ) -> TransformStamped: ...
     def lookup_transform_full_core(
         self,
         target_frame: str,
-        target_time: _TimeLike,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: _TimeLike,
+        source_time: TimeLike,
         fixed_frame: str,
     ) -> TransformStamped: ...
     def lookup_transforms(
         self,
         target_frame: str,
         source_frame: str,
-        times: _Times,
+        times: TimesLike,
         *,
         fixed_frame: str | None = None,
-        target_time: _TimeLike | None = None,
+        target_time: TimeLike | None = None,
         on_missing: Literal["raise", "nan"] = "raise",
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    @overload
+    def transform_points(
+        self,
+        points: Sequence[Sequence[float]],
+        times: TimesLike,
+        target_frame: str,
+        source_frame: str,
+        *,
+        fixed_frame: str | None = None,
+        target_time: TimeLike | None = None,
+    ) -> NDArray[np.float64]: ...
+    @overload
     def transform_points(
         self,
         points: NDArray[_Float],
-        times: _Times,
+        times: TimesLike,
         target_frame: str,
         source_frame: str,
         *,
         fixed_frame: str | None = None,
-        target_time: _TimeLike | None = None,
+        target_time: TimeLike | None = None,
     ) -> NDArray[_Float]: ...
-    def can_transform_core(
-        self, target_frame: str, source_frame: str, time: _TimeLike
-    ) -> tuple[int, str]: ...
+    def can_transform_core(self, target_frame: str, source_frame: str, time: TimeLike) -> tuple[int, str]: ...
     def can_transform_full_core(
         self,
         target_frame: str,
-        target_time: _TimeLike,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: _TimeLike,
+        source_time: TimeLike,
         fixed_frame: str,
     ) -> tuple[int, str]: ...
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> Time: ...
@@ -110,8 +127,8 @@ class BufferCore:
         self,
         tracking_frame: str,
         observation_frame: str,
-        time: _TimeLike,
-        averaging_interval: _DurationLike,
+        time: TimeLike,
+        averaging_interval: DurationLike,
     ) -> tuple[_Vector, _Vector]: ...
     def lookupVelocityFullCore(
         self,
@@ -120,29 +137,29 @@ class BufferCore:
         reference_frame: str,
         reference_point: Sequence[float],
         reference_point_frame: str,
-        time: _TimeLike,
-        averaging_interval: _DurationLike,
+        time: TimeLike,
+        averaging_interval: DurationLike,
     ) -> tuple[_Vector, _Vector]: ...
     def all_frames_as_yaml(self) -> str: ...
     def all_frames_as_string(self) -> str: ...
-    def _allFramesAsDot(self, time: _TimeLike | None = None) -> str: ...
+    def _allFramesAsDot(self, time: TimeLike | None = None) -> str: ...
     def _frameExists(self, name: str) -> bool: ...
     def _getFrameStrings(self) -> list[str]: ...
     def _chain(
         self,
         target_frame: str,
-        target_time: _TimeLike,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: _TimeLike,
+        source_time: TimeLike,
         fixed_frame: str,
     ) -> list[str]: ...
     def _wait(
         self,
         target_frame: str,
         source_frame: str,
-        time: _TimeLike,
+        time: TimeLike,
         fixed_frame: str | None = None,
-        target_time: _TimeLike | None = None,
+        target_time: TimeLike | None = None,
         notify: Callable[[TransformStamped], Any] | None = None,
     ) -> _Wait: ...
     def _pending_waits(self, most: int = 1000) -> list[str]: ...

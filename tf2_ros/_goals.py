@@ -45,7 +45,7 @@ class PendingGoal:
         self.goal = goal
         self.deadline_ns = None if timeout_ns is None else time.monotonic_ns() + timeout_ns
         self.padding_ns = padding_ns
-        self.outcome = WakingFuture()
+        self.outcome: WakingFuture[Any] = WakingFuture()
         self.handle: Any = None  # of the goal that was accepted
         self.request: Callable[[], None] | None = None  # sends the last request, which has no response yet
         self.retry_ns = 0  # the steady time at which it is sent again

@@ -4,7 +4,9 @@ import importlib
 import importlib.util
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from typing import Any
+from typing import Any, TypeVar
+
+from geometry_msgs.msg import TransformStamped
 
 __all__ = [
     "ConvertRegistration",
@@ -18,6 +20,9 @@ __all__ = [
     "register_messages",
     "to_msg_msg",
 ]
+
+_Object = TypeVar("_Object")
+_New = TypeVar("_New")
 
 # The function that transforms each message class: it takes a message and a TransformStamped and returns a new
 # message of the same class.
@@ -121,7 +126,13 @@ class TransformRegistration:
     # Programs reach into the tables of these classes, too, by the names that tf2's have.
     __type_map = _Functions("tf2_ros.TransformRegistration().add()")
 
-    def add(self, key: type, callback: Callable[[Any, Any], Any], *, default: bool = False) -> None:
+    def add(
+        self,
+        key: type[_Object],
+        callback: Callable[[_Object, TransformStamped], _Object],
+        *,
+        default: bool = False,
+    ) -> None:
         """
         Register the function that transforms objects of one type.
 
@@ -131,7 +142,7 @@ class TransformRegistration:
         """
         self.__type_map.add(key, callback, default)
 
-    def get(self, key: type) -> Callable[[Any, Any], Any]:
+    def get(self, key: type[_Object]) -> Callable[[_Object, TransformStamped], _Object]:
         """
         Find the function that transforms objects of one type.
 
@@ -139,7 +150,7 @@ class TransformRegistration:
         """
         return self.__type_map.demand(key)
 
-    def is_default(self, key: type) -> bool:
+    def is_default(self, key: type[Any]) -> bool:
         """Whether the function for a type is one of this project's."""
         return self.__type_map.is_default(key)
 
@@ -155,7 +166,9 @@ class ConvertRegistration:
     __from_msg_map = _Functions("tf2_ros.ConvertRegistration().add_from_msg()")
     __convert_map = _Functions("tf2_ros.ConvertRegistration().add_convert()")
 
-    def add_from_msg(self, key: type, callback: Callable[[Any], Any], *, default: bool = False) -> None:
+    def add_from_msg(
+        self, key: type[_New], callback: Callable[[Any], _New], *, default: bool = False
+    ) -> None:
         """
         Register the function that makes objects of one type from messages.
 
@@ -165,7 +178,9 @@ class ConvertRegistration:
         """
         self.__from_msg_map.add(key, callback, default)
 
-    def add_to_msg(self, key: type, callback: Callable[[Any], Any], *, default: bool = False) -> None:
+    def add_to_msg(
+        self, key: type[_Object], callback: Callable[[_Object], Any], *, default: bool = False
+    ) -> None:
         """
         Register the function that makes messages from objects of one type.
 
@@ -176,7 +191,11 @@ class ConvertRegistration:
         self.__to_msg_map.add(key, callback, default)
 
     def add_convert(
-        self, key: tuple[type, type], callback: Callable[[Any], Any], *, default: bool = False
+        self,
+        key: tuple[type[_Object], type[_New]],
+        callback: Callable[[_Object], _New],
+        *,
+        default: bool = False,
     ) -> None:
         """
         Register the function that converts one type to another directly, without a message in between.
@@ -187,7 +206,7 @@ class ConvertRegistration:
         """
         self.__convert_map.add(key, callback, default)
 
-    def get_from_msg(self, key: type) -> Callable[[Any], Any]:
+    def get_from_msg(self, key: type[_New]) -> Callable[[Any], _New]:
         """
         Find the function that makes objects of a type from messages.
 
@@ -195,7 +214,7 @@ class ConvertRegistration:
         """
         return self.__from_msg_map.demand(key)
 
-    def get_to_msg(self, key: type) -> Callable[[Any], Any]:
+    def get_to_msg(self, key: type[_Object]) -> Callable[[_Object], Any]:
         """
         Find the function that makes messages from objects of a type.
 
@@ -203,7 +222,7 @@ class ConvertRegistration:
         """
         return self.__to_msg_map.demand(key)
 
-    def get_convert(self, key: tuple[type, type]) -> Callable[[Any], Any]:
+    def get_convert(self, key: tuple[type[_Object], type[_New]]) -> Callable[[_Object], _New]:
         """
         Find the function that converts the first type of ``key`` to the second directly.
 
@@ -211,17 +230,17 @@ class ConvertRegistration:
         """
         return self.__convert_map.demand(key)
 
-    def find_convert(self, key: tuple[type, type]) -> Callable[[Any], Any] | None:
+    def find_convert(self, key: tuple[type[_Object], type[_New]]) -> Callable[[_Object], _New] | None:
         """As :meth:`get_convert`, but None where none is registered."""
         return self.__convert_map.find(key)
 
 
-def to_msg_msg(msg: Any) -> Any:
+def to_msg_msg(msg: _Object) -> _Object:
     """Return ``msg``, which is a message already."""
     return msg
 
 
-def from_msg_msg(msg: Any) -> Any:
+def from_msg_msg(msg: _Object) -> _Object:
     """Return ``msg``, which is a message already."""
     return msg
 
@@ -239,7 +258,7 @@ def names_of(functions: TransformFunctions) -> Mapping[str, Any]:
     return {entry.__name__: entry for row in functions.items() for entry in row}
 
 
-def convert(a: Any, b_type: type) -> Any:
+def convert(a: Any, b_type: type[_New]) -> _New:
     """
     Convert an object to another type: directly, as a deep copy if it has that type, or through a message.
 

@@ -6,10 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 from geometry_msgs.msg import TransformStamped
-from rclpy.duration import Duration
-from rclpy.time import Time
 
 from tf2_py import BufferCore, TimeoutException
+from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros._forking import register_for_fork
 from tf2_ros._receive.receiver_thread import hand_over
 from tf2_ros._wait.deadlines import deadlines
@@ -36,7 +35,7 @@ def poll_until(can: Callable[[], Any], timeout_ns: int, alive: Callable[[], bool
 
 
 def lookup_transform_via_can(
-    self: Any, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
+    self: Any, target_frame: str, source_frame: str, time: TimeLike, timeout: TimeoutLike = NO_TIMEOUT
 ) -> TransformStamped:
     """The ``lookup_transform`` of a buffer that has a ``can_transform*`` of its own."""
     self.can_transform(target_frame, source_frame, time, timeout)
@@ -46,18 +45,18 @@ def lookup_transform_via_can(
 def lookup_transform_full_via_can(
     self: Any,
     target_frame: str,
-    target_time: Time,
+    target_time: TimeLike,
     source_frame: str,
-    source_time: Time,
+    source_time: TimeLike,
     fixed_frame: str,
-    timeout: Duration = NO_TIMEOUT,
+    timeout: TimeoutLike = NO_TIMEOUT,
 ) -> TransformStamped:
     """The same for ``lookup_transform_full``."""
     self.can_transform_full(target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
     return self.lookup_transform_full_core(target_frame, target_time, source_frame, source_time, fixed_frame)
 
 
-class RecheckingFuture(WakingFuture):
+class RecheckingFuture(WakingFuture[TransformStamped]):
     """
     The future of what a method answers, called again after every insert.
 

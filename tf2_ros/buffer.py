@@ -1,7 +1,7 @@
 """Owns the buffer that a node uses: a BufferCore that can be waited for, with a service and a clock."""
 
 from functools import partial
-from typing import Any
+from typing import Any, Literal, overload
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.clock import Clock, ClockChange, JumpHandle, JumpThreshold, TimeJump
@@ -16,6 +16,7 @@ from rclpy.utilities import get_default_context
 
 from tf2_msgs.srv import FrameGraph
 from tf2_py import BufferCore, TransformException
+from tf2_py.typing import DurationLike, TimeLike, TimeoutLike
 from tf2_ros._arguments import has, is_duration, refuse_swapped
 from tf2_ros._clock_jumps import clear_at_jumps
 from tf2_ros._receive.receiver_thread import attribute_changed
@@ -43,6 +44,7 @@ from tf2_ros._times import optional_timeout_ns, timeout_ns
 from tf2_ros._wait.blocking import aliveness, wait_for_transform
 from tf2_ros._wait.lookup import Lookup
 from tf2_ros._wait.transform_future import TransformFuture
+from tf2_ros._wait.waking_future import WakingFuture
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 
 # What `import *` gives from tf2's module.
@@ -82,7 +84,7 @@ class Buffer(BufferCore, BufferInterface):
     :param cache_time: how far each frame's history reaches back from its latest sample. None: 10 s.
     :param node: offer the service ``tf2_frames`` and follow the clock of this node. None: the buffer has a
         clock of its own, and no service.
-    :param limits: ``max_frames``, ``max_bytes``, ``max_waiters``: see :class:`tf2_py.BufferCore`.
+    :param max_frames: see :class:`tf2_py.BufferCore`, also for ``max_bytes`` and ``max_waiters``.
     :raises TypeError: ``cache_time`` is no duration, or a limit no int.
     :raises ValueError: ``cache_time`` is negative, or a limit not above 0.
 
@@ -98,10 +100,18 @@ class Buffer(BufferCore, BufferInterface):
     """
 
     def __init__(
-        self, cache_time: Duration | None = None, node: Node | None = None, **limits: int | None
+        self,
+        cache_time: DurationLike | None = None,
+        node: Node | None = None,
+        *,
+        max_frames: int | None = None,
+        max_bytes: int | None = None,
+        max_waiters: int | None = None,
     ) -> None:
         refuse_swapped("Buffer", cache_time=(is_duration, cache_time), node=(has("create_service"), node))
-        BufferCore.__init__(self, cache_time, **limits)
+        BufferCore.__init__(
+            self, cache_time, max_frames=max_frames, max_bytes=max_bytes, max_waiters=max_waiters
+        )
         BufferInterface.__init__(self)
         self._node_context = None if node is None else node.context
         self.srv: Service | None = None
@@ -137,7 +147,7 @@ class Buffer(BufferCore, BufferInterface):
             handle.unregister()
 
     def lookup_transform(
-        self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
+        self, target_frame: str, source_frame: str, time: TimeLike, timeout: TimeoutLike = NO_TIMEOUT
     ) -> TransformStamped:
         """
         Get the transform that maps data from ``source_frame`` to ``target_frame``.
@@ -164,11 +174,11 @@ class Buffer(BufferCore, BufferInterface):
     def lookup_transform_full(
         self,
         target_frame: str,
-        target_time: Time,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: Time,
+        source_time: TimeLike,
         fixed_frame: str,
-        timeout: Duration = NO_TIMEOUT,
+        timeout: TimeoutLike = NO_TIMEOUT,
     ) -> TransformStamped:
         """
         Get the transform from ``source_frame`` at ``source_time`` into ``target_frame`` at ``target_time``.
@@ -193,12 +203,53 @@ class Buffer(BufferCore, BufferInterface):
             )
         return self.__wait(Lookup(target_frame, target_time, source_frame, source_time, fixed_frame), timeout)
 
+    @overload
     def can_transform(
         self,
         target_frame: str,
         source_frame: str,
-        time: Time,
-        timeout: Duration = NO_TIMEOUT,
+        time: TimeLike,
+        timeout: TimeoutLike = ...,
+        return_debug_tuple: Literal[False] = ...,
+    ) -> bool: ...
+
+    @overload
+    def can_transform(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        timeout: TimeoutLike = ...,
+        *,
+        return_debug_tuple: Literal[True],
+    ) -> tuple[bool, str]: ...
+
+    @overload
+    def can_transform(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        timeout: TimeoutLike,
+        return_debug_tuple: Literal[True],
+    ) -> tuple[bool, str]: ...
+
+    @overload
+    def can_transform(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        timeout: TimeoutLike = ...,
+        return_debug_tuple: bool = ...,
+    ) -> bool | tuple[bool, str]: ...
+
+    def can_transform(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        timeout: TimeoutLike = NO_TIMEOUT,
         return_debug_tuple: bool = False,
     ) -> bool | tuple[bool, str]:
         """
@@ -219,14 +270,63 @@ class Buffer(BufferCore, BufferInterface):
         can, reason = self.can_transform_core(target_frame, source_frame, time)
         return (bool(can), reason) if return_debug_tuple else bool(can)
 
+    @overload
     def can_transform_full(
         self,
         target_frame: str,
-        target_time: Time,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: Time,
+        source_time: TimeLike,
         fixed_frame: str,
-        timeout: Duration = NO_TIMEOUT,
+        timeout: TimeoutLike = ...,
+        return_debug_tuple: Literal[False] = ...,
+    ) -> bool: ...
+
+    @overload
+    def can_transform_full(
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike = ...,
+        *,
+        return_debug_tuple: Literal[True],
+    ) -> tuple[bool, str]: ...
+
+    @overload
+    def can_transform_full(
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike,
+        return_debug_tuple: Literal[True],
+    ) -> tuple[bool, str]: ...
+
+    @overload
+    def can_transform_full(
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike = ...,
+        return_debug_tuple: bool = ...,
+    ) -> bool | tuple[bool, str]: ...
+
+    def can_transform_full(
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike = NO_TIMEOUT,
         return_debug_tuple: bool = False,
     ) -> bool | tuple[bool, str]:
         """
@@ -256,8 +356,8 @@ class Buffer(BufferCore, BufferInterface):
         return (bool(can), reason) if return_debug_tuple else bool(can)
 
     def wait_for_transform_async(
-        self, target_frame: str, source_frame: str, time: Time, *, timeout: Duration | None = None
-    ) -> Future:
+        self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: TimeoutLike | None = None
+    ) -> WakingFuture[TransformStamped]:
         """
         Get a future of what :meth:`lookup_transform` will return.
 
@@ -283,13 +383,13 @@ class Buffer(BufferCore, BufferInterface):
     def wait_for_transform_full_async(
         self,
         target_frame: str,
-        target_time: Time,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: Time,
+        source_time: TimeLike,
         fixed_frame: str,
         *,
-        timeout: Duration | None = None,
-    ) -> Future:
+        timeout: TimeoutLike | None = None,
+    ) -> WakingFuture[TransformStamped]:
         """
         Get a future of what :meth:`lookup_transform_full` will return.
 
@@ -308,7 +408,7 @@ class Buffer(BufferCore, BufferInterface):
         return TransformFuture(self, lookup, timeout)
 
     async def lookup_transform_async(
-        self, target_frame: str, source_frame: str, time: Time, *, timeout: Duration | None = None
+        self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: TimeoutLike | None = None
     ) -> TransformStamped:
         """
         Await the transform that maps data from ``source_frame`` to ``target_frame``.
@@ -327,12 +427,12 @@ class Buffer(BufferCore, BufferInterface):
     async def lookup_transform_full_async(
         self,
         target_frame: str,
-        target_time: Time,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: Time,
+        source_time: TimeLike,
         fixed_frame: str,
         *,
-        timeout: Duration | None = None,
+        timeout: TimeoutLike | None = None,
     ) -> TransformStamped:
         """
         Await what :meth:`lookup_transform_full` returns.
@@ -382,10 +482,10 @@ class Buffer(BufferCore, BufferInterface):
     def __context(self) -> Context:
         return self._node_context or get_default_context()
 
-    def __wait(self, lookup: Lookup, timeout: Duration) -> TransformStamped:
+    def __wait(self, lookup: Lookup, timeout: TimeoutLike) -> TransformStamped:
         return wait_for_transform(self, lookup, timeout_ns(timeout), self.__context())
 
-    def __becomes_available(self, lookup: Lookup, timeout: Duration) -> bool:
+    def __becomes_available(self, lookup: Lookup, timeout: TimeoutLike) -> bool:
         try:
             self.__wait(lookup, timeout)
         except TransformException:

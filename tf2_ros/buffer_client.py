@@ -2,7 +2,7 @@
 
 import threading
 import weakref
-from typing import Any
+from typing import Any, Literal, overload
 
 from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import TransformStamped
@@ -22,6 +22,7 @@ from tf2_py import (
     TransformException,
 )
 from tf2_py._internal import printable
+from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros._arguments import has, is_name, refuse_swapped
 from tf2_ros._goals import GoalSender, PendingGoal, send_directly
 from tf2_ros._tf2_names import (
@@ -91,7 +92,7 @@ class BufferClient(BufferInterface):
         node: Node,
         ns: str,
         check_frequency: float = 10.0,
-        timeout_padding: Duration = Duration(seconds=2.0),  # noqa: B008  as in tf2; a Duration cannot change
+        timeout_padding: TimeoutLike = Duration(seconds=2.0),  # noqa: B008  as in tf2; a Duration cannot change
     ) -> None:
         refuse_swapped("BufferClient", node=(has("create_client"), node), ns=(is_name, ns))
         if not check_frequency > 0.0:
@@ -117,7 +118,7 @@ class BufferClient(BufferInterface):
             self._goal_sender.close()
 
     def lookup_transform(
-        self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
+        self, target_frame: str, source_frame: str, time: TimeLike, timeout: TimeoutLike = NO_TIMEOUT
     ) -> TransformStamped:
         """
         Get the transform that maps data from ``source_frame`` to ``target_frame``.
@@ -139,11 +140,11 @@ class BufferClient(BufferInterface):
     def lookup_transform_full(
         self,
         target_frame: str,
-        target_time: Time,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: Time,
+        source_time: TimeLike,
         fixed_frame: str,
-        timeout: Duration = NO_TIMEOUT,
+        timeout: TimeoutLike = NO_TIMEOUT,
     ) -> TransformStamped:
         """
         Get the transform from ``source_frame`` at ``source_time`` into ``target_frame`` at ``target_time``.
@@ -159,12 +160,53 @@ class BufferClient(BufferInterface):
         goal.timeout = duration_msg(timeout)
         return self.__process_goal(goal)
 
+    @overload
     def can_transform(
         self,
         target_frame: str,
         source_frame: str,
-        time: Time,
-        timeout: Duration = NO_TIMEOUT,
+        time: TimeLike,
+        timeout: TimeoutLike = ...,
+        return_debug_tuple: Literal[False] = ...,
+    ) -> bool: ...
+
+    @overload
+    def can_transform(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        timeout: TimeoutLike = ...,
+        *,
+        return_debug_tuple: Literal[True],
+    ) -> tuple[bool, str]: ...
+
+    @overload
+    def can_transform(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        timeout: TimeoutLike,
+        return_debug_tuple: Literal[True],
+    ) -> tuple[bool, str]: ...
+
+    @overload
+    def can_transform(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        timeout: TimeoutLike = ...,
+        return_debug_tuple: bool = ...,
+    ) -> bool | tuple[bool, str]: ...
+
+    def can_transform(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        timeout: TimeoutLike = NO_TIMEOUT,
         return_debug_tuple: bool = False,
     ) -> bool | tuple[bool, str]:
         """
@@ -181,14 +223,63 @@ class BufferClient(BufferInterface):
             return (False, str(error)) if return_debug_tuple else False
         return (True, "") if return_debug_tuple else True
 
+    @overload
     def can_transform_full(
         self,
         target_frame: str,
-        target_time: Time,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: Time,
+        source_time: TimeLike,
         fixed_frame: str,
-        timeout: Duration = NO_TIMEOUT,
+        timeout: TimeoutLike = ...,
+        return_debug_tuple: Literal[False] = ...,
+    ) -> bool: ...
+
+    @overload
+    def can_transform_full(
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike = ...,
+        *,
+        return_debug_tuple: Literal[True],
+    ) -> tuple[bool, str]: ...
+
+    @overload
+    def can_transform_full(
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike,
+        return_debug_tuple: Literal[True],
+    ) -> tuple[bool, str]: ...
+
+    @overload
+    def can_transform_full(
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike = ...,
+        return_debug_tuple: bool = ...,
+    ) -> bool | tuple[bool, str]: ...
+
+    def can_transform_full(
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike = NO_TIMEOUT,
         return_debug_tuple: bool = False,
     ) -> bool | tuple[bool, str]:
         """
@@ -205,7 +296,7 @@ class BufferClient(BufferInterface):
         return (True, "") if return_debug_tuple else True
 
     async def lookup_transform_async(
-        self, target_frame: str, source_frame: str, time: Time, *, timeout: Duration | None = None
+        self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: TimeoutLike | None = None
     ) -> TransformStamped:
         """
         Await what :meth:`lookup_transform` returns.
@@ -218,12 +309,12 @@ class BufferClient(BufferInterface):
     async def lookup_transform_full_async(
         self,
         target_frame: str,
-        target_time: Time,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: Time,
+        source_time: TimeLike,
         fixed_frame: str,
         *,
-        timeout: Duration | None = None,
+        timeout: TimeoutLike | None = None,
     ) -> TransformStamped:
         """
         Await what :meth:`lookup_transform_full` returns.
@@ -259,7 +350,7 @@ class BufferClient(BufferInterface):
             raise EXCEPTIONS.get(result.error.error, TransformException)(printable(result.error.error_string))
         return result.transform
 
-    async def _await(self, goal: Any, timeout: Duration | None) -> TransformStamped:
+    async def _await(self, goal: Any, timeout: TimeoutLike | None) -> TransformStamped:
         sender = self._goal_sender
         if sender is None or self.action_client is not sender.action_client:
             goal.timeout = duration_msg(FOR_EVER if timeout is None else timeout)

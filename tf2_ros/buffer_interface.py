@@ -1,6 +1,6 @@
 """Owns what every buffer offers: transforming objects on top of a lookup."""
 
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 
 from builtin_interfaces.msg import Time as TimeMsg
 from geometry_msgs.msg import (
@@ -15,6 +15,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
+from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros._arguments import has, is_name, swapped
 from tf2_ros._registration import (
     ConvertRegistration,
@@ -75,6 +76,9 @@ PyKDLType = TypeVar("PyKDLType")
 TransformableObject = Union[MsgStamped, PyKDLType]
 TransformableObjectType = TypeVar("TransformableObjectType")
 
+_Object = TypeVar("_Object")
+_New = TypeVar("_New")
+
 # The default of every `timeout`: one object, so that "none" is an identity, not a comparison of Durations.
 NO_TIMEOUT = Duration()
 
@@ -91,11 +95,39 @@ class BufferInterface:
     def __init__(self) -> None:
         self.registration = TransformRegistration()
 
+    @overload
+    def transform(
+        self,
+        object_stamped: _Object,
+        target_frame: str,
+        timeout: TimeoutLike = ...,
+        new_type: None = ...,
+    ) -> _Object: ...
+
+    @overload
     def transform(
         self,
         object_stamped: Any,
         target_frame: str,
-        timeout: Duration = NO_TIMEOUT,
+        timeout: TimeoutLike = ...,
+        *,
+        new_type: type[_New],
+    ) -> _New: ...
+
+    @overload
+    def transform(
+        self,
+        object_stamped: Any,
+        target_frame: str,
+        timeout: TimeoutLike,
+        new_type: type[_New],
+    ) -> _New: ...
+
+    def transform(
+        self,
+        object_stamped: Any,
+        target_frame: str,
+        timeout: TimeoutLike = NO_TIMEOUT,
         new_type: type | None = None,
     ) -> Any:
         """
@@ -119,13 +151,47 @@ class BufferInterface:
         )
         return result if new_type is None else convert(result, new_type)
 
+    @overload
+    def transform_full(
+        self,
+        object_stamped: _Object,
+        target_frame: str,
+        target_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike = ...,
+        new_type: None = ...,
+    ) -> _Object: ...
+
+    @overload
     def transform_full(
         self,
         object_stamped: Any,
         target_frame: str,
-        target_time: Time,
+        target_time: TimeLike,
         fixed_frame: str,
-        timeout: Duration = NO_TIMEOUT,
+        timeout: TimeoutLike = ...,
+        *,
+        new_type: type[_New],
+    ) -> _New: ...
+
+    @overload
+    def transform_full(
+        self,
+        object_stamped: Any,
+        target_frame: str,
+        target_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike,
+        new_type: type[_New],
+    ) -> _New: ...
+
+    def transform_full(
+        self,
+        object_stamped: Any,
+        target_frame: str,
+        target_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike = NO_TIMEOUT,
         new_type: type | None = None,
     ) -> Any:
         """
@@ -147,11 +213,39 @@ class BufferInterface:
         result = do_transform(object_stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
+    @overload
+    async def transform_async(
+        self,
+        object_stamped: _Object,
+        target_frame: str,
+        timeout: TimeoutLike | None = ...,
+        new_type: None = ...,
+    ) -> _Object: ...
+
+    @overload
     async def transform_async(
         self,
         object_stamped: Any,
         target_frame: str,
-        timeout: Duration | None = None,
+        timeout: TimeoutLike | None = ...,
+        *,
+        new_type: type[_New],
+    ) -> _New: ...
+
+    @overload
+    async def transform_async(
+        self,
+        object_stamped: Any,
+        target_frame: str,
+        timeout: TimeoutLike | None,
+        new_type: type[_New],
+    ) -> _New: ...
+
+    async def transform_async(
+        self,
+        object_stamped: Any,
+        target_frame: str,
+        timeout: TimeoutLike | None = None,
         new_type: type | None = None,
     ) -> Any:
         """
@@ -173,7 +267,7 @@ class BufferInterface:
         return result if new_type is None else convert(result, new_type)
 
     def lookup_transform(
-        self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
+        self, target_frame: str, source_frame: str, time: TimeLike, timeout: TimeoutLike = NO_TIMEOUT
     ) -> TransformStamped:
         """
         Get the transform that maps data from ``source_frame`` to ``target_frame``.
@@ -187,11 +281,11 @@ class BufferInterface:
     def lookup_transform_full(
         self,
         target_frame: str,
-        target_time: Time,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: Time,
+        source_time: TimeLike,
         fixed_frame: str,
-        timeout: Duration = NO_TIMEOUT,
+        timeout: TimeoutLike = NO_TIMEOUT,
     ) -> TransformStamped:
         """
         Get the transform from ``source_frame`` at ``source_time`` into ``target_frame`` at ``target_time``.
@@ -203,7 +297,7 @@ class BufferInterface:
         raise NotImplementedException()
 
     async def lookup_transform_async(
-        self, target_frame: str, source_frame: str, time: Time, *, timeout: Duration | None = None
+        self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: TimeoutLike | None = None
     ) -> TransformStamped:
         """
         Await what :meth:`lookup_transform` returns.
@@ -214,8 +308,8 @@ class BufferInterface:
         raise NotImplementedException()
 
     def can_transform(
-        self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
-    ) -> Any:
+        self, target_frame: str, source_frame: str, time: TimeLike, timeout: TimeoutLike = NO_TIMEOUT
+    ) -> bool:
         """
         Tell whether :meth:`lookup_transform` would answer.
 
@@ -227,12 +321,12 @@ class BufferInterface:
     def can_transform_full(
         self,
         target_frame: str,
-        target_time: Time,
+        target_time: TimeLike,
         source_frame: str,
-        source_time: Time,
+        source_time: TimeLike,
         fixed_frame: str,
-        timeout: Duration = NO_TIMEOUT,
-    ) -> Any:
+        timeout: TimeoutLike = NO_TIMEOUT,
+    ) -> bool:
         """
         Tell whether :meth:`lookup_transform_full` would answer.
 
@@ -267,7 +361,7 @@ def _header_of(object_stamped: Any) -> Any:
         raise
 
 
-def Stamped(obj: Any, stamp: Any, frame_id: str) -> Any:
+def Stamped(obj: _Object, stamp: TimeLike, frame_id: str) -> _Object:
     """
     Give an object a header.
 
@@ -279,5 +373,6 @@ def Stamped(obj: Any, stamp: Any, frame_id: str) -> Any:
     :raises TypeError: ``stamp`` is no time.
     """
     message = stamp if isinstance(stamp, TimeMsg) else time_msg(stamp, "stamp")
-    obj.header = Header(frame_id=frame_id, stamp=message)
+    stamped: Any = obj
+    stamped.header = Header(frame_id=frame_id, stamp=message)
     return obj

@@ -6,14 +6,17 @@ import threading
 import time
 import weakref
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Generic, Protocol, TypedDict, TypeVar, overload
 
+from geometry_msgs.msg import TransformStamped
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.duration import Duration
 from rclpy.executors import await_or_execute
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
 
 from tf2_py._internal import printable
+from tf2_py.typing import DurationLike, TimeoutLike
 from tf2_ros._arguments import has, is_a, is_names, refuse_swapped
 from tf2_ros._forking import register_for_fork
 from tf2_ros._times import FOR_EVER_NS, duration_ns, optional_timeout_ns
@@ -30,7 +33,25 @@ NEARLY_ALL = 19
 WARN_EVERY_S = 15.0
 
 
-class MessageFilter:
+_Message = TypeVar("_Message")
+_Topic = tuple[type[_Message], str, QoSProfile | int]
+
+
+class _Filter(Protocol):
+    """A filter of ``message_filters``."""
+
+    def registerCallback(self, callback: Callable[..., None], /) -> object: ...
+
+
+class _Statistics(TypedDict):
+    received: int
+    passed: int
+    dropped: dict[str, int]
+    cleared: int
+    waiting: int
+
+
+class MessageFilter(Generic[_Message]):
     """
     Keeps the messages of a topic until a buffer can transform them into the target frames, at their stamps.
 
@@ -60,6 +81,33 @@ class MessageFilter:
     It has the methods of a filter of ``message_filters`` and can be the input of one.
     """
 
+    # The type of the messages is known from a topic's, or from another MessageFilter's.
+    @overload
+    def __init__(
+        self,
+        input: "_Topic[_Message] | MessageFilter[_Message]",
+        buffer: Buffer,
+        target_frames: str | Sequence[str],
+        queue_size: int,
+        *,
+        node: Node,
+        buffer_timeout: TimeoutLike | None = ...,
+        tolerance: DurationLike | None = ...,
+    ) -> None: ...
+
+    @overload
+    def __init__(
+        self: "MessageFilter[Any]",
+        input: Subscription | _Filter | None,
+        buffer: Buffer,
+        target_frames: str | Sequence[str],
+        queue_size: int,
+        *,
+        node: Node,
+        buffer_timeout: TimeoutLike | None = ...,
+        tolerance: DurationLike | None = ...,
+    ) -> None: ...
+
     def __init__(
         self,
         input: Any,
@@ -68,8 +116,8 @@ class MessageFilter:
         queue_size: int,
         *,
         node: Node,
-        buffer_timeout: Duration | None = None,
-        tolerance: Duration | None = None,
+        buffer_timeout: TimeoutLike | None = None,
+        tolerance: DurationLike | None = None,
     ) -> None:
         refuse_swapped(
             "MessageFilter",
@@ -81,15 +129,15 @@ class MessageFilter:
         )
         if not isinstance(buffer, Buffer):
             raise TypeError(f"buffer must be a tf2_ros.Buffer, not {type(buffer).__name__}")
-        self.callbacks: dict[int, tuple[Callable[..., None], tuple[Any, ...]]] = {}
+        self.callbacks: dict[int, tuple[Callable[..., object], tuple[Any, ...]]] = {}
         self._node = node
         self._target_frames = _names(target_frames)
         self._queue_size = _size(queue_size)
         self._timeout_ns = optional_timeout_ns(buffer_timeout, "buffer_timeout")
         self._tolerance_ns = _tolerance_ns(tolerance)
-        self._failure_callbacks: dict[int, tuple[Callable[..., None], tuple[Any, ...]]] = {}
+        self._failure_callbacks: dict[int, tuple[Callable[..., object], tuple[Any, ...]]] = {}
         self._connections = itertools.count()
-        self._streams: weakref.WeakSet[MessageStream] = weakref.WeakSet()
+        self._streams: weakref.WeakSet[MessageStream[tuple[_Message, TransformStamped]]] = weakref.WeakSet()
         self._disconnect: Callable[[], None] | None = None
         self._closed = False
         self._counts_lock = threading.RLock()
@@ -108,7 +156,7 @@ class MessageFilter:
             self.close()
             raise
 
-    def add(self, message: Any) -> None:
+    def add(self, message: _Message) -> None:
         """
         Add a message, from any thread; without effect after :meth:`close`.
 
@@ -123,7 +171,13 @@ class MessageFilter:
             self._received += 1
         self._pending.add(message)
 
-    def registerCallback(self, callback: Callable[..., None], *arguments: Any) -> int:
+    @overload
+    def registerCallback(self, callback: Callable[[_Message], object]) -> int: ...
+
+    @overload
+    def registerCallback(self, callback: Callable[..., object], first: Any, /, *arguments: Any) -> int: ...
+
+    def registerCallback(self, callback: Callable[..., object], *arguments: Any) -> int:
         """
         Call ``callback(message, *arguments)`` with each message that passes.
 
@@ -134,7 +188,15 @@ class MessageFilter:
         self.callbacks = {**self.callbacks, connection: (callback, arguments)}
         return connection
 
-    def registerFailureCallback(self, callback: Callable[..., None], *arguments: Any) -> int:
+    @overload
+    def registerFailureCallback(self, callback: Callable[[_Message, FilterFailureReason], object]) -> int: ...
+
+    @overload
+    def registerFailureCallback(
+        self, callback: Callable[..., object], first: Any, /, *arguments: Any
+    ) -> int: ...
+
+    def registerFailureCallback(self, callback: Callable[..., object], *arguments: Any) -> int:
         """
         Call ``callback(message, reason, *arguments)`` with each message that is dropped.
 
@@ -145,7 +207,10 @@ class MessageFilter:
         self._failure_callbacks = {**self._failure_callbacks, connection: (callback, arguments)}
         return connection
 
-    def connectInput(self, input: Any) -> None:
+    def connectInput(
+        self,
+        input: "_Topic[_Message] | MessageFilter[_Message] | Subscription | _Filter",
+    ) -> None:
         """
         Take messages from another input, and no longer from the one before.
 
@@ -167,7 +232,7 @@ class MessageFilter:
         self._target_frames = _names(target_frames)
         self._configure()
 
-    def setTolerance(self, tolerance: Duration) -> None:
+    def setTolerance(self, tolerance: DurationLike) -> None:
         """
         Set for how much later than its stamp a message needs transforms, also for messages that wait already.
 
@@ -209,7 +274,7 @@ class MessageFilter:
         """Make the lock anew: in a forked child it must be free."""
         self._counts_lock = threading.RLock()
 
-    def statistics(self) -> dict[str, Any]:
+    def statistics(self) -> _Statistics:
         """
         Count the messages.
 
@@ -227,8 +292,8 @@ class MessageFilter:
                 "waiting": self._received - done,
             }
 
-    def __aiter__(self) -> MessageStream:
-        stream = MessageStream()
+    def __aiter__(self) -> MessageStream[tuple[_Message, TransformStamped]]:
+        stream: MessageStream[tuple[_Message, TransformStamped]] = MessageStream()
         self._streams.add(stream)
         if self._closed:
             stream.close()
@@ -341,7 +406,7 @@ def _size(queue_size: int) -> int:
     return queue_size
 
 
-def _tolerance_ns(tolerance: Duration | None) -> int:
+def _tolerance_ns(tolerance: DurationLike | None) -> int:
     tolerance_ns = 0 if tolerance is None else duration_ns(tolerance, "tolerance")
     if tolerance_ns < 0:
         raise ValueError(f"tolerance must not be negative, it is {tolerance_ns / 1e9} s")

@@ -2,8 +2,9 @@
 
 import weakref
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
+from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
@@ -57,6 +58,16 @@ AUTHORITY = "default_authority"  # messages do not name their publisher
 REDIRECTING = frozenset({"buffer", "callback", "static_callback"})
 
 
+_Listener = TypeVar("_Listener", bound="TransformListener")
+
+
+class TransformSink(Protocol):
+    """What a listener fills."""
+
+    def set_transform(self, transform: TransformStamped, authority: str, /) -> object: ...
+    def set_transform_static(self, transform: TransformStamped, authority: str, /) -> object: ...
+
+
 class TransformListener:
     """
     Fills a buffer from the topics of tf2.
@@ -97,7 +108,7 @@ class TransformListener:
 
     def __init__(
         self,
-        buffer: Any,
+        buffer: TransformSink,
         node: Node | None,
         *,
         spin_thread: bool = False,
@@ -114,7 +125,7 @@ class TransformListener:
         )
         if node is not None:
             require_node(type(self).__name__, node, "create_subscription")
-        self.buffer = buffer
+        self.buffer: Any = buffer
         self._owns_node = node is None
         self.node = node = hidden_node("transform_listener_impl", self) if node is None else node
         self._node_use = NodeUse(node)
@@ -191,7 +202,7 @@ class TransformListener:
         if "node" in attributes and not (self._owns_node and self._spinner is not None):
             self.unregister()
 
-    def __enter__(self) -> "TransformListener":
+    def __enter__(self: _Listener) -> _Listener:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -298,7 +309,7 @@ class StaticTransformListener(TransformListener):
 
     def __init__(
         self,
-        buffer: Any,
+        buffer: TransformSink,
         node: Node | None,
         *,
         spin_thread: bool = False,

@@ -4,13 +4,13 @@ from tf2_py import BufferCore
 from tf2_ros._receive.arrival_waitable import ArrivalWaitable
 
 class Receiver:
-    def __init__(
-        self,
+    def __new__(
+        cls,
         buffer: BufferCore,
         authority: str,
         arrivals: ArrivalWaitable,
         hand_over: Callable[[list[Callable[[], None]]], bool],
-    ) -> None: ...
+    ) -> Receiver: ...
     def watch(self, types: Sequence[type]) -> None: ...
     def decide_again(self) -> None: ...
     def fills(self, buffer: BufferCore) -> bool: ...

@@ -2,14 +2,17 @@
 
 from collections import deque
 from contextlib import suppress
-from typing import Any
+from typing import Generic, TypeVar
 
 from tf2_ros._wait.waking_future import WakingFuture
 
 __all__ = ["MessageStream"]
 
 
-class MessageStream:
+_Item = TypeVar("_Item")
+
+
+class MessageStream(Generic[_Item]):
     """
     An asynchronous iterator over items that another thread puts in; ends, when closed, after the last.
 
@@ -17,12 +20,12 @@ class MessageStream:
     """
 
     def __init__(self) -> None:
-        self._items: deque[Any] = deque()
+        self._items: deque[_Item] = deque()
         # Never replaced: one that is about to be added must be found.
-        self._awaiting: deque[WakingFuture] = deque()
+        self._awaiting: deque[WakingFuture[None]] = deque()
         self._closed = False
 
-    def put(self, item: Any) -> None:
+    def put(self, item: _Item) -> None:
         """Let the iteration go on with this."""
         self._items.append(item)
         self._wake()
@@ -32,12 +35,12 @@ class MessageStream:
         self._closed = True
         self._wake()
 
-    def __aiter__(self) -> "MessageStream":
+    def __aiter__(self) -> "MessageStream[_Item]":
         return self
 
-    async def __anext__(self) -> Any:
+    async def __anext__(self) -> _Item:
         while True:
-            arrival = WakingFuture()
+            arrival: WakingFuture[None] = WakingFuture()
             # First this, then the check: `put` does it the other way round.
             self._awaiting.append(arrival)
             try:

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from geometry_msgs.msg import TransformStamped
+
 from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
 from tf2_ros._forking import LOCK
 from tf2_ros._rclpy import only_wakes_executor
@@ -19,7 +21,7 @@ from tf2_ros._wait.waking_future import WakingFuture
 __all__ = ["TransformFuture"]
 
 
-class TransformFuture(WakingFuture):
+class TransformFuture(WakingFuture[TransformStamped]):
     """
     The future of a transform that a buffer may not have yet.
 
@@ -113,7 +115,7 @@ class TransformFuture(WakingFuture):
         self.__claim()
         super().set_exception(exception)
 
-    def add_done_callback(self, callback: Callable[[Any], None]) -> None:
+    def add_done_callback(self, callback: Callable[[Any], object]) -> None:
         """Add a callback; from now on it keeps the future alive."""
         if not only_wakes_executor(callback):
             with LOCK:
@@ -143,7 +145,7 @@ class TransformFuture(WakingFuture):
                 return
         waker(self)
 
-    def _known_outcome(self) -> Any:
+    def _known_outcome(self) -> TransformStamped:
         assert self.__outcome is not None
         return self.__outcome()
 

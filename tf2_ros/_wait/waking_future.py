@@ -6,7 +6,7 @@ import warnings
 import weakref
 from collections.abc import Callable, Generator
 from contextlib import suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
@@ -22,8 +22,19 @@ GRACE_S = 1.0  # for an executor to complete a future whose outcome is known
 STEP_CHECK_NS = 2_000_000  # how often to check whether an executor has left the step of a task
 
 
-class WakingFuture(HookedFuture):
+_Result = TypeVar("_Result")
+
+
+class WakingFuture(HookedFuture, Generic[_Result]):
     """A future that may be completed in any thread: it wakes whatever runs the tasks that await it."""
+
+    if TYPE_CHECKING:  # rclpy's of Jazzy are not annotated
+
+        def done(self) -> bool: ...
+        def cancelled(self) -> bool: ...
+        def result(self) -> _Result: ...
+        def exception(self) -> BaseException | None: ...
+        def add_done_callback(self, callback: Callable[[Any], object]) -> None: ...
 
     def __init__(self) -> None:
         super().__init__(LOCK)
@@ -48,7 +59,7 @@ class WakingFuture(HookedFuture):
         finally:
             del error  # its traceback leads here
 
-    def __await__(self) -> Generator[Any, Any, Any]:
+    def __await__(self) -> Generator[Any, Any, _Result]:
         # Callbacks that only wake do not keep a future alive: they are not added by a subclass's method.
         sleeper = _SleepingTask.current()
         if sleeper is not None:
@@ -72,7 +83,7 @@ class WakingFuture(HookedFuture):
     def _wake_when_known(self, waker: Callable[[Any], None]) -> None:
         """Call this, in whatever thread, when the outcome is known before the future is done."""
 
-    def _known_outcome(self) -> Any:
+    def _known_outcome(self) -> _Result:
         """The outcome of a future that is not done, but has woken what awaits it."""
         raise NotImplementedError
 

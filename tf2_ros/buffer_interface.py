@@ -2,7 +2,6 @@
 
 from typing import Any, TypeVar, overload
 
-from builtin_interfaces.msg import Time as TimeMsg
 from geometry_msgs.msg import (
     PointStamped,
     PoseStamped,
@@ -347,7 +346,7 @@ def _header_of(object_stamped: Any) -> Any:
         raise
 
 
-def Stamped(obj: _Object, stamp: Time | TimeMsg, frame_id: str) -> _Object:
+def Stamped(obj: _Object, stamp: TimeLike, frame_id: str) -> _Object:
     """
     Give an object a header.
 

@@ -2,7 +2,6 @@
 
 from typing import Any, TypeVar, overload
 
-from builtin_interfaces.msg import Time as TimeMsg
 from geometry_msgs.msg import (
     PointStamped,
     PoseStamped,

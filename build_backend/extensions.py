@@ -65,7 +65,7 @@ class BuildExtensions(build_ext):
             self._lock = open(folder / "lock", "w")
             fcntl.flock(self._lock, fcntl.LOCK_EX)
         lacking = self.complete_receiver()
-        self._made = [record.write(Path(self.build_lib), lacking)]
+        self._made = [record.write(Path(self.build_lib), self.distribution.get_version(), lacking)]
         refused = self._cythonize()
         for ext in self._messages():
             made = Path(self.build_lib, self.get_ext_filename(ext.name))

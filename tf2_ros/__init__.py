@@ -1,7 +1,7 @@
 """tf2 for nodes: buffers, listeners and broadcasters; and everything of tf2_py."""
 
 # Before the imports below fail without a word of advice or, on another ROS 2 than the one built for, crash.
-from tf2_ros_cython import _requirement as _requirement
+from tf2_ros_cython._requirement import __version__ as __version__
 
 # isort: split
 

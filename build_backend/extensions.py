@@ -22,8 +22,9 @@ DIRECTIVES = {
     "wraparound": False,
     "initializedcheck": False,
     "cdivision": True,
-    "embedsignature": True,
+    # Functions have signatures that `inspect` reads, with the annotations, which are text and nothing more.
     "binding": True,
+    "annotation_typing": False,
 }
 
 

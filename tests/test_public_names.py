@@ -41,9 +41,11 @@ SENSORS = {"do_transform_imu", "do_transform_magnetic_field", "from_msg_msg", "t
 OURS = {
     "tf2_geometry_msgs": GEOMETRY | {"Quaternion", "Transform", "Vector3"},
     "tf2_geometry_msgs.tf2_geometry_msgs": GEOMETRY | {"Quaternion", "Transform", "Vector3"},
+    "tf2_py": {"FrameInfo"},
     "tf2_ros": {
         "BufferServer",
         "FilterFailureReason",
+        "FrameInfo",
         "MessageFilter",
         "StaticTransformListener",
         "__version__",

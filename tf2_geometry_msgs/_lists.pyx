@@ -19,7 +19,7 @@ cdef object _transformed_polygon(object polygon, const Transform* transform):
     return message
 
 
-def do_transform_polygon(polygon, transform):
+def do_transform_polygon(polygon: Polygon, transform: TransformStamped | Transform) -> Polygon:
     """
     Transform each point of a polygon: p' = R p + t, in double precision.
 
@@ -36,7 +36,7 @@ def do_transform_polygon(polygon, transform):
     return _transformed_polygon(polygon, &tf)
 
 
-def do_transform_polygon_stamped(polygon, transform):
+def do_transform_polygon_stamped(polygon: PolygonStamped, transform: TransformStamped) -> PolygonStamped:
     """
     Transform each point of a polygon, as ``do_transform_polygon`` does.
 
@@ -52,7 +52,7 @@ def do_transform_polygon_stamped(polygon, transform):
     return stamped(polygon_stamped_layout, "polygon", content, transform)
 
 
-def do_transform_pose_array(poses, transform):
+def do_transform_pose_array(poses: PoseArray, transform: TransformStamped) -> PoseArray:
     """
     Transform each pose of an array, as ``do_transform_pose`` does.
 

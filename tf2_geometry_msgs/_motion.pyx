@@ -53,7 +53,7 @@ cdef object _rotated_pair(Layout layout, object pair, const Transform* transform
     return message
 
 
-def do_transform_wrench(wrench, transform):
+def do_transform_wrench(wrench: Wrench, transform: TransformStamped | Transform) -> Wrench:
     """
     Transform a wrench from one frame's origin to another's: f' = R f, torque' = R torque + t x f'.
 
@@ -72,7 +72,7 @@ def do_transform_wrench(wrench, transform):
     return _moved_pair(wrench_layout, wrench, &tf, "force", "torque")
 
 
-def do_transform_wrench_stamped(wrench, transform):
+def do_transform_wrench_stamped(wrench: WrenchStamped, transform: TransformStamped) -> WrenchStamped:
     """
     Transform a wrench, as ``do_transform_wrench`` does.
 
@@ -89,7 +89,7 @@ def do_transform_wrench_stamped(wrench, transform):
     return stamped(wrench_stamped_layout, "wrench", content, transform)
 
 
-def do_transform_velocity_stamped(velocity, transform):
+def do_transform_velocity_stamped(velocity: VelocityStamped, transform: TransformStamped) -> VelocityStamped:
     """
     Transform a rigid body's velocity from one frame's origin to another's: w' = R w, v' = R v + t x w'.
 
@@ -117,7 +117,7 @@ def do_transform_velocity_stamped(velocity, transform):
     return message
 
 
-def do_transform_twist_stamped(twist, transform):
+def do_transform_twist_stamped(twist: TwistStamped, transform: TransformStamped) -> TwistStamped:
     """
     Rotate a twist into the axes of another frame: v' = R v, w' = R w.
 
@@ -136,7 +136,7 @@ def do_transform_twist_stamped(twist, transform):
     return stamped(twist_stamped_layout, "twist", content, transform)
 
 
-def do_transform_accel_stamped(accel, transform):
+def do_transform_accel_stamped(accel: AccelStamped, transform: TransformStamped) -> AccelStamped:
     """
     Rotate an acceleration into the axes of another frame: a' = R a, for both its vectors.
 

@@ -55,7 +55,7 @@ cdef object _copied_twist(object content):
     return message
 
 
-def do_transform_path(path, transform):
+def do_transform_path(path: Path, transform: TransformStamped) -> Path:
     """
     Transform each pose of a path, as ``do_transform_pose`` does.
 
@@ -74,7 +74,7 @@ def do_transform_path(path, transform):
     return stamped(path_layout, "poses", content, transform)
 
 
-def do_transform_odometry(odometry, transform):
+def do_transform_odometry(odometry: Odometry, transform: TransformStamped) -> Odometry:
     """
     Transform the pose of an Odometry and its covariance.
 

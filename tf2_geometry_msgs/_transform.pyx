@@ -117,7 +117,9 @@ cdef bint _has_axes(object message):
     return hasattr(message, "x") and not hasattr(message, "w")
 
 
-def transform_covariance(cov_in, transform):
+def transform_covariance(
+    cov_in: Sequence[float] | NDArray[np.float64], transform: TransformStamped | Transform
+) -> NDArray[np.float64]:
     """
     Rotate the covariance matrix of a pose.
 
@@ -138,7 +140,9 @@ def transform_covariance(cov_in, transform):
     return _rotated_covariance(cov_in, &tf)
 
 
-def do_transform_point(point, transform):
+def do_transform_point(
+    point: PointStamped | Point | Point32, transform: TransformStamped | Transform
+) -> PointStamped | Point | Point32:
     """
     Transform a point: p' = R p + t.
 
@@ -159,7 +163,9 @@ def do_transform_point(point, transform):
     return transformed_point(layout, point, &tf)
 
 
-def do_transform_vector3(vector3, transform):
+def do_transform_vector3(
+    vector3: Vector3Stamped | Vector3, transform: TransformStamped | Transform
+) -> Vector3Stamped | Vector3:
     """
     Rotate a free vector: v' = R v. The translation does not count.
 
@@ -177,7 +183,7 @@ def do_transform_vector3(vector3, transform):
     return rotated_vector(vector3, &tf)
 
 
-def do_transform_quaternion(quaternion, transform):
+def do_transform_quaternion(quaternion: Quaternion, transform: TransformStamped | Transform) -> Quaternion:
     """
     Rotate an orientation: q' = r q, the transform's rotation on the left.
 
@@ -192,7 +198,9 @@ def do_transform_quaternion(quaternion, transform):
     return _rotated_quaternion(quaternion, &tf)
 
 
-def do_transform_quaternion_stamped(quaternion, transform):
+def do_transform_quaternion_stamped(
+    quaternion: QuaternionStamped, transform: TransformStamped
+) -> QuaternionStamped:
     """
     Rotate an orientation, as ``do_transform_quaternion`` does.
 
@@ -208,7 +216,7 @@ def do_transform_quaternion_stamped(quaternion, transform):
     return stamped(quaternion_stamped_layout, "quaternion", content, transform)
 
 
-def do_transform_pose(pose, transform):
+def do_transform_pose(pose: Pose, transform: TransformStamped | Transform) -> Pose:
     """
     Transform a pose: p' = R p + t, q' = r q.
 
@@ -223,7 +231,7 @@ def do_transform_pose(pose, transform):
     return transformed_pose(pose, &tf)
 
 
-def do_transform_pose_stamped(pose, transform):
+def do_transform_pose_stamped(pose: PoseStamped, transform: TransformStamped) -> PoseStamped:
     """
     Transform a pose, as ``do_transform_pose`` does.
 
@@ -239,7 +247,9 @@ def do_transform_pose_stamped(pose, transform):
     return stamped(pose_stamped_layout, "pose", content, transform)
 
 
-def do_transform_pose_with_covariance(pose, transform):
+def do_transform_pose_with_covariance(
+    pose: PoseWithCovariance, transform: TransformStamped | Transform
+) -> PoseWithCovariance:
     """
     Transform a pose as ``do_transform_pose`` does, and its covariance as ``transform_covariance`` does.
 
@@ -254,7 +264,9 @@ def do_transform_pose_with_covariance(pose, transform):
     return transformed_pose_with_covariance(pose, &tf)
 
 
-def do_transform_pose_with_covariance_stamped(pose, transform):
+def do_transform_pose_with_covariance_stamped(
+    pose: PoseWithCovarianceStamped, transform: TransformStamped
+) -> PoseWithCovarianceStamped:
     """
     Transform a pose and its covariance, as ``do_transform_pose_with_covariance`` does.
 
@@ -272,7 +284,7 @@ def do_transform_pose_with_covariance_stamped(pose, transform):
     return stamped(pose_with_covariance_stamped_layout, "pose", content, transform)
 
 
-def do_transform_transform(content, transform):
+def do_transform_transform(content: Transform, transform: TransformStamped | Transform) -> Transform:
     """
     Compose two transforms: T' = T_transform T_content.
 
@@ -287,7 +299,9 @@ def do_transform_transform(content, transform):
     return _composed_transform(content, &tf)
 
 
-def do_transform_transform_stamped(content, transform):
+def do_transform_transform_stamped(
+    content: TransformStamped, transform: TransformStamped
+) -> TransformStamped:
     """
     Compose two transforms, as ``do_transform_transform`` does.
 

@@ -30,6 +30,7 @@ from tf2_py import (
     TransformException,
     add_dll_directories_from_env,
 )
+from tf2_py import FrameInfo as FrameInfo
 from tf2_ros import (
     buffer,
     buffer_client,

@@ -256,7 +256,9 @@ cdef void _transform_grid(const char* source, char* target, const Grid* grid) no
     memcpy(target + new_end, source + end, grid.new_size - new_end)
 
 
-def do_transform_cloud(cloud, transform, *, only_xyz=False):
+def do_transform_cloud(
+    cloud: PointCloud2, transform: TransformStamped | Transform, *, only_xyz: bool = False
+) -> PointCloud2:
     """
     Transform a point cloud: p' = R p + t, in double precision, without the GIL.
 

@@ -63,7 +63,7 @@ cdef object _transformed_attitude(object quaternion, const Transform* transform)
     return new_orientation(q)
 
 
-def do_transform_imu(imu, transform):
+def do_transform_imu(imu: Imu, transform: TransformStamped) -> Imu:
     """
     Express what an IMU measured in the axes of another frame that is fixed to it: w' = R w, a' = R a.
 
@@ -99,7 +99,7 @@ def do_transform_imu(imu, transform):
     return message
 
 
-def do_transform_magnetic_field(magnetic_field, transform):
+def do_transform_magnetic_field(magnetic_field: MagneticField, transform: TransformStamped) -> MagneticField:
     """
     Express a magnetic field in the axes of another frame: b' = R b, its covariance R C R^T.
 

@@ -146,7 +146,7 @@ cdef void triples_transform(const char* source, const Triples* source_at, char* 
         _transform_each(source, source_at, target, target_at, count, rigid, x, y, z)
 
 
-def transform_points(point_cloud, transform):
+def transform_points(point_cloud: ArrayLike, transform: TransformStamped | Transform) -> NDArray[Any]:
     """
     Transform points: p' = R p + t, in double precision, without the GIL.
 

@@ -49,6 +49,7 @@ OURS = {
         "MessageFilter",
         "StaticTransformListener",
         "__version__",
+        "format_transform",
     },
     "tf2_ros.transform_listener": {"StaticTransformListener"},
     "tf2_sensor_msgs": SENSORS,

@@ -71,6 +71,7 @@ from tf2_ros._tf2_names import (
     threading,
     warnings,
 )
+from tf2_ros._transform_text import format_transform as format_transform
 from tf2_ros.buffer import Buffer
 from tf2_ros.buffer_client import ActionClient, BufferClient
 from tf2_ros.buffer_interface import (

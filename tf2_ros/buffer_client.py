@@ -21,7 +21,7 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._internal import printable
+from tf2_py._internal import class_name, printable
 from tf2_ros._goals import GoalSender, PendingGoal, send_directly
 from tf2_ros._tf2_names import (
     Clock,
@@ -106,6 +106,13 @@ class BufferClient(BufferInterface):
         self.action_client = self._goal_sender.action_client
         # Without destroy(), too, no thread remains; at exit it ends by itself.
         weakref.finalize(self, self._goal_sender.close, wait=False).atexit = False
+
+    def __repr__(self) -> str:
+        attributes, state = self.__dict__, "not initialised"
+        if "action_client" in attributes:
+            sender = attributes.get("_goal_sender")
+            state = "a program's own action client" if sender is None else sender.state()
+        return f"<{class_name(type(self))}: {state}>"
 
     def destroy(self) -> None:
         """End the client; pending lookups raise a TimeoutException."""

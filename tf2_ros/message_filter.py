@@ -13,7 +13,7 @@ from rclpy.duration import Duration
 from rclpy.executors import await_or_execute
 from rclpy.node import Node
 
-from tf2_py._internal import printable
+from tf2_py._internal import class_name, printable
 from tf2_ros._forking import register_for_fork
 from tf2_ros._times import FOR_EVER_NS, duration_ns, optional_timeout_ns
 from tf2_ros._wait.handoff import Handoff
@@ -195,6 +195,23 @@ class MessageFilter:
         self._outcomes.close()
         for stream in list(self._streams):
             stream.close()
+
+    def __enter__(self) -> "MessageFilter":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        name = class_name(type(self))
+        if "_pending" not in self.__dict__:
+            return f"<{name}: not initialised>"
+        counts = self.statistics()
+        facts = [f"{counts[key]} {key}" for key in ("waiting", "passed")]
+        facts.append(f"{sum(counts['dropped'].values())} dropped")
+        if self._closed:
+            facts.append("closed")
+        return f"<{name}: into {printable(' and '.join(self._target_frames))}: {', '.join(facts)}>"
 
     def after_fork(self) -> None:
         """Make the lock anew: in a forked child it must be free."""

@@ -21,9 +21,10 @@ cdef object _transformed_polygon(object polygon, const Transform* transform):
 
 def do_transform_polygon(polygon: Polygon, transform: TransformStamped | Transform) -> Polygon:
     """
-    Transform each point of a polygon: p' = R p + t, in double precision.
+    Transform each point of a polygon from the child frame of ``transform`` to its parent frame: p' = R p + t.
 
-    A new Point32 holds doubles, as every Python message does; it is rounded to float32 when it is serialised.
+    In double precision: a new Point32 holds doubles, as every Python message does; it is rounded to float32
+    when it is serialised.
 
     :param polygon: a Polygon of any number of Point32, metres.
     :param transform: a TransformStamped or Transform, metres.

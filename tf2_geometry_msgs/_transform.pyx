@@ -121,7 +121,7 @@ def transform_covariance(
     cov_in: Sequence[float] | NDArray[np.float64], transform: TransformStamped | Transform
 ) -> NDArray[np.float64]:
     """
-    Rotate the covariance matrix of a pose.
+    Rotate the covariance matrix of a pose from the child frame of ``transform`` to its parent frame.
 
     Both 3x3 blocks on the diagonal (position, rotation) and both cross blocks C become R C R^T; the
     translation has no effect, as in tf2. A symmetric matrix stays exactly symmetric.
@@ -144,7 +144,7 @@ def do_transform_point(
     point: PointStamped | Point | Point32, transform: TransformStamped | Transform
 ) -> PointStamped | Point | Point32:
     """
-    Transform a point: p' = R p + t.
+    Transform a point from the child frame of ``transform`` to its parent frame: p' = R p + t.
 
     :param point: a PointStamped, Point or Point32, metres.
     :param transform: a TransformStamped; for a point without a header also a Transform; metres.
@@ -167,7 +167,9 @@ def do_transform_vector3(
     vector3: Vector3Stamped | Vector3, transform: TransformStamped | Transform
 ) -> Vector3Stamped | Vector3:
     """
-    Rotate a free vector: v' = R v. The translation does not count.
+    Rotate a vector from the child frame of ``transform`` to its parent frame: v' = R v.
+
+    The translation does not count.
 
     :param vector3: a Vector3Stamped or Vector3, of any unit.
     :param transform: a TransformStamped; for a Vector3 also a Transform.
@@ -185,7 +187,7 @@ def do_transform_vector3(
 
 def do_transform_quaternion(quaternion: Quaternion, transform: TransformStamped | Transform) -> Quaternion:
     """
-    Rotate an orientation: q' = r q, the transform's rotation on the left.
+    Rotate an orientation from the child frame of ``transform`` to its parent frame: q' = r q.
 
     :param quaternion: a Quaternion of any length; zero length counts as no rotation.
     :param transform: a TransformStamped or Transform.
@@ -218,7 +220,7 @@ def do_transform_quaternion_stamped(
 
 def do_transform_pose(pose: Pose, transform: TransformStamped | Transform) -> Pose:
     """
-    Transform a pose: p' = R p + t, q' = r q.
+    Transform a pose from the child frame of ``transform`` to its parent frame: p' = R p + t, q' = r q.
 
     :param pose: a Pose, metres; its orientation of any length; zero length counts as no rotation.
     :param transform: a TransformStamped or Transform, metres.
@@ -286,7 +288,7 @@ def do_transform_pose_with_covariance_stamped(
 
 def do_transform_transform(content: Transform, transform: TransformStamped | Transform) -> Transform:
     """
-    Compose two transforms: T' = T_transform T_content.
+    Carry a transform from the child frame of ``transform`` to its parent frame: T' = T_transform T_content.
 
     :param content: a Transform, metres.
     :param transform: a TransformStamped or Transform, metres.

@@ -80,6 +80,18 @@ cdef class BufferCore(Engine):
     surrogate a ``UnicodeEncodeError``. A time whose seconds do not fit into the 32 bits of a message is an
     ``OverflowError``. Every method may be called from any thread. Calling ``__init__`` again empties the
     buffer; pending waits go on.
+
+    >>> from tf2_py import BufferCore
+    >>> from geometry_msgs.msg import TransformStamped
+    >>> mount = TransformStamped(child_frame_id="camera")
+    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+    >>> buffer = BufferCore()
+    >>> buffer.set_transform_static(mount, "example")
+    >>> "camera" in buffer
+    True
+    >>> print(buffer.tree())
+    base_link
+      camera (static)
     """
 
     def __init__(
@@ -226,7 +238,11 @@ cdef class BufferCore(Engine):
 
     def lookup_transform_core(self, target_frame: str, source_frame: str, time: Time) -> TransformStamped:
         """
-        Get the transform that maps data from ``source_frame`` to ``target_frame``.
+        Get the pose of ``source_frame`` in ``target_frame``: it carries data from the source to the target.
+
+        A point at p in ``source_frame`` is at R p + t in ``target_frame``: R and t are the rotation and the
+        translation returned. ``Time()``, which is 0, asks for the latest time for which all frames on the
+        path have data.
 
         :param str target_frame: the frame that the data is wanted in.
         :param str source_frame: the frame that the data is in.
@@ -251,7 +267,11 @@ cdef class BufferCore(Engine):
         self, target_frame: str, target_time: Time, source_frame: str, source_time: Time, fixed_frame: str
     ) -> TransformStamped:
         """
-        Get the transform from ``source_frame`` at ``source_time`` into ``target_frame`` at ``target_time``.
+        Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``.
+
+        It carries data from the source to the target: a point at p in ``source_frame`` at the one time is at
+        R p + t in ``target_frame`` at the other, if ``fixed_frame`` does not move meanwhile. ``Time()``,
+        which is 0, asks for the latest time.
 
         :param target_time: when the target frame is looked at; 0: the latest common time of it and the fixed
             frame.

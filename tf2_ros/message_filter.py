@@ -56,7 +56,24 @@ class MessageFilter:
     gives the same messages, from the start of the iteration to :meth:`close`, each with its transform into
     the first target frame. What has passed and was not taken yet is kept, without a limit.
 
-    It has the methods of a filter of ``message_filters`` and can be the input of one.
+    It has the methods of a filter of ``message_filters`` and can be the input of one. The end of a ``with``
+    block closes it.
+
+    >>> from queue import Queue
+    >>> from geometry_msgs.msg import PointStamped
+    >>> from tf2_ros import Buffer, MessageFilter
+    >>> from geometry_msgs.msg import TransformStamped
+    >>> mount = TransformStamped(child_frame_id="camera")
+    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+    >>> point = PointStamped()
+    >>> point.header.frame_id = "camera"
+    >>> buffer, points = Buffer(), Queue()
+    >>> with MessageFilter(None, buffer, "base_link", 100, node=node) as waiting:  # of a node that is spun
+    ...     key = waiting.registerCallback(points.put)
+    ...     waiting.add(point)
+    ...     buffer.set_transform_static(mount, "example")
+    ...     points.get(timeout=5) is point
+    True
     """
 
     def __init__(

@@ -25,6 +25,7 @@ from tf2_py._objects.errors import (
     TimeoutException,
     TransformException,
 )
+from tf2_py._objects.listings import FrameInfo as FrameInfo
 
 # What `import *` gives from tf2's package.
 __all__ = [

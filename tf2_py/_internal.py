@@ -8,9 +8,9 @@ its modules can be moved; what they cimport stands in ``_internal.pxd``.
 from tf2_py._objects import log
 from tf2_py._objects.arrays import as_times_ns
 from tf2_py._objects.at_exit import keep_for_ever, skip_exit_handlers
-from tf2_py._objects.errors import MalformedObjectError, bad_name
+from tf2_py._objects.errors import MalformedObjectError, bad_name, seconds
 from tf2_py._objects.frame_names import is_invalid_name
-from tf2_py._objects.printable import printable
+from tf2_py._objects.printable import class_name, counted, printable
 from tf2_py._objects.rotations import matrices_from_rotations, normalise, rotations_from_matrices
 from tf2_py._objects.serialize import serialize_transforms
 from tf2_py._objects.times import FOR_EVER_NS, duration_ns, stamp_parts, time_ns, timeout_ns
@@ -20,6 +20,8 @@ __all__ = [
     "MalformedObjectError",
     "as_times_ns",
     "bad_name",
+    "class_name",
+    "counted",
     "duration_ns",
     "is_invalid_name",
     "keep_for_ever",
@@ -28,6 +30,7 @@ __all__ = [
     "normalise",
     "printable",
     "rotations_from_matrices",
+    "seconds",
     "serialize_transforms",
     "skip_exit_handlers",
     "stamp_parts",

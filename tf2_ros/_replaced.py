@@ -3,15 +3,17 @@
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from tf2_py import BufferCore, TimeoutException
+from tf2_py import BufferCore, TimeoutException, TransformException
 from tf2_ros._forking import register_for_fork
 from tf2_ros._receive.receiver_thread import hand_over
+from tf2_ros._wait.blocking import BlockingWait
 from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.waking_future import WakingFuture
 from tf2_ros.buffer_interface import NO_TIMEOUT
@@ -20,27 +22,16 @@ __all__ = [
     "RecheckingFuture",
     "lookup_transform_via_can",
     "lookup_transform_full_via_can",
-    "poll_until",
 ]
-
-POLL_PERIOD_S = 0.02  # what replaced methods answer may depend on anything
-
-
-def poll_until(can: Callable[[], Any], timeout_ns: int, alive: Callable[[], bool]) -> None:
-    """Poll until the answer is yes, the timeout is over, or the context has ended."""
-    deadline_ns = time.monotonic_ns() + timeout_ns
-    while time.monotonic_ns() < deadline_ns and not can():
-        if not alive():
-            return
-        threading.Event().wait(POLL_PERIOD_S)
 
 
 def lookup_transform_via_can(
     self: Any, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
 ) -> TransformStamped:
     """The ``lookup_transform`` of a buffer that has a ``can_transform*`` of its own."""
+    wait = _wait(self, timeout)
     self.can_transform(target_frame, source_frame, time, timeout)
-    return self.lookup_transform_core(target_frame, source_frame, time)
+    return _answer(wait, partial(self.lookup_transform_core, target_frame, source_frame, time))
 
 
 def lookup_transform_full_via_can(
@@ -53,8 +44,26 @@ def lookup_transform_full_via_can(
     timeout: Duration = NO_TIMEOUT,
 ) -> TransformStamped:
     """The same for ``lookup_transform_full``."""
+    wait = _wait(self, timeout)
     self.can_transform_full(target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
-    return self.lookup_transform_full_core(target_frame, target_time, source_frame, source_time, fixed_frame)
+    arguments = (target_frame, target_time, source_frame, source_time, fixed_frame)
+    return _answer(wait, partial(self.lookup_transform_full_core, *arguments))
+
+
+def _wait(buffer: Any, timeout: Any) -> BlockingWait:
+    # A program's own `can_transform` may take a timeout that is no duration.
+    timeout_ns = timeout.nanoseconds if isinstance(timeout, Duration) else 0
+    return BlockingWait(buffer._wait_context.current(), timeout_ns)
+
+
+def _answer(wait: BlockingWait, look_up: Callable[[], TransformStamped]) -> TransformStamped:
+    try:
+        return look_up()
+    except TransformException as error:
+        told = wait.error(error)
+        if told is error:
+            raise
+        raise told from None
 
 
 class RecheckingFuture(WakingFuture):

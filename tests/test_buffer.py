@@ -51,13 +51,6 @@ def later():
 ENDED = r"The context was shut down, which ended the wait for the transform after [\d.]+ s"
 
 
-def seconds_waited(text, unwaited):
-    """What a text adds to that of a lookup without a wait."""
-    assert text.startswith(unwaited)
-    [seconds] = re.fullmatch(r"; waited ([\d.]+) s", text.removeprefix(unwaited)).groups()
-    return float(seconds)
-
-
 def point(frame, seconds=0.0):
     message = PointStamped()
     message.header.frame_id, message.header.stamp = frame, at(seconds).to_msg()
@@ -144,13 +137,13 @@ class TestLookup:
             buffer.lookup_transform("map", "robot", LATEST)
         with pytest.raises(tf2_py.LookupException) as caught:
             buffer.lookup_transform("map", "robot", LATEST, SHORT)
-        assert 0.05 <= seconds_waited(str(caught.value), str(unwaited.value)) < 1
+        assert str(caught.value) == f"{unwaited.value}; waited 0.05 s"
         with pytest.raises(tf2_py.LookupException) as caught:
             buffer.lookup_transform_full("map", at(2), "robot", at(1), "map", SHORT)
-        assert 0.05 <= seconds_waited(str(caught.value), str(unwaited.value)) < 1
+        assert str(caught.value) == f"{unwaited.value}; waited 0.05 s"
         with pytest.raises(tf2_py.LookupException) as caught:
             buffer.transform(point("robot"), "map", SHORT)
-        assert 0.05 <= seconds_waited(str(caught.value), str(unwaited.value)) < 1
+        assert str(caught.value) == f"{unwaited.value}; waited 0.05 s"
 
     @pytest.mark.ours
     def test_what_was_not_waited_for_does_not_say_so(self, buffer, tf2_py):
@@ -285,7 +278,7 @@ class TestEndOfTheWait:
         with pytest.raises(tf2_ros.LookupException) as caught:
             buffer.lookup_transform("map", "robot", LATEST, SHORT)
         unwaited = '"map" passed to lookupTransform argument target_frame does not exist'
-        assert 0.05 <= seconds_waited(str(caught.value), unwaited) < 1
+        assert str(caught.value) == f"{unwaited}; waited 0.05 s"
         ros.shutdown()
         seconds, error = seconds_of(lambda: buffer.lookup_transform("map", "robot", LATEST, LONG))
         assert seconds < 1
@@ -356,9 +349,9 @@ class TestCanTransform:
     def test_the_reason_says_how_long_was_waited(self, buffer):
         unwaited = buffer.can_transform("map", "robot", LATEST, return_debug_tuple=True)[1]
         reason = buffer.can_transform("map", "robot", LATEST, SHORT, return_debug_tuple=True)[1]
-        assert 0.05 <= seconds_waited(reason, unwaited) < 1
+        assert reason == f"{unwaited}; waited 0.05 s"
         reason = buffer.can_transform_full("map", at(2), "robot", at(1), "map", SHORT, True)[1]
-        assert 0.05 <= seconds_waited(reason, unwaited) < 1
+        assert reason == f"{unwaited}; waited 0.05 s"
 
     def test_a_bad_name_is_a_no(self, buffer):
         can, reason = buffer.can_transform("/map", "robot", LATEST, SHORT, return_debug_tuple=True)

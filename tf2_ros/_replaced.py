@@ -10,10 +10,12 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from tf2_py import BufferCore, TimeoutException, TransformException
+from tf2_py import BufferCore, TransformException
 from tf2_ros._forking import register_for_fork
+from tf2_ros._receive.callback_thread import callback_thread
 from tf2_ros._receive.receiver_thread import hand_over
 from tf2_ros._wait.blocking import BlockingWait
+from tf2_ros._wait.contexts import WaitContext, unanswered, wait_context
 from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.waking_future import WakingFuture
 from tf2_ros.buffer_interface import NO_TIMEOUT
@@ -87,13 +89,14 @@ class RecheckingFuture(WakingFuture):
         self.__core: BufferCore | None = core
         self.__can: Callable[[], tuple[Any, str]] | None = can
         self.__look_up: Callable[[], Any] | None = look_up
+        self.__begin_ns = time.monotonic_ns()
         self.__timeout_ns = timeout_ns
         self.after_fork()
         register_for_fork(self)
         core._new_data_callbacks.append(self.__check)
         self.__check()
         if timeout_ns is not None and not self.over():
-            deadlines.add(time.monotonic_ns() + timeout_ns, self)
+            deadlines.add(self.__begin_ns + timeout_ns, self)
 
     def after_fork(self) -> None:
         """Make the lock anew: in a forked child it must be free."""
@@ -107,18 +110,22 @@ class RecheckingFuture(WakingFuture):
         """The timeout is over."""
         core = self.__core
         if core is not None:
-            hand_over(core, self.__expire)
+            hand_over(core, self.__end_unanswered)
 
-    def __expire(self) -> None:
+    def end_with_context(self) -> None:
+        """The context was shut down."""
+        # No executor would do it now.
+        callback_thread.put(self.__end_unanswered)
+
+    def _context_of_await(self) -> WaitContext | None:
+        return wait_context(self.__core)
+
+    def __end_unanswered(self) -> None:
         with self.__checking:
             self.__check()
-            can = self.__can
-            if can is not None:
-                assert self.__timeout_ns is not None
-                reason = can()[1]
-                self.set_exception(
-                    TimeoutException(f"Waited {self.__timeout_ns / 1e9} s for the transform: {reason}")
-                )
+            core, can = self.__core, self.__can
+            if core is not None and can is not None:
+                self.set_exception(unanswered(core, self.__begin_ns, self.__timeout_ns, lambda: can()[1]))
 
     def cancel(self) -> None:
         """End the wait."""

@@ -21,7 +21,7 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._internal import printable
+from tf2_py._internal import printable, wait_texts
 from tf2_ros._goals import GoalSender, PendingGoal, send_directly
 from tf2_ros._tf2_names import (
     Clock,
@@ -57,8 +57,6 @@ __all__ = [
     "threading",
     "warnings",
 ]
-
-ALIVE_CHECK_S = 0.1  # how often a blocked thread checks whether its goal can still get an outcome
 
 EXCEPTIONS = {
     TF2Error.LOOKUP_ERROR: LookupException,
@@ -243,12 +241,9 @@ class BufferClient(BufferInterface):
         done = threading.Event()
         pending.outcome.add_done_callback(lambda _: done.set())
         try:
-            while not done.wait(ALIVE_CHECK_S):
-                if not sender.alive():
-                    raise TimeoutException(
-                        "The context was shut down while the buffer server was being asked."
-                    )
-            return self.__process_result(_result_of(pending.outcome.result(), goal))
+            # The sender's thread gives every goal an outcome, also at its own end.
+            done.wait()
+            return self.__process_result(_result_of(pending, pending.outcome.result()))
         finally:
             pending.abandon()
 
@@ -264,7 +259,7 @@ class BufferClient(BufferInterface):
             return self.__process_goal(goal)
         pending = self._send(sender, goal, optional_timeout_ns(timeout))
         try:
-            return self.__process_result(_result_of(await pending.outcome, goal))
+            return self.__process_result(_result_of(pending, await pending.outcome))
         finally:
             pending.abandon()
 
@@ -291,14 +286,15 @@ def _full_goal(
     )
 
 
-def _result_of(response: Any, goal: Any) -> Any:
-    result = response.result
+def _result_of(pending: PendingGoal, response: Any) -> Any:
+    goal, result = pending.goal, response.result
     # A server whose wait timed out or was cancelled may send an empty result without an error.
     if result.error.error == TF2Error.NO_ERROR and (
         response.status != GoalStatus.STATUS_SUCCEEDED or not result.transform.header.frame_id
     ):
-        raise TimeoutException(
+        text = (
             f"The buffer server did not get the transform from [{printable(goal.source_frame)}] to "
             f"[{printable(goal.target_frame)}] in time."
         )
+        raise TimeoutException(wait_texts.waited(text, pending.waited_ns()))
     return result

@@ -3,7 +3,6 @@
 from tf2_py._objects.errors import NS_PER_S, seconds
 from tf2_py._objects.printable import printable
 
-
 TOLD_FROM_NS = 1_000_000  # of a shorter wait nothing is said
 
 

@@ -68,7 +68,7 @@ class BlockingWait:
         """Why there is no answer: what the lookup says, and how long was waited, or what ended the wait."""
         if not self._waits:
             return reason
-        waited_ns = time.monotonic_ns() - self._begin_ns
+        waited_ns = min(time.monotonic_ns() - self._begin_ns, self._timeout_ns)
         return wait_texts.waited(reason, waited_ns) if self._alive() else wait_texts.shut_down(waited_ns)
 
     def error(self, error: TransformException) -> TransformException:

@@ -16,9 +16,10 @@ from rclpy.node import Node
 from tf2_py._internal import printable
 from tf2_ros._forking import register_for_fork
 from tf2_ros._times import FOR_EVER_NS, duration_ns, optional_timeout_ns
-from tf2_ros._wait.handoff import Handoff
+from tf2_ros._wait.delivery import Delivery
 from tf2_ros._wait.message_stream import MessageStream
 from tf2_ros._wait.pending_messages import FilterFailureReason, PendingMessages
+from tf2_ros._wait.unspun import UnspunWarning
 from tf2_ros.buffer import Buffer
 
 __all__ = ["FilterFailureReason", "MessageFilter"]
@@ -40,7 +41,7 @@ class MessageFilter:
     :param target_frames: a name, or several; a message passes when its frame can be transformed into all of
         them.
     :param queue_size: how many messages may wait; one more drops the oldest. 0: any number.
-    :param node: whoever spins it runs the callbacks.
+    :param node: whoever spins it runs the callbacks. As long as nobody ever has, a thread for callbacks does.
     :param buffer_timeout: how long a message may wait, in steady time. Zero: not at all. None: for ever.
     :param tolerance: a finite duration; transforms must be available for the message's stamp and for so much
         later. None: zero.
@@ -88,7 +89,8 @@ class MessageFilter:
         self._dropped = dict.fromkeys(FilterFailureReason, 0)
         self._sampled = self._sampled_dropped = 0
         self._warn_again_at = 0.0
-        self._outcomes = Handoff(node, self._deliver)
+        self._outcomes = Delivery(node, self._deliver)
+        self._unspun: UnspunWarning | None = None
         self._pending = PendingMessages(buffer, self._on_pass, self._on_drop)
         self._configure()
         register_for_fork(self)
@@ -123,6 +125,7 @@ class MessageFilter:
         """
         connection = next(self._connections)
         self.callbacks = {**self.callbacks, connection: (callback, arguments)}
+        self._warn_if_unspun()
         return connection
 
     def registerFailureCallback(self, callback: Callable[..., None], *arguments: Any) -> int:
@@ -134,6 +137,7 @@ class MessageFilter:
         """
         connection = next(self._connections)
         self._failure_callbacks = {**self._failure_callbacks, connection: (callback, arguments)}
+        self._warn_if_unspun()
         return connection
 
     def connectInput(self, input: Any) -> None:
@@ -147,6 +151,7 @@ class MessageFilter:
         if self._disconnect is not None:
             self._disconnect()
         self._disconnect = connect()
+        self._warn_if_unspun()
 
     def setTargetFrames(self, target_frames: str | Sequence[str]) -> None:
         """
@@ -223,7 +228,12 @@ class MessageFilter:
         self._streams.add(stream)
         if self._closed:
             stream.close()
+        self._warn_if_unspun()
         return stream
+
+    def _warn_if_unspun(self) -> None:
+        if self._unspun is not None and (self.callbacks or self._failure_callbacks or self._streams):
+            self._unspun.rely()
 
     def _configure(self) -> None:
         self._pending.configure(self._target_frames, self._tolerance_ns, self._queue_size, self._timeout_ns)
@@ -248,7 +258,10 @@ class MessageFilter:
             message_type, topic, self.add, qos, callback_group=MutuallyExclusiveCallbackGroup()
         )
 
+        self._unspun = UnspunWarning(self._node, subscription.topic_name, self._outcomes.has_executor)
+
         def disconnect() -> None:
+            self._unspun = None
             self._node.destroy_subscription(subscription)
 
         return disconnect
@@ -268,8 +281,11 @@ class MessageFilter:
         own = subscription.callback
         extended = _then_add(own, self.add)
         subscription.callback = extended
+        if subscription in self._node.subscriptions:
+            self._unspun = UnspunWarning(self._node, subscription.topic_name, self._outcomes.has_executor)
 
         def disconnect() -> None:
+            self._unspun = None
             if subscription.callback is extended:
                 subscription.callback = own
 

@@ -4,6 +4,8 @@ import asyncio
 import gc
 import pickle
 import re
+import signal
+import subprocess
 import sys
 import threading
 import time
@@ -11,7 +13,7 @@ import weakref
 
 import pytest
 from making import at, stamp_ns, transform, translation
-from processes import DEADLINE_S, until
+from processes import DEADLINE_S, start, until
 from rclpy.duration import Duration, Infinite
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.task import Future, Task
@@ -581,6 +583,13 @@ class TestShutdown:
         assert [type(error) for error in errors] == [tf2_ros.TimeoutException] * 3
         assert all(re.fullmatch(ENDED, str(error)) for error in errors)
         assert buffer.statistics()["waiters"] == 0
+
+    def test_a_signal_that_shuts_the_context_down_ends_it(self):
+        program = start("awaits.py", stdout=subprocess.PIPE)
+        assert program.stdout.readline() == "waiting\n"
+        program.send_signal(signal.SIGTERM)
+        text, _ = program.communicate(timeout=DEADLINE_S)
+        assert re.fullmatch(ENDED, text.strip())
 
     def test_an_answer_is_awaited_afterwards_if_it_is_available(self, ros, buffer):
         insert(buffer)

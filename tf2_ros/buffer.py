@@ -316,8 +316,9 @@ class Buffer(BufferCore, BufferInterface):
         Await the transform that maps data from ``source_frame`` to ``target_frame``.
 
         :param target_frame: as of :meth:`lookup_transform`, like ``source_frame`` and ``time``.
-        :param timeout: how long. None: for ever.
-        :raises TimeoutException: it was not available in time; the text has the reason.
+        :param timeout: how long. None: until the context is shut down.
+        :raises TimeoutException: it was not available in time, or not before the shutdown of the context; the
+            text says which, and the reason.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
         :raises TypeError: as :meth:`lookup_transform`.
 

@@ -53,7 +53,9 @@ class MessageFilter:
     A message whose stamp is 0 needs the latest time for which its transforms are available; ``tolerance``
     then has no effect. Each message passes once or is dropped once, in the order in which its transforms
     become available, or in which it is dropped. Callbacks run one after the other in the node's executor,
-    also where another thread adds messages or inserts transforms. ``async for message, transform in filter``
+    also where another thread adds messages or inserts transforms. Only a subscription needs that executor:
+    if callbacks or iterations rely on one and nobody spins the node, that is logged once, as a warning.
+    Where nobody spins it, what a callback raises is logged. ``async for message, transform in filter``
     gives the same messages, from the start of the iteration to :meth:`close`, each with its transform into
     the first target frame. What has passed and was not taken yet is kept, without a limit.
 

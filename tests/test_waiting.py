@@ -584,6 +584,20 @@ class TestShutdown:
         assert all(re.fullmatch(ENDED, str(error)) for error in errors)
         assert buffer.statistics()["waiters"] == 0
 
+    def test_of_two_that_await_one_may_leave(self, ros, tf2_ros, buffer):
+        future = wait(buffer)
+
+        async def main():
+            leaving, staying = (asyncio.ensure_future(await_it(future)) for _ in range(2))
+            await asyncio.sleep(0)
+            leaving.cancel()
+            await asyncio.sleep(0)
+            ros.shutdown()
+            with pytest.raises(tf2_ros.TimeoutException, match=ENDED):
+                await asyncio.wait_for(staying, DEADLINE_S)
+
+        asyncio.run(main())
+
     def test_a_signal_that_shuts_the_context_down_ends_it(self):
         program = start("awaits.py", stdout=subprocess.PIPE)
         assert program.stdout.readline() == "waiting\n"

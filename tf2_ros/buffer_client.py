@@ -123,8 +123,8 @@ class BufferClient(BufferInterface):
         :param time: of the transform; 0 is the latest time for which all frames on the path have data.
         :param timeout: how long to wait, for a server and then in it for the transform, in steady time.
         :return: a ``TransformStamped``, as of :meth:`tf2_ros.Buffer.lookup_transform`.
-        :raises TimeoutException: there is no server, it did not answer, or the transform was not available in
-            time.
+        :raises TimeoutException: there is no server, it did not answer, the transform was not available in
+            time, or the context was shut down before. The text says which, and how long was waited.
         :raises TransformException: what the lookup in the server raised.
         :raises TypeError: ``time`` is no time, or ``timeout`` no duration.
         """
@@ -207,7 +207,7 @@ class BufferClient(BufferInterface):
         Await what :meth:`lookup_transform` returns.
 
         :param target_frame: as of that method, which raises the same.
-        :param timeout: how long. None: for ever, or until the server is destroyed.
+        :param timeout: how long. None: until the server is destroyed, or the context is shut down.
         """
         return await self._await(_simple_goal(target_frame, source_frame, time), timeout)
 

@@ -1,6 +1,7 @@
 """The buffer of a node: waiting for transforms, its service, its clock."""
 
 import gc
+import re
 import signal
 import subprocess
 import threading
@@ -8,6 +9,7 @@ import time
 import weakref
 
 import pytest
+from geometry_msgs.msg import PointStamped
 from making import at, stamp_ns, transform, translation
 from processes import DEADLINE_S, start, until
 from rclpy.clock import ClockChange, TimeJump
@@ -44,6 +46,15 @@ def later():
     for thread in threads:
         thread.join(DEADLINE_S)
         assert not thread.is_alive()
+
+
+ENDED = r"The context was shut down, which ended the wait for the transform after [\d.]+ s"
+
+
+def point(frame, seconds=0.0):
+    message = PointStamped()
+    message.header.frame_id, message.header.stamp = frame, at(seconds).to_msg()
+    return message
 
 
 def waits(buffer):
@@ -121,6 +132,28 @@ class TestLookup:
         assert 0.05 <= seconds < 1
 
     @pytest.mark.ours
+    def test_the_error_says_last_how_long_was_waited(self, buffer, tf2_py):
+        with pytest.raises(tf2_py.LookupException) as unwaited:
+            buffer.lookup_transform("map", "robot", LATEST)
+        with pytest.raises(tf2_py.LookupException) as caught:
+            buffer.lookup_transform("map", "robot", LATEST, SHORT)
+        assert str(caught.value) == f"{unwaited.value}; waited 0.05 s"
+        with pytest.raises(tf2_py.LookupException) as caught:
+            buffer.lookup_transform_full("map", at(2), "robot", at(1), "map", SHORT)
+        assert str(caught.value) == f"{unwaited.value}; waited 0.05 s"
+        with pytest.raises(tf2_py.LookupException) as caught:
+            buffer.transform(point("robot"), "map", SHORT)
+        assert str(caught.value) == f"{unwaited.value}; waited 0.05 s"
+
+    @pytest.mark.ours
+    def test_what_was_not_waited_for_does_not_say_so(self, buffer, tf2_py):
+        for timeout in (Duration(), Duration(seconds=-1)):
+            with pytest.raises(tf2_py.LookupException, match="does not exist$"):
+                buffer.lookup_transform("map", "robot", LATEST, timeout)
+        with pytest.raises(tf2_py.InvalidArgumentException, match="cannot be empty$"):
+            buffer.lookup_transform("", "robot", LATEST, LONG)
+
+    @pytest.mark.ours
     def test_a_timeout_of_microseconds_is_one(self, buffer, tf2_py):
         timeout = Duration(nanoseconds=200_000)
 
@@ -181,7 +214,93 @@ class TestEndOfTheWait:
         later(ros.shutdown, when=waits(buffer))
         seconds, error = seconds_of(lambda: buffer.lookup_transform("map", "robot", LATEST, LONG))
         assert type(error) is tf2_ros.LookupException
+        assert re.fullmatch(ENDED, str(error))
         assert seconds < DEADLINE_S / 2
+
+    @pytest.mark.parametrize("with_node", [False, True])
+    def test_after_the_shutdown_nothing_is_waited_for(self, ros, tf2_ros, node, with_node):
+        buffer = tf2_ros.Buffer(node=node if with_node else None)
+        buffer.set_transform(transform("map", "robot", 1), "me")
+        ros.shutdown()
+        for look_up in (
+            lambda: buffer.lookup_transform("map", "robot", at(5), LONG),
+            lambda: buffer.lookup_transform_full("map", at(5), "robot", at(4), "map", LONG),
+            lambda: buffer.transform(point("robot", 5), "map", LONG),
+        ):
+            seconds, error = seconds_of(look_up)
+            assert type(error) is tf2_ros.ExtrapolationException
+            assert re.fullmatch(ENDED, str(error))
+            assert seconds < 1
+        can, reason = buffer.can_transform("map", "robot", at(5), LONG, return_debug_tuple=True)
+        assert not can
+        assert re.fullmatch(ENDED, reason)
+        assert buffer.lookup_transform("map", "robot", at(1), LONG).child_frame_id == "robot"
+        # What does not wait is not ended by it.
+        with pytest.raises(tf2_ros.LookupException, match="does not exist$"):
+            buffer.lookup_transform("map", "camera", LATEST, Duration())
+        with pytest.raises(tf2_ros.InvalidArgumentException, match="cannot be empty$"):
+            buffer.lookup_transform("map", "", LATEST, LONG)
+
+    def test_a_buffer_without_a_node_follows_the_default_context(self, ros, tf2_ros, later):
+        before = tf2_ros.Buffer()
+        ros.shutdown()
+        late = tf2_ros.Buffer()  # whose default context was not started yet
+        assert seconds_of(lambda: late.can_transform("map", "robot", LATEST, SHORT))[0] >= 0.05
+        assert not before.can_transform("map", "robot", LATEST, LONG)
+        ros.init(args=[])
+        for one in (before, late):
+            later(one.set_transform, transform("map", "robot", 1), "me", when=waits(one))
+            assert one.can_transform("map", "robot", LATEST, LONG)
+        ros.shutdown()
+        for one in (before, late):
+            one.clear()
+            can, reason = one.can_transform("map", "robot", at(5), LONG, return_debug_tuple=True)
+            assert not can
+            assert re.fullmatch(ENDED, reason)
+
+    def test_a_context_that_starts_during_the_wait_ends_it_with_its_shutdown(self, ros, tf2_ros, later):
+        ros.shutdown()
+        buffer = tf2_ros.Buffer()
+
+        def start_and_stop():
+            ros.init(args=[])
+            ros.shutdown()
+
+        later(start_and_stop, when=waits(buffer))
+        _, error = seconds_of(lambda: buffer.lookup_transform("map", "robot", LATEST, LONG))
+        assert re.fullmatch(ENDED, str(error))
+
+    @pytest.mark.parametrize("name", ["can_transform_core", "lookup_transform_core", "can_transform"])
+    def test_the_wait_of_a_replaced_method_tells_the_same(self, ros, tf2_ros, name):
+        def replaced(self, *arguments):
+            return getattr(tf2_ros.Buffer, name)(self, *arguments)
+
+        kind = type("Replacing", (tf2_ros.Buffer,), {name: replaced})
+        buffer = kind()
+        with pytest.raises(tf2_ros.LookupException) as caught:
+            buffer.lookup_transform("map", "robot", LATEST, SHORT)
+        unwaited = '"map" passed to lookupTransform argument target_frame does not exist'
+        assert str(caught.value) == f"{unwaited}; waited 0.05 s"
+        ros.shutdown()
+        seconds, error = seconds_of(lambda: buffer.lookup_transform("map", "robot", LATEST, LONG))
+        assert seconds < 1
+        assert type(error) is tf2_ros.LookupException
+        assert re.fullmatch(ENDED, str(error))
+
+    def test_what_a_replaced_method_raises_of_its_own_stays_as_it_is(self, tf2_ros):
+        class Mine(tf2_ros.LookupException):
+            pass
+
+        error = Mine("mine", 2)
+
+        class Replacing(tf2_ros.Buffer):
+            def lookup_transform_core(self, *_):
+                raise error
+
+        with pytest.raises(Mine) as caught:
+            Replacing().lookup_transform("map", "robot", LATEST, SHORT)
+        assert caught.value is error
+        assert error.args == ("mine", 2)
 
     def test_shutting_down_the_context_of_its_node_ends_it(self, ros, new_node, tf2_ros, later):
         context = ros.Context()
@@ -227,6 +346,14 @@ class TestCanTransform:
         can, reason = buffer.can_transform_full("map", at(2), "robot", at(1), "map", SHORT, True)
         assert not can
         assert "does not exist" in reason
+
+    @pytest.mark.ours
+    def test_the_reason_says_how_long_was_waited(self, buffer):
+        unwaited = buffer.can_transform("map", "robot", LATEST, return_debug_tuple=True)[1]
+        reason = buffer.can_transform("map", "robot", LATEST, SHORT, return_debug_tuple=True)[1]
+        assert reason == f"{unwaited}; waited 0.05 s"
+        reason = buffer.can_transform_full("map", at(2), "robot", at(1), "map", SHORT, True)[1]
+        assert reason == f"{unwaited}; waited 0.05 s"
 
     def test_a_bad_name_is_a_no(self, buffer):
         can, reason = buffer.can_transform("/map", "robot", LATEST, SHORT, return_debug_tuple=True)

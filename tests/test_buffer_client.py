@@ -3,6 +3,7 @@
 import asyncio
 import gc
 import math
+import re
 import subprocess
 import threading
 import time
@@ -24,6 +25,7 @@ from tf2_ros._wait.deadlines import deadlines
 LATEST = Time()
 LONG = Duration(seconds=DEADLINE_S)
 SHORT = Duration(seconds=0.2)
+ENDED = r"^The context was shut down, which ended the wait for the transform after [\d.]+ s$"
 
 
 @contextmanager
@@ -171,7 +173,7 @@ class TestErrors:
     @pytest.mark.ours
     def test_a_server_that_never_answers_is_a_timeout_and_its_goal_is_cancelled(self, client, server, tf2_py):
         def look_up():
-            with pytest.raises(tf2_py.TimeoutException, match="did not answer in time"):
+            with pytest.raises(tf2_py.TimeoutException, match=r"did not answer in time.*; waited 0\.[7-9]"):
                 client.lookup_transform("silent", "robot", LATEST, SHORT)
 
         assert 0.7 <= seconds_of(look_up) < 5, "the timeout and its padding"
@@ -182,8 +184,10 @@ class TestErrors:
 class TestWithoutServer:
     def test_it_is_waited_for_no_longer_than_the_timeout(self, lonely, tf2_py):
         def look_up(timeout):
-            with pytest.raises(tf2_py.TimeoutException, match="not ready"):
+            with pytest.raises(tf2_py.TimeoutException, match="not ready") as caught:
                 lonely.lookup_transform("map", "robot", LATEST, timeout)
+            if timeout.nanoseconds:
+                assert re.search(r"; waited 0\.[2-9]\d* s$", str(caught.value))
 
         assert seconds_of(lambda: look_up(Duration())) < 0.2
         assert 0.2 <= seconds_of(lambda: look_up(SHORT)) < 1
@@ -205,11 +209,25 @@ class TestWithoutServer:
         timer.start()
 
         def look_up():
-            with pytest.raises(tf2_py.TimeoutException):
+            with pytest.raises(tf2_py.TimeoutException, match=ENDED):
                 lonely.lookup_transform("map", "robot", LATEST, LONG)
 
         assert seconds_of(look_up) < DEADLINE_S / 2
         timer.join()
+        # One that begins later ends at once.
+        assert seconds_of(look_up) < 1
+        assert lonely.can_transform("map", "robot", LATEST, LONG, True)[0] is False
+
+    def test_shutting_down_ends_what_is_awaited(self, lonely, tf2_py):
+        async def main():
+            awaiting = asyncio.ensure_future(lonely.lookup_transform_async("map", "robot", LATEST))
+            await asyncio.sleep(0)
+            lonely.node.context.shutdown()
+            for one in (awaiting, lonely.lookup_transform_async("map", "robot", LATEST)):
+                with pytest.raises(tf2_py.TimeoutException, match=ENDED):
+                    await asyncio.wait_for(one, DEADLINE_S)
+
+        asyncio.run(main())
 
     def test_a_check_frequency_of_zero_is_refused(self, tf2_ros, node):
         with pytest.raises(ValueError, match="check_frequency"):

@@ -1,6 +1,7 @@
 """Messages that wait for their transforms."""
 
 import asyncio
+import gc
 import subprocess
 import threading
 import time
@@ -669,8 +670,6 @@ def test_threads_that_add_insert_and_change_lose_nothing(tf2_ros, new_node, buff
         while any(thread.is_alive() for thread in threads[:-1]):
             filter.setTargetFrames(["map"])
             filter.setTargetFrames(["odom", "map"])
-            # A thread that takes a lock of Python again at once may keep the others from it for minutes.
-            time.sleep(0.005)
 
     threads = [threading.Thread(target=add, args=(mine,)) for mine in messages]
     threads += [threading.Thread(target=insert_all), threading.Thread(target=change)]
@@ -683,6 +682,267 @@ def test_threads_that_add_insert_and_change_lose_nothing(tf2_ros, new_node, buff
         filter.close()
     assert sorted(passed) == sorted(id(message) for mine in messages for message in mine)
     assert buffer.statistics()["waiters"] == 0
+
+
+def test_a_change_for_many_messages_gives_way_to_those_that_wait(make, buffer, monkeypatch):
+    watched = make()
+    for i in range(200):
+        watched.filter.add(point(ns=S + i, frame="unknown"))
+    insert(buffer)
+    pending, looked_up, events = watched.filter._pending, [], []
+
+    def add_one():
+        watched.filter.add(point())
+        events.append("added")
+
+    adding = threading.Thread(target=add_one)
+
+    def look_up(message):
+        looked_up.append(message)
+        if len(looked_up) == 20:
+            adding.start()
+            until(lambda: pending._turns._steps)
+        original(message)
+        events.append("looked up")
+
+    original = pending._look_up
+    monkeypatch.setattr(pending, "_look_up", look_up)
+    watched.filter.setTargetFrames(["odom"])
+    adding.join()
+    assert events.count("looked up") == 201
+    assert "added" in events[:200]
+
+
+def test_no_message_passes_for_the_frames_before_the_change(make, buffer, monkeypatch):
+    watched = make(frames="map")
+    for i in range(100):
+        watched.filter.add(point(ns=S + i))
+    pending, inserted = watched.filter._pending, []
+    original = pending._look_up
+
+    def look_up(message):
+        # The change has begun, and has not come to most messages.
+        if not inserted:
+            inserted.append(1)
+            insert(buffer, 1)
+            insert(buffer, 2)
+        original(message)
+
+    monkeypatch.setattr(pending, "_look_up", look_up)
+    watched.filter.setTargetFrames(["odom"])
+    assert watched.seconds() == []
+    assert watched.filter.statistics()["waiting"] == 100
+    insert(buffer, 1, "odom", "map")
+    insert(buffer, 2, "odom", "map")
+    assert len(watched.seconds()) == 100
+
+
+class TestWithoutExecutor:
+    """A node that nobody spins."""
+
+    @pytest.fixture
+    def filter(self, tf2_ros, node, buffer):
+        filter = tf2_ros.MessageFilter(None, buffer, "map", 0, node=node)
+        yield filter
+        filter.close()
+
+    def test_callbacks_run_in_a_thread_of_their_own_one_after_the_other(self, filter, buffer):
+        threads, seen, failed = set(), [], []
+        running = threading.Lock()
+
+        def take(message):
+            assert running.acquire(blocking=False), "two callbacks at once"
+            threads.add(threading.current_thread().name)
+            seen.append(message.header.stamp.nanosec)
+            running.release()
+
+        filter.registerCallback(take)
+        filter.registerFailureCallback(lambda _, reason: failed.append(reason.name))
+        for i in range(500):
+            filter.add(point(ns=S + i))
+        insert(buffer, 1)
+        insert(buffer, 2)
+        for i in range(500, 1000):
+            filter.add(point(ns=S + i))
+        filter.add(point(frame=""))
+        until(lambda: failed)
+        assert seen == list(range(1000))
+        assert failed == ["EMPTY_FRAME_ID"]
+        assert threads == {"tf2_ros callbacks"}
+        assert filter.statistics()["passed"] == 1000
+        until(lambda: "tf2_ros callbacks" not in {thread.name for thread in threading.enumerate()})
+
+    def test_asyncio_iterates(self, filter, buffer):
+        async def take():
+            iteration = filter.__aiter__()
+            for seconds in (1, 2, 3):
+                filter.add(point(seconds))
+            asyncio.get_running_loop().call_later(0.05, insert, buffer, 1)
+            asyncio.get_running_loop().call_later(0.05, insert, buffer, 3)
+            seen = []
+            async for message, found in iteration:
+                assert found.header.frame_id == "map"
+                seen.append(message.header.stamp.sec)
+                if len(seen) == 3:
+                    filter.close()
+            return seen
+
+        assert asyncio.run(asyncio.wait_for(take(), DEADLINE_S)) == [1, 2, 3]
+
+    def test_one_that_raises_is_logged_and_does_not_lose_the_messages_behind(self, filter, buffer, capfd):
+        seen = []
+
+        def fail(message):
+            seen.append(message.header.stamp.nanosec)
+            if len(seen) == 1:
+                raise RuntimeError("mine")
+
+        filter.registerCallback(fail)
+        insert(buffer)
+        insert(buffer, 2)
+        for i in range(3):
+            filter.add(point(ns=S + i))
+        until(lambda: len(seen) == 3)
+        assert "RuntimeError: mine" in capfd.readouterr().err
+
+    @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
+    def test_the_executor_takes_over_after_the_callback_that_runs(self, filter, node, buffer, kind):
+        begun, go_on, running = threading.Event(), threading.Event(), threading.Lock()
+        seen = []
+
+        def take(message):
+            assert running.acquire(blocking=False), "two callbacks at once"
+            seen.append((message.header.stamp.nanosec, threading.current_thread().name))
+            begun.set()
+            go_on.wait(DEADLINE_S)
+            running.release()
+
+        filter.registerCallback(take)
+        insert(buffer)
+        insert(buffer, 2)
+        filter.add(point(ns=S))
+        assert begun.wait(DEADLINE_S)
+        executor = kind()
+        executor.add_node(node)
+        for i in range(1, 10):
+            filter.add(point(ns=S + i))
+        for _ in range(10):
+            executor.spin_once(timeout_sec=0.01)
+        assert len(seen) == 1
+        go_on.set()
+        until(lambda: len(seen) == 10, executor)
+        assert [nanosec for nanosec, _ in seen] == list(range(10))
+        assert [name == "tf2_ros callbacks" for _, name in seen] == [True] + [False] * 9
+        # A node that was spun keeps its callbacks for executors.
+        executor.remove_node(node)
+        filter.add(point(ns=S))
+        assert len(seen) == 10
+        executor.add_node(node)
+        until(lambda: len(seen) == 11, executor)
+        executor.shutdown()
+
+    def test_a_full_queue_of_dropped_messages_ends_with_the_node(self, tf2_ros, new_node, buffer):
+        node = new_node("filtering")
+        filter = tf2_ros.MessageFilter(None, buffer, "map", 0, node=node)
+        filter.registerCallback(print)
+        node.destroy_node()
+        insert(buffer)
+        filter.add(point())
+        assert not filter._outcomes._items
+        filter.close()
+
+
+class TestUnspunNode:
+    """The warning that a subscription is not served."""
+
+    SENTENCE = "A MessageFilter gets no messages of [/points], because nobody spins the node [/listening]. "
+    SENTENCE += "Spin it in a thread, for example with rclpy.spin(node)."
+    INPUT = (PointStamped, "points", 10)
+
+    @pytest.fixture(autouse=True)
+    def impatient(self, monkeypatch):
+        monkeypatch.setattr("tf2_ros._wait.unspun.PATIENCE_S", 0.2)
+
+    @pytest.fixture
+    def filter(self, tf2_ros, node, buffer):
+        filter = tf2_ros.MessageFilter(self.INPUT, buffer, "map", 0, node=node)
+        yield filter
+        filter.close()
+
+    def warnings(self, capfd, seconds=0.5):
+        """How many there are after a while that is longer than any patience."""
+        end = time.monotonic() + seconds
+        until(lambda: time.monotonic() > end)
+        errors = capfd.readouterr().err
+        assert "Traceback" not in errors
+        return errors.count(self.SENTENCE)
+
+    def test_one_that_calls_back_is_warned_of_once(self, filter, capfd):
+        filter.registerCallback(print)
+        filter.registerFailureCallback(print)
+        filter.__aiter__()
+        assert self.warnings(capfd) == 1
+        filter.registerCallback(print)
+        assert self.warnings(capfd) == 0
+
+    def test_one_that_is_iterated_over_is_warned_of(self, filter, capfd):
+        async def take():
+            with pytest.raises(asyncio.TimeoutError):
+                await asyncio.wait_for(filter.__aiter__().__anext__(), 0.5)
+
+        asyncio.run(take())
+        assert self.warnings(capfd) == 1
+
+    def test_a_subscription_of_the_node_is_warned_of(self, tf2_ros, node, buffer, capfd):
+        subscription = node.create_subscription(PointStamped, "points", print, 10)
+        filter = tf2_ros.MessageFilter(subscription, buffer, "map", 0, node=node)
+        filter.registerCallback(print)
+        assert self.warnings(capfd) == 1
+        filter.close()
+
+    def test_one_that_nobody_relies_on_is_not(self, filter, capfd):
+        assert self.warnings(capfd) == 0
+
+    def test_a_node_that_is_spun_in_time_is_not(self, filter, node, capfd):
+        filter.registerCallback(print)
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        executor.spin_once(timeout_sec=0)
+        executor.remove_node(node)
+        executor.shutdown()
+        del executor
+        gc.collect()
+        assert node.executor is None
+        assert self.warnings(capfd) == 0
+
+    def test_a_node_that_has_an_executor_is_not(self, filter, executor, capfd):
+        filter.registerCallback(print)
+        assert self.warnings(capfd) == 0
+
+    def test_one_whose_messages_are_added_is_not(self, tf2_ros, node, buffer, capfd):
+        filter = tf2_ros.MessageFilter(None, buffer, "map", 0, node=node)
+        filter.registerCallback(print)
+        assert self.warnings(capfd) == 0
+        filter.close()
+
+    @pytest.mark.parametrize("how", ["close", "another input", "node", "shutdown"])
+    def test_one_that_has_ended_is_not(self, filter, node, ros, capfd, how):
+        filter.registerCallback(print)
+        if how == "close":
+            filter.close()
+        elif how == "another input":
+            filter.connectInput(Subscriber())
+        elif how == "node":
+            node.destroy_node()
+        else:
+            ros.shutdown()
+        assert self.warnings(capfd) == 0
+
+
+def test_a_program_has_seconds_to_spin_its_node():
+    from tf2_ros._wait import unspun
+
+    assert unspun.PATIENCE_S >= 5
 
 
 class TestEnd:

@@ -87,17 +87,19 @@ class TestHandles:
 
     def test_a_context_is_checked_without_its_lock(self, ros):
         context = ros.Context()
-        assert _rclpy.context_check(context) is None
+        assert not _rclpy.context_was_started(context)
+        assert not _rclpy.context_was_shut_down(context)
         context.init(args=[])
-        alive = _rclpy.context_check(context)
+        assert _rclpy.context_was_started(context)
         checked = []
         with context._lock:
-            thread = threading.Thread(target=lambda: checked.append(alive()))
+            thread = threading.Thread(target=lambda: checked.append(_rclpy.context_was_shut_down(context)))
             thread.start()
             until(lambda: checked)
-        assert checked == [True]
+        assert checked == [False]
         context.shutdown()
-        assert not alive()
+        assert _rclpy.context_was_started(context)
+        assert _rclpy.context_was_shut_down(context)
 
 
 class TestExecutors:

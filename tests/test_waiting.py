@@ -2,6 +2,10 @@
 
 import asyncio
 import gc
+import pickle
+import re
+import signal
+import subprocess
 import sys
 import threading
 import time
@@ -9,7 +13,7 @@ import weakref
 
 import pytest
 from making import at, stamp_ns, transform, translation
-from processes import until
+from processes import DEADLINE_S, start, until
 from rclpy.duration import Duration, Infinite
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.task import Future, Task
@@ -18,6 +22,7 @@ from spinning import spinning
 
 LATEST = Time()
 SHORT = Duration(seconds=0.05)
+ENDED = r"The context was shut down, which ended the wait for the transform after [\d.]+ s"
 
 
 @pytest.fixture
@@ -171,7 +176,7 @@ class TestTimeout:
         begin = time.monotonic()
         until(future.done)
         assert time.monotonic() - begin < 1
-        with pytest.raises(tf2_py.TimeoutException, match="0.05 s.*does not exist"):
+        with pytest.raises(tf2_py.TimeoutException, match=r"^Waited 0\.05 s for .*does not exist$"):
             future.result()
 
     def test_the_reason_is_that_of_the_last_lookup(self, buffer, tf2_py):
@@ -192,6 +197,28 @@ class TestTimeout:
         future = wait(buffer, timeout=Duration())
         until(future.done)
         assert type(future.exception()) is tf2_py.TimeoutException
+        assert str(future.exception()).startswith("Waited 0 s for the transform: ")
+
+    @pytest.mark.parametrize("replaces", [False, True])
+    def test_after_a_shutdown_its_text_says_that_instead(self, ros, tf2_ros, replaces):
+        buffer = replaced_buffer(tf2_ros) if replaces else tf2_ros.Buffer()
+        future = wait(buffer, timeout=SHORT)
+        ros.shutdown()
+        until(future.done)
+        assert type(future.exception()) is tf2_ros.TimeoutException
+        assert re.fullmatch(ENDED, str(future.exception()))
+
+    def test_it_is_a_timeout_of_python_too(self, buffer, tf2_py):
+        future = wait(buffer, timeout=SHORT)
+        until(future.done)
+        with pytest.raises(TimeoutError):
+            future.result()
+        # Made and shown like any other, although a TimeoutError is an OSError.
+        for arguments in ((), ("text",), (2, "two"), (1, "two", 3)):
+            error, other = tf2_py.TimeoutException(*arguments), tf2_py.LookupException(*arguments)
+            assert error.args == other.args == pickle.loads(pickle.dumps(error)).args
+            assert str(error) == str(other)
+            assert repr(error) == repr(other).replace("Lookup", "Timeout")
 
     def test_an_answer_before_it_counts(self, buffer):
         future = wait(buffer, timeout=SHORT)
@@ -531,6 +558,96 @@ def test_of_cancelling_timing_out_and_completing_one_wins(buffer):
     finally:
         sys.setswitchinterval(interval)
     assert len(ends) == 500
+
+
+@pytest.mark.ours
+class TestShutdown:
+    @pytest.mark.parametrize("replaces", [False, True])
+    @pytest.mark.parametrize("full", [False, True])
+    def test_asyncio_awaits_no_longer(self, ros, tf2_ros, replaces, full):
+        buffer = replaced_buffer(tf2_ros) if replaces else tf2_ros.Buffer()
+        names = ("map", at(2), "robot", at(1), "odom") if full else ("map", "robot", at(1))
+
+        async def main():
+            look_up = buffer.lookup_transform_full_async if full else buffer.lookup_transform_async
+            awaiting = [asyncio.ensure_future(look_up(*names)) for _ in range(3)]
+            await asyncio.sleep(0)
+            ros.shutdown()
+            errors = await asyncio.wait_for(asyncio.gather(*awaiting, return_exceptions=True), DEADLINE_S)
+            # One that begins later ends at once, too.
+            with pytest.raises(tf2_ros.TimeoutException, match=ENDED):
+                await asyncio.wait_for(look_up(*names), DEADLINE_S)
+            return errors
+
+        errors = asyncio.run(main())
+        assert [type(error) for error in errors] == [tf2_ros.TimeoutException] * 3
+        assert all(re.fullmatch(ENDED, str(error)) for error in errors)
+        assert buffer.statistics()["waiters"] == 0
+
+    def test_of_two_that_await_one_may_leave(self, ros, tf2_ros, buffer):
+        future = wait(buffer)
+
+        async def main():
+            leaving, staying = (asyncio.ensure_future(await_it(future)) for _ in range(2))
+            await asyncio.sleep(0)
+            leaving.cancel()
+            await asyncio.sleep(0)
+            ros.shutdown()
+            with pytest.raises(tf2_ros.TimeoutException, match=ENDED):
+                await asyncio.wait_for(staying, DEADLINE_S)
+
+        asyncio.run(main())
+
+    def test_a_signal_that_shuts_the_context_down_ends_it(self):
+        program = start("awaits.py", stdout=subprocess.PIPE)
+        assert program.stdout.readline() == "waiting\n"
+        program.send_signal(signal.SIGTERM)
+        text, _ = program.communicate(timeout=DEADLINE_S)
+        assert re.fullmatch(ENDED, text.strip())
+
+    def test_an_answer_is_awaited_afterwards_if_it_is_available(self, ros, buffer):
+        insert(buffer)
+        ros.shutdown()
+        assert asyncio.run(buffer.lookup_transform_async("map", "robot", at(1))).child_frame_id == "robot"
+
+    def test_what_nobody_awaits_goes_on_waiting(self, ros, buffer):
+        future, called = wait(buffer), []
+        future.add_done_callback(called.append)
+        ros.shutdown()
+        late = wait(buffer)
+        assert not future.done()
+        assert not late.done()
+        insert(buffer)
+        assert called == [future]
+        assert late.done()
+
+    def test_what_is_not_awaited_any_more_is_not_ended(self, ros, buffer):
+        future = wait(buffer)
+
+        async def main():
+            with pytest.raises(asyncio.TimeoutError):
+                await asyncio.wait_for(await_it(future), 0.01)
+            ros.shutdown()
+            with pytest.raises(TimeoutError, match=ENDED):
+                await wait(buffer)
+
+        asyncio.run(main())
+        assert not future.done()
+        insert(buffer)
+        assert future.done()
+
+    def test_the_context_is_checked_while_something_is_awaited_only(self, ros, buffer):
+        async def main():
+            asyncio.get_running_loop().call_later(0.15, insert, buffer)
+            await buffer.lookup_transform_async("map", "robot", at(1))
+
+        asyncio.run(main())
+        until(lambda: not buffer._wait_context._checking)
+        until(lambda: deadline_threads() == 0)
+
+
+async def await_it(future):
+    return await future
 
 
 class TestAwaiting:

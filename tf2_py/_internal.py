@@ -5,7 +5,7 @@ Not a public interface: it may change at any time. They import nothing else of t
 its modules can be moved; what they cimport stands in ``_internal.pxd``.
 """
 
-from tf2_py._objects import log
+from tf2_py._objects import log, wait_texts
 from tf2_py._objects.arrays import as_times_ns
 from tf2_py._objects.at_exit import keep_for_ever, skip_exit_handlers
 from tf2_py._objects.errors import MalformedObjectError, bad_name, seconds
@@ -36,4 +36,5 @@ __all__ = [
     "stamp_parts",
     "time_ns",
     "timeout_ns",
+    "wait_texts",
 ]

@@ -15,11 +15,11 @@ from rclpy.task import Future
 
 from tf2_msgs.action import LookupTransform
 from tf2_py import TimeoutException
-from tf2_py._internal import counted, printable
+from tf2_py._internal import counted, printable, wait_texts
 from tf2_ros._forking import keep_for_ever, register_for_fork
 from tf2_ros._hidden_node import hidden_node
 from tf2_ros._qos import lookup_qos
-from tf2_ros._rclpy import action_result
+from tf2_ros._rclpy import action_result, context_was_shut_down
 from tf2_ros._spinner import Spinner
 from tf2_ros._times import FOR_EVER
 from tf2_ros._wait.deadlines import deadlines
@@ -44,7 +44,8 @@ class PendingGoal:
 
     def __init__(self, sender: "GoalSender", goal: Any, timeout_ns: int | None, padding_ns: int) -> None:
         self.goal = goal
-        self.deadline_ns = None if timeout_ns is None else time.monotonic_ns() + timeout_ns
+        self._begin_ns = time.monotonic_ns()
+        self.deadline_ns = None if timeout_ns is None else self._begin_ns + timeout_ns
         self.padding_ns = padding_ns
         self.outcome: WakingFuture[Any] = WakingFuture()
         self.handle: Any = None  # of the goal that was accepted
@@ -52,6 +53,10 @@ class PendingGoal:
         self.retry_ns = 0  # the steady time at which it is sent again
         self.retry_delay_ns = 0
         self._sender = sender
+
+    def waited_ns(self) -> int:
+        """How long the outcome has been waited for."""
+        return time.monotonic_ns() - self._begin_ns
 
     def over(self) -> bool:
         """Whether the outcome is known."""
@@ -81,7 +86,7 @@ class GoalSender:
     def __init__(self, node: Node, ns: str, period_s: float) -> None:
         self._name = _resolved(node, ns)
         self._pending: set[PendingGoal] = set()
-        self._closed = False
+        self._closed = self._ended = False
         self._node = hidden = hidden_node(
             "_buffer_client_impl",
             self,
@@ -103,7 +108,7 @@ class GoalSender:
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = hidden.create_timer(period_s, partial(self._run_step, self._advance_all), clock=steady)
         self._timer.cancel()
-        self._spinner = Spinner(hidden, daemon=True, at_end=self._destroy)
+        self._spinner = Spinner(hidden, daemon=True, at_end=self._end)
         self._spinner.thread.name = "tf2_ros buffer client"
         register_for_fork(self)
 
@@ -119,13 +124,13 @@ class GoalSender:
         self._steps.put(partial(self._begin, pending))
         if pending.deadline_ns is not None:
             deadlines.add(pending.deadline_ns, pending)
-        if self._closed:
-            self._fail(pending, DESTROYED)
+        if not self.alive():
+            self._fail_at_end(pending)
         return pending
 
     def alive(self) -> bool:
         """Whether pending goals still get an outcome."""
-        return not self._closed and self._spinner.thread.is_alive()
+        return not self._closed and not self._ended
 
     def state(self) -> str:
         """In words: the action, and how many goals have no outcome yet."""
@@ -152,7 +157,7 @@ class GoalSender:
         self._closed = True
         self._spinner.stop(wait=wait)
         for pending in list(self._pending):
-            self._fail(pending, DESTROYED)
+            self._fail_at_end(pending)
 
     def after_fork(self) -> None:
         """End in a forked child; goals that are sent there fail."""
@@ -160,7 +165,10 @@ class GoalSender:
         self._pending.clear()
         keep_for_ever(self.action_client)
 
-    def _destroy(self) -> None:
+    def _end(self) -> None:
+        self._ended = True
+        for pending in list(self._pending):
+            self._fail_at_end(pending)
         self._steps.close()
         self.action_client.destroy()
         self._node.destroy_node()
@@ -257,6 +265,15 @@ class GoalSender:
             pending.handle.cancel_goal_async()
 
     def _fail(self, pending: PendingGoal, text: str) -> None:
+        self._end_with_text(pending, wait_texts.waited(text, pending.waited_ns()))
+
+    def _fail_at_end(self, pending: PendingGoal) -> None:
+        if context_was_shut_down(self._node.context):
+            self._end_with_text(pending, wait_texts.shut_down(pending.waited_ns()))
+        else:
+            self._fail(pending, DESTROYED)
+
+    def _end_with_text(self, pending: PendingGoal, text: str) -> None:
         self._pending.discard(pending)
         if not pending.over():
             pending.outcome.set_exception(TimeoutException(text))
@@ -272,7 +289,8 @@ def send_directly(client: Any, goal: Any, padding_ns: int) -> Any:
     """
     if not client.server_is_ready():
         raise TimeoutException("The buffer server is not ready.")
-    deadline_ns = time.monotonic_ns() + Duration.from_msg(goal.timeout).nanoseconds + padding_ns
+    begin_ns = time.monotonic_ns()
+    deadline_ns = begin_ns + Duration.from_msg(goal.timeout).nanoseconds + padding_ns
     sent = client.send_goal_async(goal)
     done = threading.Event()
     sent.add_done_callback(lambda _: done.set())
@@ -280,7 +298,8 @@ def send_directly(client: Any, goal: Any, padding_ns: int) -> Any:
     while not sent.done():
         left_ns = deadline_ns - time.monotonic_ns()
         if left_ns <= 0:
-            raise TimeoutException("The buffer server did not answer in time.")
+            text = "The buffer server did not answer in time."
+            raise TimeoutException(wait_texts.waited(text, deadline_ns - begin_ns))
         done.wait(min(left_ns / 1e9, DONE_CHECK_S))
     handle = sent.result()
     if not handle.accepted:

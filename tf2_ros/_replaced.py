@@ -3,14 +3,19 @@
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import TransformStamped
 
-from tf2_py import BufferCore, TimeoutException
+from tf2_py import BufferCore, TransformException
 from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros._forking import register_for_fork
+from tf2_ros._receive.callback_thread import callback_thread
 from tf2_ros._receive.receiver_thread import hand_over
+from tf2_ros._times import timeout_ns
+from tf2_ros._wait.blocking import BlockingWait
+from tf2_ros._wait.contexts import WaitContext, unanswered, wait_context
 from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.waking_future import WakingFuture
 from tf2_ros.buffer_interface import NO_TIMEOUT
@@ -19,27 +24,16 @@ __all__ = [
     "RecheckingFuture",
     "lookup_transform_via_can",
     "lookup_transform_full_via_can",
-    "poll_until",
 ]
-
-POLL_PERIOD_S = 0.02  # what replaced methods answer may depend on anything
-
-
-def poll_until(can: Callable[[], Any], timeout_ns: int, alive: Callable[[], bool]) -> None:
-    """Poll until the answer is yes, the timeout is over, or the context has ended."""
-    deadline_ns = time.monotonic_ns() + timeout_ns
-    while time.monotonic_ns() < deadline_ns and not can():
-        if not alive():
-            return
-        threading.Event().wait(POLL_PERIOD_S)
 
 
 def lookup_transform_via_can(
     self: Any, target_frame: str, source_frame: str, time: TimeLike, timeout: TimeoutLike = NO_TIMEOUT
 ) -> TransformStamped:
     """The ``lookup_transform`` of a buffer that has a ``can_transform*`` of its own."""
+    wait = _wait(self, timeout)
     self.can_transform(target_frame, source_frame, time, timeout)
-    return self.lookup_transform_core(target_frame, source_frame, time)
+    return _answer(wait, partial(self.lookup_transform_core, target_frame, source_frame, time))
 
 
 def lookup_transform_full_via_can(
@@ -52,8 +46,28 @@ def lookup_transform_full_via_can(
     timeout: TimeoutLike = NO_TIMEOUT,
 ) -> TransformStamped:
     """The same for ``lookup_transform_full``."""
+    wait = _wait(self, timeout)
     self.can_transform_full(target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
-    return self.lookup_transform_full_core(target_frame, target_time, source_frame, source_time, fixed_frame)
+    arguments = (target_frame, target_time, source_frame, source_time, fixed_frame)
+    return _answer(wait, partial(self.lookup_transform_full_core, *arguments))
+
+
+def _wait(buffer: Any, timeout: Any) -> BlockingWait:
+    try:
+        nanoseconds = timeout_ns(timeout)
+    except (TypeError, ValueError):
+        nanoseconds = 0  # a program's own `can_transform` may accept what is no timeout elsewhere
+    return BlockingWait(buffer._wait_context.current(), nanoseconds)
+
+
+def _answer(wait: BlockingWait, look_up: Callable[[], TransformStamped]) -> TransformStamped:
+    try:
+        return look_up()
+    except TransformException as error:
+        told = wait.error(error)
+        if told is error:
+            raise
+        raise told from None
 
 
 class RecheckingFuture(WakingFuture[TransformStamped]):
@@ -77,13 +91,14 @@ class RecheckingFuture(WakingFuture[TransformStamped]):
         self.__core: BufferCore | None = core
         self.__can: Callable[[], tuple[Any, str]] | None = can
         self.__look_up: Callable[[], Any] | None = look_up
+        self.__begin_ns = time.monotonic_ns()
         self.__timeout_ns = timeout_ns
         self.after_fork()
         register_for_fork(self)
         core._new_data_callbacks.append(self.__check)
         self.__check()
         if timeout_ns is not None and not self.over():
-            deadlines.add(time.monotonic_ns() + timeout_ns, self)
+            deadlines.add(self.__begin_ns + timeout_ns, self)
 
     def after_fork(self) -> None:
         """Make the lock anew: in a forked child it must be free."""
@@ -97,18 +112,22 @@ class RecheckingFuture(WakingFuture[TransformStamped]):
         """The timeout is over."""
         core = self.__core
         if core is not None:
-            hand_over(core, self.__expire)
+            hand_over(core, self.__end_unanswered)
 
-    def __expire(self) -> None:
+    def end_with_context(self) -> None:
+        """The context was shut down."""
+        # No executor would do it now.
+        callback_thread.put(self.__end_unanswered)
+
+    def _context_of_await(self) -> WaitContext | None:
+        return wait_context(self.__core)
+
+    def __end_unanswered(self) -> None:
         with self.__checking:
             self.__check()
-            can = self.__can
-            if can is not None:
-                assert self.__timeout_ns is not None
-                reason = can()[1]
-                self.set_exception(
-                    TimeoutException(f"Waited {self.__timeout_ns / 1e9} s for the transform: {reason}")
-                )
+            core, can = self.__core, self.__can
+            if core is not None and can is not None:
+                self.set_exception(unanswered(core, self.__begin_ns, self.__timeout_ns, lambda: can()[1]))
 
     def cancel(self) -> None:
         """End the wait."""

@@ -5,14 +5,12 @@ from typing import Any, Literal, overload
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.clock import Clock, ClockChange, JumpHandle, JumpThreshold, TimeJump
-from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.service import Service
 from rclpy.task import Future
 from rclpy.time import Time
-from rclpy.utilities import get_default_context
 
 from tf2_msgs.srv import FrameGraph
 from tf2_py import BufferCore, TransformException
@@ -24,7 +22,6 @@ from tf2_ros._replaced import (
     RecheckingFuture,
     lookup_transform_full_via_can,
     lookup_transform_via_can,
-    poll_until,
 )
 from tf2_ros._tf2_names import (
     Callable,
@@ -41,7 +38,8 @@ from tf2_ros._tf2_names import (
     threading,
 )
 from tf2_ros._times import optional_timeout_ns, timeout_ns
-from tf2_ros._wait.blocking import aliveness, wait_for_transform
+from tf2_ros._wait.blocking import BlockingWait
+from tf2_ros._wait.contexts import WaitContext
 from tf2_ros._wait.lookup import Lookup
 from tf2_ros._wait.transform_future import TransformFuture
 from tf2_ros._wait.waking_future import WakingFuture
@@ -123,7 +121,7 @@ class Buffer(BufferCore, BufferInterface):
             self, cache_time, max_frames=max_frames, max_bytes=max_bytes, max_waiters=max_waiters
         )
         BufferInterface.__init__(self)
-        self._node_context = None if node is None else node.context
+        self._wait_context = WaitContext(None if node is None else node.context)
         self.srv: Service | None = None
         self.clock: Clock = Clock() if node is None else node.get_clock()
         if node is not None:
@@ -169,8 +167,8 @@ class Buffer(BufferCore, BufferInterface):
         :param target_frame: the frame that the data is wanted in.
         :param source_frame: the frame that the data is in.
         :param time: of the transform; 0 is the latest time for which all frames on the path have data.
-        :param timeout: how long to wait until there is an answer. The wait ends early when the context ends,
-            and on Ctrl-C. Zero or negative: do not wait.
+        :param timeout: how long to wait until there is an answer. Ctrl-C ends the wait, and so does the
+            shutdown of the context, also one before the wait. Zero or negative: do not wait.
         :return: a ``TransformStamped`` from ``target_frame`` (its ``header.frame_id``) to ``source_frame``
             (its ``child_frame_id``), stamped with ``time``, or with the latest time if that is 0.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
@@ -178,12 +176,14 @@ class Buffer(BufferCore, BufferInterface):
         :raises ExtrapolationException: a frame on the path has no data for the time.
         :raises InvalidArgumentException: a name is empty or begins with ``/``; this is not waited for.
         :raises TypeError: a name is no str, ``time`` is no time, or ``timeout`` no timeout.
+
+        After a wait, the text of an error also says how long was waited, or that the shutdown ended the wait.
         """
         if timeout is NO_TIMEOUT:
             return self.lookup_transform_core(target_frame, source_frame, time)
         if self.__is_replaced(*_CAN, "lookup_transform_core"):
             return lookup_transform_via_can(self, target_frame, source_frame, time, timeout)
-        return self.__wait(Lookup.simple(target_frame, source_frame, time), timeout)
+        return self.__begin_wait(timeout).for_answer(self, Lookup.simple(target_frame, source_frame, time))
 
     def lookup_transform_full(
         self,
@@ -219,7 +219,8 @@ class Buffer(BufferCore, BufferInterface):
             return lookup_transform_full_via_can(
                 self, target_frame, target_time, source_frame, source_time, fixed_frame, timeout
             )
-        return self.__wait(Lookup(target_frame, target_time, source_frame, source_time, fixed_frame), timeout)
+        lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame)
+        return self.__begin_wait(timeout).for_answer(self, lookup)
 
     @overload
     def can_transform(
@@ -280,14 +281,16 @@ class Buffer(BufferCore, BufferInterface):
             it would.
         :raises TypeError: as that method; it raises nothing else.
         """
+        wait = None
         if timeout is not NO_TIMEOUT:
+            wait = self.__begin_wait(timeout)
             if self.__is_replaced("can_transform_core"):
                 can_now = partial(self.can_transform_core, target_frame, source_frame, time)
-                poll_until(lambda: can_now()[0], timeout_ns(timeout), aliveness(self.__context()))
-            elif self.__becomes_available(Lookup.simple(target_frame, source_frame, time), timeout):
+                wait.poll(lambda: can_now()[0])
+            elif self.__becomes_available(wait, Lookup.simple(target_frame, source_frame, time)):
                 return (True, "") if return_debug_tuple else True
         can, reason = self.can_transform_core(target_frame, source_frame, time)
-        return (bool(can), reason) if return_debug_tuple else bool(can)
+        return _answer(can, reason, wait) if return_debug_tuple else bool(can)
 
     @overload
     def can_transform_full(
@@ -354,7 +357,9 @@ class Buffer(BufferCore, BufferInterface):
         :param target_frame: as of that method, like all but the last two, which are those of
             :meth:`can_transform`.
         """
+        wait = None
         if timeout is not NO_TIMEOUT:
+            wait = self.__begin_wait(timeout)
             if self.__is_replaced("can_transform_full_core"):
                 can_now = partial(
                     self.can_transform_full_core,
@@ -364,15 +369,15 @@ class Buffer(BufferCore, BufferInterface):
                     source_time,
                     fixed_frame,
                 )
-                poll_until(lambda: can_now()[0], timeout_ns(timeout), aliveness(self.__context()))
+                wait.poll(lambda: can_now()[0])
             elif self.__becomes_available(
-                Lookup(target_frame, target_time, source_frame, source_time, fixed_frame), timeout
+                wait, Lookup(target_frame, target_time, source_frame, source_time, fixed_frame)
             ):
                 return (True, "") if return_debug_tuple else True
         can, reason = self.can_transform_full_core(
             target_frame, target_time, source_frame, source_time, fixed_frame
         )
-        return (bool(can), reason) if return_debug_tuple else bool(can)
+        return _answer(can, reason, wait) if return_debug_tuple else bool(can)
 
     def wait_for_transform_async(
         self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: TimeoutLike | None = None
@@ -435,8 +440,9 @@ class Buffer(BufferCore, BufferInterface):
         carries data from the source to the target. Without ``timeout`` it waits for ever.
 
         :param target_frame: as of :meth:`lookup_transform`, like ``source_frame`` and ``time``.
-        :param timeout: how long. None: for ever.
-        :raises TimeoutException: it was not available in time; the text has the reason.
+        :param timeout: how long. None: until the context is shut down.
+        :raises TimeoutException: it was not available in time, or not before the shutdown of the context; the
+            text says which, and the reason.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
         :raises TypeError: as :meth:`lookup_transform`.
 
@@ -500,15 +506,12 @@ class Buffer(BufferCore, BufferInterface):
         own = self.__dict__
         return self.__replaces(*names) or any(name in own for name in names)
 
-    def __context(self) -> Context:
-        return self._node_context or get_default_context()
+    def __begin_wait(self, timeout: TimeoutLike) -> BlockingWait:
+        return BlockingWait(self._wait_context.current(), timeout_ns(timeout))
 
-    def __wait(self, lookup: Lookup, timeout: TimeoutLike) -> TransformStamped:
-        return wait_for_transform(self, lookup, timeout_ns(timeout), self.__context())
-
-    def __becomes_available(self, lookup: Lookup, timeout: TimeoutLike) -> bool:
+    def __becomes_available(self, wait: BlockingWait, lookup: Lookup) -> bool:
         try:
-            self.__wait(lookup, timeout)
+            wait.for_answer(self, lookup)
         except TransformException:
             return False
         return True
@@ -536,6 +539,10 @@ class Buffer(BufferCore, BufferInterface):
     def _remove_callback(self, callback: Callable[[], Any]) -> None:
         if callback in self._new_data_callbacks:
             self._new_data_callbacks.remove(callback)
+
+
+def _answer(can: Any, reason: str, wait: BlockingWait | None) -> tuple[bool, str]:
+    return bool(can), reason if can or wait is None else wait.told(reason)
 
 
 # What the waits call, in tf2's own order.

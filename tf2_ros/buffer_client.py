@@ -21,7 +21,7 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._internal import class_name, printable
+from tf2_py._internal import class_name, printable, wait_texts
 from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros._arguments import has, is_name, refuse_swapped
 from tf2_ros._goals import GoalSender, PendingGoal, send_directly
@@ -59,8 +59,6 @@ __all__ = [
     "threading",
     "warnings",
 ]
-
-ALIVE_CHECK_S = 0.1  # how often a blocked thread checks whether its goal can still get an outcome
 
 EXCEPTIONS = {
     TF2Error.LOOKUP_ERROR: LookupException,
@@ -146,8 +144,8 @@ class BufferClient(BufferInterface):
         :param time: of the transform; 0 is the latest time for which all frames on the path have data.
         :param timeout: how long to wait, for a server and then in it for the transform, in steady time.
         :return: a ``TransformStamped``, as of :meth:`tf2_ros.Buffer.lookup_transform`.
-        :raises TimeoutException: there is no server, it did not answer, or the transform was not available in
-            time.
+        :raises TimeoutException: there is no server, it did not answer, the transform was not available in
+            time, or the context was shut down before. The text says which, and how long was waited.
         :raises TransformException: what the lookup in the server raised.
         :raises TypeError: ``time`` is no time, or ``timeout`` no timeout.
         """
@@ -326,7 +324,7 @@ class BufferClient(BufferInterface):
         carries data from the source to the target. Without ``timeout`` it waits for ever.
 
         :param target_frame: as of that method, which raises the same.
-        :param timeout: how long. None: for ever, or until the server is destroyed.
+        :param timeout: how long. None: until the server is destroyed, or the context is shut down.
         """
         return await self._await(_simple_goal(target_frame, source_frame, time), timeout)
 
@@ -360,12 +358,9 @@ class BufferClient(BufferInterface):
         done = threading.Event()
         pending.outcome.add_done_callback(lambda _: done.set())
         try:
-            while not done.wait(ALIVE_CHECK_S):
-                if not sender.alive():
-                    raise TimeoutException(
-                        "The context was shut down while the buffer server was being asked."
-                    )
-            return self.__process_result(_result_of(pending.outcome.result(), goal))
+            # The sender's thread gives every goal an outcome, also at its own end.
+            done.wait()
+            return self.__process_result(_result_of(pending, pending.outcome.result()))
         finally:
             pending.abandon()
 
@@ -381,7 +376,7 @@ class BufferClient(BufferInterface):
             return self.__process_goal(goal)
         pending = self._send(sender, goal, optional_timeout_ns(timeout))
         try:
-            return self.__process_result(_result_of(await pending.outcome, goal))
+            return self.__process_result(_result_of(pending, await pending.outcome))
         finally:
             pending.abandon()
 
@@ -408,14 +403,15 @@ def _full_goal(
     )
 
 
-def _result_of(response: Any, goal: Any) -> Any:
-    result = response.result
+def _result_of(pending: PendingGoal, response: Any) -> Any:
+    goal, result = pending.goal, response.result
     # A server whose wait timed out or was cancelled may send an empty result without an error.
     if result.error.error == TF2Error.NO_ERROR and (
         response.status != GoalStatus.STATUS_SUCCEEDED or not result.transform.header.frame_id
     ):
-        raise TimeoutException(
+        text = (
             f"The buffer server did not get the transform from [{printable(goal.source_frame)}] to "
             f"[{printable(goal.target_frame)}] in time."
         )
+        raise TimeoutException(wait_texts.waited(text, pending.waited_ns()))
     return result

@@ -2,6 +2,7 @@
 
 from typing import Any, TypeVar, overload
 
+from builtin_interfaces.msg import Time as TimeMsg
 from geometry_msgs.msg import (
     PointStamped,
     PoseStamped,

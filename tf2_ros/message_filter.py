@@ -20,9 +20,10 @@ from tf2_py.typing import DurationLike, TimeoutLike
 from tf2_ros._arguments import has, is_a, is_names, refuse_swapped
 from tf2_ros._forking import register_for_fork
 from tf2_ros._times import FOR_EVER_NS, duration_ns, optional_timeout_ns
-from tf2_ros._wait.handoff import Handoff
+from tf2_ros._wait.delivery import Delivery
 from tf2_ros._wait.message_stream import MessageStream
 from tf2_ros._wait.pending_messages import FilterFailureReason, PendingMessages
+from tf2_ros._wait.unspun import UnspunWarning
 from tf2_ros.buffer import Buffer
 
 __all__ = ["FilterFailureReason", "MessageFilter"]
@@ -62,7 +63,7 @@ class MessageFilter(Generic[_Message]):
     :param target_frames: a name, or several; a message passes when its frame can be transformed into all of
         them.
     :param queue_size: how many messages may wait; one more drops the oldest. 0: any number.
-    :param node: whoever spins it runs the callbacks.
+    :param node: whoever spins it runs the callbacks. As long as nobody ever has, a thread for callbacks does.
     :param buffer_timeout: how long a message may wait, in steady time. Zero: not at all. None: for ever.
     :param tolerance: a finite duration; transforms must be available for the message's stamp and for so much
         later. None: zero.
@@ -74,7 +75,9 @@ class MessageFilter(Generic[_Message]):
     A message whose stamp is 0 needs the latest time for which its transforms are available; ``tolerance``
     then has no effect. Each message passes once or is dropped once, in the order in which its transforms
     become available, or in which it is dropped. Callbacks run one after the other in the node's executor,
-    also where another thread adds messages or inserts transforms. ``async for message, transform in filter``
+    also where another thread adds messages or inserts transforms. Only a subscription needs that executor:
+    if callbacks or iterations rely on one and nobody spins the node, that is logged once, as a warning.
+    Where nobody spins it, what a callback raises is logged. ``async for message, transform in filter``
     gives the same messages, from the start of the iteration to :meth:`close`, each with its transform into
     the first target frame. What has passed and was not taken yet is kept, without a limit.
 
@@ -162,7 +165,8 @@ class MessageFilter(Generic[_Message]):
         self._dropped = dict.fromkeys(FilterFailureReason, 0)
         self._sampled = self._sampled_dropped = 0
         self._warn_again_at = 0.0
-        self._outcomes = Handoff(node, self._deliver)
+        self._outcomes = Delivery(node, self._deliver)
+        self._unspun: UnspunWarning | None = None
         self._pending = PendingMessages(buffer, self._on_pass, self._on_drop)
         self._configure()
         register_for_fork(self)
@@ -203,6 +207,7 @@ class MessageFilter(Generic[_Message]):
         """
         connection = next(self._connections)
         self.callbacks = {**self.callbacks, connection: (callback, arguments)}
+        self._warn_if_unspun()
         return connection
 
     @overload
@@ -222,6 +227,7 @@ class MessageFilter(Generic[_Message]):
         """
         connection = next(self._connections)
         self._failure_callbacks = {**self._failure_callbacks, connection: (callback, arguments)}
+        self._warn_if_unspun()
         return connection
 
     def connectInput(
@@ -238,6 +244,7 @@ class MessageFilter(Generic[_Message]):
         if self._disconnect is not None:
             self._disconnect()
         self._disconnect = connect()
+        self._warn_if_unspun()
 
     def setTargetFrames(self, target_frames: str | Sequence[str]) -> None:
         """
@@ -287,7 +294,7 @@ class MessageFilter(Generic[_Message]):
         for stream in list(self._streams):
             stream.close()
 
-    def __enter__(self) -> "MessageFilter":
+    def __enter__(self) -> "MessageFilter[_Message]":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -331,7 +338,12 @@ class MessageFilter(Generic[_Message]):
         self._streams.add(stream)
         if self._closed:
             stream.close()
+        self._warn_if_unspun()
         return stream
+
+    def _warn_if_unspun(self) -> None:
+        if self._unspun is not None and (self.callbacks or self._failure_callbacks or self._streams):
+            self._unspun.rely()
 
     def _configure(self) -> None:
         self._pending.configure(self._target_frames, self._tolerance_ns, self._queue_size, self._timeout_ns)
@@ -356,7 +368,10 @@ class MessageFilter(Generic[_Message]):
             message_type, topic, self.add, qos, callback_group=MutuallyExclusiveCallbackGroup()
         )
 
+        self._unspun = UnspunWarning(self._node, subscription.topic_name, self._outcomes.has_executor)
+
         def disconnect() -> None:
+            self._unspun = None
             self._node.destroy_subscription(subscription)
 
         return disconnect
@@ -376,8 +391,11 @@ class MessageFilter(Generic[_Message]):
         own = subscription.callback
         extended = _then_add(own, self.add)
         subscription.callback = extended
+        if subscription in self._node.subscriptions:
+            self._unspun = UnspunWarning(self._node, subscription.topic_name, self._outcomes.has_executor)
 
         def disconnect() -> None:
+            self._unspun = None
             if subscription.callback is extended:
                 subscription.callback = own
 

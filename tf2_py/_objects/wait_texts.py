@@ -1,7 +1,28 @@
-"""Owns the sentences about waits that do not end: what each waits for, and what it lacks."""
+"""Owns the sentences about waits: what each waits for, what it lacks, and how it ended without an answer."""
 
-from tf2_py._objects.errors import seconds
+from tf2_py._objects.errors import NS_PER_S, seconds
 from tf2_py._objects.printable import printable
+
+TOLD_FROM_NS = 1_000_000  # of a shorter wait nothing is said
+
+
+def _duration(waited_ns: int) -> str:
+    return f"{max(waited_ns, 0) / NS_PER_S:.3f}".rstrip("0").rstrip(".")
+
+
+def waited(reason: str, waited_ns: int) -> str:
+    """What a lookup says that was waited for in vain. Programs parse the reason, so this stands behind it."""
+    return reason if waited_ns < TOLD_FROM_NS else f"{reason}; waited {_duration(waited_ns)} s"
+
+
+def timed_out(reason: object, waited_ns: int) -> str:
+    """What a future says whose timeout is over."""
+    return f"Waited {_duration(waited_ns)} s for the transform: {reason}"
+
+
+def shut_down(waited_ns: int) -> str:
+    """What ended a wait, also one that began later: no frame is to blame."""
+    return f"The context was shut down, which ended the wait for the transform after {_duration(waited_ns)} s"
 
 
 def _at(time_ns: int) -> str:

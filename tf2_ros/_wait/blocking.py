@@ -1,50 +1,82 @@
 """Owns the wait of a thread for a transform, without the GIL, and what ends it early."""
 
+import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
-from tf2_py import BufferCore
-from tf2_ros._rclpy import context_check
+from tf2_py import BufferCore, TransformException
+from tf2_py._internal import wait_texts
+from tf2_ros._rclpy import context_was_shut_down
 from tf2_ros._wait.long_waits import report_if_long
 from tf2_ros._wait.lookup import Lookup
 
-__all__ = ["aliveness", "wait_for_transform"]
+__all__ = ["BlockingWait"]
+
+POLL_PERIOD_S = 0.02  # what replaced methods answer may depend on anything
 
 
-def aliveness(context: Any) -> Callable[[], bool]:
+class BlockingWait:
     """
-    What tells whether a context that is alive still is; where it is not, or never was, always true.
+    The wait of the calling thread, which begins when this is made.
 
-    A buffer can be used where ROS was never started; then there is nothing whose end to watch for.
+    :param context: the rclpy context whose shutdown ends the wait, also if that was before. One that was
+        never started ends nothing: a buffer can be used without ROS.
+    :param timeout_ns: nanoseconds of steady time, at most FOR_EVER_NS. 0 or less: there is no wait.
     """
-    return context_check(context) or _always
 
+    def __init__(self, context: Any, timeout_ns: int) -> None:
+        self._context = context
+        self._timeout_ns = timeout_ns
+        self._begin_ns = time.monotonic_ns()
+        self._waits = timeout_ns > 0
 
-def _always() -> bool:
-    return True
+    def for_answer(self, core: BufferCore, lookup: Lookup) -> Any:
+        """
+        Wait, without the GIL, until there is an answer, and return it.
 
+        When the wait has ended, what the lookup raises is raised, with the text of :meth:`told`. An invalid
+        name is raised at once.
+        """
+        while True:
+            try:
+                wait = lookup.wait(core)
+            except TransformException:
+                self._waits = False
+                raise
+            answer = wait.answer
+            if answer is not None:
+                return answer
+            report = report_if_long([wait])
+            if wait.wait_for(self._timeout_ns, self._alive):
+                return wait.answer
+            del report
+            reason = wait.reason()
+            if reason is not None:
+                raise self.error(reason)
+            # It has arrived between the two: the next lookup finds it.
 
-def wait_for_transform(core: BufferCore, lookup: Lookup, timeout_ns: int, context: Any) -> Any:
-    """
-    Wait, without the GIL, until there is an answer, and return it.
+    def poll(self, can: Callable[[], Any]) -> None:
+        """Poll until the answer is yes, or the wait has ended."""
+        deadline_ns = self._begin_ns + self._timeout_ns
+        while time.monotonic_ns() < deadline_ns and not can():
+            if not self._alive():
+                return
+            threading.Event().wait(POLL_PERIOD_S)
 
-    :param timeout_ns: nanoseconds of steady time, at most FOR_EVER_NS; after that, what the lookup raises is
-        raised.
-    :param context: the rclpy context whose end ends the wait, unless it was not alive to begin with.
+    def told(self, reason: str) -> str:
+        """Why there is no answer: what the lookup says, and how long was waited, or what ended the wait."""
+        if not self._waits:
+            return reason
+        waited_ns = min(time.monotonic_ns() - self._begin_ns, self._timeout_ns)
+        return wait_texts.waited(reason, waited_ns) if self._alive() else wait_texts.shut_down(waited_ns)
 
-    An invalid name is raised at once.
-    """
-    alive = aliveness(context)
-    while True:
-        wait = lookup.wait(core)
-        answer = wait.answer
-        if answer is not None:
-            return answer
-        report = report_if_long([wait])
-        if wait.wait_for(timeout_ns, alive):
-            return wait.answer
-        del report
-        reason = wait.reason()
-        if reason is not None:
-            raise reason
-        # It has arrived between the two: the next lookup finds it.
+    def error(self, error: TransformException) -> TransformException:
+        """The same of an error of the lookup; its class remains, because programs catch that."""
+        text = str(error)
+        told = self.told(text)
+        # A program's own class may not be made of a text.
+        return error if told == text or type(error).__module__ != "tf2_py" else type(error)(told)
+
+    def _alive(self) -> bool:
+        return not context_was_shut_down(self._context)

@@ -44,8 +44,8 @@ class Handoff:
     def clear(self) -> list[Any]:
         """Forget what has not been taken yet, and return it."""
         forgotten = []
-        while self._items:
-            forgotten.append(self._items.popleft())
+        while (item := self._pop()) is not None:
+            forgotten.append(item[0])
         return forgotten
 
     def close(self) -> None:
@@ -75,15 +75,21 @@ class Handoff:
         if self._closed:
             self._items.clear()
 
+    def _pop(self) -> tuple[Any] | None:
+        """The next item; None where there is none, or another thread has just taken the last one."""
+        try:
+            return (self._items.popleft(),)
+        except IndexError:
+            return None
+
     def _run(self) -> None:
         # No more than there are now: what is added meanwhile must not delay other callbacks of the executor.
         for _ in range(len(self._items)):
+            item = self._pop()
+            if item is None:
+                return
             try:
-                item = self._items.popleft()
-            except IndexError:
-                return  # taken back meanwhile
-            try:
-                self._take(item)
+                self._take(item[0])
             except BaseException:
                 self._wake()
                 raise

@@ -16,9 +16,12 @@ from tf2_ros._forking import register_for_fork
 from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.long_waits import LongWait, report_if_long
 from tf2_ros._wait.lookup import Lookup
+from tf2_ros._wait.turns import Turns
 from tf2_ros.buffer import Buffer
 
 __all__ = ["FilterFailureReason", "PendingMessages"]
+
+SLICE = 16  # messages that are looked up again under one lock
 
 
 class FilterFailureReason(str, Enum):
@@ -62,6 +65,7 @@ class _PendingMessage:
         "number",
         "owner",
         "report",
+        "settings",  # which of `configure` its lookups are for
         "stamp",
         "stamp_ns",
     )
@@ -79,6 +83,7 @@ class _PendingMessage:
         self.attempt = 0
         self.answer: Any = None
         self.report: LongWait | None = None
+        self.settings = 0
 
     def over(self) -> bool:
         """Whether it has ceased to wait."""
@@ -110,8 +115,10 @@ class PendingMessages:
         self._passed = passed
         self._dropped = dropped
         self._lock = threading.RLock()
+        self._turns = Turns()
         self._pending: OrderedDict[int, _PendingMessage] = OrderedDict()  # the oldest first
         self._count = 0
+        self._settings = 0
         self._target_frames: tuple[str, ...] = ()
         self._tolerance_ns = 0
         self._queue_size = 0
@@ -121,6 +128,7 @@ class PendingMessages:
     def after_fork(self) -> None:
         """Make the lock anew: in a forked child it must be free."""
         self._lock = threading.RLock()
+        self._turns.after_fork()
 
     def __len__(self) -> int:
         return len(self._pending)
@@ -135,21 +143,32 @@ class PendingMessages:
         :param queue_size: how many may wait; 0: any number.
         :param timeout_ns: how long a message that is added from now on may wait, in steady time. 0: not at
             all; None: for ever.
+
+        From now on no message passes because of what was set before. Those that wait are looked up again when
+        this returns; other threads add messages and insert transforms meanwhile.
         """
+        self._turns.give_way()
         with self._lock:
-            again = (tuple(target_frames), tolerance_ns) != (self._target_frames, self._tolerance_ns)
+            outdated = []
+            if (tuple(target_frames), tolerance_ns) != (self._target_frames, self._tolerance_ns):
+                self._settings += 1
+                outdated = list(self._pending.values())
             self._target_frames = tuple(target_frames)
             self._tolerance_ns = tolerance_ns
             self._queue_size = queue_size
             self._timeout_ns = timeout_ns
-            if again:
-                for pending in list(self._pending.values()):
-                    self._look_up(pending)
+        for begin in range(0, len(outdated), SLICE):
+            self._turns.give_way()
+            with self._lock:
+                for pending in outdated[begin : begin + SLICE]:
+                    if pending.number in self._pending and pending.settings != self._settings:
+                        self._look_up(pending)
+        with self._lock:
             self._keep_to_size()
 
     def add(self, message: Any) -> None:
         """Keep a message, or let it pass at once, or drop it."""
-        with self._lock:
+        with self._turns, self._lock:
             self._count += 1
             pending = _PendingMessage(self, self._count, message)
             self._pending[pending.number] = pending
@@ -168,7 +187,7 @@ class PendingMessages:
 
     def clear(self) -> int:
         """Remove all that wait; how many those were."""
-        with self._lock:
+        with self._turns, self._lock:
             count = len(self._pending)
             for pending in list(self._pending.values()):
                 self._remove(pending)
@@ -176,7 +195,7 @@ class PendingMessages:
 
     def expire(self, pending: _PendingMessage) -> None:
         """The timeout of one is over."""
-        with self._lock:
+        with self._turns, self._lock:
             if pending.number in self._pending:
                 self._drop(pending, FilterFailureReason.TIMEOUT)
 
@@ -196,6 +215,7 @@ class PendingMessages:
     def _look_up(self, pending: _PendingMessage) -> None:
         # Begin anew: the answers of an earlier attempt are out of date.
         self._stop(pending)
+        pending.settings = self._settings
         attempt = pending.attempt
         try:
             pending.lookups = self._lookups(pending)
@@ -221,17 +241,17 @@ class PendingMessages:
         return lookups
 
     def _receive_answer(self, pending: _PendingMessage, attempt: int, place: int, answer: Any) -> None:
-        with self._lock:
+        with self._turns, self._lock:
             if attempt != pending.attempt or pending.missing.pop(place, None) is None:
                 return
             if place == 0:
                 pending.answer = answer
             if pending.missing:
                 return
-            if len(pending.lookups) == 1:
+            if len(pending.lookups) == 1 and pending.settings == self._settings:
                 self._pass(pending)
             else:
-                # The buffer may not have what was found first any more.
+                # The buffer may not have what was found first any more, or it is no longer what is needed.
                 self._look_up(pending)
 
     def _is_out_the_back(self, pending: _PendingMessage) -> bool:

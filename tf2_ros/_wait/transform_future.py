@@ -8,11 +8,12 @@ from typing import Any
 
 from geometry_msgs.msg import TransformStamped
 
-from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
+from tf2_py import BufferCore, InvalidArgumentException
 from tf2_ros._forking import LOCK
 from tf2_ros._rclpy import only_wakes_executor
 from tf2_ros._receive.receiver_thread import hand_over
 from tf2_ros._times import optional_timeout_ns
+from tf2_ros._wait.contexts import WaitContext, unanswered, wait_context
 from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.long_waits import LongWait, report_if_long
 from tf2_ros._wait.lookup import Lookup
@@ -44,6 +45,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
 
     def __init__(self, core: BufferCore, lookup: Lookup, timeout: Any = None) -> None:
         super().__init__()
+        self.__begin_ns = time.monotonic_ns()
         self.__timeout_ns = optional_timeout_ns(timeout)
         # How many were added by anything but an executor. Under LOCK they decide which thread completes this.
         self.__callbacks = 0
@@ -68,7 +70,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
             self.__wait = self.__core = None
             return
         if self.__timeout_ns is not None:
-            deadlines.add(time.monotonic_ns() + self.__timeout_ns, self)
+            deadlines.add(self.__begin_ns + self.__timeout_ns, self)
         self.__report = report_if_long([wait])
 
     def answered(self, answer: Any) -> Callable[[], None] | None:
@@ -82,19 +84,11 @@ class TransformFuture(WakingFuture[TransformStamped]):
 
     def expire(self) -> None:
         """The timeout is over: the answer if it has just arrived, or a TimeoutException."""
-        wait, core = self.__wait, self.__core
-        if wait is None or core is None:
-            return
-        wait.cancel()
-        answer = wait.answer
-        if answer is not None:
-            rest = self.answered(answer)
-        else:
-            assert self.__timeout_ns is not None
-            error = TimeoutException(f"Waited {self.__timeout_ns / 1e9} s for the transform: {wait.reason()}")
-            rest = self.__end_with(partial(_raise, error), partial(self.__fail, error))
-        if rest is not None:
-            hand_over(core, rest)
+        self.__end_unanswered()
+
+    def end_with_context(self) -> None:
+        """The same, because the context was shut down."""
+        self.__end_unanswered()
 
     def over(self) -> bool:
         """Whether the wait has ended, in whatever way."""
@@ -148,6 +142,23 @@ class TransformFuture(WakingFuture[TransformStamped]):
     def _known_outcome(self) -> TransformStamped:
         assert self.__outcome is not None
         return self.__outcome()
+
+    def _context_of_await(self) -> WaitContext | None:
+        return wait_context(self.__core)
+
+    def __end_unanswered(self) -> None:
+        wait, core = self.__wait, self.__core
+        if wait is None or core is None:
+            return
+        wait.cancel()
+        answer = wait.answer
+        if answer is not None:
+            rest = self.answered(answer)
+        else:
+            error = unanswered(core, self.__begin_ns, self.__timeout_ns, wait.reason)
+            rest = self.__end_with(partial(_raise, error), partial(self.__fail, error))
+        if rest is not None:
+            hand_over(core, rest)
 
     def __end_with(self, outcome: Callable[[], Any], end: Callable[[], None]) -> Callable[[], None] | None:
         # Ends this where that runs no user code; otherwise returns what ends it.

@@ -14,6 +14,7 @@ from rclpy.task import Future, Task
 
 from tf2_ros._forking import LOCK
 from tf2_ros._rclpy import HookedFuture, is_in_step, running_task, task_executor
+from tf2_ros._wait.contexts import WaitContext
 from tf2_ros._wait.deadlines import deadlines
 
 __all__ = ["GRACE_S", "WakingFuture"]
@@ -75,13 +76,27 @@ class WakingFuture(HookedFuture, Generic[_Result]):
             woken = loop.create_future()
             Future.add_done_callback(self, _loop_waker(loop, woken, 0.0))
             self._wake_when_known(_loop_waker(loop, woken, GRACE_S))
-            yield from woken
+            context = None if self.done() else self._context_of_await()
+            key = None if context is None else context.begin_await(self)
+            try:
+                yield from woken
+            finally:
+                if context is not None:
+                    context.end_await(key)
             if not self.done() and not self.cancelled():
                 return self._known_outcome()
         return (yield from super().__await__())
 
     def _wake_when_known(self, waker: Callable[[Any], None]) -> None:
         """Call this, in whatever thread, when the outcome is known before the future is done."""
+
+    def _context_of_await(self) -> WaitContext | None:
+        """The context whose shutdown ends this while a loop awaits it. None: no one does."""
+        return None
+
+    def end_with_context(self) -> None:
+        """See ``_context_of_await``; called in any thread."""
+        raise NotImplementedError
 
     def _known_outcome(self) -> _Result:
         """The outcome of a future that is not done, but has woken what awaits it."""

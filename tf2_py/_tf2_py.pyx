@@ -491,7 +491,7 @@ cdef class BufferCore(Engine):
 
     def _getFrameStrings(self):
         """Every frame name, in the order of first appearance."""
-        return self.frame_names(None)[1:]
+        return self._known_names()
 
     def _chain(self, target_frame, target_time, source_frame, source_time, fixed_frame):
         """The frames from source up to the common ancestor and down to target, each once."""

@@ -10,6 +10,7 @@ from tf2_py._objects.at_exit import keep_for_ever, skip_exit_handlers
 from tf2_py._objects.errors import MalformedObjectError, bad_name
 from tf2_py._objects.frame_names import is_invalid_name
 from tf2_py._objects.printable import printable
+from tf2_py._objects.refusals import raise_refused, refused
 from tf2_py._objects.rotations import normalise
 from tf2_py._objects.serialize import serialize_transforms
 from tf2_py._objects.times import FOR_EVER_NS, duration_ns, stamp_parts, time_ns
@@ -24,6 +25,8 @@ __all__ = [
     "log",
     "normalise",
     "printable",
+    "raise_refused",
+    "refused",
     "serialize_transforms",
     "skip_exit_handlers",
     "stamp_parts",

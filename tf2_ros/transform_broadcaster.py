@@ -10,6 +10,7 @@ from rclpy.qos import QoSProfile
 from tf2_msgs.msg import TFMessage
 from tf2_py._internal import serialize_transforms
 from tf2_ros._qos import dynamic_broadcaster_qos, dynamic_overrides
+from tf2_ros._refused import RefusedTransforms
 from tf2_ros._tf2_names import (
     List,
     Optional,
@@ -36,9 +37,14 @@ class TransformBroadcaster:
     :param node: publishes them; the attribute ``pub_tf`` is the publisher.
     :param qos: a profile, or the depth of its queue. None: volatile, depth 100, which parameters of the node
         may override.
+    :param strict: raise instead of sending what every listener would refuse: for example, a transform without
+        names, or with a rotation of no length. False: send it, and warn once for each child frame.
     """
 
-    def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:
+    _refused = RefusedTransforms(strict=False)  # where a subclass does not call __init__
+
+    def __init__(self, node: Node, qos: QoSProfile | int | None = None, *, strict: bool = False) -> None:
+        self._refused = RefusedTransforms(strict)
         overrides = {}
         if qos is None:
             qos = dynamic_broadcaster_qos()
@@ -52,8 +58,12 @@ class TransformBroadcaster:
         :param transform: a ``TransformStamped``, or an iterable of them: translations in metres, rotations as
             unit quaternions. A receiver takes a stamp of 0 as a time like any other.
         :raises AttributeError: it is something else.
+        :raises ValueError: ``strict``, and a listener would refuse one of them; nothing is sent.
         """
-        publish_transforms(self.pub_tf, transforms_of(transform))
+        transforms = transforms_of(transform)
+        self._refused.before_sending(transforms)
+        publish_transforms(self.pub_tf, transforms)
+        self._refused.after_sending(transforms)
 
 
 def transforms_of(transform: TransformStamped | Iterable[TransformStamped]) -> list[TransformStamped]:

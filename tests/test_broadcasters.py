@@ -1,5 +1,6 @@
 """Broadcasters: what they send, and how."""
 
+import math
 import threading
 
 import pytest
@@ -59,6 +60,84 @@ class TestDynamic:
         arguments = ["--ros-args", "-p", "qos_overrides./tf.publisher.depth:=6"]
         node = new_node("sending", cli_args=arguments)
         assert tf2_ros.TransformBroadcaster(node).pub_tf.qos_profile.depth == 6
+
+
+ZERO = (0.0, 0.0, 0.0, 0.0)
+REFUSED = [
+    (transform("map", "robot", 1, xyzw=ZERO), "TF_DENORMALIZED_QUATERNION", "too short or too long"),
+    (transform("", "robot", 1), "TF_NO_FRAME_ID", "frame_id is not set"),
+    (transform("map", "", 1), "TF_NO_CHILD_FRAME_ID", "child_frame_id is not set"),
+    (transform("robot", "/robot", 1), "TF_SELF_TRANSFORM", "are the same"),
+    (transform("map", "robot", 1, (math.nan, 0, 0)), "TF_NAN_INPUT", "a number is NaN"),
+    (transform("map", "robot", 1, (math.inf, 0, 0)), "TF_INFINITE_INPUT", "infinite"),
+    (transform("map", "robot", -1), "TF_NEGATIVE_STAMP", "negative"),
+    (transform("map", "NO_PARENT", 1), "TF_RESERVED_FRAME_ID", "reserved"),
+]
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize("name", ["TransformBroadcaster", "StaticTransformBroadcaster"])
+class TestWhatEveryListenerRefuses:
+    @pytest.fixture
+    def new(self, tf2_ros, name, node):
+        return lambda **options: getattr(tf2_ros, name)(node, **options)
+
+    @pytest.fixture
+    def received(self, name, subscribe):
+        return subscribe("/tf_static" if name.startswith("Static") else "/tf")
+
+    @pytest.fixture
+    def warnings(self, capfd):
+        """Reads what was logged about it since it was read last."""
+        return lambda: [line for line in capfd.readouterr().err.splitlines() if "buffers refuse" in line]
+
+    @pytest.mark.parametrize(("bad", "tag", "why"), REFUSED)
+    def test_it_is_what_a_buffer_refuses(self, tf2_ros, new, name, bad, tag, why):
+        buffer = tf2_ros.Buffer()
+        insert = buffer.set_transform_static if name.startswith("Static") else buffer.set_transform
+        insert(bad, "test")
+        assert sum(buffer.statistics()["refused"].values()) == 1
+        with pytest.raises(ValueError) as caught:
+            new(strict=True).sendTransform(bad)
+        text = str(caught.value)
+        assert text.startswith(f"{tag}: buffers refuse the transform from ") and why in text
+        assert f"frame_id '{bad.header.frame_id}' to child_frame_id '" in text
+
+    def test_strict_sends_nothing_of_the_call(self, new, received, executor):
+        broadcaster = new(strict=True)
+        until(lambda: broadcaster.pub_tf.get_subscription_count() == 1, executor)
+        bad, good = transform("map", "bad", 1, xyzw=ZERO), transform("map", "good", 1)
+        with pytest.raises(ValueError, match="child_frame_id 'bad'"):
+            broadcaster.sendTransform(iter([transform("map", "first", 1), bad]))
+        broadcaster.sendTransform(good)
+        until(lambda: received, executor)
+        assert [children(message) for message in received] == [["good"]]
+
+    def test_otherwise_it_is_sent_with_one_warning_for_each_child(self, new, received, executor, warnings):
+        broadcaster = new()
+        until(lambda: broadcaster.pub_tf.get_subscription_count() == 1, executor)
+        bad = [transform("map", child, 1, xyzw=ZERO) for child in ("a", "b")]
+        for sent in (bad[0], bad[0], [*bad, transform("map", "good", 1)]):
+            broadcaster.sendTransform(sent)
+        until(lambda: received and children(received[-1]) == ["a", "b", "good"], executor)
+        first, second = warnings()
+        assert "child_frame_id 'a' because the rotation is too short" in first
+        assert "child_frame_id 'b'" in second and "strict=True" in second
+
+    def test_warnings_are_limited(self, new, warnings):
+        broadcaster = new()
+        broadcaster.sendTransform([transform("", f"frame_{i}", 1) for i in range(200)])
+        broadcaster.sendTransform([transform("", f"frame_{i}", 1) for i in range(200)])
+        assert len(warnings()) == 100
+
+    def test_good_transforms_are_sent_without_a_word(self, new, warnings, capfd):
+        for strict in (False, True):
+            new(strict=strict).sendTransform([transform("/map", "robot", 0, xyzw=(0, 0, 0, 7))])
+        assert capfd.readouterr().err == ""
+
+    def test_a_name_with_a_nul_is_one(self, new):
+        with pytest.raises(ValueError, match="NUL"):
+            new(strict=True).sendTransform(transform("map", "a\0b", 1))
 
 
 class TestStatic:

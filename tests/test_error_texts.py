@@ -212,3 +212,25 @@ def test_what_tf2_does_not_tell_follows_after_it(buffer, target, source, seconds
     added = reason.partition(f"to frame [{target}]")[2]
     assert re.search(r"[\d.]+ s", added) and source in added
     assert not re.search(r"[][(){}\"]|frame|time|data", added)
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize(("target", "source", "seconds", "wanted"), SIMPLE)
+def test_silent_topics_do_not_change_what_is_found(tf2_py, buffer, target, source, seconds, wanted):
+    silence = "nothing has been received on /tf_static and nothing on /tf for 12 s"
+    buffer._ask_for_silence(lambda _: (silence, silence))
+    with pytest.raises(tf2_py.TransformException) as caught:
+        buffer.lookup_transform_core(target, source, at(seconds))
+    assert found(str(caught.value)) == wanted
+    assert (silence[1:] in str(caught.value)) == (seconds != 0.5), "not for a time in the past"
+
+
+@pytest.mark.ours
+def test_names_that_are_asked_for_do_not_change_what_is_found(tf2_py, buffer):
+    with pytest.raises(tf2_py.LookupException) as caught:
+        buffer.lookup_transform_core("bases", "map", at(1))
+    assert "Did you mean [base]?" in str(caught.value)
+    in_text = found(str(caught.value))
+    assert in_text["quoted"] == ("bases",)
+    assert in_text["argument"] == ("bases", "lookupTransform", "target_frame")
+    assert in_text["unknown"] == ("bases", "target_frame")

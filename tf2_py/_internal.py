@@ -11,6 +11,7 @@ from tf2_py._objects.at_exit import keep_for_ever, skip_exit_handlers
 from tf2_py._objects.errors import MalformedObjectError, bad_name, seconds
 from tf2_py._objects.frame_names import is_invalid_name
 from tf2_py._objects.printable import class_name, counted, printable
+from tf2_py._objects.refusals import raise_refused, refused
 from tf2_py._objects.rotations import matrices_from_rotations, normalise, rotations_from_matrices
 from tf2_py._objects.serialize import serialize_transforms
 from tf2_py._objects.times import FOR_EVER_NS, duration_ns, stamp_parts, time_ns, timeout_ns
@@ -29,6 +30,8 @@ __all__ = [
     "matrices_from_rotations",
     "normalise",
     "printable",
+    "raise_refused",
+    "refused",
     "rotations_from_matrices",
     "seconds",
     "serialize_transforms",

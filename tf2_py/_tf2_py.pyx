@@ -613,7 +613,7 @@ cdef class BufferCore(Engine):
 
     def _getFrameStrings(self) -> list[str]:
         """Every frame name, in the order of first appearance."""
-        return self.frame_names(None)[1:]
+        return self._known_names()
 
     def _chain(
         self, target_frame: str, target_time: Time, source_frame: str, source_time: Time, fixed_frame: str

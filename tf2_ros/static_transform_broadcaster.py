@@ -12,6 +12,7 @@ from tf2_msgs.msg import TFMessage
 from tf2_ros._arguments import require_node
 from tf2_ros._forking import register_for_fork
 from tf2_ros._qos import static_broadcaster_qos, static_overrides
+from tf2_ros._refused import RefusedTransforms
 from tf2_ros._tf2_names import (
     DurabilityPolicy,
     HistoryPolicy,
@@ -43,6 +44,7 @@ class StaticTransformBroadcaster:
     :param node: publishes them; the attribute ``pub_tf`` is the publisher.
     :param qos: a profile, or the depth of its queue. None: transient local, depth 1, which parameters of the
         node may override.
+    :param strict: as of :class:`tf2_ros.TransformBroadcaster`.
 
     Every message contains all transforms sent so far (the attribute ``net_message``), one for each child
     frame. Several threads may send.
@@ -57,8 +59,9 @@ class StaticTransformBroadcaster:
     ['camera']
     """
 
-    def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:
+    def __init__(self, node: Node, qos: QoSProfile | int | None = None, *, strict: bool = False) -> None:
         require_node("StaticTransformBroadcaster", node, "create_publisher")
+        self._refused = RefusedTransforms(strict)
         self.net_message = TFMessage()
         # Held until a message is published: the last message must contain all.
         self._sending = threading.RLock()
@@ -76,8 +79,10 @@ class StaticTransformBroadcaster:
         :param transform: a ``TransformStamped``, or an iterable of them. Static transforms hold for all
             times, whatever their stamps are.
         :raises AttributeError: it is something else.
+        :raises ValueError: ``strict``, and a listener would refuse one of them; none of them is sent or kept.
         """
         new_transforms = transforms_of(transform)
+        self._refused.before_sending(new_transforms)
         with self._sending:
             transforms = {sent.child_frame_id: sent for sent in self.net_message.transforms}
             for new in new_transforms:
@@ -85,6 +90,7 @@ class StaticTransformBroadcaster:
                 transforms[new.child_frame_id] = deepcopy(new)
             self.net_message.transforms = list(transforms.values())
             publish_transforms(self.pub_tf, self.net_message.transforms)
+        self._refused.after_sending(new_transforms)
 
     def after_fork(self) -> None:
         """Make the lock anew: in a forked child it must be free."""

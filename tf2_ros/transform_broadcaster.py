@@ -11,6 +11,7 @@ from tf2_msgs.msg import TFMessage
 from tf2_py._internal import MalformedObjectError, serialize_transforms
 from tf2_ros._arguments import require_node
 from tf2_ros._qos import dynamic_broadcaster_qos, dynamic_overrides
+from tf2_ros._refused import RefusedTransforms
 from tf2_ros._tf2_names import (
     List,
     Optional,
@@ -37,6 +38,8 @@ class TransformBroadcaster:
     :param node: publishes them; the attribute ``pub_tf`` is the publisher.
     :param qos: a profile, or the depth of its queue. None: volatile, depth 100, which parameters of the node
         may override.
+    :param strict: raise instead of sending what every listener would refuse: for example, a transform without
+        names, or with a rotation of no length. False: send it, and warn once for each child frame.
 
     >>> from geometry_msgs.msg import TransformStamped
     >>> from tf2_ros import TransformBroadcaster
@@ -46,8 +49,11 @@ class TransformBroadcaster:
     >>> TransformBroadcaster(node).sendTransform(pose)
     """
 
-    def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:
+    _refused = RefusedTransforms(strict=False)  # where a subclass does not call __init__
+
+    def __init__(self, node: Node, qos: QoSProfile | int | None = None, *, strict: bool = False) -> None:
         require_node("TransformBroadcaster", node, "create_publisher")
+        self._refused = RefusedTransforms(strict)
         overrides = {}
         if qos is None:
             qos = dynamic_broadcaster_qos()
@@ -61,8 +67,12 @@ class TransformBroadcaster:
         :param transform: a ``TransformStamped``, or an iterable of them: translations in metres, rotations as
             unit quaternions. A receiver takes a stamp of 0 as a time like any other.
         :raises AttributeError: it is something else.
+        :raises ValueError: ``strict``, and a listener would refuse one of them; nothing is sent.
         """
-        publish_transforms(self.pub_tf, transforms_of(transform))
+        transforms = transforms_of(transform)
+        self._refused.before_sending(transforms)
+        publish_transforms(self.pub_tf, transforms)
+        self._refused.after_sending(transforms)
 
 
 def transforms_of(transform: TransformStamped | Iterable[TransformStamped]) -> list[TransformStamped]:

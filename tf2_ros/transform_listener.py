@@ -11,11 +11,13 @@ from rclpy.subscription import Subscription
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
+from tf2_py._internal import class_name
 from tf2_ros._arguments import has, refuse_swapped, require_node
 from tf2_ros._forking import NodeUse
 from tf2_ros._hidden_node import hidden_node
 from tf2_ros._qos import dynamic_overrides, listener_qos, static_listener_qos, static_overrides
 from tf2_ros._receive.receiver_thread import ReceiverThread, can_receive
+from tf2_ros._receive.reception import ReceivedTopic, Reception
 from tf2_ros._receive.subscriptions import ListenerGroup, wake_executor
 from tf2_ros._spinner import END_WAIT_S, Spinner
 from tf2_ros._tf2_names import (
@@ -116,6 +118,7 @@ class TransformListener:
     _spinner: Spinner | None = None
     _receiver_thread: ReceiverThread | None = None
     _node_use: NodeUse | None = None
+    _reception: Reception | None = None
     tf_sub: Subscription | None = None
     tf_static_sub: Subscription | None = None
 
@@ -174,6 +177,8 @@ class TransformListener:
         super().__setattr__(name, value)
         if name in REDIRECTING and self._receiver_thread is not None:
             self._receiver_thread.decide_again()
+        if name == "buffer" and self._reception is not None:
+            self._reception.fill(value)
 
     def __delattr__(self, name: str) -> None:
         super().__delattr__(name)
@@ -215,6 +220,15 @@ class TransformListener:
         if "node" in attributes and not (self._owns_node and self._spinner is not None):
             self.unregister()
 
+    def __repr__(self) -> str:
+        """Tell the topics, how many messages were received, when the last one was, and what receives them."""
+        name = class_name(type(self))
+        if self._reception is None:
+            return f"<{name}, not initialised>"
+        if not self._reception.topics:
+            return f"<{name} with subscriptions of another class than rclpy's>"
+        return f"<{name} of {self._reception.describe()}, {self.__state()}>"
+
     def __enter__(self: _Listener) -> _Listener:
         return self
 
@@ -225,11 +239,13 @@ class TransformListener:
 
     def callback(self, data: TFMessage) -> None:
         """Insert the transforms of a message into the buffer; a subclass may do something else."""
+        self.__count_call(static=False)
         for transform in data.transforms:
             self.buffer.set_transform(transform, AUTHORITY)
 
     def static_callback(self, data: TFMessage) -> None:
         """Insert the static transforms of a message into the buffer; a subclass may do something else."""
+        self.__count_call(static=True)
         for transform in data.transforms:
             self.buffer.set_transform_static(transform, AUTHORITY)
 
@@ -237,21 +253,45 @@ class TransformListener:
         # The listener is then the parent's: nothing of it is to be ended here.
         return self._node_use is not None and self._node_use.forked
 
+    def __state(self) -> str:
+        """What receives the messages."""
+        assert self._reception is not None
+        if self._is_forked():
+            return "dead in this forked process"
+        if not self._reception.is_open():
+            return "ended"
+        if self._reception.is_left_to_executors():
+            return "received by the executor of its node"
+        return "thread running" if self.receives else "thread ended"
+
+    def __count_call(self, static: bool) -> None:
+        for topic in self._reception.topics if self._reception is not None else ():
+            if topic.is_static == static:
+                topic.count_call()
+
     def __receive(self) -> None:
         # A thread takes from the subscriptions where a program cannot observe the difference.
+        reference = weakref.ref(self)
+        topics = [
+            ReceivedTopic(subscription, static, _counter(reference))
+            for subscription, static in ((self.tf_sub, False), (self.tf_static_sub, True))
+            if isinstance(subscription, Subscription)
+        ]
         subscriptions = [
             (subscription, static)
             for subscription, static in ((self.tf_static_sub, True), (self.tf_sub, False))
             if type(subscription) is Subscription and _direct_buffer(self, subscription, static)
         ]
-        if not (subscriptions and can_receive() and isinstance(self.node, Node)):
+        if subscriptions and can_receive() and isinstance(self.node, Node):
+            self._receiver_thread = ReceiverThread(
+                self.node, AUTHORITY, self.group, subscriptions, _chooser(reference), _types_of(reference)
+            )
+            for topic in topics:
+                topic.count_taken(self._receiver_thread)
+        else:
             self.group.decide()
             wake_executor(self.node)
-            return
-        reference = weakref.ref(self)
-        self._receiver_thread = ReceiverThread(
-            self.node, AUTHORITY, self.group, subscriptions, _chooser(reference), _types_of(reference)
-        )
+        self._reception = Reception(self, topics)
 
     def __spin(self) -> None:
         # A hidden node is used by the listener alone; a program's own is spun also after the listener's end.
@@ -279,14 +319,17 @@ def _direct_buffer(
         return None
     if any(name in own or getattr(kind, name) is not getattr(BufferCore, name) for name in SETTERS):
         return None
+    return buffer if _calls_ours(listener, subscription, static) else None
+
+
+def _calls_ours(listener: TransformListener, subscription: Subscription, static: bool) -> bool:
+    """Whether messages of the subscription are handled by the method of this class, and no other code."""
     method, function = subscription.callback, _CALLBACKS[static]
     if getattr(method, "__func__", None) is not function or method.__self__ is not listener:
-        return None
+        return False
     # What replaces the method later is called, too.
     name = function.__name__
-    if getattr(type(listener), name) is not function or name in listener.__dict__:
-        return None
-    return buffer
+    return getattr(type(listener), name) is function and name not in listener.__dict__
 
 
 def _hides(kind: type, ours: type) -> bool:
@@ -303,6 +346,14 @@ def _chooser(
         return None if listener is None else _direct_buffer(listener, subscription, static)
 
     return choose
+
+
+def _counter(reference: "weakref.ref[TransformListener]") -> Callable[[Subscription, bool], bool]:
+    def is_counted(subscription: Subscription, static: bool) -> bool:
+        listener = reference()
+        return listener is not None and _calls_ours(listener, subscription, static)
+
+    return is_counted
 
 
 def _types_of(reference: "weakref.ref[TransformListener]") -> Callable[[], list[type]]:

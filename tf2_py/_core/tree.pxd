@@ -48,9 +48,12 @@ cdef void tree_free(Tree* tree) noexcept nogil
 cdef uint32_t tree_authority(Tree* tree, const char* name, size_t size) noexcept nogil
 cdef FrameId tree_frame(const Tree* tree, const char* name, size_t size) noexcept nogil    # NO_FRAME: unknown
 
-# Inserts a transform. 0, or REFUSED_* bits, or TREE_NO_MEMORY and the tree is unchanged but for names. Strips
-# one leading '/' from the names and normalises the rotation, both in `incoming`. `change` is filled whatever
-# the outcome: a transform that is too old adds its names, too. NULL: it is not needed.
+# Every reason to refuse a transform whatever the tree holds: REFUSED_* bits. Strips one leading '/' from the
+# names and normalises the rotation, both in `incoming`.
+cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil
+# Inserts a transform. 0, or REFUSED_* bits, or TREE_NO_MEMORY and the tree is unchanged but for names.
+# Changes `incoming` as incoming_refusals does. `change` is filled whatever the outcome: a transform that is
+# too old adds its names, too. NULL: it is not needed.
 cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
                           Change* change) noexcept nogil
 # The parent that a walk at a time, or at NEWEST, follows; NO_FRAME: there is none, or it is not known.

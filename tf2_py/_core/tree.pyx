@@ -171,8 +171,7 @@ cdef inline bint _is_reserved(const char* name, size_t size) noexcept nogil:
     return size == RESERVED_NAME_SIZE and memcmp(name, RESERVED_NAME, RESERVED_NAME_SIZE) == 0
 
 
-cdef uint32_t _reasons_to_refuse(Incoming* incoming) noexcept nogil:
-    # Every reason to refuse it. Strips the names of a leading '/', as tf2 does, and normalises the rotation.
+cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil:
     cdef double* t = incoming.transform.translation
     cdef double* q = incoming.transform.rotation
     cdef uint32_t refused = 0
@@ -267,7 +266,7 @@ cdef bint _has_parent(Tree* tree, const Cache* cache, FrameId parent) noexcept n
 
 cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
                           Change* change) noexcept nogil:
-    cdef uint32_t refused = _reasons_to_refuse(incoming)
+    cdef uint32_t refused = incoming_refusals(incoming)
     cdef FrameId child, parent
     cdef uint32_t bit
     tree.work += (incoming.child_size + incoming.parent_size) // NAME_BYTES_PER_INSERT

@@ -11,6 +11,7 @@ from tf2_py._core.series cimport TimeSeries
 from tf2_py._core.tree cimport Limits, Tree
 from tf2_py._core.types cimport Status, Transform
 from tf2_py._core.waiters cimport Waiter, WaiterList, Waiters
+from tf2_py._objects.advice cimport Advice
 from tf2_py._wire.batch cimport Batch
 
 
@@ -37,6 +38,7 @@ cdef class Engine:
     cdef readonly object _throttle      # of log lines
     cdef unsigned long long _malformed      # messages; guarded by the GIL
     cdef unsigned long long _waits_refused  # likewise
+    cdef Advice _advice                 # what error texts add
     cdef list _observers                # called after every insert; changed with the GIL, counted without
 
     # Inserting. `insert_some` inserts a slice of a begun batch and returns whether more is left. Where
@@ -85,6 +87,7 @@ cdef class Engine:
     cdef dict counts(self)              # see BufferCore.statistics
     cdef const char* check(self) noexcept nogil     # NULL, or which invariant does not hold
 
+    cdef int _begin_advice(self) except -1
     cdef int _log_refused(self, Batch* batch) except -1
     cdef void _insert_next(self, Batch* batch, uint32_t authority) noexcept nogil
     # Returns the first of the errors that were raised, or None.

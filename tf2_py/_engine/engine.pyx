@@ -55,6 +55,7 @@ from tf2_py._core.waiters cimport (
 )
 from tf2_py._core.walk cimport walk_common_time, walk_lookup
 from tf2_py._engine.snapshot cimport snapshot_frames, snapshot_names, snapshot_span
+from tf2_py._objects.advice cimport Advice
 from tf2_py._objects.frame_names cimport name_for_log
 from tf2_py._objects.lookup_errors cimport query_error, query_lack
 from tf2_py._objects.throttle cimport LINES_PER_MESSAGE, Throttle
@@ -91,6 +92,7 @@ cdef class Engine:
         if tree_init(&self._tree, DEFAULT_CACHE_TIME_NS, &NO_LIMITS) != 0:
             raise MemoryError
         self._throttle = log.Throttle()
+        self._advice = Advice()
         self._observers = []
 
     def __dealloc__(self):
@@ -255,6 +257,7 @@ cdef class Engine:
         with nogil:
             tree_free(&old)
         self._malformed = 0
+        self._advice.forget()
         return self._wake_all(&batch)
 
     cdef void _begin_to_wake_all(self, Batch* batch) noexcept nogil:
@@ -324,7 +327,29 @@ cdef class Engine:
         cdef str parent = None
         if status.code == STATUS_EXTRAPOLATION:
             child, parent = self.frame_names((status.child, status.parent))
-        return query_error(query, status, child, parent, call)
+        self._begin_advice()
+        return query_error(query, status, child, parent, call, self._advice, self._known_names)
+
+    cdef int _begin_advice(self) except -1:
+        cdef size_t count
+        lock_read(&self._lock)
+        count = self._tree.names.count
+        unlock_read(&self._lock)
+        return self._advice.begin(self, count - 1 if count else 0)     # without the reserved name
+
+    def _known_names(self):
+        """Every frame name, in the order of first appearance."""
+        return self.frame_names(None)[1:]
+
+    def _ask_for_silence(self, find_silence):
+        """
+        Have errors say which topics are silent.
+
+        :param find_silence: called with this buffer when an error is made, ten times a second at most, and
+            returns two clauses: about all topics that the buffer is filled from, and about those of dynamic
+            transforms; ``""`` where none is silent. It must not refer to the buffer.
+        """
+        self._advice.ask(find_silence)
 
     cdef int add_waiter(self, Waiter* waiter, Status* status) except -1:
         cdef bint too_many
@@ -372,7 +397,8 @@ cdef class Engine:
         cdef int64_t stamp_ns
         cdef Status status = self.lookup(query, NULL, &stamp_ns)
         child, = self.frame_names((status.child if status.code == STATUS_EXTRAPOLATION else NO_FRAME,))
-        return query_lack(query, status, child)
+        self._begin_advice()
+        return query_lack(query, status, child, self._advice, self._known_names)
 
     cdef list frame_facts(self, bint roots=False):
         return snapshot_frames(&self._tree, &self._lock, roots)

@@ -14,6 +14,7 @@ __all__ = [
     "malformed",
     "not_logged",
     "receiving_failed",
+    "refusal",
     "refused",
     "too_many_waiters",
 ]
@@ -44,14 +45,19 @@ def _logger() -> Any:
     return get_logger("tf2_py")
 
 
+def refusal(reasons: int, happens: str, parent: str, child: str, details: str = "") -> str:
+    """Say why a transform is refused; ``happens`` is what happens to "the transform ..."."""
+    named = [REFUSALS[bit] for bit in range(len(REFUSALS)) if reasons >> bit & 1]
+    return printable(
+        f"{', '.join(tag for tag, _, _ in named)}: {happens} the transform from frame_id '{parent}' to "
+        f"child_frame_id '{child}'{details} because {' and '.join(reason for _, _, reason in named)}"
+    )
+
+
 def refused(reasons: int, parent: str, child: str, authority: str, stamp_ns: int) -> None:
     """Log one refused transform."""
-    named = [refusal for bit, refusal in enumerate(REFUSALS) if reasons >> bit & 1]
-    text = printable(
-        f"{', '.join(tag for tag, _, _ in named)}: ignoring the transform from frame_id '{parent}' to "
-        f"child_frame_id '{child}' at time {seconds(stamp_ns)} from authority '{authority}' because "
-        f"{' and '.join(reason for _, _, reason in named)}"
-    )
+    details = f" at time {seconds(stamp_ns)} from authority '{authority}'"
+    text = refusal(reasons, "ignoring", parent, child, details)
     if reasons == OLD_DATA:
         _logger().warning(text)
     else:

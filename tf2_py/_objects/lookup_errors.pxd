@@ -2,9 +2,11 @@
 
 from tf2_py._core.lookup cimport Query
 from tf2_py._core.types cimport Status
+from tf2_py._objects.advice cimport Advice
 
 # The only function that makes an exception of a status; the names are those of status.child and
-# status.parent.
-cdef object query_error(const Query* query, Status status, str child, str parent, str call)
+# status.parent. `advice` was begun; `list_names` gives all names.
+cdef object query_error(const Query* query, Status status, str child, str parent, str call, Advice advice,
+                        object list_names)
 # What a wait for the lookup waits for, and what it lacks; `child` is the name of status.child.
-cdef str query_lack(const Query* query, Status status, str child)
+cdef str query_lack(const Query* query, Status status, str child, Advice advice, object list_names)

@@ -1,4 +1,4 @@
-"""How many messages a receiver took that no round of an executor has accounted for."""
+"""How many messages a receiver took, and how many of them no round of an executor has accounted for."""
 
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint64_t
@@ -15,13 +15,18 @@ cdef struct ArrivalCounts:
     ForkedLock forked               # lock
     uint64_t unseen[MAX_SOURCES]    # messages of each source that no round of an executor has accounted for
     uint64_t depths[MAX_SOURCES]    # of the queues: more messages an executor would not have found there
+    uint64_t taken[MAX_SOURCES]     # all messages of each source, ever
+    int64_t taken_at_ns[MAX_SOURCES]    # steady time of the last of them; 0: none
     bint waiting                    # an executor sleeps, and must wake for each message
     int64_t wake_at_ns              # or sleeps in its own loop, and must wake for one from then on; or 0
     bint round_due                  # it was woken so
     rcl_guard_condition_t* guard    # wakes it
 
 
-# Counts one message of a source, and wakes the executor where it must. Not with any lock held but the GIL.
+# One message of a source was taken, at a steady time.
+cdef void arrivals_took(ArrivalCounts* arrivals, size_t source, int64_t now_ns) noexcept nogil
+# Counts one message of a source for executors, and wakes the executor where it must. Not with any lock held
+# but the GIL.
 cdef void arrivals_count(ArrivalCounts* arrivals, size_t source) noexcept nogil
 
 

@@ -28,6 +28,13 @@ from collections import deque
 cdef int64_t ROUND_NS = 100000000
 
 
+cdef void arrivals_took(ArrivalCounts* arrivals, size_t source, int64_t now_ns) noexcept nogil:
+    lock_write(&arrivals.lock)
+    arrivals.taken[source] += 1
+    arrivals.taken_at_ns[source] = now_ns
+    unlock_write(&arrivals.lock)
+
+
 cdef void arrivals_count(ArrivalCounts* arrivals, size_t source) noexcept nogil:
     cdef bint wake
     lock_write(&arrivals.lock)
@@ -128,6 +135,17 @@ cdef class ArrivalWaitable:
         lock_write(&self._counts.lock)
         self._counts.unseen[number] = 0
         unlock_write(&self._counts.lock)
+
+    def taken(self, size_t number):
+        """How many messages of this source were taken, and the steady time of the last one in nanoseconds."""
+        cdef uint64_t count
+        cdef int64_t at_ns
+        if number >= MAX_SOURCES:
+            raise ValueError(f"a source has the number {number}, {MAX_SOURCES} are possible")
+        lock_write(&self._counts.lock)
+        count, at_ns = self._counts.taken[number], self._counts.taken_at_ns[number]
+        unlock_write(&self._counts.lock)
+        return count, at_ns
 
     def wake(self):
         """Trigger the guard condition."""

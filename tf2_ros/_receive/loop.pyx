@@ -22,7 +22,13 @@ from tf2_py._internal cimport (
     name_utf8,
     unlock_write,
 )
-from tf2_ros._receive.arrival_waitable cimport MAX_SOURCES, ArrivalCounts, ArrivalWaitable, arrivals_count
+from tf2_ros._receive.arrival_waitable cimport (
+    MAX_SOURCES,
+    ArrivalCounts,
+    ArrivalWaitable,
+    arrivals_count,
+    arrivals_took,
+)
 from tf2_ros._receive.journal cimport Journal, KeptMessage, journal_clear, journal_keep, kept_data
 from tf2_ros._receive.rcl cimport (
     RCL_RET_OK,
@@ -279,21 +285,21 @@ cdef class Receiver:
     cdef Outcome _loop(self) noexcept nogil:
         cdef rcl_ret_t result
         cdef size_t i
-        cdef int64_t now_ns
+        cdef int64_t now_ns = monotonic_ns()
         cdef int64_t wake_check_ns = 0
         while rcl_context_is_valid(self._context):
-            now_ns = monotonic_ns()
             result = self._arm(now_ns >= wake_check_ns)
             if now_ns >= wake_check_ns:
                 wake_check_ns = now_ns + WAKE_CHECK_NS
             if result == RCL_RET_OK:
                 result = rcl_wait(&self._set, WAKE_CHECK_NS)
+            now_ns = monotonic_ns()
             if result == RCL_RET_TIMEOUT:
                 continue
             if result != RCL_RET_OK:
                 return OUTCOME_FAILED
             for i in range(self._count):
-                if self._set.subscriptions[i] != NULL and self._drain(i) != RCL_RET_OK:
+                if self._set.subscriptions[i] != NULL and self._drain(i, now_ns) != RCL_RET_OK:
                     return OUTCOME_FAILED
             if not type_watch_is_unchanged(&self._watch):
                 return OUTCOME_WOKEN
@@ -323,7 +329,7 @@ cdef class Receiver:
                 result = rcl_wait_set_add_event(&self._set, self._sources[i].event, NULL)
         return result
 
-    cdef rcl_ret_t _drain(self, size_t index) noexcept nogil:
+    cdef rcl_ret_t _drain(self, size_t index, int64_t now_ns) noexcept nogil:
         cdef rcl_ret_t result = RCL_RET_OK
         cdef int _
         self._batch.is_static = self._sources[index].is_static
@@ -335,6 +341,7 @@ cdef class Receiver:
             )
             if result != RCL_RET_OK:
                 break
+            arrivals_took(self._counts, self._sources[index].number, now_ns)
             self._take_message(index)
             if self._message.buffer_capacity > KEEP_BYTES:
                 self._release_memory()

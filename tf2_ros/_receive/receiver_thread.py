@@ -9,6 +9,7 @@ import traceback
 import weakref
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from functools import partial
 from typing import Any
 
 from rclpy.clock import ROSClock
@@ -137,6 +138,13 @@ class ReceiverThread:
     def fills(self, buffer: BufferCore) -> bool:
         """Whether the transforms are inserted into this buffer."""
         return self._receiver is not None and self._receiver.fills(buffer)
+
+    def taken_from(self, subscription: Subscription) -> Callable[[], tuple[int, int]] | None:
+        """What tells how many messages of a subscription it took, and when; None: it does not take them."""
+        for source in self._sources:
+            if source.handle is subscription.handle:
+                return partial(self.arrivals.taken, source.number)
+        return None
 
     def decide_again(self) -> None:
         """Ask ``choose`` and ``types`` again before the next message is taken."""

@@ -1,0 +1,36 @@
+"""Owns what a broadcaster does with transforms that every listener would refuse."""
+
+from geometry_msgs.msg import TransformStamped
+from rclpy.logging import get_logger
+
+from tf2_py._internal import raise_refused, refused
+
+__all__ = ["RefusedTransforms"]
+
+MOST_WARNINGS = 100
+
+
+class RefusedTransforms:
+    """
+    Raises, or warns once for each child frame, about transforms that every listener would refuse.
+
+    :param strict: raise.
+    """
+
+    def __init__(self, strict: bool) -> None:
+        self._strict = strict
+        self._warned: set[str] = set()
+
+    def before_sending(self, transforms: list[TransformStamped]) -> None:
+        """Raise a ValueError about one that would be refused, if this is strict."""
+        if self._strict:
+            raise_refused(transforms)
+
+    def after_sending(self, transforms: list[TransformStamped]) -> None:
+        """Warn about those that were sent for nothing."""
+        if self._strict:
+            return
+        for child, why in refused(transforms):
+            if child not in self._warned and len(self._warned) < MOST_WARNINGS:
+                self._warned.add(child)
+                get_logger("tf2_ros").warning(f"Sent all the same (strict=True would raise): {why}")

@@ -112,9 +112,11 @@ def test_a_program_of_every_public_name_is_accepted(errors):
 
 
 def test_the_programs_of_the_documentation_are_accepted(errors):
-    # They are short: some functions in them have no annotations.
+    # They are short: some functions in them have no annotations. SciPy and pandas have no types of their own.
     found = [(name, line, text) for name, line, text in errors if name not in (EVERY_NAME, MISTAKES)]
-    assert [error for error in found if not re.search(r"\[no-untyped-(def|call)\]$", error[2])] == []
+    assert [
+        error for error in found if not re.search(r"\[(no-untyped-(def|call)|import-untyped)\]$", error[2])
+    ] == []
 
 
 def test_mistakes_are_found_and_nothing_else(errors):

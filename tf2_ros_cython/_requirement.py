@@ -6,4 +6,4 @@ require_ros()
 
 _record = built()
 # Of this project, as pyproject.toml says it; None where nothing was built, as in a fresh checkout.
-__version__: str | None = None if _record is None else _record.VERSION
+__version__: str = "unknown" if _record is None else _record.VERSION

@@ -1,6 +1,7 @@
 """A program of a user with types, which names everything public: mypy --strict and pyright accept it."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -55,6 +56,7 @@ from tf2_ros import (
     ConvertRegistration,
     ExtrapolationException,
     FilterFailureReason,
+    FrameInfo,
     InvalidArgumentException,
     LookupException,
     MessageFilter,
@@ -69,9 +71,11 @@ from tf2_ros import (
     TransformListener,
     TransformRegistration,
     TypeException,
+    __version__,
     convert,
+    format_transform,
 )
-from tf2_ros.numpy import from_matrix, to_arrays, to_matrix
+from tf2_ros.numpy import from_matrix, from_rotation, to_arrays, to_columns, to_matrix, to_rotation
 from tf2_sensor_msgs.tf2_sensor_msgs import create_cloud, read_points
 
 Floats = npt.NDArray[np.float64]
@@ -109,6 +113,13 @@ def core(message: TransformStamped, data: bytes, when: TimeLike, interval: Durat
     assert_type(buffer.all_frames_as_yaml() + buffer.all_frames_as_string(), str)
     statistics = buffer.statistics()
     assert_type(statistics["taken"] + statistics["refused"]["REFUSED_NAN"], int)
+    assert_type(buffer.frames(), dict[str, FrameInfo])
+    facts = buffer.frames()["a"]
+    assert_type(facts.parent, str | None)
+    assert_type((facts.static, facts.count), tuple[bool, int])
+    assert_type(facts.oldest_ns or facts.newest_ns, int | None)
+    assert_type("a" in buffer, bool)
+    assert_type(buffer.tree() + format_transform(message) + __version__, str)
     buffer.clear()
 
 
@@ -203,7 +214,7 @@ def listeners(node: Node, buffer: Buffer, qos: QoSProfile, message: TFMessage) -
 
 def broadcasters(node: Node, qos: QoSProfile, transform: TransformStamped) -> None:
     """One transform, or several."""
-    broadcaster = TransformBroadcaster(node, qos)
+    broadcaster = TransformBroadcaster(node, qos, strict=True)
     broadcaster.sendTransform(transform)
     broadcaster.sendTransform([transform])
     static_broadcaster = StaticTransformBroadcaster(node)
@@ -254,6 +265,8 @@ async def filters(node: Node, buffer: Buffer, qos: QoSProfile) -> None:
     by_hand.add(Imu())
     subscription = node.create_subscription(PointStamped, "points", topic.add, qos)
     print(MessageFilter(subscription, buffer, "map", 10, node=node))
+    with MessageFilter((Imu, "imu", 10), buffer, "map", 10, node=node) as entered:
+        assert_type(entered, MessageFilter[Imu])
     for ended in (topic, chained):
         ended.clear()
         ended.close()
@@ -344,7 +357,11 @@ def matrices(transform: TransformStamped) -> None:
     assert_type(matrix, Floats)
     assert_type(from_matrix(matrix), Transform)
     assert_type(from_matrix(matrix, PoseStamped), PoseStamped)
+    assert_type(from_matrix(matrix, header=transform.header, child_frame_id="b"), TransformStamped)
     assert_type(to_arrays([transform, transform]), tuple[Floats, Floats])
+    assert_type(to_matrix(to_arrays([transform, transform])), Floats)
+    assert_type(to_columns([transform]), dict[str, npt.NDArray[Any]])
+    assert_type(from_rotation(to_rotation(transform)), Quaternion)
 
 
 def errors(buffer: Buffer) -> str:

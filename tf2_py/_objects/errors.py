@@ -25,7 +25,7 @@ class TransformException(Exception):
     ...     BufferCore().lookup_transform_core("map", "odom", Time())
     ... except TransformException as error:
     ...     print(f"{type(error).__name__}: {error}")
-    LookupException: "map" passed to lookupTransform argument target_frame does not exist
+    LookupException: "map" passed to lookupTransform argument target_frame does not exist. The buffer is empty
     """
 
 

@@ -1,6 +1,7 @@
 from typing import Any
 
 FOR_EVER_NS: int
+TIMES_TO_USE: str
 
 def time_ns(time: Any, argument: str) -> int: ...
 def duration_ns(duration: Any, argument: str) -> int: ...

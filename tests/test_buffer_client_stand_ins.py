@@ -85,7 +85,7 @@ def test_without_a_server_it_is_a_timeout(tf2_ros, client, stand_in):
 def test_a_goal_that_is_never_accepted_is_a_timeout(tf2_ros, client, stand_in):
     client.timeout_padding = Duration(seconds=0.1)
     stand_in.send_goal_async.return_value = Future()
-    with pytest.raises(tf2_ros.TimeoutException, match=r"did not answer in time\.; waited 0\.1 s$"):
+    with pytest.raises(tf2_ros.TimeoutException, match=r"did not answer in time\. Waited 0\.1 s$"):
         client.lookup_transform("map", "robot", at(1))
     refused = Future()
     refused.set_result(mock.MagicMock(accepted=False))

@@ -5,5 +5,5 @@ from tf2_ros_cython._ros import built, require_ros
 require_ros()
 
 _record = built()
-# Of this project, as pyproject.toml says it; None where nothing was built, as in a fresh checkout.
+# Of this project, as pyproject.toml says it; unknown where nothing was built, as in a fresh checkout.
 __version__: str = "unknown" if _record is None else _record.VERSION

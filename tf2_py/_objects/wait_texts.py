@@ -12,7 +12,9 @@ def _duration(waited_ns: int) -> str:
 
 def waited(reason: str, waited_ns: int) -> str:
     """What a lookup says that was waited for in vain. Programs parse the reason, so this stands behind it."""
-    return reason if waited_ns < TOLD_FROM_NS else f"{reason}; waited {_duration(waited_ns)} s"
+    if waited_ns < TOLD_FROM_NS:
+        return reason
+    return f"{reason}{'' if reason.endswith(('.', '?')) else '.'} Waited {_duration(waited_ns)} s"
 
 
 def timed_out(reason: object, waited_ns: int) -> str:

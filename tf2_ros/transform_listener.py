@@ -14,6 +14,7 @@ from tf2_ros._forking import NodeUse
 from tf2_ros._hidden_node import hidden_node
 from tf2_ros._qos import dynamic_overrides, listener_qos, static_listener_qos, static_overrides
 from tf2_ros._receive.receiver_thread import ReceiverThread, can_receive
+from tf2_ros._receive.recording import Recording
 from tf2_ros._receive.subscriptions import ListenerGroup, wake_executor
 from tf2_ros._spinner import END_WAIT_S, Spinner
 from tf2_ros._tf2_names import (
@@ -91,6 +92,7 @@ class TransformListener:
     _spinner: Spinner | None = None
     _receiver_thread: ReceiverThread | None = None
     _node_use: NodeUse | None = None
+    _recording: Recording | None = None
     tf_sub: Subscription | None = None
     tf_static_sub: Subscription | None = None
 
@@ -218,7 +220,13 @@ class TransformListener:
             return
         reference = weakref.ref(self)
         self._receiver_thread = ReceiverThread(
-            self.node, AUTHORITY, self.group, subscriptions, _chooser(reference), _types_of(reference)
+            self.node,
+            AUTHORITY,
+            self.group,
+            subscriptions,
+            _chooser(reference),
+            _types_of(reference),
+            self._recording,
         )
 
     def __spin(self) -> None:

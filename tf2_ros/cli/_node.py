@@ -1,0 +1,42 @@
+"""Owns the node of a program, from the start of ROS to its end."""
+
+from argparse import Namespace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import rclpy
+from rclpy.exceptions import NameValidationException, ParameterException
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from tf2_ros._spinner import Spinner
+from tf2_ros_cython.cli._program import UsageError
+
+__all__ = ["spun_node"]
+
+
+@contextmanager
+def spun_node(name: str, options: Namespace, **node_options: Any) -> Iterator[Node]:
+    """
+    A node for a ``with`` statement; a thread spins it, so that it knows the simulated time.
+
+    :param options: of the command line.
+    :param node_options: of ``rclpy.create_node``.
+    :raises UsageError: the command line has a name or a parameter that ROS refuses.
+
+    The main thread must not wait inside rclpy, for there no signal reaches it.
+    """
+    # Without the handlers of rclpy, which would end the context under the hands of the program.
+    rclpy.init(args=options.ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = rclpy.create_node(name, **node_options)
+        spinner = Spinner(node, daemon=True, at_end=node.destroy_node)
+        try:
+            yield node
+        finally:
+            spinner.stop()
+    except (NameValidationException, ParameterException) as refusal:
+        raise UsageError(str(refusal)) from None
+    finally:
+        rclpy.try_shutdown()

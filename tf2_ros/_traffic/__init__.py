@@ -8,6 +8,8 @@ In go arrays of ``tf2_ros._receive.recording.RECORD``, in the order of arrival, 
 - ``streams.Streams``: ``add(records)``, then ``report(now_ns, frames, publishers)`` gives one
   ``streams.Stream`` for each frame, with its parent, publisher, rate and delay; of a frame that is published
   doubly, one for each publisher and parent.
+- ``settling.Settling``: leaves out what arrives late because its publisher has only just been discovered;
+  not for recordings.
 - ``findings.find(streams, limits, expectations)`` gives ``findings.Finding``: what is wrong with them.
 - ``chains.chain_between(streams, a, b)``: the frames between two frames. ``chains.NetDelay``: how old the
   newest transform between them is.

@@ -107,8 +107,8 @@ class Streams:
     def _since_jump(self, records: Records) -> Records:
         received = records["received_ns"]
         before = received[0] if self._newest_ns is None else self._newest_ns
-        newest = np.maximum.accumulate(np.concatenate(([before], received)))
-        jumps = np.flatnonzero(received < newest[:-1] - JUMP_BACK_NS)
+        previous = np.concatenate(([before], received[:-1]))
+        jumps = np.flatnonzero(received < previous - JUMP_BACK_NS)
         if len(jumps):
             # Static transforms before the jump are accounted for; the rest is as in a cleared buffer.
             start = int(jumps[-1])
@@ -120,8 +120,8 @@ class Streams:
             self._total["count"][[number for number in moving if number < len(self._total)]] = 0
             self._recent.clear()
             records = records[start:]
-            newest = records["received_ns"]
-        self._newest_ns = int(newest.max())
+            before = records["received_ns"][0]
+        self._newest_ns = max(int(before), int(records["received_ns"].max()))
         return records
 
     def _tally(self, records: Records) -> NDArray[np.void]:

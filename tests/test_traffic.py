@@ -130,6 +130,12 @@ class TestFigures:
         assert one.period == pytest.approx(10)
         assert one.silence == pytest.approx(9)
 
+    def test_a_frame_may_appear_at_any_time(self):
+        mine = steady("base", end=4), steady("odom", start=2, end=4), [heard(3, "camera", static=True)]
+        reported = streams_of(*mine, window=3.5, pieces=40)
+        assert [one.frame for one in reported] == ["base", "camera", "odom"]
+        assert all(one.rate == pytest.approx(50) for one in reported if not one.static)
+
     def test_of_no_records_there_are_none(self):
         assert streams_of() == []
 
@@ -391,7 +397,11 @@ class TestFindings:
         assert found(*ROBOT, limits=Limits(min_rate=40), expected=expected) == []
 
     def test_are_told_in_one_order(self):
-        mine = steady("base", delay=-1), steady("base", "odom", delay=-1, start=0.01), steady("lidar", "world")
+        mine = (
+            steady("base", delay=-1),
+            steady("base", "odom", delay=-1, start=0.01),
+            steady("lidar", "world"),
+        )
         told = [one.kind for one in found(*mine)]
         assert told == ["roots", "parents", "future", "future"]
         assert told == sorted(told, key=list(KINDS).index)

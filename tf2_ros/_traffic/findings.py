@@ -109,13 +109,19 @@ def _of_frame(frame: str, own: Sequence[Stream], alive: Collection[int] | None) 
     if len(parents) > 1:
         text = f"{frame} has {len(parents)} parents in turn: {', '.join(parents)}"
         yield Finding("parents", frame, text, {"parents": parents})
-    publishers = {one.publisher_id: one.publisher for one in own}
-    if len(publishers) > 1:
-        names = sorted(publishers.values())
-        text = f"{frame} is published by {len(names)} publishers: {', '.join(names)}"
-        yield Finding("publishers", frame, text, {"publishers": names})
-    if len({one.static for one in own}) > 1:
-        yield Finding("mixed", frame, f"{frame} is published both as static and as dynamic")
+    by_kind = {
+        static: {one.publisher_id: one.publisher for one in own if one.static == static}
+        for static in (True, False)
+    }
+    for publishers in by_kind.values():
+        if len(publishers) > 1:
+            names = sorted(publishers.values())
+            text = f"{frame} is published by {len(names)} publishers: {', '.join(names)}"
+            yield Finding("publishers", frame, text, {"publishers": names})
+    if all(by_kind.values()):
+        still, moving = (sorted({*by_kind[static].values()}) for static in (True, False))
+        text = f"{frame} is static by {', '.join(still)} and dynamic by {', '.join(moving)}"
+        yield Finding("mixed", frame, text, {"static": still, "dynamic": moving})
 
 
 def _of_stream(stream: Stream, limits: Limits, expected: Expectation) -> Iterator[Finding]:

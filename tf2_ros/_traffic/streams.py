@@ -254,13 +254,14 @@ def tally_of(
 
 def merge(earlier: NDArray[np.void], later: NDArray[np.void]) -> NDArray[np.void]:
     """
-    The tallies of two times, one after the other; ``earlier`` may be shorter than ``later``.
+    The tallies of two times, one after the other, by the numbers of the streams.
 
     Mean and squares as in T. Chan, G. Golub and R. LeVeque, Updating formulae and a pairwise algorithm for
     computing sample variances, 1979.
     """
-    merged = later.copy()
-    a, b = earlier, later[: len(earlier)]
+    merged = np.zeros(max(len(earlier), len(later)), TALLY)
+    merged[: len(later)] = later
+    a, b = earlier, merged[: len(earlier)].copy()
     only = np.flatnonzero((a["count"] > 0) & (b["count"] == 0))
     merged[only] = a[only]
     both = np.flatnonzero((a["count"] > 0) & (b["count"] > 0))

@@ -135,7 +135,10 @@ class Listening:
         # The one at the top is no child on the way.
         below = [
             child
-            for child, other in [*zip(frames, frames[1:], strict=False), *zip(frames[1:], frames, strict=False)]
+            for child, other in [
+                *zip(frames, frames[1:], strict=False),
+                *zip(frames[1:], frames, strict=False),
+            ]
             if child in newest and newest[child].parent == other and not newest[child].static
         ]
         children = [numbers[name] for name in dict.fromkeys(below)]

@@ -22,8 +22,12 @@ __all__ = ["main", "monitor"]
 DRAIN_S = 1.0  # at least so often, whatever the interval
 LIVE_INTERVAL_S = 1.0
 INTERVAL_S = 10.0  # as tf2's program
+DRAWING_SHARE = 0.02  # of a core, for drawing the table; a large one is renewed less often ...
+LONGEST_LIVE_S = 3.0  # ... but so often at least
+TABLE_LINES = 6  # of its frame, its titles, what follows it, and the cursor
 
-Show = Callable[[Report], None]
+# Shows a report; the result is how many seconds should pass until the next one, at least.
+Show = Callable[[Report], float]
 
 
 def monitor(options: Namespace) -> int:
@@ -39,11 +43,11 @@ def monitor(options: Namespace) -> int:
         listening(node, options.window) as heard,
         output as show,
     ):
-        due = time.monotonic()
+        due = time.monotonic() + interval_s
         while True:
-            due = max(due + interval_s, time.monotonic())
             _drain_until(heard, due)
-            show(heard.report(limits, ends=ends))
+            at_least_s = show(heard.report(limits, ends=ends))
+            due = max(due + max(interval_s, at_least_s), time.monotonic())
     return SUCCESS
 
 
@@ -58,7 +62,7 @@ def _ends(frames: list[str]) -> tuple[str, str] | None:
 
 def _drain_until(heard: Listening, due: float) -> None:
     while (left := due - time.monotonic()) > DRAIN_S:
-        threading.Event().wait(min(left, DRAIN_S))
+        threading.Event().wait(DRAIN_S)
         heard.drain()
     threading.Event().wait(max(0.0, left))
 
@@ -78,9 +82,10 @@ def _can_live() -> bool:
 
 @contextmanager
 def _lines(lines_of: Callable[[Report], Iterator[str]]) -> Iterator[Show]:
-    def show(report: Report) -> None:
+    def show(report: Report) -> float:
         for line in lines_of(report):
             print(line)
+        return 0.0
 
     yield show
 
@@ -119,15 +124,18 @@ def _figures(stream: Stream) -> Iterator[str]:
 def _live() -> Iterator[Show]:
     from rich.live import Live
 
+    # Without a thread that renews it: a report does. What is higher than the terminal is cut there.
     with Live(auto_refresh=False) as live:
 
-        def show(report: Report) -> None:
-            live.update(_table(report), refresh=True)
+        def show(report: Report) -> float:
+            began = time.thread_time()
+            live.update(_table(report, live.console.height), refresh=True)
+            return min((time.thread_time() - began) / DRAWING_SHARE, LONGEST_LIVE_S)
 
         yield show
 
 
-def _table(report: Report) -> Any:
+def _table(report: Report, height: int) -> Any:
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
@@ -138,14 +146,20 @@ def _table(report: Report) -> Any:
     for title in ("Hz", "delay ms", "max ms", "jitter ms"):
         table.add_column(title, justify="right", no_wrap=True)
     table.add_column("wrong", overflow="fold")
+    texts = _cut([*_warnings(report)], height // 3)
+    # Text, and not str: a name may look like markup.
+    above = [Text(text, style="red") for text in texts]
+    if report.chain is not None:
+        above.insert(0, Text(_chain_text(report.chain)))
     wrong: dict[str, list[str]] = {}
     for finding in report.findings:
         wrong.setdefault(finding.frame, []).append(finding.kind)
-    for stream in _shown(report):
+    streams = sorted(_shown(report), key=lambda one: one.frame not in wrong)
+    fitting = max(1, height - len(above) - TABLE_LINES)
+    for stream in streams[:fitting]:
         kinds = wrong.get(stream.frame, [])
         delays = (stream.delay, stream.delay_max, stream.jitter)
         table.add_row(
-            # As text: a name may look like markup.
             Text(stream.frame),
             Text(stream.parent),
             Text(stream.publisher),
@@ -154,11 +168,14 @@ def _table(report: Report) -> Any:
             ", ".join(kinds),
             style="red" if kinds else None,
         )
-    # Above the table: of one that is higher than the terminal the end is not seen.
-    lines = [Text(text, style="red") for text in _warnings(report)]
-    if report.chain is not None:
-        lines.insert(0, Text(_chain_text(report.chain)))
-    return Group(*lines, table)
+    more = len(streams) - fitting
+    return Group(*above, table, Text(f"and {more} more" if more > 0 else ""))
+
+
+def _cut(texts: list[str], count: int) -> list[str]:
+    if len(texts) <= count:
+        return texts
+    return [*texts[: count - 1], f"and {len(texts) - count + 1} more"]
 
 
 # Parts of both.

@@ -26,7 +26,11 @@ def parser() -> Parser:
         "--min-rate", type=positive_number, metavar="HZ", help="how often dynamic frames must be published"
     )
     made.add_argument(
-        "--ignore", action="append", metavar="KIND", default=[], help="not wrong here; the first word of a line"
+        "--ignore",
+        action="append",
+        metavar="KIND",
+        default=[],
+        help="not wrong here; the first word of a line",
     )
     return made
 

@@ -11,9 +11,11 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from tf2_ros._spinner import Spinner
+from tf2_ros.buffer import Buffer
+from tf2_ros.transform_listener import TransformListener
 from tf2_ros_cython.cli._program import UsageError
 
-__all__ = ["spun_node"]
+__all__ = ["filled_buffer", "spun_node"]
 
 
 @contextmanager
@@ -40,3 +42,14 @@ def spun_node(name: str, options: Namespace, **node_options: Any) -> Iterator[No
         raise UsageError(str(refusal)) from None
     finally:
         rclpy.try_shutdown()
+
+
+@contextmanager
+def filled_buffer(node: Node) -> Iterator[Buffer]:
+    """A buffer for a ``with`` statement, which a listener fills, and which follows the clock of the node."""
+    buffer = Buffer(node=node)
+    # Who asks a robot for its frames must not be answered by a program that only looks on.
+    node.destroy_service(buffer.srv)
+    buffer.srv = None
+    with TransformListener(buffer, node):
+        yield buffer

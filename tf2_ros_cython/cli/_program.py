@@ -16,6 +16,7 @@ from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from contextlib import suppress
 from importlib import import_module
 from textwrap import fill
+from time import monotonic
 from types import FrameType
 from typing import Any, NoReturn, TextIO
 
@@ -27,6 +28,9 @@ SUCCESS = 0
 FAILURE = 1
 USAGE = 2
 _BY_SIGNAL = 128
+
+_ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+FAREWELL_S = 1.0  # after a signal; until then further ones change nothing
 
 _ROS_ARGS = "--ros-args"
 _WIDTH = 80  # of the text of a help
@@ -67,6 +71,7 @@ class Parser(ArgumentParser):
             # Scripts must mean the same when a later version has more options.
             allow_abbrev=False,
         )
+        self.register("type", None, _as_given)  # of an argument without a type
 
     def error(self, message: str) -> NoReturn:
         """End with status 2 and one line."""
@@ -101,6 +106,10 @@ def _as_value(argument: str) -> str:
     return f" {argument}" if is_negative_number(argument) else argument
 
 
+def _as_given(value: str) -> str:
+    return value[1:] if value.startswith(" ") and is_negative_number(value[1:]) else value
+
+
 def run(parser: Parser, work: str, arguments: list[str] | None = None) -> int:
     """
     Run a program: the last call of a process.
@@ -112,7 +121,7 @@ def run(parser: Parser, work: str, arguments: list[str] | None = None) -> int:
     :raises SystemExit: for wrong usage, and after the help.
     """
     arguments = sys.argv if arguments is None else arguments
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in _ENDING_SIGNALS:
         signal.signal(number, _end)
     try:
         _complete(parser)
@@ -136,9 +145,17 @@ def wait_for_signal() -> None:
 
 
 def _end(number: int, _: FrameType | None) -> NoReturn:
-    # A second one, while the program cleans up, ends it at once.
-    for handled in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(handled, signal.SIG_DFL)
+    first = monotonic()
+
+    def end_again(number: int, _: FrameType | None) -> None:
+        # Launchers pass on the Ctrl-C that the terminal has sent to all. To be ended amid its farewell to the
+        # other nodes would leave them waiting for this one.
+        if monotonic() - first > FAREWELL_S:
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
+
+    for handled in _ENDING_SIGNALS:
+        signal.signal(handled, end_again)
     raise _Signalled(number)
 
 

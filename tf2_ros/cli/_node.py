@@ -13,7 +13,7 @@ from rclpy.signals import SignalHandlerOptions
 from tf2_ros._spinner import Spinner
 from tf2_ros.buffer import Buffer
 from tf2_ros.transform_listener import TransformListener
-from tf2_ros_cython.cli._program import UsageError
+from tf2_ros_cython.cli._program import UsageError, deferred_signals, interruptible
 
 __all__ = ["filled_buffer", "spun_node"]
 
@@ -29,27 +29,30 @@ def spun_node(name: str, options: Namespace, **node_options: Any) -> Iterator[No
 
     The main thread must not wait inside rclpy, for there no signal reaches it.
     """
-    # Without the handlers of rclpy, which would end the context under the hands of the program.
-    rclpy.init(args=options.ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        node = rclpy.create_node(name, **node_options)
-        spinner = Spinner(node, daemon=True, at_end=node.destroy_node)
+    with deferred_signals():
+        # Without the handlers of rclpy, which would end the context under the hands of the program.
+        rclpy.init(args=options.ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
         try:
-            yield node
+            node = rclpy.create_node(name, **node_options)
+            spinner = Spinner(node, daemon=True, at_end=node.destroy_node)
+            try:
+                with interruptible():
+                    yield node
+            finally:
+                spinner.stop()
+        except (NameValidationException, ParameterException) as refusal:
+            raise UsageError(str(refusal)) from None
         finally:
-            spinner.stop()
-    except (NameValidationException, ParameterException) as refusal:
-        raise UsageError(str(refusal)) from None
-    finally:
-        rclpy.try_shutdown()
+            rclpy.try_shutdown()
 
 
 @contextmanager
 def filled_buffer(node: Node) -> Iterator[Buffer]:
     """A buffer for a ``with`` statement, which a listener fills, and which follows the clock of the node."""
-    buffer = Buffer(node=node)
-    # Who asks a robot for its frames must not be answered by a program that only looks on.
-    node.destroy_service(buffer.srv)
-    buffer.srv = None
-    with TransformListener(buffer, node):
-        yield buffer
+    with deferred_signals():
+        buffer = Buffer(node=node)
+        # Who asks a robot for its frames must not be answered by a program that only looks on.
+        node.destroy_service(buffer.srv)
+        buffer.srv = None
+        with TransformListener(buffer, node), interruptible():
+            yield buffer

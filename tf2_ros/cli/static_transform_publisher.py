@@ -4,6 +4,7 @@ import secrets
 import string
 import sys
 from argparse import Namespace
+from contextlib import suppress
 from typing import Any
 
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
@@ -12,7 +13,7 @@ from rclpy.node import Node
 
 from tf2_ros.cli._node import spun_node
 from tf2_ros.static_transform_broadcaster import StaticTransformBroadcaster
-from tf2_ros_cython.cli._program import SUCCESS, wait_for_signal
+from tf2_ros_cython.cli._program import SUCCESS, deferred_signals, wait_for_signal
 from tf2_ros_cython.cli._static_transforms import StaticTransform
 from tf2_ros_cython.cli.static_transform_publisher import main, transforms_of
 
@@ -22,7 +23,7 @@ __all__ = ["main", "publish"]
 def publish(options: Namespace) -> int:
     """Publish until interrupted; return the exit status."""
     transforms = transforms_of(options)
-    with spun_node(_unique_name(), options) as node:
+    with suppress(KeyboardInterrupt), spun_node(_unique_name(), options) as node, deferred_signals():
         if options.file is None:
             _declare_parameters(node, transforms[0])
         _warn(node, options, transforms)

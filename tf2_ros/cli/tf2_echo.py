@@ -16,7 +16,7 @@ from tf2_py import InvalidArgumentException, TransformException
 from tf2_ros.buffer import Buffer
 from tf2_ros.cli._node import filled_buffer, spun_node
 from tf2_ros.numpy import to_matrix
-from tf2_ros_cython.cli._program import ENDINGS, FAILURE, SUCCESS, UsageError
+from tf2_ros_cython.cli._program import ENDINGS, FAILURE, SUCCESS, UsageError, sleep
 from tf2_ros_cython.cli._rpy import rpy_from_matrix
 from tf2_ros_cython.cli.tf2_echo import main
 
@@ -74,11 +74,11 @@ class _Echo:
             else:
                 if not self.found:
                     next_ns = time.monotonic_ns() + period_ns
-                print(self._format.success(transform))
                 self.found = True
+                print(self._format.success(transform))
                 if self._options.once:
                     return
-            time.sleep(max(0, next_ns - time.monotonic_ns()) / S)
+            sleep(max(0, next_ns - time.monotonic_ns()) / S)
 
     def _look_up(self, until_ns: int) -> TransformStamped:
         # It is printed when it arrives, and not at a moment that has nothing to do with that.

@@ -3,12 +3,16 @@
 import ctypes
 import math
 import os
+import re
+import signal
 import subprocess
 import sys
+import time
 from argparse import ArgumentTypeError
 
+import pexpect
 import pytest
-from processes import DEADLINE_S, ended
+from processes import DEADLINE_S, ended, running, until
 from sources import ROOT
 
 from tf2_ros_cython.cli._numbers import (
@@ -31,6 +35,8 @@ NUMBERS = """0 1 1. .5 1.5 1e3 1E3 1e+3 1e-3 1e-05 1.e5 .5e1 007 0x1p3 0X1P3 0x1
 NAN nan() nan(12) nan(0x1f) nan(a_b)""".split()
 NO_NUMBERS = """- + -- . e5 .e5 1e 1e+ 0x 0x. 0xp1 0x1p 0xg 1_000 1,5 1.5.5 infi in na nan( nan(-) nanx 1x 1f
 --1 +-1 x --x ١""".split()
+
+COLOUR = re.compile(r"\x1b\[\d*m")
 
 libc = ctypes.CDLL(None)
 libc.strtod.restype = ctypes.c_double
@@ -170,6 +176,51 @@ class TestEveryProgram:
         assert done.stderr.endswith("; tf2_which tells which tf2_ros is imported\n")
         assert done.stderr.count("\n") == 1
 
+    @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+    def test_a_signal_while_it_still_imports_leaves_no_trace(self, name, how, tmp_path):
+        (tmp_path / "tf2_ros.py").write_text("import time; print('importing'); time.sleep(100)\n")
+        code = (
+            f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from tf2_ros_cython.cli.{name} import main\n"
+            f"sys.exit(main({[name, *VALID.get(name, [])]}))"
+        )
+        with subprocess.Popen(
+            [sys.executable, "-c", code], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        ) as process:
+            assert process.stdout.readline() == "importing\n"
+            process.send_signal(how)
+            _, err = process.communicate(timeout=DEADLINE_S)
+        assert (process.returncode, err) == (128 + how, "")
 
-# A command line of each program that needs arguments.
-VALID: dict[str, list[str]] = {}
+    def test_control_c_in_a_terminal_leaves_no_trace(self, name, node):
+        command = ["-m", f"tf2_ros.cli.{name}", *VALID.get(name, []), "--ros-args", "-r", "__node:=ended"]
+        with pexpect.spawn(sys.executable, command, timeout=DEADLINE_S, encoding="utf-8") as terminal:
+            until(lambda: "ended" in node.get_node_names())
+            begin = time.monotonic()
+            terminal.sendintr()
+            terminal.expect(pexpect.EOF)
+            took_s = time.monotonic() - begin
+            terminal.wait()
+        assert terminal.exitstatus == ENDS_WITH.get(name, 0)
+        printed = COLOUR.sub("", terminal.before)
+        assert re.fullmatch(r"(\[INFO\] .*\r\n(\w.*\r\n)*)*\^C", printed), printed
+        # Half a second on a machine that does nothing else.
+        assert took_s < 3.0
+        until(lambda: "ended" not in node.get_node_names())
+
+    def test_a_control_c_that_comes_twice_is_one(self, name, node):
+        with running(name, *VALID.get(name, []), "--ros-args", "-r", "__node:=ended") as process:
+            until(lambda: "ended" in node.get_node_names())
+            process.send_signal(signal.SIGINT)
+            process.send_signal(signal.SIGINT)
+            process.send_signal(signal.SIGTERM)
+            _, err = process.communicate(timeout=DEADLINE_S)
+        assert process.returncode in (ENDS_WITH.get(name, 0), 128 + signal.SIGTERM)
+        assert "Traceback" not in err
+
+
+# A command line of each program that needs arguments, and the status of one that Ctrl-C ends.
+VALID = {
+    "static_transform_publisher": ["--frame-id", "map", "--child-frame-id", "robot"],
+    "tf2_echo": ["map", "robot"],
+}
+ENDS_WITH = {"tf2_check": 130, "tf2_echo": 130}

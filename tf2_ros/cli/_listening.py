@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,8 @@ from tf2_ros._traffic.findings import Finding, Limits, find
 from tf2_ros._traffic.settling import Settling
 from tf2_ros._traffic.streams import Stream, Streams
 from tf2_ros.buffer import Buffer
-from tf2_ros.transform_listener import TransformListener
+from tf2_ros.cli._node import filled_buffer
+from tf2_ros.transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, TransformListener
 from tf2_ros_cython.cli._program import UsageError
 
 __all__ = ["Chain", "Listening", "Report", "listening"]
@@ -66,12 +67,10 @@ class Listening:
     :meth:`drain` must be called every few seconds.
     """
 
-    def __init__(
-        self, node: Node, recording: Recording, topics: Sequence[str], window_s: float | None
-    ) -> None:
+    def __init__(self, node: Node, recording: Recording, window_s: float | None) -> None:
         self._node = node
         self._recording = recording
-        self._topics = topics
+        self._topics = [node.resolve_topic_name(name) for name in (DEFAULT_TF_TOPIC, DEFAULT_STATIC_TF_TOPIC)]
         self._window_s = window_s
         self._streams = Streams(window_s)
         self._settling = Settling()
@@ -159,9 +158,8 @@ def listening(node: Node, window_s: float | None = None) -> Iterator[Listening]:
     if not can_receive():
         raise UsageError("this tf2_ros was built without the receiver that notes who sends transforms")
     recording = Recording()
-    with RecordingListener(Buffer(node=node), node, recording) as listener:
-        subscriptions: Any = (listener.tf_sub, listener.tf_static_sub)
-        yield Listening(node, recording, [one.topic_name for one in subscriptions], window_s)
+    with filled_buffer(node, partial(RecordingListener, recording=recording)):
+        yield Listening(node, recording, window_s)
 
 
 def _short(gid: bytes) -> str:

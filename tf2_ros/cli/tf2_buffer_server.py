@@ -2,6 +2,7 @@
 
 import sys
 from argparse import Namespace
+from contextlib import suppress
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.duration import Duration
@@ -12,7 +13,7 @@ from tf2_ros.buffer import Buffer
 from tf2_ros.buffer_server import BufferServer
 from tf2_ros.cli._node import spun_node
 from tf2_ros.transform_listener import TransformListener
-from tf2_ros_cython.cli._program import SUCCESS, UsageError, wait_for_signal
+from tf2_ros_cython.cli._program import SUCCESS, UsageError, deferred_signals, wait_for_signal
 from tf2_ros_cython.cli.tf2_buffer_server import main
 
 __all__ = ["main", "serve"]
@@ -22,7 +23,7 @@ DEFAULT_BUFFER_SIZE_S = 120.0
 
 def serve(options: Namespace) -> int:
     """Serve until interrupted; return the exit status."""
-    with spun_node("tf_buffer", options) as node:
+    with suppress(KeyboardInterrupt), spun_node("tf_buffer", options) as node, deferred_signals():
         buffer = Buffer(_buffer_size(node), node)
         with TransformListener(buffer, node):
             server = BufferServer(buffer, node, "tf2_buffer_server")

@@ -1,7 +1,6 @@
 """Owns the program that says whether the transforms of a robot are as they must be."""
 
 import sys
-import threading
 import time
 from argparse import Namespace
 from collections.abc import Collection, Mapping, Sequence
@@ -12,7 +11,7 @@ from tf2_ros._traffic.expectations import Expectation
 from tf2_ros._traffic.findings import KINDS, Finding, Limits
 from tf2_ros.cli._listening import Listening, Report, listening
 from tf2_ros.cli._node import spun_node
-from tf2_ros_cython.cli._program import FAILURE, SUCCESS, UsageError
+from tf2_ros_cython.cli._program import FAILURE, SUCCESS, UsageError, sleep
 from tf2_ros_cython.cli.tf2_check import main
 
 __all__ = ["check", "main"]
@@ -50,7 +49,7 @@ def _expectations(path: str | None) -> Mapping[str, Expectation]:
 def _listen(heard: Listening, seconds: float) -> None:
     end = time.monotonic() + seconds
     while (left := end - time.monotonic()) > 0.0:
-        threading.Event().wait(min(left, DRAIN_S))
+        sleep(min(left, DRAIN_S))
         heard.drain()
 
 

@@ -2,7 +2,6 @@
 
 import json
 import sys
-import threading
 import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator
@@ -14,7 +13,7 @@ from tf2_ros._traffic.findings import Limits
 from tf2_ros._traffic.streams import Stream
 from tf2_ros.cli._listening import Chain, Listening, Report, listening
 from tf2_ros.cli._node import spun_node
-from tf2_ros_cython.cli._program import SUCCESS, UsageError
+from tf2_ros_cython.cli._program import SUCCESS, UsageError, sleep
 from tf2_ros_cython.cli.tf2_monitor import main
 
 __all__ = ["main", "monitor"]
@@ -62,9 +61,9 @@ def _ends(frames: list[str]) -> tuple[str, str] | None:
 
 def _drain_until(heard: Listening, due: float) -> None:
     while (left := due - time.monotonic()) > DRAIN_S:
-        threading.Event().wait(DRAIN_S)
+        sleep(DRAIN_S)
         heard.drain()
-    threading.Event().wait(max(0.0, left))
+    sleep(max(0.0, left))
 
 
 def _can_live() -> bool:

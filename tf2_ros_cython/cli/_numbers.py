@@ -3,8 +3,16 @@
 import math
 import re
 from argparse import ArgumentTypeError
+from decimal import Decimal
 
-__all__ = ["finite_number", "is_negative_number", "non_negative_number", "number", "positive_number"]
+__all__ = [
+    "finite_number",
+    "is_negative_number",
+    "nanoseconds",
+    "non_negative_number",
+    "number",
+    "positive_number",
+]
 
 # ISO C, 7.22.1.3, in the locale "C".
 _NUMBER = re.compile(
@@ -61,6 +69,14 @@ def non_negative_number(text: str) -> float:
     if value < 0.0:
         raise ArgumentTypeError(f"must not be negative, it is {text}")
     return value
+
+
+def nanoseconds(text: str) -> int:
+    """Read seconds, as nanoseconds: exactly, where a float would not hold the digits of a stamp."""
+    value = finite_number(text)
+    read = _NUMBER.fullmatch(text)
+    exact = Decimal(text.strip()) if read is not None and read["decimal"] else Decimal(value)
+    return round(exact * 10**9)
 
 
 def is_negative_number(text: str) -> bool:

@@ -11,22 +11,42 @@ before there was a result, or by a reader of its output who left.
 import os
 import signal
 import sys
-import threading
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from importlib import import_module
+from select import select
+from socket import socketpair
 from textwrap import fill
+from time import monotonic
 from types import FrameType
 from typing import Any, NoReturn, TextIO
 
 from tf2_ros_cython.cli._numbers import is_negative_number
 
-__all__ = ["ENDINGS", "FAILURE", "SUCCESS", "USAGE", "Parser", "UsageError", "run", "wait_for_signal"]
+__all__ = [
+    "ENDINGS",
+    "FAILURE",
+    "SUCCESS",
+    "USAGE",
+    "Parser",
+    "UsageError",
+    "deferred_signals",
+    "interruptible",
+    "run",
+    "sleep",
+    "wait_for_signal",
+]
 
 SUCCESS = 0
 FAILURE = 1
 USAGE = 2
 _BY_SIGNAL = 128
+
+_ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+# After a signal, until a further one ends the program at once. Launchers pass on the Ctrl-C that the terminal
+# has sent to all.
+FAREWELL_S = 1.0
 
 _ROS_ARGS = "--ros-args"
 _WIDTH = 80  # of the text of a help
@@ -67,6 +87,7 @@ class Parser(ArgumentParser):
             # Scripts must mean the same when a later version has more options.
             allow_abbrev=False,
         )
+        self.register("type", None, _as_given)  # of an argument without a type
 
     def error(self, message: str) -> NoReturn:
         """End with status 2 and one line."""
@@ -101,6 +122,10 @@ def _as_value(argument: str) -> str:
     return f" {argument}" if is_negative_number(argument) else argument
 
 
+def _as_given(value: str) -> str:
+    return value[1:] if value.startswith(" ") and is_negative_number(value[1:]) else value
+
+
 def run(parser: Parser, work: str, arguments: list[str] | None = None) -> int:
     """
     Run a program: the last call of a process.
@@ -112,8 +137,7 @@ def run(parser: Parser, work: str, arguments: list[str] | None = None) -> int:
     :raises SystemExit: for wrong usage, and after the help.
     """
     arguments = sys.argv if arguments is None else arguments
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _end)
+    _signals.listen()
     try:
         _complete(parser)
         _flush_each_line(sys.stdout)
@@ -126,20 +150,81 @@ def run(parser: Parser, work: str, arguments: list[str] | None = None) -> int:
     except BrokenPipeError:
         return _BY_SIGNAL + signal.SIGPIPE
     finally:
+        _signals.may_raise = False  # the interpreter ends
         _let_go(sys.stdout)
+
+
+class _Signals:
+    """Which signal came, and whether one may be raised now."""
+
+    def __init__(self) -> None:
+        self.received: int | None = None
+        self.since = 0.0  # of the monotonic clock
+        self.may_raise = True
+        self.reader, self._writer = socketpair()  # readable after the first signal
+
+    def listen(self) -> None:
+        """Handle the signals that end a program."""
+        self._writer.setblocking(False)
+        signal.set_wakeup_fd(self._writer.fileno(), warn_on_full_buffer=False)
+        for number in _ENDING_SIGNALS:
+            signal.signal(number, self.receive)
+
+    def receive(self, number: int, _: FrameType | None) -> None:
+        if self.received is None:
+            self.received, self.since = number, monotonic()
+            if self.may_raise:
+                raise _Signalled(number)
+        elif monotonic() - self.since > FAREWELL_S:
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
+
+
+_signals = _Signals()
+
+
+@contextmanager
+def deferred_signals() -> Iterator[None]:
+    """
+    Let no signal interrupt what is set up or cleaned up in a ``with`` block, which must not last long.
+
+    Interrupted there, a program could leave other nodes waiting for it, or not end at all.
+    """
+    before, _signals.may_raise = _signals.may_raise, False
+    try:
+        yield
+    finally:
+        _signals.may_raise = before
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Inside :func:`deferred_signals`: let one interrupt a ``with`` block, also one that came before it."""
+    before, _signals.may_raise = _signals.may_raise, True
+    try:
+        if _signals.received is not None:
+            raise _Signalled(_signals.received)
+        yield
+    finally:
+        _signals.may_raise = before
 
 
 def wait_for_signal() -> None:
     """Wait for Ctrl-C or SIGTERM, in the main thread of a program for which that is the ordinary end."""
-    with suppress(KeyboardInterrupt):
-        threading.Event().wait()
+    with suppress(KeyboardInterrupt), interruptible():
+        while True:
+            sleep(None)
 
 
-def _end(number: int, _: FrameType | None) -> NoReturn:
-    # A second one, while the program cleans up, ends it at once.
-    for handled in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(handled, signal.SIG_DFL)
-    raise _Signalled(number)
+def sleep(seconds: float | None) -> None:
+    """
+    Wait so long, or until a signal.
+
+    :param seconds: 0 or above. None: for ever.
+
+    Any other wait sleeps on if the signal reaches a thread that is not Python's, or comes just before it.
+    """
+    select([_signals.reader], [], [], seconds)
 
 
 def _complete(parser: Parser) -> None:

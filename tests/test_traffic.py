@@ -20,6 +20,7 @@ pytestmark = pytest.mark.ours
 S = 1_000_000_000
 START_NS = 1_795_000_000 * S
 FRAMES = ["map", "odom", "base", "camera", "lidar", "world"]
+DEFAULTS, NOTHING = Limits(), {}
 PUBLISHERS = ["/localiser", "/odometry", "/other"]
 
 
@@ -55,7 +56,7 @@ def streams_of(*lists, now=4.0, window=None, pieces=1):
     return streams.report(at(now), FRAMES, PUBLISHERS)
 
 
-def found(*lists, limits=Limits(), expected={}, alive=None, **how):
+def found(*lists, limits=DEFAULTS, expected=NOTHING, alive=None, **how):
     return find(streams_of(*lists, **how), limits, expected, alive)
 
 

@@ -20,7 +20,7 @@ PERIOD_S = 0.02
 STOPPED_AFTER = 50  # periods
 GAP = 50
 SLOW = 10
-AHEAD = Duration(seconds=5)
+AHEAD, NOT_AHEAD = Duration(seconds=5), Duration()
 
 
 def main(faults):
@@ -32,7 +32,7 @@ def main(faults):
     broadcaster, static = TransformBroadcaster(node), StaticTransformBroadcaster(node)
     second = TransformBroadcaster(other) if faults else None
 
-    def made(parent, child, ahead=Duration()):
+    def made(parent, child, ahead=NOT_AHEAD):
         transform = TransformStamped()
         transform.header.frame_id, transform.child_frame_id = parent, child
         transform.header.stamp = (node.get_clock().now() + ahead).to_msg()

@@ -1,6 +1,4 @@
-"""
-The steady clock, for deadlines and periods: it does not jump when the time of day is set. And the time of day.
-"""
+"""The steady clock, for deadlines and periods, which does not jump when the time of day is set; and that."""
 
 from libc.stdint cimport int64_t
 from posix.time cimport CLOCK_MONOTONIC, CLOCK_REALTIME, clock_gettime, timespec

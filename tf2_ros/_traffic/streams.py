@@ -169,7 +169,7 @@ class Streams:
         static = {self._keys[number][2]: number for number in by_age if self._keys[number][3]}
         moving = [number for number in by_age if not self._keys[number][3]]
         heard = [number for number in moving if tally[number]["count"]]
-        # One that ended before another began was replaced: its publisher was restarted, or chose a parent anew.
+        # One that ended before another began was replaced: by a restart, or by the choice of another parent.
         newest_start_ns = max((int(tally[number]["first_ns"]) for number in heard), default=0)
         current = [
             number

@@ -1,4 +1,4 @@
-"""Owns listening to transforms for the programs that watch them: what arrives, from whom, and what is wrong."""
+"""Owns listening for the programs that watch transforms: what arrives, from whom, and what is wrong."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager

@@ -70,7 +70,7 @@ def _write_junit(path: str, wrong: Sequence[Finding], ignored: Collection[str], 
     kinds = {finding.kind for finding in wrong}
     counts = {"tests": len(KINDS), "failures": len(kinds), "errors": 0, "skipped": len({*ignored})}
     attributes = {name: str(value) for name, value in counts.items()}
-    suite = ElementTree.Element("testsuite", name="tf2_check", time=f"{seconds:g}", **attributes)
+    suite = ElementTree.Element("testsuite", {"name": "tf2_check", "time": f"{seconds:g}", **attributes})
     for kind, meaning in KINDS.items():
         case = ElementTree.SubElement(suite, "testcase", classname="tf2_check", name=kind)
         texts = [finding.text for finding in wrong if finding.kind == kind]

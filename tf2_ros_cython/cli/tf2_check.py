@@ -13,8 +13,8 @@ def parser() -> Parser:
         "tf2_check",
         "Listen to transforms for a while, and print what is wrong with them, one line each: no transform at "
         "all, unconnected trees, loops, frames with two parents or two publishers, frames that are no longer "
-        "published, gaps, stamps in the future, and what differs from a file of expectations. The exit status "
-        "is 0 if nothing is wrong, otherwise 1.",
+        "published, gaps, stamps in the future, and what differs from a file of expectations. The exit "
+        "status is 0 if nothing is wrong, otherwise 1.",
         "  tf2_check -t 10 --expect robot.yaml --junit transforms.xml",
     )
     made.add_argument(

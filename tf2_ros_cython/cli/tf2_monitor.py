@@ -11,9 +11,10 @@ def parser() -> Parser:
     """Its command line."""
     made = Parser(
         "tf2_monitor",
-        "Show for each frame its parent, its publisher, how often it is published, how old its transforms are "
-        "when they are received, and what is wrong with it, until interrupted. On a terminal this is a table "
-        "that is renewed every second, where rich is installed; otherwise a report every ten seconds.\n\n"
+        "Show for each frame its parent, its publisher, how often it is published, how old its transforms "
+        "are when they are received, and what is wrong with it, until interrupted. On a terminal this is a "
+        "table that is renewed every second, where rich is installed; otherwise a report every ten "
+        "seconds.\n\n"
         "With two frames: what connects them, and how old the newest transform between them is.",
         "  tf2_monitor map base_link --interval 5",
     )

@@ -203,8 +203,8 @@ class TestEveryProgram:
         assert terminal.exitstatus == ENDS_WITH.get(name, 0)
         printed = COLOUR.sub("", terminal.before)
         assert re.fullmatch(r"(\[INFO\] .*\r\n(\w.*\r\n)*)*\^C", printed), printed
-        # Half a second on a machine that does nothing else.
-        assert took_s < 3.0
+        # A tenth of that on a machine that does nothing else.
+        assert took_s < 5.0
         until(lambda: "ended" not in node.get_node_names())
 
     def test_a_control_c_that_comes_twice_is_one(self, name, node):

@@ -29,7 +29,8 @@ def scripts():
 
 
 def test_the_installation_names_a_function_of_each_program():
-    assert {"tf2_buffer_server", "tf2_which"} <= {name for name, _, _ in scripts()}
+    programs = {path.stem for path in (PYPROJECT.parent / "tf2_ros_cython" / "cli").glob("[!_]*.py")}
+    assert {name for name, _, _ in scripts()} == programs | {"tf2_which"}
     for name, module, function in scripts():
         # Not in tf2_ros, which imports ROS, and may be another project's.
         assert module == ("tf2_ros_cython.which" if name == "tf2_which" else f"tf2_ros_cython.cli.{name}")

@@ -204,8 +204,8 @@ class TestEveryProgram:
         printed = COLOUR.sub("", terminal.before)
         assert "Traceback" not in printed
         assert name in DRAW or re.fullmatch(r"(\[INFO\] .*\r\n(\w.*\r\n)*)*\^C", printed), printed
-        # Half a second on a machine that does nothing else.
-        assert took_s < 3.0
+        # A tenth of that on a machine that does nothing else.
+        assert took_s < 5.0
         until(lambda: "ended" not in node.get_node_names())
 
     def test_a_control_c_that_comes_twice_is_one(self, name, node):

@@ -7,8 +7,9 @@ import select
 
 import numpy as np
 import pytest
-from making import S
+from making import S, at, transform
 from processes import DEADLINE_S, ended, running, until
+from rclpy.duration import Duration
 from scipy.spatial.transform import Rotation
 
 from tf2_ros_cython.cli._rpy import quaternion_from_rpy, rpy_from_matrix
@@ -101,6 +102,16 @@ class TestWaiting:
             talker.send(*((f"f{i:03d}", f"f{i + 1:03d}", S, 1.0) for i in range(999)))
             names = ", ".join(["camera", *(f"f{i:03d}" for i in range(19))])
             until(lambda: echo.stderr.readline() == f"Known frames: {names} and 982 more\n")
+
+    def test_what_the_lookup_advises_is_told(self, tf2_ros, peer):
+        known = tf2_ros.Buffer()
+        known.set_transform_static(transform("map", "camera"), "test")
+        with running("tf2_echo", "map", "camara") as echo:
+            peer().send(("map", "camera", S, 1.0), static=True)
+            lines = until(lambda: (line := echo.stderr.readline()).count('"camara"') and [line])
+        with pytest.raises(tf2_ros.LookupException) as caught:
+            known.lookup_transform("map", "camara", at(0), Duration(nanoseconds=1))
+        assert lines[0].endswith(f": {caught.value}\n")
 
     def test_it_takes_the_transform_when_it_comes(self, peer):
         with running("tf2_echo", "map", "robot", *WAIT, "--once") as echo:

@@ -14,6 +14,10 @@ DESCRIPTION = """\
 Print the transform that maps data from the frame SOURCE to the frame TARGET, RATE times a second. \
 While there is none, log why, and the frames that are known.
 
+With --json, each line is {"header": {"stamp": {"sec", "nanosec"}, "frame_id"}, "child_frame_id", \
+"transform": {"translation": {"x", "y", "z"}, "rotation": {"x", "y", "z", "w"}}, "rpy": {"roll", "pitch", \
+"yaw"}}, the last in radians; for a failed lookup, "error": {"type", "text"} instead of transform and rpy.
+
 Exit status: 0 if a transform was printed, 1 if none was available within --wait, 2 for wrong usage, \
 130 if Ctrl-C came before the first transform."""
 
@@ -21,7 +25,7 @@ EXAMPLE = """\
   tf2_echo map base_link 10                  ten times a second
   tf2_echo map base_link --once --wait 5     for scripts: the status tells whether there is one
   tf2_echo map base_link --offset -0.5       as of half a second ago
-  tf2_echo map base_link --json --once       one line: a TransformStamped and its "rpy" in radians"""
+  tf2_echo map base_link --json --once       one line, for programs to read"""
 
 
 def parser() -> Parser:

@@ -162,6 +162,7 @@ class TestTimes:
             (["--time", "1", "--offset", "1"], "not allowed with argument"),
             (["--time", "-1"], "must be from 0"),
             (["--offset", "nan"], "must be finite"),
+            (["--offset", "-1e300"], "must be between -2**31 and 2**31, not -1e300"),
             (["0"], "RATE: must be above 0"),
             (["-1e-05"], "RATE: must be above 0, not -1e-05"),
             (["1.0foo"], "RATE: '1.0foo' is not a number"),
@@ -176,6 +177,12 @@ class TestTimes:
         assert (status, out) == (2, "")
         assert said in err
         assert err.count("\n") == 1
+
+    @pytest.mark.parametrize("given", [["--offset", "2147483647"], ["--offset", "-2147483647"], ["1e-300"]])
+    def test_extreme_values_are_values(self, given):
+        status, _, err = ended("tf2_echo", "map", "robot", *given, "--wait", "0")
+        assert status == 1
+        assert "Traceback" not in err
 
     def test_options_stand_before_between_and_after_the_frames(self):
         for line in (

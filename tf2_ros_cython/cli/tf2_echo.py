@@ -6,7 +6,9 @@ from argparse import ArgumentTypeError
 from tf2_ros_cython.cli._numbers import nanoseconds, non_negative_number, positive_number
 from tf2_ros_cython.cli._program import Parser, run
 
-__all__ = ["main"]
+__all__ = ["STAMPS_END_NS", "main"]
+
+STAMPS_END_NS = 2**31 * 10**9  # a stamp has 31 bits for its seconds
 
 MOST_DIGITS = 17  # more than a double has
 
@@ -61,7 +63,7 @@ def parser() -> Parser:
         "--offset",
         dest="offset_ns",
         metavar="SECONDS",
-        type=nanoseconds,
+        type=_offset,
         help="look up at the time that is so far from now; negative is the past",
     )
     made.add_argument(
@@ -83,9 +85,16 @@ def main(args: list[str] | None = None) -> int:
 
 def _stamp(text: str) -> int:
     stamp_ns = nanoseconds(text)
-    if not 0 <= stamp_ns < 2**31 * 10**9:
+    if not 0 <= stamp_ns < STAMPS_END_NS:
         raise ArgumentTypeError(f"must be from 0 to 2**31 - 1, as the seconds of a stamp, not {text}")
     return stamp_ns
+
+
+def _offset(text: str) -> int:
+    offset_ns = nanoseconds(text)
+    if abs(offset_ns) >= STAMPS_END_NS:
+        raise ArgumentTypeError(f"must be between -2**31 and 2**31, not {text}")
+    return offset_ns
 
 
 def _digits(text: str) -> int:

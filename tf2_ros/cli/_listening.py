@@ -78,8 +78,8 @@ class Listening:
         self._net_delay: NetDelay | None = None
         self._names: dict[bytes, str] = {}  # of publishers, by gid
 
-    def drain(self) -> None:
-        """Account for what has arrived."""
+    def drain(self) -> NDArray[np.void]:
+        """Account for what has arrived since the last call, and return its records."""
         records = self._recording.take()
         # Until the first message of /clock, simulated time is 0, and no delay is known.
         records = records[(records["received_ns"] > 0) | (records["static"] != 0)]
@@ -87,6 +87,7 @@ class Listening:
         self._streams.add(records)
         if self._net_delay is not None:
             self._net_delay.add(records)
+        return records
 
     def report(
         self,

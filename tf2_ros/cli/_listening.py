@@ -24,6 +24,7 @@ from tf2_ros_cython.cli._program import UsageError
 __all__ = ["Chain", "Listening", "Report", "listening"]
 
 S = 1_000_000_000
+UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # in the graph, of an endpoint whose node is not known yet, or no more
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,8 @@ class Listening:
         self._streams.add(records)
         if self._net_delay is not None:
             self._net_delay.add(records)
+        if not self._names.keys() >= {*self._recording.publishers()}:
+            self._look_up_publishers()  # now: it may end before the report
         return records
 
     def report(
@@ -116,14 +119,15 @@ class Listening:
         )
 
     def _look_up_publishers(self) -> set[bytes]:
-        # One that has ended keeps its name.
-        found = {
-            bytes(one.endpoint_gid): f"{one.node_namespace.rstrip('/')}/{one.node_name}"
-            for topic in self._topics
-            for one in self._node.get_publishers_info_by_topic(topic)
-        }
-        self._names.update(found)
-        return set(found)
+        alive = set()
+        for topic in self._topics:
+            for one in self._node.get_publishers_info_by_topic(topic):
+                gid = bytes(one.endpoint_gid)
+                alive.add(gid)
+                # One that has ended keeps the name that it had.
+                if one.node_name != UNKNOWN_NODE:
+                    self._names[gid] = f"{one.node_namespace.rstrip('/')}/{one.node_name}"
+        return alive
 
     def _chain(self, ends: tuple[str, str], streams: Sequence[Stream], now_ns: int) -> Chain:
         newest = newest_streams(streams)

@@ -21,7 +21,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from bench import guard, inserts, lookups, nodes, peers, pictures, report, targets, types
+from bench import guard, inserts, lookups, nodes, peers, pictures, programs, report, targets, types
 from bench.processes import Failure, run_command
 from bench.race import OURS, Run
 from bench.sizes import FULL, QUICK
@@ -39,6 +39,7 @@ SECTIONS = {
         nodes.online,
         nodes.load,
         nodes.receive,
+        programs.watch,
         types.types,
         guard.instructions,
     )

@@ -187,13 +187,13 @@ def _receive(run: Run, publisher: Process, who: str, path: str) -> Iterator[Samp
     run.say(f"receive: {run.libraries[who].title}, {path}")
     with run.process("listening.py", path, who=who) as listener:
         publisher.ask("discover", 1)
-        _publish(publisher, listener, max(RECEIVED), max(RECEIVED.values()), sizes.receive_filling)
+        publish(publisher, listener, max(RECEIVED), max(RECEIVED.values()), sizes.receive_filling)
         # The largest messages first: every frame has a full history then, the few of the others, too.
         for transforms, rate in sorted(RECEIVED.items(), reverse=True):
             labels = {"transforms": transforms, "Hz": rate}
             before = listener.ask("cost")
             messages = round(rate * sizes.receive_s)
-            _publish(publisher, listener, transforms, rate, messages)
+            publish(publisher, listener, transforms, rate, messages)
             after = listener.ask("cost")
             yield Sample(who, path, labels, [(after["cpu_ns"] - before["cpu_ns"]) / messages])
             own_ns, own_ns_before = (cost["threads"].get(RECEIVER_THREAD, 0) for cost in (after, before))
@@ -208,7 +208,7 @@ def _receive(run: Run, publisher: Process, who: str, path: str) -> Iterator[Samp
     publisher.ask("discover", 0)
 
 
-def _publish(publisher: Process, listener: Process, transforms: int, rate: int, messages: int) -> None:
+def publish(publisher: Process, listener: Process, transforms: int, rate: int, messages: int) -> None:
     first = publisher.ask("start", rate, transforms, messages)["next"]
     publisher.ask("finish")
     if not listener.ask("arrived", first + messages - 1)["arrived"]:

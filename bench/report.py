@@ -29,12 +29,13 @@ SECTIONS = {
         "Receiving, us: CPU of the listening process per message; from sending to answer",
         "listener",
     ),
+    "watch": ("Programs that watch transforms, us: CPU of the process per message", "listener"),
     "types": ("Messages, clouds and arrays into another frame, us per call", "call"),
     "memory": ("Memory, bytes per dynamic sample", "resident"),
     "instructions": ("Growth in instructions (callgrind), 4 dynamic hops, per transform", ""),
 }
 # Few things, each its own: a line for each row.
-LISTED = ("inserts", "failing", "load", "receive", "memory", "instructions")
+LISTED = ("inserts", "failing", "load", "receive", "watch", "memory", "instructions")
 UNITS = {"x": "{:.2f}x", "B": "{:.1f}"}
 
 

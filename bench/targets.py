@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from bench.inserts import BESIDE_WAITERS, waiters_ratios
 from bench.lookups import FAILING_WAYS, REASONS
 from bench.nodes import BUFFERS, HEAVY, INSERT, LATE, LOOKUP, LOST, RATE, READERS
+from bench.programs import LISTENER, WATCHING
 from bench.race import OURS, Row, Rows, ratio_of_rounds
 
 PASS, SHORT, UNKNOWN = "pass", "falls short", "not measured"
@@ -67,7 +68,7 @@ class Verdict:
 
 
 def verdicts(rows: Rows) -> list[Verdict]:
-    parts = _lookups, _vectors, _growth, _inserts, _memory, _load, _waiters, _receive, _types
+    parts = _lookups, _vectors, _growth, _inserts, _memory, _load, _waiters, _receive, _watch, _types
     return [verdict for part in parts for verdict in part(rows)]
 
 
@@ -254,6 +255,14 @@ def _receive(rows: Rows) -> Iterable[Verdict]:
     slowest_ms = block.p95 / 1e6 if block else math.nan
     what = "wake-up, from the sending of the message, 95th percentile"
     yield at_most("wake-up latency", what, {"100 Hz": slowest_ms}, 1, " ms")
+
+
+def _watch(rows: Rows) -> Iterable[Verdict]:
+    def at(way: str) -> Row | None:
+        return rows.find("watch", OURS, way)
+
+    ratios = {way: ratio_of_rounds(at(way), at(LISTENER)) for way in WATCHING if way != LISTENER}
+    yield at_most("watch-vs-listener", "CPU of tf2_monitor and tf2_check over a listener's", ratios, 2)
 
 
 def _types(rows: Rows) -> Iterable[Verdict]:

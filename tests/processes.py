@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 PROGRAMS = Path(__file__).resolve().parent / "programs"
@@ -26,6 +27,31 @@ def until(condition, executor=None):
 def start(program, *arguments, **popen):
     """Start one of the tests' programs."""
     return subprocess.Popen([sys.executable, str(PROGRAMS / program), *arguments], text=True, **popen)
+
+
+def program(name, *arguments, **popen):
+    """Start one of the project's programs; its standard output and errors are pipes."""
+    command = [sys.executable, "-m", f"tf2_ros.cli.{name}", *arguments]
+    popen = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **popen}
+    return subprocess.Popen(command, text=True, **popen)
+
+
+@contextmanager
+def running(name, *arguments, **popen):
+    """The same for a `with` statement, which kills it in the end."""
+    process = program(name, *arguments, **popen)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def ended(name, *arguments, **popen):
+    """Run one of the project's programs to its end: exit status, standard output and errors."""
+    with running(name, *arguments, **popen) as process:
+        out, err = process.communicate(timeout=DEADLINE_S)
+    return process.returncode, out, err
 
 
 class Peer:

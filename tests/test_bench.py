@@ -115,6 +115,7 @@ def test_tables_and_verdicts_are_written_of_what_was_measured(run, measured):
         "load-lookup",
         "receive-vs-python",
         "receive-vs-floor",
+        "watch-vs-listener",
         "wake-up latency",
     }
     json.dumps(run.rows.as_json())

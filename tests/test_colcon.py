@@ -15,7 +15,7 @@ pytestmark = [
     pytest.mark.skipif("AMENT_PREFIX_PATH" in os.environ, reason="the ROS 2 to source is made of the wheels"),
 ]
 
-PROGRAMS = ["tf2_buffer_server", "tf2_which"]
+PROGRAMS = ["static_transform_publisher", "tf2_buffer_server", "tf2_echo", "tf2_which"]
 
 
 class Workspace:
@@ -102,6 +102,7 @@ def test_its_programs_are_where_ros2_run_looks(workspace, python):
     assert sorted(path.name for path in programs.iterdir()) == PROGRAMS
     assert all(os.access(path, os.X_OK) for path in programs.iterdir())
     assert workspace.sourced(programs / "tf2_which").startswith("tf2_py: tf2-ros-cython, ")
+    assert workspace.sourced(programs / "tf2_echo", "-h").startswith("usage: tf2_echo ")
 
 
 def test_an_install_without_links_leaves_the_sources_as_they_were(installed):

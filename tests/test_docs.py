@@ -96,7 +96,9 @@ def test_the_programs_of_a_page_run_and_print_what_it_says(page, tmp_path):
 
 # Commands: those in blocks, and those in the text.
 
-COMMANDS = ("colcon", "make", "pip", "python", "ros2", "source")
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PROGRAMS = set(PYPROJECT["project"]["scripts"])
+COMMANDS = {"colcon", "make", "pip", "python", "ros2", "source"} | PROGRAMS
 # What only another file of tests/ can run, and a part of it that shows that it does.
 RUN_ELSEWHERE = {
     "colcon build": ("test_colcon.py", '[colcon, "build", *options]'),
@@ -105,7 +107,6 @@ RUN_ELSEWHERE = {
     "ros2 run tf2_ros_cython tf2_which": ("test_colcon.py", '"tf2_which"'),
 }
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
-PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
 
 def commands(page):
@@ -133,6 +134,10 @@ def check_command(command, folder):
         assert is_literal(words[0].partition("=")[0]), f"no source reads {words[0]}"
         del words[0]
     match words:
+        case [name, *arguments] if name in PROGRAMS:
+            check_program(name, arguments)
+        case ["ros2", "run", "tf2_ros_cython", name, *arguments] if name in PROGRAMS:
+            check_program(name, arguments)
         case ["make", target, *settings]:
             check_make(target, settings)
         case ["pip", "install", *arguments]:
@@ -157,6 +162,11 @@ def check_make(target, settings):
     assert target in phony.split() and re.search(rf"^{target}:", MAKEFILE, re.MULTILINE)
     for setting in settings:
         assert f"$({setting.partition('=')[0]})" in MAKEFILE or f"({setting.partition('=')[0]})," in MAKEFILE
+
+
+def check_program(name, arguments):
+    """As the program would read its command line."""
+    importlib.import_module(f"tf2_ros_cython.cli.{name}").parser().read([name, *arguments])
 
 
 AS_PIP_READS = """

@@ -4,9 +4,19 @@ change at any time. They cimport nothing else of this package, so that its modul
 """
 
 # tf2_ros: the receiver, which inserts into an engine without the GIL, under a lock that a fork finds free.
-from tf2_py._core.clock cimport monotonic_ns
+from tf2_py._core.clock cimport monotonic_ns, system_ns
 from tf2_py._core.forking cimport FORK_INNER, FORK_OUTER, ForkedLock, fork_forget, fork_watch
 from tf2_py._core.lock cimport Lock, lock_free, lock_init, lock_write, unlock_write
+from tf2_py._core.names cimport (
+    NAME_NO_MEMORY,
+    Name,
+    Names,
+    name_strip,
+    names_free,
+    names_init,
+    names_intern,
+)
+from tf2_py._core.types cimport Incoming
 from tf2_py._engine.engine cimport Engine
 from tf2_py._objects.messages cimport name_utf8
 from tf2_py._wire.batch cimport Batch, batch_begin, batch_free, batch_read_cdr

@@ -18,6 +18,7 @@ from tf2_ros._hidden_node import hidden_node
 from tf2_ros._qos import dynamic_overrides, listener_qos, static_listener_qos, static_overrides
 from tf2_ros._receive.receiver_thread import ReceiverThread, can_receive
 from tf2_ros._receive.reception import ReceivedTopic, Reception
+from tf2_ros._receive.recording import Recording
 from tf2_ros._receive.subscriptions import ListenerGroup, wake_executor
 from tf2_ros._spinner import END_WAIT_S, Spinner
 from tf2_ros._tf2_names import (
@@ -119,6 +120,7 @@ class TransformListener:
     _receiver_thread: ReceiverThread | None = None
     _node_use: NodeUse | None = None
     _reception: Reception | None = None
+    _recording: Recording | None = None
     tf_sub: Subscription | None = None
     tf_static_sub: Subscription | None = None
 
@@ -284,7 +286,13 @@ class TransformListener:
         ]
         if subscriptions and can_receive() and isinstance(self.node, Node):
             self._receiver_thread = ReceiverThread(
-                self.node, AUTHORITY, self.group, subscriptions, _chooser(reference), _types_of(reference)
+                self.node,
+                AUTHORITY,
+                self.group,
+                subscriptions,
+                _chooser(reference),
+                _types_of(reference),
+                self._recording,
             )
             for topic in topics:
                 topic.count_taken(self._receiver_thread)

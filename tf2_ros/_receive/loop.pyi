@@ -2,6 +2,7 @@ from collections.abc import Callable, Sequence
 
 from tf2_py import BufferCore
 from tf2_ros._receive.arrival_waitable import ArrivalWaitable
+from tf2_ros._receive.recording import Recording
 
 class Receiver:
     def __new__(
@@ -10,6 +11,7 @@ class Receiver:
         authority: str,
         arrivals: ArrivalWaitable,
         hand_over: Callable[[list[Callable[[], None]]], bool],
+        recording: Recording | None = None,
     ) -> Receiver: ...
     def watch(self, types: Sequence[type]) -> None: ...
     def decide_again(self) -> None: ...

@@ -20,6 +20,7 @@ from tf2_py._internal cimport (
     lock_write,
     monotonic_ns,
     name_utf8,
+    system_ns,
     unlock_write,
 )
 from tf2_ros._receive.arrival_waitable cimport (
@@ -34,6 +35,7 @@ from tf2_ros._receive.rcl cimport (
     RCL_RET_OK,
     RCL_RET_SUBSCRIPTION_TAKE_FAILED,
     RCL_RET_TIMEOUT,
+    RMW_GID_STORAGE_SIZE,
     c_bool,
     message_free,
     message_init,
@@ -60,7 +62,9 @@ from tf2_ros._receive.rcl cimport (
     rcl_wait_set_fini,
     rcl_wait_set_init,
     rcl_wait_set_t,
+    rmw_message_info_t,
 )
+from tf2_ros._receive.recording cimport Recording, Records, records_add, records_add_malformed
 from tf2_ros._receive.type_watch cimport (
     TypeWatch,
     type_watch_begin,
@@ -115,6 +119,7 @@ cdef class Receiver:
     :param arrivals: counts the messages.
     :param hand_over: called with a list of callables that run user code: what a message completed. Where it
         returns true, the message is counted with these, and not in ``arrivals``.
+    :param recording: notes who sent each transform and when; or None.
     """
 
     cdef void* _engine          # NULL once it was destroyed; guarded by _engine_lock
@@ -137,9 +142,12 @@ cdef class Receiver:
     cdef TypeWatch _watch
     cdef rcl_clock_t* _clock    # of the buffer, or NULL
     cdef Journal _journal       # guarded by _engine_lock
+    cdef Recording _recording   # keeps _records
+    cdef Records* _records      # NULL: nothing is noted
+    cdef rmw_message_info_t _information    # about the message, where something is noted
 
     def __cinit__(self, Engine buffer not None, str authority not None, ArrivalWaitable arrivals not None,
-                  hand_over):
+                  hand_over, Recording recording=None):
         cdef Py_ssize_t size
         if lock_init(&self._engine_lock) != 0:
             raise MemoryError
@@ -158,6 +166,8 @@ cdef class Receiver:
         self._counts = &arrivals._counts
         self._hand_over = hand_over
         self._watched = []
+        self._recording = recording
+        self._records = NULL if recording is None else &recording._records
 
     def __dealloc__(self):
         fork_forget(&self._forked)
@@ -337,7 +347,10 @@ cdef class Receiver:
             if not type_watch_permits(&self._watch):
                 break
             result = rcl_take_serialized_message(
-                self._sources[index].subscription, &self._message, NULL, NULL
+                self._sources[index].subscription,
+                &self._message,
+                NULL if self._records == NULL else &self._information,
+                NULL,
             )
             if result != RCL_RET_OK:
                 break
@@ -358,6 +371,8 @@ cdef class Receiver:
             needs_report = not more
             if more:
                 self._keep_for_jump()
+            if self._records != NULL:
+                self._record(more)
         while more and self._engine != NULL:
             more = insert_some(self._engine, &self._batch)
             needs_report = self._batch.needs_report
@@ -370,15 +385,31 @@ cdef class Receiver:
         if not handed_over:
             arrivals_count(self._counts, self._sources[index].number)
 
+    cdef void _record(self, bint readable) noexcept nogil:
+        cdef int64_t received_ns = self._information.received_timestamp
+        if not readable:
+            records_add_malformed(self._records)
+            return
+        if not self._simulated_now(&received_ns) and received_ns <= 0:
+            received_ns = system_ns()
+        records_add(
+            self._records, &self._batch, received_ns,
+            self._information.publisher_gid.data, RMW_GID_STORAGE_SIZE,
+        )
+
+    cdef bint _simulated_now(self, int64_t* now_ns) noexcept nogil:
+        # Whether the buffer's time is simulated; it is set only then.
+        cdef c_bool simulated = False
+        if self._clock == NULL:
+            return False
+        if rcl_is_enabled_ros_time_override(self._clock, &simulated) != RCL_RET_OK or not simulated:
+            return False
+        return rcl_clock_get_now(self._clock, now_ns) == RCL_RET_OK
+
     cdef void _keep_for_jump(self) noexcept nogil:
         # Where time is simulated, a message of a restarted recording may arrive before the jump of the clock.
-        cdef c_bool simulated = False
         cdef int64_t now_ns
-        if self._batch.is_static or self._clock == NULL:
-            return
-        if rcl_is_enabled_ros_time_override(self._clock, &simulated) != RCL_RET_OK or not simulated:
-            return
-        if rcl_clock_get_now(self._clock, &now_ns) == RCL_RET_OK:
+        if not self._batch.is_static and self._simulated_now(&now_ns):
             journal_keep(&self._journal, now_ns, self._message.buffer, self._message.buffer_length)
 
     cdef void _release_memory(self) noexcept nogil:

@@ -6,6 +6,14 @@ from libc.stdint cimport int64_t, uint8_t
 cdef extern from "<stdbool.h>" nogil:
     ctypedef bint c_bool "bool"
 
+cdef extern from "rmw/types.h" nogil:
+    size_t RMW_GID_STORAGE_SIZE
+    ctypedef struct rmw_gid_t:
+        uint8_t* data                                   # truly an array of RMW_GID_STORAGE_SIZE
+    ctypedef struct rmw_message_info_t:
+        int64_t received_timestamp                      # ns since 1970; 0: the middleware does not tell
+        rmw_gid_t publisher_gid
+
 cdef extern from "rcl/rcl.h" nogil:
     ctypedef int rcl_ret_t
     rcl_ret_t RCL_RET_OK
@@ -62,7 +70,7 @@ cdef extern from "rcl/rcl.h" nogil:
     # The last two, information about the message and memory for it, may be NULL.
     rcl_ret_t rcl_take_serialized_message(
         const rcl_subscription_t* subscription, rcl_serialized_message_t* message,
-        void* information, void* allocation,
+        rmw_message_info_t* information, void* allocation,
     )
 
 cdef extern from "rcl/error_handling.h" nogil:

@@ -23,6 +23,7 @@ from tf2_ros._forking import keep_for_ever
 from tf2_ros._rclpy import enter_handle, handle_pointer
 from tf2_ros._receive.arrivals import Arrivals, Completion
 from tf2_ros._receive.callback_thread import callback_thread
+from tf2_ros._receive.recording import Recording
 from tf2_ros._receive.source import Source
 from tf2_ros._receive.subscriptions import ListenerGroup, ReceivedSubscription, wake_executor
 
@@ -90,6 +91,7 @@ class ReceiverThread:
         node nor buffer.
     :param types: the types whose attributes ``choose`` reads. For attributes of objects there is
         :meth:`decide_again`.
+    :param recording: notes who sent each transform and when; or None.
 
     The thread ends with :meth:`stop`, with the last of the subscriptions, with the context and with the
     interpreter; a forked child has none. It keeps alive neither the buffer nor the node, and runs no user
@@ -104,11 +106,13 @@ class ReceiverThread:
         subscriptions: Sequence[tuple[Subscription, bool]],
         choose: Callable[[Subscription, bool], BufferCore | None],
         types: Callable[[], Sequence[type]],
+        recording: Recording | None = None,
     ) -> None:
         self._node = weakref.ref(node)
         self._authority = authority
         self._choose = choose
         self._types = types
+        self._recording = recording
         self._context = node.context.handle
         self._guard = GuardCondition(None, None, node.context)
         self.arrivals = Arrivals(node, group, [subscription for subscription, _ in subscriptions])
@@ -239,7 +243,9 @@ class ReceiverThread:
             buffer = next((one for one in found if one is not None), None)
             if buffer is not None:
                 if not self.fills(buffer):
-                    self._receiver = Receiver(buffer, self._authority, self.arrivals, self.arrivals.hand_over)
+                    self._receiver = Receiver(
+                        buffer, self._authority, self.arrivals, self.arrivals.hand_over, self._recording
+                    )
                 # From here on a change is noticed, so what is found now remains true.
                 self._receiver.watch(self._types())
             chosen = [(source, self._chosen(source)) for source in self._sources]

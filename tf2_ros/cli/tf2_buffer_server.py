@@ -1,60 +1,45 @@
 """Owns the program that receives transforms and answers lookups of other processes."""
 
 import sys
+from argparse import Namespace
+from contextlib import suppress
 
-import rclpy
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.duration import Duration
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
+from tf2_ros._times import FOR_EVER
 from tf2_ros.buffer import Buffer
 from tf2_ros.buffer_server import BufferServer
+from tf2_ros.cli._node import spun_node
 from tf2_ros.transform_listener import TransformListener
+from tf2_ros_cython.cli._program import SUCCESS, UsageError, deferred_signals, wait_for_signal
+from tf2_ros_cython.cli.tf2_buffer_server import main
 
-__all__ = ["main"]
+__all__ = ["main", "serve"]
 
 DEFAULT_BUFFER_SIZE_S = 120.0
 
 
-def main(args: list[str] | None = None) -> int:
-    """
-    Serve until interrupted.
-
-    :param args: of the command line, with its program name. None: those of the process.
-    :return: the exit status.
-    """
-    rclpy.init(args=args)
-    try:
-        node = rclpy.create_node("tf_buffer")
-        buffer_size_s = _buffer_size_s(node)
-        if not buffer_size_s >= 0.0:
-            print(f"buffer_size must not be negative, it is {buffer_size_s} s", file=sys.stderr)
-            return 1
-        buffer = Buffer(Duration(seconds=buffer_size_s), node)
+def serve(options: Namespace) -> int:
+    """Serve until interrupted; return the exit status."""
+    with suppress(KeyboardInterrupt), spun_node("tf_buffer", options) as node, deferred_signals():
+        buffer = Buffer(_buffer_size(node), node)
         with TransformListener(buffer, node):
             server = BufferServer(buffer, node, "tf2_buffer_server")
-            _spin(node)
+            wait_for_signal()
             server.destroy()
-        node.destroy_node()
-        return 0
-    finally:
-        rclpy.try_shutdown()
+    return SUCCESS
 
 
-def _buffer_size_s(node: Node) -> float:
+def _buffer_size(node: Node) -> Duration:
     description = ParameterDescriptor(
         description="how far each frame's history reaches back, in seconds", read_only=True
     )
     size: float = node.declare_parameter("buffer_size", DEFAULT_BUFFER_SIZE_S, description).value
-    return size
-
-
-def _spin(node: Node) -> None:
-    try:
-        rclpy.spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        return  # that is how it ends
+    if not size >= 0.0:
+        raise UsageError(f"buffer_size must not be negative, it is {size} s")
+    return FOR_EVER if size >= FOR_EVER.nanoseconds * 1e-9 else Duration(seconds=size)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,277 @@
+"""The manners that all programs share."""
+
+import ctypes
+import math
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from argparse import ArgumentTypeError
+
+import pexpect
+import pytest
+from processes import DEADLINE_S, ended, running, until
+from sources import ROOT
+
+from tf2_ros_cython.cli._numbers import (
+    finite_number,
+    is_negative_number,
+    non_negative_number,
+    number,
+    positive_number,
+)
+from tf2_ros_cython.cli._program import Parser
+
+pytestmark = pytest.mark.ours
+
+PROGRAMS = sorted(path.stem for path in (ROOT / "tf2_ros_cython" / "cli").glob("[!_]*.py"))
+every_program = pytest.mark.parametrize("name", PROGRAMS)
+
+# What strtod takes, and what it takes a part of.
+NUMBERS = """0 1 1. .5 1.5 1e3 1E3 1e+3 1e-3 1e-05 1.e5 .5e1 007 0x1p3 0X1P3 0x1p-3 0x1.8p1 0x.8 0x1f 0x1.
+0x1p5000 0x1p-5000 1e999 1e-999 4.9e-324 0.1 123456789012345678901234567890 inf INF Inf infinity INFINITY nan
+NAN nan() nan(12) nan(0x1f) nan(a_b)""".split()
+NO_NUMBERS = """- + -- . e5 .e5 1e 1e+ 0x 0x. 0xp1 0x1p 0xg 1_000 1,5 1.5.5 infi in na nan( nan(-) nanx 1x 1f
+--1 +-1 x --x ١""".split()
+
+COLOUR = re.compile(r"\x1b\[\d*m")
+
+libc = ctypes.CDLL(None)
+libc.strtod.restype = ctypes.c_double
+libc.strtod.argtypes = [ctypes.c_char_p, ctypes.POINTER(ctypes.c_char_p)]
+
+
+def strtod(text):
+    """C's value of the whole text; None where it takes only a part."""
+    start = ctypes.c_char_p(text.encode())
+    end = ctypes.c_char_p()
+    value = libc.strtod(start, ctypes.byref(end))
+    return None if end.value or not text else value
+
+
+def same(one, other):
+    if math.isnan(one) or math.isnan(other):
+        return math.isnan(one) and math.isnan(other)
+    return one == other and math.copysign(1, one) == math.copysign(1, other)
+
+
+class TestNumbers:
+    @pytest.mark.parametrize("text", [sign + text for text in NUMBERS for sign in ("", "+", "-", " -")])
+    def test_they_are_those_of_strtod(self, text):
+        assert same(number(text), strtod(text))
+
+    @pytest.mark.parametrize("text", NO_NUMBERS)
+    def test_what_strtod_does_not_take_is_none(self, text):
+        assert strtod(text) is None
+        with pytest.raises(ArgumentTypeError, match="is not a number"):
+            number(text)
+
+    @pytest.mark.parametrize("text", [f"-{text}" for text in NUMBERS])
+    def test_a_negative_one_is_a_value_in_every_place(self, text):
+        parser = Parser("any", "", "")
+        parser.add_argument("first", type=number)
+        parser.add_argument("second", nargs="?", type=number)
+        parser.add_argument("--x", type=number)
+        for line in ([text, text, "--x", text], ["--x", text, text, text], [text, "--x=" + text, text]):
+            read = parser.read(["any", *line])
+            assert all(same(value, strtod(text)) for value in (read.first, read.second, read.x))
+
+    def test_options_stay_options(self):
+        assert not any(map(is_negative_number, ["-h", "-", "--", "--x", "-n", "-i", "-e5", "x-1", "1"]))
+
+    @pytest.mark.parametrize(
+        ("kind", "text", "said"),
+        [
+            (finite_number, "-inf", "must be finite, not -inf"),
+            (finite_number, "nan", "must be finite, not nan"),
+            (positive_number, "0", "must be above 0, not 0"),
+            (positive_number, "-1e-05", "must be above 0, not -1e-05"),
+            (non_negative_number, "-.5", "must not be negative, it is -.5"),
+        ],
+    )
+    def test_what_is_out_of_range_is_told(self, kind, text, said):
+        with pytest.raises(ArgumentTypeError, match=said):
+            kind(text)
+
+    def test_what_is_in_range_is_taken(self):
+        assert (finite_number("-2"), positive_number("2"), non_negative_number("0")) == (-2.0, 2.0, 0.0)
+
+
+DEFERS = """
+import os, signal
+from tf2_ros_cython.cli._program import deferred_signals, interruptible, sleep
+
+def work(options):
+    with deferred_signals():
+        os.kill(os.getpid(), signal.SIGTERM)
+        print("set up")
+        try:
+            with interruptible():
+                print("interrupted too late")
+        finally:
+            sleep(0.0)
+            print("cleaned up")
+"""
+
+HANGS = """
+import os, signal, threading
+from tf2_ros_cython.cli import _program
+
+def work(options):
+    _program.FAREWELL_S = -1.0
+    with _program.deferred_signals():
+        os.kill(os.getpid(), signal.SIGINT)
+        print("set up")
+        os.kill(os.getpid(), signal.SIGINT)
+        threading.Event().wait()
+"""
+
+
+class TestSignals:
+    @pytest.mark.parametrize(
+        ("work", "status", "printed"),
+        [(DEFERS, 128 + signal.SIGTERM, "set up\ncleaned up\n"), (HANGS, -signal.SIGINT, "set up\n")],
+        ids=["one waits until it may interrupt", "a second one ends what hangs"],
+    )
+    def test_while_it_is_set_up(self, tmp_path, work, status, printed):
+        (tmp_path / "its_work.py").write_text(work)
+        code = (
+            f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
+            "from tf2_ros_cython.cli._program import Parser, run\n"
+            "sys.exit(run(Parser('any', '', ''), 'its_work:work', ['any']))"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code], text=True, capture_output=True, timeout=DEADLINE_S
+        )
+        assert (done.returncode, done.stdout, done.stderr) == (status, printed, "")
+
+
+@every_program
+class TestEveryProgram:
+    def test_help_has_an_example_of_itself(self, name):
+        for option in ("-h", "--help"):
+            status, out, err = ended(name, option)
+            assert (status, err) == (0, "")
+            assert out.startswith(f"usage: {name} ")
+            assert f"\nexample:\n  {name} " in out
+            assert "--ros-args" in out
+            assert max(map(len, out.splitlines())) <= 110
+
+    def test_help_imports_no_ros(self, name):
+        code = (
+            f"import sys; from tf2_ros_cython.cli.{name} import main\n"
+            "try: main([sys.argv[0], '-h'])\n"
+            "finally: print({'rclpy', 'numpy', 'tf2_ros', 'rich'} & {*sys.modules}, file=sys.stderr)"
+        )
+        done = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True, check=True)
+        assert done.stderr == "set()\n"
+
+    def test_an_unknown_option_is_one_line_and_status_2(self, name):
+        status, out, err = ended(name, "--no-such-option")
+        assert (status, out) == (2, "")
+        assert err.startswith(f"{name}: ") and err.endswith(f"(see {name} --help)\n")
+        assert err.count("\n") == 1
+
+    @pytest.mark.parametrize("given", [["--no-such-option"], ["-p", "x"], ["-r", "__node:=a-b"]])
+    def test_wrong_arguments_for_ros_are_one_line_and_status_2(self, name, given):
+        status, out, err = ended(name, "--ros-args", *given)
+        assert (status, out) == (2, "")
+        assert err.startswith(f"{name}: --ros-args: ")
+        assert err.count("\n") == 1
+
+    def test_a_reader_who_leaves_ends_it_without_a_word(self, name):
+        reading, writing = os.pipe()
+        os.close(reading)
+        try:
+            status, _, err = ended(name, "-h", stdout=writing)
+        finally:
+            os.close(writing)
+        assert (status, err) == (0, "") or (status, err) == (141, "")
+
+    def test_a_shell_gets_its_options(self, name, tmp_path):
+        # As argcomplete's own function for bash asks.
+        pytest.importorskip("argcomplete")
+        line = f"{name} --hel"
+        asked = {
+            "_ARGCOMPLETE": "1",
+            "_ARGCOMPLETE_IFS": "\n",
+            "COMP_LINE": line,
+            "COMP_POINT": str(len(line)),
+            "_ARGCOMPLETE_STDOUT_FILENAME": str(tmp_path / "answer"),
+        }
+        code = f"from tf2_ros_cython.cli.{name} import main; main()"
+        done = subprocess.run(
+            [sys.executable, "-c", code], env={**os.environ, **asked}, timeout=DEADLINE_S, capture_output=True
+        )
+        assert done.stdout == b""
+        assert (tmp_path / "answer").read_text().strip() == "--help"
+
+    def test_the_shell_finds_that_it_completes(self, name):
+        # argcomplete looks for this in the first 1024 bytes.
+        source = (ROOT / "tf2_ros_cython" / "cli" / f"{name}.py").read_text(encoding="utf-8")
+        assert "PYTHON_ARGCOMPLETE_OK" in source[:1024]
+
+    def test_where_tf2_ros_is_another_ones_it_says_so_in_one_line(self, name, tmp_path):
+        (tmp_path / "tf2_ros.py").touch()
+        code = (
+            f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from tf2_ros_cython.cli.{name} import main\n"
+            f"sys.exit(main({[name, *VALID.get(name, [])]}))"
+        )
+        done = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True)
+        assert (done.returncode, done.stdout) == (1, "")
+        assert done.stderr.startswith(f"{name}: No module named 'tf2_ros.cli'")
+        assert done.stderr.endswith("; tf2_which tells which tf2_ros is imported\n")
+        assert done.stderr.count("\n") == 1
+
+    @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+    def test_a_signal_while_it_still_imports_leaves_no_trace(self, name, how, tmp_path):
+        (tmp_path / "tf2_ros.py").write_text("import time; print('importing'); time.sleep(100)\n")
+        code = (
+            f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from tf2_ros_cython.cli.{name} import main\n"
+            f"sys.exit(main({[name, *VALID.get(name, [])]}))"
+        )
+        with subprocess.Popen(
+            [sys.executable, "-c", code], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        ) as process:
+            assert process.stdout.readline() == "importing\n"
+            process.send_signal(how)
+            _, err = process.communicate(timeout=DEADLINE_S)
+        assert (process.returncode, err) == (128 + how, "")
+
+    def test_control_c_in_a_terminal_leaves_no_trace(self, name, node):
+        command = ["-m", f"tf2_ros.cli.{name}", *VALID.get(name, []), "--ros-args", "-r", "__node:=ended"]
+        with pexpect.spawn(sys.executable, command, timeout=DEADLINE_S, encoding="utf-8") as terminal:
+            until(lambda: "ended" in node.get_node_names())
+            begin = time.monotonic()
+            terminal.sendintr()
+            terminal.expect(pexpect.EOF)
+            took_s = time.monotonic() - begin
+            terminal.wait()
+        assert terminal.exitstatus == ENDS_WITH.get(name, 0)
+        printed = COLOUR.sub("", terminal.before)
+        assert "Traceback" not in printed
+        assert name in DRAW or re.fullmatch(r"(\[INFO\] .*\r\n(\w.*\r\n)*)*\^C", printed), printed
+        # A tenth of that on a machine that does nothing else.
+        assert took_s < 5.0
+        until(lambda: "ended" not in node.get_node_names())
+
+    def test_a_control_c_that_comes_twice_is_one(self, name, node):
+        with running(name, *VALID.get(name, []), "--ros-args", "-r", "__node:=ended") as process:
+            until(lambda: "ended" in node.get_node_names())
+            process.send_signal(signal.SIGINT)
+            process.send_signal(signal.SIGINT)
+            process.send_signal(signal.SIGTERM)
+            _, err = process.communicate(timeout=DEADLINE_S)
+        assert process.returncode in (ENDS_WITH.get(name, 0), 128 + signal.SIGTERM)
+        assert "Traceback" not in err
+
+
+# A command line of each program that needs arguments, and the status of one that Ctrl-C ends.
+VALID = {
+    "static_transform_publisher": ["--frame-id", "map", "--child-frame-id", "robot"],
+    "tf2_echo": ["map", "robot"],
+}
+DRAW = {"tf2_monitor"}
+ENDS_WITH = {"tf2_check": 130, "tf2_echo": 130}

@@ -1,0 +1,474 @@
+"""What is computed of received transforms: figures, chains, findings. Without a node."""
+
+import math
+import random
+import statistics
+
+import numpy as np
+import pytest
+
+from tf2_ros._receive.recording import RECORD
+from tf2_ros._traffic import expectations
+from tf2_ros._traffic.chains import NetDelay, chain_between, newest_streams
+from tf2_ros._traffic.expectations import Expectation
+from tf2_ros._traffic.findings import KINDS, Limits, find
+from tf2_ros._traffic.settling import Settling
+from tf2_ros._traffic.streams import Streams
+
+pytestmark = pytest.mark.ours
+
+S = 1_000_000_000
+START_NS = 1_795_000_000 * S
+FRAMES = ["map", "odom", "base", "camera", "lidar", "world"]
+DEFAULTS, NOTHING = Limits(), {}
+PUBLISHERS = ["/localiser", "/odometry", "/other"]
+
+
+def at(seconds):
+    return START_NS + round(seconds * S)
+
+
+def heard(received, child, parent="map", publisher="/odometry", delay=0.01, static=False):
+    """One record; times in seconds, `received` from the start."""
+    return (
+        at(received),
+        at(received - delay),
+        FRAMES.index(child),
+        FRAMES.index(parent),
+        PUBLISHERS.index(publisher),
+        static,
+    )
+
+
+def steady(child, parent="map", rate=50, start=0.0, end=4.0, **how):
+    times = np.arange(round((end - start) * rate)) / rate + start
+    return [heard(time, child, parent, **how) for time in times]
+
+
+def records(*lists):
+    return np.array(sorted(one for some in lists for one in some), RECORD)
+
+
+def streams_of(*lists, now=4.0, window=None, pieces=1):
+    streams = Streams(window)
+    for piece in np.array_split(records(*lists), pieces):
+        streams.add(piece)
+    return streams.report(at(now), FRAMES, PUBLISHERS)
+
+
+def found(*lists, limits=DEFAULTS, expected=NOTHING, alive=None, **how):
+    return find(streams_of(*lists, **how), limits, expected, alive)
+
+
+def kinds(findings):
+    return sorted({(one.kind, one.frame) for one in findings})
+
+
+ROBOT = (
+    steady("odom", "map", 20, publisher="/localiser"),
+    steady("base", "odom"),
+    [heard(0, "camera", "base", static=True), heard(0, "lidar", "base", static=True)],
+)
+
+
+class TestFigures:
+    def test_of_a_steady_frame(self):
+        [one] = streams_of(steady("odom", rate=20, delay=0.25))
+        assert (one.frame, one.parent, one.publisher, one.static) == ("odom", "map", "/odometry", False)
+        assert one.count == 80
+        assert one.rate == pytest.approx(20)
+        assert one.period == pytest.approx(0.05)
+        assert (one.delay, one.delay_max, one.delay_min) == pytest.approx((0.25, 0.25, 0.25))
+        assert one.jitter == pytest.approx(0, abs=1e-6)
+        assert one.silence == one.stalled == pytest.approx(0.05)
+        assert one.first == pytest.approx(4)
+        assert one.gap == pytest.approx(0.05)
+
+    @pytest.mark.parametrize("pieces", [1, 2, 7, 100])
+    def test_do_not_depend_on_the_pieces_in_which_records_come(self, pieces):
+        generator = random.Random(4)
+        delays = [generator.expovariate(20) for _ in range(100)]
+        times = sorted(generator.uniform(0, 3) for _ in range(100))
+        mine = [heard(time, "base", delay=delay) for time, delay in zip(times, delays, strict=True)]
+        [one] = streams_of(mine, pieces=pieces)
+        assert one.count == 100
+        assert one.rate == pytest.approx(99 / (times[-1] - times[0]))
+        assert one.delay == pytest.approx(statistics.fmean(delays), abs=1e-6)
+        assert one.jitter == pytest.approx(statistics.pstdev(delays), abs=1e-6)
+        assert (one.delay_min, one.delay_max) == pytest.approx((min(delays), max(delays)), abs=1e-6)
+        intervals = np.diff(times)
+        assert one.gap == pytest.approx(intervals.max(), abs=1e-6)
+        assert one.period == pytest.approx((intervals.sum() - intervals.max()) / 98, abs=1e-6)
+        stamps = [time - delay for time, delay in zip(times, delays, strict=True)]
+        assert one.stalled == pytest.approx(4 - times[stamps.index(max(stamps))], abs=1e-6)
+
+    def test_jitter_survives_a_delay_of_decades(self):
+        """Whose stamps are zero."""
+        mine = [heard(i / 50, "base", delay=START_NS / S + (0.001 if i % 2 else -0.001)) for i in range(50)]
+        [one] = streams_of(mine)
+        assert one.jitter == pytest.approx(0.001, rel=1e-3)
+
+    def test_of_a_single_transform_there_is_no_rate(self):
+        [one] = streams_of([heard(1, "base")])
+        assert (one.count, one.rate, one.period, one.gap, one.jitter) == (1, None, None, 0, 0)
+        assert one.silence == pytest.approx(3)
+
+    def test_of_static_transforms_there_is_no_delay(self):
+        [one] = streams_of([heard(1, "base", static=True)])
+        assert one.static
+        assert one.delay is one.delay_max is one.delay_min is one.jitter is None
+
+    def test_are_those_of_the_window(self):
+        mine = (steady("base", rate=10, end=20), steady("base", rate=50, start=20, end=30, delay=0.2))
+        [one] = streams_of(*mine, now=30, window=5, pieces=30)
+        assert one.rate == pytest.approx(50)
+        assert one.delay == pytest.approx(0.2)
+        assert 4.9 < one.first < 6.1  # the pieces are of a second
+
+    def test_of_a_slow_frame_the_period_is_known_beyond_the_window(self):
+        [one] = streams_of(steady("base", rate=0.1, end=60), now=59, window=5, pieces=60)
+        assert (one.count, one.rate) == (0, None)
+        assert one.period == pytest.approx(10)
+        assert one.silence == pytest.approx(9)
+
+    def test_a_frame_may_appear_at_any_time(self):
+        mine = steady("base", end=4), steady("odom", start=2, end=4), [heard(3, "camera", static=True)]
+        reported = streams_of(*mine, window=3.5, pieces=40)
+        assert [one.frame for one in reported] == ["base", "camera", "odom"]
+        assert all(one.rate == pytest.approx(50) for one in reported if not one.static)
+
+    def test_of_no_records_there_are_none(self):
+        assert streams_of() == []
+
+    def test_after_a_jump_of_the_clock_only_static_ones_remain(self):
+        streams = Streams()
+        streams.add(records([*steady("base", start=100, end=104), heard(100, "camera", "base", static=True)]))
+        streams.add(records(steady("odom", end=2)))
+        assert [one.frame for one in streams.report(at(2), FRAMES, PUBLISHERS)] == ["camera", "odom"]
+
+    def test_a_jump_may_be_between_two_records(self):
+        mine = np.array(
+            [
+                heard(100, "camera", "base", static=True),
+                heard(100, "base"),
+                heard(2, "odom"),
+                heard(2.1, "odom"),
+            ],
+            RECORD,
+        )
+        streams = Streams()
+        streams.add(mine)
+        reported = streams.report(at(2.2), FRAMES, PUBLISHERS)
+        assert [(one.frame, one.count) for one in reported] == [("camera", 1), ("odom", 2)]
+
+    def test_records_that_overtook_each_other_are_no_jump(self):
+        mine = np.array([heard(1, "base"), heard(0.9, "base"), heard(1.1, "base")], RECORD)
+        streams = Streams()
+        streams.add(mine)
+        [one] = streams.report(at(2), FRAMES, PUBLISHERS)
+        assert one.count == 3
+
+    def test_the_records_stay_as_they_are(self):
+        mine = records(*ROBOT)
+        before = mine.copy()
+        streams = Streams(1.0)
+        streams.add(mine)
+        streams.report(at(4), FRAMES, PUBLISHERS)
+        assert (mine == before).all()
+
+
+class TestChains:
+    NEWEST = newest_streams(streams_of(*ROBOT))
+
+    def test_lead_over_the_common_ancestor(self):
+        assert chain_between(self.NEWEST, "camera", "lidar") == ["camera", "base", "lidar"]
+        assert chain_between(self.NEWEST, "map", "camera") == ["map", "odom", "base", "camera"]
+        assert chain_between(self.NEWEST, "camera", "map") == ["camera", "base", "odom", "map"]
+        assert chain_between(self.NEWEST, "odom", "odom") == ["odom"]
+
+    def test_of_unconnected_frames_there_is_none(self):
+        assert chain_between(self.NEWEST, "camera", "world") is None
+
+    def test_in_a_loop_they_end(self):
+        newest = newest_streams(streams_of(steady("odom", "base"), steady("base", "odom")))
+        assert chain_between(newest, "odom", "map") is None
+        assert chain_between(newest, "odom", "base") == ["odom", "base"]
+
+    def test_the_parent_is_the_one_that_was_heard_last(self):
+        newest = newest_streams(streams_of(steady("base", "odom", end=2), steady("base", "map", start=1)))
+        assert newest["base"].parent == "map"
+
+
+class TestNetDelay:
+    CHILDREN = [FRAMES.index(name) for name in ("odom", "base")]
+
+    @staticmethod
+    def expected(mine, children, until):
+        """Mean and maximum, by steps of a tenth of a millisecond."""
+        ages, newest, i = [], {}, 0
+        begin = None
+        for step in range(round(until * 10_000)):
+            now = at(step / 10_000)
+            while i < len(mine) and mine[i]["received_ns"] <= now:
+                child = int(mine[i]["child"])
+                if child in children:
+                    newest[child] = max(newest.get(child, -math.inf), mine[i]["stamp_ns"])
+                i += 1
+            if len(newest) == len(children):
+                begin = now if begin is None else begin
+                ages.append((now - min(newest.values())) / S)
+        return statistics.fmean(ages), max(ages)
+
+    @pytest.mark.parametrize("pieces", [1, 13])
+    def test_is_the_age_of_the_newest_common_time_over_all_times(self, pieces):
+        generator = random.Random(2)
+        mine = records(
+            [
+                heard(generator.uniform(0, 2), child, "map", delay=generator.uniform(0, 0.1))
+                for child in ("odom", "base", "camera")
+                for _ in range(40)
+            ]
+        )
+        net = NetDelay(self.CHILDREN)
+        for piece in np.array_split(mine, pieces):
+            net.add(piece)
+        assert net.report(at(2.05)) == pytest.approx(self.expected(mine, self.CHILDREN, 2.05), abs=5e-4)
+
+    def test_needs_every_frame_of_the_chain(self):
+        net = NetDelay(self.CHILDREN)
+        net.add(records(steady("odom")))
+        assert net.report(at(4)) is None
+
+    def test_of_a_static_chain_is_unknown(self):
+        net = NetDelay([])
+        net.add(records(*ROBOT))
+        assert net.report(at(4)) is None
+
+    def test_is_that_of_the_window(self):
+        net = NetDelay([FRAMES.index("odom")], window_s=2.0)
+        net.add(records(steady("odom", rate=100, end=2, delay=1.0)))
+        net.add(records(steady("odom", rate=100, start=2, end=6, delay=0.1)))
+        mean, most = net.report(at(6))
+        assert 0.1 < mean < 0.5
+        net.report(at(9))
+        assert net.report(at(9)) == pytest.approx((0.1 + 3.01 / 2, 0.1 + 3.01), abs=0.01)
+
+    def test_grows_while_nothing_arrives(self):
+        net = NetDelay([FRAMES.index("odom")])
+        net.add(records([heard(0, "odom", delay=0.5)]))
+        assert net.report(at(3)) == pytest.approx((2, 3.5))
+
+
+class TestFindings:
+    def test_a_healthy_robot_has_none(self):
+        assert found(*ROBOT) == []
+        assert found(*ROBOT, window=2, pieces=40) == []
+
+    def test_silence(self):
+        assert kinds(found()) == [("nothing", "")]
+
+    def test_two_trees(self):
+        robot, other = ROBOT[:2], [heard(1, "lidar", "world", static=True)]
+        [one] = found(*robot, other)
+        assert one.text == "2 unconnected trees: map (3 frames), world (2 frames)"
+        assert (one.kind, one.numbers) == ("roots", {"roots": ["map", "world"]})
+
+    def test_a_loop(self):
+        mine = steady("odom", "base"), steady("base", "odom"), steady("camera", "base")
+        [one] = found(*mine)
+        assert (one.kind, one.text) == ("loop", "loop: base -> odom -> base")
+
+    def test_a_frame_below_itself(self):
+        assert kinds(found(steady("odom", "odom"))) == [("loop", "odom")]
+
+    def test_two_parents_in_turn(self):
+        mine = steady("base", "odom"), steady("base", "map", start=0.01)
+        [one] = found(*ROBOT[:1], *mine)
+        assert (one.kind, one.frame) == ("parents", "base")
+        assert one.text == "base has 2 parents in turn: map, odom"
+
+    def test_another_parent_from_some_time_on_is_none(self):
+        assert found(*ROBOT[:1], steady("base", "odom", end=2), steady("base", "map", start=2)) == []
+
+    def test_two_publishers(self):
+        mine = steady("base", "odom", publisher="/other", start=0.005)
+        [one] = found(*ROBOT, mine)
+        assert (one.kind, one.frame) == ("publishers", "base")
+        assert one.text == "base is published by 2 publishers: /odometry, /other"
+
+    def test_a_restarted_publisher_is_one(self):
+        mine = steady("base", end=2), steady("base", start=2.5, publisher="/other", end=4)
+        assert found(*mine) == []
+
+    def test_two_publishers_of_a_static_frame(self):
+        again = [heard(1, "camera", "base", publisher="/other", static=True)]
+        assert kinds(found(*ROBOT, again)) == [("publishers", "camera")]
+        # Unless one of them has ended.
+        assert found(*ROBOT, again, alive={0, 2}) == []
+
+    def test_a_static_frame_that_is_sent_again_is_healthy(self):
+        again = [heard(time, "camera", "base", static=True) for time in (1, 2, 3)]
+        assert found(*ROBOT, again) == []
+
+    def test_a_static_frame_that_its_publisher_moves_is_healthy(self):
+        assert found(*ROBOT, [heard(1, "camera", "odom", static=True)]) == []
+
+    def test_a_frame_both_static_and_dynamic(self):
+        assert kinds(found(*ROBOT, steady("camera", "base"))) == [("mixed", "camera")]
+
+    def test_a_frame_that_is_no_longer_published(self):
+        [one] = found(steady("odom", end=2))
+        assert one.kind == "stale"
+        assert one.numbers["silence"] == pytest.approx(2.02)
+        assert found(steady("odom", end=3.2)) == []
+
+    def test_a_slow_frame_is_not_stale_within_ten_periods(self):
+        assert found(steady("odom", rate=1, end=20), now=29) == []
+        assert kinds(found(steady("odom", rate=1, end=20), now=30)) == [("stale", "odom")]
+
+    def test_a_stamp_that_stands_still(self):
+        mine = [heard(time, "odom", delay=time) for time in np.arange(200) / 50]
+        assert kinds(found(mine)) == [("stale", "odom")]
+
+    def test_a_single_transform_is_not_stale(self):
+        assert found([heard(0, "odom")], now=1000) == []
+
+    def test_static_frames_are_never_stale(self):
+        again = [heard(time, "camera", static=True) for time in (0, 0.01, 0.02)]
+        assert found(again, now=1000) == []
+
+    def test_stamps_in_the_future(self):
+        [one] = found(steady("odom", delay=-0.5))
+        assert one.kind == "future"
+        assert one.numbers["ahead"] == pytest.approx(0.5)
+        assert found(steady("odom", delay=-0.05)) == []
+        assert found(steady("odom", delay=-0.5), expected={"odom": Expectation(max_future=1.0)}) == []
+
+    def test_a_gap(self):
+        [one] = found(steady("odom", end=1), steady("odom", start=2))
+        assert one.kind == "gap"
+        assert one.numbers["gap"] == pytest.approx(1.02)
+
+    def test_a_burst_has_no_gaps(self):
+        """As where simulated time stands still between messages of /clock."""
+        mine = [heard(0.1 * (i // 5), "odom") for i in range(200)]
+        assert found(mine) == []
+
+    def test_few_transforms_have_no_gaps(self):
+        assert found([heard(time, "odom") for time in (0, 0.01, 3, 3.01)]) == []
+
+    def test_a_rate_that_is_too_low(self):
+        [one] = found(steady("odom", rate=10), limits=Limits(min_rate=20))
+        assert one.kind == "rate"
+        assert one.numbers == {"rate": pytest.approx(10), "min_rate": 20}
+        assert found(steady("odom", rate=20), limits=Limits(min_rate=20)) == []
+        assert found(*ROBOT, limits=Limits(min_rate=19)) == []
+
+    def test_the_rate_of_a_frame_that_has_ended_falls(self):
+        mine = steady("odom", rate=100, end=3.2)
+        assert kinds(found(mine, limits=Limits(min_rate=90))) == [("rate", "odom")]
+
+    def test_the_rate_of_a_frame_that_came_a_moment_ago_is_unknown(self):
+        limits = Limits(min_rate=20)
+        assert found([heard(3.95, "odom")], limits=limits) == []
+        assert kinds(found([heard(3, "odom")], limits=limits)) == [("rate", "odom")]
+
+    @pytest.mark.parametrize(
+        ("expected", "kind"),
+        [
+            (Expectation(parent="odom"), None),
+            (Expectation(parent="map"), "parent"),
+            (Expectation(min_rate=40), None),
+            (Expectation(min_rate=60), "rate"),
+            (Expectation(max_delay=0.02), None),
+            (Expectation(max_delay=0.005), "delay"),
+            (Expectation(static=False), None),
+            (Expectation(static=True), "static"),
+        ],
+    )
+    def test_what_differs_from_what_is_expected(self, expected, kind):
+        wanted = [] if kind is None else [(kind, "base")]
+        assert kinds(found(*ROBOT, expected={"base": expected})) == wanted
+
+    def test_a_frame_that_is_missing(self):
+        assert kinds(found(*ROBOT, expected={"world": Expectation()})) == [("missing", "world")]
+
+    def test_an_expected_rate_goes_before_the_common_one(self):
+        expected = {"odom": Expectation(min_rate=10)}
+        assert found(*ROBOT, limits=Limits(min_rate=40), expected=expected) == []
+
+    def test_are_told_in_one_order(self):
+        mine = (
+            steady("base", delay=-1),
+            steady("base", "odom", delay=-1, start=0.01),
+            steady("lidar", "world"),
+        )
+        told = [one.kind for one in found(*mine)]
+        assert told == ["roots", "parents", "future", "future"]
+        assert told == sorted(told, key=list(KINDS).index)
+
+
+class TestSettling:
+    def test_of_the_first_half_second_of_a_publisher_only_the_last_ones_stay(self):
+        settling = Settling()
+        late = [heard(1, child, delay=0.3) for child in ("base", "odom") for _ in range(20)]
+        mine = records(late, steady("base", start=1.02, end=2), [heard(1, "camera", static=True)])
+        kept = settling.thinned(mine)
+        odom, camera = (kept[kept["child"] == FRAMES.index(name)] for name in ("odom", "camera"))
+        assert (len(odom), len(camera)) == (1, 1)
+        base = kept[kept["child"] == FRAMES.index("base")]
+        assert (base["received_ns"] - base["stamp_ns"]).max() < 0.02 * S
+        assert base["received_ns"].min() >= at(1.48)
+        assert np.count_nonzero(base["received_ns"] >= at(1.5)) == np.count_nonzero(
+            mine["received_ns"] >= at(1.5)
+        )
+
+    def test_each_publisher_has_its_own(self):
+        settling = Settling()
+        settling.thinned(records(steady("base")))
+        both = records(steady("base", start=4, end=5), steady("odom", publisher="/other", start=4, end=5))
+        kept = settling.thinned(both)
+        assert np.count_nonzero(kept["child"] == FRAMES.index("base")) == 50
+        assert np.count_nonzero(kept["child"] == FRAMES.index("odom")) == 26
+
+    def test_of_nothing_nothing_is_left(self):
+        assert len(Settling().thinned(records())) == 0
+
+
+class TestExpectations:
+    def test_are_read_from_a_file(self, tmp_path):
+        path = tmp_path / "robot.yaml"
+        path.write_text(
+            "frames:\n"
+            "  /base: {parent: odom, min_rate: 20, max_delay: 0.1, static: false}\n"
+            "  odom: {max_future: 1}\n"
+            "  camera:\n",
+            encoding="utf-8",
+        )
+        assert expectations.read(str(path)) == {
+            "base": Expectation("odom", False, 20, 0.1),
+            "odom": Expectation(max_future=1),
+            "camera": Expectation(),
+        }
+
+    @pytest.mark.parametrize(
+        ("text", "said"),
+        [
+            ("", "one key, frames"),
+            ("frame: {}", "one key, frames"),
+            ("frames: [base]", "the names of frames"),
+            ("frames: {1: {}}", "1 is not a frame's name"),
+            ("frames: {base: odom}", "base: what is expected must be"),
+            ("frames: {base: {rate: 3}}", "base: rate is none of parent, static"),
+            ("frames: {base: {min_rate: fast}}", "base: min_rate must be a number, not 'fast'"),
+            ("frames: {base: {min_rate: true}}", "base: min_rate must be a number"),
+            ("frames: {base: {static: 1}}", "base: static must be true or false"),
+            ("frames: {base: {parent: 1}}", "base: parent must be a name"),
+            ("frames: {", "while parsing"),
+        ],
+    )
+    def test_what_is_not_understood_is_told(self, text, said, tmp_path):
+        path = tmp_path / "robot.yaml"
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(ValueError, match=said):
+            expectations.read(str(path))

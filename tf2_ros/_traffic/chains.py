@@ -1,0 +1,113 @@
+"""Owns what lies between two frames: the chain, and how old the newest transform along it is."""
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tf2_ros._traffic.streams import Stream
+
+__all__ = ["NetDelay", "chain_between", "newest_streams", "path_to_root"]
+
+S = 1_000_000_000
+EVENTS_AT_ONCE = 4096
+NOTHING = np.iinfo(np.int64).min
+
+
+def newest_streams(streams: Iterable[Stream]) -> dict[str, Stream]:
+    """Of each frame the stream that was heard last, which is what a buffer answers with."""
+    newest: dict[str, Stream] = {}
+    for stream in streams:
+        known = newest.get(stream.frame)
+        if known is None or stream.silence < known.silence:
+            newest[stream.frame] = stream
+    return newest
+
+
+def path_to_root(newest: dict[str, Stream], frame: str) -> list[str]:
+    """A frame and its ancestors; in a loop, up to the frame before the first one that comes again."""
+    path = {frame: None}
+    while frame in newest and newest[frame].parent not in path:
+        frame = newest[frame].parent
+        path[frame] = None
+    return list(path)
+
+
+def chain_between(newest: dict[str, Stream], a: str, b: str) -> list[str] | None:
+    """The frames from ``a`` to ``b``, both included, by their lowest common ancestor; None: not connected."""
+    up, down = path_to_root(newest, a), path_to_root(newest, b)
+    above = set(down)
+    common = next((frame for frame in up if frame in above), None)
+    if common is None:
+        return None
+    return [*up[: up.index(common) + 1], *reversed(down[: down.index(common)])]
+
+
+class NetDelay:
+    """
+    How old the newest transform along a chain is, over time.
+
+    That is the time since the newest stamp for which every dynamic frame of the chain has a transform. It
+    grows with the time, and falls when a transform arrives; mean and maximum are over the time.
+
+    :param children: ids, as in the records, of the frames whose dynamic transforms make up the chain. Where
+        there are none, the chain is static and has no delay.
+    :param window_s: the time that the figures are about. None: all time.
+    """
+
+    def __init__(self, children: Sequence[int], window_s: float | None = None) -> None:
+        self.children = list(children)
+        self._window_s = window_s
+        self._newest = np.full(len(self.children), NOTHING)  # stamps, of each child
+        self._last_ns = 0  # when one of them was received
+        self._parts: deque[tuple[int, float, float, float]] = deque()  # until when, how long, mean, maximum
+
+    def add(self, records: NDArray[np.void]) -> None:
+        """Account for records, all of them later than those before."""
+        if not self.children or not len(records):
+            return
+        mine = np.isin(records["child"], self.children) & (records["static"] == 0)
+        for chosen in _pieces(records[mine]):
+            self._add(chosen)
+
+    def report(self, now_ns: int) -> tuple[float, float] | None:
+        """Mean and maximum, in seconds; None while there is no transform."""
+        if self._window_s is not None:
+            while self._parts and self._parts[0][0] < now_ns - self._window_s * S:
+                self._parts.popleft()
+        parts = [part[1:] for part in self._parts]
+        if self.children and self._newest.min() != NOTHING and now_ns > self._last_ns:
+            # Since the last transform.
+            ages = (np.array([self._last_ns, now_ns]) - self._newest.min()) / S
+            parts.append(((now_ns - self._last_ns) / S, float(ages.mean()), float(ages[1])))
+        duration = sum(part[0] for part in parts)
+        if duration <= 0.0:
+            return None
+        return sum(long * mean for long, mean, _ in parts) / duration, max(most for _, _, most in parts)
+
+    def _add(self, records: NDArray[np.void]) -> None:
+        received = records["received_ns"]
+        stamps = np.full((len(records) + 1, len(self.children)), NOTHING)
+        stamps[0] = self._newest
+        is_child = records["child"][:, None] == np.array(self.children)[None, :]
+        stamps[1:][is_child] = np.broadcast_to(records["stamp_ns"][:, None], is_child.shape)[is_child]
+        newest = np.maximum.accumulate(stamps, axis=0)
+        # From each reception to the next one, the first time from the last reception before these records.
+        common = newest[:-1].min(axis=1)
+        begins = np.concatenate(([self._last_ns], received[:-1]))
+        known = (common != NOTHING) & (received > begins)
+        self._newest, self._last_ns = newest[-1], int(received[-1])
+        if not known.any():
+            return
+        lasts = (received - begins)[known] / S
+        oldest = (received - common)[known] / S
+        duration = float(lasts.sum())
+        mean = float(((oldest - lasts / 2) * lasts).sum()) / duration
+        self._parts.append((self._last_ns, duration, mean, float(oldest.max())))
+
+
+def _pieces(records: NDArray[np.void]) -> Iterator[NDArray[np.void]]:
+    # What is computed at once is records times frames.
+    for start in range(0, len(records), EVENTS_AT_ONCE):
+        yield records[start : start + EVENTS_AT_ONCE]

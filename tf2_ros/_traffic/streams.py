@@ -1,0 +1,286 @@
+"""Owns the figures of each stream: the transforms of one frame from one publisher, below one parent."""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Stream", "Streams"]
+
+S = 1_000_000_000
+ID_BITS = 20  # of the three ids of a stream; no Recording gives more of them
+JUMP_BACK_NS = S  # from so far on the clock has jumped back, as for a buffer
+
+Records = NDArray[np.void]
+
+# What is known of a stream over some time. Two of them, of two times, can be merged into that of both.
+TALLY = np.dtype(
+    [
+        ("count", np.int64),
+        ("first_ns", np.int64),  # when its first transform was received
+        ("last_ns", np.int64),
+        ("gap_ns", np.int64),  # the longest time between two transforms
+        ("newest_ns", np.int64),  # the newest stamp
+        ("advanced_ns", np.int64),  # when that was first received
+        ("mean", np.float64),  # of the delays, in seconds
+        ("square", np.float64),  # the sum of the squares of their distances from the mean
+        ("least", np.float64),
+        ("most", np.float64),
+    ]
+)
+
+
+@dataclass(frozen=True)
+class Stream:
+    """
+    The transforms of one frame from one publisher, below one parent, on one topic; times are in seconds.
+
+    The figures are those of the window; ``silence``, ``stalled`` and ``period`` reach beyond it. ``rate`` is
+    None where fewer than two transforms were received, and the delay of a static transform means nothing.
+    """
+
+    frame: str
+    parent: str
+    publisher: str
+    publisher_id: int
+    static: bool
+    count: int
+    rate: float | None  # Hz
+    delay: float | None  # mean time from the stamp to the reception
+    delay_max: float | None
+    delay_min: float | None  # negative: the stamp was in the future
+    jitter: float | None  # standard deviation of the delay
+    gap: float  # longest time between two transforms
+    first: float  # how long ago the first one was received; 0.0 where there is none in the window
+    silence: float  # since the last one
+    stalled: float  # since a stamp that was newer than all before
+    period: float | None  # usual time between two transforms, without the longest
+
+
+class Streams:
+    """
+    Figures of all streams, from records in the order of arrival.
+
+    :param window_s: the time that figures are about, until the time of the report. None: all time.
+
+    When the clock jumps back, what was received before is forgotten, except static transforms.
+    """
+
+    def __init__(self, window_s: float | None = None) -> None:
+        self._window_ns = None if window_s is None else round(window_s * S)
+        self._numbers: dict[int, int] = {}  # of the streams, by their keys
+        self._keys: list[tuple[int, int, int, bool]] = []  # by number: child, parent, publisher, static
+        self._total = np.zeros(0, TALLY)
+        self._recent: deque[NDArray[np.void]] = deque()  # one for each call of add
+        self._newest_ns: int | None = None
+
+    def add(self, records: Records) -> None:
+        """Account for records, all of them later than those before."""
+        if not len(records):
+            return
+        records = self._since_jump(records)
+        tally = self._tally(records)
+        self._total = merge(self._total, tally)
+        if self._window_ns is not None:
+            self._recent.append(tally)
+
+    def report(self, now_ns: int, frames: Sequence[str], publishers: Sequence[str]) -> list[Stream]:
+        """
+        The streams that are current, by the names of their frames.
+
+        Of each frame, those received in the window that no later one has replaced; where there is none, the
+        last one before. A static transform holds until its publisher replaces it.
+
+        :param frames: names, by the ids in the records.
+        :param publishers: likewise.
+        """
+        tally = self._windowed(now_ns)
+        current: list[int] = []
+        for numbers in self._by_frame().values():
+            current += self._current(numbers, tally)
+        streams = [self._stream(number, tally, now_ns, frames, publishers) for number in current]
+        return sorted(streams, key=lambda one: (one.frame, one.silence))
+
+    def _since_jump(self, records: Records) -> Records:
+        received = records["received_ns"]
+        before = received[0] if self._newest_ns is None else self._newest_ns
+        previous = np.concatenate(([before], received[:-1]))
+        jumps = np.flatnonzero(received < previous - JUMP_BACK_NS)
+        if len(jumps):
+            # Static transforms before the jump are accounted for; the rest is as in a cleared buffer.
+            start = int(jumps[-1])
+            earlier = records[:start]
+            static = earlier[earlier["static"] != 0]
+            if len(static):
+                self._total = merge(self._total, self._tally(static))
+            moving = [number for number, (*_, static) in enumerate(self._keys) if not static]
+            self._total["count"][[number for number in moving if number < len(self._total)]] = 0
+            self._recent.clear()
+            records = records[start:]
+            before = records["received_ns"][0]
+        self._newest_ns = max(int(before), int(records["received_ns"].max()))
+        return records
+
+    def _tally(self, records: Records) -> NDArray[np.void]:
+        keys = records["child"].astype(np.int64)
+        for part, bits in (("parent", ID_BITS), ("publisher", ID_BITS), ("static", 1)):
+            keys = keys << bits | records[part]
+        order = np.argsort(keys, kind="stable")
+        keys, records = keys[order], records[order]
+        starts = np.flatnonzero(np.concatenate(([True], keys[1:] != keys[:-1])))
+        numbers = self._numbers_of(keys[starts], records[starts])
+        tally = np.zeros(len(self._keys), TALLY)
+        tally[numbers] = tally_of(records["received_ns"], records["stamp_ns"], starts)
+        return tally
+
+    def _numbers_of(self, keys: NDArray[np.int64], records: Records) -> list[int]:
+        numbers = []
+        for key, record in zip(keys.tolist(), records, strict=True):
+            number = self._numbers.get(key)
+            if number is None:
+                number = self._numbers[key] = len(self._keys)
+                ids = (int(record[part]) for part in ("child", "parent", "publisher"))
+                self._keys.append((*ids, bool(record["static"])))  # type: ignore[arg-type]
+            numbers.append(number)
+        return numbers
+
+    def _windowed(self, now_ns: int) -> NDArray[np.void]:
+        if self._window_ns is None:
+            return self._total
+        begin_ns = now_ns - self._window_ns
+        while self._recent and self._recent[0]["last_ns"].max() < begin_ns:
+            self._recent.popleft()
+        tally = np.zeros(len(self._keys), TALLY)
+        for one in self._recent:
+            tally = merge(tally, one)
+        return tally
+
+    def _by_frame(self) -> dict[int, list[int]]:
+        streams: dict[int, list[int]] = {}
+        for number in np.flatnonzero(self._total["count"]).tolist():
+            streams.setdefault(self._keys[number][0], []).append(number)
+        return streams
+
+    def _current(self, numbers: list[int], tally: NDArray[np.void]) -> list[int]:
+        by_age = sorted(numbers, key=lambda number: int(self._total[number]["last_ns"]))
+        static = {self._keys[number][2]: number for number in by_age if self._keys[number][3]}
+        moving = [number for number in by_age if not self._keys[number][3]]
+        heard = [number for number in moving if tally[number]["count"]]
+        # One that ended before another began was replaced: by a restart, or by the choice of another parent.
+        newest_start_ns = max((int(tally[number]["first_ns"]) for number in heard), default=0)
+        current = [
+            number
+            for number in heard
+            if tally[number]["last_ns"] > newest_start_ns or tally[number]["first_ns"] == newest_start_ns
+        ]
+        return [*static.values(), *current] or moving[-1:]
+
+    def _stream(
+        self,
+        number: int,
+        tally: NDArray[np.void],
+        now_ns: int,
+        frames: Sequence[str],
+        publishers: Sequence[str],
+    ) -> Stream:
+        child, parent, publisher, static = self._keys[number]
+        own: Any = tally[number].tolist()
+        count, first_ns, last_ns, gap_ns, _, _, mean, square, least, most = own
+        total = self._total[number]
+        timed = count > 0 and not static
+        span_ns = last_ns - first_ns
+        return Stream(
+            frame=frames[child],
+            parent=frames[parent],
+            publisher=publishers[publisher],
+            publisher_id=publisher,
+            static=static,
+            count=count,
+            rate=(count - 1) * S / span_ns if span_ns > 0 else None,
+            delay=mean if timed else None,
+            delay_max=most if timed else None,
+            delay_min=least if timed else None,
+            jitter=float(np.sqrt(square / count)) if timed else None,
+            gap=gap_ns / S,
+            first=(now_ns - first_ns) / S if count else 0.0,
+            silence=(now_ns - int(total["last_ns"])) / S,
+            stalled=(now_ns - int(total["advanced_ns"])) / S,
+            period=_period(own if count >= 3 else total.tolist()),
+        )
+
+
+def _period(tally: Any) -> float | None:
+    count, first_ns, last_ns, gap_ns, *_ = tally
+    if count < 2:
+        return None
+    # Without the longest interval, which would hide itself among a few others.
+    if count == 2:
+        return float(last_ns - first_ns) / S
+    return float(last_ns - first_ns - gap_ns) / (count - 2) / S
+
+
+def tally_of(
+    received: NDArray[np.int64], stamps: NDArray[np.int64], starts: NDArray[np.intp]
+) -> NDArray[np.void]:
+    """
+    The tallies of groups of transforms that lie one after the other.
+
+    :param received: when each was received, in ns, in order within each group.
+    :param stamps: in ns.
+    :param starts: index of the first one of each group.
+    """
+    ends = np.append(starts[1:], len(received))
+    counts = ends - starts
+    tally = np.zeros(len(starts), TALLY)
+    tally["count"] = counts
+    tally["first_ns"], tally["last_ns"] = received[starts], received[ends - 1]
+    intervals = np.diff(received, prepend=received[:1])
+    intervals[starts] = 0
+    tally["gap_ns"] = np.maximum.reduceat(intervals, starts)
+    tally["newest_ns"] = newest = np.maximum.reduceat(stamps, starts)
+    is_newest = stamps == np.repeat(newest, counts)
+    first_newest = np.minimum.reduceat(np.where(is_newest, np.arange(len(stamps)), len(stamps)), starts)
+    tally["advanced_ns"] = received[first_newest]
+    delays = (received - stamps) / S
+    tally["mean"] = means = np.add.reduceat(delays, starts) / counts
+    tally["square"] = np.add.reduceat((delays - np.repeat(means, counts)) ** 2, starts)
+    tally["least"] = np.minimum.reduceat(delays, starts)
+    tally["most"] = np.maximum.reduceat(delays, starts)
+    return tally
+
+
+def merge(earlier: NDArray[np.void], later: NDArray[np.void]) -> NDArray[np.void]:
+    """
+    The tallies of two times, one after the other, by the numbers of the streams.
+
+    Mean and squares as in T. Chan, G. Golub and R. LeVeque, Updating formulae and a pairwise algorithm for
+    computing sample variances, 1979.
+    """
+    merged = np.zeros(max(len(earlier), len(later)), TALLY)
+    merged[: len(later)] = later
+    a, b = earlier, merged[: len(earlier)].copy()
+    only = np.flatnonzero((a["count"] > 0) & (b["count"] == 0))
+    merged[only] = a[only]
+    both = np.flatnonzero((a["count"] > 0) & (b["count"] > 0))
+    if not len(both):
+        return merged
+    a, b = a[both], b[both]
+    out = b.copy()
+    out["count"] = a["count"] + b["count"]
+    out["first_ns"] = a["first_ns"]
+    between = b["first_ns"] - a["last_ns"]
+    out["gap_ns"] = np.maximum(np.maximum(a["gap_ns"], b["gap_ns"]), between)
+    is_later = b["newest_ns"] > a["newest_ns"]
+    for name in ("newest_ns", "advanced_ns"):
+        out[name] = np.where(is_later, b[name], a[name])
+    share = b["count"] / out["count"]
+    distance = b["mean"] - a["mean"]
+    out["mean"] = a["mean"] + distance * share
+    out["square"] = a["square"] + b["square"] + distance**2 * a["count"] * share
+    out["least"] = np.minimum(a["least"], b["least"])
+    out["most"] = np.maximum(a["most"], b["most"])
+    merged[both] = out
+    return merged

@@ -176,7 +176,9 @@ class TestTimeout:
         begin = time.monotonic()
         until(future.done)
         assert time.monotonic() - begin < 1
-        with pytest.raises(tf2_py.TimeoutException, match=r"^Waited 0\.05 s for .*does not exist\. The buffer is empty$"):
+        with pytest.raises(
+            tf2_py.TimeoutException, match=r"^Waited 0\.05 s for .*does not exist\. The buffer is empty$"
+        ):
             future.result()
 
     def test_the_reason_is_that_of_the_last_lookup(self, buffer, tf2_py):

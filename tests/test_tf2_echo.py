@@ -110,8 +110,8 @@ class TestWaiting:
             peer().send(("map", "camera", S, 1.0), static=True)
             lines = until(lambda: (line := echo.stderr.readline()).count('"camara"') and [line])
         with pytest.raises(tf2_ros.LookupException) as caught:
-            known.lookup_transform("map", "camara", at(0), Duration(nanoseconds=1))
-        assert lines[0].endswith(f": {caught.value}\n")
+            known.lookup_transform("map", "camara", at(0))
+        assert f": {caught.value}" in lines[0]
 
     def test_it_takes_the_transform_when_it_comes(self, peer):
         with running("tf2_echo", "map", "robot", *WAIT, "--once") as echo:

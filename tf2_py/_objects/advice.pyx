@@ -53,7 +53,10 @@ cdef class Advice:
         if text is not None:
             return text
         suggestion = self.suggestion(name, list_names)
-        text = ". ".join(filter(None, (str(bad_name(name, argument, call)), self._state(), suggestion)))
+        text = str(bad_name(name, argument, call))
+        for sentence in (suggestion, self._state()):
+            if sentence:
+                text += f"{'' if text.endswith('?') else '.'} {sentence}"
         # Meanwhile another thread may have begun with other facts. None: it is not known yet.
         if version == self._version and suggestion is not None and len(name) <= LONGEST:
             _remember(self._texts, key, text)

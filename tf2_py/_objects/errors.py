@@ -45,14 +45,8 @@ class InvalidArgumentException(TransformException):
     """A frame name is empty or begins with a '/'."""
 
 
-class TimeoutException(TransformException, TimeoutError):
+class TimeoutException(TransformException):
     """An answer was not available in time."""
-
-    def __new__(cls, *arguments: object) -> "TimeoutException":
-        # An OSError takes its arguments for an error number, a text and a file name.
-        self = super().__new__(cls)
-        self.args = arguments
-        return self
 
 
 class MalformedObjectError(AttributeError, TypeError):

@@ -22,8 +22,9 @@ DIRECTIVES = {
     "wraparound": False,
     "initializedcheck": False,
     "cdivision": True,
-    "embedsignature": True,
+    # Functions have signatures that `inspect` reads, with the annotations, which are text and nothing more.
     "binding": True,
+    "annotation_typing": False,
 }
 
 
@@ -65,7 +66,7 @@ class BuildExtensions(build_ext):
             self._lock = open(folder / "lock", "w")
             fcntl.flock(self._lock, fcntl.LOCK_EX)
         lacking = self.complete_receiver()
-        self._made = [record.write(Path(self.build_lib), lacking)]
+        self._made = [record.write(Path(self.build_lib), self.distribution.get_version(), lacking)]
         refused = self._cythonize()
         for ext in self._messages():
             made = Path(self.build_lib, self.get_ext_filename(ext.name))

@@ -7,13 +7,14 @@ from . import environment, receiver
 NAME = Path("tf2_ros_cython", "_built.py")
 
 
-def write(build_lib, receiver_lacks):
+def write(build_lib, version, receiver_lacks):
     """
     Write the note below the folder of what is built, and return its path.
 
-    ``receiver_lacks`` says why the receiver was left out, or is None.
+    ``version`` is this project's; ``receiver_lacks`` says why the receiver was left out, or is None.
     """
     facts = {
+        "VERSION": version,
         "RCLPY": environment.rclpy_version(environment.ros_prefixes()),
         "RECEIVER": None if receiver_lacks else receiver.NAMES[-1],
         "RECEIVER_LACKS": receiver_lacks,

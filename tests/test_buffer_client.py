@@ -6,8 +6,10 @@ import subprocess
 import threading
 import time
 from contextlib import contextmanager
+from unittest import mock
 
 import pytest
+from forking import in_a_child
 from making import at, stamp_ns, translation
 from processes import DEADLINE_S, start, until
 from rclpy.duration import Duration, Infinite
@@ -264,6 +266,44 @@ class TestThreads:
             client = tf2_ros.BufferClient(node, given)
             assert client._goal_sender._name == expected
             client.destroy()
+
+
+@pytest.mark.ours
+class TestRepr:
+    def test_it_has_the_action_as_it_is_resolved_and_what_is_pending(self, tf2_ros, new_node, tf2_py):
+        node = new_node("asking", namespace="robot")
+        client = tf2_ros.BufferClient(node, "late_lookup")
+        name = "tf2_ros.BufferClient: action /robot/late_lookup"
+        assert repr(client) == f"<{name}, 0 pending lookups>"
+        ended = []
+
+        def look_up():
+            with pytest.raises(tf2_py.TimeoutException):
+                client.lookup_transform("map", "robot", LATEST, LONG)
+            ended.append(True)
+
+        thread = threading.Thread(target=look_up)
+        thread.start()
+        until(lambda: repr(client) == f"<{name}, 1 pending lookup>")
+        client.destroy()
+        thread.join(DEADLINE_S)
+        assert ended
+        assert repr(client) == f"<{name}, ended>"
+
+    def test_it_works_before_the_constructor(self, tf2_ros):
+        client = tf2_ros.BufferClient.__new__(tf2_ros.BufferClient)
+        assert repr(client) == "<tf2_ros.BufferClient: not initialised>"
+
+    def test_it_works_in_a_forked_child(self, lonely):
+        def look():
+            assert repr(lonely) == "<tf2_ros.BufferClient: action /late_lookup, ended>"
+
+        assert in_a_child(look) == 0
+
+    def test_it_works_where_a_program_replaced_the_action_client(self, tf2_ros, node, monkeypatch):
+        monkeypatch.setattr("tf2_ros.buffer_client.ActionClient", mock.Mock())
+        client = tf2_ros.BufferClient(node, "lookup")
+        assert repr(client) == "<tf2_ros.BufferClient: a program's own action client>"
 
 
 @pytest.mark.ours

@@ -114,7 +114,15 @@ def test_links_lead_to_the_sources(linked, python):
     assert Path(place).resolve() == (linked.source / "tf2_ros" / "__init__.py").resolve()
 
 
+def version():
+    [found] = re.findall('^version = "(.+)"', (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.M)
+    return found
+
+
 def test_the_manifest_names_the_version_of_the_project():
     [of_ros] = re.findall("<version>(.+)</version>", (ROOT / "package.xml").read_text(encoding="utf-8"))
-    [of_pip] = re.findall('^version = "(.+)"', (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.M)
-    assert of_ros == of_pip
+    assert of_ros == version()
+
+
+def test_the_package_knows_its_version(workspace, python):
+    assert workspace.sourced(python, "-c", "import tf2_ros; print(tf2_ros.__version__)").strip() == version()

@@ -791,6 +791,43 @@ class TestLidar:
         assert counts["waiting"] == 50
 
 
+class TestAtAPrompt:
+    def test_the_end_of_a_with_block_closes_it(self, tf2_ros, node, buffer):
+        before = len(list(node.subscriptions))
+        with tf2_ros.MessageFilter((PointStamped, "points", 10), buffer, "map", 0, node=node) as filter:
+            assert len(list(node.subscriptions)) == before + 1
+            filter.add(point(1))
+            assert filter.statistics()["waiting"] == 1
+        assert len(list(node.subscriptions)) == before
+        assert filter.statistics()["waiting"] == buffer.statistics()["waiters"] == 0
+        filter.add(point(1))
+        assert filter.statistics()["received"] == 1
+
+    def test_an_error_in_a_with_block_is_raised_and_closes_it(self, tf2_ros, node, buffer):
+        with pytest.raises(ZeroDivisionError):
+            with tf2_ros.MessageFilter(None, buffer, "map", 0, node=node) as filter:
+                filter.add(point(1))
+                raise ZeroDivisionError
+        assert buffer.statistics()["waiters"] == 0
+
+    def test_the_repr_tells_what_it_waits_for_and_what_it_did(self, make, buffer):
+        watched = make(frames=["map", "odom\n"], queue_size=1)
+        name = "tf2_ros.MessageFilter: into map and odom\\n"
+        assert repr(watched.filter) == f"<{name}: 0 waiting, 0 passed, 0 dropped>"
+        watched.filter.add(point(1))
+        watched.filter.add(point(2))
+        watched.settle()
+        assert repr(watched.filter) == f"<{name}: 1 waiting, 0 passed, 1 dropped>"
+        watched.filter.close()
+        assert repr(watched.filter) == f"<{name}: 0 waiting, 0 passed, 1 dropped, closed>"
+
+    def test_the_repr_shows_a_subclass_and_one_that_was_not_initialised(self, tf2_ros):
+        class Own(tf2_ros.MessageFilter):
+            pass
+
+        assert repr(Own.__new__(Own)).endswith(".Own: not initialised>")
+
+
 def test_other_inserts_do_not_examine_ten_thousand_messages(watched, buffer):
     count = 10_000
     insert(buffer, 1)

@@ -1,10 +1,13 @@
 """Text that anybody may have sent, as people see it."""
 
+from collections import OrderedDict
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tf2_py._objects.printable import printable
+from tf2_py import BufferCore
+from tf2_py._objects.printable import class_name, counted, printable
 
 pytestmark = pytest.mark.ours
 
@@ -38,3 +41,13 @@ def test_what_prints_stays_the_same_object(text):
 )
 def test_escapes_are_those_of_python(text, shown):
     assert printable(text) == shown
+
+
+def test_a_class_is_named_with_its_package():
+    assert class_name(OrderedDict) == "collections.OrderedDict"
+    assert class_name(BufferCore) == "tf2_py.BufferCore"  # which is defined in a module of that package
+
+
+@pytest.mark.parametrize(("number", "said"), [(0, "0 frames"), (1, "1 frame"), (2, "2 frames")])
+def test_one_thing_is_in_the_singular(number, said):
+    assert counted(number, "frame") == said

@@ -41,7 +41,16 @@ SENSORS = {"do_transform_imu", "do_transform_magnetic_field", "from_msg_msg", "t
 OURS = {
     "tf2_geometry_msgs": GEOMETRY | {"Quaternion", "Transform", "Vector3"},
     "tf2_geometry_msgs.tf2_geometry_msgs": GEOMETRY | {"Quaternion", "Transform", "Vector3"},
-    "tf2_ros": {"BufferServer", "FilterFailureReason", "MessageFilter", "StaticTransformListener"},
+    "tf2_py": {"FrameInfo"},
+    "tf2_ros": {
+        "BufferServer",
+        "FilterFailureReason",
+        "FrameInfo",
+        "MessageFilter",
+        "StaticTransformListener",
+        "__version__",
+        "format_transform",
+    },
     "tf2_ros.transform_listener": {"StaticTransformListener"},
     "tf2_sensor_msgs": SENSORS,
     "tf2_sensor_msgs.tf2_sensor_msgs": SENSORS,
@@ -210,6 +219,12 @@ with add_dll_directories_from_env("PATH"):
     print(BufferCore().can_transform_core("a", "a", __import__("types").SimpleNamespace(nanoseconds=1))[0])
 """
     assert run(program) == ["1"]
+
+
+@pytest.mark.ours
+def test_the_version_is_that_of_the_project(tf2_ros):
+    text = (Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8")
+    assert f'\nversion = "{tf2_ros.__version__}"\n' in text
 
 
 def test_the_classes_of_other_modules_can_be_patched():

@@ -19,11 +19,12 @@ cdef object _transformed_polygon(object polygon, const Transform* transform):
     return message
 
 
-def do_transform_polygon(polygon, transform):
+def do_transform_polygon(polygon: Polygon, transform: TransformStamped | Transform) -> Polygon:
     """
-    Transform each point of a polygon: p' = R p + t, in double precision.
+    Transform each point of a polygon from the child frame of ``transform`` to its parent frame: p' = R p + t.
 
-    A new Point32 holds doubles, as every Python message does; it is rounded to float32 when it is serialised.
+    In double precision: a new Point32 holds doubles, as every Python message does; it is rounded to float32
+    when it is serialised.
 
     :param polygon: a Polygon of any number of Point32, metres.
     :param transform: a TransformStamped or Transform, metres.
@@ -36,7 +37,7 @@ def do_transform_polygon(polygon, transform):
     return _transformed_polygon(polygon, &tf)
 
 
-def do_transform_polygon_stamped(polygon, transform):
+def do_transform_polygon_stamped(polygon: PolygonStamped, transform: TransformStamped) -> PolygonStamped:
     """
     Transform each point of a polygon, as ``do_transform_polygon`` does.
 
@@ -52,7 +53,7 @@ def do_transform_polygon_stamped(polygon, transform):
     return stamped(polygon_stamped_layout, "polygon", content, transform)
 
 
-def do_transform_pose_array(poses, transform):
+def do_transform_pose_array(poses: PoseArray, transform: TransformStamped) -> PoseArray:
     """
     Transform each pose of an array, as ``do_transform_pose`` does.
 

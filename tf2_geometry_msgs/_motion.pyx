@@ -53,9 +53,11 @@ cdef object _rotated_pair(Layout layout, object pair, const Transform* transform
     return message
 
 
-def do_transform_wrench(wrench, transform):
+def do_transform_wrench(wrench: Wrench, transform: TransformStamped | Transform) -> Wrench:
     """
-    Transform a wrench from one frame's origin to another's: f' = R f, torque' = R torque + t x f'.
+    Transform a wrench from the child frame of ``transform`` to its parent frame.
+
+    From the origin of the one to that of the other: f' = R f, torque' = R torque + t x f'.
 
     Both vectors are rotated; the lever arm counts: the force, which acted at the old frame's origin (at t in
     the new frame), adds its torque about the new one.
@@ -72,7 +74,7 @@ def do_transform_wrench(wrench, transform):
     return _moved_pair(wrench_layout, wrench, &tf, "force", "torque")
 
 
-def do_transform_wrench_stamped(wrench, transform):
+def do_transform_wrench_stamped(wrench: WrenchStamped, transform: TransformStamped) -> WrenchStamped:
     """
     Transform a wrench, as ``do_transform_wrench`` does.
 
@@ -89,9 +91,11 @@ def do_transform_wrench_stamped(wrench, transform):
     return stamped(wrench_stamped_layout, "wrench", content, transform)
 
 
-def do_transform_velocity_stamped(velocity, transform):
+def do_transform_velocity_stamped(velocity: VelocityStamped, transform: TransformStamped) -> VelocityStamped:
     """
-    Transform a rigid body's velocity from one frame's origin to another's: w' = R w, v' = R v + t x w'.
+    Transform a rigid body's velocity from the child frame of ``transform`` to its parent frame.
+
+    From the origin of the one to that of the other: w' = R w, v' = R v + t x w'.
 
     Both vectors are rotated; the lever arm counts: v' is the velocity of the body's point that lies at the
     new frame's origin. The two frames are taken to be at rest to each other. The tf2 of Jazzy adds the
@@ -117,9 +121,9 @@ def do_transform_velocity_stamped(velocity, transform):
     return message
 
 
-def do_transform_twist_stamped(twist, transform):
+def do_transform_twist_stamped(twist: TwistStamped, transform: TransformStamped) -> TwistStamped:
     """
-    Rotate a twist into the axes of another frame: v' = R v, w' = R w.
+    Rotate a twist from the child frame of ``transform`` to its parent frame: v' = R v, w' = R w.
 
     Both vectors are rotated; the lever arm does not count: v' is still the velocity of the old point, in new
     axes. ``do_transform_velocity_stamped`` moves the point too.
@@ -136,12 +140,13 @@ def do_transform_twist_stamped(twist, transform):
     return stamped(twist_stamped_layout, "twist", content, transform)
 
 
-def do_transform_accel_stamped(accel, transform):
+def do_transform_accel_stamped(accel: AccelStamped, transform: TransformStamped) -> AccelStamped:
     """
-    Rotate an acceleration into the axes of another frame: a' = R a, for both its vectors.
+    Rotate an acceleration from the child frame of ``transform`` to its parent frame: a' = R a.
 
-    The lever arm does not count: the linear part is still the acceleration of the old point, in new axes.
-    To move the point would take the angular velocity, which the message does not hold.
+    Both vectors are rotated. The lever arm does not count: the linear part is still the acceleration of the
+    old point, in new axes. To move the point would take the angular velocity, which the message does not
+    hold.
 
     :param accel: an AccelStamped, metres and radians per second squared.
     :param transform: a TransformStamped.

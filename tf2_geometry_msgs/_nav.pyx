@@ -55,9 +55,9 @@ cdef object _copied_twist(object content):
     return message
 
 
-def do_transform_path(path, transform):
+def do_transform_path(path: Path, transform: TransformStamped) -> Path:
     """
-    Transform each pose of a path, as ``do_transform_pose`` does.
+    Transform a path from the child frame of ``transform`` to its parent frame: each pose.
 
     :param path: a Path, metres; its poses may leave their frame empty.
     :param transform: a TransformStamped, metres.
@@ -74,9 +74,9 @@ def do_transform_path(path, transform):
     return stamped(path_layout, "poses", content, transform)
 
 
-def do_transform_odometry(odometry, transform):
+def do_transform_odometry(odometry: Odometry, transform: TransformStamped) -> Odometry:
     """
-    Transform the pose of an Odometry and its covariance.
+    Transform the pose of an Odometry from the child frame of ``transform`` to its parent frame.
 
     The twist is that of ``child_frame_id`` in its own axes, which no change of the header's frame touches.
 

@@ -117,9 +117,11 @@ cdef bint _has_axes(object message):
     return hasattr(message, "x") and not hasattr(message, "w")
 
 
-def transform_covariance(cov_in, transform):
+def transform_covariance(
+    cov_in: Sequence[float] | NDArray[np.float64], transform: TransformStamped | Transform
+) -> NDArray[np.float64]:
     """
-    Rotate the covariance matrix of a pose.
+    Rotate the covariance matrix of a pose from the child frame of ``transform`` to its parent frame.
 
     Both 3x3 blocks on the diagonal (position, rotation) and both cross blocks C become R C R^T; the
     translation has no effect, as in tf2. A symmetric matrix stays exactly symmetric.
@@ -138,9 +140,11 @@ def transform_covariance(cov_in, transform):
     return _rotated_covariance(cov_in, &tf)
 
 
-def do_transform_point(point, transform):
+def do_transform_point(
+    point: PointStamped | Point | Point32, transform: TransformStamped | Transform
+) -> PointStamped | Point | Point32:
     """
-    Transform a point: p' = R p + t.
+    Transform a point from the child frame of ``transform`` to its parent frame: p' = R p + t.
 
     :param point: a PointStamped, Point or Point32, metres.
     :param transform: a TransformStamped; for a point without a header also a Transform; metres.
@@ -159,9 +163,13 @@ def do_transform_point(point, transform):
     return transformed_point(layout, point, &tf)
 
 
-def do_transform_vector3(vector3, transform):
+def do_transform_vector3(
+    vector3: Vector3Stamped | Vector3, transform: TransformStamped | Transform
+) -> Vector3Stamped | Vector3:
     """
-    Rotate a free vector: v' = R v. The translation does not count.
+    Rotate a vector from the child frame of ``transform`` to its parent frame: v' = R v.
+
+    The translation does not count.
 
     :param vector3: a Vector3Stamped or Vector3, of any unit.
     :param transform: a TransformStamped; for a Vector3 also a Transform.
@@ -177,9 +185,9 @@ def do_transform_vector3(vector3, transform):
     return rotated_vector(vector3, &tf)
 
 
-def do_transform_quaternion(quaternion, transform):
+def do_transform_quaternion(quaternion: Quaternion, transform: TransformStamped | Transform) -> Quaternion:
     """
-    Rotate an orientation: q' = r q, the transform's rotation on the left.
+    Rotate an orientation from the child frame of ``transform`` to its parent frame: q' = r q.
 
     :param quaternion: a Quaternion of any length; zero length counts as no rotation.
     :param transform: a TransformStamped or Transform.
@@ -192,7 +200,9 @@ def do_transform_quaternion(quaternion, transform):
     return _rotated_quaternion(quaternion, &tf)
 
 
-def do_transform_quaternion_stamped(quaternion, transform):
+def do_transform_quaternion_stamped(
+    quaternion: QuaternionStamped, transform: TransformStamped
+) -> QuaternionStamped:
     """
     Rotate an orientation, as ``do_transform_quaternion`` does.
 
@@ -208,9 +218,9 @@ def do_transform_quaternion_stamped(quaternion, transform):
     return stamped(quaternion_stamped_layout, "quaternion", content, transform)
 
 
-def do_transform_pose(pose, transform):
+def do_transform_pose(pose: Pose, transform: TransformStamped | Transform) -> Pose:
     """
-    Transform a pose: p' = R p + t, q' = r q.
+    Transform a pose from the child frame of ``transform`` to its parent frame: p' = R p + t, q' = r q.
 
     :param pose: a Pose, metres; its orientation of any length; zero length counts as no rotation.
     :param transform: a TransformStamped or Transform, metres.
@@ -223,7 +233,7 @@ def do_transform_pose(pose, transform):
     return transformed_pose(pose, &tf)
 
 
-def do_transform_pose_stamped(pose, transform):
+def do_transform_pose_stamped(pose: PoseStamped, transform: TransformStamped) -> PoseStamped:
     """
     Transform a pose, as ``do_transform_pose`` does.
 
@@ -239,7 +249,9 @@ def do_transform_pose_stamped(pose, transform):
     return stamped(pose_stamped_layout, "pose", content, transform)
 
 
-def do_transform_pose_with_covariance(pose, transform):
+def do_transform_pose_with_covariance(
+    pose: PoseWithCovariance, transform: TransformStamped | Transform
+) -> PoseWithCovariance:
     """
     Transform a pose as ``do_transform_pose`` does, and its covariance as ``transform_covariance`` does.
 
@@ -254,7 +266,9 @@ def do_transform_pose_with_covariance(pose, transform):
     return transformed_pose_with_covariance(pose, &tf)
 
 
-def do_transform_pose_with_covariance_stamped(pose, transform):
+def do_transform_pose_with_covariance_stamped(
+    pose: PoseWithCovarianceStamped, transform: TransformStamped
+) -> PoseWithCovarianceStamped:
     """
     Transform a pose and its covariance, as ``do_transform_pose_with_covariance`` does.
 
@@ -272,9 +286,9 @@ def do_transform_pose_with_covariance_stamped(pose, transform):
     return stamped(pose_with_covariance_stamped_layout, "pose", content, transform)
 
 
-def do_transform_transform(content, transform):
+def do_transform_transform(content: Transform, transform: TransformStamped | Transform) -> Transform:
     """
-    Compose two transforms: T' = T_transform T_content.
+    Carry a transform from the child frame of ``transform`` to its parent frame: T' = T_transform T_content.
 
     :param content: a Transform, metres.
     :param transform: a TransformStamped or Transform, metres.
@@ -287,7 +301,9 @@ def do_transform_transform(content, transform):
     return _composed_transform(content, &tf)
 
 
-def do_transform_transform_stamped(content, transform):
+def do_transform_transform_stamped(
+    content: TransformStamped, transform: TransformStamped
+) -> TransformStamped:
     """
     Compose two transforms, as ``do_transform_transform`` does.
 

@@ -12,6 +12,7 @@ from tf2_py._objects.errors import (
     TimeoutException,
     TransformException,
 )
+from tf2_py._objects.listings import FrameInfo as FrameInfo
 from tf2_py._tf2_py import BufferCore
 
 # What `import *` gives from tf2's package.

@@ -5,10 +5,18 @@ from libc.stdint cimport int64_t
 from libc.string cimport memset
 
 from tf2_py._core.lookup cimport Query
+from tf2_py._core.names cimport NAME_UNKNOWN
 from tf2_py._core.series cimport TimeSeries
 from tf2_py._core.tree cimport DEFAULT_CACHE_TIME_NS, Limits
 from tf2_py._core.twist cimport twist_of_point
-from tf2_py._core.types cimport STATUS_LOOP, STATUS_OK, STATUS_UNCONNECTED, Status, Transform
+from tf2_py._core.types cimport (
+    NO_FRAME,
+    STATUS_LOOP,
+    STATUS_OK,
+    STATUS_UNCONNECTED,
+    Status,
+    Transform,
+)
 from tf2_py._engine.chain cimport chain_between
 from tf2_py._engine.engine cimport Engine
 from tf2_py._engine.wait cimport Wait
@@ -34,6 +42,7 @@ from tf2_py._objects.errors import (
     TimeoutException,
     TransformException,
 )
+from tf2_py._objects.frame_tree import tree_text
 from tf2_py._objects.limits import limit
 
 __all__ = [
@@ -47,8 +56,9 @@ __all__ = [
 ]
 
 
+# The first line of its text, which CPython takes away, is what `inspect` reads the signature of a class from.
 cdef class BufferCore(Engine):
-    """
+    """BufferCore(cache_time=None, *, max_frames=None, max_bytes=None, max_waiters=None)\n--\n
     A tree of coordinate frames that changes with time, and the history of each frame.
 
     :param cache_time: a duration: how far each frame's history reaches back. Default 10 s.
@@ -70,9 +80,28 @@ cdef class BufferCore(Engine):
     surrogate a ``UnicodeEncodeError``. A time whose seconds do not fit into the 32 bits of a message is an
     ``OverflowError``. Every method may be called from any thread. Calling ``__init__`` again empties the
     buffer; pending waits go on.
+
+    >>> from tf2_py import BufferCore
+    >>> from geometry_msgs.msg import TransformStamped
+    >>> mount = TransformStamped(child_frame_id="camera")
+    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+    >>> buffer = BufferCore()
+    >>> buffer.set_transform_static(mount, "example")
+    >>> "camera" in buffer
+    True
+    >>> print(buffer.tree())
+    base_link
+      camera (static)
     """
 
-    def __init__(self, cache_time=None, *, max_frames=None, max_bytes=None, max_waiters=None):
+    def __init__(
+        self,
+        cache_time: Duration | None = None,
+        *,
+        max_frames: int | None = None,
+        max_bytes: int | None = None,
+        max_waiters: int | None = None,
+    ) -> None:
         cdef int64_t cache_time_ns = DEFAULT_CACHE_TIME_NS
         cdef Limits limits
         limits.frames = limit("max_frames", max_frames)
@@ -102,7 +131,7 @@ cdef class BufferCore(Engine):
         self.insert(&batch)
         return self.report(&batch, None) if batch.needs_report else 0
 
-    def set_transform(self, transform, authority):
+    def set_transform(self, transform: TransformStamped, authority: str) -> None:
         """
         Add one dynamic transform.
 
@@ -118,11 +147,13 @@ cdef class BufferCore(Engine):
         """
         self._set_one(transform, authority, False)
 
-    def set_transform_static(self, transform, authority):
+    def set_transform_static(self, transform: TransformStamped, authority: str) -> None:
         """Add one transform that holds at all times; otherwise as :meth:`set_transform`."""
         self._set_one(transform, authority, True)
 
-    def set_transforms(self, transforms, authority, static=False):
+    def set_transforms(
+        self, transforms: Iterable[TransformStamped], authority: str, static: bool = False
+    ) -> int:
         """
         Add many transforms; other threads may see the first ones before the last ones are added.
 
@@ -153,7 +184,9 @@ cdef class BufferCore(Engine):
         finally:
             batch_free(&batch)
 
-    def set_transforms_cdr(self, data, authority, static=False):
+    def set_transforms_cdr(
+        self, data: bytes | bytearray | memoryview, authority: str, static: bool = False
+    ) -> int:
         """
         Add the transforms of one serialised ``tf2_msgs/TFMessage``.
 
@@ -184,7 +217,7 @@ cdef class BufferCore(Engine):
             batch_free(&batch)
             PyBuffer_Release(&view)
 
-    def clear(self):
+    def clear(self) -> None:
         """Remove every dynamic transform; names, authorities and static transforms stay."""
         self.forget()
 
@@ -203,9 +236,13 @@ cdef class BufferCore(Engine):
             return (1, "")
         return (0, str(self.error(query, status, "canTransform")))
 
-    def lookup_transform_core(self, target_frame, source_frame, time):
+    def lookup_transform_core(self, target_frame: str, source_frame: str, time: Time) -> TransformStamped:
         """
-        Get the transform that maps data from ``source_frame`` to ``target_frame``.
+        Get the pose of ``source_frame`` in ``target_frame``: it carries data from the source to the target.
+
+        A point at p in ``source_frame`` is at R p + t in ``target_frame``: R and t are the rotation and the
+        translation returned. ``Time()``, which is 0, asks for the latest time for which all frames on the
+        path have data.
 
         :param str target_frame: the frame that the data is wanted in.
         :param str source_frame: the frame that the data is in.
@@ -226,9 +263,15 @@ cdef class BufferCore(Engine):
         self._lookup_or_raise(&query, &transform, &stamp_ns)
         return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
 
-    def lookup_transform_full_core(self, target_frame, target_time, source_frame, source_time, fixed_frame):
+    def lookup_transform_full_core(
+        self, target_frame: str, target_time: Time, source_frame: str, source_time: Time, fixed_frame: str
+    ) -> TransformStamped:
         """
-        Get the transform from ``source_frame`` at ``source_time`` into ``target_frame`` at ``target_time``.
+        Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``.
+
+        It carries data from the source to the target: a point at p in ``source_frame`` at the one time is at
+        R p + t in ``target_frame`` at the other, if ``fixed_frame`` does not move meanwhile. ``Time()``,
+        which is 0, asks for the latest time.
 
         :param target_time: when the target frame is looked at; 0: the latest common time of it and the fixed
             frame.
@@ -244,8 +287,16 @@ cdef class BufferCore(Engine):
         self._lookup_or_raise(&query, &transform, &stamp_ns)
         return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
 
-    def lookup_transforms(self, target_frame, source_frame, times, *, fixed_frame=None, target_time=None,
-                          on_missing="raise"):
+    def lookup_transforms(
+        self,
+        target_frame: str,
+        source_frame: str,
+        times: ArrayLike | Sequence[Time],
+        *,
+        fixed_frame: str | None = None,
+        target_time: Time | None = None,
+        on_missing: Literal["raise", "nan"] = "raise",
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """
         Look one transform up at many times, with the results of as many single lookups.
 
@@ -283,8 +334,16 @@ cdef class BufferCore(Engine):
             self._lookup_series(&query, &series)
         return translations_array, rotations_array
 
-    def transform_points(self, points, times, target_frame, source_frame, *, fixed_frame=None,
-                         target_time=None):
+    def transform_points(
+        self,
+        points: NDArray[np.floating],
+        times: ArrayLike | Sequence[Time],
+        target_frame: str,
+        source_frame: str,
+        *,
+        fixed_frame: str | None = None,
+        target_time: Time | None = None,
+    ) -> NDArray[np.floating]:
         """
         Transform each point with the transform of its own time.
 
@@ -328,7 +387,7 @@ cdef class BufferCore(Engine):
             raise error if answered < 0 else type(error)(f"times[{answered}]: {error}")
         return 0
 
-    def can_transform_core(self, target_frame, source_frame, time):
+    def can_transform_core(self, target_frame: str, source_frame: str, time: Time) -> tuple[int, str]:
         """
         Whether :meth:`lookup_transform_core` would return: ``(1, '')``, or ``(0, reason)``.
 
@@ -338,13 +397,15 @@ cdef class BufferCore(Engine):
         query_fill(&query, target_frame, source_frame, time)
         return self._can(&query)
 
-    def can_transform_full_core(self, target_frame, target_time, source_frame, source_time, fixed_frame):
+    def can_transform_full_core(
+        self, target_frame: str, target_time: Time, source_frame: str, source_time: Time, fixed_frame: str
+    ) -> tuple[int, str]:
         """Whether :meth:`lookup_transform_full_core` would return; as :meth:`can_transform_core`."""
         cdef Query query
         query_fill_full(&query, target_frame, target_time, source_frame, source_time, fixed_frame)
         return self._can(&query)
 
-    def get_latest_common_time(self, target_frame, source_frame):
+    def get_latest_common_time(self, target_frame: str, source_frame: str) -> Time:
         """
         The newest time at which every dynamic frame between the two has data; 0 where all are static.
 
@@ -368,7 +429,9 @@ cdef class BufferCore(Engine):
             raise errors.TransformException(str(error))
         raise error
 
-    def lookupVelocityCore(self, tracking_frame, observation_frame, time, averaging_interval):
+    def lookupVelocityCore(
+        self, tracking_frame: str, observation_frame: str, time: Time, averaging_interval: Duration
+    ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
         """
         The twist of ``tracking_frame``'s origin relative to ``observation_frame``, in the axes of the latter.
 
@@ -379,8 +442,16 @@ cdef class BufferCore(Engine):
             averaging_interval,
         )
 
-    def lookupVelocityFullCore(self, tracking_frame, observation_frame, reference_frame, reference_point,
-                               reference_point_frame, time, averaging_interval):
+    def lookupVelocityFullCore(
+        self,
+        tracking_frame: str,
+        observation_frame: str,
+        reference_frame: str,
+        reference_point: Sequence[float],
+        reference_point_frame: str,
+        time: Time,
+        averaging_interval: Duration,
+    ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
         """
         The mean twist of ``tracking_frame`` relative to ``observation_frame`` around a time.
 
@@ -431,7 +502,15 @@ cdef class BufferCore(Engine):
 
     # Waiting.
 
-    def _wait(self, target_frame, source_frame, time, fixed_frame=None, target_time=None, notify=None):
+    def _wait(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: Time,
+        fixed_frame: str | None = None,
+        target_time: Time | None = None,
+        notify: Callable[[TransformStamped], Any] | None = None,
+    ) -> Wait:
         """
         Wait for a lookup: the simple one, or with ``fixed_frame`` and ``target_time`` the one at two times.
 
@@ -452,7 +531,7 @@ cdef class BufferCore(Engine):
         wait.begin(self, (target_frame, source_frame, fixed_frame), &query, notify)
         return wait
 
-    def _pending_waits(self, size_t most=1000):
+    def _pending_waits(self, size_t most=1000) -> list[str]:
         """
         One line for each pending wait, at most so many: what it waits for, and what it lacks now.
 
@@ -462,45 +541,89 @@ cdef class BufferCore(Engine):
 
     # Listing frames, and counts.
 
-    def all_frames_as_yaml(self):
+    def __repr__(self):
+        cdef int64_t oldest_ns = 0
+        cdef int64_t newest_ns = 0
+        cdef bint has_dynamic
+        with nogil:
+            has_dynamic = self.span(&oldest_ns, &newest_ns)
+        return listings.as_line(type(self), self.counts(), newest_ns - oldest_ns if has_dynamic else None)
+
+    def __contains__(self, name):
+        """Whether this is the name of a frame, that of a parent included; False for all but a ``str``."""
+        cdef Py_ssize_t size
+        cdef const char* text
+        if not isinstance(name, str):
+            return False
+        try:
+            text = name_utf8(name, &size)
+        except ValueError:
+            return False    # it holds a NUL or a lone surrogate: no frame can
+        return self.find_name(text, size) not in (NAME_UNKNOWN, NO_FRAME)
+
+    def frames(self) -> dict[str, FrameInfo]:
+        """
+        What this buffer holds of each frame, in the order in which their names were first used.
+
+        :return: a dict from name to a named tuple :class:`FrameInfo`: ``parent``, ``static``, ``count``,
+            ``oldest_ns``, ``newest_ns``.
+
+        The times are exact: with a lookup of the frame in its parent, ``oldest_ns`` and ``newest_ns`` are the
+        earliest and the latest time that have an answer. Roots are listed, too. Other threads may change the
+        buffer meanwhile: of more than 1024 frames it is no snapshot. Its cost grows with their number.
+        """
+        return listings.as_frames(self.frame_facts(True))
+
+    def tree(self) -> str:
+        """
+        The frames as indented text: under each frame those whose parent it is, with their samples.
+
+        A frame is under the parent of its newest sample. Frames whose parents form a loop stand at the end,
+        marked. As :meth:`frames` otherwise.
+        """
+        return tree_text(listings.as_frames(self.frame_facts(True)))
+
+    def all_frames_as_yaml(self) -> str:
         """
         The frames that hold data as YAML: parent, broadcaster, rate (Hz), times (s), buffer length (s).
 
         A listing of more than 1024 frames is no snapshot: other threads may change the buffer between parts.
         """
-        return listings.as_yaml(self.frames())
+        return listings.as_yaml(self.frame_facts())
 
-    def all_frames_as_string(self):
+    def all_frames_as_string(self) -> str:
         """One sentence for each frame that was ever a child; otherwise as :meth:`all_frames_as_yaml`."""
-        return listings.as_string(self.frames())
+        return listings.as_string(self.frame_facts())
 
-    def _allFramesAsDot(self, time=None):
+    def _allFramesAsDot(self, time: Time | None = None) -> str:
         """
         The frames that hold data as a Graphviz digraph; otherwise as :meth:`all_frames_as_yaml`.
 
         :param time: ages are as of this time; None or 0: no ages.
         """
         cdef int64_t time_ns = 0 if time is None else nanoseconds(time, "time")
-        return listings.as_dot(self.frames(), time_ns)
+        return listings.as_dot(self.frame_facts(), time_ns)
 
-    def _frameExists(self, name):
+    def _frameExists(self, name: str) -> bool:
         """Whether the name was ever a parent or a child."""
         cdef Py_ssize_t size
         cdef const char* text = name_utf8(name, &size)
-        return self.knows_frame(text, size)
+        return self.find_name(text, size) != NAME_UNKNOWN
 
-    def _getFrameStrings(self):
+    def _getFrameStrings(self) -> list[str]:
         """Every frame name, in the order of first appearance."""
         return self.frame_names(None)[1:]
 
-    def _chain(self, target_frame, target_time, source_frame, source_time, fixed_frame):
+    def _chain(
+        self, target_frame: str, target_time: Time, source_frame: str, source_time: Time, fixed_frame: str
+    ) -> list[str]:
         """The frames from source up to the common ancestor and down to target, each once."""
         return chain_between(
             self, target_frame, query_time(target_time, "target_time"), source_frame,
             query_time(source_time, "source_time"), fixed_frame,
         )
 
-    def statistics(self):
+    def statistics(self) -> dict[str, Any]:
         """
         What this buffer has done and holds.
 
@@ -510,7 +633,7 @@ cdef class BufferCore(Engine):
         """
         return self.counts()
 
-    def _self_check(self):
+    def _self_check(self) -> None:
         """Check the tree, histories and waiters; AssertionError names an invariant that does not hold."""
         cdef const char* problem = self.check()
         if problem != NULL:

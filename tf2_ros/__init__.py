@@ -1,7 +1,7 @@
 """tf2 for nodes: buffers, listeners and broadcasters; and everything of tf2_py."""
 
 # Before the imports below fail without a word of advice or, on another ROS 2 than the one built for, crash.
-from tf2_ros_cython import _requirement as _requirement
+from tf2_ros_cython._requirement import __version__ as __version__
 
 # isort: split
 
@@ -30,6 +30,7 @@ from tf2_py import (
     TransformException,
     add_dll_directories_from_env,
 )
+from tf2_py import FrameInfo as FrameInfo
 from tf2_ros import (
     buffer,
     buffer_client,
@@ -70,6 +71,7 @@ from tf2_ros._tf2_names import (
     threading,
     warnings,
 )
+from tf2_ros._transform_text import format_transform as format_transform
 from tf2_ros.buffer import Buffer
 from tf2_ros.buffer_client import ActionClient, BufferClient
 from tf2_ros.buffer_interface import (

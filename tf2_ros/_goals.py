@@ -15,6 +15,7 @@ from rclpy.task import Future
 
 from tf2_msgs.action import LookupTransform
 from tf2_py import TimeoutException
+from tf2_py._internal import counted, printable
 from tf2_ros._forking import keep_for_ever, register_for_fork
 from tf2_ros._hidden_node import hidden_node
 from tf2_ros._qos import lookup_qos
@@ -125,6 +126,11 @@ class GoalSender:
     def alive(self) -> bool:
         """Whether pending goals still get an outcome."""
         return not self._closed and self._spinner.thread.is_alive()
+
+    def state(self) -> str:
+        """In words: the action, and how many goals have no outcome yet."""
+        goals = counted(len(self._pending), "pending lookup") if self.alive() else "ended"
+        return f"action {printable(self._name)}, {goals}"
 
     def expire(self, pending: PendingGoal) -> None:
         """Fail this goal if its deadline has passed; from any thread."""

@@ -37,6 +37,13 @@ class TypeException(Exception):
     No function is registered for a type.
 
     :param str errstr: what is missing; also the attribute ``errstr``.
+
+    >>> from tf2_ros import Buffer, TypeException
+    >>> try:
+    ...     Buffer().transform("a str", "base_link")
+    ... except TypeException as error:
+    ...     print(error.errstr.partition(":")[0])
+    Type builtins.str is not loaded or supported
     """
 
     def __init__(self, errstr: str) -> None:
@@ -45,7 +52,17 @@ class TypeException(Exception):
 
 
 class NotImplementedException(Exception):
-    """A buffer lacks the method that was called; the attribute ``errstr`` says so in words."""
+    """
+    A buffer lacks the method that was called; the attribute ``errstr`` says so in words.
+
+    >>> from rclpy.time import Time
+    >>> from tf2_ros import BufferInterface, NotImplementedException
+    >>> try:
+    ...     BufferInterface().lookup_transform("map", "odom", Time())
+    ... except NotImplementedException as error:
+    ...     print(error.errstr)
+    CanTransform or LookupTransform not implemented
+    """
 
     def __init__(self) -> None:
         self.errstr = "CanTransform or LookupTransform not implemented"
@@ -116,7 +133,20 @@ class _Functions(dict[Any, Callable[..., Any]]):
 
 
 class TransformRegistration:
-    """The functions that transform objects, by type; one table for the whole process."""
+    """
+    The functions that transform objects, by type; one table for the whole process.
+
+    >>> from std_msgs.msg import Header
+    >>> from tf2_ros import Buffer, TransformRegistration
+    >>> class Height:
+    ...     def __init__(self, z, frame):
+    ...         self.z, self.header = z, Header(frame_id=frame)
+    >>> def transform_height(height, transform):
+    ...     return Height(height.z + transform.transform.translation.z, transform.header.frame_id)
+    >>> TransformRegistration().add(Height, transform_height)
+    >>> Buffer().transform(Height(1.0, "map"), "map").z
+    1.0
+    """
 
     # Programs reach into the tables of these classes, too, by the names that tf2's have.
     __type_map = _Functions("tf2_ros.TransformRegistration().add()")
@@ -149,7 +179,15 @@ class TransformRegistration:
 
 
 class ConvertRegistration:
-    """The functions that turn objects of one type into another, by type; one table for the whole process."""
+    """
+    The functions that turn objects of one type into another, by type; one table for the whole process.
+
+    >>> from geometry_msgs.msg import Point
+    >>> from tf2_ros import ConvertRegistration, convert
+    >>> ConvertRegistration().add_convert((Point, tuple), lambda point: (point.x, point.y, point.z))
+    >>> convert(Point(x=1.0), tuple)
+    (1.0, 0.0, 0.0)
+    """
 
     __to_msg_map = _Functions("tf2_ros.ConvertRegistration().add_to_msg()")
     __from_msg_map = _Functions("tf2_ros.ConvertRegistration().add_from_msg()")

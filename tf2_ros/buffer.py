@@ -93,6 +93,16 @@ class Buffer(BufferCore, BufferInterface):
 
     With ``TF2_DEBUG=1`` in the environment when this module is imported, each wait for a transform that lasts
     longer than a second logs, once, what it lacks; not those by methods that a program has replaced.
+
+    >>> from rclpy.time import Time
+    >>> from tf2_ros import Buffer
+    >>> from geometry_msgs.msg import TransformStamped
+    >>> mount = TransformStamped(child_frame_id="camera")
+    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+    >>> buffer = Buffer()  # a TransformListener fills it; here, this program does
+    >>> buffer.set_transform_static(mount, "example")
+    >>> buffer.lookup_transform("base_link", "camera", Time()).transform.translation.x
+    0.3
     """
 
     def __init__(
@@ -137,7 +147,11 @@ class Buffer(BufferCore, BufferInterface):
         self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
     ) -> TransformStamped:
         """
-        Get the transform that maps data from ``source_frame`` to ``target_frame``.
+        Get the pose of ``source_frame`` in ``target_frame``: it carries data from the source to the target.
+
+        A point at p in ``source_frame`` is at R p + t in ``target_frame``: R and t are the rotation and the
+        translation returned. ``Time()``, which is 0, asks for the latest time for which all frames on the
+        path have data. The default ``timeout`` does not wait.
 
         :param target_frame: the frame that the data is wanted in.
         :param source_frame: the frame that the data is in.
@@ -168,7 +182,11 @@ class Buffer(BufferCore, BufferInterface):
         timeout: Duration = NO_TIMEOUT,
     ) -> TransformStamped:
         """
-        Get the transform from ``source_frame`` at ``source_time`` into ``target_frame`` at ``target_time``.
+        Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``.
+
+        It carries data from the source to the target: a point at p in ``source_frame`` at the one time is at
+        R p + t in ``target_frame`` at the other, if ``fixed_frame`` does not move meanwhile. ``Time()``,
+        which is 0, asks for the latest time. The default ``timeout`` does not wait.
 
         :param target_frame: the frame that the data is wanted in.
         :param target_time: the time in ``target_frame``; 0 is the latest time for which all frames on the
@@ -199,7 +217,8 @@ class Buffer(BufferCore, BufferInterface):
         return_debug_tuple: bool = False,
     ) -> bool | tuple[bool, str]:
         """
-        Tell whether :meth:`lookup_transform` would answer.
+        Tell whether :meth:`lookup_transform` would answer: with the pose of ``source_frame`` in
+        ``target_frame``. With ``Time()``: the latest one. The default ``timeout`` does not wait.
 
         :param target_frame: as of that method, like ``source_frame`` and ``time``.
         :param timeout: how long to wait until it would.
@@ -227,7 +246,7 @@ class Buffer(BufferCore, BufferInterface):
         return_debug_tuple: bool = False,
     ) -> bool | tuple[bool, str]:
         """
-        Tell whether :meth:`lookup_transform_full` would answer.
+        Tell whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
 
         :param target_frame: as of that method, like all but the last two, which are those of
             :meth:`can_transform`.
@@ -256,7 +275,8 @@ class Buffer(BufferCore, BufferInterface):
         self, target_frame: str, source_frame: str, time: Time, *, timeout: Duration | None = None
     ) -> Future:
         """
-        Get a future of what :meth:`lookup_transform` will return.
+        Get a future of what :meth:`lookup_transform` will return: the pose of ``source_frame`` in
+        ``target_frame``. Without ``timeout`` it waits for ever.
 
         :param target_frame: as of that method, like ``source_frame`` and ``time``.
         :param timeout: after which the future holds a ``TimeoutException`` with the reason. None: never.
@@ -288,7 +308,7 @@ class Buffer(BufferCore, BufferInterface):
         timeout: Duration | None = None,
     ) -> Future:
         """
-        Get a future of what :meth:`lookup_transform_full` will return.
+        Get a future of what :meth:`lookup_transform_full` will return. Without ``timeout`` it waits for ever.
 
         :param target_frame: as of that method, like all but ``timeout``.
         :param timeout: as of :meth:`wait_for_transform_async`, which is the same for a simple lookup.
@@ -308,7 +328,8 @@ class Buffer(BufferCore, BufferInterface):
         self, target_frame: str, source_frame: str, time: Time, *, timeout: Duration | None = None
     ) -> TransformStamped:
         """
-        Await the transform that maps data from ``source_frame`` to ``target_frame``.
+        Await what :meth:`lookup_transform` returns: the pose of ``source_frame`` in ``target_frame``, which
+        carries data from the source to the target. Without ``timeout`` it waits for ever.
 
         :param target_frame: as of :meth:`lookup_transform`, like ``source_frame`` and ``time``.
         :param timeout: how long. None: for ever.
@@ -332,7 +353,7 @@ class Buffer(BufferCore, BufferInterface):
         timeout: Duration | None = None,
     ) -> TransformStamped:
         """
-        Await what :meth:`lookup_transform_full` returns.
+        Await what :meth:`lookup_transform_full` returns. Without ``timeout`` it waits for ever.
 
         :param target_frame: as of that method, like all but ``timeout``.
         :param timeout: as of :meth:`lookup_transform_async`, which raises the same.

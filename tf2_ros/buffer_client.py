@@ -21,7 +21,7 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._internal import printable
+from tf2_py._internal import class_name, printable
 from tf2_ros._goals import GoalSender, PendingGoal, send_directly
 from tf2_ros._tf2_names import (
     Clock,
@@ -83,6 +83,13 @@ class BufferClient(BufferInterface):
     Where a program replaced this module's ``ActionClient``, or the attribute ``action_client``, goals are
     sent with the replacement, by the thread that calls the lookup. Every ``time`` and ``timeout`` is as of
     :class:`tf2_ros.Buffer`.
+
+    >>> from rclpy.time import Time
+    >>> from tf2_ros import BufferClient
+    >>> client = BufferClient(node, "tf2_buffer_server")  # of any node, such as rclpy.create_node("example")
+    >>> client.can_transform("map", "base_link", Time())  # no server runs
+    False
+    >>> client.destroy()
     """
 
     def __init__(
@@ -107,6 +114,13 @@ class BufferClient(BufferInterface):
         # Without destroy(), too, no thread remains; at exit it ends by itself.
         weakref.finalize(self, self._goal_sender.close, wait=False).atexit = False
 
+    def __repr__(self) -> str:
+        attributes, state = self.__dict__, "not initialised"
+        if "action_client" in attributes:
+            sender = attributes.get("_goal_sender")
+            state = "a program's own action client" if sender is None else sender.state()
+        return f"<{class_name(type(self))}: {state}>"
+
     def destroy(self) -> None:
         """End the client; pending lookups raise a TimeoutException."""
         if self._goal_sender is None or self.action_client is not self._goal_sender.action_client:
@@ -118,7 +132,11 @@ class BufferClient(BufferInterface):
         self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
     ) -> TransformStamped:
         """
-        Get the transform that maps data from ``source_frame`` to ``target_frame``.
+        Get the pose of ``source_frame`` in ``target_frame``: it carries data from the source to the target.
+
+        A point at p in ``source_frame`` is at R p + t in ``target_frame``: R and t are the rotation and the
+        translation returned. ``Time()``, which is 0, asks for the latest time for which all frames on the
+        path have data. The default ``timeout`` does not wait.
 
         :param target_frame: the frame that the data is wanted in.
         :param source_frame: the frame that the data is in.
@@ -144,7 +162,11 @@ class BufferClient(BufferInterface):
         timeout: Duration = NO_TIMEOUT,
     ) -> TransformStamped:
         """
-        Get the transform from ``source_frame`` at ``source_time`` into ``target_frame`` at ``target_time``.
+        Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``.
+
+        It carries data from the source to the target: a point at p in ``source_frame`` at the one time is at
+        R p + t in ``target_frame`` at the other, if ``fixed_frame`` does not move meanwhile. ``Time()``,
+        which is 0, asks for the latest time. The default ``timeout`` does not wait.
 
         :param target_frame: the frame that the data is wanted in.
         :param target_time: the time in ``target_frame``; 0 is the latest one.
@@ -166,7 +188,8 @@ class BufferClient(BufferInterface):
         return_debug_tuple: bool = False,
     ) -> bool | tuple[bool, str]:
         """
-        Tell whether :meth:`lookup_transform` would answer.
+        Tell whether :meth:`lookup_transform` would answer: with the pose of ``source_frame`` in
+        ``target_frame``. With ``Time()``: the latest one. The default ``timeout`` does not wait.
 
         :param target_frame: as of that method, like all but the last.
         :param return_debug_tuple: return a tuple of the answer and the reason why not, which is empty where
@@ -190,7 +213,7 @@ class BufferClient(BufferInterface):
         return_debug_tuple: bool = False,
     ) -> bool | tuple[bool, str]:
         """
-        Tell whether :meth:`lookup_transform_full` would answer.
+        Tell whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
 
         :param target_frame: as of that method, like all but the last, which is that of :meth:`can_transform`.
         """
@@ -206,7 +229,8 @@ class BufferClient(BufferInterface):
         self, target_frame: str, source_frame: str, time: Time, *, timeout: Duration | None = None
     ) -> TransformStamped:
         """
-        Await what :meth:`lookup_transform` returns.
+        Await what :meth:`lookup_transform` returns: the pose of ``source_frame`` in ``target_frame``, which
+        carries data from the source to the target. Without ``timeout`` it waits for ever.
 
         :param target_frame: as of that method, which raises the same.
         :param timeout: how long. None: for ever, or until the server is destroyed.
@@ -224,7 +248,7 @@ class BufferClient(BufferInterface):
         timeout: Duration | None = None,
     ) -> TransformStamped:
         """
-        Await what :meth:`lookup_transform_full` returns.
+        Await what :meth:`lookup_transform_full` returns. Without ``timeout`` it waits for ever.
 
         :param target_frame: as of that method, like all but ``timeout``.
         :param timeout: as of :meth:`lookup_transform_async`.

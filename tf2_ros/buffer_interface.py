@@ -83,6 +83,16 @@ class BufferInterface:
     A subclass implements the lookups; ``transform``, ``transform_full`` and ``transform_async`` use them. The
     attribute ``registration`` is the table of functions that transform objects. Every ``time`` is an rclpy
     ``Time``, a time message, or an object with their attributes.
+
+    >>> from geometry_msgs.msg import PointStamped, TransformStamped
+    >>> from tf2_ros import BufferInterface
+    >>> class OneMetreAhead(BufferInterface):
+    ...     def lookup_transform(self, target_frame, source_frame, time, timeout=None):
+    ...         transform = TransformStamped(child_frame_id=source_frame)
+    ...         transform.header.frame_id, transform.transform.translation.x = target_frame, 1.0
+    ...         return transform
+    >>> OneMetreAhead().transform(PointStamped(), "base_link").point.x
+    1.0
     """
 
     def __init__(self) -> None:
@@ -96,7 +106,8 @@ class BufferInterface:
         new_type: type | None = None,
     ) -> Any:
         """
-        Transform an object into another frame, at the object's own time.
+        Transform an object into another frame, at the object's own time: the same place, as it is seen from
+        there. The default ``timeout`` does not wait.
 
         :param object_stamped: an object with a ``header``, of a registered type. If its stamp is 0, the
             latest transform is used.
@@ -126,7 +137,8 @@ class BufferInterface:
         new_type: type | None = None,
     ) -> Any:
         """
-        Transform an object from its own time into another frame at another time.
+        Transform an object from its own time into another frame at another time. ``Time()`` as target time
+        asks for the latest. The default ``timeout`` does not wait.
 
         :param object_stamped: as of :meth:`transform`, which raises the same.
         :param target_frame: the frame that the object is wanted in.
@@ -152,7 +164,8 @@ class BufferInterface:
         new_type: type | None = None,
     ) -> Any:
         """
-        Transform an object into another frame as soon as the transform is available.
+        Transform an object into another frame as soon as the transform is available. Without ``timeout`` it
+        waits for ever.
 
         :param object_stamped: as of :meth:`transform`, which raises the same.
         :param target_frame: the frame that the object is wanted in.
@@ -173,7 +186,11 @@ class BufferInterface:
         self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
     ) -> TransformStamped:
         """
-        Get the transform that maps data from ``source_frame`` to ``target_frame``.
+        Get the pose of ``source_frame`` in ``target_frame``: it carries data from the source to the target.
+
+        A point at p in ``source_frame`` is at R p + t in ``target_frame``: R and t are the rotation and the
+        translation returned. ``Time()``, which is 0, asks for the latest time for which all frames on the
+        path have data. The default ``timeout`` does not wait.
 
         :param time: of the transform; 0 is the latest time for which all frames on the path have data.
         :param timeout: how long to wait for it, in steady time. Zero: do not wait.
@@ -191,7 +208,11 @@ class BufferInterface:
         timeout: Duration = NO_TIMEOUT,
     ) -> TransformStamped:
         """
-        Get the transform from ``source_frame`` at ``source_time`` into ``target_frame`` at ``target_time``.
+        Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``.
+
+        It carries data from the source to the target: a point at p in ``source_frame`` at the one time is at
+        R p + t in ``target_frame`` at the other, if ``fixed_frame`` does not move meanwhile. ``Time()``,
+        which is 0, asks for the latest time. The default ``timeout`` does not wait.
 
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: as of :meth:`lookup_transform`.
@@ -203,7 +224,8 @@ class BufferInterface:
         self, target_frame: str, source_frame: str, time: Time, *, timeout: Duration | None = None
     ) -> TransformStamped:
         """
-        Await what :meth:`lookup_transform` returns.
+        Await what :meth:`lookup_transform` returns: the pose of ``source_frame`` in ``target_frame``, which
+        carries data from the source to the target. Without ``timeout`` it waits for ever.
 
         :param timeout: how long, in steady time. None: for ever.
         :raises NotImplementedException: a subclass must implement it.
@@ -214,7 +236,8 @@ class BufferInterface:
         self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_TIMEOUT
     ) -> Any:
         """
-        Tell whether :meth:`lookup_transform` would answer.
+        Tell whether :meth:`lookup_transform` would answer: with the pose of ``source_frame`` in
+        ``target_frame``. With ``Time()``: the latest one. The default ``timeout`` does not wait.
 
         :param timeout: how long to wait until it would, in steady time.
         :raises NotImplementedException: a subclass must implement it.
@@ -231,7 +254,7 @@ class BufferInterface:
         timeout: Duration = NO_TIMEOUT,
     ) -> Any:
         """
-        Tell whether :meth:`lookup_transform_full` would answer.
+        Tell whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
 
         :param timeout: how long to wait until it would, in steady time.
         :raises NotImplementedException: a subclass must implement it.

@@ -56,6 +56,22 @@ class BufferServer:
     A goal that waits occupies no thread. A goal whose timeout passes gets ``TIMEOUT_ERROR`` with the reason
     of the last attempt; one without a timeout the error of its only attempt. The node keeps the server alive;
     ``destroy()`` ends it.
+
+    >>> from rclpy.duration import Duration
+    >>> from rclpy.time import Time
+    >>> from tf2_ros import Buffer, BufferClient, BufferServer
+    >>> from geometry_msgs.msg import TransformStamped
+    >>> mount = TransformStamped(child_frame_id="camera")
+    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+    >>> buffer = Buffer()
+    >>> buffer.set_transform_static(mount, "example")
+    >>> server = BufferServer(buffer, node, "lookup")  # of a node that is spun
+    >>> client = BufferClient(node, "lookup")  # usually in another process
+    >>> answer = client.lookup_transform("base_link", "camera", Time(), timeout=Duration(seconds=5))
+    >>> answer.transform.translation.x
+    0.3
+    >>> client.destroy()
+    >>> server.destroy()
     """
 
     def __init__(self, buffer: BufferCore, node: Node, ns: str, check_period: float = 0.01) -> None:

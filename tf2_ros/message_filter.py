@@ -13,7 +13,7 @@ from rclpy.duration import Duration
 from rclpy.executors import await_or_execute
 from rclpy.node import Node
 
-from tf2_py._internal import printable
+from tf2_py._internal import class_name, printable
 from tf2_ros._forking import register_for_fork
 from tf2_ros._times import FOR_EVER_NS, duration_ns, optional_timeout_ns
 from tf2_ros._wait.handoff import Handoff
@@ -56,7 +56,24 @@ class MessageFilter:
     gives the same messages, from the start of the iteration to :meth:`close`, each with its transform into
     the first target frame. What has passed and was not taken yet is kept, without a limit.
 
-    It has the methods of a filter of ``message_filters`` and can be the input of one.
+    It has the methods of a filter of ``message_filters`` and can be the input of one. The end of a ``with``
+    block closes it.
+
+    >>> from queue import Queue
+    >>> from geometry_msgs.msg import PointStamped
+    >>> from tf2_ros import Buffer, MessageFilter
+    >>> from geometry_msgs.msg import TransformStamped
+    >>> mount = TransformStamped(child_frame_id="camera")
+    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+    >>> point = PointStamped()
+    >>> point.header.frame_id = "camera"
+    >>> buffer, points = Buffer(), Queue()
+    >>> with MessageFilter(None, buffer, "base_link", 100, node=node) as waiting:  # of a node that is spun
+    ...     key = waiting.registerCallback(points.put)
+    ...     waiting.add(point)
+    ...     buffer.set_transform_static(mount, "example")
+    ...     points.get(timeout=5) is point
+    True
     """
 
     def __init__(
@@ -195,6 +212,23 @@ class MessageFilter:
         self._outcomes.close()
         for stream in list(self._streams):
             stream.close()
+
+    def __enter__(self) -> "MessageFilter":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        name = class_name(type(self))
+        if "_pending" not in self.__dict__:
+            return f"<{name}: not initialised>"
+        counts = self.statistics()
+        facts = [f"{counts[key]} {key}" for key in ("waiting", "passed")]
+        facts.append(f"{sum(counts['dropped'].values())} dropped")
+        if self._closed:
+            facts.append("closed")
+        return f"<{name}: into {printable(' and '.join(self._target_frames))}: {', '.join(facts)}>"
 
     def after_fork(self) -> None:
         """Make the lock anew: in a forked child it must be free."""

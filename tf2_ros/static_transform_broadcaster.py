@@ -45,6 +45,15 @@ class StaticTransformBroadcaster:
 
     Every message contains all transforms sent so far (the attribute ``net_message``), one for each child
     frame. Several threads may send.
+
+    >>> from tf2_ros import StaticTransformBroadcaster
+    >>> from geometry_msgs.msg import TransformStamped
+    >>> mount = TransformStamped(child_frame_id="camera")
+    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+    >>> broadcaster = StaticTransformBroadcaster(node)
+    >>> broadcaster.sendTransform(mount)
+    >>> [sent.child_frame_id for sent in broadcaster.net_message.transforms]
+    ['camera']
     """
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:

@@ -36,6 +36,13 @@ class TransformBroadcaster:
     :param node: publishes them; the attribute ``pub_tf`` is the publisher.
     :param qos: a profile, or the depth of its queue. None: volatile, depth 100, which parameters of the node
         may override.
+
+    >>> from geometry_msgs.msg import TransformStamped
+    >>> from tf2_ros import TransformBroadcaster
+    >>> pose = TransformStamped(child_frame_id="base_link")
+    >>> pose.header.frame_id, pose.header.stamp = "odom", node.get_clock().now().to_msg()
+    >>> pose.transform.translation.x = 1.5
+    >>> TransformBroadcaster(node).sendTransform(pose)
     """
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:

@@ -85,6 +85,19 @@ class TransformListener:
 
     Attributes: ``buffer``, ``node``, ``group`` (the callback group of the subscriptions), ``tf_sub``,
     ``tf_static_sub``; where a thread spins the node, ``executor`` and ``dedicated_listener_thread``.
+
+    >>> from rclpy.duration import Duration
+    >>> from rclpy.time import Time
+    >>> from tf2_ros import Buffer, StaticTransformBroadcaster, TransformListener
+    >>> from geometry_msgs.msg import TransformStamped
+    >>> mount = TransformStamped(child_frame_id="camera")
+    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+    >>> StaticTransformBroadcaster(node).sendTransform(mount)  # usually in another process
+    >>> buffer = Buffer()
+    >>> with TransformListener(buffer, node):
+    ...     answer = buffer.lookup_transform("base_link", "camera", Time(), timeout=Duration(seconds=5))
+    >>> answer.transform.translation.x
+    0.3
     """
 
     # Where a subclass does not call __init__.
@@ -294,6 +307,19 @@ class StaticTransformListener(TransformListener):
     Fills a buffer with static transforms alone; otherwise a :class:`TransformListener`.
 
     :param buffer: as of that class, like all parameters.
+
+    >>> from rclpy.duration import Duration
+    >>> from rclpy.time import Time
+    >>> from tf2_ros import Buffer, StaticTransformBroadcaster, StaticTransformListener
+    >>> from geometry_msgs.msg import TransformStamped
+    >>> mount = TransformStamped(child_frame_id="camera")
+    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+    >>> StaticTransformBroadcaster(node).sendTransform(mount)  # usually in another process
+    >>> buffer = Buffer()
+    >>> with StaticTransformListener(buffer, node):
+    ...     answer = buffer.lookup_transform("base_link", "camera", Time(), timeout=Duration(seconds=5))
+    >>> answer.transform.translation.x
+    0.3
     """
 
     def __init__(

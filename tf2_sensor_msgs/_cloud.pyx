@@ -256,9 +256,13 @@ cdef void _transform_grid(const char* source, char* target, const Grid* grid) no
     memcpy(target + new_end, source + end, grid.new_size - new_end)
 
 
-def do_transform_cloud(cloud, transform, *, only_xyz=False):
+def do_transform_cloud(
+    cloud: PointCloud2, transform: TransformStamped | Transform, *, only_xyz: bool = False
+) -> PointCloud2:
     """
-    Transform a point cloud: p' = R p + t, in double precision, without the GIL.
+    Transform a point cloud from the child frame of ``transform`` to its parent frame: p' = R p + t.
+
+    In double precision, without the GIL.
 
     Fields may be in any order, at any offset, with any padding, in either byte order; x, y and z may be of
     any type, even of different ones; integers are truncated, as in tf2. Everything else stays as it is: other

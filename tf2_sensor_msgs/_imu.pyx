@@ -63,14 +63,14 @@ cdef object _transformed_attitude(object quaternion, const Transform* transform)
     return new_orientation(q)
 
 
-def do_transform_imu(imu, transform):
+def do_transform_imu(imu: Imu, transform: TransformStamped) -> Imu:
     """
-    Express what an IMU measured in the axes of another frame that is fixed to it: w' = R w, a' = R a.
+    Rotate what an IMU measured from the child frame of ``transform`` to its parent frame: w' = R w, a' = R a.
 
-    Both vectors and their covariances (R C R^T) are rotated; the lever arm does not count: the acceleration
-    is still that of the IMU's place. The orientation becomes that of the new frame in the same world,
-    q' = q r^-1, with the covariance it had, as in tf2's C++. A covariance that begins with -1 marks an
-    estimate as absent and stays as it is, and so does an orientation of zero length.
+    Both frames are fixed to the IMU. Both vectors and their covariances (R C R^T) are rotated; the lever arm
+    does not count: the acceleration is still that of the IMU's place. The orientation becomes that of the new
+    frame in the same world, q' = q r^-1, with the covariance it had, as in tf2's C++. A covariance that
+    begins with -1 marks an estimate as absent and stays as it is, and so does an orientation of zero length.
 
     :param imu: an Imu, radians per second and metres per second squared.
     :param transform: a TransformStamped.
@@ -99,11 +99,11 @@ def do_transform_imu(imu, transform):
     return message
 
 
-def do_transform_magnetic_field(magnetic_field, transform):
+def do_transform_magnetic_field(magnetic_field: MagneticField, transform: TransformStamped) -> MagneticField:
     """
-    Express a magnetic field in the axes of another frame: b' = R b, its covariance R C R^T.
+    Rotate a magnetic field from the child frame of ``transform`` to its parent frame: b' = R b.
 
-    The translation does not count.
+    Its covariance becomes R C R^T. The translation does not count.
 
     :param magnetic_field: a MagneticField, tesla.
     :param transform: a TransformStamped.

@@ -146,9 +146,11 @@ cdef void triples_transform(const char* source, const Triples* source_at, char* 
         _transform_each(source, source_at, target, target_at, count, rigid, x, y, z)
 
 
-def transform_points(point_cloud, transform):
+def transform_points(point_cloud: ArrayLike, transform: TransformStamped | Transform) -> NDArray[Any]:
     """
-    Transform points: p' = R p + t, in double precision, without the GIL.
+    Transform points from the child frame of ``transform`` to its parent frame: p' = R p + t.
+
+    In double precision, without the GIL.
 
     :param point_cloud: an array of shape (n, 3), x y z in metres, of any strides; or what NumPy makes one of.
     :param transform: a TransformStamped or Transform, metres.

@@ -76,10 +76,12 @@ cdef class Engine:
     # What a wait for a lookup lacks now, in words.
     cdef str lack(self, const Query* query)
 
-    # Listing, as snapshot_frames and snapshot_names.
-    cdef list frames(self)
+    # Listing, as snapshot_frames, snapshot_names and snapshot_span.
+    cdef list frame_facts(self, bint roots=*)
     cdef list frame_names(self, frames)
-    cdef bint knows_frame(self, const char* name, size_t size) noexcept nogil   # was ever a parent or child
+    # The id of a name that was ever a parent or child, or of the reserved one; NAME_UNKNOWN: of neither.
+    cdef uint32_t find_name(self, const char* name, size_t size) noexcept nogil
+    cdef bint span(self, int64_t* oldest_ns, int64_t* newest_ns) noexcept nogil
     cdef dict counts(self)              # see BufferCore.statistics
     cdef const char* check(self) noexcept nogil     # NULL, or which invariant does not hold
 

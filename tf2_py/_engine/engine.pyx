@@ -15,7 +15,7 @@ from tf2_py._core.lookup cimport (
     query_fixed_frame,
     query_is_identity,
 )
-from tf2_py._core.names cimport NAME_NO_MEMORY, NAME_UNKNOWN, names_find
+from tf2_py._core.names cimport NAME_NO_MEMORY, names_find
 from tf2_py._core.path cimport Path
 from tf2_py._core.series cimport TimeSeries, series_lookup
 from tf2_py._core.tree cimport (
@@ -54,7 +54,7 @@ from tf2_py._core.waiters cimport (
     wake_step,
 )
 from tf2_py._core.walk cimport walk_common_time, walk_lookup
-from tf2_py._engine.snapshot cimport snapshot_frames, snapshot_names
+from tf2_py._engine.snapshot cimport snapshot_frames, snapshot_names, snapshot_span
 from tf2_py._objects.frame_names cimport name_for_log
 from tf2_py._objects.lookup_errors cimport query_error, query_lack
 from tf2_py._objects.throttle cimport LINES_PER_MESSAGE, Throttle
@@ -374,18 +374,21 @@ cdef class Engine:
         child, = self.frame_names((status.child if status.code == STATUS_EXTRAPOLATION else NO_FRAME,))
         return query_lack(query, status, child)
 
-    cdef list frames(self):
-        return snapshot_frames(&self._tree, &self._lock)
+    cdef list frame_facts(self, bint roots=False):
+        return snapshot_frames(&self._tree, &self._lock, roots)
 
     cdef list frame_names(self, frames):
         return snapshot_names(&self._tree, &self._lock, frames)
 
-    cdef bint knows_frame(self, const char* name, size_t size) noexcept nogil:
-        cdef bint known
+    cdef uint32_t find_name(self, const char* name, size_t size) noexcept nogil:
+        cdef uint32_t found
         lock_read(&self._lock)
-        known = names_find(&self._tree.names, name, size) != NAME_UNKNOWN
+        found = names_find(&self._tree.names, name, size)
         unlock_read(&self._lock)
-        return known
+        return found
+
+    cdef bint span(self, int64_t* oldest_ns, int64_t* newest_ns) noexcept nogil:
+        return snapshot_span(&self._tree, &self._lock, oldest_ns, newest_ns)
 
     cdef dict counts(self):
         cdef Tree tree

@@ -2,10 +2,10 @@
 
 from cpython.mem cimport PyMem_Free, PyMem_Malloc, PyMem_Realloc
 from libc.stddef cimport size_t
-from libc.stdint cimport int64_t, uint32_t
+from libc.stdint cimport INT64_MAX, INT64_MIN, int64_t, uint32_t
 from libc.string cimport memcpy
 
-from tf2_py._core.cache cimport CACHE_NONE, Cache, cache_newest_parent
+from tf2_py._core.cache cimport CACHE_DYNAMIC, CACHE_NONE, CACHE_STATIC, Cache, cache_newest_parent
 from tf2_py._core.lock cimport Lock, lock_read, unlock_read
 from tf2_py._core.names cimport Name, Names
 from tf2_py._core.tree cimport Tree
@@ -22,6 +22,7 @@ cdef struct Facts:
     FrameId frame
     FrameId parent
     uint32_t authority
+    bint is_static
     uint32_t count
     int64_t newest_ns
     int64_t oldest_ns
@@ -106,18 +107,19 @@ cdef inline void _copy_facts(Facts* facts, FrameId frame, const Cache* cache) no
     facts.frame = frame
     facts.parent = cache_newest_parent(cache)
     facts.authority = cache.authority
+    facts.is_static = cache.kind == CACHE_STATIC
     facts.count = cache.count
     facts.newest_ns = cache.newest_ns
     facts.oldest_ns = cache.oldest_ns
 
 
-cdef uint32_t _copy_frames(const Tree* tree, FrameId* first, Facts* facts) noexcept nogil:
+cdef uint32_t _copy_frames(const Tree* tree, bint roots, FrameId* first, Facts* facts) noexcept nogil:
     # With the lock held: the facts of a slice that begins with `first`, which is moved behind it.
     cdef uint32_t end = min(first[0] + SLICE_FRAMES, tree.names.count)
     cdef uint32_t count = 0
     cdef uint32_t id
     for id in range(first[0], end):
-        if tree.caches[id].kind != CACHE_NONE:
+        if roots or tree.caches[id].kind != CACHE_NONE:
             _copy_facts(&facts[count], id, &tree.caches[id])
             count += 1
     first[0] = end
@@ -134,6 +136,7 @@ cdef list _as_objects(const Tree* tree, Lock* lock, const Facts* facts, uint32_t
             name=names[i],
             parent=None if facts[i].parent == NO_FRAME else parents[i],
             authority=authorities[i],
+            is_static=bool(facts[i].is_static),
             samples=facts[i].count,
             newest_ns=facts[i].newest_ns,
             oldest_ns=facts[i].oldest_ns,
@@ -142,9 +145,9 @@ cdef list _as_objects(const Tree* tree, Lock* lock, const Facts* facts, uint32_t
     ]
 
 
-cdef list snapshot_frames(const Tree* tree, Lock* lock):
+cdef list snapshot_frames(const Tree* tree, Lock* lock, bint roots):
     cdef list frames = []
-    cdef FrameId first = NO_FRAME
+    cdef FrameId first = NO_FRAME + 1
     cdef bint is_last = False
     cdef uint32_t count
     cdef Facts* facts = <Facts*>PyMem_Malloc(SLICE_FRAMES * sizeof(Facts))
@@ -153,10 +156,31 @@ cdef list snapshot_frames(const Tree* tree, Lock* lock):
     try:
         while not is_last:
             lock_read(lock)
-            count = _copy_frames(tree, &first, facts)
+            count = _copy_frames(tree, roots, &first, facts)
             is_last = first >= tree.names.count
             unlock_read(lock)
             frames += _as_objects(tree, lock, facts, count)
         return frames
     finally:
         PyMem_Free(facts)
+
+
+cdef bint snapshot_span(const Tree* tree, Lock* lock, int64_t* oldest_ns, int64_t* newest_ns) noexcept nogil:
+    cdef FrameId id, end
+    cdef FrameId first = NO_FRAME + 1
+    cdef bint is_last = False
+    cdef const Cache* cache
+    oldest_ns[0] = INT64_MAX
+    newest_ns[0] = INT64_MIN
+    while not is_last:
+        lock_read(lock)
+        end = min(first + SLICE_FRAMES, tree.names.count)
+        is_last = end == tree.names.count
+        for id in range(first, end):
+            cache = &tree.caches[id]
+            if cache.kind == CACHE_DYNAMIC and cache.count:
+                oldest_ns[0] = min(oldest_ns[0], cache.oldest_ns)
+                newest_ns[0] = max(newest_ns[0], cache.newest_ns)
+        unlock_read(lock)
+        first = end
+    return oldest_ns[0] <= newest_ns[0]

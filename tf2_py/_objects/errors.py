@@ -16,7 +16,17 @@ NS_PER_S = 1_000_000_000
 
 
 class TransformException(Exception):
-    """Base of every error that a transform lookup raises."""
+    """
+    Base of every error that a transform lookup raises.
+
+    >>> from rclpy.time import Time
+    >>> from tf2_py import BufferCore, TransformException
+    >>> try:
+    ...     BufferCore().lookup_transform_core("map", "odom", Time())
+    ... except TransformException as error:
+    ...     print(f"{type(error).__name__}: {error}")
+    LookupException: "map" passed to lookupTransform argument target_frame does not exist
+    """
 
 
 class LookupException(TransformException):

@@ -1,10 +1,10 @@
-"""Owns the texts that list the frames of a buffer: YAML, sentences, Graphviz."""
+"""Owns the listings of the frames of a buffer: as objects, and as YAML, sentences and Graphviz."""
 
 import re
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tf2_py._objects.errors import NS_PER_S
-from tf2_py._objects.printable import printable
+from tf2_py._objects.printable import class_name, counted, printable
 
 SHORTEST_SPAN_NS = 100_000  # a shorter history counts as this long when its rate is worked out
 UNQUOTED_KEY = re.compile(r"[^\W\d][\w.-]*")
@@ -12,12 +12,36 @@ LONGEST_SIMPLE_KEY = 1000  # YAML looks for the colon within 1024 characters
 YAML_WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
 
 
+class FrameInfo(NamedTuple):
+    """
+    What a buffer holds of one frame; see :meth:`tf2_py.BufferCore.frames`.
+
+    Fields: ``parent``, a name, that of the newest sample; None where the buffer holds no sample of the frame:
+    a root. ``static``: whether its transform holds at all times. ``count``: how many samples. ``oldest_ns``
+    and ``newest_ns``: their stamps in nanoseconds; None for a static frame and for one without samples.
+
+    >>> from tf2_py import BufferCore, FrameInfo
+    >>> FrameInfo(parent="map", static=False, count=2, oldest_ns=1_000, newest_ns=3_000).parent
+    'map'
+    """
+
+    parent: str | None
+    static: bool
+    count: int  # type: ignore[assignment]  # instead of the method of a tuple
+    oldest_ns: int | None
+    newest_ns: int | None
+
+
+FrameInfo.__module__ = "tf2_py"
+
+
 class FrameFacts(NamedTuple):
-    """The facts about one frame that was ever a child."""
+    """The facts about one frame."""
 
     name: str
     parent: str | None  # None: its history is empty
     authority: str
+    is_static: bool
     samples: int
     newest_ns: int  # 0 for a static frame
     oldest_ns: int
@@ -29,6 +53,26 @@ class FrameFacts(NamedTuple):
     @property
     def buffer_length(self) -> float:
         return (self.newest_ns - self.oldest_ns) / NS_PER_S
+
+
+def as_frames(frames: list[FrameFacts]) -> dict[str, FrameInfo]:
+    """What programs get."""
+    infos = {}
+    for f in frames:
+        times = (f.oldest_ns, f.newest_ns) if f.samples and not f.is_static else (None, None)
+        infos[f.name] = FrameInfo(f.parent, f.is_static, f.samples, *times)
+    return infos
+
+
+def as_line(kind: type, counts: dict[str, Any], span_ns: int | None) -> str:
+    """
+    What ``repr`` shows of a buffer.
+
+    ``counts`` as of ``BufferCore.statistics``; ``span_ns``: from its oldest to its newest sample, or None.
+    """
+    frames, samples, waiters = (counted(counts[f"{what}s"], what) for what in ("frame", "sample", "waiter"))
+    span = "" if span_ns is None else f" over {span_ns / NS_PER_S:.1f} s"
+    return f"<{class_name(kind)}: {frames}, {samples}{span}, {waiters}>"
 
 
 def _microseconds(ns: int) -> str:

@@ -1,4 +1,4 @@
-"""Owns how text from messages, which may hold anything, is shown in logs and errors."""
+"""Owns how text from messages, which may hold anything, is shown in logs, errors and reprs."""
 
 
 def printable(text: str) -> str:
@@ -13,3 +13,13 @@ def printable(text: str) -> str:
     # both kinds of quotes, single quotes: these two are undone. What it returns holds no NUL.
     escaped = repr(text + '"')[1:-2]
     return escaped.replace("\\\\", "\0").replace("\\'", "'").replace("\0", "\\")
+
+
+def class_name(kind: type) -> str:
+    """A class by the names of its package and its own, as ``tf2_ros.Buffer``."""
+    return f"{kind.__module__.partition('.')[0]}.{kind.__qualname__}"
+
+
+def counted(number: int, what: str) -> str:
+    """``1 frame``, ``2 frames``."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

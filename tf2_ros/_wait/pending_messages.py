@@ -29,6 +29,16 @@ class FilterFailureReason(str, Enum):
     header names no frame. ``NO_TRANSFORM_FOUND``: the name of a frame is invalid, or the transform was not
     available and ``buffer_timeout`` is zero. ``QUEUE_FULL``: it was the oldest when one more had to wait than
     the queue holds. ``TIMEOUT``: its transform was not available in time.
+
+    >>> from geometry_msgs.msg import PointStamped
+    >>> from queue import Queue
+    >>> from tf2_ros import Buffer, FilterFailureReason, MessageFilter
+    >>> reasons = Queue()
+    >>> with MessageFilter(None, Buffer(), "base_link", 100, node=node) as waiting:  # of a node that is spun
+    ...     key = waiting.registerFailureCallback(lambda message, reason: reasons.put(reason))
+    ...     waiting.add(PointStamped())
+    ...     reasons.get(timeout=5) is FilterFailureReason.EMPTY_FRAME_ID
+    True
     """
 
     OUT_THE_BACK = "OUT_THE_BACK"

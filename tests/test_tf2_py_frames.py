@@ -1,0 +1,179 @@
+"""What a buffer tells at a prompt: its frames, what is in it, and its repr."""
+
+import copy
+import pickle
+import threading
+
+import pytest
+from forking import in_a_child
+from making import S, at_ns, transform
+
+pytestmark = pytest.mark.ours
+
+
+@pytest.fixture
+def buffer(tf2_py):
+    return tf2_py.BufferCore()
+
+
+@pytest.fixture
+def robot(buffer):
+    """map -> odom -> base, dynamic, with different histories; base -> camera, static."""
+    for ns in (10 * S, 10 * S + 7, 12 * S + 1):
+        buffer.set_transform(transform("map", "odom", ns=ns), "x")
+    for ns in (11 * S - 3, 11 * S):
+        buffer.set_transform(transform("odom", "base", ns=ns), "x")
+    buffer.set_transform_static(transform("base", "camera", 99), "x")
+    return buffer
+
+
+def test_an_empty_buffer_has_no_frames(buffer):
+    assert buffer.frames() == {}
+
+
+def test_every_frame_is_listed_with_its_facts_in_the_order_of_first_use(tf2_py, robot):
+    assert list(robot.frames().items()) == [
+        ("odom", tf2_py.FrameInfo("map", False, 3, 10 * S, 12 * S + 1)),
+        ("map", tf2_py.FrameInfo(None, False, 0, None, None)),
+        ("base", tf2_py.FrameInfo("odom", False, 2, 11 * S - 3, 11 * S)),
+        ("camera", tf2_py.FrameInfo("base", True, 1, None, None)),
+    ]
+    assert robot.frames()["odom"].count == 3
+
+
+def test_the_times_are_exactly_those_that_a_lookup_answers(tf2_py, robot):
+    hops = {name: info for name, info in robot.frames().items() if info.oldest_ns is not None}
+    assert set(hops) == {"odom", "base"}
+    for name, info in hops.items():
+        for ns in (info.oldest_ns, info.newest_ns):
+            m = robot.lookup_transform_core(info.parent, name, at_ns(ns))
+            assert m.header.stamp.sec * S + m.header.stamp.nanosec == ns
+        for ns in (info.oldest_ns - 1, info.newest_ns + 1):
+            with pytest.raises(tf2_py.ExtrapolationException):
+                robot.lookup_transform_core(info.parent, name, at_ns(ns))
+
+
+def test_the_times_are_exact_after_samples_have_expired_and_came_late(tf2_py, buffer):
+    for ns in (1 * S, 5 * S, 14 * S, 6 * S, 12 * S + 5, 4 * S):
+        buffer.set_transform(transform("map", "odom", ns=ns), "x")
+    info = buffer.frames()["odom"]
+    assert (info.oldest_ns, info.newest_ns, info.count) == (4 * S, 14 * S, 5)
+    buffer.lookup_transform_core("map", "odom", at_ns(info.oldest_ns))
+    with pytest.raises(tf2_py.ExtrapolationException):
+        buffer.lookup_transform_core("map", "odom", at_ns(info.oldest_ns - 1))
+
+
+def test_a_cleared_frame_stays_known_and_has_neither_parent_nor_times(tf2_py, robot):
+    robot.clear()
+    assert robot.frames()["odom"] == tf2_py.FrameInfo(None, False, 0, None, None)
+    assert robot.frames()["camera"] == tf2_py.FrameInfo("base", True, 1, None, None)
+    assert "odom" in robot
+
+
+def test_a_frame_has_the_parent_of_its_newest_sample(buffer):
+    buffer.set_transform(transform("map", "odom", 2), "x")
+    buffer.set_transform(transform("world", "odom", 1), "x")
+    assert buffer.frames()["odom"].parent == "map"
+
+
+def test_more_frames_than_one_slice_are_complete(tf2_py, buffer):
+    names = [f"f{i}" for i in range(3000)]
+    buffer.set_transforms([transform("map", name, 1) for name in names], "x")
+    frames = buffer.frames()
+    assert list(frames) == [names[0], "map", *names[1:]]
+    assert {frames[name] for name in names} == {tf2_py.FrameInfo("map", False, 1, S, S)}
+
+
+def test_frames_can_be_listed_while_they_are_inserted(buffer):
+    def insert():
+        for i in range(3000):
+            buffer.set_transform(transform("map", f"f{i}", 1), "x")
+
+    thread = threading.Thread(target=insert)
+    thread.start()
+    seen = 0
+    while thread.is_alive():
+        frames = buffer.frames()
+        assert len(frames) >= seen
+        seen = len(frames)
+        assert all(info.parent == "map" for name, info in frames.items() if name != "map")
+        assert repr(buffer) and buffer.tree()
+    thread.join()
+    assert len(buffer.frames()) == 3001
+
+
+def test_the_facts_of_a_frame_can_be_pickled_and_copied(tf2_py, robot):
+    frames = robot.frames()
+    assert pickle.loads(pickle.dumps(frames)) == copy.deepcopy(frames) == frames
+
+
+# `in`.
+
+
+def test_the_names_in_a_buffer_are_those_of_its_frames(robot):
+    assert all(name in robot for name in robot.frames())
+    assert [name for name in ("laser", "", "/map", "NO_PARENT", "MAP", "map ") if name in robot] == []
+
+
+def test_a_subclass_of_str_is_a_name(robot):
+    class Name(str):
+        pass
+
+    assert Name("map") in robot
+
+
+@pytest.mark.parametrize("other", [None, 5, b"map", ["map"], ("map",), "a\0b", "\ud800"], ids=ascii)
+def test_what_cannot_be_the_name_of_a_frame_is_not_in_a_buffer(robot, other):
+    assert other not in robot
+
+
+def test_a_buffer_is_true_and_no_container_otherwise(tf2_py, buffer):
+    assert buffer  # also without frames: programs test whether they have a buffer
+    for function in (len, iter, list, reversed):
+        with pytest.raises(TypeError):
+            function(buffer)
+
+
+def test_a_subclass_may_use_the_names_itself(tf2_ros):
+    class Own(tf2_ros.Buffer):
+        def __init__(self):
+            super().__init__()
+            self.frames = ["mine"]
+            self.tree = None
+
+    own = Own()
+    own.set_transform(transform("map", "odom", 1), "x")
+    assert own.frames == ["mine"]
+    assert "2 frames" in repr(own)
+
+
+# repr.
+
+
+def test_the_repr_tells_what_a_buffer_holds(tf2_py, robot):
+    assert repr(tf2_py.BufferCore()) == "<tf2_py.BufferCore: 0 frames, 0 samples, 0 waiters>"
+    waits = [robot._wait("map", "nowhere", at_ns(0)) for _ in range(2)]
+    assert repr(robot) == "<tf2_py.BufferCore: 4 frames, 6 samples over 2.0 s, 2 waiters>"
+    assert all(wait.cancel() for wait in waits)
+    robot.clear()
+    assert repr(robot) == "<tf2_py.BufferCore: 4 frames, 1 sample, 0 waiters>"
+
+
+def test_a_repr_shows_the_name_of_a_subclass(tf2_ros):
+    class Own(tf2_ros.Buffer):
+        pass
+
+    assert repr(tf2_ros.Buffer()).startswith("<tf2_ros.Buffer: 0 frames")
+    assert repr(Own()).startswith(f"<{__name__}.test_a_repr_shows_the_name_of_a_subclass.<locals>.Own: 0")
+
+
+def test_a_buffer_that_was_never_initialised_has_a_repr(tf2_ros):
+    assert repr(tf2_ros.Buffer.__new__(tf2_ros.Buffer)) == "<tf2_ros.Buffer: 0 frames, 0 samples, 0 waiters>"
+
+
+def test_a_forked_child_can_list_and_show_the_buffer(robot):
+    def look():
+        assert repr(robot) == "<tf2_py.BufferCore: 4 frames, 6 samples over 2.0 s, 0 waiters>"
+        assert "map" in robot and len(robot.frames()) == 4 and "camera (static)" in robot.tree()
+
+    assert in_a_child(look) == 0

@@ -130,26 +130,28 @@ def _of_stream(stream: Stream, limits: Limits, expected: Expectation) -> Iterato
     if stream.delay_min is not None and -stream.delay_min > future:
         ahead = -stream.delay_min
         yield Finding("future", frame, f"{frame} is stamped up to {ahead:.3g} s ahead", {"ahead": ahead})
-    if stream.period is None:
-        usual = ""
-    else:
-        usual = f"; its period is {stream.period:.3g} s"
-        longest = max(limits.stale, limits.stale_periods * stream.period)
-        if stream.silence > longest:
-            text = f"{frame} was last received {stream.silence:.3g} s ago{usual}"
-            yield Finding("stale", frame, text, {"silence": stream.silence})
-        elif stream.stalled > longest:
-            text = f"{frame} has had no newer stamp for {stream.stalled:.3g} s{usual}"
-            yield Finding("stale", frame, text, {"stalled": stream.stalled})
-        longest = max(limits.gap, limits.gap_periods * stream.period)
-        if stream.count >= limits.gap_count and stream.gap > longest:
-            text = f"{frame} was not received for {stream.gap:.3g} s{usual}"
-            yield Finding("gap", frame, text, {"gap": stream.gap})
+    if stream.period is not None:
+        yield from _of_intervals(stream, stream.period, limits)
     min_rate = limits.min_rate if expected.min_rate is None else expected.min_rate
     rate = _rate_at_most(stream)
     if min_rate is not None and rate is not None and rate < min_rate:
         text = f"{frame} is published at {rate:.3g} Hz, less than {min_rate:g} Hz"
         yield Finding("rate", frame, text, {"rate": rate, "min_rate": min_rate})
+
+
+def _of_intervals(stream: Stream, period: float, limits: Limits) -> Iterator[Finding]:
+    frame, usual = stream.frame, f"its period is {period:.3g} s"
+    longest = max(limits.stale, limits.stale_periods * period)
+    if stream.silence > longest:
+        text = f"{frame} was last received {stream.silence:.3g} s ago; {usual}"
+        yield Finding("stale", frame, text, {"silence": stream.silence})
+    elif stream.stalled > longest:
+        text = f"{frame} has had no newer stamp for {stream.stalled:.3g} s; {usual}"
+        yield Finding("stale", frame, text, {"stalled": stream.stalled})
+    longest = max(limits.gap, limits.gap_periods * period)
+    if stream.count >= limits.gap_count and stream.gap > longest:
+        text = f"{frame} was not received for {stream.gap:.3g} s; {usual}"
+        yield Finding("gap", frame, text, {"gap": stream.gap})
 
 
 def _rate_at_most(stream: Stream) -> float | None:

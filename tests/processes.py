@@ -54,6 +54,21 @@ def ended(name, *arguments, **popen):
     return process.returncode, out, err
 
 
+@contextmanager
+def broadcasting(*faults):
+    """Run `programs/broadcasting.py` during a `with` statement."""
+    process = start("broadcasting.py", *faults)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        try:
+            process.wait(DEADLINE_S)
+        finally:
+            process.kill()
+            process.wait()
+
+
 class Peer:
     """A node in a process of its own, `programs/peer.py`: obeys commands, and reports when each is done."""
 

@@ -1,5 +1,6 @@
 """Owns listening for the programs that watch transforms: what arrives, from whom, and what is wrong."""
 
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -7,6 +8,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.duration import Duration
 from rclpy.node import Node
 
 from tf2_ros._receive.receiver_thread import can_receive
@@ -19,11 +21,13 @@ from tf2_ros._traffic.streams import Stream, Streams
 from tf2_ros.buffer import Buffer
 from tf2_ros.cli._node import filled_buffer
 from tf2_ros.transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, TransformListener
-from tf2_ros_cython.cli._program import UsageError
+from tf2_ros_cython.cli._program import UsageError, sleep
 
 __all__ = ["Chain", "Listening", "Report", "listening"]
 
 S = 1_000_000_000
+DRAIN_S = 1.0  # at least so often
+TOPICS = (DEFAULT_TF_TOPIC, DEFAULT_STATIC_TF_TOPIC)
 
 
 @dataclass(frozen=True)
@@ -53,30 +57,48 @@ class RecordingListener(TransformListener):
     A listener whose receiver notes who sent each transform and when.
 
     :param recording: gets what is noted.
+    :param topics: of dynamic and of static transforms.
     """
 
-    def __init__(self, buffer: Buffer, node: Node, recording: Recording) -> None:
+    def __init__(self, buffer: Buffer, node: Node, recording: Recording, topics: tuple[str, str]) -> None:
         self._recording = recording
-        super().__init__(buffer, node)
+        super().__init__(buffer, node, tf_topic=topics[0], tf_static_topic=topics[1])
 
 
 class Listening:
     """
     Listens to transforms; made by :func:`listening`.
 
-    :meth:`drain` must be called every few seconds.
+    :meth:`drain` must be called every few seconds, as :meth:`listen` does.
     """
 
-    def __init__(self, node: Node, recording: Recording, window_s: float | None) -> None:
+    def __init__(
+        self,
+        node: Node,
+        buffer: Buffer,
+        recording: Recording,
+        topics: tuple[str, str],
+        window_s: float | None,
+        kept: list[NDArray[np.void]] | None,
+    ) -> None:
+        self.buffer = buffer
         self._node = node
         self._recording = recording
-        self._topics = [node.resolve_topic_name(name) for name in (DEFAULT_TF_TOPIC, DEFAULT_STATIC_TF_TOPIC)]
+        self._topics = [node.resolve_topic_name(name) for name in topics]
         self._window_s = window_s
+        self._kept = kept
         self._streams = Streams(window_s)
         self._settling = Settling()
         self._last: NDArray[np.void] = np.zeros(0, RECORD)
         self._net_delay: NetDelay | None = None
         self._names: dict[bytes, str] = {}  # of publishers, by gid
+
+    def listen(self, seconds: float) -> None:
+        """Listen so long, in the main thread, until a signal."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            sleep(min(left, DRAIN_S))
+            self.drain()
 
     def drain(self) -> None:
         """Account for what has arrived."""
@@ -85,6 +107,8 @@ class Listening:
         records = records[(records["received_ns"] > 0) | (records["static"] != 0)]
         self._last = records = self._settling.thinned(records)
         self._streams.add(records)
+        if self._kept is not None:
+            self._kept.append(records)
         if self._net_delay is not None:
             self._net_delay.add(records)
 
@@ -148,18 +172,29 @@ class Listening:
 
 
 @contextmanager
-def listening(node: Node, window_s: float | None = None) -> Iterator[Listening]:
+def listening(
+    node: Node,
+    window_s: float | None = None,
+    *,
+    topics: tuple[str, str] = TOPICS,
+    cache_time: Duration | None = None,
+    kept: list[NDArray[np.void]] | None = None,
+) -> Iterator[Listening]:
     """
     Listen in a ``with`` statement.
 
     :param window_s: the time that figures are about. None: all time.
+    :param topics: of dynamic and of static transforms.
+    :param cache_time: of the buffer; see :func:`filled_buffer`.
+    :param kept: gets the records of what is received, in pieces.
     :raises UsageError: the receiver was not built here.
     """
     if not can_receive():
         raise UsageError("this tf2_ros was built without the receiver that notes who sends transforms")
     recording = Recording()
-    with filled_buffer(node, partial(RecordingListener, recording=recording)):
-        yield Listening(node, recording, window_s)
+    listen = partial(RecordingListener, recording=recording, topics=topics)
+    with filled_buffer(node, listen, cache_time) as buffer:
+        yield Listening(node, buffer, recording, topics, window_s, kept)
 
 
 def _short(gid: bytes) -> str:

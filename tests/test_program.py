@@ -99,6 +99,55 @@ class TestNumbers:
         assert (finite_number("-2"), positive_number("2"), non_negative_number("0")) == (-2.0, 2.0, 0.0)
 
 
+DEFERS = """
+import os, signal
+from tf2_ros_cython.cli._program import deferred_signals, interruptible, sleep
+
+def work(options):
+    with deferred_signals():
+        os.kill(os.getpid(), signal.SIGTERM)
+        print("set up")
+        try:
+            with interruptible():
+                print("interrupted too late")
+        finally:
+            sleep(0.0)
+            print("cleaned up")
+"""
+
+HANGS = """
+import os, signal, threading
+from tf2_ros_cython.cli import _program
+
+def work(options):
+    _program.FAREWELL_S = -1.0
+    with _program.deferred_signals():
+        os.kill(os.getpid(), signal.SIGINT)
+        print("set up")
+        os.kill(os.getpid(), signal.SIGINT)
+        threading.Event().wait()
+"""
+
+
+class TestSignals:
+    @pytest.mark.parametrize(
+        ("work", "status", "printed"),
+        [(DEFERS, 128 + signal.SIGTERM, "set up\ncleaned up\n"), (HANGS, -signal.SIGINT, "set up\n")],
+        ids=["one waits until it may interrupt", "a second one ends what hangs"],
+    )
+    def test_while_it_is_set_up(self, tmp_path, work, status, printed):
+        (tmp_path / "its_work.py").write_text(work)
+        code = (
+            f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
+            "from tf2_ros_cython.cli._program import Parser, run\n"
+            "sys.exit(run(Parser('any', '', ''), 'its_work:work', ['any']))"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code], text=True, capture_output=True, timeout=DEADLINE_S
+        )
+        assert (done.returncode, done.stdout, done.stderr) == (status, printed, "")
+
+
 @every_program
 class TestEveryProgram:
     def test_help_has_an_example_of_itself(self, name):

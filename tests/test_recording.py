@@ -131,15 +131,37 @@ class TestListening:
             talker = peer("-r", "__node:=short_lived")
 
             def known():
-                # Sent again, until it was discovered.
+                # Sent again, until it was discovered. A report would look it up, too.
                 talker.send(("map", "odom", S, 0.0))
-                return heard.report(Limits()).streams
+                heard.drain()
+                return heard._names
 
             until(known)
             talker.end()
             until(lambda: not node.get_publishers_info_by_topic("/tf"))
             [one] = heard.report(Limits()).streams
             assert one.publisher == "/short_lived"
+
+    def test_a_publisher_keeps_its_name_when_the_graph_has_lost_its_node(self, node, peer, monkeypatch):
+        with listening(node) as heard:
+            talker = peer("-r", "__node:=lost")
+
+            def named(name):
+                # Sent again, until it was discovered.
+                talker.send(("map", "odom", S, 0.0))
+                return [one.publisher for one in heard.report(Limits()).streams] == [name]
+
+            until(lambda: named("/lost"))
+            ask = node.get_publishers_info_by_topic
+
+            def without_names(topic):
+                found = ask(topic)
+                for one in found:
+                    one.node_name, one.node_namespace = "_NODE_NAME_UNKNOWN_", "_NODE_NAMESPACE_UNKNOWN_"
+                return found
+
+            monkeypatch.setattr(node, "get_publishers_info_by_topic", without_names)
+            assert named("/lost")
 
     def test_an_unknown_publisher_is_told_by_its_number(self, node, peer, monkeypatch):
         with listening(node) as heard:

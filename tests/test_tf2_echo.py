@@ -7,8 +7,9 @@ import select
 
 import numpy as np
 import pytest
-from making import S
+from making import S, at, transform
 from processes import DEADLINE_S, ended, running, until
+from rclpy.duration import Duration
 from scipy.spatial.transform import Rotation
 
 from tf2_ros_cython.cli._rpy import quaternion_from_rpy, rpy_from_matrix
@@ -102,6 +103,16 @@ class TestWaiting:
             names = ", ".join(["camera", *(f"f{i:03d}" for i in range(19))])
             until(lambda: echo.stderr.readline() == f"Known frames: {names} and 982 more\n")
 
+    def test_what_the_lookup_advises_is_told(self, tf2_ros, peer):
+        known = tf2_ros.Buffer()
+        known.set_transform_static(transform("map", "camera"), "test")
+        with running("tf2_echo", "map", "camara") as echo:
+            peer().send(("map", "camera", S, 1.0), static=True)
+            lines = until(lambda: (line := echo.stderr.readline()).count('"camara"') and [line])
+        with pytest.raises(tf2_ros.LookupException) as caught:
+            known.lookup_transform("map", "camara", at(0), Duration(nanoseconds=1))
+        assert lines[0].endswith(f": {caught.value}\n")
+
     def test_it_takes_the_transform_when_it_comes(self, peer):
         with running("tf2_echo", "map", "robot", *WAIT, "--once") as echo:
             until(lambda: "Waiting for transform" in echo.stderr.readline())
@@ -151,6 +162,7 @@ class TestTimes:
             (["--time", "1", "--offset", "1"], "not allowed with argument"),
             (["--time", "-1"], "must be from 0"),
             (["--offset", "nan"], "must be finite"),
+            (["--offset", "-1e300"], "must be between -2**31 and 2**31, not -1e300"),
             (["0"], "RATE: must be above 0"),
             (["-1e-05"], "RATE: must be above 0, not -1e-05"),
             (["1.0foo"], "RATE: '1.0foo' is not a number"),
@@ -165,6 +177,12 @@ class TestTimes:
         assert (status, out) == (2, "")
         assert said in err
         assert err.count("\n") == 1
+
+    @pytest.mark.parametrize("given", [["--offset", "2147483647"], ["--offset", "-2147483647"], ["1e-300"]])
+    def test_extreme_values_are_values(self, given):
+        status, _, err = ended("tf2_echo", "map", "robot", *given, "--wait", "0")
+        assert status == 1
+        assert "Traceback" not in err
 
     def test_options_stand_before_between_and_after_the_frames(self):
         for line in (

@@ -228,6 +228,16 @@ class TestMonitor:
         assert "Traceback" not in rest
         assert child.exitstatus == 0
 
+    def test_a_terminal_that_cannot_draw_gets_lines(self, robot):
+        pexpect = pytest.importorskip("pexpect")
+        command = ["-m", "tf2_ros.cli.tf2_monitor"]
+        with pexpect.spawn(
+            sys.executable, command, encoding="utf-8", timeout=DEADLINE_S, env={**os.environ, "TERM": "dumb"}
+        ) as child:
+            child.expect(r"^at \d+\.\d{3} s\r\n  base_link: parent odom, ")
+            child.sendintr()
+            child.expect(pexpect.EOF)
+
     def test_it_warns_of_planted_faults(self):
         kinds = set()
         with (

@@ -28,6 +28,7 @@ __all__ = ["Chain", "Listening", "Report", "listening"]
 S = 1_000_000_000
 DRAIN_S = 1.0  # at least so often
 TOPICS = (DEFAULT_TF_TOPIC, DEFAULT_STATIC_TF_TOPIC)
+UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # in the graph, of an endpoint whose node is not known yet, or no more
 
 
 @dataclass(frozen=True)
@@ -79,38 +80,39 @@ class Listening:
         recording: Recording,
         topics: tuple[str, str],
         window_s: float | None,
-        kept: list[NDArray[np.void]] | None,
     ) -> None:
         self.buffer = buffer
         self._node = node
         self._recording = recording
         self._topics = [node.resolve_topic_name(name) for name in topics]
         self._window_s = window_s
-        self._kept = kept
         self._streams = Streams(window_s)
         self._settling = Settling()
         self._last: NDArray[np.void] = np.zeros(0, RECORD)
         self._net_delay: NetDelay | None = None
         self._names: dict[bytes, str] = {}  # of publishers, by gid
 
-    def listen(self, seconds: float) -> None:
-        """Listen so long, in the main thread, until a signal."""
+    def listen(self, seconds: float, kept: list[NDArray[np.void]] | None = None) -> None:
+        """Listen so long, in the main thread, until a signal; ``kept`` gets the records, in pieces."""
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
             sleep(min(left, DRAIN_S))
-            self.drain()
+            records = self.drain()
+            if kept is not None:
+                kept.append(records)
 
-    def drain(self) -> None:
-        """Account for what has arrived."""
+    def drain(self) -> NDArray[np.void]:
+        """Account for what has arrived since the last call, and return its records."""
         records = self._recording.take()
         # Until the first message of /clock, simulated time is 0, and no delay is known.
         records = records[(records["received_ns"] > 0) | (records["static"] != 0)]
         self._last = records = self._settling.thinned(records)
         self._streams.add(records)
-        if self._kept is not None:
-            self._kept.append(records)
         if self._net_delay is not None:
             self._net_delay.add(records)
+        if not self._names.keys() >= {*self._recording.publishers()}:
+            self._look_up_publishers()  # now: it may end before the report
+        return records
 
     def report(
         self,
@@ -139,14 +141,15 @@ class Listening:
         )
 
     def _look_up_publishers(self) -> set[bytes]:
-        # One that has ended keeps its name.
-        found = {
-            bytes(one.endpoint_gid): f"{one.node_namespace.rstrip('/')}/{one.node_name}"
-            for topic in self._topics
-            for one in self._node.get_publishers_info_by_topic(topic)
-        }
-        self._names.update(found)
-        return set(found)
+        alive = set()
+        for topic in self._topics:
+            for one in self._node.get_publishers_info_by_topic(topic):
+                gid = bytes(one.endpoint_gid)
+                alive.add(gid)
+                # One that has ended keeps the name that it had.
+                if one.node_name != UNKNOWN_NODE:
+                    self._names[gid] = f"{one.node_namespace.rstrip('/')}/{one.node_name}"
+        return alive
 
     def _chain(self, ends: tuple[str, str], streams: Sequence[Stream], now_ns: int) -> Chain:
         newest = newest_streams(streams)
@@ -178,7 +181,6 @@ def listening(
     *,
     topics: tuple[str, str] = TOPICS,
     cache_time: Duration | None = None,
-    kept: list[NDArray[np.void]] | None = None,
 ) -> Iterator[Listening]:
     """
     Listen in a ``with`` statement.
@@ -186,7 +188,6 @@ def listening(
     :param window_s: the time that figures are about. None: all time.
     :param topics: of dynamic and of static transforms.
     :param cache_time: of the buffer; see :func:`filled_buffer`.
-    :param kept: gets the records of what is received, in pieces.
     :raises UsageError: the receiver was not built here.
     """
     if not can_receive():
@@ -194,7 +195,7 @@ def listening(
     recording = Recording()
     listen = partial(RecordingListener, recording=recording, topics=topics)
     with filled_buffer(node, listen, cache_time) as buffer:
-        yield Listening(node, buffer, recording, topics, window_s, kept)
+        yield Listening(node, buffer, recording, topics, window_s)
 
 
 def _short(gid: bytes) -> str:

@@ -18,7 +18,7 @@ from tf2_ros.cli._node import filled_buffer, spun_node
 from tf2_ros.numpy import to_matrix
 from tf2_ros_cython.cli._program import ENDINGS, FAILURE, SUCCESS, UsageError, sleep
 from tf2_ros_cython.cli._rpy import rpy_from_matrix
-from tf2_ros_cython.cli.tf2_echo import main
+from tf2_ros_cython.cli.tf2_echo import STAMPS_END_NS, main
 
 __all__ = ["echo", "main"]
 
@@ -26,6 +26,7 @@ S = 1_000_000_000  # ns
 DIGITS = 3  # after the point
 REPORT_NS = 1 * S  # between two lines about a transform that is not available yet
 MOST_NAMES = 20  # in such a line
+LONGEST_NS = 365 * 86400 * S  # of a wait
 
 
 def echo(options: Namespace) -> int:
@@ -49,12 +50,12 @@ class _Echo:
         self._buffer = buffer
         self._options = options
         self._format = _Json(options) if options.json else _Text(options)
-        wait_ns = None if options.wait is None else round(options.wait * S)
+        wait_ns = None if options.wait is None else round(min(options.wait * S, LONGEST_NS))
         self._give_up_ns = None if wait_ns is None else time.monotonic_ns() + wait_ns
 
     def run(self) -> None:
         """Look up and print, until there was one transform if that is all, or none for too long."""
-        period_ns = max(1, round(S / self._options.rate))
+        period_ns = max(1, round(min(S / self._options.rate, LONGEST_NS)))
         next_ns = time.monotonic_ns()
         while True:
             next_ns = max(next_ns + (period_ns if self.found else REPORT_NS), time.monotonic_ns())
@@ -91,7 +92,8 @@ class _Echo:
         if self._options.offset_ns is None:
             return Time(nanoseconds=self._options.time_ns)
         # Not 0, which is the latest time: simulated time begins there.
-        return Time(nanoseconds=max(1, self._now().nanoseconds + self._options.offset_ns))
+        time_ns = self._now().nanoseconds + self._options.offset_ns
+        return Time(nanoseconds=min(max(1, time_ns), STAMPS_END_NS - 1))
 
     def _now(self) -> Time:
         return self._node.get_clock().now()

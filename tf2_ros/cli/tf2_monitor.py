@@ -62,10 +62,10 @@ def _can_live() -> bool:
     if not sys.stdout.isatty():
         return False
     try:
-        import rich  # noqa: F401
+        from rich.console import Console
     except ModuleNotFoundError:
         return False
-    return True
+    return not Console().is_dumb_terminal  # which cannot draw over what it shows
 
 
 # A report as lines.

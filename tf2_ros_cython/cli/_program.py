@@ -12,7 +12,7 @@ import os
 import signal
 import sys
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from select import select
@@ -20,7 +20,7 @@ from socket import socketpair
 from textwrap import fill
 from time import monotonic
 from types import FrameType
-from typing import Any, NoReturn, TextIO
+from typing import NoReturn, TextIO
 
 from tf2_ros_cython.cli._numbers import is_negative_number
 
@@ -146,8 +146,14 @@ def run(parser: Parser, work: str, arguments: list[str] | None = None) -> int:
     try:
         _complete(parser)
         _flush_each_line(sys.stdout)
-        options = parser.read(arguments)
-        return _function(parser, work)(options)
+        try:
+            options = parser.read(arguments)
+            do = _function(work)
+        except ImportError as lack:
+            # tf2_ros says itself what it needs; it may also be another project's.
+            reason = " ".join(str(lack).split())
+            parser.exit(FAILURE, f"{parser.prog}: {reason}; tf2_which tells which tf2_ros is imported\n")
+        return do(options)
     except UsageError as refusal:
         parser.error(str(refusal))
     except RunError as failure:
@@ -261,10 +267,7 @@ def _let_go(stream: TextIO) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def _function(parser: Parser, work: str) -> Any:
-    module, _, function = work.partition(":")
-    try:
-        return getattr(import_module(module), function)
-    except ImportError as lack:
-        # tf2_ros says itself what it needs; it may also be another project's.
-        parser.exit(FAILURE, f"{parser.prog}: {lack}; tf2_which tells which tf2_ros is imported\n")
+def _function(work: str) -> Callable[[Namespace], int]:
+    module, _, name = work.partition(":")
+    function: Callable[[Namespace], int] = getattr(import_module(module), name)
+    return function

@@ -6,13 +6,19 @@ from argparse import ArgumentTypeError
 from tf2_ros_cython.cli._numbers import nanoseconds, non_negative_number, positive_number
 from tf2_ros_cython.cli._program import Parser, run
 
-__all__ = ["main"]
+__all__ = ["STAMPS_END_NS", "main"]
+
+STAMPS_END_NS = 2**31 * 10**9  # a stamp has 31 bits for its seconds
 
 MOST_DIGITS = 17  # more than a double has
 
 DESCRIPTION = """\
 Print the transform that maps data from the frame SOURCE to the frame TARGET, RATE times a second. \
 While there is none, log why, and the frames that are known.
+
+With --json, each line is {"header": {"stamp": {"sec", "nanosec"}, "frame_id"}, "child_frame_id", \
+"transform": {"translation": {"x", "y", "z"}, "rotation": {"x", "y", "z", "w"}}, "rpy": {"roll", "pitch", \
+"yaw"}}, the last in radians; for a failed lookup, "error": {"type", "text"} instead of transform and rpy.
 
 Exit status: 0 if a transform was printed, 1 if none was available within --wait, 2 for wrong usage, \
 130 if Ctrl-C came before the first transform."""
@@ -21,7 +27,7 @@ EXAMPLE = """\
   tf2_echo map base_link 10                  ten times a second
   tf2_echo map base_link --once --wait 5     for scripts: the status tells whether there is one
   tf2_echo map base_link --offset -0.5       as of half a second ago
-  tf2_echo map base_link --json --once       one line: a TransformStamped and its "rpy" in radians"""
+  tf2_echo map base_link --json --once       one line, for programs to read"""
 
 
 def parser() -> Parser:
@@ -57,7 +63,7 @@ def parser() -> Parser:
         "--offset",
         dest="offset_ns",
         metavar="SECONDS",
-        type=nanoseconds,
+        type=_offset,
         help="look up at the time that is so far from now; negative is the past",
     )
     made.add_argument(
@@ -79,9 +85,16 @@ def main(args: list[str] | None = None) -> int:
 
 def _stamp(text: str) -> int:
     stamp_ns = nanoseconds(text)
-    if not 0 <= stamp_ns < 2**31 * 10**9:
+    if not 0 <= stamp_ns < STAMPS_END_NS:
         raise ArgumentTypeError(f"must be from 0 to 2**31 - 1, as the seconds of a stamp, not {text}")
     return stamp_ns
+
+
+def _offset(text: str) -> int:
+    offset_ns = nanoseconds(text)
+    if abs(offset_ns) >= STAMPS_END_NS:
+        raise ArgumentTypeError(f"must be between -2**31 and 2**31, not {text}")
+    return offset_ns
 
 
 def _digits(text: str) -> int:

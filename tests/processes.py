@@ -1,6 +1,7 @@
 """Owns the other processes of the tests, and waiting for what they do."""
 
 import json
+import shutil
 import subprocess
 import sys
 import threading
@@ -8,8 +9,11 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
+
 PROGRAMS = Path(__file__).resolve().parent / "programs"
 DEADLINE_S = 20.0
+needs_dot = pytest.mark.skipif(shutil.which("dot") is None, reason="Graphviz is not installed")
 
 
 def until(condition, executor=None):

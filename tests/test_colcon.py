@@ -21,6 +21,7 @@ PROGRAMS = [
     "tf2_check",
     "tf2_echo",
     "tf2_monitor",
+    "tf2_plot",
     "tf2_which",
     "view_frames",
 ]

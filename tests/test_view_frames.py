@@ -4,11 +4,13 @@ import os
 import re
 import resource
 import signal
+import sys
 import time
 from xml.etree import ElementTree
 
+import pexpect
 import pytest
-from processes import DEADLINE_S, broadcasting, ended, running, until
+from processes import DEADLINE_S, broadcasting, ended, needs_dot, running, until
 
 from tf2_ros.cli._files import write_whole
 from tf2_ros_cython.cli._program import RunError
@@ -18,7 +20,7 @@ pytestmark = pytest.mark.ours
 
 STARTS = {"svg": b"<?xml", "png": b"\x89PNG\r\n\x1a\n", "pdf": b"%PDF-"}
 ROBOT = {"map", "odom", "base_link", "camera"}
-LISTEN = ("-t", "3")
+LISTEN = ("-t", "4")
 SVG = "{http://www.w3.org/2000/svg}"
 TREE = re.compile(
     r"""map
@@ -91,11 +93,12 @@ class TestFiles:
         assert (tmp_path / "file").read_bytes() == b"text"
 
 
+@needs_dot
 class TestOnce:
     def test_both_files_show_the_robot(self, robot, tmp_path):
         status, out, err = ended("view_frames", *LISTEN, "-o", "robot.svg", cwd=tmp_path)
         assert (status, out) == (0, "robot.gv\nrobot.svg\n")
-        assert "Listening to tf data for 3 seconds..." in err
+        assert "Listening to tf data for 4 seconds..." in err
         assert "digraph" in (tmp_path / "robot.gv").read_text()
         nodes, edges = frames((tmp_path / "robot.svg").read_bytes())
         assert nodes == ROBOT
@@ -105,7 +108,7 @@ class TestOnce:
             assert publisher == "/fleet/robot"
             assert 10 < float(re.fullmatch(r"([\d.]+) Hz", rate)[1]) < 60
             assert re.fullmatch(r"delay \d+\.\d ms, max \d+\.\d ms", delay)
-            assert 0 < float(re.fullmatch(r"buffer ([\d.]+) s", length)[1]) < 4
+            assert 0 < float(re.fullmatch(r"buffer ([\d.]+) s", length)[1]) < 5
 
     def test_names_are_those_of_tf2_s_program(self, robot, tmp_path):
         status, out, _ = ended("view_frames", *LISTEN, cwd=tmp_path)
@@ -120,6 +123,15 @@ class TestOnce:
         assert status == 0
         assert TREE.fullmatch(out)
         assert not any(tmp_path.iterdir())
+
+    def test_in_a_terminal_the_text_is_the_same(self, robot):
+        command = ["-m", "tf2_ros.cli.view_frames", "--text", *LISTEN]
+        with pexpect.spawn(sys.executable, command, timeout=DEADLINE_S, encoding="utf-8") as terminal:
+            terminal.expect(r"Listening to tf data for 4 seconds\.\.\..*\r\n")
+            printed = terminal.read().replace("\r\n", "\n")
+            terminal.wait()
+        assert terminal.exitstatus == 0
+        assert TREE.fullmatch(printed), printed
 
     def test_text_and_files_at_once(self, robot, tmp_path):
         status, out, _ = ended("view_frames", "--text", *LISTEN, "-o", "robot.png", cwd=tmp_path)
@@ -176,6 +188,7 @@ class TestWhatFails:
         assert (status, out, err.count("\n")) == (2, "", 1)
 
 
+@needs_dot
 class TestWatching:
     @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
     def test_the_picture_is_renewed_and_never_half_a_one(self, tmp_path, how):

@@ -13,7 +13,7 @@ from rclpy.node import Node
 
 from tf2_ros._receive.receiver_thread import can_receive
 from tf2_ros._receive.recording import RECORD, Recording
-from tf2_ros._traffic.chains import NetDelay, chain_between, newest_streams
+from tf2_ros._traffic.chains import NetDelay, chain_between, moving_on, newest_streams
 from tf2_ros._traffic.expectations import Expectation
 from tf2_ros._traffic.findings import Finding, Limits, find
 from tf2_ros._traffic.settling import Settling
@@ -114,6 +114,10 @@ class Listening:
             self._look_up_publishers()  # now: it may end before the report
         return records
 
+    def frames(self) -> list[str]:
+        """The names of the frames, by the numbers in the records."""
+        return self._recording.frames()
+
     def report(
         self,
         limits: Limits,
@@ -158,16 +162,7 @@ class Listening:
             self._net_delay = None
             return Chain(ends, None, None)
         numbers = {name: number for number, name in enumerate(self._recording.frames())}
-        # The one at the top is no child on the way.
-        below = [
-            child
-            for child, other in [
-                *zip(frames, frames[1:], strict=False),
-                *zip(frames[1:], frames, strict=False),
-            ]
-            if child in newest and newest[child].parent == other and not newest[child].static
-        ]
-        children = [numbers[name] for name in dict.fromkeys(below)]
+        children = [numbers[name] for name in moving_on(newest, frames)]
         if self._net_delay is None or self._net_delay.children != children:
             self._net_delay = NetDelay(children, self._window_s)
             self._net_delay.add(self._last)

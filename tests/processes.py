@@ -1,6 +1,7 @@
 """Owns the other processes of the tests, and waiting for what they do."""
 
 import json
+import shutil
 import subprocess
 import sys
 import threading
@@ -8,8 +9,11 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
+
 PROGRAMS = Path(__file__).resolve().parent / "programs"
 DEADLINE_S = 20.0
+needs_dot = pytest.mark.skipif(shutil.which("dot") is None, reason="Graphviz is not installed")
 
 
 def until(condition, executor=None):
@@ -52,6 +56,21 @@ def ended(name, *arguments, **popen):
     with running(name, *arguments, **popen) as process:
         out, err = process.communicate(timeout=DEADLINE_S)
     return process.returncode, out, err
+
+
+@contextmanager
+def broadcasting(*faults):
+    """Run `programs/broadcasting.py` during a `with` statement."""
+    process = start("broadcasting.py", *faults)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        try:
+            process.wait(DEADLINE_S)
+        finally:
+            process.kill()
+            process.wait()
 
 
 class Peer:

@@ -15,7 +15,16 @@ pytestmark = [
     pytest.mark.skipif("AMENT_PREFIX_PATH" in os.environ, reason="the ROS 2 to source is made of the wheels"),
 ]
 
-PROGRAMS = ["static_transform_publisher", "tf2_buffer_server", "tf2_echo", "tf2_which"]
+PROGRAMS = [
+    "static_transform_publisher",
+    "tf2_buffer_server",
+    "tf2_check",
+    "tf2_echo",
+    "tf2_monitor",
+    "tf2_plot",
+    "tf2_which",
+    "view_frames",
+]
 
 
 class Workspace:

@@ -274,4 +274,4 @@ VALID = {
     "tf2_echo": ["map", "robot"],
 }
 DRAW = {"tf2_monitor"}
-ENDS_WITH = {"tf2_check": 130, "tf2_echo": 130}
+ENDS_WITH = {"tf2_check": 130, "tf2_echo": 130, "tf2_plot": 130, "view_frames": 130}

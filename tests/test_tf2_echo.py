@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from making import S, at, transform
 from processes import DEADLINE_S, ended, running, until
-from rclpy.duration import Duration
 from scipy.spatial.transform import Rotation
 
 from tf2_ros_cython.cli._rpy import quaternion_from_rpy, rpy_from_matrix

@@ -9,7 +9,7 @@ import pytest
 
 from tf2_ros._receive.recording import RECORD
 from tf2_ros._traffic import expectations
-from tf2_ros._traffic.chains import NetDelay, chain_between, newest_streams
+from tf2_ros._traffic.chains import NetDelay, chain_between, moving_on, newest_streams
 from tf2_ros._traffic.expectations import Expectation
 from tf2_ros._traffic.findings import KINDS, Limits, find
 from tf2_ros._traffic.settling import Settling
@@ -185,6 +185,12 @@ class TestChains:
         assert chain_between(self.NEWEST, "map", "camera") == ["map", "odom", "base", "camera"]
         assert chain_between(self.NEWEST, "camera", "map") == ["camera", "base", "odom", "map"]
         assert chain_between(self.NEWEST, "odom", "odom") == ["odom"]
+
+    def test_what_moves_on_them_are_dynamic_frames_below_the_top(self):
+        assert moving_on(self.NEWEST, ["map", "odom", "base", "camera"]) == ["odom", "base"]
+        assert sorted(moving_on(self.NEWEST, ["camera", "base", "odom", "map"])) == ["base", "odom"]
+        assert moving_on(self.NEWEST, ["camera", "base", "lidar"]) == []
+        assert moving_on(self.NEWEST, ["odom"]) == []
 
     def test_of_unconnected_frames_there_is_none(self):
         assert chain_between(self.NEWEST, "camera", "world") is None

@@ -6,12 +6,11 @@ import re
 import signal
 import sys
 import time
-from contextlib import contextmanager
 from xml.etree import ElementTree
 
 import pytest
 from making import S
-from processes import DEADLINE_S, ended, running, start
+from processes import DEADLINE_S, broadcasting, ended, running
 
 from tf2_ros._traffic.findings import KINDS
 
@@ -32,20 +31,6 @@ FAULTS = {
 TOLERANT = ("--ignore", "gap")
 # Without the robot of the other tests.
 ALONE = ("-r", "/tf:=/tf_alone", "-r", "/tf_static:=/tf_static_alone")
-
-
-@contextmanager
-def broadcasting(*faults):
-    process = start("broadcasting.py", *faults)
-    try:
-        yield process
-    finally:
-        process.terminate()
-        try:
-            process.wait(DEADLINE_S)
-        finally:
-            process.kill()
-            process.wait()
 
 
 @pytest.fixture(scope="module")

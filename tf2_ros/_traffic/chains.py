@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tf2_ros._traffic.streams import Stream
 
-__all__ = ["NetDelay", "chain_between", "newest_streams", "path_to_root"]
+__all__ = ["NetDelay", "chain_between", "moving_on", "newest_streams", "path_to_root"]
 
 S = 1_000_000_000
 EVENTS_AT_ONCE = 4096
@@ -42,6 +42,17 @@ def chain_between(newest: dict[str, Stream], a: str, b: str) -> list[str] | None
     if common is None:
         return None
     return [*up[: up.index(common) + 1], *reversed(down[: down.index(common)])]
+
+
+def moving_on(newest: dict[str, Stream], chain: Sequence[str]) -> list[str]:
+    """The frames of a chain whose dynamic transforms make it up; the one at the top is none of them."""
+    steps = [*zip(chain, chain[1:], strict=False), *zip(chain[1:], chain, strict=False)]
+    below = [
+        child
+        for child, other in steps
+        if child in newest and newest[child].parent == other and not newest[child].static
+    ]
+    return list(dict.fromkeys(below))
 
 
 class NetDelay:

@@ -1,5 +1,6 @@
 """Owns listening for the programs that watch transforms: what arrives, from whom, and what is wrong."""
 
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -7,11 +8,12 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.duration import Duration
 from rclpy.node import Node
 
 from tf2_ros._receive.receiver_thread import can_receive
 from tf2_ros._receive.recording import RECORD, Recording
-from tf2_ros._traffic.chains import NetDelay, chain_between, newest_streams
+from tf2_ros._traffic.chains import NetDelay, chain_between, moving_on, newest_streams
 from tf2_ros._traffic.expectations import Expectation
 from tf2_ros._traffic.findings import Finding, Limits, find
 from tf2_ros._traffic.settling import Settling
@@ -19,11 +21,13 @@ from tf2_ros._traffic.streams import Stream, Streams
 from tf2_ros.buffer import Buffer
 from tf2_ros.cli._node import filled_buffer
 from tf2_ros.transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, TransformListener
-from tf2_ros_cython.cli._program import UsageError
+from tf2_ros_cython.cli._program import UsageError, sleep
 
 __all__ = ["Chain", "Listening", "Report", "listening"]
 
 S = 1_000_000_000
+DRAIN_S = 1.0  # at least so often
+TOPICS = (DEFAULT_TF_TOPIC, DEFAULT_STATIC_TF_TOPIC)
 UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # in the graph, of an endpoint whose node is not known yet, or no more
 
 
@@ -54,30 +58,48 @@ class RecordingListener(TransformListener):
     A listener whose receiver notes who sent each transform and when.
 
     :param recording: gets what is noted.
+    :param topics: of dynamic and of static transforms.
     """
 
-    def __init__(self, buffer: Buffer, node: Node, recording: Recording) -> None:
+    def __init__(self, buffer: Buffer, node: Node, recording: Recording, topics: tuple[str, str]) -> None:
         self._recording = recording
-        super().__init__(buffer, node)
+        super().__init__(buffer, node, tf_topic=topics[0], tf_static_topic=topics[1])
 
 
 class Listening:
     """
     Listens to transforms; made by :func:`listening`.
 
-    :meth:`drain` must be called every few seconds.
+    :meth:`drain` must be called every few seconds, as :meth:`listen` does.
     """
 
-    def __init__(self, node: Node, recording: Recording, window_s: float | None) -> None:
+    def __init__(
+        self,
+        node: Node,
+        buffer: Buffer,
+        recording: Recording,
+        topics: tuple[str, str],
+        window_s: float | None,
+    ) -> None:
+        self.buffer = buffer
         self._node = node
         self._recording = recording
-        self._topics = [node.resolve_topic_name(name) for name in (DEFAULT_TF_TOPIC, DEFAULT_STATIC_TF_TOPIC)]
+        self._topics = [node.resolve_topic_name(name) for name in topics]
         self._window_s = window_s
         self._streams = Streams(window_s)
         self._settling = Settling()
         self._last: NDArray[np.void] = np.zeros(0, RECORD)
         self._net_delay: NetDelay | None = None
         self._names: dict[bytes, str] = {}  # of publishers, by gid
+
+    def listen(self, seconds: float, kept: list[NDArray[np.void]] | None = None) -> None:
+        """Listen so long, in the main thread, until a signal; ``kept`` gets the records, in pieces."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            sleep(min(left, DRAIN_S))
+            records = self.drain()
+            if kept is not None:
+                kept.append(records)
 
     def drain(self) -> NDArray[np.void]:
         """Account for what has arrived since the last call, and return its records."""
@@ -91,6 +113,10 @@ class Listening:
         if not self._names.keys() >= {*self._recording.publishers()}:
             self._look_up_publishers()  # now: it may end before the report
         return records
+
+    def frames(self) -> list[str]:
+        """The names of the frames, by the numbers in the records."""
+        return self._recording.frames()
 
     def report(
         self,
@@ -136,16 +162,7 @@ class Listening:
             self._net_delay = None
             return Chain(ends, None, None)
         numbers = {name: number for number, name in enumerate(self._recording.frames())}
-        # The one at the top is no child on the way.
-        below = [
-            child
-            for child, other in [
-                *zip(frames, frames[1:], strict=False),
-                *zip(frames[1:], frames, strict=False),
-            ]
-            if child in newest and newest[child].parent == other and not newest[child].static
-        ]
-        children = [numbers[name] for name in dict.fromkeys(below)]
+        children = [numbers[name] for name in moving_on(newest, frames)]
         if self._net_delay is None or self._net_delay.children != children:
             self._net_delay = NetDelay(children, self._window_s)
             self._net_delay.add(self._last)
@@ -153,18 +170,27 @@ class Listening:
 
 
 @contextmanager
-def listening(node: Node, window_s: float | None = None) -> Iterator[Listening]:
+def listening(
+    node: Node,
+    window_s: float | None = None,
+    *,
+    topics: tuple[str, str] = TOPICS,
+    cache_time: Duration | None = None,
+) -> Iterator[Listening]:
     """
     Listen in a ``with`` statement.
 
     :param window_s: the time that figures are about. None: all time.
+    :param topics: of dynamic and of static transforms.
+    :param cache_time: of the buffer; see :func:`filled_buffer`.
     :raises UsageError: the receiver was not built here.
     """
     if not can_receive():
         raise UsageError("this tf2_ros was built without the receiver that notes who sends transforms")
     recording = Recording()
-    with filled_buffer(node, partial(RecordingListener, recording=recording)):
-        yield Listening(node, recording, window_s)
+    listen = partial(RecordingListener, recording=recording, topics=topics)
+    with filled_buffer(node, listen, cache_time) as buffer:
+        yield Listening(node, buffer, recording, topics, window_s)
 
 
 def _short(gid: bytes) -> str:

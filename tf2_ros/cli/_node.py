@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import rclpy
+from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -48,15 +49,18 @@ def spun_node(name: str, options: Namespace, **node_options: Any) -> Iterator[No
 
 @contextmanager
 def filled_buffer(
-    node: Node, listen: Callable[[Buffer, Node], TransformListener] = TransformListener
+    node: Node,
+    listen: Callable[[Buffer, Node], TransformListener] = TransformListener,
+    cache_time: Duration | None = None,
 ) -> Iterator[Buffer]:
     """
     A buffer for a ``with`` statement, which a listener fills, and which follows the clock of the node.
 
     :param listen: makes the listener.
+    :param cache_time: how far the history of each frame reaches back. None: as of any buffer.
     """
     with deferred_signals():
-        buffer = Buffer(node=node)
+        buffer = Buffer(cache_time, node)
         # Who asks a robot for its frames must not be answered by a program that only looks on.
         node.destroy_service(buffer.srv)
         buffer.srv = None

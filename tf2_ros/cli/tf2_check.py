@@ -1,7 +1,6 @@
 """Owns the program that says whether the transforms of a robot are as they must be."""
 
 import sys
-import time
 from argparse import Namespace
 from collections.abc import Collection, Mapping, Sequence
 from xml.etree import ElementTree
@@ -9,14 +8,12 @@ from xml.etree import ElementTree
 from tf2_ros._traffic import expectations
 from tf2_ros._traffic.expectations import Expectation
 from tf2_ros._traffic.findings import KINDS, Finding, Limits
-from tf2_ros.cli._listening import Listening, Report, listening
+from tf2_ros.cli._listening import Report, listening
 from tf2_ros.cli._node import spun_node
-from tf2_ros_cython.cli._program import FAILURE, SUCCESS, UsageError, sleep
+from tf2_ros_cython.cli._program import FAILURE, SUCCESS, UsageError
 from tf2_ros_cython.cli.tf2_check import main
 
 __all__ = ["check", "main"]
-
-DRAIN_S = 1.0
 
 
 def check(options: Namespace) -> int:
@@ -26,7 +23,7 @@ def check(options: Namespace) -> int:
     if unknown:
         raise UsageError(f"--ignore: {min(unknown)} is none of {', '.join(KINDS)}")
     with spun_node("tf2_check", options) as node, listening(node) as heard:
-        _listen(heard, options.t)
+        heard.listen(options.t)
         report = heard.report(Limits(min_rate=options.min_rate), expected)
     wrong = [finding for finding in report.findings if finding.kind not in options.ignore]
     _print(report, wrong, options.t)
@@ -44,13 +41,6 @@ def _expectations(path: str | None) -> Mapping[str, Expectation]:
         raise UsageError(f"{path}: {error.strerror}") from None
     except ValueError as error:
         raise UsageError(f"{path}: {error}") from None
-
-
-def _listen(heard: Listening, seconds: float) -> None:
-    end = time.monotonic() + seconds
-    while (left := end - time.monotonic()) > 0.0:
-        sleep(min(left, DRAIN_S))
-        heard.drain()
 
 
 def _print(report: Report, wrong: Sequence[Finding], seconds: float) -> None:

@@ -11,14 +11,13 @@ from typing import Any
 
 from tf2_ros._traffic.findings import Limits
 from tf2_ros._traffic.streams import Stream
-from tf2_ros.cli._listening import Chain, Listening, Report, listening
+from tf2_ros.cli._listening import Chain, Report, listening
 from tf2_ros.cli._node import spun_node
-from tf2_ros_cython.cli._program import SUCCESS, UsageError, sleep
+from tf2_ros_cython.cli._program import SUCCESS, UsageError
 from tf2_ros_cython.cli.tf2_monitor import main
 
 __all__ = ["main", "monitor"]
 
-DRAIN_S = 1.0  # at least so often, whatever the interval
 LIVE_INTERVAL_S = 1.0
 INTERVAL_S = 10.0  # as tf2's program
 DRAWING_SHARE = 0.02  # of a core, for drawing the table; a large one is renewed less often ...
@@ -44,7 +43,7 @@ def monitor(options: Namespace) -> int:
     ):
         due = time.monotonic() + interval_s
         while True:
-            _drain_until(heard, due)
+            heard.listen(due - time.monotonic())
             at_least_s = show(heard.report(limits, ends=ends))
             due = max(due + max(interval_s, at_least_s), time.monotonic())
     return SUCCESS
@@ -57,13 +56,6 @@ def _ends(frames: list[str]) -> tuple[str, str] | None:
         raise UsageError(f"two frames, or none, not {len(frames)}")
     a, b = (name.removeprefix("/") for name in frames)
     return a, b
-
-
-def _drain_until(heard: Listening, due: float) -> None:
-    while (left := due - time.monotonic()) > DRAIN_S:
-        sleep(DRAIN_S)
-        heard.drain()
-    sleep(max(0.0, left))
 
 
 def _can_live() -> bool:

@@ -30,6 +30,7 @@ __all__ = [
     "SUCCESS",
     "USAGE",
     "Parser",
+    "RunError",
     "UsageError",
     "deferred_signals",
     "interruptible",
@@ -54,6 +55,10 @@ _WIDTH = 80  # of the text of a help
 
 class UsageError(Exception):
     """What was asked for cannot be done, which shows only after the command line was read: exit status 2."""
+
+
+class RunError(Exception):
+    """What was asked for failed, for a reason that one line says: exit status 1."""
 
 
 class _Signalled(KeyboardInterrupt):
@@ -131,7 +136,7 @@ def run(parser: Parser, work: str, arguments: list[str] | None = None) -> int:
     Run a program: the last call of a process.
 
     :param work: ``module:function``, imported when the command line was read. It gets the options, and
-        returns the exit status. It raises UsageError, or one of ENDINGS.
+        returns the exit status. It raises UsageError, RunError, or one of ENDINGS.
     :param arguments: the command line, with the name of the program. None: that of the process.
     :return: the exit status.
     :raises SystemExit: for wrong usage, and after the help.
@@ -151,6 +156,8 @@ def run(parser: Parser, work: str, arguments: list[str] | None = None) -> int:
         return do(options)
     except UsageError as refusal:
         parser.error(str(refusal))
+    except RunError as failure:
+        parser.exit(FAILURE, f"{parser.prog}: {' '.join(str(failure).split())}\n")
     except _Signalled as ending:
         return _BY_SIGNAL + ending.number
     except BrokenPipeError:

@@ -282,7 +282,7 @@ class TestFindings:
     def test_a_loop(self):
         mine = steady("odom", "base"), steady("base", "odom"), steady("camera", "base")
         [one] = found(*mine)
-        assert (one.kind, one.text) == ("loop", "loop: base -> odom -> base")
+        assert (one.kind, one.text) == ("loop", "the frames base -> odom -> base form a loop")
 
     def test_a_frame_below_itself(self):
         assert kinds(found(steady("odom", "odom"))) == [("loop", "odom")]

@@ -81,7 +81,7 @@ class TestCheck:
         assert re.fullmatch(r"wrong: 13 frames in \d+ messages and 5 s", verdict)
         said = {tuple(line.split(": ", 1)) for line in findings}
         wanted = {
-            ("loop", "loop: loop_a -> loop_b -> loop_a"),
+            ("loop", "the frames loop_a -> loop_b -> loop_a form a loop"),
             ("roots", "2 unconnected trees: map (11 frames), sea (2 frames)"),
             ("parents", "two_parents has 2 parents in turn: map, odom"),
             ("publishers", "two_publishers is published by 2 publishers: /fleet/robot, /intruder"),

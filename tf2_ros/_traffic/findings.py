@@ -96,7 +96,7 @@ def _in_the_tree(streams: Sequence[Stream]) -> Iterator[Finding]:
             trees[top] = trees.get(top, 1) + 1
         elif frame not in in_loops and newest[top].parent == frame:
             in_loops.update(path)
-            text = "loop: " + " -> ".join([*path, frame])
+            text = f"the frames {' -> '.join([*path, frame])} form a loop"
             yield Finding("loop", frame, text, {"frames": path})
     if len(trees) > 1:
         parts = ", ".join(f"{root} ({count} frames)" for root, count in sorted(trees.items()))

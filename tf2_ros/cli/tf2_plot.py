@@ -7,7 +7,6 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Quaternion, Transform
 from numpy.typing import NDArray
 from rclpy.duration import Duration
 
@@ -103,13 +102,9 @@ def _draw_path(heard: Listening, records: Records, options: Namespace) -> Any:
         raise RunError(f"at no time all frames between {target} and {source} were known")
     shown = slice(known[0], known[-1] + 1)
     rpy = np.full_like(positions, np.nan)
-    rpy[known] = [_rpy(rotation) for rotation in rotations[known].tolist()]
+    matrices = to_matrix((positions[known], rotations[known]))
+    rpy[known] = [rpy_from_matrix(matrix) for matrix in matrices.tolist()]
     return trajectory_figure(target, source, stamps[shown] / S, positions[shown], rpy[shown])
-
-
-def _rpy(rotation: list[float]) -> tuple[float, float, float]:
-    turn = Quaternion(**dict(zip("xyzw", rotation, strict=True)))
-    return rpy_from_matrix(to_matrix(Transform(rotation=turn)))
 
 
 def _name(frame: str) -> str:

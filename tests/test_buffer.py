@@ -217,9 +217,14 @@ class TestEndOfTheWait:
         assert re.fullmatch(ENDED, str(error))
         assert seconds < DEADLINE_S / 2
 
-    @pytest.mark.parametrize("with_node", [False, True])
-    def test_after_the_shutdown_nothing_is_waited_for(self, ros, tf2_ros, node, with_node):
-        buffer = tf2_ros.Buffer(node=node if with_node else None)
+    @pytest.mark.parametrize("link", ["node", "listener", "past listener", "listener of a node of its own"])
+    def test_after_the_shutdown_of_what_fills_it_nothing_is_waited_for(self, ros, tf2_ros, node, link):
+        buffer = tf2_ros.Buffer(node=node if link == "node" else None)
+        if link != "node":
+            listener = tf2_ros.TransformListener(buffer, None if link.endswith("own") else node)
+            if link.startswith("past"):
+                listener.unregister()
+                del listener
         buffer.set_transform(transform("map", "robot", 1), "me")
         ros.shutdown()
         for look_up in (
@@ -236,27 +241,73 @@ class TestEndOfTheWait:
         assert re.fullmatch(ENDED, reason)
         assert buffer.lookup_transform("map", "robot", at(1), LONG).child_frame_id == "robot"
         # What does not wait is not ended by it.
-        with pytest.raises(tf2_ros.LookupException, match="does not exist$"):
+        with pytest.raises(tf2_ros.LookupException, match="does not exist(?!.*shut down)"):
             buffer.lookup_transform("map", "camera", LATEST, Duration())
         with pytest.raises(tf2_ros.InvalidArgumentException, match="cannot be empty$"):
             buffer.lookup_transform("map", "", LATEST, LONG)
 
-    def test_a_buffer_without_a_node_follows_the_default_context(self, ros, tf2_ros, later):
-        before = tf2_ros.Buffer()
+    def test_what_a_program_fills_by_itself_is_waited_for_after_a_shutdown(self, ros, tf2_ros, later):
+        buffer = tf2_ros.Buffer()
         ros.shutdown()
-        late = tf2_ros.Buffer()  # whose default context was not started yet
-        assert seconds_of(lambda: late.can_transform("map", "robot", LATEST, SHORT))[0] >= 0.05
-        assert not before.can_transform("map", "robot", LATEST, LONG)
-        ros.init(args=[])
-        for one in (before, late):
-            later(one.set_transform, transform("map", "robot", 1), "me", when=waits(one))
-            assert one.can_transform("map", "robot", LATEST, LONG)
+        later(buffer.set_transform, transform("map", "robot", 1), "me", when=waits(buffer))
+        assert buffer.can_transform("map", "robot", LATEST, LONG)
+        seconds, error = seconds_of(lambda: buffer.lookup_transform("map", "robot", at(5), SHORT))
+        assert str(error).endswith("Waited 0.05 s")
+        assert seconds >= 0.05
+
+    @pytest.mark.parametrize("with_node", [False, True])
+    def test_a_listener_of_a_context_that_goes_on_is_waited_for(
+        self, ros, new_node, tf2_ros, node, later, with_node
+    ):
+        context = ros.Context()
+        context.init(args=[])
+        buffer = tf2_ros.Buffer(node=node if with_node else None)
+        listener = tf2_ros.TransformListener(buffer, new_node("elsewhere", context=context))
         ros.shutdown()
-        for one in (before, late):
-            one.clear()
-            can, reason = one.can_transform("map", "robot", at(5), LONG, return_debug_tuple=True)
-            assert not can
-            assert re.fullmatch(ENDED, reason)
+        later(buffer.set_transform, transform("map", "robot", 1), "me", when=waits(buffer))
+        assert buffer.can_transform("map", "robot", LATEST, LONG)
+        later(context.shutdown, when=waits(buffer))
+        assert re.fullmatch(ENDED, buffer.can_transform("map", "robot", at(5), LONG, True)[1])
+        listener.unregister()
+
+    def test_a_listener_that_gets_another_buffer_ties_that_to_its_context(self, ros, node, tf2_ros):
+        buffer = tf2_ros.Buffer()
+        listener = tf2_ros.TransformListener(tf2_ros.Buffer(), node)
+        listener.buffer = buffer
+        ros.shutdown()
+        _, error = seconds_of(lambda: buffer.lookup_transform("map", "robot", LATEST, LONG))
+        assert re.fullmatch(ENDED, str(error))
+
+    @pytest.mark.parametrize("shut_down", [False, True])
+    @pytest.mark.parametrize("replaces", [False, True])
+    @pytest.mark.parametrize("name", ["", "/map"])
+    def test_an_invalid_name_is_told_as_it_is(self, ros, tf2_ros, node, name, replaces, shut_down):
+        class Replacing(tf2_ros.Buffer):
+            def can_transform(self, *arguments):
+                return super().can_transform(*arguments)
+
+        buffer = (Replacing if replaces else tf2_ros.Buffer)(node=node)
+        if shut_down:
+            ros.shutdown()
+        with pytest.raises(tf2_ros.InvalidArgumentException, match=r"cannot (be empty|start with a '/')$"):
+            buffer.lookup_transform(name, "robot", LATEST, SHORT)
+
+    @pytest.mark.parametrize("timeout", [[], [SHORT]])
+    @pytest.mark.parametrize("replaced", [[], ["can_transform"], ["can_transform_core"]])
+    def test_a_subclass_may_initialise_the_core_alone(self, tf2_py, tf2_ros, replaced, timeout):
+        methods = {name: lambda *_: (False, "no") for name in replaced}
+        kind = type("Replacing", (tf2_ros.Buffer,), {"__init__": tf2_py.BufferCore.__init__, **methods})
+        with pytest.raises(tf2_py.LookupException, match="does not exist"):
+            kind().lookup_transform("map", "robot", LATEST, *timeout)
+
+    def test_its_node_may_be_of_another_class_without_a_context(self, tf2_ros, node):
+        class Other:
+            create_service = node.create_service
+            get_clock = node.get_clock
+
+        buffer = tf2_ros.Buffer(node=Other())
+        assert not buffer.can_transform("map", "robot", LATEST, SHORT)
+        node.destroy_service(buffer.srv)
 
     def test_a_context_that_starts_during_the_wait_ends_it_with_its_shutdown(self, ros, tf2_ros, later):
         ros.shutdown()
@@ -271,12 +322,12 @@ class TestEndOfTheWait:
         assert re.fullmatch(ENDED, str(error))
 
     @pytest.mark.parametrize("name", ["can_transform_core", "lookup_transform_core", "can_transform"])
-    def test_the_wait_of_a_replaced_method_tells_the_same(self, ros, tf2_ros, name):
+    def test_the_wait_of_a_replaced_method_tells_the_same(self, ros, tf2_ros, node, name):
         def replaced(self, *arguments):
             return getattr(tf2_ros.Buffer, name)(self, *arguments)
 
         kind = type("Replacing", (tf2_ros.Buffer,), {name: replaced})
-        buffer = kind()
+        buffer = kind(node=node)
         with pytest.raises(tf2_ros.LookupException) as caught:
             buffer.lookup_transform("map", "robot", LATEST, SHORT)
         unwaited = '"map" passed to lookupTransform argument target_frame does not exist. The buffer is empty'

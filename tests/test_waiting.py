@@ -359,14 +359,14 @@ def insert_for_a_waiter(buffer):
     insert(buffer)
 
 
-def replaced_buffer(tf2_ros):
+def replaced_buffer(tf2_ros, node=None):
     """A buffer whose waits call its own method."""
 
     class Replaced(tf2_ros.Buffer):
         def can_transform_core(self, *arguments):
             return super().can_transform_core(*arguments)
 
-    return Replaced()
+    return Replaced(node=node)
 
 
 def has_deadline(future):
@@ -557,8 +557,8 @@ def test_of_cancelling_timing_out_and_completing_one_wins(buffer):
 class TestShutdown:
     @pytest.mark.parametrize("replaces", [False, True])
     @pytest.mark.parametrize("full", [False, True])
-    def test_asyncio_awaits_no_longer(self, ros, tf2_ros, replaces, full):
-        buffer = replaced_buffer(tf2_ros) if replaces else tf2_ros.Buffer()
+    def test_asyncio_awaits_no_longer(self, ros, tf2_ros, node, replaces, full):
+        buffer = replaced_buffer(tf2_ros, node=node) if replaces else tf2_ros.Buffer(node=node)
         names = ("map", at(2), "robot", at(1), "odom") if full else ("map", "robot", at(1))
 
         async def main():
@@ -620,22 +620,39 @@ class TestShutdown:
         async def main():
             with pytest.raises(asyncio.TimeoutError):
                 await asyncio.wait_for(await_it(future), 0.01)
+            ended = wait(buffer)
             ros.shutdown()
             with pytest.raises(tf2_py.TimeoutException, match=ENDED):
-                await wait(buffer)
+                await ended
 
         asyncio.run(main())
         assert not future.done()
         insert(buffer)
         assert future.done()
 
+    @pytest.mark.parametrize("replaces", [False, True])
+    def test_what_begins_after_the_end_of_a_context_it_does_not_depend_on_is_awaited(
+        self, ros, tf2_ros, replaces
+    ):
+        buffer = replaced_buffer(tf2_ros) if replaces else tf2_ros.Buffer()
+        ros.shutdown()
+
+        async def main():
+            future = wait(buffer, at(1))
+            asyncio.get_running_loop().call_later(0.15, insert, buffer)
+            return await asyncio.wait_for(await_it(future), DEADLINE_S)
+
+        assert asyncio.run(main()).child_frame_id == "robot"
+
     def test_the_context_is_checked_while_something_is_awaited_only(self, ros, buffer):
+        from tf2_ros._wait.contexts import await_checks
+
         async def main():
             asyncio.get_running_loop().call_later(0.15, insert, buffer)
             await buffer.lookup_transform_async("map", "robot", at(1))
 
         asyncio.run(main())
-        until(lambda: not buffer._wait_context._checking)
+        until(lambda: not await_checks._checking)
         until(lambda: deadline_threads() == 0)
 
 

@@ -27,7 +27,6 @@ __all__ = [
     "RCLError",
     "action_result",
     "context_was_shut_down",
-    "context_was_started",
     "enter_handle",
     "executor_handles",
     "executor_wake_handle",
@@ -119,21 +118,13 @@ def incompatible_qos_event(subscription_handle: Any) -> Any:
         return None
 
 
-def context_was_started(context: Any) -> bool:
-    """
-    Whether a context was ever started.
-
-    Assumes the attribute ``handle``, which is None before that. Without it, the answer is True.
-    """
-    return getattr(context, "handle", context) is not None
-
-
 def context_was_shut_down(context: Any) -> bool:
     """
     Whether a context was started and has ended since; does not take its lock.
 
-    Assumes of the attribute ``handle`` the same, and its method ``ok``. ``Context.ok()`` takes a lock that a
-    thread which a fork left in the parent may hold for ever. Without a handle it is used nevertheless.
+    Assumes the attribute ``handle``, which is None before the start, and its method ``ok``. ``Context.ok()``
+    takes a lock that a thread which a fork left in the parent may hold for ever. Without a handle it is used
+    nevertheless.
     """
     handle = getattr(context, "handle", context)
     return handle is not None and not handle.ok()

@@ -15,7 +15,7 @@ from tf2_ros._receive.callback_thread import callback_thread
 from tf2_ros._receive.receiver_thread import hand_over
 from tf2_ros._times import timeout_ns
 from tf2_ros._wait.blocking import BlockingWait
-from tf2_ros._wait.contexts import WaitContext, unanswered, wait_context
+from tf2_ros._wait.contexts import Shutdown, unanswered
 from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.waking_future import WakingFuture
 from tf2_ros.buffer_interface import NO_TIMEOUT
@@ -57,7 +57,7 @@ def _wait(buffer: Any, timeout: Any) -> BlockingWait:
         nanoseconds = timeout_ns(timeout)
     except (TypeError, ValueError):
         nanoseconds = 0  # a program's own `can_transform` may accept what is no timeout elsewhere
-    return BlockingWait(buffer._wait_context.current(), nanoseconds)
+    return BlockingWait(buffer, nanoseconds)
 
 
 def _answer(wait: BlockingWait, look_up: Callable[[], TransformStamped]) -> TransformStamped:
@@ -87,7 +87,8 @@ class RecheckingFuture(WakingFuture[TransformStamped]):
         look_up: Callable[[], Any],
         timeout_ns: int | None,
     ) -> None:
-        super().__init__()
+        self.__shutdown = Shutdown(core)
+        super().__init__(self.__shutdown.happened)
         self.__core: BufferCore | None = core
         self.__can: Callable[[], tuple[Any, str]] | None = can
         self.__look_up: Callable[[], Any] | None = look_up
@@ -119,15 +120,13 @@ class RecheckingFuture(WakingFuture[TransformStamped]):
         # No executor would do it now.
         callback_thread.put(self.__end_unanswered)
 
-    def _context_of_await(self) -> WaitContext | None:
-        return wait_context(self.__core)
-
     def __end_unanswered(self) -> None:
         with self.__checking:
             self.__check()
-            core, can = self.__core, self.__can
-            if core is not None and can is not None:
-                self.set_exception(unanswered(core, self.__begin_ns, self.__timeout_ns, lambda: can()[1]))
+            can = self.__can
+            if can is not None:
+                error = unanswered(self.__shutdown, self.__begin_ns, self.__timeout_ns, lambda: can()[1])
+                self.set_exception(error)
 
     def cancel(self) -> None:
         """End the wait."""

@@ -39,7 +39,7 @@ from tf2_ros._tf2_names import (
 )
 from tf2_ros._times import optional_timeout_ns, timeout_ns
 from tf2_ros._wait.blocking import BlockingWait
-from tf2_ros._wait.contexts import WaitContext
+from tf2_ros._wait.contexts import WaitContexts, fills
 from tf2_ros._wait.lookup import Lookup
 from tf2_ros._wait.transform_future import TransformFuture
 from tf2_ros._wait.waking_future import WakingFuture
@@ -121,7 +121,8 @@ class Buffer(BufferCore, BufferInterface):
             self, cache_time, max_frames=max_frames, max_bytes=max_bytes, max_waiters=max_waiters
         )
         BufferInterface.__init__(self)
-        self._wait_context = WaitContext(None if node is None else node.context)
+        self._wait_contexts = WaitContexts()
+        fills(node, self)
         self.srv: Service | None = None
         self.clock: Clock = Clock() if node is None else node.get_clock()
         if node is not None:
@@ -168,7 +169,8 @@ class Buffer(BufferCore, BufferInterface):
         :param source_frame: the frame that the data is in.
         :param time: of the transform; 0 is the latest time for which all frames on the path have data.
         :param timeout: how long to wait until there is an answer. Ctrl-C ends the wait, and so does the
-            shutdown of the context, also one before the wait. Zero or negative: do not wait.
+            shutdown of the contexts of the buffer's node and listeners, also one before the wait; without
+            either, that of the default context during the wait. Zero or negative: do not wait.
         :return: a ``TransformStamped`` from ``target_frame`` (its ``header.frame_id``) to ``source_frame``
             (its ``child_frame_id``), stamped with ``time``, or with the latest time if that is 0.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
@@ -183,7 +185,7 @@ class Buffer(BufferCore, BufferInterface):
             return self.lookup_transform_core(target_frame, source_frame, time)
         if self.__is_replaced(*_CAN, "lookup_transform_core"):
             return lookup_transform_via_can(self, target_frame, source_frame, time, timeout)
-        return self.__begin_wait(timeout).for_answer(self, Lookup.simple(target_frame, source_frame, time))
+        return self.__begin_wait(timeout).for_answer(Lookup.simple(target_frame, source_frame, time))
 
     def lookup_transform_full(
         self,
@@ -220,7 +222,7 @@ class Buffer(BufferCore, BufferInterface):
                 self, target_frame, target_time, source_frame, source_time, fixed_frame, timeout
             )
         lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame)
-        return self.__begin_wait(timeout).for_answer(self, lookup)
+        return self.__begin_wait(timeout).for_answer(lookup)
 
     @overload
     def can_transform(
@@ -507,11 +509,11 @@ class Buffer(BufferCore, BufferInterface):
         return self.__replaces(*names) or any(name in own for name in names)
 
     def __begin_wait(self, timeout: TimeoutLike) -> BlockingWait:
-        return BlockingWait(self._wait_context.current(), timeout_ns(timeout))
+        return BlockingWait(self, timeout_ns(timeout))
 
     def __becomes_available(self, wait: BlockingWait, lookup: Lookup) -> bool:
         try:
-            wait.for_answer(self, lookup)
+            wait.for_answer(lookup)
         except TransformException:
             return False
         return True

@@ -6,6 +6,7 @@ import threading
 import time
 import weakref
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Generic, Protocol, TypedDict, TypeVar, overload
 
 from geometry_msgs.msg import TransformStamped
@@ -20,6 +21,7 @@ from tf2_py.typing import DurationLike, TimeoutLike
 from tf2_ros._arguments import has, is_a, is_names, refuse_swapped
 from tf2_ros._forking import register_for_fork
 from tf2_ros._times import FOR_EVER_NS, duration_ns, optional_timeout_ns
+from tf2_ros._wait.contexts import node_has_ended
 from tf2_ros._wait.delivery import Delivery
 from tf2_ros._wait.message_stream import MessageStream
 from tf2_ros._wait.pending_messages import FilterFailureReason, PendingMessages
@@ -78,8 +80,9 @@ class MessageFilter(Generic[_Message]):
     also where another thread adds messages or inserts transforms. Only a subscription needs that executor:
     if callbacks or iterations rely on one and nobody spins the node, that is logged once, as a warning.
     Where nobody spins it, what a callback raises is logged. ``async for message, transform in filter``
-    gives the same messages, from the start of the iteration to :meth:`close`, each with its transform into
-    the first target frame. What has passed and was not taken yet is kept, without a limit.
+    gives the same messages, from the start of the iteration to :meth:`close`, or to the end of the node or
+    its context, each with its transform into the first target frame. What has passed and was not taken yet
+    is kept, without a limit.
 
     It has the methods of a filter of ``message_filters`` and can be the input of one. The end of a ``with``
     block closes it.
@@ -334,7 +337,9 @@ class MessageFilter(Generic[_Message]):
             }
 
     def __aiter__(self) -> MessageStream[tuple[_Message, TransformStamped]]:
-        stream: MessageStream[tuple[_Message, TransformStamped]] = MessageStream()
+        stream: MessageStream[tuple[_Message, TransformStamped]] = MessageStream(
+            partial(node_has_ended, self._node)
+        )
         self._streams.add(stream)
         if self._closed:
             stream.close()

@@ -15,6 +15,7 @@ from rclpy.subscription import Subscription
 from tf2_py import BufferCore
 from tf2_ros._rclpy import enter_handle
 from tf2_ros._receive.receiver_thread import ReceiverThread
+from tf2_ros._wait.contexts import fills
 
 __all__ = ["ReceivedTopic", "Reception"]
 
@@ -101,6 +102,8 @@ class Reception:
 
     def fill(self, buffer: object) -> None:
         """The listener fills this buffer from now on: warn if another one does, too, from the same topics."""
+        if (listener := self._listener()) is not None:
+            fills(listener.node, buffer)
         if isinstance(buffer, BufferCore):
             BufferCore._ask_for_silence(buffer, _silence)
         others = [one for one in _receptions_of(buffer) if one is not self and one._domain == self._domain]

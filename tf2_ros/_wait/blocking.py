@@ -5,9 +5,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from tf2_py import BufferCore, TransformException
+from tf2_py import BufferCore, InvalidArgumentException, TransformException
 from tf2_py._internal import wait_texts
-from tf2_ros._rclpy import context_was_shut_down
+from tf2_ros._wait.contexts import Shutdown
 from tf2_ros._wait.long_waits import report_if_long
 from tf2_ros._wait.lookup import Lookup
 
@@ -20,18 +20,18 @@ class BlockingWait:
     """
     The wait of the calling thread, which begins when this is made.
 
-    :param context: the rclpy context whose shutdown ends the wait, also if that was before. One that was
-        never started ends nothing: a buffer can be used without ROS.
+    :param core: the buffer, whose :class:`Shutdown` ends the wait.
     :param timeout_ns: nanoseconds of steady time, at most FOR_EVER_NS. 0 or less: there is no wait.
     """
 
-    def __init__(self, context: Any, timeout_ns: int) -> None:
-        self._context = context
+    def __init__(self, core: BufferCore, timeout_ns: int) -> None:
+        self._core = core
+        self._shutdown = Shutdown(core)
         self._timeout_ns = timeout_ns
         self._begin_ns = time.monotonic_ns()
         self._waits = timeout_ns > 0
 
-    def for_answer(self, core: BufferCore, lookup: Lookup) -> Any:
+    def for_answer(self, lookup: Lookup) -> Any:
         """
         Wait, without the GIL, until there is an answer, and return it.
 
@@ -40,7 +40,7 @@ class BlockingWait:
         """
         while True:
             try:
-                wait = lookup.wait(core)
+                wait = lookup.wait(self._core)
             except TransformException:
                 self._waits = False
                 raise
@@ -72,11 +72,17 @@ class BlockingWait:
         return wait_texts.waited(reason, waited_ns) if self._alive() else wait_texts.shut_down(waited_ns)
 
     def error(self, error: TransformException) -> TransformException:
-        """The same of an error of the lookup; its class remains, because programs catch that."""
+        """
+        The same of an error of the lookup; its class remains, because programs catch that.
+
+        That of an invalid argument stays as it is: no wait would have helped.
+        """
+        if isinstance(error, InvalidArgumentException):
+            return error
         text = str(error)
         told = self.told(text)
         # A program's own class may not be made of a text.
         return error if told == text or type(error).__module__ != "tf2_py" else type(error)(told)
 
     def _alive(self) -> bool:
-        return not context_was_shut_down(self._context)
+        return not self._shutdown.happened()

@@ -1,43 +1,97 @@
-"""Owns which context the waits of a buffer depend on, and what its shutdown ends."""
+"""Owns which contexts the waits of a buffer depend on, and what their shutdown ends."""
 
 import time
 import weakref
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Any, Protocol
 
+from rclpy.node import Node
 from rclpy.utilities import get_default_context
 
-from tf2_py import BufferCore, TimeoutException
+from tf2_py import TimeoutException
 from tf2_py._internal import wait_texts
 from tf2_ros._forking import LOCK, register_for_fork
-from tf2_ros._rclpy import context_was_shut_down, context_was_started
+from tf2_ros._rclpy import context_was_shut_down, enter_handle
 from tf2_ros._wait.deadlines import deadlines
 
-__all__ = ["WaitContext", "unanswered", "wait_context"]
+__all__ = ["Shutdown", "WaitContexts", "await_checks", "fills", "node_has_ended", "unanswered"]
 
-CHECK_NS = 100_000_000  # how often to check the context of what is awaited
+CHECK_NS = 100_000_000  # how often to check the contexts of what is awaited
+
+
+class WaitContexts:
+    """
+    The contexts of what fills one buffer: that of its node, and those of its listeners, ended or not.
+
+    :param contexts: those known already.
+    """
+
+    def __init__(self, *contexts: Any) -> None:
+        self.known = contexts  # replaced, never changed: read without a lock
+
+    def add(self, context: Any) -> None:
+        """Something of this context fills the buffer, too; those shut down before do not count any more."""
+        with LOCK:
+            others = (one for one in self.known if one is not context and not context_was_shut_down(one))
+            self.known = (*others, context)
+
+
+_NOTHING_KNOWN = WaitContexts()
+
+
+def fills(node: object, buffer: object) -> None:
+    """Something of this node fills the buffer from now on; only a ``Buffer`` wants to know."""
+    contexts = getattr(buffer, "_wait_contexts", None)
+    if isinstance(node, Node) and isinstance(contexts, WaitContexts):
+        contexts.add(node.context)
+
+
+class Shutdown:
+    """
+    The shutdown that ends one wait, which begins when this is made.
+
+    :param core: the buffer; this does not keep it alive.
+
+    Nothing is inserted any more when every context of what fills the buffer was shut down. Where no such
+    context is known, the program inserts by itself: then only a shutdown of the default context during the
+    wait ends it, as Ctrl-C must.
+    """
+
+    __slots__ = ("_contexts", "_default")
+
+    def __init__(self, core: object) -> None:
+        self._contexts: WaitContexts = getattr(core, "_wait_contexts", _NOTHING_KNOWN)
+        self._default = None
+        if not self._contexts.known:
+            default = get_default_context()
+            if not context_was_shut_down(default):
+                self._default = default
+
+    def happened(self) -> bool:
+        """Whether it was, also before the wait."""
+        return all(context_was_shut_down(one) for one in self._contexts.known or (self._default,))
 
 
 class Awaited(Protocol):
     """A wait that an asyncio loop awaits."""
 
+    def is_in_vain(self) -> bool:
+        """Whether a shutdown has ended it."""
+
     def end_with_context(self) -> None:
-        """The context was shut down."""
+        """Wake the loop: it is in vain."""
 
 
-class WaitContext:
+class AwaitChecks:
     """
-    The context whose shutdown ends the waits of one buffer.
-
-    :param context: of the buffer's node. None: the default one.
+    Ends what asyncio loops await when it is in vain.
 
     An executor steps no task after the shutdown, but an asyncio loop goes on. While it awaits, the thread of
-    the deadlines checks the context: a signal shuts a context down without calling anything.
+    the deadlines checks the contexts: a signal shuts a context down without calling anything.
     """
 
-    def __init__(self, context: Any) -> None:
-        self._own = context
-        self._default = get_default_context() if context is None else None
+    def __init__(self) -> None:
         self._awaited: dict[object, weakref.ref[Awaited]] = {}  # a future may be awaited more than once
         self.after_fork()
         register_for_fork(self)
@@ -46,32 +100,14 @@ class WaitContext:
         """Begin anew: a forked child does not have the deadlines of its parent."""
         self._checking = False
 
-    def current(self) -> Any:
+    def begin(self, wait: Awaited) -> object:
         """
-        The context that counts now; it may never be started.
+        End this when it is in vain, at once if it is so already; refers to it weakly.
 
-        rclpy replaces the default context when it is shut down. The one before counts until the next one is
-        started.
-        """
-        if self._own is not None:
-            return self._own
-        default = get_default_context()
-        if default is not self._default and context_was_started(default):
-            self._default = default
-        return self._default
-
-    def ended(self) -> bool:
-        """Whether it was shut down."""
-        return context_was_shut_down(self.current())
-
-    def begin_await(self, wait: Awaited) -> object:
-        """
-        End this wait with the context, at once if that was shut down before; refers to it weakly.
-
-        :return: what to give to :meth:`end_await`.
+        :return: what to give to :meth:`end`.
         """
         key = object()
-        if self.ended():
+        if wait.is_in_vain():
             wait.end_with_context()
             return key
         with LOCK:
@@ -81,7 +117,7 @@ class WaitContext:
             deadlines.add(time.monotonic_ns() + CHECK_NS, self)
         return key
 
-    def end_await(self, key: object) -> None:
+    def end(self, key: object) -> None:
         """This await has ended."""
         with LOCK:
             self._awaited.pop(key, None)
@@ -93,28 +129,36 @@ class WaitContext:
         return False
 
     def expire(self) -> None:
-        """Check the context, and again after CHECK_NS if something is awaited then."""
-        ended = self.ended()
+        """Check what is awaited, and again after CHECK_NS if something is awaited then."""
         with LOCK:
-            awaited = list(self._awaited.values())
-            if ended:
-                self._awaited.clear()
-            self._checking = bool(awaited) and not ended
-        if ended:
-            for reference in awaited:
-                if (wait := reference()) is not None:
-                    wait.end_with_context()
-        elif awaited:
+            awaited = [(key, reference()) for key, reference in self._awaited.items()]
+        vain = [(key, wait) for key, wait in awaited if wait is None or wait.is_in_vain()]
+        with LOCK:
+            for key, _ in vain:
+                self._awaited.pop(key, None)
+            again = self._checking = bool(self._awaited)
+        if again:
             deadlines.add(time.monotonic_ns() + CHECK_NS, self)
+        for _, wait in vain:
+            if wait is not None:
+                wait.end_with_context()
 
 
-def wait_context(core: BufferCore | None) -> WaitContext | None:
-    """That of a buffer; a core without waits of its own has none."""
-    return getattr(core, "_wait_context", None)
+# Of the whole process.
+await_checks = AwaitChecks()
+
+
+def node_has_ended(node: object) -> bool:
+    """Whether a node was destroyed, or its context was shut down: nothing is received by it any more."""
+    if not isinstance(node, Node):
+        return False  # of a program's own kind
+    with ExitStack() as uses:
+        exists = enter_handle(node.handle, uses)
+    return not exists or context_was_shut_down(node.context)
 
 
 def unanswered(
-    core: BufferCore, begin_ns: int, timeout_ns: int | None, reason: Callable[[], object]
+    shutdown: Shutdown, begin_ns: int, timeout_ns: int | None, reason: Callable[[], object]
 ) -> TimeoutException:
     """
     What a future of a transform holds that ends without an answer.
@@ -125,7 +169,6 @@ def unanswered(
     waited_ns = time.monotonic_ns() - begin_ns
     if timeout_ns is not None:
         waited_ns = min(waited_ns, timeout_ns)
-    context = wait_context(core)
-    if context is not None and context.ended():
+    if shutdown.happened():
         return TimeoutException(wait_texts.shut_down(waited_ns))
     return TimeoutException(wait_texts.timed_out(reason(), waited_ns))

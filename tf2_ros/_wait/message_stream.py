@@ -1,6 +1,7 @@
 """Owns the asynchronous iteration over what a message filter lets pass."""
 
 from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Generic, TypeVar
 
@@ -16,10 +17,13 @@ class MessageStream(Generic[_Item]):
     """
     An asynchronous iterator over items that another thread puts in; ends, when closed, after the last.
 
+    :param has_ended: whether nothing can be put in any more, because of a shutdown: that ends it, too.
+
     If several iterate, each item is given to one of them.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, has_ended: Callable[[], bool]) -> None:
+        self._has_ended = has_ended
         self._items: deque[_Item] = deque()
         # Never replaced: one that is about to be added must be found.
         self._awaiting: deque[WakingFuture[None]] = deque()
@@ -40,13 +44,13 @@ class MessageStream(Generic[_Item]):
 
     async def __anext__(self) -> _Item:
         while True:
-            arrival: WakingFuture[None] = WakingFuture()
+            arrival = _Arrival(self._has_ended)
             # First this, then the check: `put` does it the other way round.
             self._awaiting.append(arrival)
             try:
                 return self._items.popleft()
             except IndexError:
-                if self._closed:
+                if self._closed or self._has_ended():
                     raise StopAsyncIteration from None
                 await arrival
             finally:
@@ -58,3 +62,11 @@ class MessageStream(Generic[_Item]):
         for _ in range(len(self._awaiting)):
             with suppress(IndexError):  # one has left
                 self._awaiting.popleft().set_result(None)
+
+
+class _Arrival(WakingFuture[None]):
+    """Completed when the iteration is to look again."""
+
+    def end_with_context(self) -> None:
+        """Nothing arrives any more."""
+        self.set_result(None)

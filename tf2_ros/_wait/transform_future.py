@@ -13,7 +13,7 @@ from tf2_ros._forking import LOCK
 from tf2_ros._rclpy import only_wakes_executor
 from tf2_ros._receive.receiver_thread import hand_over
 from tf2_ros._times import optional_timeout_ns
-from tf2_ros._wait.contexts import WaitContext, unanswered, wait_context
+from tf2_ros._wait.contexts import Shutdown, unanswered
 from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.long_waits import LongWait, report_if_long
 from tf2_ros._wait.lookup import Lookup
@@ -44,7 +44,8 @@ class TransformFuture(WakingFuture[TransformStamped]):
     # Two leading underscores keep these names clear of those of rclpy's Future, whatever its release.
 
     def __init__(self, core: BufferCore, lookup: Lookup, timeout: Any = None) -> None:
-        super().__init__()
+        self.__shutdown = Shutdown(core)
+        super().__init__(self.__shutdown.happened)
         self.__begin_ns = time.monotonic_ns()
         self.__timeout_ns = optional_timeout_ns(timeout)
         # How many were added by anything but an executor. Under LOCK they decide which thread completes this.
@@ -143,9 +144,6 @@ class TransformFuture(WakingFuture[TransformStamped]):
         assert self.__outcome is not None
         return self.__outcome()
 
-    def _context_of_await(self) -> WaitContext | None:
-        return wait_context(self.__core)
-
     def __end_unanswered(self) -> None:
         wait, core = self.__wait, self.__core
         if wait is None or core is None:
@@ -155,7 +153,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
         if answer is not None:
             rest = self.answered(answer)
         else:
-            error = unanswered(core, self.__begin_ns, self.__timeout_ns, wait.reason)
+            error = unanswered(self.__shutdown, self.__begin_ns, self.__timeout_ns, wait.reason)
             rest = self.__end_with(partial(_raise, error), partial(self.__fail, error))
         if rest is not None:
             hand_over(core, rest)

@@ -2,11 +2,10 @@
 
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
 
 from rclpy.node import Node
 
-from tf2_ros._rclpy import context_was_shut_down, enter_handle
+from tf2_ros._wait.contexts import node_has_ended
 from tf2_ros._wait.deadlines import deadlines
 
 __all__ = ["UnspunWarning"]
@@ -39,9 +38,7 @@ class UnspunWarning:
 
     def over(self) -> bool:
         """Whether there is nothing to warn of."""
-        with ExitStack() as uses:
-            exists = enter_handle(self._node.handle, uses)
-        return self._has_executor() or not exists or context_was_shut_down(self._node.context)
+        return self._has_executor() or node_has_ended(self._node)
 
     def expire(self) -> None:
         """Say so: nobody has spun the node."""

@@ -14,7 +14,7 @@ from rclpy.task import Future, Task
 
 from tf2_ros._forking import LOCK
 from tf2_ros._rclpy import HookedFuture, is_in_step, running_task, task_executor
-from tf2_ros._wait.contexts import WaitContext
+from tf2_ros._wait.contexts import await_checks
 from tf2_ros._wait.deadlines import deadlines
 
 __all__ = ["GRACE_S", "WakingFuture"]
@@ -27,7 +27,12 @@ _Result = TypeVar("_Result")
 
 
 class WakingFuture(HookedFuture, Generic[_Result]):
-    """A future that may be completed in any thread: it wakes whatever runs the tasks that await it."""
+    """
+    A future that may be completed in any thread: it wakes whatever runs the tasks that await it.
+
+    :param in_vain: whether a shutdown has ended the wait; asked while an asyncio loop awaits it, which
+        :meth:`end_with_context` then wakes. None: nothing asks.
+    """
 
     if TYPE_CHECKING:  # rclpy's of Jazzy are not annotated
 
@@ -37,8 +42,9 @@ class WakingFuture(HookedFuture, Generic[_Result]):
         def exception(self) -> BaseException | None: ...
         def add_done_callback(self, callback: Callable[[Any], object]) -> None: ...
 
-    def __init__(self) -> None:
+    def __init__(self, in_vain: Callable[[], bool] | None = None) -> None:
         super().__init__(LOCK)
+        self.__in_vain = in_vain
 
     def _tf2_run_callbacks(self, executor: Executor | None, callbacks: list[Callable[[Any], None]]) -> None:
         # rclpy's own way leaves out those behind one that raises more than an Exception.
@@ -76,13 +82,13 @@ class WakingFuture(HookedFuture, Generic[_Result]):
             woken = loop.create_future()
             Future.add_done_callback(self, _loop_waker(loop, woken, 0.0))
             self._wake_when_known(_loop_waker(loop, woken, GRACE_S))
-            context = None if self.done() else self._context_of_await()
-            key = None if context is None else context.begin_await(self)
+            is_checked = self.__in_vain is not None and not self.done()
+            key = await_checks.begin(self) if is_checked else None
             try:
                 yield from woken
             finally:
-                if context is not None:
-                    context.end_await(key)
+                if is_checked:
+                    await_checks.end(key)
             if not self.done() and not self.cancelled():
                 return self._known_outcome()
         return (yield from super().__await__())
@@ -90,12 +96,12 @@ class WakingFuture(HookedFuture, Generic[_Result]):
     def _wake_when_known(self, waker: Callable[[Any], None]) -> None:
         """Call this, in whatever thread, when the outcome is known before the future is done."""
 
-    def _context_of_await(self) -> WaitContext | None:
-        """The context whose shutdown ends this while a loop awaits it. None: no one does."""
-        return None
+    def is_in_vain(self) -> bool:
+        """Whether a shutdown has ended the wait."""
+        return self.__in_vain is not None and self.__in_vain()
 
     def end_with_context(self) -> None:
-        """See ``_context_of_await``; called in any thread."""
+        """The wait is in vain; called in any thread."""
         raise NotImplementedError
 
     def _known_outcome(self) -> _Result:

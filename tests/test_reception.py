@@ -111,6 +111,24 @@ class TestErrors:
         publisher.send(("map", "arm", 3 * S, 1))
         until(lambda: error(buffer, "map", "arm", at(9)).endswith("of arm in map"), executor)
 
+    def test_what_was_received_just_now_is_not_denied(self, tf2_ros, buffer, node):
+        listener = tf2_ros.TransformListener(buffer, node)
+        assert error(buffer, "map", "arm").endswith(NOTHING)
+        listener.callback(TFMessage(transforms=[transform("map", "arm", 5)]))
+        assert error(buffer).endswith("does not exist. Nothing has been received on /tf_static")
+        assert error(buffer, "map", "arm", at(9)).endswith("of arm in map")
+
+    @pytest.mark.parametrize("kind", ["unconnected", "extrapolation"])
+    def test_nor_where_it_named_no_new_frame(self, tf2_ros, buffer, node, kind):
+        buffer.set_transform(transform("map", "arm", 5), "me")
+        buffer.set_transform(transform("other", "tool", 5), "me")
+        listener = tf2_ros.TransformListener(buffer, node)
+        frames = ("map", "tool" if kind == "unconnected" else "arm")
+        assert "nothing has been received on /tf" in error(buffer, *frames, at(9)).lower()
+        listener.callback(TFMessage(transforms=[transform("map", "arm", 6)]))
+        listener.static_callback(TFMessage())
+        assert "received" not in error(buffer, *frames, at(9))
+
     def test_after_a_shutdown_no_topic_is_called_silent(self, tf2_ros, buffer, new_node):
         context = Context()
         context.init(args=[])

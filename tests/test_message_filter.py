@@ -1,13 +1,13 @@
 """Messages that wait for their transforms."""
 
 import asyncio
-import gc
 import subprocess
 import threading
 import time
 from contextlib import contextmanager
 
 import pytest
+import rclpy
 from geometry_msgs.msg import PointStamped
 from making import S, at, transform
 from processes import DEADLINE_S, start, until
@@ -737,6 +737,13 @@ def test_no_message_passes_for_the_frames_before_the_change(make, buffer, monkey
     assert len(watched.seconds()) == 100
 
 
+def names_of_threads(filter):
+    """A list that grows by the name of the thread in which a callback runs."""
+    names = []
+    filter.registerCallback(lambda _: names.append(threading.current_thread().name))
+    return names
+
+
 class TestWithoutExecutor:
     """A node that nobody spins."""
 
@@ -833,12 +840,70 @@ class TestWithoutExecutor:
         until(lambda: len(seen) == 10, executor)
         assert [nanosec for nanosec, _ in seen] == list(range(10))
         assert [name == "tf2_ros callbacks" for _, name in seen] == [True] + [False] * 9
-        # A node that was spun keeps its callbacks for executors.
+        # The next executor is waited for.
         executor.remove_node(node)
         filter.add(point(ns=S))
         assert len(seen) == 10
         executor.add_node(node)
         until(lambda: len(seen) == 11, executor)
+        executor.shutdown()
+
+    def test_a_node_that_was_spun_before_is_one_that_nobody_spins(self, tf2_ros, node, buffer):
+        executor = SingleThreadedExecutor()
+        rclpy.spin_once(node, executor=executor, timeout_sec=0)
+        assert node.executor is executor
+        with tf2_ros.MessageFilter(None, buffer, "map", 0, node=node) as filter:
+            threads = names_of_threads(filter)
+            insert(buffer)
+            filter.add(point())
+            until(lambda: threads == ["tf2_ros callbacks"])
+        executor.shutdown()
+
+    @pytest.mark.parametrize("begin", ["add", "spin"])
+    def test_the_thread_takes_over_when_the_executor_has_gone(self, filter, node, buffer, monkeypatch, begin):
+        monkeypatch.setattr("tf2_ros._wait.noticing_group.PATIENCE_S", 0.2)
+        executor = SingleThreadedExecutor()
+        threads = names_of_threads(filter)
+        insert(buffer)
+        executor.add_node(node)
+        if begin == "add":
+            filter.add(point())  # that nobody ever takes
+            executor.remove_node(node)
+        else:
+            executor.spin_once(timeout_sec=0)
+            executor.remove_node(node)
+            filter.add(point())
+        until(lambda: threads == ["tf2_ros callbacks"])
+        executor.add_node(node)
+        filter.add(point())
+        until(lambda: len(threads) == 2, executor)
+        assert threads[1] == threading.current_thread().name
+        executor.shutdown()
+
+    def test_an_executor_that_is_shut_down_has_gone(self, filter, node, buffer, monkeypatch):
+        monkeypatch.setattr("tf2_ros._wait.noticing_group.PATIENCE_S", 0.2)
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        threads = names_of_threads(filter)
+        insert(buffer)
+        filter.add(point())
+        executor.shutdown()
+        until(lambda: threads == ["tf2_ros callbacks"])
+
+    def test_no_thread_interferes_where_a_program_spins_in_each_of_its_steps(self, filter, node, buffer):
+        executor = SingleThreadedExecutor()
+        threads = names_of_threads(filter)
+        insert(buffer)
+        rclpy.spin_once(node, executor=executor, timeout_sec=0)
+        for _ in range(50):
+            filter.add(point())
+            rclpy.spin_once(node, executor=executor, timeout_sec=0)
+            # Between the steps nobody has the node.
+            assert node not in executor.get_nodes()
+        end = time.monotonic() + DEADLINE_S
+        while len(threads) < 50 and time.monotonic() < end:
+            rclpy.spin_once(node, executor=executor, timeout_sec=0.01)
+        assert threads == [threading.current_thread().name] * 50
         executor.shutdown()
 
     def test_a_full_queue_of_dropped_messages_ends_with_the_node(self, tf2_ros, new_node, buffer):
@@ -861,7 +926,7 @@ class TestUnspunNode:
 
     @pytest.fixture(autouse=True)
     def impatient(self, monkeypatch):
-        monkeypatch.setattr("tf2_ros._wait.unspun.PATIENCE_S", 0.2)
+        monkeypatch.setattr("tf2_ros._wait.noticing_group.PATIENCE_S", 0.2)
 
     @pytest.fixture
     def filter(self, tf2_ros, node, buffer):
@@ -903,21 +968,59 @@ class TestUnspunNode:
     def test_one_that_nobody_relies_on_is_not(self, filter, capfd):
         assert self.warnings(capfd) == 0
 
-    def test_a_node_that_is_spun_in_time_is_not(self, filter, node, capfd):
+    @pytest.mark.parametrize("when", ["before", "after"])
+    def test_a_node_that_was_spun_once_is(self, tf2_ros, node, buffer, capfd, when):
+        executor = SingleThreadedExecutor()
+        if when == "before":
+            rclpy.spin_once(node, executor=executor, timeout_sec=0)
+        with tf2_ros.MessageFilter(self.INPUT, buffer, "map", 0, node=node) as filter:
+            filter.registerCallback(print)
+            if when == "after":
+                rclpy.spin_once(node, executor=executor, timeout_sec=0)
+            assert node.executor is executor
+            assert self.warnings(capfd) == 1
+        executor.shutdown()
+
+    def test_a_node_whose_executor_nobody_spins_is(self, filter, executor, capfd):
+        filter.registerCallback(print)
+        assert self.warnings(capfd) == 1
+
+    @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
+    def test_a_node_that_is_spun_is_not_until_that_ends(self, filter, node, capfd, kind):
+        filter.registerCallback(print)
+        executor = kind()
+        executor.add_node(node)
+        with spinning(executor):
+            assert self.warnings(capfd, 1) == 0
+            assert repr(filter).endswith(" 0 dropped>")
+        assert self.warnings(capfd) == 1
+
+    def test_a_node_that_is_spun_is_not_while_another_callback_runs_for_long(self, filter, node, capfd):
+        begun, go_on = threading.Event(), threading.Event()
+
+        def work():
+            timer.cancel()
+            begun.set()
+            go_on.wait(DEADLINE_S)
+
+        timer = node.create_timer(0.0, work)
         filter.registerCallback(print)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        executor.spin_once(timeout_sec=0)
-        executor.remove_node(node)
-        executor.shutdown()
-        del executor
-        gc.collect()
-        assert node.executor is None
-        assert self.warnings(capfd) == 0
+        with spinning(executor):
+            assert begun.wait(DEADLINE_S)
+            assert self.warnings(capfd, 1) == 0
+            go_on.set()
 
-    def test_a_node_that_has_an_executor_is_not(self, filter, executor, capfd):
+    def test_a_node_that_is_spun_in_each_step_of_a_program_is_not(self, filter, node, capfd, monkeypatch):
+        monkeypatch.setattr("tf2_ros._wait.noticing_group.PATIENCE_S", 1)
         filter.registerCallback(print)
-        assert self.warnings(capfd) == 0
+        executor = SingleThreadedExecutor()
+        end = time.monotonic() + 2
+        while time.monotonic() < end:
+            rclpy.spin_once(node, executor=executor, timeout_sec=0.05)
+        executor.shutdown()
+        assert self.warnings(capfd, 0) == 0
 
     def test_one_whose_messages_are_added_is_not(self, tf2_ros, node, buffer, capfd):
         filter = tf2_ros.MessageFilter(None, buffer, "map", 0, node=node)
@@ -940,9 +1043,9 @@ class TestUnspunNode:
 
 
 def test_a_program_has_seconds_to_spin_its_node():
-    from tf2_ros._wait import unspun
+    from tf2_ros._wait import noticing_group
 
-    assert unspun.PATIENCE_S >= 5
+    assert noticing_group.PATIENCE_S >= 5
 
 
 class TestEnd:
@@ -1073,13 +1176,23 @@ class TestAtAPrompt:
     def test_the_repr_tells_what_it_waits_for_and_what_it_did(self, make, buffer):
         watched = make(frames=["map", "odom\n"], queue_size=1)
         name = "tf2_ros.MessageFilter: into map and odom\\n"
-        assert repr(watched.filter) == f"<{name}: 0 waiting, 0 passed, 0 dropped>"
+        assert repr(watched.filter) == f"<{name}: 0 waiting, 0 passed, 0 dropped, node not spun>"
         watched.filter.add(point(1))
         watched.filter.add(point(2))
         watched.settle()
         assert repr(watched.filter) == f"<{name}: 1 waiting, 0 passed, 1 dropped>"
         watched.filter.close()
         assert repr(watched.filter) == f"<{name}: 0 waiting, 0 passed, 1 dropped, closed>"
+
+    def test_the_repr_tells_that_nobody_spins_the_node(self, tf2_ros, node, buffer):
+        executor = SingleThreadedExecutor()
+        rclpy.spin_once(node, executor=executor, timeout_sec=0)
+        with tf2_ros.MessageFilter(None, buffer, "map", 0, node=node) as filter:
+            assert repr(filter).endswith(" 0 dropped, node not spun>")
+            with spinning(executor):
+                executor.add_node(node)
+                until(lambda: repr(filter).endswith(" 0 dropped>"))
+        assert repr(filter).endswith(" 0 dropped, closed>")
 
     def test_the_repr_shows_a_subclass_and_one_that_was_not_initialised(self, tf2_ros):
         class Own(tf2_ros.MessageFilter):

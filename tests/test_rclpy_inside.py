@@ -139,6 +139,33 @@ class TestExecutors:
         with pytest.raises(InvalidHandle), signal_guard.handle:
             raise AssertionError("it was not destroyed")
 
+    def test_one_that_gave_a_node_away_remains_its_attribute(self, node, executor):
+        assert _rclpy.holding_executor(node) is None
+        executor.add_node(node)
+        assert _rclpy.holding_executor(node) is executor
+        executor.remove_node(node)
+        assert node.executor is executor
+        assert _rclpy.holding_executor(node) is None
+        executor.add_node(node)
+        executor.shutdown()
+        assert _rclpy.holding_executor(node) is None
+
+    def test_a_spin_is_on_the_stack_of_a_thread(self, node, executor):
+        assert not _rclpy.is_spinning(executor)
+        inside = []
+        node.create_guard_condition(lambda: inside.append(_rclpy.is_spinning(executor))).trigger()
+        executor.add_node(node)
+        until(lambda: inside == [True], executor)
+        with spinning(executor):
+            until(lambda: _rclpy.is_spinning(executor))
+        assert not _rclpy.is_spinning(executor)
+
+    def test_of_one_that_is_no_python_a_spin_is_assumed(self):
+        class Other:
+            spin_once = len
+
+        assert _rclpy.is_spinning(Other())
+
     def test_what_else_is_ready_is_in_the_wait_set(self, node):
         timer = node.create_timer(0.0, print)
 

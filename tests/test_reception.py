@@ -111,6 +111,32 @@ class TestErrors:
         publisher.send(("map", "arm", 3 * S, 1))
         until(lambda: error(buffer, "map", "arm", at(9)).endswith("of arm in map"), executor)
 
+    def test_what_was_received_just_now_is_not_denied(self, tf2_ros, buffer, node):
+        listener = tf2_ros.TransformListener(buffer, node)
+        assert error(buffer, "map", "arm").endswith(NOTHING)
+        listener.callback(TFMessage(transforms=[transform("map", "arm", 5)]))
+        assert error(buffer).endswith("does not exist. Nothing has been received on /tf_static")
+        assert error(buffer, "map", "arm", at(9)).endswith("of arm in map")
+
+    @pytest.mark.parametrize("kind", ["unconnected", "extrapolation"])
+    def test_nor_where_it_named_no_new_frame(self, tf2_ros, buffer, node, kind):
+        buffer.set_transform(transform("map", "arm", 5), "me")
+        buffer.set_transform(transform("other", "tool", 5), "me")
+        listener = tf2_ros.TransformListener(buffer, node)
+        frames = ("map", "tool" if kind == "unconnected" else "arm")
+        assert "nothing has been received on /tf" in error(buffer, *frames, at(9)).lower()
+        listener.callback(TFMessage(transforms=[transform("map", "arm", 6)]))
+        listener.static_callback(TFMessage())
+        assert "received" not in error(buffer, *frames, at(9))
+
+    def test_after_a_shutdown_no_topic_is_called_silent(self, tf2_ros, buffer, new_node):
+        context = Context()
+        context.init(args=[])
+        listener = tf2_ros.TransformListener(buffer, new_node("first", context=context))
+        context.shutdown()
+        assert error(buffer).endswith("The buffer is empty")
+        del listener
+
     def test_static_topics_do_not_fall_silent(self, tf2_ros, buffer, node, executor, peer, monkeypatch):
         monkeypatch.setattr("tf2_ros._receive.reception.SILENT_S", 0)
         tf2_ros.TransformListener(buffer, node)
@@ -239,6 +265,29 @@ class TestTwoListeners:
         assert warnings() == []
         second.buffer = buffer
         assert len(warnings()) == 1
+
+    def test_one_after_the_shutdown_of_the_other_does_not_warn(self, tf2_ros, buffer, new_node, warnings):
+        context = Context()
+        context.init(args=[])
+        first = tf2_ros.TransformListener(buffer, new_node("first", context=context))
+        context.shutdown()
+        assert warnings() == []
+        second = tf2_ros.TransformListener(buffer, new_node("second"))
+        assert warnings() == []
+        tf2_ros.TransformListener(buffer, new_node("third"))
+        [line] = warnings()
+        assert "Two listeners of /second and /third" in line
+        assert first is not second
+
+    def test_that_is_told_once_of_two(self, tf2_ros, buffer, node, warnings):
+        tf2_ros.TransformListener(buffer, node)
+        second = tf2_ros.TransformListener(tf2_ros.Buffer(), node)
+        for _ in range(3):
+            second.buffer = buffer
+        assert len(warnings()) == 1
+        second.buffer = tf2_ros.Buffer()
+        second.buffer = buffer
+        assert warnings() == []
 
 
 class TestRepr:

@@ -33,9 +33,11 @@ __all__ = [
     "handle_pointer",
     "has_ready_entities",
     "hide_from_executors",
+    "holding_executor",
     "incompatible_qos_event",
     "is_in_step",
     "is_shut_down",
+    "is_spinning",
     "mark_shut_down",
     "new_wake_handle",
     "node_handles",
@@ -140,6 +142,43 @@ def is_shut_down(executor: Executor) -> bool:
     Assumes the attribute ``_is_shutdown``. Without it, the answer is False: only the context ends a spin.
     """
     return bool(getattr(executor, "_is_shutdown", False))
+
+
+def holding_executor(node: Node) -> Executor | None:
+    """
+    The executor that has a node now, and was not shut down; takes a lock of it.
+
+    ``Node.executor`` alone is no answer: it remains set when the node is removed from the executor, which
+    ``rclpy.spin_once`` and all such functions do at their end.
+    """
+    executor = node.executor
+    if executor is None or is_shut_down(executor) or node not in executor.get_nodes():
+        return None
+    return executor
+
+
+def is_spinning(executor: Executor) -> bool:
+    """
+    Whether a thread is inside a method of an executor: waits in it, or in a callback that it runs.
+
+    Assumes that ``spin_once`` is a function of Python, so that its frame is on the stack and has the executor
+    as ``self``. Otherwise the answer is True: it cannot be told.
+    """
+    if not isinstance(getattr(type(executor), "spin_once", None), FunctionType):
+        return True
+    codes = {
+        method.__code__
+        for kind in type(executor).__mro__
+        for method in vars(kind).values()
+        if isinstance(method, FunctionType)
+    }
+    for top in sys._current_frames().values():
+        frame: FrameType | None = top
+        while frame is not None:
+            if frame.f_code in codes and frame.f_locals.get("self") is executor:
+                return True
+            frame = frame.f_back
+    return False
 
 
 def executor_wake_handle(executor: Executor) -> Any:

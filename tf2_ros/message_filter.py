@@ -24,6 +24,7 @@ from tf2_ros._times import FOR_EVER_NS, duration_ns, optional_timeout_ns
 from tf2_ros._wait.contexts import node_has_ended
 from tf2_ros._wait.delivery import Delivery
 from tf2_ros._wait.message_stream import MessageStream
+from tf2_ros._wait.noticing_group import patience_ns
 from tf2_ros._wait.pending_messages import FilterFailureReason, PendingMessages
 from tf2_ros._wait.unspun import UnspunWarning
 from tf2_ros.buffer import Buffer
@@ -65,7 +66,8 @@ class MessageFilter(Generic[_Message]):
     :param target_frames: a name, or several; a message passes when its frame can be transformed into all of
         them.
     :param queue_size: how many messages may wait; one more drops the oldest. 0: any number.
-    :param node: whoever spins it runs the callbacks. As long as nobody ever has, a thread for callbacks does.
+    :param node: whoever spins it runs the callbacks. Until somebody does, and again when nobody has for 5 s,
+        a thread for callbacks does.
     :param buffer_timeout: how long a message may wait, in steady time. Zero: not at all. None: for ever.
     :param tolerance: a finite duration; transforms must be available for the message's stamp and for so much
         later. None: zero.
@@ -78,7 +80,8 @@ class MessageFilter(Generic[_Message]):
     then has no effect. Each message passes once or is dropped once, in the order in which its transforms
     become available, or in which it is dropped. Callbacks run one after the other in the node's executor,
     also where another thread adds messages or inserts transforms. Only a subscription needs that executor:
-    if callbacks or iterations rely on one and nobody spins the node, that is logged once, as a warning.
+    if callbacks or iterations rely on one and nobody spins the node for 5 s, that is logged once, as a
+    warning, and the representation tells it at once.
     Where nobody spins it, what a callback raises is logged. ``async for message, transform in filter``
     gives the same messages, from the start of the iteration to :meth:`close`, or to the end of the node or
     its context, each with its transform into the first target frame. What has passed and was not taken yet
@@ -312,6 +315,8 @@ class MessageFilter(Generic[_Message]):
         facts.append(f"{sum(counts['dropped'].values())} dropped")
         if self._closed:
             facts.append("closed")
+        elif not self._outcomes.group.is_spun(within_ns=patience_ns()):
+            facts.append("node not spun")
         return f"<{name}: into {printable(' and '.join(self._target_frames))}: {', '.join(facts)}>"
 
     def after_fork(self) -> None:
@@ -373,7 +378,7 @@ class MessageFilter(Generic[_Message]):
             message_type, topic, self.add, qos, callback_group=MutuallyExclusiveCallbackGroup()
         )
 
-        self._unspun = UnspunWarning(self._node, subscription.topic_name, self._outcomes.has_executor)
+        self._unspun = UnspunWarning(self._node, subscription.topic_name, self._outcomes.group)
 
         def disconnect() -> None:
             self._unspun = None
@@ -397,7 +402,7 @@ class MessageFilter(Generic[_Message]):
         extended = _then_add(own, self.add)
         subscription.callback = extended
         if subscription in self._node.subscriptions:
-            self._unspun = UnspunWarning(self._node, subscription.topic_name, self._outcomes.has_executor)
+            self._unspun = UnspunWarning(self._node, subscription.topic_name, self._outcomes.group)
 
         def disconnect() -> None:
             self._unspun = None

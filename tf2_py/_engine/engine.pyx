@@ -328,7 +328,7 @@ cdef class Engine:
         if status.code == STATUS_EXTRAPOLATION:
             child, parent = self.frame_names((status.child, status.parent))
         self._begin_advice()
-        return query_error(query, status, child, parent, call, self._advice, self._known_names)
+        return query_error(query, status, child, parent, call, self._advice, self)
 
     cdef int _begin_advice(self) except -1:
         cdef size_t count
@@ -345,9 +345,10 @@ cdef class Engine:
         """
         Have errors say which topics are silent.
 
-        :param find_silence: called with this buffer when an error is made, ten times a second at most, and
-            returns two clauses: about all topics that the buffer is filled from, and about those of dynamic
-            transforms; ``""`` where none is silent. It must not refer to the buffer.
+        :param find_silence: called with this buffer when an error is made, and returns two clauses: about all
+            topics that the buffer is filled from, and about those of dynamic transforms; ``""`` where none is
+            silent. It must not refer to the buffer. The answer is remembered for 0.1 s, except that an error
+            about known frames asks anew before it says that a topic is silent.
         """
         self._advice.ask(find_silence)
 

@@ -26,11 +26,12 @@ cdef class Advice:
     # A question for the name that may have been meant; "": none is alike. None: this is not known yet,
     # because too much time has been spent on comparing names.
     cdef str suggestion(self, str name, object list_names)
-    # The error, and which topics are silent, of all or of those of dynamic transforms.
-    cdef object with_silence(self, object error, bint dynamic_only)
+    # The error, and which topics are silent now, of all or of those of dynamic transforms.
+    cdef object with_silence(self, object error, object buffer, bint dynamic_only)
     # The buffer was made anew, with other names.
     cdef int forget(self) except -1
 
+    cdef int _look_for_silence(self, object buffer, int64_t now_ns) except -1
     cdef int _forget_texts(self) except -1
     cdef str _state(self)
     cdef bint _may_compare(self, int64_t now_ns)

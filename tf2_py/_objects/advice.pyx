@@ -15,7 +15,7 @@ cdef enum:
     SHARE = 50                  # one part in so many of the time may be spent on comparing names ...
 
 cdef int64_t MOST_DEBT_NS = 50000000        # ... after so much has been spent
-cdef int64_t SILENCE_NS = 100000000         # how often the topics are looked at, at most
+cdef int64_t SILENCE_NS = 100000000         # how often the topics are looked at while nothing is new
 
 
 cdef class Advice:
@@ -35,12 +35,9 @@ cdef class Advice:
         cdef int64_t now_ns
         if self._find_silence is not None:
             now_ns = monotonic_ns()
-            if now_ns >= self._silence_until_ns:
-                self._silence_until_ns = now_ns + SILENCE_NS
-                silence = self._find_silence(buffer)
-                if silence != self._silence:
-                    self._silence = silence
-                    self._forget_texts()
+            # New names were received on some topic.
+            if now_ns >= self._silence_until_ns or count != self._count:
+                self._look_for_silence(buffer, now_ns)
         if count != self._count:
             self._count = count
             self._forget_texts()
@@ -81,7 +78,10 @@ cdef class Advice:
             _remember(self._suggestions, name, (count, text))
         return text
 
-    cdef object with_silence(self, object error, bint dynamic_only):
+    cdef object with_silence(self, object error, object buffer, bint dynamic_only):
+        if self._silence[dynamic_only]:
+            # The error tells what the buffer holds now, and must not contradict itself.
+            self._look_for_silence(buffer, monotonic_ns())
         silence = self._silence[dynamic_only]
         if not silence:
             return error
@@ -92,6 +92,14 @@ cdef class Advice:
     cdef int forget(self) except -1:
         self._suggestions.clear()
         self._forget_texts()
+        return 0
+
+    cdef int _look_for_silence(self, object buffer, int64_t now_ns) except -1:
+        self._silence_until_ns = now_ns + SILENCE_NS
+        silence = self._find_silence(buffer)
+        if silence != self._silence:
+            self._silence = silence
+            self._forget_texts()
         return 0
 
     cdef int _forget_texts(self) except -1:

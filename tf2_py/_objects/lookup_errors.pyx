@@ -47,17 +47,17 @@ cdef object _bad_name(str name, str argument, str call, Advice advice, object li
 
 
 cdef object query_error(const Query* query, Status status, str child, str parent, str call, Advice advice,
-                        object list_names):
+                        object buffer):
     target, source, fixed = _names(query)
     if status.code == STATUS_BAD_TARGET:
-        return _bad_name(target, "target_frame", call, advice, list_names)
+        return _bad_name(target, "target_frame", call, advice, buffer._known_names)
     if status.code == STATUS_BAD_SOURCE:
-        return _bad_name(source, "source_frame", call, advice, list_names)
+        return _bad_name(source, "source_frame", call, advice, buffer._known_names)
     if status.code == STATUS_BAD_FIXED:
-        return _bad_name(fixed, "fixed_frame", call, advice, list_names)
+        return _bad_name(fixed, "fixed_frame", call, advice, buffer._known_names)
     target, source = _ends(query, status)
     if status.code == STATUS_UNCONNECTED:
-        return advice.with_silence(errors.unconnected(target, source), dynamic_only=False)
+        return advice.with_silence(errors.unconnected(target, source), buffer, dynamic_only=False)
     if status.code == STATUS_LOOP:
         return errors.loop(target, source)
     error = errors.extrapolation(
@@ -65,7 +65,7 @@ cdef object query_error(const Query* query, Status status, str child, str parent
     )
     # What could still arrive does not help with the past.
     if status.gap == GAP_EMPTY or status.requested_ns > status.edge_ns:
-        return advice.with_silence(error, dynamic_only=True)
+        return advice.with_silence(error, buffer, dynamic_only=True)
     return error
 
 

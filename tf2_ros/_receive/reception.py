@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from tf2_py import BufferCore
-from tf2_ros._rclpy import enter_handle
+from tf2_ros._rclpy import context_was_shut_down, enter_handle
 from tf2_ros._receive.receiver_thread import ReceiverThread
 from tf2_ros._wait.contexts import fills
 
@@ -94,8 +94,10 @@ class Reception:
         self.topics = list(topics)
         self._listener = weakref.ref(listener)
         node = listener.node
-        self._domain = node.context.get_domain_id() if isinstance(node, Node) else None
+        self._context = node.context if isinstance(node, Node) else None
+        self._domain = None if self._context is None else self._context.get_domain_id()
         self._node_name = node.get_fully_qualified_name() if isinstance(node, Node) else "?"
+        self._warned_of: weakref.WeakSet[Reception] = weakref.WeakSet()  # that fill, or filled, the same
         address, forget = id(self), _receptions.pop
         _receptions[address] = weakref.ref(self, lambda _: forget(address, None))
         self.fill(listener.buffer)
@@ -109,20 +111,24 @@ class Reception:
         others = [one for one in _receptions_of(buffer) if one is not self and one._domain == self._domain]
         # Of more listeners than two nothing else is to be said.
         shared = [
-            (topic.name, doubles[0]._node_name)
+            (topic.name, doubles[0])
             for topic in self.topics
             if len(doubles := [one for one in others if one._receives_on(topic.name)]) == 1
+            and doubles[0] not in self._warned_of
         ]
         if shared:
+            for _, other in shared:
+                self._warned_of.add(other)
+                other._warned_of.add(self)
             names = _joined([name for name, _ in shared])
-            nodes = _joined(sorted({self._node_name, *(node for _, node in shared)}))
+            nodes = _joined(sorted({self._node_name, *(other._node_name for _, other in shared)}))
             filled = f"one {type(buffer).__name__} (at {id(buffer):#x})"
             get_logger("tf2_ros").warning(
                 f"Two listeners of {nodes} fill {filled} from {names}: one is enough"
             )
 
     def is_open(self) -> bool:
-        """Whether it can receive anything."""
+        """Whether any of its subscriptions still exists."""
         return any(topic.is_open() for topic in self.topics)
 
     def is_left_to_executors(self) -> bool:
@@ -144,8 +150,14 @@ class Reception:
         last = f", last {(time.monotonic_ns() - last_ns) / 1e9:.2f} s ago" if count else ""
         return f"{names}: {count} message{'' if count == 1 else 's'}{last}"
 
+    def receiving(self) -> list[ReceivedTopic]:
+        """The topics that it can receive anything on."""
+        if self._context is not None and context_was_shut_down(self._context):
+            return []
+        return [topic for topic in self.topics if topic.is_open()]
+
     def _receives_on(self, name: str) -> bool:
-        return any(topic.name == name and topic.is_open() for topic in self.topics)
+        return any(topic.name == name for topic in self.receiving())
 
 
 def _receptions_of(buffer: object) -> list[Reception]:
@@ -155,12 +167,7 @@ def _receptions_of(buffer: object) -> list[Reception]:
 
 def _silence(buffer: object) -> tuple[str, str]:
     # As BufferCore._ask_for_silence wants it.
-    topics = [
-        topic
-        for one in _receptions_of(buffer)
-        for topic in one.topics
-        if topic.is_open() and topic.is_counted()
-    ]
+    topics = [topic for one in _receptions_of(buffer) for topic in one.receiving() if topic.is_counted()]
     return _silent(topics), _silent([topic for topic in topics if not topic.is_static])
 
 

@@ -1,14 +1,15 @@
-"""Owns the delivery of items to user code: in a node's executor, or in a thread while it never had one."""
+"""Owns the delivery of items to user code: in a node's executor, or in a thread where it has none."""
 
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
 from tf2_ros._forking import LOCK
+from tf2_ros._wait.deadlines import deadlines
 from tf2_ros._wait.handoff import Handoff
+from tf2_ros._wait.noticing_group import NoticingGroup
 from tf2_ros._wait.worker import Worker
 
 __all__ = ["Delivery"]
@@ -18,29 +19,35 @@ class Delivery(Handoff):
     """
     A :class:`Handoff` that works without an executor, too.
 
-    :param node: its executor calls ``take``. As long as it never had one, a thread for callbacks does.
+    :param node: its executor calls ``take``. Until it has one, a thread for callbacks does, and again some
+        seconds after it had one.
     :param take: called with each item, one at a time, in the order of :meth:`put`.
     """
 
     def __init__(self, node: Node, take: Callable[[Any], None]) -> None:
-        self._group = _NoticingGroup()
+        self.group = NoticingGroup(node)
         self._thread = _DeliveryThread(self)
-        super().__init__(node, take, self._group)
+        self._checking = False
+        super().__init__(node, take, self.group)
 
     def put(self, item: Any) -> None:
         """As of :class:`Handoff`."""
         super().put(item)
-        self._thread.begin()
+        self.begin()
 
-    def has_executor(self) -> bool:
-        """Whether the node has, or ever had, an executor that waits for it."""
-        # It may have been added to one that has not begun a round yet.
-        return self._group.spun or self._node.executor is not None
+    def begin(self) -> None:
+        """Have a thread call what is left, or look again when that may be its turn."""
+        if self._closed or not self._items:
+            return
+        if not self.group.has_executor():
+            self._thread.begin()
+        elif not self._checking:
+            # No executor tells that it has given a node away.
+            self._checking = True
+            deadlines.add(self.group.free_at_ns(), self)
 
-    def next_for_thread(self) -> Callable[[], None] | None:
-        """What a thread is to call; None where nothing is left, or an executor calls it."""
-        if self.has_executor():
-            return None
+    def next_item(self) -> Callable[[], None] | None:
+        """What to call next; None where nothing is left."""
         item = self._pop()
         return None if item is None else partial(self._take, item[0])
 
@@ -48,23 +55,23 @@ class Delivery(Handoff):
         """What is left is for the executor that the node has got."""
         if self._items:
             self._wake()
+            self.begin()
 
     def _run(self) -> None:
         # The thread may be inside a call that began before the first spin.
         if not self._thread.runs:
             super()._run()
 
+    # The protocol of what has a deadline.
 
-class _NoticingGroup(MutuallyExclusiveCallbackGroup):
-    """A callback group that knows whether an executor has ever asked it."""
+    def over(self) -> bool:
+        """Whether nothing is to be called any more."""
+        return self._closed
 
-    spun = False
-
-    def can_execute(self, entity: Any) -> bool:
-        """Whether an executor may run it."""
-        self.spun = True
-        can: bool = super().can_execute(entity)
-        return can
+    def expire(self) -> None:
+        """Look again whether the executor still has the node."""
+        self._checking = False
+        self.begin()
 
 
 class _DeliveryThread(Worker):
@@ -81,15 +88,14 @@ class _DeliveryThread(Worker):
 
     def begin(self) -> None:
         """Something may be left to call."""
-        if self._delivery.has_executor():
-            return
         with LOCK:
             starting = self._new_thread()
         self._start(starting)
 
     def _next(self) -> Callable[[], None] | None:
+        has_executor = self._delivery.group.has_executor()
         with LOCK:
-            call = self._delivery.next_for_thread()
+            call = None if has_executor else self._delivery.next_item()
             if call is None:
                 self._thread = None
         if call is None:

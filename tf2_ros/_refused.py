@@ -1,9 +1,11 @@
 """Owns what a broadcaster does with transforms that every listener would refuse."""
 
+from collections.abc import Iterable
+
 from geometry_msgs.msg import TransformStamped
 from rclpy.logging import get_logger
 
-from tf2_py._internal import raise_refused, refused
+from tf2_py._internal import raise_refused
 
 __all__ = ["RefusedTransforms"]
 
@@ -26,11 +28,11 @@ class RefusedTransforms:
         if self._strict:
             raise_refused(transforms)
 
-    def after_sending(self, transforms: list[TransformStamped]) -> None:
-        """Warn about those that were sent for nothing."""
+    def after_sending(self, refused: Iterable[tuple[str, str]]) -> None:
+        """Warn about those that were sent for nothing: pairs of a ``child_frame_id`` and the reason."""
         if self._strict:
             return
-        for child, why in refused(transforms):
+        for child, why in refused:
             if child not in self._warned and len(self._warned) < MOST_WARNINGS:
                 self._warned.add(child)
                 get_logger("tf2_ros").warning(f"Sent all the same (strict=True would raise): {why}")

@@ -89,8 +89,8 @@ class StaticTransformBroadcaster:
                 # A copy: programs reuse one message.
                 transforms[new.child_frame_id] = deepcopy(new)
             self.net_message.transforms = list(transforms.values())
-            publish_transforms(self.pub_tf, self.net_message.transforms)
-        self._refused.after_sending(new_transforms)
+            refused = publish_transforms(self.pub_tf, self.net_message.transforms)
+        self._refused.after_sending(refused)
 
     def after_fork(self) -> None:
         """Make the lock anew: in a forked child it must be free."""

@@ -291,10 +291,13 @@ class TestLacking:
 
     @pytest.mark.parametrize("name", ["TransformBroadcaster", "StaticTransformBroadcaster"])
     @pytest.mark.parametrize("wrong", [None, 5, "map", Transform(), [Transform()]], ids=repr)
-    def test_a_broadcaster_sends_transforms_alone(self, tf2_ros, node, name, wrong):
-        broadcaster = getattr(tf2_ros, name)(node)
+    @pytest.mark.parametrize("strict", [False, True])
+    def test_a_broadcaster_sends_transforms_alone(self, tf2_ros, node, name, wrong, strict):
+        broadcaster = getattr(tf2_ros, name)(node, strict=strict)
         with pytest.raises(TypeError, match=r"^sendTransform takes a TransformStamped, or several, not \w+$"):
             broadcaster.sendTransform(wrong)
+        if name.startswith("Static"):
+            assert broadcaster.net_message.transforms == []
 
 
 class TestDuckTypes:

@@ -52,7 +52,7 @@ def as_times_ns(times: Any) -> np.ndarray:
 
 
 def _are_numbers(times: Sequence[Any]) -> bool:
-    """Whether all are numbers, or all datetime64: beside datetime64, NumPy takes numbers to be of its unit."""
+    """Whether all are numbers, or all datetime64: beside datetime64, NumPy takes ints to be of its unit."""
     import numpy as np
 
     classes = set(map(type, times))

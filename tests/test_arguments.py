@@ -4,6 +4,7 @@ import asyncio
 import inspect
 import math
 import time
+from datetime import timedelta
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,7 +18,10 @@ pytestmark = pytest.mark.ours
 
 HALF = 1_500_000_000
 TIMES = [HALF, np.int64(HALF), np.datetime64(HALF, "ns"), np.datetime64(1500, "ms")]
-ADVICE = r"use Time\(seconds=\.\.\.\), node\.get_clock\(\)\.now\(\), or Time\(\) for the latest"
+ADVICE = (
+    r"use Time\(seconds=\.\.\.\), node\.get_clock\(\)\.now\(\), an int of nanoseconds, a datetime64, "
+    r"or Time\(\) for the latest"
+)
 DAY_S = 86400
 
 
@@ -157,6 +161,37 @@ def test_a_timeout_that_is_none_is_refused(buffer, call):
         LOOKUPS[call](buffer, Duration(), timeout=Time())
 
 
+def test_a_timedelta_is_refused_as_a_duration(tf2_ros, buffer):
+    pandas = pytest.importorskip("pandas")
+    for wrong in (timedelta(seconds=10), pandas.Timedelta("10s")):
+        advice = rf"is a {type(wrong).__name__}: use Duration\(seconds=\.\.\.\)$"
+        with pytest.raises(TypeError, match=f"^cache_time {advice}"):
+            tf2_ros.Buffer(cache_time=wrong)
+        with pytest.raises(TypeError, match=f"^averaging_interval {advice}"):
+            buffer.lookupVelocityCore("base", "map", at(1.5), wrong)
+        with pytest.raises(TypeError, match=f"^timeout {advice}"):
+            buffer.lookup_transform("map", "base", at(1.5), timeout=wrong)
+
+
+def test_a_name_of_a_frame_that_is_none_is_called_by_its_argument(buffer):
+    text = "a frame name must be a str, not"
+    with pytest.raises(TypeError, match=f"^target_frame: {text} Time"):
+        buffer.lookup_transform(at(1), "map", "base")
+    with pytest.raises(TypeError, match=f"^source_frame: {text} Time"):
+        buffer.lookup_transform("map", at(1), "base")
+    with pytest.raises(TypeError, match=f"^fixed_frame: {text} int"):
+        buffer.lookup_transform_full("map", at(1), "base", at(1), 5)
+    with pytest.raises(TypeError, match=f"^fixed_frame: {text} int"):
+        buffer.lookup_transforms("map", "base", [at(1)], fixed_frame=5, target_time=at(1))
+
+
+def test_points_and_times_come_before_the_frames(buffer):
+    with pytest.raises(TypeError, match="^points .*, not str: the frames follow points and times$"):
+        buffer.transform_points("map", "base", [[1.0, 0, 0]], [1])
+    with pytest.raises(TypeError, match="^times .*, not str$"):
+        buffer.transform_points([[1.0, 0, 0]], "map", "base", [1])
+
+
 @pytest.mark.parametrize("wrong", [10.0, 10, True, "10"], ids=repr)
 def test_other_durations_are_no_numbers(tf2_ros, buffer, node, wrong):
     advice = r"must have nanoseconds, .*: use Duration\(seconds=\.\.\.\)$"
@@ -256,10 +291,13 @@ class TestLacking:
 
     @pytest.mark.parametrize("name", ["TransformBroadcaster", "StaticTransformBroadcaster"])
     @pytest.mark.parametrize("wrong", [None, 5, "map", Transform(), [Transform()]], ids=repr)
-    def test_a_broadcaster_sends_transforms_alone(self, tf2_ros, node, name, wrong):
-        broadcaster = getattr(tf2_ros, name)(node)
+    @pytest.mark.parametrize("strict", [False, True])
+    def test_a_broadcaster_sends_transforms_alone(self, tf2_ros, node, name, wrong, strict):
+        broadcaster = getattr(tf2_ros, name)(node, strict=strict)
         with pytest.raises(TypeError, match=r"^sendTransform takes a TransformStamped, or several, not \w+$"):
             broadcaster.sendTransform(wrong)
+        if name.startswith("Static"):
+            assert broadcaster.net_message.transforms == []
 
 
 class TestDuckTypes:

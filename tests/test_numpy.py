@@ -167,6 +167,45 @@ def test_a_field_that_is_no_number_is_a_type_error():
         to_matrix(t)
 
 
+def test_many_messages_have_no_single_matrix():
+    for many in ([Pose()], np.array([Pose(), Pose()]), np.eye(4), (Pose() for _ in range(2))):
+        with pytest.raises(TypeError, match=rf"got {type(many).__name__}: pass to_arrays\(...\) of many$"):
+            to_matrix(many)
+
+
+def test_of_another_message_only_the_type_is_named():
+    with pytest.raises(TypeError, match="Pose, got Twist$"):
+        to_matrix(Twist())
+    with pytest.raises(TypeError, match="Pose, got SimpleNamespace: .* has no attribute 'orientation'$"):
+        to_matrix(SimpleNamespace(position=Point()))
+
+
+def test_a_column_of_messages_becomes_arrays():
+    poses = [Pose(position=Point(x=float(i))) for i in range(3)]
+    for column in (np.array(poses, dtype=object), np.array([], dtype=object)):
+        for got, want in zip(to_arrays(column), to_arrays(list(column)), strict=True):
+            assert np.array_equal(got, want)
+
+
+def test_what_is_masked_is_missing():
+    matrices = np.ma.masked_array(np.stack([np.eye(4)] * 2), mask=False)
+    matrices[1] = np.ma.masked
+    _, rotations = to_arrays(matrices)
+    assert rotations[0].tolist() == [0, 0, 0, 1] and np.isnan(rotations[1]).all()
+    rotations = np.ma.masked_array([[0, 0, 0, 1], [0, 0, 0, 1]], [[False] * 4, [True] * 4])
+    assert np.isnan(to_matrix((np.zeros((2, 3)), rotations))).any(axis=(1, 2)).tolist() == [False, True]
+    with pytest.raises(ValueError, match="a matrix must be finite"):
+        from_matrix(np.ma.masked_array(np.eye(4), mask=np.eye(4)))
+
+
+@pytest.mark.parametrize("kind", [np.asarray, list])
+def test_complex_numbers_are_refused(kind):
+    wrong = np.eye(4, dtype=complex)
+    for call in (from_matrix, to_arrays if kind is np.asarray else from_matrix, to_rotation):
+        with pytest.raises(TypeError, match="numbers: they are complex$"):
+            call(kind(wrong))
+
+
 def test_objects_with_the_fields_will_do():
     duck = SimpleNamespace(
         position=SimpleNamespace(x=1, y=2, z=3), orientation=SimpleNamespace(x=0, y=0, z=1, w=1)
@@ -458,6 +497,12 @@ class TestDataFrames:
         got = to_columns(iter([t, PoseStamped(header=t.header, pose=pose_of(t))]))
         assert got["stamp_ns"].tolist() == [7_250_000_000] * 2
         assert got["y"].tolist() == [2, 2] and got["qw"].tolist() == [0.5, 0.5]
+
+    def test_a_tuple_of_two_messages_is_no_pair_of_arrays(self):
+        msgs = transform("map", "base", 1), transform("map", "base", 2)
+        assert to_columns(msgs)["stamp_ns"].tolist() == [S, 2 * S]
+        with pytest.raises(TypeError, match="pass no times"):
+            to_columns(msgs, [1, 2])
 
     def test_nothing_makes_empty_columns(self):
         for got in (to_columns([]), to_columns((np.empty((0, 3)), np.empty((0, 4))), [])):

@@ -1,6 +1,7 @@
 """Lookups at many times in one call: the same answers as as many calls."""
 
 import threading
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from making import S, about_z, at, at_ns, rotation, stamp_ns, transform, translation
 from rclpy.duration import Duration
+from rclpy.time import Time
 from scipy.spatial.transform import Rotation
 
 pytestmark = pytest.mark.ours
@@ -188,6 +190,11 @@ class TestTimes:
             (["1"], TypeError),
             ([object()], TypeError),
             ([True, False], TypeError),
+            ([5, True], TypeError),
+            ([5, "6"], TypeError),
+            (np.array([5, 1.5], object), TypeError),
+            (np.array([5, 2**63], object), ValueError),
+            (np.ma.masked_array([5, 6], [False, True]), ValueError),
             (np.zeros((2, 2), np.int64), ValueError),
             (np.int64(3), (TypeError, ValueError)),
             ([2**63], ValueError),
@@ -198,6 +205,11 @@ class TestTimes:
     )
     def test_what_is_wrong_says_what_is_wanted(self, buffer, times, error):
         with pytest.raises(error, match=r"integer nanoseconds of shape \(N,\)"):
+            buffer.lookup_transforms("map", "base", times)
+
+    @pytest.mark.parametrize("times", [[1.5], np.array([2.0])], ids=repr)
+    def test_of_seconds_it_is_said_what_they_must_become(self, buffer, times):
+        with pytest.raises(TypeError, match="float64: multiply seconds by 1e9, and round them to int64$"):
             buffer.lookup_transforms("map", "base", times)
 
 
@@ -231,6 +243,17 @@ class TestDates:
             index = index.tz_localize("UTC").tz_convert(zone)
         for times in (index, pandas.Series(index), pandas.Series(index, index=[7, 8, 9])):
             self.same(buffer, times, ns)
+
+    def test_times_of_several_kinds_in_any_order(self, buffer):
+        pandas = pytest.importorskip("pandas")
+        first, second, third = self.NS.tolist()
+        kinds = [first, Time(nanoseconds=second), np.datetime64(third, "ns").astype("M8[s]")]
+        for places in permutations(range(3)):
+            ns = self.NS[list(places)]
+            for times in ([kinds[i] for i in places], np.array([kinds[i] for i in places], object)):
+                self.same(buffer, times, ns)
+        self.same(buffer, list(pandas.DatetimeIndex(self.NS.view("M8[ns]"))))
+        self.same(buffer, [np.int64(first), second, third])
 
     def test_numbers_of_pandas(self, buffer):
         pandas = pytest.importorskip("pandas")
@@ -351,6 +374,14 @@ class TestPoints:
         assert got.dtype == dtype
         np.testing.assert_allclose(got, want, rtol=0, atol=np.finfo(dtype).eps * 100 * np.abs(want).max())
 
+    @pytest.mark.parametrize(
+        "points", [[[1, 2, 3]], np.array([[1, 2, 3]], np.int16), np.array([[1, 2, 3]], np.uint8)], ids=repr
+    )
+    def test_integers_become_float64(self, buffer, points):
+        got = buffer.transform_points(points, [0], "map", "base")
+        assert got.dtype == np.float64
+        assert (got == buffer.transform_points([[1.0, 2.0, 3.0]], [0], "map", "base")).all()
+
     def test_the_points_given_stay_as_they_are(self, buffer):
         points = np.ones((2, 6))[:, ::2]
         buffer.transform_points(points, [2 * S, 2 * S], "map", "base")
@@ -365,7 +396,8 @@ class TestPoints:
             (np.zeros((2, 3)), [1], ValueError),
             (np.zeros((2, 2)), [1, 2], ValueError),
             (np.zeros(3), [1], ValueError),
-            (np.zeros((1, 3), int), [1], TypeError),
+            (np.zeros((1, 3), complex), [1], TypeError),
+            (np.zeros((1, 3), bool), [1], TypeError),
             ([["a", "b", "c"]], [1], TypeError),
         ],
     )

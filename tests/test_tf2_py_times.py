@@ -1,5 +1,6 @@
 """Times and durations as nanoseconds; rclpy's Time is read by the layout of its handle where that holds."""
 
+import datetime
 import math
 from decimal import Decimal
 from fractions import Fraction
@@ -117,6 +118,38 @@ def test_nat_is_no_time(unit):
         time_ns(np.datetime64("NaT", unit), "time")
 
 
+@pytest.mark.parametrize("zone", [None, "UTC", "Asia/Tokyo"])
+@pytest.mark.parametrize("unit", ["s", "ns"])
+def test_a_timestamp_of_pandas_is_its_nanoseconds(zone, unit):
+    pandas = pytest.importorskip("pandas")
+    ns = 1704067200 * 10**9 + (7 if unit == "ns" else 0)
+    stamp = pandas.Timestamp(ns, unit="ns", tz=zone).as_unit(unit)
+    assert time_ns(stamp, "time") == ns == stamp.as_unit("ns").value
+    with pytest.raises(ValueError, match="^time is NaT"):
+        time_ns(pandas.NaT, "time")
+
+
+def test_a_datetime_of_python_may_be_of_any_time_zone():
+    with pytest.raises(TypeError, match="datetime has neither: use Time"):
+        time_ns(datetime.datetime(2024, 1, 1), "time")
+
+
+class Timedelta(datetime.timedelta):
+    """As that of pandas, whose ``nanoseconds`` are the part below a microsecond."""
+
+    nanoseconds = 0
+
+
+@pytest.mark.parametrize("of", [datetime.timedelta, Timedelta])
+def test_a_timedelta_is_neither_a_time_nor_a_duration(of):
+    wrong = of(seconds=2)
+    with pytest.raises(TypeError, match=rf"^time is a {of.__name__}: use Time\(seconds="):
+        time_ns(wrong, "time")
+    for read in (duration_ns, timeout_ns):
+        with pytest.raises(TypeError, match=rf"^timeout is a {of.__name__}: use Duration\(seconds=\.\.\.\)$"):
+            read(wrong, "timeout")
+
+
 @pytest.mark.parametrize(
     "wrong", [1.5, np.float32(1), True, np.True_, None, np.timedelta64(1, "s"), Decimal(1)], ids=repr
 )
@@ -124,7 +157,8 @@ def test_what_is_no_time_is_refused_with_what_to_use(wrong):
     with pytest.raises(TypeError) as refused:
         time_ns(wrong, "time")
     assert str(refused.value).endswith(
-        "has neither: use Time(seconds=...), node.get_clock().now(), or Time() for the latest"
+        "has neither: use Time(seconds=...), node.get_clock().now(), an int of nanoseconds, a datetime64, or "
+        "Time() for the latest"
     )
     assert refused.value.__context__ is None
 

@@ -347,20 +347,21 @@ cdef class BufferCore(Engine):
         """
         Transform each point with the transform of its own time.
 
-        :param points: array-like of shape (N, 3), metres, each in ``source_frame`` at its time; float32 or
-            float64.
+        :param points: array-like of shape (N, 3), metres, each in ``source_frame`` at its time; float32,
+            float64 or integers.
         :param times: N times. This and the other arguments are as in :meth:`lookup_transforms`.
-        :return: an array of shape (N, 3) of the points' dtype, in ``target_frame``.
+        :return: an array of shape (N, 3) of the points' dtype, or float64 of integers, in ``target_frame``.
         :raises TransformException: as :meth:`lookup_transform_core`, with the index of the time.
-        :raises TypeError: the points' dtype is neither; otherwise as :meth:`lookup_transforms`.
+        :raises TypeError: the points are of another dtype; otherwise as :meth:`lookup_transforms`.
         :raises ValueError: ``points`` is not of shape (N, 3); otherwise as :meth:`lookup_transforms`.
         """
         cdef Query query
         cdef TimeSeries series
-        cdef const int64_t[::1] times_ns = as_times_ns(times)
+        cdef const int64_t[::1] times_ns
         cdef const double[:, ::1] rows
         cdef double[:, ::1] transformed
         rows_array, dtype = as_points(points)
+        times_ns = as_times_ns(times)
         series.count = times_ns.shape[0]
         if len(rows_array) != series.count:
             raise ValueError(f"{len(rows_array)} points, {series.count} times: each point needs its own time")

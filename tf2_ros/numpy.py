@@ -31,6 +31,8 @@ _Unstamped = TypeVar("_Unstamped", Transform, Pose)
 
 # How far a matrix may differ from a rotation; a product of a few that were rounded to float32 differs less.
 TOLERANCE = 1e-5
+A_MESSAGE = "a TransformStamped, Transform, PoseStamped or Pose"
+OF_ARRAYS = "translations and rotations must be numbers"
 
 
 def to_matrix(transforms: Message | Pair) -> Array:
@@ -125,14 +127,15 @@ def to_arrays(transforms: Iterable[Message] | npt.NDArray[Any]) -> tuple[Array, 
     """
     Make arrays of transforms or poses, or of homogeneous matrices.
 
-    :param transforms: N messages, each as for :func:`to_matrix`; or an array of matrices of shape (N, 4, 4),
-        each as for :func:`from_matrix` or NaN throughout. Any shape may stand in the place of N, also none.
+    :param transforms: N messages, each as for :func:`to_matrix`, also an array of objects; or an array of
+        matrices of shape (N, 4, 4), each as for :func:`from_matrix`, or NaN or masked throughout. Any shape
+        may stand in the place of N of the matrices, also none.
     :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), metres, and (N, 4), x y z w of
         length one; NaN for a matrix of NaN. Those of matrices have w >= 0.
     :raises TypeError: another type.
     :raises ValueError: a rotation has no finite length above zero; or as :func:`from_matrix`.
     """
-    if isinstance(transforms, np.ndarray):
+    if isinstance(transforms, np.ndarray) and (transforms.ndim != 1 or transforms.dtype != object):
         return _translations_and_rotations(_matrices(transforms))
     return _arrays([_row(msg) for msg in transforms])
 
@@ -193,7 +196,7 @@ def to_columns(
     :raises TypeError: another type; arrays without times, or messages with times.
     :raises ValueError: other shapes, other numbers of times and transforms; or as :func:`to_matrix`.
     """
-    if isinstance(transforms, tuple):
+    if isinstance(transforms, tuple) and not any(hasattr(part, "header") for part in transforms):
         if times is None:
             raise TypeError("arrays have no stamps: pass the times that they were looked up at")
         stamps_ns = as_times_ns(times)
@@ -215,19 +218,21 @@ def to_columns(
 
 def _row(msg: Any) -> tuple[float, ...]:
     inner = getattr(msg, "transform", getattr(msg, "pose", msg))
+    expected = f"expected {A_MESSAGE}, got {type(msg).__name__}"
     try:
         if hasattr(inner, "translation"):
             v, q = inner.translation, inner.rotation
-        else:
+        elif hasattr(inner, "position"):
             v, q = inner.position, inner.orientation
+        else:
+            raise TypeError(expected)
         return (v.x, v.y, v.z, q.x, q.y, q.z, q.w)
     except AttributeError as missing:
-        wanted = "a TransformStamped, Transform, PoseStamped or Pose"
-        raise TypeError(f"expected {wanted}, got {type(msg).__name__}: {missing}") from None
+        raise TypeError(f"{expected}: {missing}") from None
 
 
 def _arrays(rows: Sequence[tuple[float, ...]]) -> tuple[Array, Array]:
-    numbers = _numbers(rows).reshape(len(rows), 7)
+    numbers = _floats(rows, OF_ARRAYS).reshape(len(rows), 7)
     rotations = numbers[:, 3:].copy()
     bad = normalise(rotations)
     if bad >= 0:
@@ -236,6 +241,8 @@ def _arrays(rows: Sequence[tuple[float, ...]]) -> tuple[Array, Array]:
 
 
 def _one(msg: Any) -> tuple[Array, Array]:
+    if isinstance(msg, Iterable):
+        raise TypeError(f"expected {A_MESSAGE}, got {type(msg).__name__}: pass to_arrays(...) of many")
     translations, rotations = _arrays([_row(msg)])
     return translations[0], rotations[0]
 
@@ -249,17 +256,22 @@ def _stamp_ns(msg: Any) -> int:
     return time_ns(stamp, "header.stamp")
 
 
-def _numbers(values: Any) -> Array:
+def _floats(values: Any, wanted: str) -> Array:
+    """Numbers as float64, NaN where they are masked; not necessarily a copy."""
     try:
-        return np.array(values, dtype=np.float64)
+        numbers = np.asarray(values)
+        if numbers.dtype.kind == "c":
+            raise TypeError("they are complex")
+        floats = numbers.astype(np.float64, copy=False)
     except (TypeError, ValueError) as reason:
-        raise TypeError(f"translations and rotations must be numbers: {reason}") from None
+        raise TypeError(f"{wanted}: {reason}") from None
+    return np.where(values.mask, np.nan, floats) if np.ma.isMaskedArray(values) else floats
 
 
 def _pair(transforms: tuple[Any, ...]) -> tuple[Array, Array]:
     if len(transforms) != 2:
         raise TypeError(f"expected a tuple (translations, rotations), got a tuple of {len(transforms)}")
-    translations, rotations = map(_numbers, transforms)
+    translations, rotations = (_floats(part, OF_ARRAYS) for part in transforms)
     if translations.shape[-1:] != (3,) or rotations.shape != (*translations.shape[:-1], 4):
         raise ValueError(
             "translations and rotations must have the shapes (N, 3) and (N, 4), "
@@ -273,7 +285,7 @@ def _rotations(value: Any) -> Array:
         return _pair(value)[1]
     # First, because a data frame has a method `transform`.
     if isinstance(value, Sequence) or hasattr(value, "__array__"):
-        rotations = _numbers(value)
+        rotations = _floats(value, OF_ARRAYS)
         if rotations.shape[-1:] != (4,):
             raise ValueError(f"rotations must have the shape (N, 4), not {rotations.shape}")
         return _unit(rotations)
@@ -299,10 +311,7 @@ def _which(name: str, shape: tuple[int, ...], flat: int) -> str:
 
 
 def _matrices(values: npt.ArrayLike) -> Array:
-    try:
-        matrices = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as reason:
-        raise TypeError(f"a matrix must be made of numbers: {reason}") from None
+    matrices = _floats(values, "a matrix must be made of numbers")
     if matrices.shape[-2:] != (4, 4):
         raise ValueError(f"a matrix must have the shape (4, 4), not {matrices.shape}")
     return matrices

@@ -12,7 +12,7 @@ from tf2_msgs.msg import TFMessage
 from tf2_ros._arguments import require_node
 from tf2_ros._forking import register_for_fork
 from tf2_ros._qos import static_broadcaster_qos, static_overrides
-from tf2_ros._refused import RefusedTransforms
+from tf2_ros._refused import RefusedTransforms, require_transforms
 from tf2_ros._tf2_names import (
     DurabilityPolicy,
     HistoryPolicy,
@@ -82,6 +82,7 @@ class StaticTransformBroadcaster:
         :raises ValueError: ``strict``, and a listener would refuse one of them; none of them is sent or kept.
         """
         new_transforms = transforms_of(transform)
+        require_transforms(new_transforms)  # before any is kept
         self._refused.before_sending(new_transforms)
         with self._sending:
             transforms = {sent.child_frame_id: sent for sent in self.net_message.transforms}
@@ -89,8 +90,8 @@ class StaticTransformBroadcaster:
                 # A copy: programs reuse one message.
                 transforms[new.child_frame_id] = deepcopy(new)
             self.net_message.transforms = list(transforms.values())
-            publish_transforms(self.pub_tf, self.net_message.transforms)
-        self._refused.after_sending(new_transforms)
+            refused = publish_transforms(self.pub_tf, self.net_message.transforms)
+        self._refused.after_sending(refused)
 
     def after_fork(self) -> None:
         """Make the lock anew: in a forked child it must be free."""

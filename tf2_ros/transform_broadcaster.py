@@ -8,10 +8,10 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
-from tf2_py._internal import MalformedObjectError, serialize_transforms
+from tf2_py._internal import refused, serialize_transforms
 from tf2_ros._arguments import require_node
 from tf2_ros._qos import dynamic_broadcaster_qos, dynamic_overrides
-from tf2_ros._refused import RefusedTransforms
+from tf2_ros._refused import RefusedTransforms, require_transforms
 from tf2_ros._tf2_names import (
     List,
     Optional,
@@ -71,25 +71,29 @@ class TransformBroadcaster:
         """
         transforms = transforms_of(transform)
         self._refused.before_sending(transforms)
-        publish_transforms(self.pub_tf, transforms)
-        self._refused.after_sending(transforms)
+        self._refused.after_sending(publish_transforms(self.pub_tf, transforms))
 
 
 def transforms_of(transform: TransformStamped | Iterable[TransformStamped]) -> list[TransformStamped]:
     """Make a list of what a broadcaster was given."""
-    transforms = list(transform) if isinstance(transform, Iterable) else [transform]
-    for one in transforms:
-        if not isinstance(one, TransformStamped):
-            raise MalformedObjectError(
-                f"sendTransform takes a TransformStamped, or several, not {type(one).__name__}"
-            )
-    return transforms
+    return list(transform) if isinstance(transform, Iterable) else [transform]
 
 
-def publish_transforms(publisher: Publisher, transforms: list[TransformStamped]) -> None:
-    """Publish one TFMessage, serialised by tf2_py where that certainly gives the same bytes as ROS."""
-    data = serialize_transforms(transforms) if _takes_bytes(publisher) else None
-    publisher.publish(TFMessage(transforms=transforms) if data is None else data)
+def publish_transforms(publisher: Publisher, transforms: list[TransformStamped]) -> list[tuple[str, str]]:
+    """
+    Publish one TFMessage, serialised by tf2_py where that certainly gives the same bytes as ROS.
+
+    :raises AttributeError: one is no TransformStamped; nothing is published.
+    :return: those that every buffer refuses, as pairs: the ``child_frame_id`` and the reason.
+    """
+    serialized = serialize_transforms(transforms) if _takes_bytes(publisher) else None
+    if serialized is None:
+        require_transforms(transforms)  # what was serialised are such
+        publisher.publish(TFMessage(transforms=transforms))
+        return refused(transforms)
+    data, sent_for_nothing = serialized
+    publisher.publish(data)
+    return sent_for_nothing
 
 
 _publish = Publisher.publish

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tf2_py._objects.times import time_ns
@@ -25,34 +25,39 @@ def as_times_ns(times: Any) -> np.ndarray:
     import numpy as np
 
     wanted = "times must be integer nanoseconds of shape (N,), datetime64, or a sequence of time objects"
-    if not isinstance(times, np.ndarray):
-        if not isinstance(times, Sequence) and not hasattr(times, "__array__"):
-            raise TypeError(f"{wanted}, not {type(times).__name__}")
-        if isinstance(times, Sequence) and len(times) and not _is_number(times[0]):
-            times = _nanoseconds(times, wanted)
+    if isinstance(times, str) or not (isinstance(times, Sequence) or hasattr(times, "__array__")):
+        raise TypeError(f"{wanted}, not {type(times).__name__}")
+    if isinstance(times, Sequence) and not _are_numbers(times):
+        times = _nanoseconds(times, wanted)
     try:
         array = _as_array(times)
     except OverflowError as error:
         raise ValueError(f"{wanted} that fit into 64 bits: {error}") from None
+    if np.ma.is_masked(times):
+        raise ValueError(f"{wanted}; some are masked")
     if array.size == 0 and not isinstance(times, np.ndarray):
         array = array.astype(np.int64)
     if array.ndim != 1:
         raise ValueError(f"{wanted}; the shape is {array.shape}")
-    if array.dtype == object and all(isinstance(time, int) for time in array):
-        raise ValueError(f"{wanted} that fit into 64 bits")
+    if array.dtype == object:
+        array = np.array(_nanoseconds(array, wanted), dtype=np.int64)
     if array.dtype.kind == "M":
         return _since_1970(array)
     if array.dtype.kind not in "iu":
-        raise TypeError(f"{wanted}, not of dtype {array.dtype}")
+        seconds = ": multiply seconds by 1e9, and round them to int64" if array.dtype.kind == "f" else ""
+        raise TypeError(f"{wanted}, not of dtype {array.dtype}{seconds}")
     if array.dtype.kind == "u" and array.size and int(array.max()) > np.iinfo(np.int64).max:
         raise ValueError(f"{wanted} that fit into 64 bits; the largest is {array.max()}")
     return np.ascontiguousarray(array, dtype=np.int64)
 
 
-def _is_number(value: Any) -> bool:
+def _are_numbers(times: Sequence[Any]) -> bool:
+    """Whether all are numbers, or all datetime64: beside datetime64, NumPy takes ints to be of its unit."""
     import numpy as np
 
-    return isinstance(value, (int, float, np.number, np.datetime64))
+    classes = set(map(type, times))
+    numbers = bool not in classes and all(issubclass(each, (int, float, np.number)) for each in classes)
+    return numbers or classes == {np.datetime64}
 
 
 def _as_array(times: Any) -> np.ndarray:
@@ -75,7 +80,7 @@ def _since_1970(times: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(exact).view(np.int64)
 
 
-def _nanoseconds(times: Sequence[Any], wanted: str) -> list[int]:
+def _nanoseconds(times: Iterable[Any], wanted: str) -> list[int]:
     try:
         return [time_ns(time, f"times[{i}]") for i, time in enumerate(times)]
     except TypeError as error:
@@ -85,12 +90,18 @@ def _nanoseconds(times: Sequence[Any], wanted: str) -> list[int]:
 
 
 def as_points(points: Any) -> tuple[np.ndarray, np.dtype]:
-    """Points as contiguous float64 rows of shape (N, 3), and the dtype to give back."""
+    """Points as contiguous float64 rows of shape (N, 3), and the dtype to give back: float64 of integers."""
     import numpy as np
 
+    if isinstance(points, str):
+        raise TypeError(
+            "points must be an array of shape (N, 3), not str: the frames follow points and times"
+        )
     array = np.asarray(points)
     if array.ndim != 2 or array.shape[1] != 3:
         raise ValueError(f"points must have shape (N, 3); the shape is {array.shape}")
+    if array.dtype.kind in "iu":
+        array = array.astype(np.float64)
     if array.dtype not in (np.float32, np.float64):
-        raise TypeError(f"points must be float32 or float64, not {array.dtype}")
+        raise TypeError(f"points must be float32, float64 or integers, not {array.dtype}")
     return np.ascontiguousarray(array, dtype=np.float64), array.dtype

@@ -10,13 +10,8 @@ from tf2_py._objects.messages cimport is_exact_transform_stamped, read_transform
 from tf2_py._objects.log import refusal
 
 
-cdef str _refusal(object transform):
-    # Why every buffer refuses it; None: no buffer does, or only for what it holds already.
-    cdef Incoming incoming
-    cdef list keep = []
-    cdef uint32_t reasons
-    read_transform_stamped(transform, &incoming, keep)
-    reasons = incoming_refusals(&incoming)
+cdef str refusal_text(Incoming* incoming):
+    cdef uint32_t reasons = incoming_refusals(incoming)
     if not reasons:
         return None
     return refusal(
@@ -25,6 +20,13 @@ cdef str _refusal(object transform):
         name_for_log(incoming.parent, incoming.parent_size),
         name_for_log(incoming.child, incoming.child_size),
     )
+
+
+cdef str _refusal(object transform):
+    cdef Incoming incoming
+    cdef list keep = []
+    read_transform_stamped(transform, &incoming, keep)
+    return refusal_text(&incoming)
 
 
 def raise_refused(list transforms):

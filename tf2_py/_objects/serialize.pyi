@@ -1,3 +1,5 @@
 from geometry_msgs.msg import TransformStamped
 
-def serialize_transforms(transforms: list[TransformStamped]) -> bytes | None: ...
+def serialize_transforms(
+    transforms: list[TransformStamped],
+) -> tuple[bytes, list[tuple[str, str]]] | None: ...

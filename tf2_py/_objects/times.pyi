@@ -1,5 +1,6 @@
 from typing import Any
 
+DURATION_TO_USE: str
 FOR_EVER_NS: int
 TIMES_TO_USE: str
 

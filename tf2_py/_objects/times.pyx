@@ -16,13 +16,17 @@ from tf2_py._core.stamp cimport NS_PER_S, stamp_join, stamp_split
 from tf2_py._core.types cimport MAX_STAMP_NS, MIN_STAMP_NS
 from tf2_py._objects.layout cimport Layout
 
+import datetime
 import operator
 import sys
 from numbers import Integral, Real
 
 from tf2_py._objects import errors
 
-TIMES_TO_USE = "Time(seconds=...), node.get_clock().now(), or Time() for the latest"
+TIMES_TO_USE = (
+    "Time(seconds=...), node.get_clock().now(), an int of nanoseconds, a datetime64, or Time() for the latest"
+)
+DURATION_TO_USE = "Duration(seconds=...)"
 FOR_EVER_NS = 2**62     # 146 years; added to a steady time, it still fits into 64 bits
 
 cdef int64_t MAX_SECONDS = INT64_MAX // NS_PER_S
@@ -93,6 +97,9 @@ cdef int64_t nanoseconds(object value, str argument) except? -1:
         return _from_parts(time_layout.get(value, TIME_SEC), time_layout.get(value, TIME_NANOSEC))
     if PyLong_CheckExact(value):
         return _whole(value, argument)
+    if isinstance(value, datetime.datetime):
+        return _datetime64_ns(value, argument)
+    _refuse_timedelta(value, argument, TIMES_TO_USE)
     found = getattr(value, "nanoseconds", None)
     if found is not None:
         if type(value) is not _time_class and type(value) is _rclpy_time():
@@ -122,6 +129,8 @@ cdef object _integer(object value):
 
 
 cdef int64_t _datetime64_ns(object value, str argument) except? -1:
+    if hasattr(value, "to_datetime64"):     # of pandas, NaT included; datetime itself may mean any time zone
+        value = value.to_datetime64()
     # Without NumPy in the process no object of its class exists.
     numpy = sys.modules.get("numpy")
     if numpy is None or not isinstance(value, numpy.datetime64):
@@ -138,13 +147,21 @@ cdef str _without_fields(str argument, object value):
     return f"{argument} must have nanoseconds, or sec and nanosec; {type(value).__name__} has neither"
 
 
+cdef int _refuse_timedelta(object value, str argument, str instead) except -1:
+    # What the timedelta of pandas calls nanoseconds is its part below a microsecond.
+    if isinstance(value, datetime.timedelta):
+        raise TypeError(f"{argument} is a {type(value).__name__}: use {instead}")
+    return 0
+
+
 cdef bint _has_fields(object value) except -1:
     return hasattr(value, "nanoseconds") or (hasattr(value, "sec") and hasattr(value, "nanosec"))
 
 
 cdef int64_t duration_nanoseconds(object value, str argument) except? -1:
+    _refuse_timedelta(value, argument, DURATION_TO_USE)
     if not _has_fields(value):
-        raise TypeError(f"{_without_fields(argument, value)}: use Duration(seconds=...)")
+        raise TypeError(f"{_without_fields(argument, value)}: use {DURATION_TO_USE}")
     return nanoseconds(value, argument)
 
 
@@ -170,7 +187,7 @@ cdef object new_time(int64_t time_ns):
 def time_ns(time, str argument):
     """
     The nanoseconds of a time: of anything with ``nanoseconds``, or with ``sec`` and ``nanosec``; of an
-    integer, which is nanoseconds; or of a ``numpy.datetime64``.
+    integer, which is nanoseconds; of a ``numpy.datetime64``; or of a ``pandas.Timestamp``.
 
     :param argument: what the errors call it.
     :raises TypeError: it is none of these, or its fields are no integers.
@@ -185,12 +202,14 @@ def duration_ns(duration, str argument):
     The nanoseconds of a duration: an rclpy ``Duration``, a message, or anything with their fields.
 
     :param argument: what the errors call it.
-    :raises TypeError: it has neither ``nanoseconds`` nor ``sec`` and ``nanosec``.
+    :raises TypeError: it has neither ``nanoseconds`` nor ``sec`` and ``nanosec``, or is a
+        ``datetime.timedelta``.
 
     What is longer than FOR_EVER_NS, including an infinite float, becomes FOR_EVER_NS, or minus that.
     """
+    _refuse_timedelta(duration, argument, DURATION_TO_USE)
     if not _has_fields(duration):
-        raise TypeError(f"{_without_fields(argument, duration)}: use Duration(seconds=...)")
+        raise TypeError(f"{_without_fields(argument, duration)}: use {DURATION_TO_USE}")
     if hasattr(duration, "nanoseconds"):
         return _at_most_for_ever(duration.nanoseconds)
     return _at_most_for_ever(duration.sec * <object>NS_PER_S + duration.nanosec)
@@ -209,7 +228,8 @@ def timeout_ns(timeout, str argument="timeout"):
     if isinstance(timeout, time_layout.message_class) or (
         rclpy_time is not None and isinstance(timeout, rclpy_time)
     ):
-        raise TypeError(f"{argument} is a Time, which says when and not how long: use Duration(seconds=...)")
+        raise TypeError(f"{argument} is a Time, which says when and not how long: use {DURATION_TO_USE}")
+    _refuse_timedelta(timeout, argument, DURATION_TO_USE)
     if _has_fields(timeout):
         return duration_ns(timeout, argument)
     seconds = _integer(timeout)
@@ -217,11 +237,10 @@ def timeout_ns(timeout, str argument="timeout"):
         seconds = float(timeout)
     if seconds is None:
         raise TypeError(
-            f"{argument} must be a duration or seconds, not {type(timeout).__name__}: use "
-            f"Duration(seconds=...)"
+            f"{argument} must be a duration or seconds, not {type(timeout).__name__}: use {DURATION_TO_USE}"
         )
     if seconds != seconds:
-        raise ValueError(f"{argument} is NaN: use seconds, or Duration(seconds=...)")
+        raise ValueError(f"{argument} is NaN: use seconds, or {DURATION_TO_USE}")
     return _at_most_for_ever(seconds * <object>NS_PER_S)
 
 

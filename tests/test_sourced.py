@@ -198,7 +198,8 @@ class TestWhich:
 
     def test_it_runs_without_ros(self, in_venv):
         ended = in_venv.run(unsourced(), "-m", "tf2_ros_cython")
-        assert ended.stderr == ""
+        assert (ended.returncode, ended.stderr) == (1, "")
+        assert "does not load: tf2_py: No module named 'numpy'" in ended.stdout
         assert "ROS 2: none found" in ended.stdout
         assert "receiver: built, but does not load: tf2_ros needs ROS 2" in ended.stdout
 
@@ -224,7 +225,8 @@ class TestAnotherRos:
         with_numpy = {**unsourced(), "PYTHONPATH": str(tmp_path)}
         ended = in_venv.run(with_numpy, "-c", "import tf2_ros")
         assert "ModuleNotFoundError: tf2_ros needs ROS 2" in ended.stderr
-        assert "pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces" in ended.stderr
+        wheels = "pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces"
+        assert f"{wheels}, or in its sources: pip install '.[ros]'" in ended.stderr
         ended = in_venv.run(
             with_numpy, "-c", "import tf2_py; print(tf2_py.BufferCore().all_frames_as_string())"
         )

@@ -2,6 +2,7 @@
 
 Run: python examples/demo.py
 Ends by itself within 20 s. The exit status is 0 only if everything succeeded.
+Both processes use a ROS domain that is free on this machine, whatever ROS_DOMAIN_ID says.
 """
 
 import fcntl

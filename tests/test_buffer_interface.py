@@ -16,7 +16,7 @@ from making import at, transform
 from processes import until
 from rclpy.duration import Duration
 from rclpy.time import Time
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import LaserScan, PointCloud2
 from std_msgs.msg import Header
 
 
@@ -104,6 +104,40 @@ class TestTransform:
         with pytest.raises(interface.TypeException, match=r"geometry_msgs\.msg\.Nothing is not"):
             buffer.registration.get(type("Nothing", (), {"__module__": "geometry_msgs.msg._nothing"}))
 
+    @pytest.mark.ours
+    def test_the_refusal_of_a_message_lists_the_known_ones_of_its_package(self, buffer, interface):
+        with pytest.raises(interface.TypeException) as caught:
+            buffer.transform(LaserScan(), "map")
+        assert "tf2_sensor_msgs knows Imu, MagneticField, PointCloud2 of sensor_msgs" in str(caught.value)
+
+    @pytest.mark.ours
+    def test_the_refusal_of_another_type_says_who_knows_which_messages(self, buffer, interface):
+        with pytest.raises(interface.TypeException) as caught:
+            buffer.transform("a str", "map")
+        assert "those of nav_msgs are known to tf2_geometry_msgs" in str(caught.value)
+
+    @pytest.mark.ours
+    def test_an_object_without_a_header_is_told_what_it_lacks(self, buffer):
+        with pytest.raises(AttributeError, match="Thing has no attribute 'header': .* frame_id and stamp"):
+            thing = Thing(1)
+            del thing.header
+            buffer.transform(thing, "map")
+
+    @pytest.mark.ours
+    def test_an_error_about_an_object_without_a_frame_says_so_at_its_end(self, buffer, executor, tf2_py):
+        text = (
+            r"argument source_frame - in tf2 .* cannot be empty\. The header\.frame_id of the Thing is empty$"
+        )
+        nowhere = Thing(1, frame_id="")
+        task = executor.create_task(buffer.transform_async(nowhere, "map"))
+        for call in (
+            lambda: buffer.transform(nowhere, "map"),
+            lambda: buffer.transform_full(nowhere, "map", Time(), "map"),
+            lambda: until(task.done, executor),
+        ):
+            with pytest.raises(tf2_py.InvalidArgumentException, match=text):
+                call()
+
     def test_an_interface_without_lookups_says_so(self, interface):
         bare = interface.BufferInterface()
         for call in (
@@ -166,6 +200,19 @@ class TestRegistration:
         registration.add(OtherThing, len)
         registration.add(OtherThing, move)
         assert interface.TransformRegistration().get(OtherThing) is move
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize(
+        ("key", "callback", "said"),
+        [
+            (Thing(1), move, "needs a type as key, not a Thing: "),
+            (move, Thing, r"did you mean TransformRegistration\.add\(key=<type>, callback=<function>\)"),
+            (Thing, None, r"TransformRegistration\(\)\.add\(\) needs a function for .*Thing, not None"),
+        ],
+    )
+    def test_what_no_transform_could_use_is_refused(self, interface, key, callback, said):
+        with pytest.raises(TypeError, match=said):
+            interface.TransformRegistration().add(key, callback)
 
     @pytest.mark.ours
     def test_a_default_counts_where_there_is_nothing_else(self, interface):

@@ -91,7 +91,22 @@ def test_the_programs_of_a_page_run_and_print_what_it_says(page, tmp_path):
     assert ended.returncode == 0, ended.stderr
     printed = iter(ended.stdout.splitlines())
     for said in re.findall(r"^print\(.*  # (.*)$", program(page), re.MULTILINE):
-        assert any(said in line for line in printed), f"{said!r} is not in {ended.stdout!r}"
+        # An ellipsis says that the line goes on.
+        assert any(said.rstrip(" …") in line for line in printed), f"{said!r} is not in {ended.stdout!r}"
+
+
+def test_the_node_of_the_readme_finds_its_transform_when_it_is_spun():
+    ending = """
+find = CameraFinder.find
+CameraFinder.find = lambda self: (find(self), rclpy.shutdown())
+main()
+"""
+    code = program(PAGES[0]) + ending
+    ended = subprocess.run(
+        [sys.executable, "-c", code], text=True, capture_output=True, timeout=3 * DEADLINE_S
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert "[camera_finder]: x = 0.3" in ended.stderr
 
 
 # Commands: those in blocks, and those in the text.
@@ -146,6 +161,10 @@ def check_command(command, folder):
             check_pytest(arguments)
         case ["python", "-m", ("tf2_ros_cython" | "tf2_ros.cli.which") as module]:
             run([sys.executable, "-m", module], folder)
+        case ["tf2_which"]:
+            module, _, function = PYPROJECT["project"]["scripts"]["tf2_which"].partition(":")
+            # Started as the script that pip makes of it: the current folder is not on the path.
+            run([sys.executable, "-c", f"import {module} as m, sys; sys.exit(m.{function}())"], folder)
         case ["python", "-m", module, *arguments]:
             said = run([sys.executable, "-m", module, "--help"], ROOT).stdout
             assert all(one in said for one in arguments if one.startswith("-"))
@@ -276,8 +295,8 @@ def exists(name):
         return any(name in names_in(path) for module in modules().values() for path in module)
     limits = importlib.import_module("tf2_py._objects.limits").DEFAULTS
     variables = {f"TF2_ROS_CYTHON_{limit.upper()}" for limit in limits}
-    files = {"setup.bash"}  # of ROS 2
-    return name in (variables | files) or name in PYPROJECT["project"]["scripts"] or is_known(name)
+    of_ros = {"setup.bash", "ROS_DOMAIN_ID"}
+    return name in (variables | of_ros) or name in PYPROJECT["project"]["scripts"] or is_known(name)
 
 
 def test_the_check_of_names_finds_what_is_not_there():

@@ -119,3 +119,8 @@ def test_what_transforms_does_carry_data_from_the_child_to_the_parent(tf2_ros):
     found = buffer.lookup_transform("base_link", "camera", tf2_ros.Time())
     moved = PUBLIC["do_transform_point"](PointStamped(), found)
     assert (moved.header.frame_id, moved.point.x) == ("base_link", 0.3)
+
+
+def test_the_help_of_a_lookup_says_the_units_of_numbers(tf2_ros):
+    text = " ".join(inspect.getdoc(tf2_ros.Buffer.lookup_transform).split())
+    assert "An int is nanoseconds." in text and "A number is seconds." in text

@@ -118,3 +118,9 @@ def test_a_package_with_types_of_its_own_is_left_out(tmp_path, monkeypatch, caps
     assert message_stubs.main([str(tmp_path / "typings"), "typed_msgs"]) == 0
     assert capsys.readouterr().out == "typed_msgs has types of its own\n"
     assert not (tmp_path / "typings").exists()
+
+
+def test_the_folder_alone_is_required(capsys):
+    with pytest.raises(SystemExit):
+        message_stubs.main([])
+    assert "the following arguments are required: folder\n" in capsys.readouterr().err

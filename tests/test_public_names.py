@@ -41,7 +41,7 @@ SENSORS = {"do_transform_imu", "do_transform_magnetic_field", "from_msg_msg", "t
 OURS = {
     "tf2_geometry_msgs": GEOMETRY | {"Quaternion", "Transform", "Vector3"},
     "tf2_geometry_msgs.tf2_geometry_msgs": GEOMETRY | {"Quaternion", "Transform", "Vector3"},
-    "tf2_py": {"FrameInfo"},
+    "tf2_py": {"FrameInfo", "__version__"},
     "tf2_ros": {
         "BufferServer",
         "FilterFailureReason",
@@ -238,9 +238,10 @@ with add_dll_directories_from_env("PATH"):
 
 
 @pytest.mark.ours
-def test_the_version_is_that_of_the_project(tf2_ros):
+def test_the_version_is_that_of_the_project(tf2_ros, tf2_py):
     text = (Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8")
     assert f'\nversion = "{tf2_ros.__version__}"\n' in text
+    assert tf2_py.__version__ == tf2_ros.__version__
 
 
 def test_the_classes_of_other_modules_can_be_patched():

@@ -3,6 +3,7 @@
 import ast
 import importlib
 import inspect
+import re
 from pathlib import Path
 
 import pytest
@@ -90,3 +91,21 @@ def test_a_stub_declares_no_function_that_is_not_there(package):
         module = importlib.import_module(f"{package}.{path.stem}")
         for name, parameters in declared(path).items():
             assert list(inspect.signature(getattr(module, name)).parameters) == parameters
+
+
+def test_the_documentation_lists_the_types_of_the_tables():
+    page = root_of("tf2_ros") / "docs" / "adding-a-type.md"
+    rows = re.findall(
+        r"^\| `(\w+)` \| (.*) \| (.*) \| `(\w+)` \|$", page.read_text(encoding="utf-8"), re.MULTILINE
+    )
+    listed = {
+        (package, messages, name, stamped)
+        for messages, *columns, package in rows
+        for names, stamped in zip(columns, (True, False), strict=True)
+        for name in re.findall(r"`(\w+)`", names)
+    }
+    assert listed == {
+        (package, cls.__module__.partition(".")[0], cls.__name__, hasattr(cls, "header"))
+        for package, table in TABLES.items()
+        for cls in table
+    }

@@ -1,7 +1,6 @@
 """The tf2 buffer core and its exceptions, without ROS nodes or topics."""
 
 import importlib
-import os
 import sys
 
 try:
@@ -9,12 +8,9 @@ try:
 except ModuleNotFoundError as missing:
     if not (missing.name or "").startswith("tf2_py."):
         raise
-    raise ModuleNotFoundError(
-        f"{missing.name} is missing: {os.path.dirname(os.path.dirname(__file__))} is not built for Python "
-        f"{sys.version_info.major}.{sys.version_info.minor}. Run `make build` or `pip install .` there, or "
-        f"cd elsewhere to import an installed tf2_py",
-        name=missing.name,
-    ) from None
+    from tf2_py._unbuilt import advice
+
+    raise ModuleNotFoundError(f"{missing.name} is missing: {advice()}", name=missing.name) from None
 
 from tf2_py._dll import add_dll_directories_from_env
 from tf2_py._objects.errors import (
@@ -26,6 +22,7 @@ from tf2_py._objects.errors import (
     TransformException,
 )
 from tf2_py._objects.listings import FrameInfo as FrameInfo
+from tf2_ros_cython._version import __version__ as __version__
 
 # What `import *` gives from tf2's package.
 __all__ = [

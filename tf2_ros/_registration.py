@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 
 from geometry_msgs.msg import TransformStamped
 
+from tf2_ros._arguments import is_a, refuse_swapped
+
 __all__ = [
     "ConvertRegistration",
     "NotImplementedException",
@@ -94,6 +96,8 @@ class _Functions(dict[Any, Callable[..., Any]]):
         self._defaults: dict[Any, Callable[..., Any]] = {}
 
     def add(self, key: Any, function: Callable[..., Any], default: bool) -> None:
+        if not callable(function):
+            raise TypeError(f"{self._what} needs a function for {_name(key)}, not {function!r}")
         if default:
             is_own = key in self and not self.is_default(key)
             self._defaults[key] = function
@@ -134,7 +138,21 @@ class _Functions(dict[Any, Callable[..., Any]]):
             cure = f"install {' and '.join(absent)}, which knows the messages of its package"
         else:
             cure = f"import the package that registers it, or register a function with {self._what}"
+            cure += f" (help({self._what.partition('()')[0]}) has an example). {self._known(key)}"
         return f"Type {names} is not loaded or supported: {cure}"
+
+    def _known(self, key: Any) -> str:
+        """What is known of the message packages of ``key``; if of none, who knows which packages."""
+        types = key if isinstance(key, tuple) else (key,)
+        known: dict[str, list[str]] = {}
+        for one in self._defaults:
+            if isinstance(one, type) and _package(one) in map(_package, types):
+                known.setdefault(_package(one), []).append(one.__name__)
+        if known:
+            facts = [f"{_REGISTERED_BY[name]} knows {', '.join(known[name])} of {name}" for name in known]
+        else:
+            facts = [f"those of {name} are known to {provider}" for name, provider in _REGISTERED_BY.items()]
+        return "; ".join(facts)
 
 
 class TransformRegistration:
@@ -169,7 +187,12 @@ class TransformRegistration:
         :param key: the type.
         :param callback: takes the object and a ``TransformStamped``, returns the transformed object.
         :param default: only where no program registers a function of its own for the type, before or after.
+        :raises TypeError: ``key`` is no type, or ``callback`` cannot be called.
         """
+        call = "TransformRegistration.add"
+        refuse_swapped(call, key=(is_a(type), key), callback=(callable, callback))
+        if not isinstance(key, type):
+            raise TypeError(f"{call} needs a type as key, not a {type(key).__name__}: {key!r}")
         self.__type_map.add(key, callback, default)
 
     def get(self, key: type[_Object]) -> Callable[[_Object, TransformStamped], _Object]:

@@ -167,10 +167,11 @@ class Buffer(BufferCore, BufferInterface):
 
         :param target_frame: the frame that the data is wanted in.
         :param source_frame: the frame that the data is in.
-        :param time: of the transform; 0 is the latest time for which all frames on the path have data.
-        :param timeout: how long to wait until there is an answer. Ctrl-C ends the wait, and so does the
-            shutdown of the contexts of the buffer's node and listeners, also one before the wait; without
-            either, that of the default context during the wait. Zero or negative: do not wait.
+        :param time: of the transform; 0 is the latest time for which all frames on the path have data. An int
+            is nanoseconds.
+        :param timeout: how long to wait until there is an answer. A number is seconds. Ctrl-C ends the wait,
+            and so does the shutdown of the contexts of the buffer's node and listeners, also one before the
+            wait; without either, that of the default context during the wait. Zero or negative: do not wait.
         :return: a ``TransformStamped`` from ``target_frame`` (its ``header.frame_id``) to ``source_frame``
             (its ``child_frame_id``), stamped with ``time``, or with the latest time if that is 0.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
@@ -180,6 +181,9 @@ class Buffer(BufferCore, BufferInterface):
         :raises TypeError: a name is no str, ``time`` is no time, or ``timeout`` no timeout.
 
         After a wait, the text of an error also says how long was waited, or that the shutdown ended the wait.
+
+        >>> buffer.lookup_transform("base_link", "camera", 1_000_000_000, timeout=0.5).header.stamp.sec
+        1
         """
         if timeout is NO_TIMEOUT:
             return self.lookup_transform_core(target_frame, source_frame, time)

@@ -15,6 +15,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
+from tf2_py import TransformException
 from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros._arguments import has, is_name, swapped
 from tf2_ros._registration import (
@@ -153,13 +154,16 @@ class BufferInterface:
         :raises TypeException: the type is not registered, or no conversion to ``new_type`` is.
         :raises TransformException: what the lookup raises.
         :raises TypeError: ``target_frame`` is no str, or ``timeout`` no timeout.
-        :raises AttributeError: the object has no header.
+        :raises AttributeError: the object has no header, or its header no ``frame_id`` or ``stamp``.
         """
         do_transform = _function_for(self.registration, "transform", object_stamped, target_frame)
         header = _header_of(object_stamped)
-        result = do_transform(
-            object_stamped, self.lookup_transform(target_frame, header.frame_id, header.stamp, timeout)
-        )
+        try:
+            transform = self.lookup_transform(target_frame, header.frame_id, header.stamp, timeout)
+        except TransformException as error:
+            _add_if_frame_is_empty(error, object_stamped)
+            raise
+        result = do_transform(object_stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
     @overload
@@ -219,9 +223,13 @@ class BufferInterface:
         """
         do_transform = _function_for(self.registration, "transform_full", object_stamped, target_frame)
         header = _header_of(object_stamped)
-        transform = self.lookup_transform_full(
-            target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout
-        )
+        try:
+            transform = self.lookup_transform_full(
+                target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout
+            )
+        except TransformException as error:
+            _add_if_frame_is_empty(error, object_stamped)
+            raise
         result = do_transform(object_stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
@@ -273,9 +281,13 @@ class BufferInterface:
         """
         do_transform = _function_for(self.registration, "transform_async", object_stamped, target_frame)
         header = _header_of(object_stamped)
-        transform = await self.lookup_transform_async(
-            target_frame, header.frame_id, header.stamp, timeout=timeout
-        )
+        try:
+            transform = await self.lookup_transform_async(
+                target_frame, header.frame_id, header.stamp, timeout=timeout
+            )
+        except TransformException as error:
+            _add_if_frame_is_empty(error, object_stamped)
+            raise
         result = do_transform(object_stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
@@ -374,14 +386,25 @@ def _function_for(registration: Any, call: str, object_stamped: Any, target_fram
 def _header_of(object_stamped: Any) -> Any:
     try:
         return object_stamped.header
-    except AttributeError:
+    except AttributeError as missing:
         # Types that tf2 does not register in Python.
         if TransformRegistration().is_default(type(object_stamped)):
             raise TypeException(
                 f"Type {type(object_stamped).__name__} is not supported here: it has no header that tells "
                 f"where it is, and when"
             ) from None
-        raise
+        raise AttributeError(
+            f"{type(object_stamped).__name__} has no attribute 'header': an object that is transformed needs "
+            f"a header with frame_id and stamp",
+            name="header",
+            obj=object_stamped,
+        ) from missing
+
+
+def _add_if_frame_is_empty(error: TransformException, object_stamped: Any) -> None:
+    """Say in the text of a lookup's error, after what programs parse, that the object names no frame."""
+    if object_stamped.header.frame_id == "":
+        error.args = (f"{error}. The header.frame_id of the {type(object_stamped).__name__} is empty",)
 
 
 def Stamped(obj: _Object, stamp: TimeLike, frame_id: str) -> _Object:

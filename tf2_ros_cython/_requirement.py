@@ -1,9 +1,6 @@
 """Importing this module raises ImportError, naming what to do, where tf2_ros cannot run."""
 
-from tf2_ros_cython._ros import built, require_ros
+from tf2_ros_cython._ros import require_ros
+from tf2_ros_cython._version import __version__ as __version__
 
 require_ros()
-
-_record = built()
-# Of this project, as pyproject.toml says it; unknown where nothing was built, as in a fresh checkout.
-__version__: str = "unknown" if _record is None else _record.VERSION

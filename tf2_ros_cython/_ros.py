@@ -90,5 +90,5 @@ def _without_rclpy() -> str:
         )
     name = _DISTRIBUTIONS.get(_major(record.RCLPY), "")
     wheels = f"'ros-{name.lower()}-rclpy[fastrtps]' ros-{name.lower()}-common-interfaces"
-    bring = f", or: pip install {wheels}" if name else ""
+    bring = f", or: pip install {wheels}, or in its sources: pip install {_WHEELS[name]}" if name else ""
     return f"{missing}: source a ROS 2 {describe(record.RCLPY)}{bring}"

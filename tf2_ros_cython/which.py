@@ -17,18 +17,22 @@ def main(args: list[str] | None = None) -> int:
     Print which tf2 is imported, from where, and what it took precedence over.
 
     :param args: accepted because other programs have it, and without effect.
-    :return: 0 where all of our packages are in use, otherwise 1.
+    :return: 0 where all of our packages are in use, and those load that the installation is for; otherwise 1.
     """
     folders = {name: _imported_from(name) for name in (*_finder.PACKAGES, "tf2_msgs")}
     for name, folder in folders.items():
         print(f"{name}: {_describe(name, folder)}")
         for other in _others(name, folder):
             print(f"    takes precedence over {other / name}")
+    are_ours = all(_is_ours(folders[name]) for name in _finder.PACKAGES)
+    failure = _import_failure() if are_ours else None
+    if failure is not None:
+        print(f"does not load: {failure}")
     print(f"precedence: {_precedence()}")
     print(f"receiver: {_receiver(folders['tf2_ros'])}")
     print(f"ROS 2: {_running_ros()}")
     print(f"built for: {_built_for()}")
-    return 0 if all(_is_ours(folders[name]) for name in _finder.PACKAGES) else 1
+    return 0 if are_ours and failure is None else 1
 
 
 def _imported_from(name: str) -> Path | None:
@@ -41,6 +45,18 @@ def _imported_from(name: str) -> Path | None:
 
 def _is_ours(folder: Path | None) -> bool:
     return folder is not None and (folder / "tf2_ros_cython" / "which.py").is_file()
+
+
+def _import_failure() -> str | None:
+    """Why one of our packages does not load, or None. Without ROS 2, tf2_py is the one that must."""
+    record = _ros.built()
+    without_ros = record is not None and record.RCLPY is None
+    for name in _finder.PACKAGES[:1] if without_ros else _finder.PACKAGES:
+        try:
+            importlib.import_module(name)
+        except ImportError as error:
+            return f"{name}: {error}"
+    return None
 
 
 def _describe(name: str, folder: Path | None) -> str:
@@ -123,7 +139,7 @@ def _built_for() -> str:
     record = _ros.built()
     if record is None:
         return "not built"
-    return "no ROS 2" if record.RCLPY is None else f"ROS 2 {_ros.describe(record.RCLPY)}"
+    return "no ROS 2; tf2_py works alone" if record.RCLPY is None else f"ROS 2 {_ros.describe(record.RCLPY)}"
 
 
 if __name__ == "__main__":

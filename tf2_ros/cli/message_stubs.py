@@ -53,7 +53,10 @@ def main(args: list[str] | None = None) -> int:
         description="Write the types of ROS's messages for mypy and pyright.",
     )
     parser.add_argument("folder", type=Path, help="where to write them; pyright looks into typings by itself")
-    parser.add_argument("packages", nargs="*", help=f"message packages; default: {' '.join(PACKAGES)}")
+    # With a default argparse does not call them required.
+    parser.add_argument(
+        "packages", nargs="*", default=[], help=f"message packages; default: {' '.join(PACKAGES)}"
+    )
     chosen = parser.parse_args(args)
     packages = chosen.packages or [name for name in PACKAGES if importlib.util.find_spec(name)]
     without = [name for name in packages if not _has_messages(name)]

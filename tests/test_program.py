@@ -148,6 +148,19 @@ class TestSignals:
         assert (done.returncode, done.stdout, done.stderr) == (status, printed, "")
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")
+def test_output_that_cannot_be_written_is_one_line_and_status_1(tmp_path):
+    (tmp_path / "its_work.py").write_text("def work(options):\n    print('result')\n    return 0\n")
+    code = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
+        "from tf2_ros_cython.cli._program import Parser, run\n"
+        "sys.exit(run(Parser('any', '', ''), 'its_work:work', ['any']))"
+    )
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([sys.executable, "-c", code], text=True, stdout=full, stderr=subprocess.PIPE)
+    assert (done.returncode, done.stderr) == (1, "any: No space left on device\n")
+
+
 @every_program
 class TestEveryProgram:
     def test_help_has_an_example_of_itself(self, name):

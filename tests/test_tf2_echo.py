@@ -102,6 +102,11 @@ class TestWaiting:
             names = ", ".join(["camera", *(f"f{i:03d}" for i in range(19))])
             until(lambda: echo.stderr.readline() == f"Known frames: {names} and 982 more\n")
 
+    def test_a_known_frame_cannot_write_a_line_of_its_own(self, peer):
+        with running("tf2_echo", "map", "robot") as echo:
+            peer().send(("map", "x\x1b[2J\n[INFO]", S, 1.0))
+            until(lambda: echo.stderr.readline() == "Known frames: map, x\\x1b[2J\\n[INFO]\n")
+
     def test_what_the_lookup_advises_is_told(self, tf2_ros, peer):
         known = tf2_ros.Buffer()
         known.set_transform_static(transform("map", "camera"), "test")

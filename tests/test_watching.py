@@ -27,6 +27,7 @@ FAULTS = {
     ("gap", "with_gaps"),
     ("rate", "slow"),
 }
+HOSTILE, ESCAPED = "x\x1b[2J\x01\nok: 1 frames", r"x\x1b[2J\x01\nok: 1 frames"
 # On a busy machine a healthy robot has gaps, too.
 TOLERANT = ("--ignore", "gap")
 # Without the robot of the other tests.
@@ -121,6 +122,16 @@ class TestCheck:
         suite = ElementTree.parse(junit).getroot()
         assert suite.get("failures") == "0"
         assert [case.get("name") for case in suite if case.find("skipped") is not None] == ["gap"]
+
+    def test_names_cannot_write_lines_of_their_own(self, peer, tmp_path):
+        junit, topic = tmp_path / "check.xml", ("-r", "/tf:=/tf_hostile")
+        options = ("-t", "3", "--junit", str(junit), "--ros-args", *topic)
+        with running("tf2_check", *options) as process:
+            peer(*topic).send((HOSTILE, "a", S, 1.0), ("other", "b", S, 1.0))
+            out, _ = process.communicate(timeout=DEADLINE_S)
+        said = f"2 unconnected trees: other (2 frames), {ESCAPED} (2 frames)"
+        assert out.splitlines()[0] == f"roots: {said}"
+        assert f"\n{said}\n" in f"\n{ElementTree.parse(junit).getroot().findtext('testcase/failure')}\n"
 
     def test_silence_is_wrong(self):
         status, out, _ = ended("tf2_check", "-t", "0.2", "--ros-args", *ALONE)
@@ -227,6 +238,26 @@ class TestMonitor:
             child.close(force=True)
         assert "Traceback" not in rest
         assert child.exitstatus == 0
+
+    @pytest.mark.parametrize("term", ["xterm", "dumb"])
+    def test_names_cannot_steer_the_terminal(self, term, peer):
+        pexpect = pytest.importorskip("pexpect")
+        pytest.importorskip("rich")
+        topic = ("-r", "/tf_static:=/tf_hostile_static", "-r", "/tf:=/tf_hostile")
+        command = ["-m", "tf2_ros.cli.tf2_monitor", "--ros-args", *topic]
+        environment = {name: os.environ[name] for name in os.environ if name not in ("COLUMNS", "LINES")}
+        with pexpect.spawn(
+            sys.executable,
+            command,
+            encoding="utf-8",
+            timeout=DEADLINE_S,
+            dimensions=(40, 180),
+            env={**environment, "TERM": term},
+        ) as child:
+            peer(*topic).send((HOSTILE, "camera", S, 1.0), static=True)
+            child.expect_exact(ESCAPED)
+            child.sendintr()
+            child.expect(pexpect.EOF)
 
     def test_a_terminal_that_cannot_draw_gets_lines(self, robot):
         pexpect = pytest.importorskip("pexpect")

@@ -5,6 +5,7 @@ from argparse import Namespace
 from collections.abc import Collection, Mapping, Sequence
 from xml.etree import ElementTree
 
+from tf2_py._internal import printable
 from tf2_ros._traffic import expectations
 from tf2_ros._traffic.expectations import Expectation
 from tf2_ros._traffic.findings import KINDS, Finding, Limits
@@ -45,7 +46,7 @@ def _expectations(path: str | None) -> Mapping[str, Expectation]:
 
 def _print(report: Report, wrong: Sequence[Finding], seconds: float) -> None:
     for finding in wrong:
-        print(f"{finding.kind}: {finding.text}")
+        print(f"{finding.kind}: {printable(finding.text)}")
     frames = len({stream.frame for stream in report.streams})
     print(f"{'wrong' if wrong else 'ok'}: {frames} frames in {report.messages} messages and {seconds:g} s")
     for count, what in (
@@ -63,7 +64,8 @@ def _write_junit(path: str, wrong: Sequence[Finding], ignored: Collection[str], 
     suite = ElementTree.Element("testsuite", {"name": "tf2_check", "time": f"{seconds:g}", **attributes})
     for kind, meaning in KINDS.items():
         case = ElementTree.SubElement(suite, "testcase", classname="tf2_check", name=kind)
-        texts = [finding.text for finding in wrong if finding.kind == kind]
+        # XML has no way to write most control characters.
+        texts = [printable(finding.text) for finding in wrong if finding.kind == kind]
         if texts:
             ElementTree.SubElement(case, "failure", message=meaning).text = "\n".join(texts)
         elif kind in ignored:

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.time import Time
 
 from tf2_py import InvalidArgumentException, TransformException
+from tf2_py._internal import printable
 from tf2_ros.buffer import Buffer
 from tf2_ros.cli._node import filled_buffer, spun_node
 from tf2_ros.numpy import to_matrix
@@ -100,7 +101,7 @@ class _Echo:
 
     def _log_waiting(self, reason: TransformException) -> None:
         names = sorted(self._buffer._getFrameStrings())
-        known = ", ".join(names[:MOST_NAMES]) or "none"
+        known = printable(", ".join(names[:MOST_NAMES])) or "none"
         if len(names) > MOST_NAMES:
             known += f" and {len(names) - MOST_NAMES} more"
         self._node.get_logger().info(

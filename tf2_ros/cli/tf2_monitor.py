@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from typing import Any
 
+from tf2_py._internal import printable
 from tf2_ros._traffic.findings import Limits
 from tf2_ros._traffic.streams import Stream
 from tf2_ros.cli._listening import Chain, Report, listening
@@ -75,7 +76,7 @@ def _can_live() -> bool:
 def _lines(lines_of: Callable[[Report], Iterator[str]]) -> Iterator[Show]:
     def show(report: Report) -> float:
         for line in lines_of(report):
-            print(line)
+            print(printable(line))
         return 0.0
 
     yield show
@@ -129,7 +130,6 @@ def _live() -> Iterator[Show]:
 def _table(report: Report, height: int) -> Any:
     from rich.console import Group
     from rich.table import Table
-    from rich.text import Text
 
     table = Table()
     for title in ("frame", "parent", "publisher"):
@@ -138,10 +138,9 @@ def _table(report: Report, height: int) -> Any:
         table.add_column(title, justify="right", no_wrap=True)
     table.add_column("wrong", overflow="fold")
     texts = _cut([*_warnings(report)], height // 3)
-    # Text, and not str: a name may look like markup.
-    above = [Text(text, style="red") for text in texts]
+    above = [_words(text, style="red") for text in texts]
     if report.chain is not None:
-        above.insert(0, Text(_chain_text(report.chain)))
+        above.insert(0, _words(_chain_text(report.chain)))
     wrong: dict[str, list[str]] = {}
     for finding in report.findings:
         wrong.setdefault(finding.frame, []).append(finding.kind)
@@ -151,16 +150,23 @@ def _table(report: Report, height: int) -> Any:
         kinds = wrong.get(stream.frame, [])
         delays = (stream.delay, stream.delay_max, stream.jitter)
         table.add_row(
-            Text(stream.frame),
-            Text(stream.parent),
-            Text(stream.publisher),
+            _words(stream.frame),
+            _words(stream.parent),
+            _words(stream.publisher),
             "static" if stream.static else _rate(stream),
             *("" if stream.static else _ms(delay) for delay in delays),
             ", ".join(kinds),
             style="red" if kinds else None,
         )
     more = len(streams) - fitting
-    return Group(*above, table, Text(f"and {more} more" if more > 0 else ""))
+    return Group(*above, table, _words(f"and {more} more" if more > 0 else ""))
+
+
+def _words(text: str, style: str = "") -> Any:
+    from rich.text import Text
+
+    # Text, and not str: a name may look like markup.
+    return Text(printable(text), style=style)
 
 
 def _cut(texts: list[str], count: int) -> list[str]:

@@ -162,6 +162,9 @@ def run(parser: Parser, work: str, arguments: list[str] | None = None) -> int:
         return _BY_SIGNAL + ending.number
     except BrokenPipeError:
         return _BY_SIGNAL + signal.SIGPIPE
+    except OSError as failure:
+        # Of the output; what else cannot be read or written, the work refuses itself.
+        parser.exit(FAILURE, f"{parser.prog}: {failure.strerror or failure}\n")
     finally:
         _signals.may_raise = False  # the interpreter ends
         _let_go(sys.stdout)
@@ -259,11 +262,11 @@ def _flush_each_line(stream: TextIO) -> None:
 
 
 def _let_go(stream: TextIO) -> None:
-    """Write what is left; without a reader, leave nothing that the interpreter would fail to write."""
+    """Write what is left; where that fails, leave nothing that the interpreter would fail to write."""
     try:
         if stream is not None:
             stream.flush()
-    except BrokenPipeError:
+    except OSError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 

@@ -4,6 +4,7 @@ import json
 import math
 import re
 import select
+from argparse import Namespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from making import S, at, transform
 from processes import DEADLINE_S, ended, running, until
 from scipy.spatial.transform import Rotation
 
+from tf2_ros.cli.tf2_echo import _Json
 from tf2_ros_cython.cli._rpy import quaternion_from_rpy, rpy_from_matrix
 
 pytestmark = pytest.mark.ours
@@ -265,3 +267,11 @@ class TestRpy:
             np.round(Rotation.from_euler("y", pitch).as_matrix()) @ Rotation.from_euler("x", roll).as_matrix()
         )
         assert rpy_from_matrix(matrix) == pytest.approx((roll, pitch, 0.0))
+
+
+def test_a_number_that_json_lacks_is_null():
+    sent = transform("map", "robot")
+    sent.transform.translation.x = math.inf
+    for precision in (None, 3):
+        line = _Json(Namespace(precision=precision)).success(sent)
+        assert json.loads(line, parse_constant=pytest.fail)["transform"]["translation"]["x"] is None

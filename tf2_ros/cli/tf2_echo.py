@@ -4,7 +4,7 @@ import json
 import sys
 import time
 from argparse import Namespace
-from math import degrees
+from math import degrees, isfinite
 from typing import Any
 
 from geometry_msgs.msg import TransformStamped
@@ -177,10 +177,14 @@ class _Json:
             error={"type": type(reason).__name__, "text": str(reason)},
         )
 
-    def _numbers(self, **values: float) -> dict[str, float]:
-        digits = self._options.precision
+    def _numbers(self, **values: float) -> dict[str, float | None]:
+        digits = self._options.precision  # JSON has no infinity: a translation may overflow
         return {
-            name: float(value) if digits is None else round(float(value), digits)
+            name: None
+            if not isfinite(value)
+            else float(value)
+            if digits is None
+            else round(float(value), digits)
             for name, value in values.items()
         }
 

@@ -166,8 +166,9 @@ def run(parser: Parser, work: str, arguments: list[str] | None = None) -> int:
         # Of the output; what else cannot be read or written, the work refuses itself.
         parser.exit(FAILURE, f"{parser.prog}: {failure.strerror or failure}\n")
     finally:
-        _signals.may_raise = False  # the interpreter ends
+        _signals.may_raise = False
         _let_go(sys.stdout)
+        _signals.ignore_repeated()
 
 
 class _Signals:
@@ -185,6 +186,12 @@ class _Signals:
         signal.set_wakeup_fd(self._writer.fileno(), warn_on_full_buffer=False)
         for number in _ENDING_SIGNALS:
             signal.signal(number, self.receive)
+
+    def ignore_repeated(self) -> None:
+        """From now on: the interpreter ends, and gives back to its signals what they do without it."""
+        if self.received is not None:
+            for number in _ENDING_SIGNALS:
+                signal.signal(number, signal.SIG_IGN)
 
     def receive(self, number: int, _: FrameType | None) -> None:
         if self.received is None:

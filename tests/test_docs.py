@@ -149,6 +149,10 @@ def check_command(command, folder):
         assert is_literal(words[0].partition("=")[0]), f"no source reads {words[0]}"
         del words[0]
     match words:
+        case ["tf2_which"]:
+            module, _, function = PYPROJECT["project"]["scripts"]["tf2_which"].partition(":")
+            # Started as the script that pip makes of it: the current folder is not on the path.
+            run([sys.executable, "-c", f"import {module} as m, sys; sys.exit(m.{function}())"], folder)
         case [name, *arguments] if name in PROGRAMS:
             check_program(name, arguments)
         case ["ros2", "run", "tf2_ros_cython", name, *arguments] if name in PROGRAMS:
@@ -161,10 +165,6 @@ def check_command(command, folder):
             check_pytest(arguments)
         case ["python", "-m", ("tf2_ros_cython" | "tf2_ros.cli.which") as module]:
             run([sys.executable, "-m", module], folder)
-        case ["tf2_which"]:
-            module, _, function = PYPROJECT["project"]["scripts"]["tf2_which"].partition(":")
-            # Started as the script that pip makes of it: the current folder is not on the path.
-            run([sys.executable, "-c", f"import {module} as m, sys; sys.exit(m.{function}())"], folder)
         case ["python", "-m", module, *arguments]:
             said = run([sys.executable, "-m", module, "--help"], ROOT).stdout
             assert all(one in said for one in arguments if one.startswith("-"))

@@ -265,7 +265,8 @@ def _floats(values: Any, wanted: str) -> Array:
         floats = numbers.astype(np.float64, copy=False)
     except (TypeError, ValueError) as reason:
         raise TypeError(f"{wanted}: {reason}") from None
-    return np.where(values.mask, np.nan, floats) if np.ma.isMaskedArray(values) else floats
+    mask = getattr(values, "mask", None)
+    return np.where(mask, np.nan, floats) if isinstance(mask, np.ndarray) else floats
 
 
 def _pair(transforms: tuple[Any, ...]) -> tuple[Array, Array]:

@@ -33,7 +33,9 @@ def as_times_ns(times: Any) -> np.ndarray:
         array = _as_array(times)
     except OverflowError as error:
         raise ValueError(f"{wanted} that fit into 64 bits: {error}") from None
-    if np.ma.is_masked(times):
+    # Not by numpy.ma, which NumPy imports when it is first used: a fork meanwhile would leave its lock taken.
+    mask = getattr(times, "mask", None)
+    if isinstance(mask, np.ndarray) and mask.any():
         raise ValueError(f"{wanted}; some are masked")
     if array.size == 0 and not isinstance(times, np.ndarray):
         array = array.astype(np.int64)

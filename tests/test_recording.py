@@ -21,7 +21,7 @@ def heard(tf2_ros, node):
 
     def make(*arguments):
         recording = Recording(*arguments)
-        listeners.append(RecordingListener(tf2_ros.Buffer(node=node), node, recording))
+        listeners.append(RecordingListener(tf2_ros.Buffer(node=node), node, recording, ("/tf", "/tf_static")))
         assert listeners[-1].receives
         return recording, listeners[-1]
 

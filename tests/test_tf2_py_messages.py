@@ -115,7 +115,9 @@ def test_subclasses_of_the_message_classes_are_read(buffer):
 
 
 def test_the_engine_works_where_ros_is_not_installed(tf2_py, tmp_path):
-    (tmp_path / "tf2_py").symlink_to(Path(tf2_py.__file__).parent)
+    installed = Path(tf2_py.__file__).parent.parent
+    for package in ("tf2_py", "tf2_ros_cython"):
+        (tmp_path / package).symlink_to(installed / package)
     program = """
         import sys
         sys.path.insert(0, sys.argv[1])

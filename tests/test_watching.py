@@ -124,10 +124,10 @@ class TestCheck:
         assert [case.get("name") for case in suite if case.find("skipped") is not None] == ["gap"]
 
     def test_names_cannot_write_lines_of_their_own(self, peer, tmp_path):
-        junit, topic = tmp_path / "check.xml", ("-r", "/tf:=/tf_hostile")
-        options = ("-t", "3", "--junit", str(junit), "--ros-args", *topic)
+        junit, topics = tmp_path / "check.xml", ("-r", "/tf:=/hostile", "-r", "/tf_static:=/hostile_static")
+        options = ("-t", "3", "--junit", str(junit), "--ros-args", *topics)
         with running("tf2_check", *options) as process:
-            peer(*topic).send((HOSTILE, "a", S, 1.0), ("other", "b", S, 1.0))
+            peer(*topics).send((HOSTILE, "a", S, 1.0), ("other", "b", S, 1.0))
             out, _ = process.communicate(timeout=DEADLINE_S)
         said = f"2 unconnected trees: other (2 frames), {ESCAPED} (2 frames)"
         assert out.splitlines()[0] == f"roots: {said}"

@@ -6,7 +6,7 @@ its modules can be moved; what they cimport stands in ``_internal.pxd``.
 """
 
 from tf2_py._objects import log, wait_texts
-from tf2_py._objects.arrays import as_times_ns
+from tf2_py._objects.arrays import as_times_ns, mask_of
 from tf2_py._objects.at_exit import keep_for_ever, skip_exit_handlers
 from tf2_py._objects.errors import MalformedObjectError, bad_name, seconds
 from tf2_py._objects.frame_names import is_invalid_name
@@ -27,6 +27,7 @@ __all__ = [
     "is_invalid_name",
     "keep_for_ever",
     "log",
+    "mask_of",
     "matrices_from_rotations",
     "normalise",
     "printable",

@@ -13,6 +13,7 @@ from std_msgs.msg import Header
 
 from tf2_py._internal import (
     as_times_ns,
+    mask_of,
     matrices_from_rotations,
     normalise,
     rotations_from_matrices,
@@ -265,8 +266,8 @@ def _floats(values: Any, wanted: str) -> Array:
         floats = numbers.astype(np.float64, copy=False)
     except (TypeError, ValueError) as reason:
         raise TypeError(f"{wanted}: {reason}") from None
-    mask = getattr(values, "mask", None)
-    return np.where(mask, np.nan, floats) if isinstance(mask, np.ndarray) else floats
+    mask = mask_of(values)
+    return floats if mask is None else np.where(mask, np.nan, floats)
 
 
 def _pair(transforms: tuple[Any, ...]) -> tuple[Array, Array]:

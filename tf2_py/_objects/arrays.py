@@ -20,6 +20,19 @@ def new_rows(count: int, width: int) -> np.ndarray:
     return np.empty((count, width))
 
 
+def mask_of(values: Any) -> np.ndarray | None:
+    """
+    The mask of a masked array of NumPy; None where nothing is masked, and of anything else.
+
+    Not by ``numpy.ma``, which NumPy imports when it is first used: a fork meanwhile would leave the lock of
+    that import taken.
+    """
+    import numpy as np
+
+    mask = getattr(values, "mask", None)
+    return mask if isinstance(mask, np.ndarray) else None
+
+
 def as_times_ns(times: Any) -> np.ndarray:
     """Times as contiguous int64 nanoseconds of shape (N,); TypeError or ValueError says what is wanted."""
     import numpy as np
@@ -33,9 +46,8 @@ def as_times_ns(times: Any) -> np.ndarray:
         array = _as_array(times)
     except OverflowError as error:
         raise ValueError(f"{wanted} that fit into 64 bits: {error}") from None
-    # Not by numpy.ma, which NumPy imports when it is first used: a fork meanwhile would leave its lock taken.
-    mask = getattr(times, "mask", None)
-    if isinstance(mask, np.ndarray) and mask.any():
+    mask = mask_of(times)
+    if mask is not None and mask.any():
         raise ValueError(f"{wanted}; some are masked")
     if array.size == 0 and not isinstance(times, np.ndarray):
         array = array.astype(np.int64)

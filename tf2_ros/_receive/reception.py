@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from tf2_py import BufferCore
+from tf2_py._internal import counted
 from tf2_ros._rclpy import context_was_shut_down, enter_handle
 from tf2_ros._receive.receiver_thread import ReceiverThread
 from tf2_ros._wait.contexts import fills
@@ -148,7 +149,7 @@ class Reception:
         if count == 0 and not all(topic.is_counted() for topic in self.topics):
             return f"{names}: messages not counted"
         last = f", last {(time.monotonic_ns() - last_ns) / 1e9:.2f} s ago" if count else ""
-        return f"{names}: {count} message{'' if count == 1 else 's'}{last}"
+        return f"{names}: {counted(count, 'message')}{last}"
 
     def receiving(self) -> list[ReceivedTopic]:
         """The topics that it can receive anything on."""

@@ -21,7 +21,19 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from bench import guard, inserts, lookups, nodes, peers, pictures, programs, report, targets, types
+from bench import (
+    guard,
+    inserts,
+    lookups,
+    nodes,
+    peers,
+    pictures,
+    programs,
+    recordings,
+    report,
+    targets,
+    types,
+)
 from bench.processes import Failure, run_command
 from bench.race import OURS, Run
 from bench.sizes import FULL, QUICK
@@ -41,6 +53,7 @@ SECTIONS = {
         nodes.receive,
         programs.watch,
         types.types,
+        recordings.recordings,
         guard.instructions,
     )
 }

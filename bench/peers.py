@@ -23,6 +23,7 @@ DEBIAN_PACKAGES = """
 DEBIAN_PYTHON = "/usr/bin/python3"  # the packages' extensions are built for this one
 COMPILER = "g++"
 
+NEEDED = ("numpy", "rosbags")  # by from_pypi.py itself
 PYPI_PYTHON = (3, 12)  # the oldest that schiebung has wheels for
 # package -> key, ways of a single lookup, note
 PYPI_PACKAGES = {
@@ -163,13 +164,12 @@ def _from_pypi(folder: Path, package: str) -> Library:
     python = folder / "bin" / "python"
     if not python.exists():
         run_command(_python_for_pypi(), "-m", "venv", str(folder))
-    installed = folder / f"{package}.installed"
-    if not installed.exists():
-        # A source package may need a compiler of another language. from_pypi.py itself needs NumPy.
-        run_command(
-            str(python), "-m", "pip", "install", "--quiet", "--only-binary", ":all:", "numpy", package
-        )
-        installed.touch()
+    for needed in (*NEEDED, package):
+        installed = folder / f"{needed}.installed"
+        if not installed.exists():
+            # A source package may need a compiler of another language.
+            run_command(str(python), "-m", "pip", "install", "--quiet", "--only-binary", ":all:", needed)
+            installed.touch()
     # schiebung writes a configuration into its user's home.
     environment = {"HOME": str(folder), "XDG_CONFIG_HOME": str(folder / "config"), "PYTHONPATH": ""}
     command = [str(python), str(CONTESTANTS / "from_pypi.py"), package]

@@ -31,12 +31,16 @@ SECTIONS = {
     ),
     "watch": ("Programs that watch transforms, us: CPU of the process per message", "listener"),
     "types": ("Messages, clouds and arrays into another frame, us per call", "call"),
+    "recordings": (
+        "Recordings, us per transform loaded, per lookup, per pickle and back; recordings per second",
+        "bag.load",
+    ),
     "memory": ("Memory, bytes per dynamic sample", "resident"),
     "instructions": ("Growth in instructions (callgrind), 4 dynamic hops, per transform", ""),
 }
 # Few things, each its own: a line for each row.
-LISTED = ("inserts", "failing", "load", "receive", "watch", "memory", "instructions")
-UNITS = {"x": "{:.2f}x", "B": "{:.1f}"}
+LISTED = ("inserts", "failing", "load", "receive", "watch", "recordings", "memory", "instructions")
+UNITS = {"x": "{:.2f}x", "B": "{:.1f}", "/s": "{:.2f}/s"}
 
 
 def introduction(

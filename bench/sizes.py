@@ -36,6 +36,11 @@ class Sizes:
     receive_s: float = 5.0  # of publishing, for each load in each round
     receive_wakes: int = 200  # lookups of each kind in each round
     types_budget_s: float = 0.2
+    recording_transforms: int = 1_000_000
+    recording_frames: int = 100
+    recording_rounds: int = 5
+    recording_lookups: int = 100_000
+    recording_files: int = 32  # with fewer, the start of the workers counts too much
     thorough: bool = True  # every library in every section; instructions are counted
 
 
@@ -63,6 +68,9 @@ QUICK = replace(
     receive_s=0.6,
     receive_wakes=60,
     types_budget_s=0.02,
+    recording_transforms=100_000,
+    recording_rounds=2,
+    recording_files=2,
     thorough=False,
 )
 
@@ -97,4 +105,8 @@ TINY = replace(
     receive_s=0.2,
     receive_wakes=5,
     types_budget_s=0.001,
+    recording_transforms=2000,
+    recording_frames=40,
+    recording_rounds=1,
+    recording_lookups=20,
 )

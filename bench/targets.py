@@ -22,9 +22,11 @@ from bench.lookups import FAILING_WAYS, REASONS
 from bench.nodes import BUFFERS, HEAVY, INSERT, LATE, LOOKUP, LOST, RATE, READERS
 from bench.programs import LISTENER, WATCHING
 from bench.race import OURS, Row, Rows, ratio_of_rounds
+from bench.recordings import BATCH, LOAD, PICKLE, RAW
 
 PASS, SHORT, UNKNOWN = "pass", "falls short", "not measured"
 CHAIN = "chain of 1000"
+MILLION = 1_000_000
 
 # What Jazzy's tf2 takes on the machine where Debian's took the figures below, in ns.
 Cell = tuple[str, int]  # place, hops
@@ -68,7 +70,19 @@ class Verdict:
 
 
 def verdicts(rows: Rows) -> list[Verdict]:
-    parts = _lookups, _vectors, _growth, _inserts, _memory, _load, _waiters, _receive, _watch, _types
+    parts = (
+        _lookups,
+        _vectors,
+        _growth,
+        _inserts,
+        _memory,
+        _load,
+        _waiters,
+        _receive,
+        _watch,
+        _types,
+        _recordings,
+    )
     return [verdict for part in parts for verdict in part(rows)]
 
 
@@ -272,3 +286,26 @@ def _types(rows: Rows) -> Iterable[Verdict]:
         values = {name: JAZZY_TYPES[name] * factor / ns for name, ns in own.items()}
         what = f"do_transform of {' and '.join(names)} against Jazzy's (carried over)"
         yield at_least("types-vs-python", what, values, wanted)
+
+
+def _recordings(rows: Rows) -> Iterable[Verdict]:
+    above_us = {}
+    for own in rows.all("recordings", OURS, LOAD):
+        raw = rows.find("recordings", OURS, RAW, **own.labels)
+        if raw is not None:
+            name = f"{own.labels['per message']} a message, {own.labels['compression']}"
+            above_us[name] = statistics.median(
+                (a - b) / 1e3 for a, b in zip(own.rounds, raw.rounds, strict=True)
+            )
+    what = "bag.load per transform, above rosbags' raw messages"
+    yield at_most("recording-load", what, above_us, 0.2, " us")
+    pickles = [row for way in PICKLE for row in rows.all("recordings", OURS, way)]
+    seconds = {row.way: row.median / 1e9 * MILLION / row.labels["samples"] for row in pickles}
+    what = "a pickle of a million samples, and back"
+    yield at_most("recording-pickle", what, seconds, 0.25, " s")
+    # Of recordings that take a second or more: starting a worker takes about as long as a short one.
+    one, two = (
+        rows.median("recordings", OURS, BATCH, transforms=MILLION, workers=workers) for workers in (1, 2)
+    )
+    what = "recordings per second by two workers over one"
+    yield at_least("recording-workers", what, {BATCH: two / one}, 1.8)

@@ -5,6 +5,7 @@ import gc
 import importlib
 import os
 import random
+import signal
 import subprocess
 import sys
 import tempfile
@@ -58,6 +59,9 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
+    # A shell starts what it runs in the background without Ctrl-C, and the tests' own programs inherit that.
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     config.addinivalue_line("markers", "ours: what this project does otherwise than tf2, or in addition")
     if config.getoption("--reference"):
         _reveal_reference()
@@ -101,6 +105,16 @@ def tf2_py():
 def tf2_ros():
     """The tf2_ros under test; tests do not import it."""
     return importlib.import_module("tf2_ros")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def only_its_own_garbage():
+    """
+    A module's tests collect the garbage of that module alone: tests that collect hundreds of times would pay
+    each time for all that other modules' tests have imported.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture

@@ -6,7 +6,10 @@ import subprocess
 import sys
 import sysconfig
 import zipfile
+from importlib import metadata
 from pathlib import Path
+
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).resolve().parents[1]
 OURS = ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs")
@@ -148,3 +151,25 @@ def pip_install(python, wheel, *options, **environment):
 def run(command, environment, folder):
     """What a program ended with, started in a folder that holds none of ours."""
     return subprocess.run(command, env=environment, cwd=folder, text=True, capture_output=True)
+
+
+def link_libraries(folder, *requirements):
+    """Fill a folder with the libraries of this Python that these require, directly or not."""
+    folder.mkdir()
+    linked = set()
+    wanted = [Requirement(one) for one in requirements]
+    while wanted:
+        requirement = wanted.pop()
+        name = (requirement.name, *sorted(requirement.extras))
+        if name in linked:
+            continue
+        linked.add(name)
+        found = metadata.distribution(requirement.name)
+        for entry in {file.parts[0] for file in found.files if file.parts[0] not in ("..", "__pycache__")}:
+            if not (folder / entry).exists():
+                (folder / entry).symlink_to(found.locate_file(entry))
+        for needed in map(Requirement, found.requires or ()):
+            extras = requirement.extras or {""}
+            if needed.marker is None or any(needed.marker.evaluate({"extra": one}) for one in extras):
+                wanted.append(needed)
+    return folder

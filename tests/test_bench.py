@@ -73,6 +73,12 @@ def test_every_type_is_measured_beside_numpy(measured):
     assert all({"ours", "numpy"} <= who for who in who_of.values())
 
 
+def test_what_reads_recordings_finds_the_same_transforms(measured):
+    rows = [row for row in measured("recordings") if row.deviation is not None]
+    assert {row.way for row in rows} == {"lookup_transform", "rosbags + lists", "mcap-ros2-support + lists"}
+    assert all(row.deviation < 1e-9 for row in rows)
+
+
 def test_tables_and_verdicts_are_written_of_what_was_measured(run, measured):
     assert all(measured(section) for section in SECTIONS)
     tables = report.tables(run.rows, run.libraries)
@@ -99,6 +105,7 @@ def test_tables_and_verdicts_are_written_of_what_was_measured(run, measured):
         "insert-vs-python",
         "spin-once",
         "types-vs-python",
+        "recording-workers",
     }
     assert {verdict.target for verdict in verdicts} - unknown == {
         "growth-with-samples",
@@ -116,6 +123,8 @@ def test_tables_and_verdicts_are_written_of_what_was_measured(run, measured):
         "receive-vs-python",
         "receive-vs-floor",
         "watch-vs-listener",
+        "recording-load",
+        "recording-pickle",
         "wake-up latency",
     }
     json.dumps(run.rows.as_json())

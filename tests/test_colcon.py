@@ -17,6 +17,7 @@ pytestmark = [
 
 PROGRAMS = [
     "static_transform_publisher",
+    "tf2_bag",
     "tf2_buffer_server",
     "tf2_check",
     "tf2_echo",

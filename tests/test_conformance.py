@@ -3,6 +3,7 @@
 import gzip
 import json
 import math
+import pickle
 import re
 from pathlib import Path
 
@@ -134,8 +135,22 @@ def test_all_recordings_are_here():
 
 @pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda s: s["name"])
 def test_answers_as_recorded(tf2_py, scenario):
+    check_answers(tf2_py, scenario, lambda i, buffer: buffer)
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda s: s["name"])
+def test_answers_as_recorded_of_a_buffer_that_is_pickled_again_and_again(tf2_py, scenario):
+    check_answers(
+        tf2_py, scenario, lambda i, buffer: buffer if i % 10 else pickle.loads(pickle.dumps(buffer))
+    )
+
+
+def check_answers(tf2_py, scenario, before_op):
+    """`before_op` gets the number of the operation and the buffer, and returns the one to go on with."""
     buffer = tf2_py.BufferCore(Duration(nanoseconds=scenario["cache_ns"]))
-    for (op, *args), want in zip(scenario["ops"], scenario["want"], strict=True):
+    for i, ((op, *args), want) in enumerate(zip(scenario["ops"], scenario["want"], strict=True)):
+        buffer = before_op(i, buffer)
         try:
             got = call(buffer, op, args)
         except (tf2_py.TransformException, TypeError, ValueError, OverflowError) as error:

@@ -83,10 +83,15 @@ def program(page):
 
 @pytest.mark.parametrize("page", [page for page in PAGES if program(page)], ids=lambda page: page.name)
 def test_the_programs_of_a_page_run_and_print_what_it_says(page, tmp_path):
-    path = tmp_path / page.name
+    run_program(page, tmp_path)
+
+
+def run_program(page, folder, python=sys.executable, environment=None):
+    """Run the program of a page in a folder; it must print what the page says."""
+    path = folder / page.name
     path.write_text(program(page), encoding="utf-8")
     ended = subprocess.run(
-        [sys.executable, path], cwd=tmp_path, text=True, capture_output=True, timeout=3 * DEADLINE_S
+        [python, path], cwd=folder, env=environment, text=True, capture_output=True, timeout=3 * DEADLINE_S
     )
     assert ended.returncode == 0, ended.stderr
     printed = iter(ended.stdout.splitlines())
@@ -95,7 +100,7 @@ def test_the_programs_of_a_page_run_and_print_what_it_says(page, tmp_path):
         assert any(said.rstrip(" …") in line for line in printed), f"{said!r} is not in {ended.stdout!r}"
 
 
-def test_the_node_of_the_readme_finds_its_transform_when_it_is_spun():
+def test_the_node_of_the_readme_finds_its_transform_when_it_is_spun(tmp_path):
     ending = """
 find = CameraFinder.find
 CameraFinder.find = lambda self: (find(self), rclpy.shutdown())
@@ -103,7 +108,7 @@ main()
 """
     code = program(PAGES[0]) + ending
     ended = subprocess.run(
-        [sys.executable, "-c", code], text=True, capture_output=True, timeout=3 * DEADLINE_S
+        [sys.executable, "-c", code], cwd=tmp_path, text=True, capture_output=True, timeout=3 * DEADLINE_S
     )
     assert ended.returncode == 0, ended.stderr
     assert "[camera_finder]: x = 0.3" in ended.stderr
@@ -113,13 +118,18 @@ main()
 
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PROGRAMS = set(PYPROJECT["project"]["scripts"])
-COMMANDS = {"colcon", "make", "pip", "python", "ros2", "source"} | PROGRAMS
+COMMANDS = {"colcon", "evo_traj", "make", "pip", "python", "ros2", "source"} | PROGRAMS
 # What only another file of tests/ can run, and a part of it that shows that it does.
 RUN_ELSEWHERE = {
     "colcon build": ("test_colcon.py", '[colcon, "build", *options]'),
     "source install/setup.bash": ("test_colcon.py", "install/setup.bash"),
     "source .venv/bin/activate": ("../Makefile", "-m venv"),
     "ros2 run tf2_ros_cython tf2_which": ("test_colcon.py", '"tf2_which"'),
+    "evo_traj mcap drive.mcap /tf:map.base_link --save_as_tum": (
+        "test_evo.py",
+        'evo_traj(command, str(recording), "/tf:map.camera")',
+    ),
+    "evo_traj tum drive.tum": ("test_evo.py", 'evo_traj("tum", '),
 }
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 
@@ -289,7 +299,7 @@ def exists(name):
     if owner in OBJECTS:
         module, _, kind = OBJECTS[owner].rpartition(".")
         return member in dir(getattr(importlib.import_module(module), kind)) or is_known(member)
-    if owner in (*PACKAGES, "rclpy"):
+    if owner in (*PACKAGES, "tf2_ros.bag", "rclpy"):
         return hasattr(importlib.import_module(owner), member) or name in modules()
     if name.startswith("test_"):
         return any(name in names_in(path) for module in modules().values() for path in module)

@@ -27,6 +27,12 @@ extensions = importlib.import_module("build_backend.extensions")
 receiver = extensions.receiver
 
 
+@pytest.fixture(autouse=True)
+def path_of_its_own(monkeypatch):
+    """The build runs setup.py in this process, which adds its folder; children of later tests inherit it."""
+    monkeypatch.setattr(sys, "path", sys.path[:])
+
+
 @pytest.fixture
 def prefix(tmp_path):
     """An install prefix of ROS 2 with the packages named, as AMENT_PREFIX_PATH would list it."""

@@ -28,6 +28,8 @@ pytestmark = pytest.mark.ours
 
 PROGRAMS = sorted(path.stem for path in (ROOT / "tf2_ros_cython" / "cli").glob("[!_]*.py"))
 every_program = pytest.mark.parametrize("name", PROGRAMS)
+WITHOUT_NODE = {"tf2_bag"}
+NODES = [name for name in PROGRAMS if name not in WITHOUT_NODE]
 
 # What strtod takes, and what it takes a part of.
 NUMBERS = """0 1 1. .5 1.5 1e3 1E3 1e+3 1e-3 1e-05 1.e5 .5e1 007 0x1p3 0X1P3 0x1p-3 0x1.8p1 0x.8 0x1f 0x1.
@@ -97,6 +99,71 @@ class TestNumbers:
 
     def test_what_is_in_range_is_taken(self):
         assert (finite_number("-2"), positive_number("2"), non_negative_number("0")) == (-2.0, 2.0, 0.0)
+
+
+def with_commands():
+    parser = Parser("any", "What it does.", "  any one", node=False)
+    one = parser.add_command("one", "does one thing", "What one does.", "  any one 1 -x 2")
+    one.add_argument("first", type=number)
+    one.add_argument("rest", nargs="*", type=number, default=[])
+    one.add_argument("-x", type=number)
+    parser.add_command("other", "does another thing", "What other does.", "  any other")
+    return parser
+
+
+class TestCommands:
+    def test_the_first_argument_says_who_reads_the_others(self):
+        read = with_commands().read(["any", "one", "-1", "-x", "-2", "3", "-4"])
+        assert (read.command, read.first, read.x, read.rest) == ("one", -1.0, -2.0, [3.0, -4.0])
+        assert with_commands().read(["any", "other"]).command == "other"
+
+    @pytest.mark.parametrize(
+        ("line", "said"),
+        [
+            ([], "any: the following arguments are required: COMMAND (see any --help)"),
+            (["two"], "any: argument COMMAND: invalid choice: 'two'"),
+            (["-x"], "any: the following arguments are required: COMMAND (see any --help)"),
+            (["one"], "any one: the following arguments are required: first (see any one --help)"),
+            (["one", "x"], "any one: argument first: 'x' is not a number (see any one --help)"),
+            (["other", "x"], "any other: unrecognized arguments: x (see any other --help)"),
+        ],
+    )
+    def test_wrong_usage_is_one_line_of_the_command_and_status_2(self, line, said, capsys):
+        with pytest.raises(SystemExit) as ended:
+            with_commands().read(["any", *line])
+        out, err = capsys.readouterr()
+        assert (ended.value.code, out, err.count("\n")) == (2, "", 1)
+        assert err.startswith(said)
+
+    @pytest.mark.parametrize(
+        ("line", "said"),
+        [
+            (["-h"], ("usage: any [-h] COMMAND", "one       does one thing", "example:\n  any one\n")),
+            (["one", "-h"], ("usage: any one [-h]", "What one does.", "example:\n  any one 1 -x 2\n")),
+        ],
+    )
+    def test_each_has_a_help(self, line, said, capsys):
+        with pytest.raises(SystemExit) as ended:
+            with_commands().read(["any", *line])
+        out, err = capsys.readouterr()
+        assert (ended.value.code, err) == (0, "")
+        assert all(part in out for part in said), out
+
+    def test_what_the_work_refuses_names_the_command(self, tmp_path):
+        (tmp_path / "its_work.py").write_text(
+            "from tf2_ros_cython.cli._program import UsageError\n"
+            "def work(options):\n    raise UsageError('never so')\n"
+        )
+        code = (
+            f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
+            "from tf2_ros_cython.cli._program import Parser, run\n"
+            "parser = Parser('any', '', '')\n"
+            "parser.add_command('one', '', '', '')\n"
+            "sys.exit(run(parser, 'its_work:work', ['any', 'one']))"
+        )
+        done = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr == "any one: never so (see any one --help)\n"
 
 
 DEFERS = """
@@ -169,7 +236,7 @@ class TestEveryProgram:
             assert (status, err) == (0, "")
             assert out.startswith(f"usage: {name} ")
             assert f"\nexample:\n  {name} " in out
-            assert "--ros-args" in out
+            assert ("--ros-args" in out) == (name in NODES)
             assert max(map(len, out.splitlines())) <= 110
 
     def test_help_imports_no_ros(self, name):
@@ -185,13 +252,6 @@ class TestEveryProgram:
         status, out, err = ended(name, "--no-such-option")
         assert (status, out) == (2, "")
         assert err.startswith(f"{name}: ") and err.endswith(f"(see {name} --help)\n")
-        assert err.count("\n") == 1
-
-    @pytest.mark.parametrize("given", [["--no-such-option"], ["-p", "x"], ["-r", "__node:=a-b"]])
-    def test_wrong_arguments_for_ros_are_one_line_and_status_2(self, name, given):
-        status, out, err = ended(name, "--ros-args", *given)
-        assert (status, out) == (2, "")
-        assert err.startswith(f"{name}: --ros-args: ")
         assert err.count("\n") == 1
 
     def test_a_reader_who_leaves_ends_it_without_a_word(self, name):
@@ -253,6 +313,16 @@ class TestEveryProgram:
             _, err = process.communicate(timeout=DEADLINE_S)
         assert (process.returncode, err) == (128 + how, "")
 
+
+@pytest.mark.parametrize("name", NODES)
+class TestEveryProgramWithANode:
+    @pytest.mark.parametrize("given", [["--no-such-option"], ["-p", "x"], ["-r", "__node:=a-b"]])
+    def test_wrong_arguments_for_ros_are_one_line_and_status_2(self, name, given):
+        status, out, err = ended(name, "--ros-args", *given)
+        assert (status, out) == (2, "")
+        assert err.startswith(f"{name}: --ros-args: ")
+        assert err.count("\n") == 1
+
     def test_control_c_in_a_terminal_leaves_no_trace(self, name, node):
         command = ["-m", f"tf2_ros.cli.{name}", *VALID.get(name, []), "--ros-args", "-r", "__node:=ended"]
         with pexpect.spawn(sys.executable, command, timeout=DEADLINE_S, encoding="utf-8") as terminal:
@@ -288,6 +358,7 @@ class TestEveryProgram:
 # A command line of each program that needs arguments, and the status of one that Ctrl-C ends.
 VALID = {
     "static_transform_publisher": ["--frame-id", "map", "--child-frame-id", "robot"],
+    "tf2_bag": ["info", "recording.mcap"],
     "tf2_echo": ["map", "robot"],
 }
 DRAW = {"tf2_monitor"}

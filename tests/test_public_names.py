@@ -77,6 +77,7 @@ MODULES = {
         "to_matrix",
         "to_rotation",
     },
+    "tf2_ros.rerun": {"ViewerError", "log", "save", "view"},
     "tf2_ros.static_transform_listener": {
         "DEFAULT_STATIC_TF_TOPIC",
         "DEFAULT_TF_TOPIC",

@@ -197,20 +197,20 @@ class TestWhich:
         assert line.startswith("tf2_ros: not tf2-ros-cython, ")
         assert reason in line
 
-    def test_it_runs_without_ros(self, in_venv):
-        ended = in_venv.run(unsourced(), "-m", "tf2_ros_cython")
+    def test_it_runs_without_ros(self, in_venv, tmp_path):
+        ended = in_venv.run(add_numpy(tmp_path), "-m", "tf2_ros_cython")
         assert (ended.returncode, ended.stderr) == (1, "")
-        assert "\ndoes not load: tf2_ros: tf2_ros needs ROS 2" in ended.stdout
-        assert "ROS 2: none found" in ended.stdout
+        assert "\ndoes not load: tf2_geometry_msgs: tf2_ros needs ROS 2" in ended.stdout
+        assert "ROS 2: none found; buffers and recordings do without" in ended.stdout
         assert "receiver: built, but does not load: tf2_ros needs ROS 2" in ended.stdout
 
-    def test_an_installation_for_no_ros_is_right_if_tf2_py_loads(self, wheel, tmp_path):
+    def test_an_installation_for_no_ros_is_right_if_buffers_load(self, wheel, tmp_path):
         python = installing.new_venv(tmp_path / "venv", wheel)
         record = tmp_path / "venv" / SITE / "tf2_ros_cython" / "_built.py"
         record.write_text(re.sub("(?m)^RCLPY.*", "RCLPY = None", record.read_text()))
         ended = installing.run([python.parent / "tf2_which"], add_numpy(tmp_path), tmp_path)
         assert (ended.returncode, ended.stderr) == (0, "")
-        assert "built for: no ROS 2; tf2_py works alone" in ended.stdout
+        assert "built for: no ROS 2; buffers and recordings do without" in ended.stdout
         assert "\ndoes not load: " not in ended.stdout
 
 
@@ -236,14 +236,14 @@ class TestAnotherRos:
         assert f"the one that runs is Kilted (rclpy 9.1.2) in {kilted.path}" in ended.stderr
         assert "pip install '.[ros-kilted]' -C ros=kilted" in ended.stderr
 
-    def test_without_ros_tf2_ros_says_what_to_install_and_tf2_py_works(self, in_venv, tmp_path):
+    def test_without_ros_a_listener_says_what_to_install_and_a_buffer_works(self, in_venv, tmp_path):
         with_numpy = add_numpy(tmp_path)
-        ended = in_venv.run(with_numpy, "-c", "import tf2_ros")
-        assert "ModuleNotFoundError: tf2_ros needs ROS 2" in ended.stderr
+        ended = in_venv.run(with_numpy, "-c", "from tf2_ros import TransformListener")
+        assert "ModuleNotFoundError: tf2_ros.TransformListener needs ROS 2" in ended.stderr
         wheels = "pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces"
         assert f"{wheels}, or in its sources: pip install '.[ros]'" in ended.stderr
         ended = in_venv.run(
-            with_numpy, "-c", "import tf2_py; print(tf2_py.BufferCore().all_frames_as_string())"
+            with_numpy, "-c", "import tf2_ros; print(tf2_ros.Buffer().all_frames_as_string())"
         )
         assert (ended.returncode, ended.stderr) == (0, "")
 

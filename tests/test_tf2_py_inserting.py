@@ -2,7 +2,9 @@
 
 import math
 import types
+from fractions import Fraction
 
+import numpy as np
 import pytest
 from making import S, about_z, at, rotation, stamp_ns, transform, translation
 from rclpy.duration import Duration
@@ -336,9 +338,18 @@ class TestConstruction:
             assert buffer.can_transform_core("map", "odom", at(10.7))[0] == 0
 
     @pytest.mark.ours
-    @pytest.mark.parametrize("wrong", [10, 10.0, "10", object()])
+    @pytest.mark.parametrize("seconds", [2, 2.0, np.float32(2.0), Fraction(2)], ids=repr)
+    def test_a_number_as_cache_time_is_seconds(self, tf2_py, seconds):
+        assert tf2_py.BufferCore(seconds).cache_time_ns == 2 * S
+
+    @pytest.mark.ours
+    def test_an_infinite_cache_time_keeps_everything(self, tf2_py):
+        assert tf2_py.BufferCore(float("inf")).cache_time_ns == 2**62
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("wrong", ["10", True, object()])
     def test_a_cache_time_that_is_no_duration_is_a_type_error(self, tf2_py, wrong):
-        with pytest.raises(TypeError):
+        with pytest.raises(TypeError, match="^cache_time must be a duration or seconds, not "):
             tf2_py.BufferCore(wrong)
 
     @pytest.mark.ours

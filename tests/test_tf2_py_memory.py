@@ -1,6 +1,7 @@
 """Reference counts and memory stay where they were, whatever is done often."""
 
 import gc
+import pickle
 import sys
 import types
 
@@ -64,6 +65,7 @@ def actions(buffer):
         "names": buffer._getFrameStrings,
         "pending waits": lambda: (buffer._wait("map", "base", at(5)), buffer._pending_waits()),
         "statistics": buffer.statistics,
+        "pickle": lambda: pickle.loads(pickle.dumps(buffer)),
     }
 
 
@@ -74,6 +76,7 @@ def failures(buffer):
         "lookup of no time": raising(buffer.lookup_transform_core, "map", "base", at(5)),
         "lookup of no text": raising(buffer.lookup_transform_core, "map", b"base", at(5)),
         "no transform": raising(buffer.set_transforms, [transform("a", "b"), 1], "x"),
+        "no state": raising(buffer.__setstate__, buffer.__getstate__() | {"names": b"map\0map\0base\0"}),
         "no message": raising(buffer.set_transforms_cdr, data, "x"),
     }
 

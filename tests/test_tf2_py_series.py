@@ -290,7 +290,7 @@ class TestDates:
     def test_a_date_of_pandas_that_does_not_fit_is_named(self, buffer):
         pandas = pytest.importorskip("pandas")
         late = pandas.Series([pandas.Timestamp("9999-01-01", tz="UTC").as_unit("s")])
-        with pytest.raises(ValueError, match=r"times\[0\] is 9999"):
+        with pytest.raises(ValueError, match=r"times\[0\] (is|=) 9999"):
             buffer.lookup_transforms("map", "odom", late)
 
     def test_durations_are_no_times(self, buffer):

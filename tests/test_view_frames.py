@@ -92,6 +92,17 @@ class TestFiles:
         assert (tmp_path / "link").is_symlink()
         assert (tmp_path / "file").read_bytes() == b"text"
 
+    def test_a_pipe_is_written_to_and_stays_one(self, tmp_path):
+        pipe = tmp_path / "pipe"
+        os.mkfifo(pipe)
+        reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+        try:
+            write_whole(str(pipe), b"text")
+            assert os.read(reader, 100) == b"text"
+        finally:
+            os.close(reader)
+        assert [*tmp_path.iterdir()] == [pipe] and pipe.is_fifo()
+
 
 @needs_dot
 class TestOnce:

@@ -37,6 +37,6 @@ __all__ = [
 ]
 
 # tf2's extension imports these two, and programs that import rclpy alone use them as its attributes.
-if "rclpy" in sys.modules:
+if sys.modules.get("rclpy") is not None:
     importlib.import_module("rclpy.duration")
     importlib.import_module("rclpy.time")

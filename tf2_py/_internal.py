@@ -5,30 +5,36 @@ Not a public interface: it may change at any time. They import nothing else of t
 its modules can be moved; what they cimport stands in ``_internal.pxd``.
 """
 
-from tf2_py._objects import log, wait_texts
+from tf2_py._objects import log, message_classes, wait_texts
 from tf2_py._objects.arrays import as_times_ns, mask_of
-from tf2_py._objects.at_exit import keep_for_ever, skip_exit_handlers
+from tf2_py._objects.at_exit import keep_for_ever
 from tf2_py._objects.errors import MalformedObjectError, bad_name, seconds
 from tf2_py._objects.frame_names import is_invalid_name
+from tf2_py._objects.histories import History, histories
 from tf2_py._objects.printable import class_name, counted, printable
 from tf2_py._objects.refusals import raise_refused, refused
 from tf2_py._objects.rotations import matrices_from_rotations, normalise, rotations_from_matrices
 from tf2_py._objects.serialize import serialize_transforms
 from tf2_py._objects.times import FOR_EVER_NS, duration_ns, stamp_parts, time_ns, timeout_ns
+from tf2_py._objects.whole_file import UNFINISHED, whole_file
 
 __all__ = [
     "FOR_EVER_NS",
+    "History",
     "MalformedObjectError",
+    "UNFINISHED",
     "as_times_ns",
     "bad_name",
     "class_name",
     "counted",
     "duration_ns",
+    "histories",
     "is_invalid_name",
     "keep_for_ever",
     "log",
     "mask_of",
     "matrices_from_rotations",
+    "message_classes",
     "normalise",
     "printable",
     "raise_refused",
@@ -36,9 +42,9 @@ __all__ = [
     "rotations_from_matrices",
     "seconds",
     "serialize_transforms",
-    "skip_exit_handlers",
     "stamp_parts",
     "time_ns",
     "timeout_ns",
     "wait_texts",
+    "whole_file",
 ]

@@ -1,4 +1,5 @@
 from collections.abc import Callable, Iterable, Sequence
+from os import PathLike
 from typing import Any, Literal, TypedDict, TypeVar, overload
 
 import numpy as np
@@ -15,7 +16,7 @@ from tf2_py._objects.errors import (
     TransformException,
 )
 from tf2_py._objects.listings import FrameInfo
-from tf2_py.typing import DurationLike, TimeLike, TimesLike
+from tf2_py.typing import DurationLike, TimeLike, TimeoutLike, TimesLike
 
 __all__ = [
     "BufferCore",
@@ -27,6 +28,7 @@ __all__ = [
     "TransformException",
 ]
 
+_Buffer = TypeVar("_Buffer", bound="BufferCore")
 _Float = TypeVar("_Float", np.float32, np.float64)
 _Vector = tuple[float, float, float]  # x y z
 
@@ -56,7 +58,7 @@ class BufferCore:
     def cache_time_ns(self) -> int: ...
     def __init__(
         self,
-        cache_time: DurationLike | None = None,
+        cache_time: TimeoutLike | None = None,
         *,
         max_frames: int | None = None,
         max_bytes: int | None = None,
@@ -71,6 +73,12 @@ class BufferCore:
         self, data: bytes | bytearray | memoryview, authority: str, static: bool = False
     ) -> int: ...
     def clear(self) -> None: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+    def __getstate__(self) -> dict[str, Any]: ...
+    def __setstate__(self, state: dict[str, Any]) -> None: ...
+    def save(self, path: str | PathLike[str]) -> None: ...
+    @classmethod
+    def load(cls: type[_Buffer], path: str | PathLike[str]) -> _Buffer: ...
     def lookup_transform_core(
         self, target_frame: str, source_frame: str, time: TimeLike
     ) -> TransformStamped: ...

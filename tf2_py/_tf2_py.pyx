@@ -27,11 +27,16 @@ from tf2_py._objects.arguments cimport (
     query_frames,
 )
 from tf2_py._objects.messages cimport name_utf8, new_transform_stamped, read_transform_stamped
-from tf2_py._objects.times cimport duration_nanoseconds, nanoseconds, new_time, stamp_nanoseconds
+from tf2_py._objects.times cimport (
+    duration_nanoseconds, duration_or_seconds, nanoseconds, new_time, stamp_nanoseconds,
+)
 from tf2_py._wire.batch cimport Batch, Entry, batch_free, batch_read_cdr, batch_reserve
+
+import os
 
 from tf2_py._objects import errors, listings
 from tf2_py._objects.arrays import as_points, as_times_ns, new_rows
+from tf2_py._objects.attributes import attributes_of, check_attributes, set_attributes
 # Programs also catch them by the name of tf2's extension module.
 from tf2_py._objects.errors import (
     ConnectivityException,
@@ -43,6 +48,7 @@ from tf2_py._objects.errors import (
 )
 from tf2_py._objects.frame_tree import tree_text
 from tf2_py._objects.limits import limit
+from tf2_py._objects.printable import printable
 
 __all__ = [
     "BufferCore",
@@ -60,11 +66,12 @@ cdef class BufferCore(Engine):
     """BufferCore(cache_time=None, *, max_frames=None, max_bytes=None, max_waiters=None)\n--\n
     A tree of coordinate frames that changes with time, and the history of each frame.
 
-    :param cache_time: a duration: how far each frame's history reaches back. Default 10 s.
+    :param cache_time: how far each frame's history reaches back: a duration, or a number, which is seconds.
+        Default 10 s.
     :param int max_frames: how many frame names. Default: a million.
     :param int max_bytes: memory for names and histories. Default: 1 GiB.
     :param int max_waiters: how many lookups may wait at once. Default: a hundred thousand.
-    :raises TypeError: ``cache_time`` is no duration, or a limit is no int.
+    :raises TypeError: ``cache_time`` is neither, or a limit is no int.
     :raises ValueError: ``cache_time`` is negative, or a limit is not above 0.
     :raises OverflowError: ``cache_time`` does not fit into 64-bit nanoseconds.
 
@@ -92,6 +99,13 @@ cdef class BufferCore(Engine):
     >>> print(buffer.tree())
     base_link
       camera (static)
+
+    It can be pickled and copied, with everything that answers and listings depend on. A copy by
+    ``copy.copy`` is as independent as a deep one, but shares the attributes of a subclass.
+
+    >>> import copy, pickle
+    >>> pickle.loads(pickle.dumps(buffer)).tree() == copy.deepcopy(buffer).tree() == buffer.tree()
+    True
     """
 
     def __init__(
@@ -108,7 +122,7 @@ cdef class BufferCore(Engine):
         limits.bytes = limit("max_bytes", max_bytes)
         limits.waiters = limit("max_waiters", max_waiters)
         if cache_time is not None:
-            cache_time_ns = duration_nanoseconds(cache_time, "cache_time")
+            cache_time_ns = duration_or_seconds(cache_time, "cache_time")
         if cache_time_ns < 0:
             raise ValueError(f"cache_time must not be negative, it is {errors.seconds(cache_time_ns)} s")
         self.start_over(cache_time_ns, &limits)
@@ -220,6 +234,72 @@ cdef class BufferCore(Engine):
     def clear(self) -> None:
         """Remove every dynamic transform; names, authorities and static transforms stay."""
         self.forget()
+
+    # Travelling: pickles, copies, files.
+
+    def __reduce__(self):
+        return _without_init, (type(self),), self.__getstate__()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """
+        What a pickle or copy of this buffer is made of, as of one moment; other threads may go on inserting.
+
+        :return: a dict of everything that answers, listings and later inserts depend on, with the samples as
+            NumPy arrays, and under ``"attributes"`` those of a subclass. Pending waits do not travel.
+        """
+        cdef dict state = self.export()
+        state["attributes"] = attributes_of(self)
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """
+        Become the buffer that such a state says; pending waits go on.
+
+        :raises ValueError: it is of another version, or no state that a buffer can have. Then, as with any
+            other error, nothing has changed.
+        """
+        cdef dict core
+        if type(state) is not dict:
+            raise ValueError(f"not the state of a buffer: it is no dict but {type(state).__name__}")
+        core = dict(state)
+        attributes = core.pop("attributes", None)
+        check_attributes(self, attributes)
+        self.restore(core)
+        set_attributes(self, attributes)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """
+        Write this buffer as of now to an ``.mcap`` file, which any tool for recordings opens.
+
+        The transforms are ordinary messages on ``/tf`` and ``/tf_static``, in the order of their stamps;
+        what a message cannot hold is metadata of the file. :meth:`load` gives the same buffer back. A file
+        of that name is replaced once the new one is whole. Attributes of a subclass are not saved.
+
+        :raises OSError: it cannot be written; what was there before stays.
+        :raises ModuleNotFoundError: the library mcap is missing: ``pip install 'tf2-ros-cython[bag]'``.
+        """
+        from tf2_py._objects.saved import save_state
+        save_state(self.export(), path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> BufferCore:
+        """
+        Make a buffer of a file that :meth:`save` wrote: its answers are the same to the last bit.
+
+        ``__init__`` is not called. Recordings that something else wrote are read by ``tf2_ros.bag.load``.
+
+        :raises FileNotFoundError, OSError: it cannot be read.
+        :raises ValueError: it holds no buffer, or is damaged; the text names the file.
+        :raises ModuleNotFoundError: as of :meth:`save`.
+        """
+        from tf2_py._objects.saved import load_state
+        loaded = _without_init(cls)
+        state = load_state(path)
+        try:
+            loaded.__setstate__(state | {"attributes": {}})
+        except ValueError as error:
+            raise ValueError(f"{printable(os.fspath(path))}: {error}") from None
+        return loaded
 
     # Looking transforms up.
 
@@ -640,3 +720,12 @@ cdef class BufferCore(Engine):
         cdef const char* problem = self.check()
         if problem != NULL:
             raise AssertionError(problem.decode())
+
+
+def _without_init(cls):
+    """
+    An empty buffer of a class whose ``__init__`` is not called: its state is to follow.
+
+    Pickles name this function.
+    """
+    return BufferCore.__new__(cls)

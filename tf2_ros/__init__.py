@@ -1,26 +1,14 @@
 """tf2 for nodes: buffers, listeners and broadcasters; and everything of tf2_py."""
 
+from typing import TYPE_CHECKING
+
 # Before the imports below fail without a word of advice or, on another ROS 2 than the one built for, crash.
 from tf2_py import BufferCore
-from tf2_ros_cython._requirement import __version__ as __version__
+from tf2_ros_cython._presence import HAS_ROS
+from tf2_ros_cython._version import __version__ as __version__
 
 # isort: split
 
-from geometry_msgs.msg import (
-    PointStamped,
-    PoseStamped,
-    PoseWithCovarianceStamped,
-    TransformStamped,
-    Vector3Stamped,
-)
-from rclpy.duration import Duration
-from rclpy.time import Time
-from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Header
-
-from tf2_msgs.action import LookupTransform
-from tf2_msgs.msg import TFMessage
-from tf2_msgs.srv import FrameGraph
 from tf2_py import (
     ConnectivityException,
     ExtrapolationException,
@@ -31,40 +19,22 @@ from tf2_py import (
     add_dll_directories_from_env,
 )
 from tf2_py import FrameInfo as FrameInfo
-from tf2_ros import (
-    buffer,
-    buffer_client,
-    buffer_interface,
-    static_transform_broadcaster,
-    transform_broadcaster,
-    transform_listener,
-)
+from tf2_ros import buffer, buffer_interface
+from tf2_ros._messages import Header, PoseStamped, TransformStamped
 from tf2_ros._tf2_names import (
     Any,
     Callable,
-    Clock,
-    DurabilityPolicy,
     FrameGraphSrvRequest,
     FrameGraphSrvResponse,
-    Future,
-    HistoryPolicy,
-    JumpThreshold,
     List,
     LookupTransformGoal,
     LookupTransformResult,
-    Node,
     Optional,
-    QoSProfile,
-    ReentrantCallbackGroup,
-    SingleThreadedExecutor,
     Thread,
-    TimeJump,
     Tuple,
     TypeVar,
     Union,
-    builtin_interfaces,
     deepcopy,
-    rclpy,
     sleep,
     tf2,
     tf2_ros,
@@ -73,31 +43,62 @@ from tf2_ros._tf2_names import (
 )
 from tf2_ros._transform_text import format_transform as format_transform
 from tf2_ros.buffer import Buffer
-from tf2_ros.buffer_client import ActionClient, BufferClient
 from tf2_ros.buffer_interface import (
     BufferInterface,
     ConvertRegistration,
-    MsgStamped,
     NotImplementedException,
     PyKDLType,
     Stamped,
-    TransformableObject,
     TransformableObjectType,
     TransformRegistration,
     TypeException,
     convert,
 )
-from tf2_ros.buffer_server import BufferServer as BufferServer
-from tf2_ros.message_filter import FilterFailureReason as FilterFailureReason
-from tf2_ros.message_filter import MessageFilter as MessageFilter
-from tf2_ros.static_transform_broadcaster import StaticTransformBroadcaster
-from tf2_ros.transform_broadcaster import TransformBroadcaster
-from tf2_ros.transform_listener import (
-    DEFAULT_STATIC_TF_TOPIC,
-    DEFAULT_TF_TOPIC,
-    TransformListener,
-)
-from tf2_ros.transform_listener import StaticTransformListener as StaticTransformListener
+
+if TYPE_CHECKING or HAS_ROS:
+    from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, Vector3Stamped
+    from rclpy.duration import Duration
+    from rclpy.time import Time
+    from sensor_msgs.msg import PointCloud2
+
+    from tf2_msgs.action import LookupTransform
+    from tf2_msgs.msg import TFMessage
+    from tf2_msgs.srv import FrameGraph
+    from tf2_ros import (
+        buffer_client,
+        static_transform_broadcaster,
+        transform_broadcaster,
+        transform_listener,
+    )
+    from tf2_ros._tf2_names import (
+        Clock,
+        DurabilityPolicy,
+        Future,
+        HistoryPolicy,
+        JumpThreshold,
+        Node,
+        QoSProfile,
+        ReentrantCallbackGroup,
+        SingleThreadedExecutor,
+        TimeJump,
+        builtin_interfaces,
+        rclpy,
+    )
+    from tf2_ros.buffer_client import ActionClient, BufferClient
+    from tf2_ros.buffer_interface import MsgStamped, TransformableObject
+    from tf2_ros.buffer_server import BufferServer as BufferServer
+    from tf2_ros.message_filter import FilterFailureReason as FilterFailureReason
+    from tf2_ros.message_filter import MessageFilter as MessageFilter
+    from tf2_ros.static_transform_broadcaster import StaticTransformBroadcaster
+    from tf2_ros.transform_broadcaster import TransformBroadcaster
+    from tf2_ros.transform_listener import (
+        DEFAULT_STATIC_TF_TOPIC,
+        DEFAULT_TF_TOPIC,
+        TransformListener,
+    )
+    from tf2_ros.transform_listener import StaticTransformListener as StaticTransformListener
+else:
+    from tf2_ros._without_ros import leave_out_ros
 
 # What `import *` gives from tf2's package, accidental names included, and nothing more: a name of ours could
 # hide one of a program's. The others are imported by name.
@@ -178,3 +179,9 @@ __all__ = [
     "transform_listener",
     "warnings",
 ]
+
+if not (TYPE_CHECKING or HAS_ROS):
+    leave_out_ros(
+        globals(),
+        {"BufferServer", "FilterFailureReason", "MessageFilter", "StaticTransformListener"},
+    )

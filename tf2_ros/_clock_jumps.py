@@ -8,7 +8,7 @@ from rclpy.duration import Duration
 
 from tf2_ros._receive.receiver_thread import reinsert_recent
 
-__all__ = ["clear_at_jumps"]
+__all__ = ["clear_at_jumps", "jump_text"]
 
 JUMP_BACK = Duration(seconds=-1)  # at least so far, and a buffer is cleared
 
@@ -36,3 +36,12 @@ def clear_at_jumps(buffer: Any) -> JumpHandle:
     handle = buffer.clock.create_jump_callback(threshold, post_callback=on_jump)
     weakref.finalize(buffer, handle.unregister).atexit = False
     return handle
+
+
+def jump_text(time_jump: TimeJump) -> str:
+    """What happened to the clock."""
+    if time_jump.clock_change == ClockChange.ROS_TIME_ACTIVATED:
+        return "Simulated time was switched on"
+    if time_jump.clock_change == ClockChange.ROS_TIME_DEACTIVATED:
+        return "Simulated time was switched off"
+    return f"Detected jump back in time by {-time_jump.delta.nanoseconds / 1e9:.3f} s"

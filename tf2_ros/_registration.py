@@ -6,9 +6,8 @@ from collections.abc import Callable, Mapping
 from copy import deepcopy
 from typing import Any, TypeVar
 
-from geometry_msgs.msg import TransformStamped
-
 from tf2_ros._arguments import is_a, refuse_swapped
+from tf2_ros._messages import TransformStamped
 
 __all__ = [
     "ConvertRegistration",

@@ -9,7 +9,8 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
-from tf2_ros._forking import NodeUse, keep_for_ever, register_for_fork
+from tf2_ros._forking import keep_for_ever, register_for_fork
+from tf2_ros._node_use import NodeUse
 from tf2_ros._rclpy import RCLError, executor_handles, executor_wake_handle, is_shut_down, mark_shut_down
 
 __all__ = ["END_WAIT_S", "Spinner"]

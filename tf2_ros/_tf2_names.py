@@ -5,22 +5,34 @@ import warnings
 from copy import deepcopy
 from threading import Thread
 from time import sleep
-from typing import Any, Callable, Iterable, List, Optional, Tuple, TypeVar, Union  # noqa: UP035
-
-import builtin_interfaces.msg
-import rclpy
-import rclpy.clock
-import rclpy.logging
-import rclpy.time
-from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.clock import Clock, JumpThreshold, TimeJump
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
-from rclpy.task import Future
+from typing import (  # noqa: UP035
+    TYPE_CHECKING,
+    Any,
+    Callable,
+    Iterable,
+    List,
+    Optional,
+    Tuple,
+    TypeVar,
+    Union,
+)
 
 import tf2_py as tf2
 import tf2_ros
+from tf2_ros_cython._presence import HAS_ROS
+
+if TYPE_CHECKING or HAS_ROS:
+    import builtin_interfaces.msg
+    import rclpy
+    import rclpy.clock
+    import rclpy.logging
+    import rclpy.time
+    from rclpy.callback_groups import ReentrantCallbackGroup
+    from rclpy.clock import Clock, JumpThreshold, TimeJump
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.node import Node
+    from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
+    from rclpy.task import Future
 
 __all__ = [
     "Any",

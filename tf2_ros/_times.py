@@ -1,11 +1,10 @@
-"""Owns what timeouts and times of programs become: nanoseconds, and messages for a buffer server."""
+"""Owns what timeouts of programs become: nanoseconds, and messages for a buffer server."""
 
 from typing import Any
 
-from builtin_interfaces.msg import Time as TimeMsg
 from rclpy.duration import Duration
 
-from tf2_py._internal import FOR_EVER_NS, duration_ns, stamp_parts, timeout_ns
+from tf2_py._internal import FOR_EVER_NS, duration_ns, timeout_ns
 
 __all__ = [
     "FOR_EVER",
@@ -13,7 +12,6 @@ __all__ = [
     "duration_msg",
     "duration_ns",
     "optional_timeout_ns",
-    "time_msg",
     "timeout_ns",
 ]
 
@@ -30,13 +28,3 @@ def duration_msg(timeout: Any) -> Any:
     """The duration message of a timeout; at most FOR_EVER, with either sign."""
     longest_ns: int = FOR_EVER.nanoseconds
     return Duration(nanoseconds=max(-longest_ns, min(timeout_ns(timeout), longest_ns))).to_msg()
-
-
-def time_msg(time: Any, argument: str) -> TimeMsg:
-    """
-    The time message of a time; it raises as ``tf2_py._internal.stamp_parts``.
-
-    :param argument: what the errors call it.
-    """
-    sec, nanosec = stamp_parts(time, argument)
-    return TimeMsg(sec=sec, nanosec=nanosec)

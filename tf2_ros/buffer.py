@@ -1,28 +1,14 @@
 """Owns the buffer that a node uses: a BufferCore that can be waited for, with a service and a clock."""
 
 from functools import partial
-from typing import Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
-from geometry_msgs.msg import TransformStamped
-from rclpy.clock import Clock, ClockChange, JumpHandle, JumpThreshold, TimeJump
-from rclpy.duration import Duration
-from rclpy.logging import get_logger
-from rclpy.node import Node
-from rclpy.service import Service
-from rclpy.task import Future
-from rclpy.time import Time
-
-from tf2_msgs.srv import FrameGraph
 from tf2_py import BufferCore, TransformException
-from tf2_py.typing import DurationLike, TimeLike, TimeoutLike
+from tf2_py._internal import log, timeout_ns
+from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros._arguments import has, is_duration, refuse_swapped
-from tf2_ros._clock_jumps import clear_at_jumps
-from tf2_ros._receive.receiver_thread import attribute_changed
-from tf2_ros._replaced import (
-    RecheckingFuture,
-    lookup_transform_full_via_can,
-    lookup_transform_via_can,
-)
+from tf2_ros._messages import TransformStamped
+from tf2_ros._replaced import lookup_transform_full_via_can, lookup_transform_via_can
 from tf2_ros._tf2_names import (
     Callable,
     FrameGraphSrvRequest,
@@ -31,19 +17,41 @@ from tf2_ros._tf2_names import (
     Optional,
     Tuple,
     TypeVar,
-    rclpy,
     sleep,
     tf2,
     tf2_ros,
     threading,
 )
-from tf2_ros._times import optional_timeout_ns, timeout_ns
+from tf2_ros._travel import without_node
 from tf2_ros._wait.blocking import BlockingWait
-from tf2_ros._wait.contexts import WaitContexts, fills
 from tf2_ros._wait.lookup import Lookup
-from tf2_ros._wait.transform_future import TransformFuture
-from tf2_ros._wait.waking_future import WakingFuture
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
+from tf2_ros_cython._presence import HAS_ROS, absence
+
+if TYPE_CHECKING or HAS_ROS:
+    from rclpy.clock import Clock, JumpHandle, JumpThreshold, TimeJump
+    from rclpy.duration import Duration
+    from rclpy.node import Node
+    from rclpy.service import Service
+    from rclpy.task import Future
+    from rclpy.time import Time
+
+    from tf2_msgs.srv import FrameGraph
+    from tf2_ros._clock_jumps import clear_at_jumps, jump_text
+    from tf2_ros._receive.receiver_thread import attribute_changed
+    from tf2_ros._tf2_names import rclpy
+    from tf2_ros._wait.contexts import WaitContexts, fills
+    from tf2_ros._wait.rechecking_future import RecheckingFuture
+    from tf2_ros._wait.transform_future import TransformFuture
+    from tf2_ros._wait.waking_future import WakingFuture
+else:
+    from tf2_ros._without_ros import (
+        RecheckingFuture,
+        TransformFuture,
+        attribute_changed,
+        jump_text,
+        leave_out_ros,
+    )
 
 # What `import *` gives from tf2's module.
 __all__ = [
@@ -79,11 +87,12 @@ class Buffer(BufferCore, BufferInterface):
     """
     A buffer of transforms that can be waited for.
 
-    :param cache_time: how far each frame's history reaches back from its latest sample. None: 10 s.
+    :param cache_time: how far each frame's history reaches back from its latest sample: a duration, or a
+        number, which is seconds. None: 10 s.
     :param node: offer the service ``tf2_frames`` and follow the clock of this node. None: the buffer has a
         clock of its own, and no service.
     :param max_frames: see :class:`tf2_py.BufferCore`, also for ``max_bytes`` and ``max_waiters``.
-    :raises TypeError: ``cache_time`` is no duration, or a limit no int.
+    :raises TypeError: ``cache_time`` is neither, or a limit no int.
     :raises ValueError: ``cache_time`` is negative, or a limit not above 0.
 
     It is cleared when its clock jumps back by 1 s or more, and when simulated time is switched on or off.
@@ -109,8 +118,8 @@ class Buffer(BufferCore, BufferInterface):
 
     def __init__(
         self,
-        cache_time: DurationLike | None = None,
-        node: Node | None = None,
+        cache_time: TimeoutLike | None = None,
+        node: "Node | None" = None,
         *,
         max_frames: int | None = None,
         max_bytes: int | None = None,
@@ -120,7 +129,16 @@ class Buffer(BufferCore, BufferInterface):
         BufferCore.__init__(
             self, cache_time, max_frames=max_frames, max_bytes=max_bytes, max_waiters=max_waiters
         )
+        self.__connect(node)
+
+    def __connect(self, node: "Node | None") -> None:
         BufferInterface.__init__(self)
+        if HAS_ROS:
+            self.__begin_in_ros(node)
+        elif node is not None:
+            raise absence("a buffer with a node")
+
+    def __begin_in_ros(self, node: "Node | None") -> None:
         self._wait_contexts = WaitContexts()
         fills(node, self)
         self.srv: Service | None = None
@@ -148,6 +166,23 @@ class Buffer(BufferCore, BufferInterface):
         super().__delattr__(name)
         if name in SETTERS:
             attribute_changed()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """
+        What a pickle or copy of this buffer is made of: as of ``BufferCore``, without what belongs to a node.
+
+        The copy has a clock of its own, and no service. Attributes that are nodes or listeners do not travel.
+        Where there are any, or a service, a ``UserWarning`` says so.
+        """
+        state = super().__getstate__()
+        state["attributes"] = without_node(state["attributes"], type(self).__name__)
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Become the buffer that such a state says, as of ``BufferCore``; a node of this one stays."""
+        super().__setstate__(state)
+        if "registration" not in self.__dict__:
+            self.__connect(None)
 
     def __del__(self) -> None:
         """Stop following the clock; may be called again."""
@@ -387,7 +422,7 @@ class Buffer(BufferCore, BufferInterface):
 
     def wait_for_transform_async(
         self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: TimeoutLike | None = None
-    ) -> WakingFuture[TransformStamped]:
+    ) -> "WakingFuture[TransformStamped]":
         """
         Get a future of what :meth:`lookup_transform` will return: the pose of ``source_frame`` in
         ``target_frame``. Without ``timeout`` it waits for ever.
@@ -407,7 +442,7 @@ class Buffer(BufferCore, BufferInterface):
                 self,
                 partial(self.can_transform_core, *arguments),
                 partial(self.lookup_transform, *arguments),
-                optional_timeout_ns(timeout),
+                timeout,
             )
         return TransformFuture(self, Lookup.simple(target_frame, source_frame, time), timeout)
 
@@ -420,7 +455,7 @@ class Buffer(BufferCore, BufferInterface):
         fixed_frame: str,
         *,
         timeout: TimeoutLike | None = None,
-    ) -> WakingFuture[TransformStamped]:
+    ) -> "WakingFuture[TransformStamped]":
         """
         Get a future of what :meth:`lookup_transform_full` will return. Without ``timeout`` it waits for ever.
 
@@ -433,7 +468,7 @@ class Buffer(BufferCore, BufferInterface):
                 self,
                 partial(self.can_transform_full_core, *arguments),
                 partial(self.lookup_transform_full_core, *arguments),
-                optional_timeout_ns(timeout),
+                timeout,
             )
         lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame)
         return TransformFuture(self, lookup, timeout)
@@ -486,21 +521,14 @@ class Buffer(BufferCore, BufferInterface):
             fixed_frame,
         )
 
-    def time_jump_callback(self, time_jump: TimeJump | None) -> None:
+    def time_jump_callback(self, time_jump: "TimeJump | None") -> None:
         """
         Clear the buffer, and log a warning.
 
         :param time_jump: of the clock. None: a jump back, for programs that call this themselves.
         """
-        if time_jump is None:
-            happened = "Detected jump back in time"
-        elif time_jump.clock_change == ClockChange.ROS_TIME_ACTIVATED:
-            happened = "Simulated time was switched on"
-        elif time_jump.clock_change == ClockChange.ROS_TIME_DEACTIVATED:
-            happened = "Simulated time was switched off"
-        else:
-            happened = f"Detected jump back in time by {-time_jump.delta.nanoseconds / 1e9:.3f} s"
-        get_logger("tf2_buffer").warning(f"{happened}. Clearing TF buffer.")
+        happened = "Detected jump back in time" if time_jump is None else jump_text(time_jump)
+        log.logger("tf2_buffer").warning(f"{happened}. Clearing TF buffer.")
         self.clear()
 
     @classmethod
@@ -557,3 +585,7 @@ _LOOKUP = ("lookup_transform", "lookup_transform_core")
 _CAN_FULL = ("can_transform_full", "can_transform_full_core")
 _LOOKUP_FULL = ("lookup_transform_full", "lookup_transform_full_core")
 _ORIGINALS = {name: getattr(Buffer, name) for name in (*_CAN, *_LOOKUP, *_CAN_FULL, *_LOOKUP_FULL)}
+
+
+if not (TYPE_CHECKING or HAS_ROS):
+    leave_out_ros(globals())

@@ -1,5 +1,10 @@
 """Owns lookups in the buffer of another process, through its action."""
 
+# Before the imports below fail without a word of advice.
+from tf2_ros_cython import _requirement  # noqa: F401
+
+# isort: split
+
 import threading
 import weakref
 from typing import Any, Literal, overload
@@ -25,6 +30,7 @@ from tf2_py._internal import class_name, printable, wait_texts
 from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros._arguments import has, is_name, refuse_swapped
 from tf2_ros._goals import GoalSender, PendingGoal, send_directly
+from tf2_ros._messages import time_msg
 from tf2_ros._tf2_names import (
     Clock,
     LookupTransformGoal,
@@ -36,7 +42,7 @@ from tf2_ros._tf2_names import (
     tf2_ros,
     warnings,
 )
-from tf2_ros._times import FOR_EVER, duration_msg, optional_timeout_ns, time_msg, timeout_ns
+from tf2_ros._times import FOR_EVER, duration_msg, optional_timeout_ns, timeout_ns
 from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 
 # What `import *` gives from tf2's module.

@@ -1,23 +1,12 @@
 """Owns what every buffer offers: transforming objects on top of a lookup."""
 
-from typing import Any, TypeVar, overload
-
-from builtin_interfaces.msg import Time as TimeMsg
-from geometry_msgs.msg import (
-    PointStamped,
-    PoseStamped,
-    PoseWithCovarianceStamped,
-    TransformStamped,
-    Vector3Stamped,
-)
-from rclpy.duration import Duration
-from rclpy.time import Time
-from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Header
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from tf2_py import TransformException
 from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros._arguments import has, is_name, swapped
+from tf2_ros._messages import Header, PoseStamped, TransformStamped, time_msg
+from tf2_ros._messages import Time as TimeMsg
 from tf2_ros._registration import (
     ConvertRegistration,
     NotImplementedException,
@@ -31,11 +20,20 @@ from tf2_ros._tf2_names import (
     Tuple,
     Union,
     deepcopy,
-    rclpy,
     tf2,
     tf2_ros,
 )
-from tf2_ros._times import time_msg
+from tf2_ros_cython._presence import HAS_ROS
+
+if TYPE_CHECKING or HAS_ROS:
+    from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, Vector3Stamped
+    from rclpy.duration import Duration
+    from rclpy.time import Time
+    from sensor_msgs.msg import PointCloud2
+
+    from tf2_ros._tf2_names import rclpy
+else:
+    from tf2_ros._without_ros import leave_out_ros
 
 # What `import *` gives from tf2's module.
 __all__ = [
@@ -71,17 +69,18 @@ __all__ = [
     "tf2_ros",
 ]
 
-# Typing's, as in tf2: programs use them as default values and cast with them.
-MsgStamped = Union[PointStamped, PoseStamped, PoseWithCovarianceStamped, Vector3Stamped, PointCloud2]
 PyKDLType = TypeVar("PyKDLType")
-TransformableObject = Union[MsgStamped, PyKDLType]
 TransformableObjectType = TypeVar("TransformableObjectType")
+if TYPE_CHECKING or HAS_ROS:
+    # Typing's, as in tf2: programs use them as default values and cast with them.
+    MsgStamped = Union[PointStamped, PoseStamped, PoseWithCovarianceStamped, Vector3Stamped, PointCloud2]
+    TransformableObject = Union[MsgStamped, PyKDLType]
 
 _Object = TypeVar("_Object")
 _New = TypeVar("_New")
 
 # The default of every `timeout`: one object, so that "none" is an identity, not a comparison of Durations.
-NO_TIMEOUT = Duration()
+NO_TIMEOUT: TimeoutLike = Duration() if TYPE_CHECKING or HAS_ROS else 0.0
 
 
 class BufferInterface:
@@ -422,3 +421,7 @@ def Stamped(obj: _Object, stamp: TimeLike, frame_id: str) -> _Object:
     stamped: Any = obj
     stamped.header = Header(frame_id=frame_id, stamp=message)
     return obj
+
+
+if not (TYPE_CHECKING or HAS_ROS):
+    leave_out_ros(globals())

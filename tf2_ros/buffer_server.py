@@ -1,5 +1,10 @@
 """Owns the buffer server: it answers the lookups of other processes, through an action."""
 
+# Before the imports below fail without a word of advice.
+from tf2_ros_cython import _requirement  # noqa: F401
+
+# isort: split
+
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse

@@ -1,5 +1,10 @@
 """Owns message filters: their input, and the callbacks for messages that pass or are dropped."""
 
+# Before the imports below fail without a word of advice.
+from tf2_ros_cython import _requirement  # noqa: F401
+
+# isort: split
+
 import inspect
 import itertools
 import threading

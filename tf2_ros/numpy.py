@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
-from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
-from std_msgs.msg import Header
 
 from tf2_py._internal import (
     as_times_ns,
@@ -18,6 +16,16 @@ from tf2_py._internal import (
     normalise,
     rotations_from_matrices,
     time_ns,
+)
+from tf2_ros._messages import (
+    Header,
+    Point,
+    Pose,
+    PoseStamped,
+    Quaternion,
+    Transform,
+    TransformStamped,
+    Vector3,
 )
 
 if TYPE_CHECKING:

@@ -1,5 +1,10 @@
 """Owns sending transforms on /tf_static."""
 
+# Before the imports below fail without a word of advice.
+from tf2_ros_cython import _requirement  # noqa: F401
+
+# isort: split
+
 import threading
 from collections.abc import Iterable
 from copy import deepcopy

@@ -1,5 +1,10 @@
 """Owns sending transforms on /tf."""
 
+# Before the imports below fail without a word of advice.
+from tf2_ros_cython import _requirement  # noqa: F401
+
+# isort: split
+
 from collections.abc import Iterable
 
 from geometry_msgs.msg import TransformStamped

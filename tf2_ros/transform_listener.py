@@ -1,5 +1,10 @@
 """Owns listeners: the subscriptions by which a buffer receives transforms, and what inserts them."""
 
+# Before the imports below fail without a word of advice.
+from tf2_ros_cython import _requirement  # noqa: F401
+
+# isort: split
+
 import weakref
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
@@ -13,8 +18,8 @@ from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_py._internal import class_name
 from tf2_ros._arguments import has, refuse_swapped, require_node
-from tf2_ros._forking import NodeUse
 from tf2_ros._hidden_node import hidden_node
+from tf2_ros._node_use import NodeUse
 from tf2_ros._qos import dynamic_overrides, listener_qos, static_listener_qos, static_overrides
 from tf2_ros._receive.receiver_thread import ReceiverThread, can_receive
 from tf2_ros._receive.reception import ReceivedTopic, Reception
@@ -31,6 +36,7 @@ from tf2_ros._tf2_names import (
     Union,
     tf2_ros,
 )
+from tf2_ros._travel import stays
 from tf2_ros.buffer import SETTERS, Buffer
 
 # What `import *` gives from tf2's module.
@@ -71,6 +77,7 @@ class TransformSink(Protocol):
     def set_transform_static(self, transform: TransformStamped, authority: str, /) -> object: ...
 
 
+@stays
 class TransformListener:
     """
     Fills a buffer from the topics of tf2.

@@ -1,6 +1,6 @@
-"""Importing this module raises ImportError, naming what to do, where tf2_ros cannot run."""
+"""Importing this module raises ImportError, naming what to do, where what needs ROS 2 cannot run."""
 
-from tf2_ros_cython._ros import require_ros
-from tf2_ros_cython._version import __version__ as __version__
+from tf2_ros_cython._presence import HAS_ROS, absence
 
-require_ros()
+if not HAS_ROS:
+    raise absence()

@@ -12,13 +12,20 @@ _DISTRIBUTIONS = {7: "Jazzy", 9: "Kilted"}
 _WHEELS = {"Jazzy": "'.[ros]'", "Kilted": "'.[ros-kilted]' -C ros=kilted"}
 
 
+def has_rclpy() -> bool:
+    """Whether an rclpy is found, or a program has put a module of its own in its place."""
+    return _is_made_by_program() or running_prefix() is not None
+
+
+def absence(what: str = "tf2_ros") -> ModuleNotFoundError:
+    """What to raise where ``what`` is asked for and no rclpy is found; the text says what to do."""
+    return ModuleNotFoundError(_without_rclpy(what), name="rclpy")
+
+
 def require_ros() -> None:
-    """Raise ImportError, naming what to do, where no ROS 2 is found or another than the one built for."""
-    prefix = running_prefix()
-    if prefix is None:
-        raise ModuleNotFoundError(_without_rclpy(), name="rclpy")
-    record = built()
-    if record is None:
+    """Raise ImportError, naming what to do, where another ROS 2 is found than the one built for."""
+    prefix, record = running_prefix(), built()
+    if prefix is None or record is None:
         return
     running = rclpy_version(prefix)
     if record.RCLPY is None:
@@ -46,7 +53,7 @@ def built() -> ModuleType | None:
 
 def running_prefix() -> Path | None:
     """The prefix of the ROS 2 whose rclpy this Python imports."""
-    spec = importlib.util.find_spec("rclpy")
+    spec = None if _is_made_by_program() else importlib.util.find_spec("rclpy")
     if spec is None or spec.origin is None:
         return None
     # <prefix>/lib/python3.x/site-packages/rclpy/__init__.py
@@ -70,6 +77,12 @@ def describe(version: str) -> str:
     return f"{name} (rclpy {version})" if name else f"of rclpy {version}"
 
 
+def _is_made_by_program() -> bool:
+    # What Python has imported has a spec; None keeps it from being imported.
+    module = sys.modules.get("rclpy")
+    return module is not None and getattr(module, "__spec__", None) is None
+
+
 def _major(version: str) -> int:
     return int(version.partition(".")[0])
 
@@ -80,13 +93,13 @@ def _rebuild(running: str | None) -> str:
     return f"with that ROS 2 sourced: pip install .{wheels}"
 
 
-def _without_rclpy() -> str:
+def _without_rclpy(what: str) -> str:
     record = built()
-    missing = f"tf2_ros needs ROS 2, and no rclpy is found by {sys.executable}"
+    missing = f"{what} needs ROS 2, and no rclpy is found by {sys.executable}"
     if record is None or record.RCLPY is None:
         return (
-            f"{missing}; it was built without ROS 2, too. In its sources: pip install '.[ros]', which brings"
-            " ROS 2 from PyPI; or, with a ROS 2 sourced: pip install ."
+            f"{missing}; tf2_ros was built without ROS 2, too. In its sources: pip install '.[ros]', which"
+            " brings ROS 2 from PyPI; or, with a ROS 2 sourced: pip install ."
         )
     name = _DISTRIBUTIONS.get(_major(record.RCLPY), "")
     wheels = f"'ros-{name.lower()}-rclpy[fastrtps]' ros-{name.lower()}-common-interfaces"

@@ -11,6 +11,8 @@ from tf2_ros_cython import _finder, _ros
 
 __all__ = ["main"]
 
+_WITHOUT_ROS = ("tf2_py", "tf2_ros")  # what works without one, but for nodes
+
 
 def main(args: list[str] | None = None) -> int:
     """
@@ -48,10 +50,10 @@ def _is_ours(folder: Path | None) -> bool:
 
 
 def _import_failure() -> str | None:
-    """Why one of our packages does not load, or None. Without ROS 2, tf2_py is the one that must."""
+    """Why one of our packages does not load, or None. The others need the ROS 2 that they were built for."""
     record = _ros.built()
-    without_ros = record is not None and record.RCLPY is None
-    for name in _finder.PACKAGES[:1] if without_ros else _finder.PACKAGES:
+    without_ros = record is not None and record.RCLPY is None and not _ros.has_rclpy()
+    for name in _WITHOUT_ROS if without_ros else _finder.PACKAGES:
         try:
             importlib.import_module(name)
         except ImportError as error:
@@ -119,7 +121,7 @@ def _receiver(folder: Path | None) -> str:
     if record.RECEIVER is None:
         return f"not built: {record.RECEIVER_LACKS}; listeners need an executor that spins"
     try:
-        _ros.require_ros()
+        importlib.import_module("tf2_ros_cython._requirement")
         importlib.import_module("rclpy")
         importlib.import_module(record.RECEIVER)
     except ImportError as error:
@@ -128,9 +130,11 @@ def _receiver(folder: Path | None) -> str:
 
 
 def _running_ros() -> str:
+    if not _ros.has_rclpy():
+        return "none found; buffers and recordings do without"
     prefix = _ros.running_prefix()
     if prefix is None:
-        return "none found"
+        return "a module of this program's own in its place"
     version = _ros.rclpy_version(prefix)
     return f"{_ros.describe(version) if version else 'of unknown version'} in {prefix}"
 
@@ -139,7 +143,9 @@ def _built_for() -> str:
     record = _ros.built()
     if record is None:
         return "not built"
-    return "no ROS 2; tf2_py works alone" if record.RCLPY is None else f"ROS 2 {_ros.describe(record.RCLPY)}"
+    if record.RCLPY is None:
+        return "no ROS 2; buffers and recordings do without"
+    return f"ROS 2 {_ros.describe(record.RCLPY)}"
 
 
 if __name__ == "__main__":

@@ -1,5 +1,10 @@
 """The types of sensor_msgs transformed from frame to frame."""
 
+# Before the imports below fail without a word of advice.
+from tf2_ros_cython import _requirement  # noqa: F401
+
+# isort: split
+
 from typing import TYPE_CHECKING
 
 from tf2_ros._registration import names_of as _names_of

@@ -5,6 +5,7 @@ import importlib.metadata
 import sys
 
 import numpy as np
+from recorded import messages_by_rosbags, records_of
 from serving import Contestant, by_pair, serve
 
 BATCH = 1000
@@ -33,9 +34,15 @@ class Schiebung(FromPypi):
     package, returns, modules = "schiebung", "StampedIsometry, an object of its own", ("schiebung",)
 
     def load(self, tree):
+        self.load_records(tree.records())
+
+    def load_recording(self, path):
+        self.load_records(records_of(messages_by_rosbags(path)))
+
+    def load_records(self, records):
         self.buffer = self.imported[0].BufferTree()
         batch = []
-        for record in tree.records():
+        for record in records:
             batch.append(self.update(*record))
             if len(batch) == BATCH:
                 self.buffer.update_batch(batch)

@@ -1,6 +1,7 @@
 """Owns what only this project is measured for: vector lookups, batches, waiters, threads, memory."""
 
 import importlib.metadata
+import pickle
 import threading
 import time
 from time import perf_counter_ns
@@ -16,7 +17,7 @@ from serving import AUTHORITY, STEP_NS, by_pair, rss_bytes, serve
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import TransformException
-from tf2_ros import Buffer
+from tf2_ros import Buffer, bag
 
 BATCH = 50
 FAR_NS = 3_600_000_000_000  # ahead of everything that is inserted
@@ -79,6 +80,26 @@ class Ours(Ros2):
             return self.buffer.set_transforms, [(batch, AUTHORITY) for batch in batches], size
         data = [bytes(serialize_message(TFMessage(transforms=batch))) for batch in batches]
         return self.buffer.set_transforms_cdr, [(message, AUTHORITY) for message in data], size
+
+    def load_recording(self, path):
+        self.buffer = bag.load(path, progress=False)
+
+    def order_pickle(self, apart):
+        """Time pickling and unpickling; `apart`: the arrays beside the pickle, and not in it."""
+        arrays = []
+        start = perf_counter_ns()
+        data = pickle.dumps(self.buffer, protocol=5, buffer_callback=arrays.append if apart else None)
+        copy = pickle.loads(data, buffers=arrays)
+        end = perf_counter_ns()
+        if copy.statistics()["samples"] != self.buffer.statistics()["samples"]:
+            raise ValueError("the copy is another")
+        return {"ns": end - start}
+
+    def order_map_recordings(self, paths, target, source, out, workers):
+        """Time a table of each recording, at 10 Hz."""
+        start = perf_counter_ns()
+        bag.map_recordings(paths, target, source, out, rate=10.0, workers=workers, progress=False)
+        return {"ns": perf_counter_ns() - start}
 
     def order_threads(self, way, name, thread_count, call_count):
         """Wall time of so many calls in each of several threads."""

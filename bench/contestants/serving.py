@@ -122,6 +122,7 @@ class Contestant:
     `load(tree)`: make a new buffer and fill it.
     `calls(way, queries)`: a function and the argument tuples, one for each query, for a way of looking up.
     `numbers(answer)`: x y z qx qy qz qw of what the function returned.
+    `load_recording(path)`: the same of a recording.
     `inserts(way, transforms)`: a function, the argument tuples, and how many transforms each call carries.
     """
 
@@ -148,6 +149,15 @@ class Contestant:
         self.moving = []
         self.next_ns = self.tree.newest_ns + 2 * STEP_NS
         return {"seconds": (perf_counter_ns() - start) / 1e9, "rss_bytes": rss_bytes() - before}
+
+    def order_load_recording(self, tree, path):
+        """Load a recording of a tree; what was loaded before is dropped first, and its sets of queries."""
+        self.sets.clear()
+        self.tree = Tree(tree)
+        self.buffer = None
+        start = perf_counter_ns()
+        self.load_recording(path)
+        return {"ns": perf_counter_ns() - start}
 
     def order_prepare(self, way, name, path, check):
         """Prepare a set of queries; the numbers of the first few answers show that all mean the same."""

@@ -1,6 +1,7 @@
 """A program of a user with types, which names everything public: mypy --strict and pyright accept it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,7 @@ from typing_extensions import assert_type
 
 import tf2_geometry_msgs
 import tf2_ros
+import tf2_ros.bag
 import tf2_sensor_msgs
 from tf2_msgs.msg import TFMessage
 from tf2_py import add_dll_directories_from_env
@@ -74,7 +76,9 @@ from tf2_ros import (
     __version__,
     convert,
     format_transform,
+    rerun,
 )
+from tf2_ros.bag import MappedRecordings, map_recordings
 from tf2_ros.numpy import from_matrix, from_rotation, to_arrays, to_columns, to_matrix, to_rotation
 from tf2_sensor_msgs.tf2_sensor_msgs import create_cloud, read_points
 
@@ -121,6 +125,9 @@ def core(message: TransformStamped, data: bytes, when: TimeLike, interval: Durat
     assert_type("a" in buffer, bool)
     assert_type(buffer.tree() + format_transform(message) + __version__, str)
     buffer.clear()
+    buffer.save("a.mcap")
+    assert_type(BufferCore.load("a.mcap"), BufferCore)
+    assert_type(Buffer.load(PurePath("a.mcap")), Buffer)
 
 
 def series(buffer: Buffer, many: TimesLike, points: npt.NDArray[np.float32]) -> None:
@@ -351,6 +358,21 @@ def geometry(transform: TransformStamped, points: Floats) -> None:
     assert_type(tf2_sensor_msgs.from_msg_msg(Imu()), Imu)
 
 
+def recordings(path: PurePath, when: TimeLike, interval: DurationLike) -> Buffer | None:
+    """Recordings read."""
+    topics = {"/robot1/tf": "robot1/", "/robot1/tf_static": "robot1/"}
+    found = tf2_ros.bag.transforms(path, topics=["/tf"], start=when, end=1, partial=True)
+    assert_type(found, Iterator[tuple[int, bool, TransformStamped]])
+    assert_type(tf2_ros.bag.load("drive.mcap", cache_time=2.5), Buffer)
+    assert_type(tf2_ros.bag.stamps(path, "/points", partial=True), npt.NDArray[np.int64])
+    try:
+        return tf2_ros.bag.load(
+            path, cache_time=interval, topics=topics, start=when, end=when, progress=False, partial=True
+        )
+    except (tf2_ros.bag.BagError, tf2_ros.bag.BagWarning):
+        return None
+
+
 def matrices(transform: TransformStamped) -> None:
     """Messages and arrays."""
     matrix = to_matrix(transform)
@@ -362,6 +384,25 @@ def matrices(transform: TransformStamped) -> None:
     assert_type(to_matrix(to_arrays([transform, transform])), Floats)
     assert_type(to_columns([transform]), dict[str, npt.NDArray[Any]])
     assert_type(from_rotation(to_rotation(transform)), Quaternion)
+
+
+def drawn(buffer: Buffer, many: TimesLike) -> None:
+    rerun.log(buffer, frames={"camera"}, origin="map", root="robots/one", times=many, axes=0.1)
+    try:
+        rerun.save(buffer, PurePath("a.rrd"), rate=30.0)
+        rerun.view(buffer)
+    except rerun.ViewerError as failure:
+        assert_type(failure, rerun.ViewerError)
+
+
+def many_recordings(paths: list[str]) -> None:
+    result = map_recordings("runs", "map", "camera", "poses", at="/scan", workers=2, progress=False)
+    assert_type(result, MappedRecordings)
+    map_recordings(paths, "map", "camera", "poses", rate=10.0, topics={"/robot1/tf": "robot1/"}, partial=True)
+    map_recordings(paths, "map", "camera", "poses", scheduler="tcp://127.0.0.1:8786")
+    print(
+        [*result.done.items(), *result.skipped.items(), *result.failed.values(), result.out, result.findings]
+    )
 
 
 def errors(buffer: Buffer) -> str:

@@ -51,7 +51,7 @@ def times(buffer: Buffer, pose: PoseStamped) -> None:
     timeout: TimeoutLike = "0.5"  # wrong
     duration: DurationLike = 0.5  # wrong
     print(time, timeout, duration)
-    print(Buffer(10.0))  # wrong: how far back is a duration
+    print(Buffer("10"))  # wrong: how far back is a duration, or seconds
     print(BufferCore(max_frames="many"))  # wrong
     print(Buffer(max_framse=10))  # wrong
     print(buffer.transform_points([1.0, 2.0, 3.0], [1], "a", "b"))  # wrong: one point is a row, too

@@ -1,6 +1,6 @@
 """Owns changing the history of one frame: insert, prune, replace."""
 
-from libc.math cimport fabs
+from libc.math cimport fabs, isfinite
 from libc.stdint cimport INT64_MAX, INT64_MIN, int64_t, uint32_t
 from libc.string cimport memset
 
@@ -28,7 +28,8 @@ from tf2_py._core.cache_memory cimport (
     cache_reserve_one,
     cache_shrink,
 )
-from tf2_py._core.types cimport NO_FRAME, FrameId, Sample
+from tf2_py._core.geometry cimport quaternion_canonicalise
+from tf2_py._core.types cimport MAX_STAMP_NS, NO_FRAME, FrameId, Sample, Transform
 
 cdef enum:
     MAX_PER_STAMP = 64      # samples; of more, the last is replaced
@@ -230,27 +231,53 @@ cdef CacheInsert cache_set_static(Cache* cache, int64_t stamp_ns, const Sample* 
     return CACHE_INSERTED
 
 
+cdef const char* _transform_check(const Transform* transform) noexcept nogil:
+    cdef const double* t = transform.translation
+    cdef const double* q = transform.rotation
+    cdef Transform copy = transform[0]
+    cdef int i
+    if not (isfinite(t[0]) and isfinite(t[1]) and isfinite(t[2])):
+        return "a translation that is not finite"
+    # Not "> 1e-12": that is false for NaN.
+    if not fabs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0) <= 1e-12:
+        return "a rotation that is not normalised"
+    quaternion_canonicalise(copy.rotation)
+    for i in range(4):
+        if copy.rotation[i] != q[i]:
+            return "a rotation without the canonical sign"
+    return NULL
+
+
 cdef const char* cache_check(const Cache* cache) noexcept nogil:
     cdef uint32_t i, slot, previous
     cdef uint32_t changes = 0
-    cdef const double* q
+    cdef uint32_t same_stamp = 1
+    cdef const char* problem
     if cache.count > cache.capacity or (cache.capacity and cache.head >= cache.capacity):
         return "count or head beyond capacity"
     if cache.kind == CACHE_NONE and cache.capacity:
         return "a frame that was never a child owns memory"
+    # A smaller one would not grow by half.
+    if cache.kind == CACHE_DYNAMIC and cache.capacity and cache.capacity < FIRST_CAPACITY:
+        return "a dynamic cache of less than the first capacity"
     if cache.kind == CACHE_STATIC and (cache.count != 1 or cache.newest_ns != 0):
         return "a static cache without its one sample"
     for i in range(cache.count):
         slot = cache_slot(cache, i)
-        q = cache.samples[slot].transform.rotation
-        if cache.stamps[slot] < 0 or cache.samples[slot].parent == NO_FRAME:
-            return "a sample with a negative stamp or without parent"
-        if fabs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0) > 1e-12:
-            return "a rotation that is not normalised"
+        if cache.stamps[slot] < 0 or cache.stamps[slot] > MAX_STAMP_NS:
+            return "a sample with a stamp that no message holds"
+        if cache.samples[slot].parent == NO_FRAME:
+            return "a sample without parent"
+        problem = _transform_check(&cache.samples[slot].transform)
+        if problem != NULL:
+            return problem
         if i:
             previous = cache_slot(cache, i - 1)
             if cache.stamps[previous] > cache.stamps[slot]:
                 return "stamps out of order"
+            same_stamp = same_stamp + 1 if cache.stamps[previous] == cache.stamps[slot] else 1
+            if same_stamp > MAX_PER_STAMP:
+                return "too many samples of one stamp"
             changes += cache.samples[previous].parent != cache.samples[slot].parent
     if changes != cache.parent_changes:
         return "parent_changes miscounted"

@@ -18,7 +18,8 @@ cdef enum CacheInsert:
     CACHE_FULL              # the memory would have to grow by more than the limit allows
 
 cdef enum:
-    FIRST_CAPACITY = 8      # samples, of a dynamic cache
+    FIRST_CAPACITY = 8              # samples, of a dynamic cache
+    LAST_CAPACITY = 0x7FFFFFFF      # likewise
 
 # Zero a Cache before its first use; cache_free leaves it zeroed again but for authority and is_parent.
 cdef void cache_free(Cache* cache) noexcept nogil

@@ -22,7 +22,6 @@ cdef extern from *:
 
 
 cdef enum:
-    LAST_CAPACITY = 0x7FFFFFFF      # samples
     SHRINK_ABOVE = 64               # samples; smaller rings are not worth shrinking
 
 

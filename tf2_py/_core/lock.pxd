@@ -1,22 +1,19 @@
 """The readers-writer lock of a BufferCore: no thread starves; usable without the GIL."""
 
 from libc.stdint cimport uint32_t
-from posix.time cimport CLOCK_REALTIME, clock_gettime, timespec
 
-
-cdef extern from "<pthread.h>" nogil:
-    ctypedef struct pthread_mutex_t:
-        pass
-    ctypedef struct pthread_cond_t:
-        pass
-    int pthread_mutex_init(pthread_mutex_t* mutex, const void* attributes)
-    int pthread_mutex_destroy(pthread_mutex_t* mutex)
-    int pthread_mutex_lock(pthread_mutex_t* mutex)
-    int pthread_mutex_unlock(pthread_mutex_t* mutex)
-    int pthread_cond_init(pthread_cond_t* condition, const void* attributes)
-    int pthread_cond_destroy(pthread_cond_t* condition)
-    int pthread_cond_timedwait(pthread_cond_t* condition, pthread_mutex_t* mutex, const timespec* until)
-    int pthread_cond_broadcast(pthread_cond_t* condition)
+from tf2_py._core.condition cimport (
+    condition_init,
+    condition_wait,
+    pthread_cond_broadcast,
+    pthread_cond_destroy,
+    pthread_cond_t,
+    pthread_mutex_destroy,
+    pthread_mutex_init,
+    pthread_mutex_lock,
+    pthread_mutex_t,
+    pthread_mutex_unlock,
+)
 
 cdef extern from *:
     """
@@ -36,7 +33,6 @@ cdef extern from *:
 
 cdef enum:
     SLEEP_NS = 20000000     # how long a thread sleeps before it looks at the counts again
-    NS_IN_S = 1000000000
     SPINS = 500     # some 12 us on an AMD EPYC, half a turn: sleeping and being woken costs more
 
 
@@ -63,9 +59,9 @@ cdef struct Lock:
 
 cdef inline int lock_init(Lock* lock) noexcept nogil:
     lock.readers = lock.readers_waiting = lock.writers_arrived = lock.writers_done = 0
-    if pthread_mutex_init(&lock.mutex, NULL) != 0 or pthread_cond_init(&lock.readers_turn, NULL) != 0:
+    if pthread_mutex_init(&lock.mutex, NULL) != 0 or condition_init(&lock.readers_turn) != 0:
         return -1
-    return pthread_cond_init(&lock.writers_turn, NULL)
+    return condition_init(&lock.writers_turn)
 
 
 cdef inline void lock_free(Lock* lock) noexcept nogil:
@@ -82,15 +78,8 @@ cdef inline void _spin_while(const uint32_t* where, uint32_t value) noexcept nog
 
 
 cdef inline void _sleep(pthread_cond_t* condition, pthread_mutex_t* mutex) noexcept nogil:
-    # Not without end: condition variables of glibc before 2.41 may lose a wake-up (its bug 25847). The clock
-    # is the one that they use by default; if it jumps, a thread looks earlier, or later by that much once.
-    cdef timespec until
-    clock_gettime(CLOCK_REALTIME, &until)
-    until.tv_nsec += SLEEP_NS
-    if until.tv_nsec >= NS_IN_S:
-        until.tv_nsec -= NS_IN_S
-        until.tv_sec += 1
-    pthread_cond_timedwait(condition, mutex, &until)
+    # Not without end: condition variables of glibc before 2.41 may lose a wake-up (its bug 25847).
+    condition_wait(condition, mutex, SLEEP_NS)
 
 
 cdef inline void lock_read(Lock* lock) noexcept nogil:

@@ -40,6 +40,9 @@ cdef extern from *:
     """
     const int64_t DEFAULT_CACHE_TIME_NS "TF2_DEFAULT_CACHE_TIME_NS"     # as tf2's
 
+# A text, compared as a pointer.
+cdef const char* TREE_LACKS_MEMORY
+
 
 # Zero a Tree before tree_init; after a failed tree_init, tree_free is still due.
 cdef int tree_init(Tree* tree, int64_t cache_time_ns, const Limits* limits) noexcept nogil  # 0; -1: no memory
@@ -62,4 +65,9 @@ cdef FrameId tree_parent(const Tree* tree, FrameId frame, int64_t time_ns) noexc
 cdef void tree_clear(Tree* tree) noexcept nogil
 # Allocated for names and histories.
 cdef size_t tree_bytes(const Tree* tree) noexcept nogil
-cdef const char* tree_check(const Tree* tree) noexcept nogil    # NULL, or which invariant does not hold
+# NULL, or which invariant does not hold, or TREE_LACKS_MEMORY: it could not be checked whether all do.
+cdef const char* tree_check(const Tree* tree) noexcept nogil
+# A new frame, whatever the limits. NO_FRAME: it failed, see `refused`. `change` may be NULL. The name must be
+# unknown.
+cdef FrameId tree_add_frame(Tree* tree, const char* name, size_t size, Change* change,
+                            uint32_t* refused) noexcept nogil

@@ -72,6 +72,8 @@ cdef enum:
     HOPS_PER_INSERT = 32            # parent links followed
     NAME_BYTES_PER_INSERT = 256     # bytes of names hashed
 
+TREE_LACKS_MEMORY = "no memory"
+
 cdef const char* RESERVED_NAME = "NO_PARENT"
 cdef size_t RESERVED_NAME_SIZE = 9
 cdef const char* TOO_MANY_AUTHORITIES = "(too many authorities)"
@@ -87,7 +89,7 @@ cdef int tree_init(Tree* tree, int64_t cache_time_ns, const Limits* limits) noex
     # This authority and the reserved frame have the id 0.
     if names_intern(&tree.authorities, TOO_MANY_AUTHORITIES, TOO_MANY_AUTHORITIES_SIZE) == NAME_NO_MEMORY:
         return -1
-    _add_frame(tree, RESERVED_NAME, RESERVED_NAME_SIZE, NULL, &refused)
+    tree_add_frame(tree, RESERVED_NAME, RESERVED_NAME_SIZE, NULL, &refused)
     return -1 if refused else 0
 
 
@@ -121,9 +123,8 @@ cdef inline size_t _bytes_left(const Tree* tree) noexcept nogil:
     return tree.limits.bytes - used if used < tree.limits.bytes else 0
 
 
-cdef FrameId _add_frame(Tree* tree, const char* name, size_t size, Change* change,
-                        uint32_t* refused) noexcept nogil:
-    # A new frame; NO_FRAME: it failed, see `refused`.
+cdef FrameId tree_add_frame(Tree* tree, const char* name, size_t size, Change* change,
+                            uint32_t* refused) noexcept nogil:
     cdef uint32_t id
     cdef uint32_t capacity
     cdef int64_t hash = <int64_t>name_hash(name, size)
@@ -163,7 +164,7 @@ cdef FrameId _frame(Tree* tree, const char* name, size_t size, Change* change,
     elif size + sizeof(Cache) > _bytes_left(tree):
         refused[0] = REFUSED_BYTES
     else:
-        return _add_frame(tree, name, size, change, refused)
+        return tree_add_frame(tree, name, size, change, refused)
     return NO_FRAME
 
 
@@ -358,6 +359,63 @@ cdef size_t tree_bytes(const Tree* tree) noexcept nogil:
             + tree.capacity * (sizeof(Cache) + sizeof(uint32_t)))
 
 
+cdef inline uint32_t _links(const Cache* cache) noexcept nogil:
+    # How many samples name all parents of a frame.
+    return cache.count if cache.parent_changes else min(cache.count, <uint32_t>1)
+
+
+cdef const char* _check_parents(const Tree* tree, FrameId frame) noexcept nogil:
+    cdef const Cache* cache = &tree.caches[frame]
+    cdef FrameId parent
+    cdef uint32_t i
+    for i in range(_links(cache)):
+        parent = cache_parent_of(cache, i)
+        if parent >= tree.names.count:
+            return "a parent that is no frame"
+        if parent == frame:
+            return "a frame that is its own parent"
+        if not tree.caches[parent].is_parent:
+            return "a parent that does not know of its children"
+    return NULL
+
+
+cdef const char* _check_loops(const Tree* tree) noexcept nogil:
+    # Depth first along the parents of all times: no walk may end where it began.
+    cdef size_t frames = tree.names.count
+    cdef uint32_t* next_link = <uint32_t*>calloc(frames, sizeof(uint32_t))
+    cdef FrameId* path = <FrameId*>malloc(frames * sizeof(FrameId))
+    cdef char* state = <char*>calloc(frames, 1)     # 0: not seen; 1: on the path; 2: no loop is above it
+    cdef const char* problem = NULL
+    cdef FrameId frame, parent, start
+    cdef uint32_t hops
+    if next_link == NULL or path == NULL or state == NULL:
+        problem = TREE_LACKS_MEMORY
+        frames = 0
+    for start in range(frames):
+        hops = 0
+        if state[start] == 0:
+            path[0] = start
+            state[start] = hops = 1
+        while hops and problem == NULL:
+            frame = path[hops - 1]
+            if next_link[frame] == _links(&tree.caches[frame]):
+                state[frame] = 2
+                hops -= 1
+                continue
+            parent = cache_parent_of(&tree.caches[frame], next_link[frame])
+            next_link[frame] += 1
+            if state[parent] == 1:
+                problem = "a loop that is not marked"
+            elif state[parent] == 0:
+                state[parent] = 1
+                path[hops] = parent
+                hops += 1
+    free(next_link)
+    free(path)
+    free(state)
+    return problem
+
+
 cdef const char* tree_check(const Tree* tree) noexcept nogil:
     cdef uint32_t id, expected
     cdef uint64_t samples = 0
@@ -381,12 +439,13 @@ cdef const char* tree_check(const Tree* tree) noexcept nogil:
         expected = cache_newest_parent(cache) | (MIXED_PARENTS if cache.parent_changes else 0)
         if tree.parents[id] != expected:
             return "parents disagrees with the history"
-        if (expected & ~<uint32_t>MIXED_PARENTS) >= tree.names.count:
-            return "a parent that is no frame"
+        problem = _check_parents(tree, id)
+        if problem != NULL:
+            return problem
         if cache.authority != NAME_UNKNOWN and cache.authority >= tree.authorities.count:
             return "an authority that is no name"
         samples += cache.count
         history_bytes += cache_bytes(cache)
     if samples != tree.samples or history_bytes != tree.history_bytes:
         return "samples or their bytes miscounted"
-    return NULL
+    return NULL if tree.ever_looped else _check_loops(tree)

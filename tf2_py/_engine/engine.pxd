@@ -57,6 +57,10 @@ cdef class Engine:
     cdef int forget(self) except -1
     # As if newly made; pending waits go on.
     cdef int start_over(self, int64_t cache_time_ns, const Limits* limits) except -1
+    # All that the buffer holds, as of one moment, and becoming what such a state says; pending waits go on.
+    # Nothing has changed where it raises.
+    cdef dict export(self)
+    cdef int restore(self, dict state) except -1
 
     # Looking up. `out` NULL only asks whether there is an answer.
     cdef Status lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil
@@ -92,5 +96,7 @@ cdef class Engine:
     cdef void _insert_next(self, Batch* batch, uint32_t authority) noexcept nogil
     # Returns the first of the errors that were raised, or None.
     cdef object _deliver(self, WaiterList* ready, list later)
+    # Takes the tree over.
+    cdef int _replace_tree(self, const Tree* tree, unsigned long long malformed) except -1
     cdef void _begin_to_wake_all(self, Batch* batch) noexcept nogil
     cdef int _wake_all(self, Batch* batch) except -1

@@ -55,6 +55,7 @@ from tf2_py._core.waiters cimport (
 )
 from tf2_py._core.walk cimport walk_common_time, walk_lookup
 from tf2_py._engine.snapshot cimport snapshot_frames, snapshot_names, snapshot_span
+from tf2_py._engine.travel cimport read_state, state_of
 from tf2_py._objects.advice cimport Advice
 from tf2_py._objects.frame_names cimport name_for_log
 from tf2_py._objects.lookup_errors cimport query_error, query_lack
@@ -242,21 +243,33 @@ cdef class Engine:
 
     cdef int start_over(self, int64_t cache_time_ns, const Limits* limits) except -1:
         cdef Tree empty
-        cdef Tree old
-        cdef Batch batch
         memset(&empty, 0, sizeof(Tree))
         if tree_init(&empty, cache_time_ns, limits) != 0:
             tree_free(&empty)
             raise MemoryError
+        return self._replace_tree(&empty, 0)
+
+    cdef dict export(self):
+        return state_of(&self._tree, &self._lock, self._malformed)
+
+    cdef int restore(self, dict state) except -1:
+        cdef Tree restored
+        cdef unsigned long long malformed
+        read_state(state, &restored, &malformed)
+        return self._replace_tree(&restored, malformed)
+
+    cdef int _replace_tree(self, const Tree* tree, unsigned long long malformed) except -1:
+        cdef Tree old
+        cdef Batch batch
         lock_write(&self._lock)
         old = self._tree
-        self._tree = empty
+        self._tree = tree[0]
         # The waiters are filed under the old tree's frames.
         self._begin_to_wake_all(&batch)
         unlock_write(&self._lock)
         with nogil:
             tree_free(&old)
-        self._malformed = 0
+        self._malformed = malformed
         self._advice.forget()
         return self._wake_all(&batch)
 

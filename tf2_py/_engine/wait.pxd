@@ -2,14 +2,10 @@
 
 cimport cython
 
+from tf2_py._core.event cimport Event
 from tf2_py._core.lookup cimport Query
 from tf2_py._core.waiters cimport Waiter
 from tf2_py._engine.engine cimport Engine, WaiterOwner
-
-
-cdef extern from "<semaphore.h>" nogil:
-    ctypedef struct sem_t:
-        pass
 
 
 @cython.final
@@ -21,7 +17,7 @@ cdef class Wait(WaiterOwner):
     cdef Engine _engine
     cdef tuple _names                   # keeps the query's UTF-8 alive
     cdef object _notify                 # called with the answer, or None: a thread blocks
-    cdef sem_t _woken                   # posted with the answer, where a thread blocks
+    cdef Event _woken                   # set with the answer, where a thread blocks
 
     # Once, on a new one. `names`: target, source and fixed frame. Raises where the buffer has too many
     # waiters, or where a name can never be looked up.

@@ -3,30 +3,27 @@
 cimport cython
 from cpython.exc cimport PyErr_CheckSignals
 from libc.stdint cimport int64_t
-from posix.time cimport CLOCK_MONOTONIC, timespec
+
+from threading import get_ident, main_thread
 
 from tf2_py._core.clock cimport monotonic_ns
+from tf2_py._core.event cimport Event, event_free, event_init, event_set, event_wait
 from tf2_py._core.lookup cimport Query
 from tf2_py._core.names cimport name_is_invalid
-from tf2_py._core.stamp cimport NS_PER_S
 from tf2_py._core.types cimport STATUS_BAD_FIXED, STATUS_BAD_SOURCE, STATUS_BAD_TARGET, STATUS_OK, Status
 from tf2_py._core.waiters cimport Waiter, waiter_free
 from tf2_py._engine.engine cimport Engine, WaiterOwner
 from tf2_py._objects.messages cimport new_transform_stamped
 
-cdef extern from "<semaphore.h>" nogil:
-    int sem_init(sem_t* semaphore, int shared, unsigned int value)
-    int sem_destroy(sem_t* semaphore)
-    int sem_post(sem_t* semaphore)
-    int sem_clockwait(sem_t* semaphore, int clock, const timespec* deadline)
-
-# How often a blocked thread looks for signals and for the end of its context.
+# How often a blocked thread looks for the end of its context ...
 cdef int64_t WAKE_CHECK_NS = 100 * <int64_t>1000000
+# ... and the main thread for signals, too, which do not end its sleep. tf2's waits look as often.
+cdef int64_t SIGNAL_CHECK_NS = 20 * <int64_t>1000000
 
 
 cdef bint _post(Waiter* waiter) noexcept nogil:
     # To a blocked thread the answer is delivered without the GIL.
-    sem_post(<sem_t*>waiter.woken)
+    event_set(<Event*>waiter.woken)
     return True
 
 
@@ -39,23 +36,23 @@ cdef bint _leave_ready(Waiter* waiter) noexcept nogil:
 cdef class Wait(WaiterOwner):
     """The wait for one lookup. Engines make them; dropping the last reference ends the wait."""
 
-    def __cinit__(self):
-        sem_init(&self._woken, 0, 0)
-
     def __init__(self):
         raise TypeError("a Wait is made by BufferCore._wait()")
 
     def __dealloc__(self):
         if self._engine is not None:
             self._engine.remove_waiter(&self._waiter)
+            if self._notify is None:
+                event_free(&self._woken)
         waiter_free(&self._waiter)
-        sem_destroy(&self._woken)
 
     cdef object deliver(self):
         return self._notify(self.answer)
 
     cdef int begin(self, Engine engine, tuple names, const Query* query, object notify) except -1:
         cdef Status status
+        if notify is None and event_init(&self._woken) != 0:
+            raise MemoryError
         self._names = names
         self._notify = notify
         self._waiter.query = query[0]
@@ -109,21 +106,23 @@ cdef class Wait(WaiterOwner):
         :return: whether there is an answer. The wait ends in any case, also where a signal handler raises.
         """
         cdef int64_t deadline_ns = monotonic_ns() + timeout_ns
-        cdef int64_t until_ns
-        cdef timespec until
-        cdef int failed = 0
+        cdef int64_t check_ns = SIGNAL_CHECK_NS
+        cdef int64_t left_ns = timeout_ns
+        cdef bint is_woken = False
         try:
             while not self._waiter.answered:
                 if not alive():
                     break
-                until_ns = min(deadline_ns, monotonic_ns() + WAKE_CHECK_NS)
-                until.tv_sec = until_ns // NS_PER_S
-                until.tv_nsec = until_ns % NS_PER_S
                 with nogil:
-                    failed = sem_clockwait(&self._woken, CLOCK_MONOTONIC, &until)
+                    is_woken = event_wait(&self._woken, max(min(left_ns, check_ns), 0))
                 PyErr_CheckSignals()
-                if failed and until_ns >= deadline_ns and monotonic_ns() >= deadline_ns:
+                if is_woken:
+                    continue
+                left_ns = deadline_ns - monotonic_ns()
+                if left_ns <= 0:
                     break
+                if check_ns == SIGNAL_CHECK_NS and get_ident() != main_thread().ident:
+                    check_ns = WAKE_CHECK_NS
         finally:
             self._engine.remove_waiter(&self._waiter)
         # The waiter may have been answered between the last sleep and the removal.

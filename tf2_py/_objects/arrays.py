@@ -20,6 +20,33 @@ def new_rows(count: int, width: int) -> np.ndarray:
     return np.empty((count, width))
 
 
+def new_array(shape: tuple[int, ...], dtype: str) -> np.ndarray:
+    """An uninitialised array."""
+    import numpy as np
+
+    return np.empty(shape, dtype)
+
+
+def received_array(value: Any, shape: tuple[int | None, ...], dtype: str) -> np.ndarray:
+    """
+    An array that somebody else made, contiguous, aligned and in this machine's byte order; a copy if need be.
+
+    :param shape: what it must be; None: any.
+    :param dtype: what it must be, in either byte order.
+    :raises ValueError: it is another; the text goes on after the name of the array.
+    """
+    import numpy as np
+
+    if type(value) is not np.ndarray:
+        raise ValueError(f"is no array but {type(value).__name__}")
+    if value.dtype.newbyteorder("=") != np.dtype(dtype):
+        raise ValueError(f"is of dtype {value.dtype}, not {dtype}")
+    if value.ndim != len(shape) or any(w not in (None, n) for w, n in zip(shape, value.shape, strict=True)):
+        wanted = ", ".join("N" if w is None else str(w) for w in shape)
+        raise ValueError(f"is of shape {value.shape}, not ({wanted})")
+    return np.require(value, dtype, ["C_CONTIGUOUS", "ALIGNED"])
+
+
 def mask_of(values: Any) -> np.ndarray | None:
     """
     The mask of a masked array of NumPy; None where nothing is masked, and of anything else.

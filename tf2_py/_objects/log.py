@@ -11,6 +11,7 @@ __all__ = [
     "OLD_DATA",
     "REFUSALS",
     "Throttle",
+    "logger",
     "malformed",
     "not_logged",
     "receiving_failed",
@@ -37,12 +38,17 @@ REFUSALS = (
 OLD_DATA = 1 << 8
 
 
-def _logger() -> Any:
+def logger(name: str) -> Any:
+    """The logger of this name: rclpy's, or Python's where there is no ROS."""
     try:
         from rclpy.logging import get_logger
     except ModuleNotFoundError:
-        return logging.getLogger("tf2_py")
-    return get_logger("tf2_py")
+        return logging.getLogger(name)
+    return get_logger(name)
+
+
+def _logger() -> Any:
+    return logger("tf2_py")
 
 
 def refusal(reasons: int, happens: str, parent: str, child: str, details: str = "") -> str:

@@ -3,11 +3,31 @@
 # Imported with the first message that is read or made, not before.
 try:
     from builtin_interfaces.msg import Time
-    from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
+    from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
     from std_msgs.msg import Header
 except ModuleNotFoundError as missing:
-    if missing.name not in ("builtin_interfaces", "geometry_msgs", "std_msgs"):
+    if (missing.name or "").partition(".")[0] not in ("builtin_interfaces", "geometry_msgs", "std_msgs"):
         raise
-    from tf2_py._objects.standins import Header, Quaternion, Time, Transform, TransformStamped, Vector3
+    from tf2_py._objects.standins import (
+        Header,
+        Point,
+        Pose,
+        PoseStamped,
+        Quaternion,
+        Time,
+        Transform,
+        TransformStamped,
+        Vector3,
+    )
 
-__all__ = ["Header", "Quaternion", "Time", "Transform", "TransformStamped", "Vector3"]
+__all__ = [
+    "Header",
+    "Point",
+    "Pose",
+    "PoseStamped",
+    "Quaternion",
+    "Time",
+    "Transform",
+    "TransformStamped",
+    "Vector3",
+]

@@ -4,7 +4,17 @@ from dataclasses import dataclass, field
 
 from tf2_py._objects.errors import NS_PER_S
 
-__all__ = ["Header", "Quaternion", "Time", "Transform", "TransformStamped", "Vector3"]
+__all__ = [
+    "Header",
+    "Point",
+    "Pose",
+    "PoseStamped",
+    "Quaternion",
+    "Time",
+    "Transform",
+    "TransformStamped",
+    "Vector3",
+]
 
 
 @dataclass(slots=True)
@@ -50,3 +60,22 @@ class TransformStamped:
     header: Header = field(default_factory=Header)
     child_frame_id: str = ""
     transform: Transform = field(default_factory=Transform)
+
+
+@dataclass(slots=True)
+class Point:
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+
+
+@dataclass(slots=True)
+class Pose:
+    position: Point = field(default_factory=Point)
+    orientation: Quaternion = field(default_factory=Quaternion)
+
+
+@dataclass(slots=True)
+class PoseStamped:
+    header: Header = field(default_factory=Header)
+    pose: Pose = field(default_factory=Pose)

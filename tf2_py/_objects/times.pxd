@@ -19,5 +19,6 @@ cdef int64_t nanoseconds(object value, str argument) except? -1
 cdef int64_t stamp_nanoseconds(object value, str argument) except? -1
 # Of a duration: the same without the integers, datetime64 and Timestamp.
 cdef int64_t duration_nanoseconds(object value, str argument) except? -1
+cdef int64_t duration_or_seconds(object value, str argument) except? -1
 cdef object new_stamp(int64_t stamp_ns)     # a builtin_interfaces/Time
 cdef object new_time(int64_t time_ns)       # an rclpy.time.Time, or a stamp without rclpy

@@ -3,6 +3,7 @@ from typing import Any
 DURATION_TO_USE: str
 FOR_EVER_NS: int
 TIMES_TO_USE: str
+TIMES_WITHOUT_ROS: str
 
 def time_ns(time: Any, argument: str) -> int: ...
 def duration_ns(duration: Any, argument: str) -> int: ...

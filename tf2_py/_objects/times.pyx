@@ -26,6 +26,7 @@ from tf2_py._objects import errors
 TIMES_TO_USE = (
     "Time(seconds=...), node.get_clock().now(), an int of nanoseconds, a datetime64, or Time() for the latest"
 )
+TIMES_WITHOUT_ROS = "an int of nanoseconds, as round(seconds * 1e9), a datetime64, or 0 for the latest"
 DURATION_TO_USE = "Duration(seconds=...)"
 FOR_EVER_NS = 2**62     # 146 years; added to a steady time, it still fits into 64 bits
 
@@ -66,6 +67,10 @@ cdef object _rclpy_time():
     return getattr(sys.modules.get("rclpy.time"), "Time", None)
 
 
+cdef str _times_to_use():
+    return TIMES_WITHOUT_ROS if _rclpy_time() is None else TIMES_TO_USE
+
+
 cdef inline int64_t* _handle_ns(object handle):
     return (<int64_t**>(<char*><PyObject*>handle + sizeof(PyObject)))[0]
 
@@ -99,7 +104,7 @@ cdef int64_t nanoseconds(object value, str argument) except? -1:
         return _whole(value, argument)
     if isinstance(value, datetime.datetime):
         return _datetime64_ns(value, argument)
-    _refuse_timedelta(value, argument, TIMES_TO_USE)
+    _refuse_timedelta(value, argument, True)
     found = getattr(value, "nanoseconds", None)
     if found is not None:
         if type(value) is not _time_class and type(value) is _rclpy_time():
@@ -119,8 +124,9 @@ cdef int64_t stamp_nanoseconds(object value, str argument) except? -1:
 
 
 cdef object _integer(object value):
-    # An int, or None. A bool is a mistake; NumPy's timedelta64 calls itself Integral, but is no index.
-    if isinstance(value, bool):
+    # An int, or None. A bool is a mistake, and NumPy's is an index to older NumPy. Its timedelta64 calls
+    # itself Integral, but is no index.
+    if isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", None) == "b":
         return None
     try:
         return operator.index(value)
@@ -134,9 +140,9 @@ cdef int64_t _datetime64_ns(object value, str argument) except? -1:
     # Without NumPy in the process no object of its class exists.
     numpy = sys.modules.get("numpy")
     if numpy is None or not isinstance(value, numpy.datetime64):
-        raise TypeError(f"{_without_fields(argument, value)}: use {TIMES_TO_USE}")
+        raise TypeError(f"{_without_fields(argument, value)}: use {_times_to_use()}")
     if numpy.isnat(value):
-        raise ValueError(f"{argument} is NaT, which is no time: use Time() for the latest")
+        raise ValueError(f"{argument} is NaT, which is no time: use 0 for the latest")
     converted = value.astype("datetime64[ns]")
     if converted.astype(value.dtype) != value:      # NumPy wraps around
         raise OverflowError(f"{argument} = {value} is no whole number of nanoseconds that fits into 64 bits")
@@ -147,9 +153,10 @@ cdef str _without_fields(str argument, object value):
     return f"{argument} must have nanoseconds, or sec and nanosec; {type(value).__name__} has neither"
 
 
-cdef int _refuse_timedelta(object value, str argument, str instead) except -1:
+cdef int _refuse_timedelta(object value, str argument, bint is_time) except -1:
     # What the timedelta of pandas calls nanoseconds is its part below a microsecond.
     if isinstance(value, datetime.timedelta):
+        instead = _times_to_use() if is_time else DURATION_TO_USE
         raise TypeError(f"{argument} is a {type(value).__name__}: use {instead}")
     return 0
 
@@ -159,10 +166,14 @@ cdef bint _has_fields(object value) except -1:
 
 
 cdef int64_t duration_nanoseconds(object value, str argument) except? -1:
-    _refuse_timedelta(value, argument, DURATION_TO_USE)
+    _refuse_timedelta(value, argument, False)
     if not _has_fields(value):
         raise TypeError(f"{_without_fields(argument, value)}: use {DURATION_TO_USE}")
     return nanoseconds(value, argument)
+
+
+cdef int64_t duration_or_seconds(object value, str argument) except? -1:
+    return duration_nanoseconds(value, argument) if _has_fields(value) else timeout_ns(value, argument)
 
 
 cdef object new_stamp(int64_t stamp_ns):
@@ -207,7 +218,7 @@ def duration_ns(duration, str argument):
 
     What is longer than FOR_EVER_NS, including an infinite float, becomes FOR_EVER_NS, or minus that.
     """
-    _refuse_timedelta(duration, argument, DURATION_TO_USE)
+    _refuse_timedelta(duration, argument, False)
     if not _has_fields(duration):
         raise TypeError(f"{_without_fields(argument, duration)}: use {DURATION_TO_USE}")
     if hasattr(duration, "nanoseconds"):
@@ -229,7 +240,7 @@ def timeout_ns(timeout, str argument="timeout"):
         rclpy_time is not None and isinstance(timeout, rclpy_time)
     ):
         raise TypeError(f"{argument} is a Time, which says when and not how long: use {DURATION_TO_USE}")
-    _refuse_timedelta(timeout, argument, DURATION_TO_USE)
+    _refuse_timedelta(timeout, argument, False)
     if _has_fields(timeout):
         return duration_ns(timeout, argument)
     seconds = _integer(timeout)

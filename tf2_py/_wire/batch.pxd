@@ -40,3 +40,5 @@ cdef int batch_reserve(Batch* batch, size_t count) noexcept nogil           # 0,
 # Fills the entries from one serialised TFMessage, whose bytes must outlive them. False: the batch is empty,
 # see `problem` and `no_memory`.
 cdef bint batch_read_cdr(Batch* batch, const unsigned char* data, size_t size) noexcept nogil
+# Adds those of another message. False: none is added, see `problem` and `no_memory`.
+cdef bint batch_add_cdr(Batch* batch, const unsigned char* data, size_t size) noexcept nogil

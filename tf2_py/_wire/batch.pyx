@@ -2,7 +2,7 @@
 
 from libc.stddef cimport size_t
 from libc.stdint cimport uint32_t
-from libc.stdlib cimport free, malloc
+from libc.stdlib cimport free, malloc, realloc
 
 from tf2_py._wire.cdr cimport Reader, reader_count, reader_finish, reader_init, reader_transform
 
@@ -35,23 +35,44 @@ cdef int batch_reserve(Batch* batch, size_t count) noexcept nogil:
     return 0
 
 
+cdef int _make_room(Batch* batch, size_t more) noexcept nogil:
+    # Keeps the entries in use. 0, or -1: no memory.
+    cdef size_t capacity
+    cdef Entry* entries
+    if batch.count == 0:
+        return batch_reserve(batch, more)
+    if batch.count + more <= batch.capacity:
+        return 0
+    capacity = 2 * (batch.count + more)
+    entries = <Entry*>realloc(batch.entries, capacity * sizeof(Entry))
+    if entries == NULL:
+        return -1
+    batch.entries = entries
+    batch.capacity = capacity
+    return 0
+
+
 cdef bint batch_read_cdr(Batch* batch, const unsigned char* data, size_t size) noexcept nogil:
+    batch.count = 0
+    return batch_add_cdr(batch, data, size)
+
+
+cdef bint batch_add_cdr(Batch* batch, const unsigned char* data, size_t size) noexcept nogil:
     cdef Reader reader
     cdef uint32_t count, i
-    batch.count = 0
     batch.problem = NULL
     batch.no_memory = False
     reader_init(&reader, data, size)
     count = reader_count(&reader)
-    if batch_reserve(batch, count) != 0:
+    if _make_room(batch, count) != 0:
         batch.no_memory = True
         return False
     for i in range(count):
-        if not reader_transform(&reader, &batch.entries[i].incoming):
+        if not reader_transform(&reader, &batch.entries[batch.count + i].incoming):
             break
     if not reader_finish(&reader):
         batch.problem = reader.problem
         batch.problem_at = reader.position
         return False
-    batch.count = count
+    batch.count += count
     return True

@@ -1,18 +1,31 @@
 """Owns what lies between two frames: the chain, and how old the newest transform along it is."""
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tf2_ros._traffic.streams import Stream
 
-__all__ = ["NetDelay", "chain_between", "moving_on", "newest_streams", "path_to_root"]
+__all__ = ["NetDelay", "chain_between", "moving_on", "newest_streams", "path_to_root", "stamps_on"]
 
 S = 1_000_000_000
 EVENTS_AT_ONCE = 4096
 NOTHING = np.iinfo(np.int64).min
+
+
+class Below(Protocol):
+    """What a tree must know of a frame: a ``Stream`` does, and so does a ``tf2_py.FrameInfo``."""
+
+    @property
+    def parent(self) -> str | None: ...
+    @property
+    def static(self) -> bool: ...
+
+
+Tree = Mapping[str, Below]  # by the names of the frames
 
 
 def newest_streams(streams: Iterable[Stream]) -> dict[str, Stream]:
@@ -25,16 +38,16 @@ def newest_streams(streams: Iterable[Stream]) -> dict[str, Stream]:
     return newest
 
 
-def path_to_root(newest: dict[str, Stream], frame: str) -> list[str]:
+def path_to_root(newest: Tree, frame: str) -> list[str]:
     """A frame and its ancestors; in a loop, up to the frame before the first one that comes again."""
     path = {frame: None}
-    while frame in newest and newest[frame].parent not in path:
-        frame = newest[frame].parent
+    while frame in newest and (parent := newest[frame].parent) is not None and parent not in path:
+        frame = parent
         path[frame] = None
     return list(path)
 
 
-def chain_between(newest: dict[str, Stream], a: str, b: str) -> list[str] | None:
+def chain_between(newest: Tree, a: str, b: str) -> list[str] | None:
     """The frames from ``a`` to ``b``, both included, by their lowest common ancestor; None: not connected."""
     up, down = path_to_root(newest, a), path_to_root(newest, b)
     above = set(down)
@@ -44,7 +57,7 @@ def chain_between(newest: dict[str, Stream], a: str, b: str) -> list[str] | None
     return [*up[: up.index(common) + 1], *reversed(down[: down.index(common)])]
 
 
-def moving_on(newest: dict[str, Stream], chain: Sequence[str]) -> list[str]:
+def moving_on(newest: Tree, chain: Sequence[str]) -> list[str]:
     """The frames of a chain whose dynamic transforms make it up; the one at the top is none of them."""
     steps = [*zip(chain, chain[1:], strict=False), *zip(chain[1:], chain, strict=False)]
     below = [
@@ -53,6 +66,20 @@ def moving_on(newest: dict[str, Stream], chain: Sequence[str]) -> list[str]:
         if child in newest and newest[child].parent == other and not newest[child].static
     ]
     return list(dict.fromkeys(below))
+
+
+def stamps_on(
+    records: NDArray[np.void], frames: Sequence[str], newest: Tree, chain: Sequence[str]
+) -> NDArray[np.int64]:
+    """
+    The stamps of the dynamic transforms that make up a chain, in ns, ascending, each once.
+
+    :param frames: names, by the ids in the records.
+    """
+    numbers = {name: number for number, name in enumerate(frames)}
+    moving = [numbers[name] for name in moving_on(newest, chain)]
+    chosen = np.isin(records["child"], moving) & (records["static"] == 0)
+    return np.unique(records["stamp_ns"][chosen])
 
 
 class NetDelay:

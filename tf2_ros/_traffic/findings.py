@@ -57,6 +57,8 @@ def find(
     limits: Limits,
     expectations: Mapping[str, Expectation] = {},
     alive: Collection[int] | None = None,
+    *,
+    recorded: bool = False,
 ) -> list[Finding]:
     """
     What is wrong.
@@ -64,6 +66,8 @@ def find(
     :param streams: as ``Streams.report`` gives them.
     :param expectations: of frames, by their names.
     :param alive: ids of the publishers that still exist; None: that is unknown, and all count.
+    :param recorded: the time of the report is the end of a recording. A frame that ended earlier has the
+        rate of the time while it was published: what is missing after it is not yet to come.
     """
     found = [*_in_the_tree(streams)]
     by_frame: dict[str, list[Stream]] = {}
@@ -75,7 +79,7 @@ def find(
         found += _as_expected(frame, newest_streams(own)[frame], expected)
         for stream in own:
             if not stream.static:
-                found += _of_stream(stream, limits, expected)
+                found += _of_stream(stream, limits, expected, recorded)
     for frame in expectations.keys() - by_frame.keys():
         found.append(Finding("missing", frame, f"{frame} is expected, and nobody publishes it"))
     order = list(KINDS)
@@ -124,26 +128,27 @@ def _of_frame(frame: str, own: Sequence[Stream], alive: Collection[int] | None) 
         yield Finding("mixed", frame, text, {"static": still, "dynamic": moving})
 
 
-def _of_stream(stream: Stream, limits: Limits, expected: Expectation) -> Iterator[Finding]:
+def _of_stream(stream: Stream, limits: Limits, expected: Expectation, recorded: bool) -> Iterator[Finding]:
     frame = stream.frame
     future = limits.future if expected.max_future is None else expected.max_future
     if stream.delay_min is not None and -stream.delay_min > future:
         ahead = -stream.delay_min
         yield Finding("future", frame, f"{frame} is stamped up to {ahead:.3g} s ahead", {"ahead": ahead})
     if stream.period is not None:
-        yield from _of_intervals(stream, stream.period, limits)
+        yield from _of_intervals(stream, stream.period, limits, recorded)
     min_rate = limits.min_rate if expected.min_rate is None else expected.min_rate
-    rate = _rate_at_most(stream)
+    rate = stream.rate if recorded and stream.rate is not None else _rate_at_most(stream)
     if min_rate is not None and rate is not None and rate < min_rate:
         text = f"{frame} is published at {rate:.3g} Hz, less than {min_rate:g} Hz"
         yield Finding("rate", frame, text, {"rate": rate, "min_rate": min_rate})
 
 
-def _of_intervals(stream: Stream, period: float, limits: Limits) -> Iterator[Finding]:
+def _of_intervals(stream: Stream, period: float, limits: Limits, recorded: bool) -> Iterator[Finding]:
+    since = "before the end" if recorded else "ago"
     frame, usual = stream.frame, f"its period is {period:.3g} s"
     longest = max(limits.stale, limits.stale_periods * period)
     if stream.silence > longest:
-        text = f"{frame} was last received {stream.silence:.3g} s ago; {usual}"
+        text = f"{frame} was last received {stream.silence:.3g} s {since}; {usual}"
         yield Finding("stale", frame, text, {"silence": stream.silence})
     elif stream.stalled > longest:
         text = f"{frame} has had no newer stamp for {stream.stalled:.3g} s; {usual}"

@@ -3,13 +3,18 @@
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tf2_py import BufferCore, InvalidArgumentException, TransformException
 from tf2_py._internal import wait_texts
-from tf2_ros._wait.contexts import Shutdown
 from tf2_ros._wait.long_waits import report_if_long
 from tf2_ros._wait.lookup import Lookup
+from tf2_ros_cython._presence import HAS_ROS
+
+if TYPE_CHECKING or HAS_ROS:
+    from tf2_ros._wait.contexts import Shutdown
+else:
+    from tf2_ros._without_ros import Shutdown
 
 __all__ = ["BlockingWait"]
 

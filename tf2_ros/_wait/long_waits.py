@@ -5,8 +5,7 @@ import time
 from collections.abc import Collection
 from typing import Any
 
-from rclpy.logging import get_logger
-
+from tf2_py._internal import log
 from tf2_ros._wait.deadlines import deadlines
 
 __all__ = ["DEBUG", "LongWait", "report_if_long"]
@@ -30,7 +29,7 @@ class LongWait:
         for wait in list(self._waits):
             # One that is about to be answered lacks nothing.
             if wait.reason() is not None:
-                get_logger("tf2_ros").warning(f"After {LONG_S} s, a lookup still {wait.lacks()}")
+                log.logger("tf2_ros").warning(f"After {LONG_S} s, a lookup still {wait.lacks()}")
 
 
 def report_if_long(waits: Collection[Any]) -> LongWait | None:

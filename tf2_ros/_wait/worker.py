@@ -4,8 +4,7 @@ import threading
 import traceback
 from collections.abc import Callable
 
-from rclpy.logging import get_logger
-
+from tf2_py._internal import log
 from tf2_ros._forking import register_for_fork
 
 __all__ = ["Worker"]
@@ -58,5 +57,5 @@ class Worker:
                 call()
             except BaseException:
                 # No caller would catch it, and the other calls must still be made.
-                get_logger("tf2_ros").error(f"{self._where}: {traceback.format_exc()}")
+                log.logger("tf2_ros").error(f"{self._where}: {traceback.format_exc()}")
             del call  # not kept alive while waiting for the next

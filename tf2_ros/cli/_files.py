@@ -1,8 +1,6 @@
-"""Owns writing files so that nobody sees half of one."""
+"""Owns the manners in which programs write files."""
 
-import os
-from contextlib import suppress
-
+from tf2_ros import _whole_files
 from tf2_ros_cython.cli._program import RunError, deferred_signals
 
 __all__ = ["write_whole"]
@@ -14,18 +12,8 @@ def write_whole(path: str, data: bytes) -> None:
 
     :raises RunError: it cannot be written; what was there before stays.
     """
-    path = os.path.realpath(path)  # a link stays one
-    folder, name = os.path.split(path)
-    unfinished = os.path.join(folder, f".{name}.{os.getpid()}")
     with deferred_signals():
         try:
-            try:
-                with open(unfinished, "wb") as file:
-                    file.write(data)
-                os.replace(unfinished, path)
-            except BaseException:
-                with suppress(FileNotFoundError):
-                    os.unlink(unfinished)
-                raise
+            _whole_files.write_whole(path, data)
         except OSError as failure:
             raise RunError(f"cannot write {path}: {failure.strerror}") from None

@@ -1,8 +1,18 @@
 """Owns the program that publishes static transforms."""
 
+import sys
+
+from tf2_ros_cython.cli.static_transform_publisher import main, transforms_of
+
+if __name__ == "__main__":  # before what needs ROS: `main` says in one line what is missing
+    sys.exit(main())
+
+from tf2_ros_cython import _requirement  # noqa: F401
+
+# isort: split
+
 import secrets
 import string
-import sys
 from argparse import Namespace
 from contextlib import suppress
 from typing import Any
@@ -15,7 +25,6 @@ from tf2_ros.cli._node import spun_node
 from tf2_ros.static_transform_broadcaster import StaticTransformBroadcaster
 from tf2_ros_cython.cli._program import SUCCESS, deferred_signals, wait_for_signal
 from tf2_ros_cython.cli._static_transforms import StaticTransform
-from tf2_ros_cython.cli.static_transform_publisher import main, transforms_of
 
 __all__ = ["main", "publish"]
 
@@ -93,7 +102,3 @@ def _summary(options: Namespace, transforms: list[StaticTransform]) -> str:
 
 def _quoted(numbers: tuple[float, ...]) -> str:
     return "(" + ", ".join(f"'{number:f}'" for number in numbers) + ")"
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,6 +1,16 @@
 """Owns the program that receives transforms and answers lookups of other processes."""
 
 import sys
+
+from tf2_ros_cython.cli.tf2_buffer_server import main
+
+if __name__ == "__main__":  # before what needs ROS: `main` says in one line what is missing
+    sys.exit(main())
+
+from tf2_ros_cython import _requirement  # noqa: F401
+
+# isort: split
+
 from argparse import Namespace
 from contextlib import suppress
 
@@ -14,7 +24,6 @@ from tf2_ros.buffer_server import BufferServer
 from tf2_ros.cli._node import spun_node
 from tf2_ros.transform_listener import TransformListener
 from tf2_ros_cython.cli._program import SUCCESS, UsageError, deferred_signals, wait_for_signal
-from tf2_ros_cython.cli.tf2_buffer_server import main
 
 __all__ = ["main", "serve"]
 
@@ -40,7 +49,3 @@ def _buffer_size(node: Node) -> Duration:
     if not size >= 0.0:
         raise UsageError(f"buffer_size must not be negative, it is {size} s")
     return FOR_EVER if size >= FOR_EVER.nanoseconds * 1e-9 else Duration(seconds=size)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

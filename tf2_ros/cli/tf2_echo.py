@@ -1,7 +1,17 @@
 """Owns the program that prints a transform again and again."""
 
-import json
 import sys
+
+from tf2_ros_cython.cli.tf2_echo import STAMPS_END_NS, main
+
+if __name__ == "__main__":  # before what needs ROS: `main` says in one line what is missing
+    sys.exit(main())
+
+from tf2_ros_cython import _requirement  # noqa: F401
+
+# isort: split
+
+import json
 import time
 from argparse import Namespace
 from math import degrees, isfinite
@@ -19,7 +29,6 @@ from tf2_ros.cli._node import filled_buffer, spun_node
 from tf2_ros.numpy import to_matrix
 from tf2_ros_cython.cli._program import ENDINGS, FAILURE, SUCCESS, UsageError, sleep
 from tf2_ros_cython.cli._rpy import rpy_from_matrix
-from tf2_ros_cython.cli.tf2_echo import STAMPS_END_NS, main
 
 __all__ = ["echo", "main"]
 
@@ -190,7 +199,3 @@ class _Json:
 
     def _line(self, **fields: Any) -> str:
         return json.dumps(fields)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,7 +1,17 @@
 """Owns the program that shows who publishes which frame, how often, how late, and what is wrong."""
 
-import json
 import sys
+
+from tf2_ros_cython.cli.tf2_monitor import main
+
+if __name__ == "__main__":  # before what needs ROS: `main` says in one line what is missing
+    sys.exit(main())
+
+from tf2_ros_cython import _requirement  # noqa: F401
+
+# isort: split
+
+import json
 import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator
@@ -12,10 +22,10 @@ from typing import Any
 from tf2_py._internal import printable
 from tf2_ros._traffic.findings import Limits
 from tf2_ros._traffic.streams import Stream
+from tf2_ros.cli._figures import milliseconds, rate, stream_line
 from tf2_ros.cli._listening import Chain, Report, listening
 from tf2_ros.cli._node import spun_node
 from tf2_ros_cython.cli._program import SUCCESS, UsageError
-from tf2_ros_cython.cli.tf2_monitor import main
 
 __all__ = ["main", "monitor"]
 
@@ -89,24 +99,11 @@ def _as_json(report: Report) -> Iterator[str]:
 def _as_text(report: Report) -> Iterator[str]:
     yield f"at {report.time:.3f} s"
     for stream in _shown(report):
-        parts = [f"parent {stream.parent}", f"publisher {stream.publisher}", *_figures(stream)]
-        yield f"  {stream.frame}: {', '.join(parts)}"
+        yield f"  {stream_line(stream)}"
     if report.chain is not None:
         yield f"  {_chain_text(report.chain)}"
     for text in _warnings(report):
         yield f"  warning: {text}"
-
-
-def _figures(stream: Stream) -> Iterator[str]:
-    if stream.static:
-        yield "static"
-        return
-    yield f"{_rate(stream)} Hz"
-    if stream.delay is not None:
-        mean, most, jitter = (_ms(value) for value in (stream.delay, stream.delay_max, stream.jitter))
-        yield f"delay {mean} ms"
-        yield f"max {most} ms"
-        yield f"jitter {jitter} ms"
 
 
 # A report as a table that stays.
@@ -153,8 +150,8 @@ def _table(report: Report, height: int) -> Any:
             _words(stream.frame),
             _words(stream.parent),
             _words(stream.publisher),
-            "static" if stream.static else _rate(stream),
-            *("" if stream.static else _ms(delay) for delay in delays),
+            "static" if stream.static else rate(stream),
+            *("" if stream.static else milliseconds(delay) for delay in delays),
             ", ".join(kinds),
             style="red" if kinds else None,
         )
@@ -200,16 +197,4 @@ def _chain_text(chain: Chain) -> str:
     if chain.delay is None:
         return f"{text}: no net delay"
     mean, most = chain.delay
-    return f"{text}: net delay {_ms(mean)} ms, max {_ms(most)} ms"
-
-
-def _rate(stream: Stream) -> str:
-    return "?" if stream.rate is None else f"{stream.rate:.1f}"
-
-
-def _ms(seconds: float | None) -> str:
-    return "" if seconds is None else f"{1e3 * seconds:.1f}"
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return f"{text}: net delay {milliseconds(mean)} ms, max {milliseconds(most)} ms"

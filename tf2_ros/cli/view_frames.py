@@ -1,23 +1,29 @@
 """Owns the program that draws the tree of frames."""
 
 import sys
+
+from tf2_ros_cython.cli.view_frames import WAIT_S, WATCH_S, main, output_files
+
+if __name__ == "__main__":  # before what needs ROS: `main` says in one line what is missing
+    sys.exit(main())
+
+from tf2_ros_cython import _requirement  # noqa: F401
+
+# isort: split
+
 import time
 from argparse import Namespace
 from contextlib import suppress
-from importlib.util import find_spec
 
-from tf2_py import FrameInfo
-from tf2_ros._pictures import tree
 from tf2_ros._traffic.findings import Limits
+from tf2_ros.cli._drawing import NO_DOT, dot_of, drawn, needs_graphviz
 from tf2_ros.cli._files import write_whole
 from tf2_ros.cli._listening import Listening, listening
 from tf2_ros.cli._node import spun_node
-from tf2_ros_cython.cli._program import FAILURE, SUCCESS, RunError
-from tf2_ros_cython.cli.view_frames import WAIT_S, WATCH_S, main, output_files
+from tf2_ros_cython.cli._program import FAILURE, SUCCESS
 
 __all__ = ["main", "view"]
 
-S = 1_000_000_000
 WATCH_WINDOW_S = 10.0  # of the figures
 IDLE_SHARE = 4.0  # watching, at least so many times as long as drawing takes
 
@@ -25,8 +31,8 @@ IDLE_SHARE = 4.0  # watching, at least so many times as long as drawing takes
 def view(options: Namespace) -> int:
     """Listen and draw, as the options say; return the exit status."""
     draws = options.output is not None or not options.text
-    if draws and find_spec("graphviz") is None:
-        raise RunError("pictures need the Python package graphviz: pip install graphviz; --text does not")
+    if draws:
+        needs_graphviz("--text")
     return _watch(options) if options.watch else _view_once(options, draws)
 
 
@@ -86,14 +92,7 @@ def _watch(options: Namespace) -> int:
 
 def _dot(heard: Listening) -> str:
     report = heard.report(Limits())
-    lengths = {name: _length(info) for name, info in heard.buffer.frames().items() if not info.static}
-    return tree.tree_dot(report.streams, report.findings, lengths, report.time)
-
-
-def _length(info: FrameInfo) -> float:
-    if info.oldest_ns is None or info.newest_ns is None:
-        return 0.0
-    return (info.newest_ns - info.oldest_ns) / S
+    return dot_of(heard.buffer, report.streams, report.findings, report.time)
 
 
 def _write(dot: str, description: str, picture: str, kind: str) -> None:
@@ -103,20 +102,8 @@ def _write(dot: str, description: str, picture: str, kind: str) -> None:
     :raises FileNotFoundError: the first is written, and there is no program that draws the second.
     """
     write_whole(description, dot.encode())
-    try:
-        drawn = tree.render(dot, kind)
-    except RuntimeError as failure:
-        raise RunError(f"dot failed: {failure}") from None
-    write_whole(picture, drawn)
+    write_whole(picture, drawn(dot, kind))
 
 
 def _tell_lack(description: str) -> None:
-    print(
-        f"view_frames: no picture, only {description}: install Graphviz, which has the program dot "
-        "(Debian, Ubuntu: apt install graphviz)",
-        file=sys.stderr,
-    )
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    print(f"view_frames: no picture, only {description}: {NO_DOT}", file=sys.stderr)

@@ -2,7 +2,7 @@
 Owns the manners of all programs: how they read their command lines, obey signals, print, and end.
 
 A program is two modules of its name: one here, with the command line and ``main``, and one in ``tf2_ros.cli``
-with the work, which imports ROS. The first imports the second when the command line has been read.
+with the work, which may import ROS. The first imports the second when the command line has been read.
 
 Exit statuses: 0 and 1 are the program's own; 2 is wrong usage; 128 and a signal's number, ended by the signal
 before there was a result, or by a reader of its output who left.
@@ -20,7 +20,7 @@ from socket import socketpair
 from textwrap import fill
 from time import monotonic
 from types import FrameType
-from typing import NoReturn, TextIO
+from typing import Any, NoReturn, TextIO
 
 from tf2_ros_cython.cli._numbers import is_negative_number
 
@@ -77,22 +77,46 @@ class Parser(ArgumentParser):
     """
     Reads a command line: wrong usage is one line and status 2, a negative number is a value.
 
-    :param name: of the program.
+    :param prog: the name of the program.
     :param description: what it does, in paragraphs, with a blank line between two of them.
     :param example: command lines with what they do, for the end of the help.
+    :param node: whether the program has a node, and so takes arguments for ROS.
+    :param settings: of ``ArgumentParser``.
+
+    A program that does several things has commands: :meth:`add_command`. It has no arguments of its own then.
     """
 
-    def __init__(self, name: str, description: str, example: str) -> None:
+    def __init__(
+        self, prog: str, description: str, example: str, *, node: bool = True, **settings: Any
+    ) -> None:
+        of_ros = f"{_ROS_ARGS} begins arguments for ROS: remappings, parameters, log levels.\n\n"
         super().__init__(
-            prog=name,
+            prog=prog,
             description="\n\n".join(fill(one, _WIDTH) for one in description.split("\n\n")),
-            epilog=f"{_ROS_ARGS} begins arguments for ROS: remappings, parameters, log levels.\n\n"
-            f"example:\n{example}",
+            epilog=f"{of_ros if node else ''}example:\n{example}",
             formatter_class=RawDescriptionHelpFormatter,
             # Scripts must mean the same when a later version has more options.
             allow_abbrev=False,
+            **settings,
         )
         self.register("type", None, _as_given)  # of an argument without a type
+        self._node = node
+        self._commands: Any = None  # argparse's action that has them
+
+    def add_command(self, name: str, summary: str, description: str, example: str) -> "Parser":
+        """
+        Add a command: the first argument of a command line, with arguments of its own.
+
+        :param summary: a line for the help of the program; the others are as of :class:`Parser`.
+        :return: what reads its arguments.
+        """
+        if self._commands is None:
+            self._commands = self.add_subparsers(title="commands", metavar="COMMAND", dest="command")
+            self._commands.required = True
+        made: Parser = self._commands.add_parser(
+            name, help=summary, description=description, example=example, node=self._node
+        )
+        return made
 
     def error(self, message: str) -> NoReturn:
         """End with status 2 and one line."""
@@ -104,13 +128,23 @@ class Parser(ArgumentParser):
         Read a command line.
 
         :param arguments: with the name of the program, and with what is for ROS.
-        :return: the options; their ``ros_arguments`` is what ``rclpy.init`` needs.
+        :return: the options; their ``ros_arguments`` is what ``rclpy.init`` needs. ``parser`` has read them,
+            and ``command`` is the name of the command, where there are some.
         """
         own = [_as_value(one) for one in self._without_ros_arguments(arguments)[1:]]
-        return self.parse_intermixed_args(own, Namespace(ros_arguments=arguments))
+        read = Namespace(ros_arguments=arguments, parser=self, command=None)
+        if self._commands is None:
+            return self.parse_intermixed_args(own, read)
+        if not own or own[0] not in self._commands.choices:
+            return self.parse_args(own, read)  # help, or wrong usage
+        # What argparse does with commands, but for options between the arguments of one.
+        read.command = own[0]
+        read.parser = self._commands.choices[own[0]]
+        options: Namespace = read.parser.parse_intermixed_args(own[1:], read)
+        return options
 
     def _without_ros_arguments(self, arguments: list[str]) -> list[str]:
-        if _ROS_ARGS not in arguments:
+        if not self._node or _ROS_ARGS not in arguments:
             return arguments  # help needs no rclpy then
         from rclpy.utilities import remove_ros_args
 
@@ -149,6 +183,7 @@ def run(parser: Parser, work: str, arguments: list[str] | None = None) -> int:
         try:
             options = parser.read(arguments)
             do = _function(work)
+            parser = options.parser
         except ImportError as lack:
             # tf2_ros says itself what it needs; it may also be another project's.
             reason = " ".join(str(lack).split())
@@ -189,9 +224,16 @@ class _Signals:
 
     def ignore_repeated(self) -> None:
         """From now on: the interpreter ends, and gives back to its signals what they do without it."""
-        if self.received is not None:
+        if self.received is None:
+            return
+        report = sys.unraisablehook
+        # Of a signal that came just before, Python reports by this hook that it is ignored.
+        sys.unraisablehook = lambda told: None if isinstance(told.exc_value, OSError) else report(told)
+        try:
             for number in _ENDING_SIGNALS:
                 signal.signal(number, signal.SIG_IGN)
+        finally:
+            sys.unraisablehook = report
 
     def receive(self, number: int, _: FrameType | None) -> None:
         if self.received is None:

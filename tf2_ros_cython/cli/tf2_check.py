@@ -1,6 +1,7 @@
 # PYTHON_ARGCOMPLETE_OK
 """Owns the command line of the program that says whether the transforms of a robot are as they must be."""
 
+from tf2_ros_cython.cli._checks import add_check_options
 from tf2_ros_cython.cli._numbers import positive_number
 from tf2_ros_cython.cli._program import Parser, run
 
@@ -20,18 +21,7 @@ def parser() -> Parser:
     made.add_argument(
         "-t", type=positive_number, metavar="S", default=5.0, help="listen for S seconds; 5 by default"
     )
-    made.add_argument("--expect", metavar="FILE", help="what frames must be like, in YAML")
-    made.add_argument("--junit", metavar="FILE", help="write the result as JUnit's XML, too")
-    made.add_argument(
-        "--min-rate", type=positive_number, metavar="HZ", help="how often dynamic frames must be published"
-    )
-    made.add_argument(
-        "--ignore",
-        action="append",
-        metavar="KIND",
-        default=[],
-        help="not wrong here; the first word of a line",
-    )
+    add_check_options(made)
     return made
 
 

@@ -1,10 +1,9 @@
 # PYTHON_ARGCOMPLETE_OK
 """Owns the command line of the program that draws transforms over time."""
 
-from argparse import ArgumentTypeError
-from os.path import splitext
-
+from tf2_ros_cython.cli._endings import ending_in, listed
 from tf2_ros_cython.cli._numbers import positive_number
+from tf2_ros_cython.cli._plots import add_plot_options
 from tf2_ros_cython.cli._program import Parser, run
 
 __all__ = ["main"]
@@ -28,13 +27,7 @@ EXAMPLE = """\
 def parser() -> Parser:
     """Its command line."""
     made = Parser("tf2_plot", DESCRIPTION, EXAMPLE)
-    made.add_argument("frames", nargs="*", metavar="FRAME", help="what to draw; all frames by default")
-    made.add_argument(
-        "--path",
-        nargs=2,
-        metavar=("TARGET", "SOURCE"),
-        help="draw the way of the frame SOURCE, as seen in the frame TARGET",
-    )
+    add_plot_options(made)
     made.add_argument(
         "-t",
         type=positive_number,
@@ -42,21 +35,12 @@ def parser() -> Parser:
         default=SECONDS,
         help=f"draw S seconds; {SECONDS:g} by default",
     )
-    made.add_argument("-o", "--output", metavar="FILE", type=_picture, help="ends in .png or .svg")
+    made.add_argument(
+        "-o", "--output", metavar="FILE", type=ending_in(*FORMATS), help=f"ends in {listed(*FORMATS)}"
+    )
     return made
 
 
 def main(args: list[str] | None = None) -> int:
     """Run the program; see :func:`tf2_ros_cython.cli._program.run`."""
     return run(parser(), "tf2_ros.cli.tf2_plot:plot", args)
-
-
-def picture_format(name: str) -> str:
-    """The format that the end of a file's name says."""
-    return splitext(name)[1][1:].lower()
-
-
-def _picture(name: str) -> str:
-    if picture_format(name) not in FORMATS:
-        raise ArgumentTypeError(f"must end in {' or '.join('.' + kind for kind in FORMATS)}, not {name!r}")
-    return name

@@ -4,6 +4,7 @@
 from argparse import Namespace
 from os.path import splitext
 
+from tf2_ros_cython.cli._endings import format_of
 from tf2_ros_cython.cli._numbers import non_negative_number
 from tf2_ros_cython.cli._program import Parser, run
 
@@ -61,9 +62,8 @@ def output_files(options: Namespace, date: str) -> tuple[str, str, str]:
     name = options.output
     if name is None:
         name = "frames" if options.watch else f"frames_{date}"
-    stem, extension = splitext(name)
-    if extension[1:].lower() in FORMATS:
-        return f"{stem}.gv", name, extension[1:].lower()
+    if format_of(name) in FORMATS:
+        return f"{splitext(name)[0]}.gv", name, format_of(name)
     kind = "svg" if options.watch else "pdf"
     return f"{name}.gv", f"{name}.{kind}", kind
 

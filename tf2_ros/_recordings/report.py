@@ -1,0 +1,92 @@
+"""Owns what is said of a whole recording: figures of its frames, and what is wrong with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tf2_ros._traffic.expectations import Expectation
+from tf2_ros._traffic.findings import Finding, Limits, find
+from tf2_ros._traffic.settling import Settling
+from tf2_ros._traffic.streams import Stream, Streams
+
+if TYPE_CHECKING:
+    from tf2_ros._recordings.hearing import Heard
+
+__all__ = ["LIMITS", "Report", "report"]
+
+S = 1_000_000_000
+# Beyond this, stamps and log times are not of one clock: a simulation, or the recording of a replay.
+SAME_CLOCK_S = 3600.0
+# A recording often ends with the shutdown of the robot, and launch gives its programs five seconds for that.
+LIMITS = Limits(stale=5.0)
+NOTHING_EXPECTED: Mapping[str, Expectation] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class Report:
+    """What there is to tell of a recording; times are log times, in seconds."""
+
+    streams: list[Stream]  # as they are at the end; ``silence`` is before the last transform
+    findings: list[Finding]
+    begin: float | None  # when the first transform was received; None: there is none
+    end: float | None
+    transforms: int
+    clocks_differ: bool  # stamps and log times are of two clocks: delays mean nothing, and are None
+
+
+def report(
+    heard: Heard, limits: Limits = LIMITS, expectations: Mapping[str, Expectation] = NOTHING_EXPECTED
+) -> Report:
+    """
+    Say what a recording holds, and what is wrong with it, by the rules of ``tf2_check``.
+
+    :param limits: from where on something is wrong.
+    :param expectations: of frames, by their names.
+
+    The present of a recording is its last dynamic transform: a recorder often stays on when the robot is
+    off. Where it stays on for long, that is one finding, and not one for each frame.
+    """
+    records = heard.records
+    if not len(records):
+        return Report([], find([], limits, expectations), None, None, 0, False)
+    received, static = records["received_ns"], records["static"] != 0
+    now_ns = int((received if static.all() else received[~static]).max())
+    streams = _streams(heard, records, now_ns)
+    # A recorder discovers publishers as any listener does, and is sent late what it has missed.
+    judged = _streams(heard, Settling().thinned(records), now_ns)
+    differ = _clocks_differ(streams)
+    if differ:
+        streams, judged = ([_without_delays(one) for one in some] for some in (streams, judged))
+    found = find(judged, limits, expectations, recorded=True)
+    if heard.end_ns is not None and not static.all():
+        found = [*_of_the_end((heard.end_ns - now_ns) / S, limits), *found]
+    return Report(
+        streams, found, int(received.min()) / S, int(received.max()) / S, len(records), clocks_differ=differ
+    )
+
+
+def _streams(heard: Heard, records: NDArray[np.void], now_ns: int) -> list[Stream]:
+    streams = Streams()
+    streams.add(records)
+    return streams.report(now_ns, heard.frames, heard.publishers)
+
+
+def _of_the_end(silence: float, limits: Limits) -> Iterator[Finding]:
+    if silence > limits.stale:
+        text = f"no dynamic transform was received in the last {silence:.3g} s"
+        yield Finding("stale", "", text, {"silence": silence})
+
+
+def _clocks_differ(streams: Sequence[Stream]) -> bool:
+    delays = [abs(one.delay) for one in streams if one.delay is not None]
+    return bool(delays) and float(np.median(delays)) > SAME_CLOCK_S
+
+
+def _without_delays(stream: Stream) -> Stream:
+    return replace(stream, delay=None, delay_max=None, delay_min=None, jitter=None)

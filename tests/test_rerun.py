@@ -279,7 +279,7 @@ def test_the_viewer_draws_the_axes_of_every_frame(served, tmp_path):
         return [parts(red - np.maximum(green, blue) > 90), parts(green - np.maximum(red, blue) > 60)]
 
     # An arrow for x and one for y of each of five frames.
-    picture = picture_when(address, lambda picture: count(picture) == [5, 5], tmp_path / "profile")
+    picture = picture_when(address, lambda picture: count(picture) == [5, 5], tmp_path)
     assert count(picture) == [5, 5]
 
 

@@ -1,6 +1,7 @@
 """Owns the other processes of the tests, and waiting for what they do."""
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -71,6 +72,25 @@ def broadcasting(*faults):
         finally:
             process.kill()
             process.wait()
+
+
+def completed(line, folder):
+    """To what a shell completes a command line, asked as argcomplete's own function for bash asks."""
+    pytest.importorskip("argcomplete")
+    answer = folder / "answer"
+    asked = {
+        "_ARGCOMPLETE": "1",
+        "_ARGCOMPLETE_IFS": "\n",
+        "COMP_LINE": line,
+        "COMP_POINT": str(len(line)),
+        "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
+    }
+    code = f"from tf2_ros_cython.cli.{line.partition(' ')[0]} import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, **asked}, timeout=DEADLINE_S, capture_output=True
+    )
+    assert done.stdout == b""
+    return answer.read_text().strip()
 
 
 class Peer:

@@ -12,7 +12,7 @@ from argparse import ArgumentTypeError
 
 import pexpect
 import pytest
-from processes import DEADLINE_S, ended, running, until
+from processes import DEADLINE_S, completed, ended, running, until
 from sources import ROOT
 
 from tf2_ros_cython.cli._numbers import (
@@ -264,22 +264,7 @@ class TestEveryProgram:
         assert (status, err) == (0, "") or (status, err) == (141, "")
 
     def test_a_shell_gets_its_options(self, name, tmp_path):
-        # As argcomplete's own function for bash asks.
-        pytest.importorskip("argcomplete")
-        line = f"{name} --hel"
-        asked = {
-            "_ARGCOMPLETE": "1",
-            "_ARGCOMPLETE_IFS": "\n",
-            "COMP_LINE": line,
-            "COMP_POINT": str(len(line)),
-            "_ARGCOMPLETE_STDOUT_FILENAME": str(tmp_path / "answer"),
-        }
-        code = f"from tf2_ros_cython.cli.{name} import main; main()"
-        done = subprocess.run(
-            [sys.executable, "-c", code], env={**os.environ, **asked}, timeout=DEADLINE_S, capture_output=True
-        )
-        assert done.stdout == b""
-        assert (tmp_path / "answer").read_text().strip() == "--help"
+        assert completed(f"{name} --hel", tmp_path) == "--help"
 
     def test_the_shell_finds_that_it_completes(self, name):
         # argcomplete looks for this in the first 1024 bytes.

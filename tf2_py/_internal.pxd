@@ -19,7 +19,7 @@ from tf2_py._core.names cimport (
 from tf2_py._core.types cimport Incoming
 from tf2_py._engine.engine cimport Engine
 from tf2_py._objects.messages cimport name_utf8
-from tf2_py._wire.batch cimport Batch, batch_add_cdr, batch_begin, batch_free, batch_read_cdr
+from tf2_py._wire.batch cimport Batch, batch_add_cdr, batch_begin, batch_error, batch_free, batch_read_cdr
 
 # tf2_geometry_msgs and tf2_sensor_msgs: messages as C structs, and the maths of transforms.
 from tf2_py._core.geometry cimport (

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tf2_py import BufferCore
 from tf2_py._internal import History, as_times_ns, histories
-from tf2_ros._recordings.problems import needs
+from tf2_ros._recordings.problems import needing
 from tf2_ros._recordings.tables import look_up, times_at_rate
 from tf2_ros._traffic.chains import path_to_root
 from tf2_ros._whole_files import write_whole
@@ -140,12 +140,8 @@ def view(buffer: BufferCore, **how: Any) -> None:
 
 
 def _rerun() -> Any:
-    try:
+    with needing("rerun", "rerun"):
         import rerun
-    except ModuleNotFoundError as missing:
-        if missing.name != "rerun":
-            raise
-        raise needs("rerun", "rerun") from missing
     return rerun
 
 

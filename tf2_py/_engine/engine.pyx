@@ -60,7 +60,7 @@ from tf2_py._objects.advice cimport Advice
 from tf2_py._objects.frame_names cimport name_for_log
 from tf2_py._objects.lookup_errors cimport query_error, query_lack
 from tf2_py._objects.throttle cimport LINES_PER_MESSAGE, Throttle
-from tf2_py._wire.batch cimport Batch, Entry, batch_begin
+from tf2_py._wire.batch cimport Batch, Entry, batch_begin, batch_error
 
 from tf2_py._objects import errors, log
 
@@ -195,9 +195,7 @@ cdef class Engine:
 
     cdef object malformed(self, const Batch* batch, size_t size, str topic=None):
         self._malformed += 1
-        error = ValueError(
-            f"malformed TFMessage: {batch.problem.decode()}, at byte {batch.problem_at} of {size}"
-        )
+        error = batch_error(batch, size)
         if topic is not None:
             log.malformed(self._throttle, topic, str(error))
         return error

@@ -16,7 +16,7 @@ from tf2_py._core.names cimport (
     names_intern,
 )
 from tf2_py._core.types cimport Incoming, Transform
-from tf2_py._wire.batch cimport Batch, batch_free, batch_read_cdr
+from tf2_py._wire.batch cimport Batch, batch_error, batch_free, batch_read_cdr
 from tf2_py._wire.cdr cimport Writer, writer_init, writer_transform
 
 from tf2_py._objects.arrays import new_array
@@ -104,9 +104,7 @@ cdef class SampleReader:
         if not batch_read_cdr(&self._batch, <const unsigned char*>PyBytes_AS_STRING(data),
                               PyBytes_GET_SIZE(data)):
             if self._batch.problem != NULL:
-                raise ValueError(
-                    f"malformed TFMessage: {self._batch.problem.decode()}, at byte {self._batch.problem_at}"
-                )
+                raise batch_error(&self._batch, PyBytes_GET_SIZE(data))
             if self._batch.no_memory:
                 raise MemoryError
         self._reserve(self._batch.count)

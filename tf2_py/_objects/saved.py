@@ -154,7 +154,7 @@ def _messages(state: dict[str, Any]) -> Iterator[tuple[str, int, bytes]]:
     """Topic, log time in ns, and the serialised message: static ones first, the others by stamp."""
     import numpy as np
 
-    names = [b"", *state["names"].split(b"\0")[:-1]]
+    names = _names_by_id(state)
     frames, stamps = state["frames"], state["stamps"]
     ids = np.arange(1, len(frames) + 1, dtype=np.uint32)
     children = np.repeat(ids, frames[:, COUNT])
@@ -179,6 +179,11 @@ def _messages(state: dict[str, Any]) -> Iterator[tuple[str, int, bytes]]:
             start = next_start
 
 
+def _names_by_id(state: dict[str, Any]) -> list[bytes]:
+    # As sample_messages takes them.
+    return [b"", *state["names"].split(b"\0")[:-1]]
+
+
 def _read(records: Iterator[Any]) -> dict[str, Any]:
     state: dict[str, Any] | None = None
     topics: dict[int, str] = {}
@@ -186,7 +191,7 @@ def _read(records: Iterator[Any]) -> dict[str, Any]:
         match type(record).__name__:
             case "Metadata" if record.name == METADATA:
                 state = _state_of(record.metadata)
-                reader = SampleReader([b"", *state["names"].split(b"\0")[:-1]])
+                reader = SampleReader(_names_by_id(state))
             case "Channel":
                 topics[record.id] = record.topic
             case "Message":

@@ -42,3 +42,5 @@ cdef int batch_reserve(Batch* batch, size_t count) noexcept nogil           # 0,
 cdef bint batch_read_cdr(Batch* batch, const unsigned char* data, size_t size) noexcept nogil
 # Adds those of another message. False: none is added, see `problem` and `no_memory`.
 cdef bint batch_add_cdr(Batch* batch, const unsigned char* data, size_t size) noexcept nogil
+# The ValueError that tells the `problem` of a message of `size` bytes.
+cdef object batch_error(const Batch* batch, size_t size)

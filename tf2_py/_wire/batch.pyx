@@ -76,3 +76,9 @@ cdef bint batch_add_cdr(Batch* batch, const unsigned char* data, size_t size) no
         return False
     batch.count += count
     return True
+
+
+cdef object batch_error(const Batch* batch, size_t size):
+    return ValueError(
+        f"malformed TFMessage: {batch.problem.decode()}, at byte {batch.problem_at} of {size}"
+    )

@@ -13,6 +13,7 @@ from tf2_py._internal cimport (
     Engine,
     Incoming,
     batch_add_cdr,
+    batch_error,
     batch_free,
     name_strip,
     name_utf8,
@@ -301,9 +302,7 @@ def read_transforms(raw, Source source not None):
     PyObject_GetBuffer(raw, &view, PyBUF_SIMPLE)
     try:
         if not source.read(&batch, &view):
-            raise ValueError(
-                f"malformed TFMessage: {batch.problem.decode()}, at byte {batch.problem_at} of {view.len}"
-            )
+            raise batch_error(&batch, view.len)
         for i in range(batch.count):
             incoming = &batch.entries[i].incoming
             transforms.append(new_transform_stamped(

@@ -1,6 +1,5 @@
 """Owns ``map_recordings``: what is done of many recordings, what is left, and what came of it."""
 
-import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import closing, suppress
@@ -14,6 +13,7 @@ from tf2_ros._recordings.loading import TOPICS, Topics, wanted
 from tf2_ros._recordings.mapping import Outcome, Request, done_before, table_of
 from tf2_ros._recordings.progress import progress_bar
 from tf2_ros._recordings.searching import Recordings, find_recordings
+from tf2_ros._recordings.tables import check_rate
 from tf2_ros._recordings.workers import outcomes
 from tf2_ros._whole_files import remove_abandoned
 
@@ -94,8 +94,8 @@ def map_recordings(
         raise ValueError("workers are processes on this machine; those of a scheduler are its own")
     if workers is not None and workers < 1:
         raise ValueError(f"workers must be at least 1, not {workers}")
-    if rate is not None and not 0.0 < rate < math.inf:
-        raise ValueError(f"a rate must be a number above 0 Hz, not {rate:g}")
+    if rate is not None:
+        check_rate(rate)
     _check_names(target, source)
     prefixes = None if topics is TOPICS else dict(wanted(topics, None, None).prefixes)
     request = Request(target, source, at, rate, prefixes, partial)

@@ -14,10 +14,10 @@ from tf2_py import TransformException
 from tf2_py._internal import counted, printable
 from tf2_ros._recordings.hearing import Heard, hear
 from tf2_ros._recordings.loading import TOPICS
-from tf2_ros._recordings.problems import BagError, needs
+from tf2_ros._recordings.problems import BagError, needing
 from tf2_ros._recordings.reading import MAGICS, open_recording, stamps_of
 from tf2_ros._recordings.report import report
-from tf2_ros._recordings.tables import Table, as_parquet, look_up, look_up_chain, times_at_rate
+from tf2_ros._recordings.tables import Table, as_parquet, look_up_when
 from tf2_ros._whole_files import write_whole
 
 __all__ = ["Outcome", "Request", "Row", "done_before", "failed", "table_of", "work"]
@@ -111,10 +111,8 @@ def failed(recording: str, problem: str) -> Outcome:
 
 def done_before(request: Request, recording: str, table: str) -> Outcome | None:
     """The outcome of an earlier run with the same request, if the recording is still what it was then."""
-    try:
+    with needing("pyarrow", "fleet"):
         from pyarrow import ArrowException, parquet
-    except ModuleNotFoundError as missing:
-        raise needs("pyarrow", "fleet") from missing
     try:
         with open(table, "rb") as file:
             content = json.loads((parquet.read_metadata(file).metadata or {})[KEY])
@@ -163,14 +161,11 @@ def _looked_up(request: Request, recording: str, heard: Heard) -> tuple[Table, l
 
 
 def _table(request: Request, recording: str, heard: Heard) -> Table:
-    target, source = request.target, request.source
+    times_ns = None
     if request.at is not None:
         with open_recording(recording, partial=request.partial) as recorded:
-            return look_up(heard.buffer, target, source, stamps_of(recorded, request.at))
-    if request.rate is not None:
-        times = times_at_rate(heard.buffer, target, source, request.rate)
-        return look_up(heard.buffer, target, source, times)
-    return look_up_chain(heard, target, source)
+            times_ns = stamps_of(recorded, request.at)
+    return look_up_when(heard, request.target, request.source, times_ns, request.rate)
 
 
 def _summary(recording: str, heard: Heard, table: Table) -> Row:

@@ -1,11 +1,12 @@
 """Owns the errors about recordings, which name what is wrong with one."""
 
 import errno
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 from tf2_py._internal import printable
 
-__all__ = ["BagError", "BagWarning", "broken", "explained", "listed", "needs"]
+__all__ = ["BagError", "BagWarning", "broken", "explained", "listed", "needing", "needs"]
 
 # For the argument of `load`, and for the option of tf2_bag.
 IN_PART = "the option partial reads what can be read of it"
@@ -66,3 +67,14 @@ def needs(library: str, extra: str) -> ModuleNotFoundError:
     return ModuleNotFoundError(
         f"{library} is not installed: pip install 'tf2-ros-cython[{extra}]'", name=library
     )
+
+
+@contextmanager
+def needing(library: str, extra: str) -> Iterator[None]:
+    """Around an import: where it fails for want of the library, the error says what to install."""
+    try:
+        yield
+    except ModuleNotFoundError as missing:
+        if (missing.name or "").partition(".")[0] != library:
+            raise
+        raise needs(library, extra) from missing

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tf2_py._internal import printable
 from tf2_ros._recordings.fill import Explained
-from tf2_ros._recordings.problems import BagError, BagWarning, explained, listed, needs
+from tf2_ros._recordings.problems import BagError, explained, listed, needing
 from tf2_ros._recordings.rescue import LAST_NS, RawMessage, Reader, decompressed, rescued
 
 if TYPE_CHECKING:
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "TF_TYPES",
-    "BagError",
-    "BagWarning",
     "RawMessage",
     "Recorded",
     "Topic",
@@ -186,10 +184,8 @@ def open_recording(path: "str | PathLike[str]", *, partial: bool = False) -> Ite
     text = os.fspath(path)
     if not isinstance(text, str):
         raise TypeError(f"path must be a str or os.PathLike of str, not {type(path).__name__}")
-    try:
+    with needing("rosbags", "bag"):
         import rosbags  # noqa: F401
-    except ModuleNotFoundError as missing:
-        raise needs("rosbags", "bag") from missing
     if not os.path.exists(text):
         raise FileNotFoundError(errno.ENOENT, "there is no recording", text)
     with ExitStack() as stack:

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias
 
-from tf2_ros._recordings.problems import BagError, broken, explained, needs
+from tf2_ros._recordings.problems import BagError, broken, explained, needing
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -85,10 +85,8 @@ def decompressed(messages: Iterator[RawMessage]) -> Iterator[RawMessage]:
 
 
 def _zstandard() -> Any:
-    try:
+    with needing("zstandard", "bag"):
         import zstandard
-    except ModuleNotFoundError as missing:
-        raise needs("zstandard", "bag") from missing
     return zstandard
 
 
@@ -140,11 +138,9 @@ class McapScan(Scan):
     """An .mcap."""
 
     def _read(self, file: BinaryIO) -> Iterator[Item]:
-        try:
+        with needing("mcap", "bag"):
             from mcap.records import Channel, Message, Schema
             from mcap.stream_reader import StreamReader
-        except ModuleNotFoundError as missing:
-            raise needs("mcap", "bag") from missing
 
         schemas: dict[int, Schema] = {}
         for record in StreamReader(file, validate_crcs=True).records:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tf2_py import BufferCore, FrameInfo
-from tf2_ros._recordings.problems import needs
+from tf2_ros._recordings.problems import needing
 from tf2_ros._traffic.chains import chain_between, moving_on, stamps_on
 
 if TYPE_CHECKING:
@@ -23,8 +23,10 @@ __all__ = [
     "as_npz",
     "as_parquet",
     "as_tum",
+    "check_rate",
     "look_up",
     "look_up_chain",
+    "look_up_when",
     "times_at_rate",
     "times_of_chain",
 ]
@@ -55,6 +57,14 @@ class Table:
     def __len__(self) -> int:
         return len(self.stamps_ns)
 
+    def from_first_to_last_answer(self) -> Table:
+        """Without the rows before the first answer, and those after the last one."""
+        known = np.flatnonzero(self.valid)
+        shown = slice(known[0], known[-1] + 1) if len(known) else slice(0)
+        return Table(
+            self.stamps_ns[shown], self.translations[shown], self.rotations[shown], self.valid[shown]
+        )
+
 
 def look_up(buffer: BufferCore, target: str, source: str, times_ns: ArrayLike) -> Table:
     """
@@ -71,6 +81,12 @@ def look_up(buffer: BufferCore, target: str, source: str, times_ns: ArrayLike) -
     return Table(stamps_ns, translations, rotations, ~np.isnan(rotations[:, 0]))
 
 
+def check_rate(hz: float) -> None:
+    """ValueError: ``hz`` is not above 0 and finite."""
+    if not 0.0 < hz < np.inf:
+        raise ValueError(f"a rate must be a number above 0 Hz, not {hz:g}")
+
+
 def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> NDArray[np.int64]:
     """
     Times at a rate, over the span in which all frames between two frames have data.
@@ -81,8 +97,7 @@ def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> ND
     :raises TransformException: the frames are unknown or not connected.
     :raises ValueError: ``hz`` is not above 0 and finite, or these are more than 50,000,000 times.
     """
-    if not 0.0 < hz < np.inf:
-        raise ValueError(f"a rate must be a number above 0 Hz, not {hz:g}")
+    check_rate(hz)
     frames = buffer.frames()
     chain = _chain(buffer, frames, target, source)
     moving = [frames[name] for name in moving_on(frames, chain)]
@@ -121,12 +136,22 @@ def look_up_chain(heard: Heard, target: str, source: str) -> Table:
 
     Nobody has asked for the times at which a part of the chain had not begun, or had ended.
     """
-    table = look_up(heard.buffer, target, source, times_of_chain(heard, target, source))
-    known = np.flatnonzero(table.valid)
-    shown = slice(known[0], known[-1] + 1) if len(known) else slice(0)
-    return Table(
-        table.stamps_ns[shown], table.translations[shown], table.rotations[shown], table.valid[shown]
-    )
+    times_ns = times_of_chain(heard, target, source)
+    return look_up(heard.buffer, target, source, times_ns).from_first_to_last_answer()
+
+
+def look_up_when(
+    heard: Heard, target: str, source: str, times_ns: ArrayLike | None, rate: float | None
+) -> Table:
+    """
+    Look up two frames of a recording at given times, as :func:`look_up`; at a rate, see
+    :func:`times_at_rate`; or, where both are None, by :func:`look_up_chain`.
+    """
+    if rate is not None:
+        times_ns = times_at_rate(heard.buffer, target, source, rate)
+    if times_ns is not None:
+        return look_up(heard.buffer, target, source, times_ns)
+    return look_up_chain(heard, target, source)
 
 
 # The contents of files.
@@ -178,13 +203,9 @@ def as_parquet(table: Table, file: str, metadata: Mapping[bytes, bytes] | None =
     :param metadata: of the file, beside Parquet's own.
     :raises ModuleNotFoundError: pyarrow is not installed.
     """
-    try:
+    with needing("pyarrow", "fleet"):
         import pyarrow
         from pyarrow import parquet
-    except ModuleNotFoundError as lack:
-        if lack.name != "pyarrow":
-            raise
-        raise needs("pyarrow", "fleet") from lack
     columns = {
         "file": pyarrow.repeat(pyarrow.scalar(file, pyarrow.string()), len(table)),
         "stamp": table.stamps_ns,

@@ -16,9 +16,7 @@ from tf2_ros._recordings.tables import (
     as_npz,
     as_parquet,
     as_tum,
-    look_up,
-    look_up_chain,
-    times_at_rate,
+    look_up_when,
 )
 from tf2_ros.cli._bag_reading import heard_of, recorded_of, telling_files, topics_of
 from tf2_ros.cli._files import write_whole
@@ -113,11 +111,7 @@ def _table(options: Namespace, heard: Heard, times_ns: NDArray[np.int64] | None)
     if options.at is not None:
         with recorded_of(options) as recorded:
             times_ns = stamps_of(recorded, options.at)
-    elif options.rate is not None:
-        times_ns = times_at_rate(heard.buffer, target, source, options.rate)
-    if times_ns is not None:
-        return look_up(heard.buffer, target, source, times_ns)
-    return look_up_chain(heard, target, source)
+    return look_up_when(heard, target, source, times_ns, options.rate)
 
 
 def _frames(options: Namespace) -> tuple[str, str]:

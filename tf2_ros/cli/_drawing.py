@@ -13,6 +13,7 @@ from tf2_ros._pictures import tree
 from tf2_ros._pictures.heard import Heard, heard_figure, heard_rows
 from tf2_ros._pictures.plots import file_of
 from tf2_ros._pictures.trajectory import trajectory_figure
+from tf2_ros._recordings.tables import look_up
 from tf2_ros._traffic.chains import chain_between, newest_streams, stamps_on
 from tf2_ros._traffic.findings import Finding, Limits
 from tf2_ros._traffic.streams import Stream
@@ -102,17 +103,15 @@ def way_picture(
         raise RunError(f"between {target} and {source} nothing moves")
     stamps = stamps[np.unique(np.linspace(0, len(stamps) - 1, MOST_TIMES).astype(int))]
     try:
-        positions, rotations = buffer.lookup_transforms(target, source, stamps, on_missing="nan")
+        way = look_up(buffer, target, source, stamps).from_first_to_last_answer()
     except TransformException as reason:
         raise RunError(str(reason)) from None
-    known = np.flatnonzero(~np.isnan(positions).any(axis=1))
-    if not len(known):
+    if not len(way):
         raise RunError(f"at no time all frames between {target} and {source} were known")
-    shown = slice(known[0], known[-1] + 1)
-    rpy = np.full_like(positions, np.nan)
-    matrices = to_matrix((positions[known], rotations[known]))
-    rpy[known] = [rpy_from_matrix(matrix) for matrix in matrices.tolist()]
-    return trajectory_figure(target, source, stamps[shown] / S, positions[shown], rpy[shown])
+    rpy = np.full_like(way.translations, np.nan)
+    matrices = to_matrix((way.translations[way.valid], way.rotations[way.valid]))
+    rpy[way.valid] = [rpy_from_matrix(matrix) for matrix in matrices.tolist()]
+    return trajectory_figure(target, source, way.stamps_ns / S, way.translations, rpy)
 
 
 def write_plot(name: str, figure: Any) -> None:

@@ -11,7 +11,7 @@ from argparse import Namespace
 from collections.abc import Callable, Mapping
 
 from tf2_py import TransformException
-from tf2_ros._recordings.reading import BagError
+from tf2_ros._recordings.problems import BagError
 from tf2_ros.cli._bag_contents import check, info
 from tf2_ros.cli._bag_pictures import plot, tree, view
 from tf2_ros.cli._bag_tables import batch, lookup

@@ -16,8 +16,10 @@ from tf2_py._core.names cimport (
     names_init,
     names_intern,
 )
+from tf2_py._core.segment cimport ABOUT_AT, BOARD_AT, Board, Segment, segment_head, segment_is_ready
 from tf2_py._core.types cimport Incoming
-from tf2_py._engine.engine cimport Engine
+from tf2_py._engine.engine cimport Engine, SharedMemory
+from tf2_py._engine.sharing cimport SharingEngine
 from tf2_py._objects.messages cimport name_utf8
 from tf2_py._wire.batch cimport Batch, batch_add_cdr, batch_begin, batch_error, batch_free, batch_read_cdr
 

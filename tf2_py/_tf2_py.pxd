@@ -5,10 +5,10 @@ from libc.stdint cimport int64_t
 from tf2_py._core.lookup cimport Query
 from tf2_py._core.series cimport TimeSeries
 from tf2_py._core.types cimport Transform
-from tf2_py._engine.engine cimport Engine
+from tf2_py._engine.sharing cimport SharingEngine
 
 
-cdef class BufferCore(Engine):
+cdef class BufferCore(SharingEngine):
     cdef int _set_one(self, object transform, object authority, bint is_static) except -1
     cdef int _lookup_or_raise(self, const Query* query, Transform* out, int64_t* stamp_ns) except -1
     cdef int _transform_at(self, target_frame, source_frame, int64_t time_ns, Transform* out) except -1

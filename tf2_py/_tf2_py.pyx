@@ -18,7 +18,7 @@ from tf2_py._core.types cimport (
     Transform,
 )
 from tf2_py._engine.chain cimport chain_between
-from tf2_py._engine.engine cimport Engine
+from tf2_py._engine.sharing cimport SharingEngine
 from tf2_py._engine.wait cimport Wait
 from tf2_py._objects.arguments cimport (
     query_fill,
@@ -62,7 +62,7 @@ __all__ = [
 
 
 # The first line of its text, which CPython takes away, is what `inspect` reads the signature of a class from.
-cdef class BufferCore(Engine):
+cdef class BufferCore(SharingEngine):
     """BufferCore(cache_time=None, *, max_frames=None, max_bytes=None, max_waiters=None)\n--\n
     A tree of coordinate frames that changes with time, and the history of each frame.
 
@@ -611,6 +611,8 @@ cdef class BufferCore(Engine):
         else:
             query_fill_full(&query, target_frame, target_time, source_frame, time, fixed_frame)
         wait.begin(self, (target_frame, source_frame, fixed_frame), &query, notify)
+        if self._begin_following is not None and self._tree.mirror != NULL:
+            self._begin_following()
         return wait
 
     def _pending_waits(self, size_t most=1000) -> list[str]:

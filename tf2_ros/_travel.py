@@ -10,7 +10,7 @@ __all__ = ["stays", "without_node"]
 _Class = TypeVar("_Class", bound=type)
 
 # What `Buffer.__init__` sets; a buffer that arrives has its own.
-OF_INIT = {"registration", "_wait_contexts", "srv", "clock", "jump_handle"}
+OF_INIT = {"registration", "_wait_contexts", "srv", "clock", "jump_handle", "_sharing"}
 
 
 # The classes of attributes that stay behind.

@@ -1,5 +1,6 @@
 """Owns the buffer that a node uses: a BufferCore that can be waited for, with a service and a clock."""
 
+import sys
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -83,6 +84,12 @@ __all__ = [
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
 
 
+if TYPE_CHECKING or sys.platform == "linux":
+    from tf2_ros._shared.sharing import Sharing, attached_buffer, shared_buffer
+else:
+    from tf2_ros._shared.absence import attached_buffer, shared_buffer
+
+
 class Buffer(BufferCore, BufferInterface):
     """
     A buffer of transforms that can be waited for.
@@ -92,8 +99,14 @@ class Buffer(BufferCore, BufferInterface):
     :param node: offer the service ``tf2_frames`` and follow the clock of this node. None: the buffer has a
         clock of its own, and no service.
     :param max_frames: see :class:`tf2_py.BufferCore`, also for ``max_bytes`` and ``max_waiters``.
-    :raises TypeError: ``cache_time`` is neither, or a limit no int.
-    :raises ValueError: ``cache_time`` is negative, or a limit not above 0.
+    :param share: a name by which other processes of this user on this machine may attach to the buffer, until
+        it or this process ends; ``auto`` is the name that belongs to the ROS domain.
+    :param attach: the name of a buffer that another process shares: this one holds what that one holds. The
+        first insert, ``clear()``, and the end of the other process make it an ordinary buffer, with a copy.
+    :raises TypeError: ``cache_time`` is neither, a limit no int, or a name no str.
+    :raises ValueError: ``cache_time`` is negative, a limit not above 0, a name is none, or there are two.
+    :raises SharedBufferError: another process shares a buffer of this name, or none does that could be
+        attached to. It is a ``RuntimeError``.
 
     It is cleared when its clock jumps back by 1 s or more, and when simulated time is switched on or off.
     Every ``time`` is an rclpy ``Time``, a time message, an object with their attributes, an integer, which is
@@ -116,6 +129,8 @@ class Buffer(BufferCore, BufferInterface):
     0.3
     """
 
+    _sharing: "Sharing | None" = None  # what shares it, or has it attached
+
     def __init__(
         self,
         cache_time: TimeoutLike | None = None,
@@ -124,11 +139,18 @@ class Buffer(BufferCore, BufferInterface):
         max_frames: int | None = None,
         max_bytes: int | None = None,
         max_waiters: int | None = None,
+        share: str | None = None,
+        attach: str | None = None,
     ) -> None:
         refuse_swapped("Buffer", cache_time=(is_duration, cache_time), node=(has("create_service"), node))
         BufferCore.__init__(
             self, cache_time, max_frames=max_frames, max_bytes=max_bytes, max_waiters=max_waiters
         )
+        self._sharing = None
+        if attach is not None:
+            self._sharing = attached_buffer(self, attach, share)
+        elif share is not None:
+            self._sharing = shared_buffer(self, share)
         self.__connect(node)
 
     def __connect(self, node: "Node | None") -> None:
@@ -528,8 +550,12 @@ class Buffer(BufferCore, BufferInterface):
         :param time_jump: of the clock. None: a jump back, for programs that call this themselves.
         """
         happened = "Detected jump back in time" if time_jump is None else jump_text(time_jump)
+        if self._is_attached and self._sharing is not None and self._sharing.clears_at_jumps(self.clock):
+            return  # its owner does
         log.logger("tf2_buffer").warning(f"{happened}. Clearing TF buffer.")
         self.clear()
+        if not self._is_attached and self._sharing is not None and not self._sharing.follows:
+            self._sharing.tell_of_time(self.clock.ros_time_is_active)
 
     @classmethod
     def __replaces(cls, *names: str) -> bool:

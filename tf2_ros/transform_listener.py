@@ -25,6 +25,7 @@ from tf2_ros._receive.receiver_thread import ReceiverThread, can_receive
 from tf2_ros._receive.reception import ReceivedTopic, Reception
 from tf2_ros._receive.recording import Recording
 from tf2_ros._receive.subscriptions import ListenerGroup, wake_executor
+from tf2_ros._shared.attachment import Attachment, attach_listener
 from tf2_ros._spinner import END_WAIT_S, Spinner
 from tf2_ros._tf2_names import (
     DurabilityPolicy,
@@ -127,6 +128,7 @@ class TransformListener:
     _receiver_thread: ReceiverThread | None = None
     _node_use: NodeUse | None = None
     _reception: Reception | None = None
+    _attachment: Attachment | None = None
     _recording: Recording | None = None
     tf_sub: Subscription | None = None
     tf_static_sub: Subscription | None = None
@@ -156,26 +158,13 @@ class TransformListener:
         self._node_use = NodeUse(node)
         self.group = ListenerGroup()
         try:
-            if not static_only:
-                overrides = {}
-                if qos is None:
-                    qos, overrides = listener_qos(), dynamic_overrides(node, tf_topic, "subscription")
-                self.tf_sub = node.create_subscription(
-                    TFMessage, tf_topic, self.callback, qos, callback_group=self.group, **overrides
-                )
-            overrides = {}
-            if static_qos is None:
-                static_qos = static_listener_qos()
-                overrides = static_overrides(node, tf_static_topic, "subscription")
-            self.tf_static_sub = node.create_subscription(
-                TFMessage,
-                tf_static_topic,
-                self.static_callback,
-                static_qos,
-                callback_group=self.group,
-                **overrides,
-            )
-            self.__receive()
+            self.__subscription = (qos, static_qos, None if static_only else tf_topic, tf_static_topic)
+            is_usual = qos is None and static_qos is None and not static_only and self._is_direct()
+            self._attachment = attach_listener(self, is_usual, (tf_topic, tf_static_topic))
+            if self._attachment is None:
+                self._listen_itself()
+            else:
+                self._reception = Reception(self, ())
             if spin_thread or self._owns_node:
                 self.__spin()
         except BaseException:
@@ -184,25 +173,32 @@ class TransformListener:
 
     def __setattr__(self, name: str, value: Any) -> None:
         super().__setattr__(name, value)
-        if name in REDIRECTING and self._receiver_thread is not None:
-            self._receiver_thread.decide_again()
+        if name in REDIRECTING:
+            self.__decide_again()
         if name == "buffer" and self._reception is not None:
             self._reception.fill(value)
 
     def __delattr__(self, name: str) -> None:
         super().__delattr__(name)
-        if name in REDIRECTING and self._receiver_thread is not None:
-            self._receiver_thread.decide_again()
+        if name in REDIRECTING:
+            self.__decide_again()
+
+    def __decide_again(self) -> None:
+        for source in (self._attachment, self._receiver_thread):
+            if source is not None:
+                source.decide_again()
 
     @property
     def receives(self) -> bool:
-        """Whether a thread of its own inserts transforms; False after its end, and in a forked child."""
-        return self._receiver_thread is not None and self._receiver_thread.alive
+        """Whether transforms arrive beside all executors; False after its end, and in a forked child."""
+        return any(source is not None and source.alive for source in (self._attachment, self._receiver_thread))
 
     def unregister(self) -> None:
         """End the subscriptions and the hidden node; the buffer keeps its transforms."""
         if self._is_forked():
             return
+        if self._attachment is not None:
+            self._attachment.close()
         if not self._owns_node:
             for subscription in (self.tf_sub, self.tf_static_sub):
                 if subscription is not None:
@@ -220,6 +216,8 @@ class TransformListener:
         # The collector runs in any thread, inside any function, so it must not wait.
         if self._receiver_thread is not None:
             self._receiver_thread.stop(wait=False)
+        if self._attachment is not None:
+            self._attachment.close()
         if self._spinner is not None:
             self._spinner.stop(wait=False)
         elif "executor" in attributes and "dedicated_listener_thread" in attributes:
@@ -234,6 +232,8 @@ class TransformListener:
         name = class_name(type(self))
         if self._reception is None:
             return f"<{name}, not initialised>"
+        if self._attachment is not None and self._attachment.alive:
+            return f"<{name} of {self._attachment.describe()}>"
         if not self._reception.topics:
             return f"<{name} with subscriptions of another class than rclpy's>"
         return f"<{name} of {self._reception.describe()}, {self.__state()}>"
@@ -278,6 +278,40 @@ class TransformListener:
             if topic.is_static == static:
                 topic.count_call()
 
+    def _is_direct(self) -> bool:
+        """Whether all that it receives goes into its buffer, and through no code of a program."""
+        return (
+            self._recording is None
+            and getattr(type(self.node), "create_subscription", None) is Node.create_subscription
+            and _direct(self) is not None
+            and all(_inserts(self, function) for function in _CALLBACKS.values())
+        )
+
+    def _listen_itself(self) -> None:
+        """Subscribe, as this listener was asked to."""
+        qos, static_qos, tf_topic, tf_static_topic = self.__subscription
+        node = self.node
+        if tf_topic is not None:
+            overrides = {}
+            if qos is None:
+                qos, overrides = listener_qos(), dynamic_overrides(node, tf_topic, "subscription")
+            self.tf_sub = node.create_subscription(
+                TFMessage, tf_topic, self.callback, qos, callback_group=self.group, **overrides
+            )
+        overrides = {}
+        if static_qos is None:
+            static_qos = static_listener_qos()
+            overrides = static_overrides(node, tf_static_topic, "subscription")
+        self.tf_static_sub = node.create_subscription(
+            TFMessage,
+            tf_static_topic,
+            self.static_callback,
+            static_qos,
+            callback_group=self.group,
+            **overrides,
+        )
+        self.__receive()
+
     def __receive(self) -> None:
         # A thread takes from the subscriptions where a program cannot observe the difference.
         reference = weakref.ref(self)
@@ -319,13 +353,18 @@ class TransformListener:
         self.dedicated_listener_thread = spinner.thread
 
 
-_CALLBACKS = {False: TransformListener.callback, True: TransformListener.static_callback}
+_CALLBACKS: dict[bool, Callable[..., None]] = {False: TransformListener.callback, True: TransformListener.static_callback}
 
 
 def _direct_buffer(
     listener: TransformListener, subscription: Subscription, static: bool
 ) -> BufferCore | None:
     """The buffer that gets the messages of the subscription; None where code of a program handles them."""
+    return _direct(listener) if _calls_ours(listener, subscription, static) else None
+
+
+def _direct(listener: TransformListener) -> BufferCore | None:
+    """The listener's buffer; None where code of a program would handle what is inserted."""
     buffer = listener.__dict__.get("buffer")
     if not isinstance(buffer, BufferCore):
         return None
@@ -334,7 +373,7 @@ def _direct_buffer(
         return None
     if any(name in own or getattr(kind, name) is not getattr(BufferCore, name) for name in SETTERS):
         return None
-    return buffer if _calls_ours(listener, subscription, static) else None
+    return buffer
 
 
 def _calls_ours(listener: TransformListener, subscription: Subscription, static: bool) -> bool:
@@ -343,6 +382,11 @@ def _calls_ours(listener: TransformListener, subscription: Subscription, static:
     if getattr(method, "__func__", None) is not function or method.__self__ is not listener:
         return False
     # What replaces the method later is called, too.
+    return _inserts(listener, function)
+
+
+def _inserts(listener: TransformListener, function: Callable[..., None]) -> bool:
+    """Whether the listener's method of this name is that of this class."""
     name = function.__name__
     return getattr(type(listener), name) is function and name not in listener.__dict__
 

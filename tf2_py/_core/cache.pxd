@@ -7,6 +7,7 @@ Those that read or change a Cache are called with the tree's lock held, but for 
 
 from libc.stdint cimport int64_t, uint32_t
 
+from tf2_py._core.arena cimport Arena
 from tf2_py._core.types cimport NO_FRAME, FrameId, Sample, Transform
 
 cdef enum CacheKind:
@@ -32,6 +33,10 @@ cdef struct Cache:
     uint32_t capacity           # slots allocated
     uint32_t head               # slot of the oldest sample
     uint32_t mostly_empty_for   # inserts since the ring was last a quarter full
+    Arena* arena                # that gives memory for the ring; NULL: malloc does
+    # Of a copy of this struct: whether the samples still lie where it says. Both wrap.
+    uint32_t appended           # samples ever put behind the newest one
+    uint32_t disturbed          # how often samples were moved, replaced or dropped but for the oldest
     # What others may read.
     uint32_t count              # samples
     uint32_t parent_changes     # how many neighbours have different parents; 0: one parent at all times

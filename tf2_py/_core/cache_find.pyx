@@ -87,9 +87,11 @@ cdef Gap _find(const Cache* cache, int64_t time_ns, uint32_t* hint, uint32_t* ol
         if cache.stamps[cache_slot(cache, index)] <= time_ns:
             index = cache_first_after(cache, time_ns)
     elif cache.stamps[cache_slot(cache, index - 1)] > time_ns:
-        index -= 1
+        index = max(index - 1, <uint32_t>1)
         if cache.stamps[cache_slot(cache, index - 1)] > time_ns:
             index = cache_first_after(cache, time_ns)
+    # Stamps that another process is changing may be in any order.
+    index = max(index, <uint32_t>1)
     hint[0] = index
     older[0] = cache_slot(cache, index - 1)
     newer[0] = cache_slot(cache, index)

@@ -65,6 +65,9 @@ cdef CacheInsert _change_kind(Cache* cache, CacheKind kind, uint32_t capacity,
     fresh.kind = kind
     fresh.authority = cache.authority
     fresh.is_parent = cache.is_parent
+    fresh.arena = cache.arena
+    fresh.appended = cache.appended
+    fresh.disturbed = cache.disturbed
     outcome = cache_move(&fresh, capacity, cache_bytes(cache) + growth_limit)
     if outcome == CACHE_INSERTED:
         cache_free(cache)
@@ -117,6 +120,10 @@ cdef void _make_slot(Cache* cache, uint32_t index) noexcept nogil:
             cache.stamps[target] = cache.stamps[source]
             cache.samples[target] = cache.samples[source]
             i -= 1
+    if index == cache.count:
+        cache.appended += 1
+    else:
+        cache.disturbed += 1
     cache.count += 1
 
 
@@ -154,6 +161,7 @@ cdef void _replace_last_of_stamp(Cache* cache, uint32_t index, const Sample* sam
         _set_range(&change.relinked, stamp_ns,
                    cache.stamps[cache_slot(cache, index + 1)] if index + 1 < cache.count else stamp_ns)
     last[0] = sample[0]
+    cache.disturbed += 1
 
 
 cdef CacheInsert cache_insert(Cache* cache, int64_t stamp_ns, const Sample* sample, int64_t cache_time_ns,
@@ -226,6 +234,7 @@ cdef CacheInsert cache_set_static(Cache* cache, int64_t stamp_ns, const Sample* 
         _set_range(&change.covered, INT64_MIN, INT64_MAX)
         change.relinked = change.covered
     cache.count = 1
+    cache.disturbed += 1
     cache.stamps[0] = stamp_ns
     cache.samples[0] = sample[0]
     return CACHE_INSERTED
@@ -289,3 +298,44 @@ cdef const char* cache_check(const Cache* cache) noexcept nogil:
     elif cache.newest_ns != 0 or cache.oldest_ns != 0:
         return "a stamp without a sample"
     return NULL
+
+
+cdef inline bint _is_sound(const Cache* cache, uint32_t slot, FrameId child, uint32_t frames) noexcept nogil:
+    cdef int64_t stamp_ns = cache.stamps[slot]
+    cdef FrameId parent = cache.samples[slot].parent
+    return (0 <= stamp_ns <= MAX_STAMP_NS and parent != NO_FRAME and parent != child and parent < frames
+            and _transform_check(&cache.samples[slot].transform) == NULL)
+
+
+cdef void cache_mend(Cache* cache, FrameId child, uint32_t frames) noexcept nogil:
+    cdef uint32_t count = cache.count
+    cdef uint32_t i, slot
+    cdef uint32_t same_stamp = 0
+    cdef uint32_t last = 0
+    cdef int64_t stamp_ns
+    cdef Sample sample
+    cache.count = cache.parent_changes = 0
+    cache.newest_ns = cache.oldest_ns = 0
+    for i in range(count):
+        slot = cache_slot(cache, i)
+        if not _is_sound(cache, slot, child, frames):
+            continue
+        stamp_ns = cache.stamps[slot]
+        sample = cache.samples[slot]
+        if cache.count and cache.stamps[last] > stamp_ns:
+            continue
+        same_stamp = same_stamp + 1 if cache.count and cache.stamps[last] == stamp_ns else 1
+        if same_stamp > MAX_PER_STAMP or (cache.kind == CACHE_STATIC and cache.count):
+            continue
+        if cache.count:
+            cache.parent_changes += cache.samples[last].parent != sample.parent
+        last = cache_slot(cache, cache.count)
+        cache.stamps[last] = stamp_ns
+        cache.samples[last] = sample
+        cache.count += 1
+    if cache.count == 0 and cache.kind == CACHE_STATIC or cache.capacity < FIRST_CAPACITY and (
+            cache.kind == CACHE_DYNAMIC):
+        cache_free(cache)
+    elif cache.count and cache.kind == CACHE_DYNAMIC:
+        cache.newest_ns = cache.stamps[last]
+        cache.oldest_ns = cache.stamps[cache.head]

@@ -8,6 +8,7 @@ memory frees it.
 
 from libc.stdint cimport uint32_t
 
+from tf2_py._core.arena cimport Arena
 from tf2_py._core.cache cimport Cache
 
 cdef enum CacheInsert:
@@ -21,7 +22,8 @@ cdef enum:
     FIRST_CAPACITY = 8              # samples, of a dynamic cache
     LAST_CAPACITY = 0x7FFFFFFF      # likewise
 
-# Zero a Cache before its first use; cache_free leaves it zeroed again but for authority and is_parent.
+# Zero a Cache before its first use, but for `arena`; cache_free leaves it zeroed again but for arena, authority,
+# is_parent, and what tells that it was disturbed.
 cdef void cache_free(Cache* cache) noexcept nogil
 # Drops all samples and keeps the memory. Not for static caches.
 cdef void cache_clear(Cache* cache) noexcept nogil
@@ -37,3 +39,9 @@ cdef CacheInsert cache_move(Cache* cache, uint32_t capacity, size_t growth_limit
 cdef CacheInsert cache_reserve_one(Cache* cache, bint at_the_end, size_t growth_limit) noexcept nogil
 # Halves a ring that has been mostly empty for long. Call it after each insert.
 cdef void cache_shrink(Cache* cache) noexcept nogil
+# The bytes of a ring, and reading samples out of one that belongs to another process. Such a cache owns no
+# memory: a pinned copy of it is a copy of the struct alone, and cache_move gives it samples of its own.
+cdef size_t cache_ring_bytes(uint32_t capacity) noexcept nogil
+cdef void cache_read_from(Cache* cache, char* ring, uint32_t capacity) noexcept nogil
+# Moves the samples to memory of another arena; NULL: malloc's. 0; -1: there is none, and nothing has changed.
+cdef int cache_change_arena(Cache* cache, Arena* arena) noexcept nogil

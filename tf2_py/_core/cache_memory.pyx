@@ -4,6 +4,7 @@ from libc.stdint cimport int64_t, uint32_t
 from libc.stdlib cimport free
 from libc.string cimport memcpy
 
+from tf2_py._core.arena cimport Arena, arena_give, arena_take
 from tf2_py._core.cache cimport CACHE_NONE, LINE_BYTES, Cache, Ring, cache_bytes
 from tf2_py._core.types cimport Sample
 
@@ -35,9 +36,14 @@ cdef inline size_t _ring_bytes(uint32_t capacity) noexcept nogil:
             + capacity * sizeof(Sample))
 
 
-cdef inline void _release(Ring* ring) noexcept nogil:
-    if ring != NULL and _add(&ring.owners, <uint32_t>-1) == 0:
-        free(ring)
+cdef inline void _release(const Cache* cache) noexcept nogil:
+    # Nothing that decides where memory goes is read from memory that others map.
+    if cache.ring == NULL or _add(&cache.ring.owners, <uint32_t>-1) != 0:
+        return
+    if cache.arena != NULL:
+        arena_give(cache.arena, cache.ring, _ring_bytes(cache.capacity))
+    else:
+        free(cache.ring)
 
 
 cdef bint cache_is_pinned(const Cache* cache) noexcept nogil:
@@ -52,7 +58,7 @@ cdef void cache_pin(const Cache* cache, Cache* copy) noexcept nogil:
 
 
 cdef void cache_unpin(Cache* copy) noexcept nogil:
-    _release(copy.ring)
+    _release(copy)
 
 
 cdef uint32_t _pinned_before_head(const Cache* cache) noexcept nogil:
@@ -66,37 +72,73 @@ cdef uint32_t _pinned_before_head(const Cache* cache) noexcept nogil:
     return cache.head + cache.capacity - pinned_from
 
 
+cdef inline Ring* _new_ring(Arena* arena, size_t bytes) noexcept nogil:
+    # NULL: no memory.
+    cdef Ring* ring = NULL
+    if arena != NULL:
+        ring = <Ring*>arena_take(arena, bytes)
+    elif posix_memalign(<void**>&ring, LINE_BYTES, bytes) != 0:
+        return NULL
+    if ring != NULL:
+        ring.owners = 1
+        ring.bytes = bytes
+    return ring
+
+
+cdef inline void _lay_out(Cache* cache, Ring* ring, uint32_t capacity) noexcept nogil:
+    cache.stamps = <int64_t*>(<char*>ring + _whole_lines(sizeof(Ring)))
+    cache.samples = <Sample*>(<char*>cache.stamps + _whole_lines(capacity * sizeof(int64_t)))
+    cache.capacity = capacity
+
+
+cdef size_t cache_ring_bytes(uint32_t capacity) noexcept nogil:
+    return _ring_bytes(capacity)
+
+
+cdef void cache_read_from(Cache* cache, char* ring, uint32_t capacity) noexcept nogil:
+    cache.ring = NULL
+    _lay_out(cache, <Ring*>ring, capacity)
+
+
 cdef int _resize(Cache* cache, uint32_t capacity) noexcept nogil:
     # -1: no memory, and nothing has changed.
-    cdef Ring* ring
-    cdef int64_t* stamps
-    cdef Sample* samples
+    cdef Cache old = cache[0]
     cdef uint32_t first
-    if posix_memalign(<void**>&ring, LINE_BYTES, _ring_bytes(capacity)) != 0:
+    cdef Ring* ring = _new_ring(cache.arena, _ring_bytes(capacity))
+    if ring == NULL:
         return -1
-    ring.owners = 1
-    ring.bytes = _ring_bytes(capacity)
-    stamps = <int64_t*>(<char*>ring + _whole_lines(sizeof(Ring)))
-    samples = <Sample*>(<char*>stamps + _whole_lines(capacity * sizeof(int64_t)))
-    if cache.count:
-        first = min(cache.count, cache.capacity - cache.head)
-        memcpy(stamps, cache.stamps + cache.head, first * sizeof(int64_t))
-        memcpy(stamps + first, cache.stamps, (cache.count - first) * sizeof(int64_t))
-        memcpy(samples, cache.samples + cache.head, first * sizeof(Sample))
-        memcpy(samples + first, cache.samples, (cache.count - first) * sizeof(Sample))
-    _release(cache.ring)
+    _lay_out(cache, ring, capacity)
+    if old.count:
+        first = min(old.count, old.capacity - old.head)
+        memcpy(cache.stamps, old.stamps + old.head, first * sizeof(int64_t))
+        memcpy(cache.stamps + first, old.stamps, (old.count - first) * sizeof(int64_t))
+        memcpy(cache.samples, old.samples + old.head, first * sizeof(Sample))
+        memcpy(cache.samples + first, old.samples, (old.count - first) * sizeof(Sample))
+    _release(&old)
     cache.ring = ring
-    cache.stamps = stamps
-    cache.samples = samples
-    cache.capacity = capacity
     cache.head = 0
+    cache.disturbed += 1
+    return 0
+
+
+cdef int cache_change_arena(Cache* cache, Arena* arena) noexcept nogil:
+    cdef Cache moved = cache[0]
+    moved.arena = arena
+    moved.ring = NULL
+    if moved.capacity and _resize(&moved, moved.capacity) != 0:
+        return -1
+    _release(cache)
+    cache[0] = moved
     return 0
 
 
 cdef CacheInsert cache_move(Cache* cache, uint32_t capacity, size_t growth_limit) noexcept nogil:
     if _ring_bytes(capacity) > cache_bytes(cache) + growth_limit:
         return CACHE_FULL
-    return CACHE_INSERTED if _resize(cache, capacity) == 0 else CACHE_NO_MEMORY
+    if _resize(cache, capacity) == 0:
+        return CACHE_INSERTED
+    # Memory that is shared has an end of its own: there it is as if the limit were reached.
+    return CACHE_NO_MEMORY if cache.arena == NULL else CACHE_FULL
 
 
 cdef CacheInsert cache_reserve_one(Cache* cache, bint at_the_end, size_t growth_limit) noexcept nogil:
@@ -130,7 +172,7 @@ cdef void cache_shrink(Cache* cache) noexcept nogil:
 
 
 cdef inline void _drop_memory(Cache* cache) noexcept nogil:
-    _release(cache.ring)
+    _release(cache)
     cache.ring = NULL
     cache.stamps = NULL
     cache.samples = NULL
@@ -140,6 +182,7 @@ cdef inline void _drop_memory(Cache* cache) noexcept nogil:
 cdef inline void _drop_samples(Cache* cache) noexcept nogil:
     cache.head = cache.count = cache.parent_changes = 0
     cache.newest_ns = cache.oldest_ns = 0
+    cache.disturbed += 1
 
 
 cdef void cache_free(Cache* cache) noexcept nogil:

@@ -3,7 +3,7 @@
 from libc.stdint cimport int64_t, uint32_t
 
 from tf2_py._core.cache_insert cimport CacheChange
-from tf2_py._core.types cimport FrameId
+from tf2_py._core.types cimport NO_FRAME, FrameId
 
 
 cdef enum ChangeKind:
@@ -24,7 +24,8 @@ cdef struct ChangeItem:
 
 cdef struct Change:
     # A failed lookup whose walk depends on none of this fails again.
-    FrameId frame           # the child
+    FrameId frame           # the child; NO_FRAME: no history was touched
+    FrameId parent          # that the transform names
     bint everything         # any failed lookup may have an answer now
     uint32_t count          # of the items
     ChangeItem items[MAX_CHANGE_ITEMS]
@@ -40,6 +41,7 @@ cdef extern from *:
 cdef inline void change_begin(Change* change) noexcept nogil:
     change.count = 0
     change.everything = False
+    change.frame = change.parent = NO_FRAME
 
 
 cdef inline void change_add(Change* change, ChangeKind kind, int64_t first, int64_t last) noexcept nogil:

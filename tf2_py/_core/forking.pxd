@@ -24,12 +24,15 @@ cdef struct ForkThread:
 cdef struct ForkedLock:
     # A lock in the list of its order. It must not move while it is listed.
     Lock* lock              # NULL: not listed
+    # NULL, or what is called in a forked child with `owner`, while no other thread exists.
+    void (*in_child)(void* owner) noexcept nogil
+    void* owner
     int order               # a ForkOrder
     ForkedLock* previous
     ForkedLock* next
 
 
-# From here to `fork_forget`, a fork waits for the lock, so that the child finds what it guards consistent.
+# Zeroed, but for `in_child` and `owner`. From here to `fork_forget`, a fork waits for the lock, so that the child finds what it guards consistent.
 cdef void fork_watch(ForkedLock* forked, Lock* lock, int order) noexcept nogil
 # No effect on a zeroed one that was never watched.
 cdef void fork_forget(ForkedLock* forked) noexcept nogil

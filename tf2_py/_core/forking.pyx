@@ -81,8 +81,16 @@ cdef void _after_fork_in_parent() noexcept nogil:
 cdef void _after_fork_in_child() noexcept nogil:
     # Initialise the locks: they count threads that waited for them and that do not exist here.
     global _generation, _survivor, _survives_since
+    cdef ForkedLock* forked
+    cdef int order
     _with_each(_reinitialise)
     pthread_mutex_init(&_list_lock, NULL)
+    for order in range(FORK_ORDERS):
+        forked = _first[order]
+        while forked != NULL:
+            if forked.in_child != NULL:
+                forked.in_child(forked.owner)
+            forked = forked.next
     # Ids of threads are reused: what was recorded with this id before this thread began is another thread's.
     if not pthread_equal(_survivor, pthread_self()):
         _survivor = pthread_self()

@@ -2,7 +2,7 @@
 
 from libc.stdint cimport int64_t, uint32_t
 
-from tf2_py._core.cache cimport Cache, cache_newest_parent
+from tf2_py._core.cache cimport Cache
 from tf2_py._core.cache_find cimport cache_gap, cache_prefetch, cache_transform_at
 from tf2_py._core.geometry cimport (
     quaternion_canonicalise,
@@ -11,7 +11,7 @@ from tf2_py._core.geometry cimport (
     transform_compose,
     transform_identity,
 )
-from tf2_py._core.tree cimport Tree
+from tf2_py._core.tree cimport Tree, tree_newest_parent
 from tf2_py._core.types cimport (
     GAP_NONE,
     GAP_PAST,
@@ -37,7 +37,7 @@ cdef Status gap_status(const Tree* tree, FrameId frame, int64_t time_ns) noexcep
     status.gap = gap
     status.on_path = False
     status.child = frame
-    status.parent = cache_newest_parent(cache)
+    status.parent = tree_newest_parent(tree, frame)
     status.requested_ns = time_ns
     status.edge_ns = cache.oldest_ns if gap == GAP_PAST else cache.newest_ns
     return status

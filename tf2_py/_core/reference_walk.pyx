@@ -2,10 +2,9 @@
 
 from libc.stdint cimport int64_t, uint32_t
 
-from tf2_py._core.cache cimport CACHE_NONE, cache_newest_parent
-from tf2_py._core.cache_find cimport cache_parent_at
+from tf2_py._core.cache cimport CACHE_NONE
 from tf2_py._core.path cimport Path, gap_status, path_common_time
-from tf2_py._core.tree cimport Tree
+from tf2_py._core.tree cimport Tree, tree_newest_parent, tree_parent_at
 from tf2_py._core.types cimport (
     MAX_HOPS,
     NO_FRAME,
@@ -29,7 +28,7 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
         top = frame
         if tree.caches[frame].kind == CACHE_NONE:
             break
-        parent = cache_parent_at(&tree.caches[frame], time_ns)
+        parent = tree_parent_at(tree, frame, time_ns)
         if parent == NO_FRAME:
             source_gap = frame
             break
@@ -45,7 +44,7 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
     while frame != top:
         if tree.caches[frame].kind == CACHE_NONE:
             break
-        parent = cache_parent_at(&tree.caches[frame], time_ns)
+        parent = tree_parent_at(tree, frame, time_ns)
         if parent == NO_FRAME:
             return gap_status(tree, frame, time_ns)
         if frame == source:
@@ -72,7 +71,7 @@ cdef Status reference_common_time(const Tree* tree, FrameId target, FrameId sour
     path.source_hops = path.target_hops = 0
     while True:
         path.source[path.source_hops] = frame
-        frame = cache_newest_parent(&tree.caches[frame])
+        frame = tree_newest_parent(tree, frame)
         if frame == NO_FRAME:
             break
         path.source_hops += 1
@@ -84,7 +83,7 @@ cdef Status reference_common_time(const Tree* tree, FrameId target, FrameId sour
     frame = target
     while True:
         path.target[path.target_hops] = frame
-        frame = cache_newest_parent(&tree.caches[frame])
+        frame = tree_newest_parent(tree, frame)
         if frame == NO_FRAME:
             return status_of(STATUS_UNCONNECTED)
         path.target_hops += 1

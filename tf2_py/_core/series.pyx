@@ -1,16 +1,19 @@
 """Owns lookups at many times: the path is found once, the times are computed along it in batches."""
 
 from libc.math cimport NAN
-from libc.stdint cimport int64_t, uint32_t
+from libc.stdint cimport SIZE_MAX, int64_t, uint32_t
 from libc.stdlib cimport calloc, free, malloc
 from libc.string cimport memset
 
 from tf2_py._core.cache cimport NEWEST_HINT, Cache, cache_parent_of
-from tf2_py._core.cache_memory cimport cache_pin, cache_unpin
+from tf2_py._core.cache_memory cimport CACHE_INSERTED, cache_move, cache_pin, cache_unpin
 from tf2_py._core.geometry cimport quaternion_canonicalise, transform_compose
-from tf2_py._core.lock cimport Lock, lock_read, unlock_read
+from tf2_py._core.lock cimport Lock
 from tf2_py._core.lookup cimport Query, query_answer, query_end_frames, query_fixed_frame, query_is_identity
+from tf2_py._core.mirror cimport mirror_holds
+from tf2_py._core.mirror_state cimport Mirror
 from tf2_py._core.path cimport Path, path_common_time
+from tf2_py._core.reading cimport Reading, reading_begin, reading_continue
 from tf2_py._core.series_work cimport (
     BATCH_TIMES,
     SeriesWork,
@@ -37,6 +40,7 @@ from tf2_py._core.types cimport (
     FrameId,
     Status,
     Transform,
+    status_of,
 )
 from tf2_py._core.walk cimport walk_climb, walk_lookup
 
@@ -44,6 +48,9 @@ from tf2_py._core.walk cimport walk_climb, walk_lookup
 # no insert waits for it, and all of its answers belong to one state of the buffer.
 
 cdef enum:
+    # Of another process's histories: how often they are read where they lie, and copied before.
+    TRIES_IN_PLACE = 2
+    TRIES = 100
     LONG_PATH = 64          # hops; the data of a batch along a longer path would not fit into the cache
 
 
@@ -53,6 +60,7 @@ cdef struct PinnedLookup:
     bint by_batches
     Path path
     Cache caches[LONG_PATH]         # by hop, pinned: source side first
+    FrameId hop_frames[LONG_PATH]   # by hop
     uint32_t hints[LONG_PATH]       # by hop: where the last time was found
     uint32_t hops
     int64_t common_ns       # the latest common time, which time 0 stands for
@@ -103,17 +111,18 @@ cdef void _pin_lookup(const Tree* tree, const Query* query, PinnedLookup* pinned
 cdef void _pin_path(const Tree* tree, PinnedLookup* pinned) noexcept nogil:
     cdef uint32_t i
     for i in range(pinned.path.source_hops):
-        cache_pin(&tree.caches[pinned.path.source[i]], &pinned.caches[i])
+        pinned.hop_frames[i] = pinned.path.source[i]
     pinned.hops = pinned.path.source_hops
     for i in range(pinned.path.target_hops):
-        cache_pin(&tree.caches[pinned.path.target[i]], &pinned.caches[pinned.hops + i])
+        pinned.hop_frames[pinned.hops + i] = pinned.path.target[i]
     pinned.hops += pinned.path.target_hops
     for i in range(pinned.hops):
+        cache_pin(&tree.caches[pinned.hop_frames[i]], &pinned.caches[i])
         pinned.hints[i] = NEWEST_HINT
 
 
 cdef inline void _add_frame(PinnedLookup* pinned, FrameId frame) noexcept nogil:
-    if frame != NO_FRAME and not pinned.is_added[frame]:
+    if frame != NO_FRAME and frame < pinned.view.names.count and not pinned.is_added[frame]:
         pinned.is_added[frame] = 1
         pinned.frames[pinned.frame_count] = frame
         pinned.frame_count += 1
@@ -168,6 +177,39 @@ cdef void _unpin_lookup(PinnedLookup* pinned) noexcept nogil:
         _free_view(pinned)
 
 
+cdef bint _holds(const Mirror* mirror, const PinnedLookup* pinned) noexcept nogil:
+    # Whether nobody has written over what is pinned. NULL: nobody can.
+    cdef uint32_t i
+    if mirror == NULL:
+        return True
+    if not mirror_holds(mirror, pinned.hop_frames, pinned.caches, pinned.hops):
+        return False
+    for i in range(pinned.frame_count if pinned.has_view else 0):
+        if not mirror_holds(mirror, &pinned.frames[i], &pinned.view.caches[pinned.frames[i]], 1):
+            return False
+    return True
+
+
+cdef inline bint _copy(Cache* cache) noexcept nogil:
+    cdef uint32_t disturbed = cache.disturbed
+    if cache.capacity and cache_move(cache, cache.capacity, SIZE_MAX // 2) != CACHE_INSERTED:
+        return False
+    cache.disturbed = disturbed     # by the owner
+    return True
+
+
+cdef bint _copy_pinned(PinnedLookup* pinned) noexcept nogil:
+    # The histories of another process. False: no memory, and what was copied is unpinned as the others are.
+    cdef uint32_t i
+    for i in range(pinned.hops):
+        if not _copy(&pinned.caches[i]):
+            return False
+    for i in range(pinned.frame_count if pinned.has_view else 0):
+        if not _copy(&pinned.view.caches[pinned.frames[i]]):
+            return False
+    return True
+
+
 cdef void _answer_batch(PinnedLookup* pinned, const int64_t* asked_ns, uint32_t count,
                         SeriesWork* work) noexcept nogil:
     cdef const Path* path = &pinned.path
@@ -203,13 +245,14 @@ cdef Status _answer_one(const Tree* tree, Lock* lock, const Query* query, const 
                         int64_t time_ns, Transform* out) noexcept nogil:
     cdef Query single = query[0]
     cdef Path path
-    cdef Status status
+    cdef Status status = status_of(STATUS_OK)
     cdef int64_t stamp_ns
+    cdef Reading reading
     if not pinned.has_view:
         single.source_ns = time_ns
-        lock_read(lock)
-        status = query_answer(tree, &single, out, &stamp_ns)
-        unlock_read(lock)
+        reading_begin(&reading, tree, lock)
+        while reading_continue(&reading):
+            status = query_answer(tree, &single, out, &stamp_ns)
         return status
     status = walk_lookup(&pinned.view, pinned.target, pinned.source, time_ns, &path, out, &stamp_ns)
     if pinned.has_fixed:
@@ -245,25 +288,54 @@ cdef uint32_t _answer_singly(const Tree* tree, Lock* lock, const Query* query, c
     return count
 
 
-cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, const TimeSeries* series,
-                              Status* status) noexcept nogil:
+cdef Mirror* _pin(const Tree* tree, Lock* lock, const Query* query, PinnedLookup* pinned) noexcept nogil:
+    # Of a tree that mirrors another process's, the mirror: the histories are pinned by nobody.
+    cdef Reading reading
+    cdef Mirror* mirror = NULL
+    pinned.hops = 0
+    pinned.has_view = False
+    reading_begin(&reading, tree, lock)
+    while reading_continue(&reading):
+        _unpin_lookup(pinned)
+        _pin_lookup(tree, query, pinned)
+        mirror = tree.mirror
+    return mirror
+
+
+cdef Py_ssize_t _look_up(const Tree* tree, Lock* lock, const Query* query, PinnedLookup* pinned,
+                         const TimeSeries* series, Status* status) noexcept nogil:
     cdef SeriesWork work
-    cdef PinnedLookup pinned
     cdef Py_ssize_t start = 0
     cdef uint32_t count = 0
     cdef uint32_t answered = 0
-    lock_read(lock)
-    _pin_lookup(tree, query, &pinned)
-    unlock_read(lock)
     while start < series.count and answered == count:
         count = <uint32_t>min(<Py_ssize_t>BATCH_TIMES, series.count - start)
         if pinned.by_batches:
-            _answer_batch(&pinned, series.times_ns + start, count, &work)
-        answered = _answer_singly(tree, lock, query, &pinned, series, start, count, &work, status)
+            _answer_batch(pinned, series.times_ns + start, count, &work)
+        answered = _answer_singly(tree, lock, query, pinned, series, start, count, &work, status)
         if series.points != NULL:
             work_transform_points(&work, answered, series.points + 3 * start, series.transformed + 3 * start)
         else:
             work_store(&work, answered, series.translations + 3 * start, series.rotations + 4 * start)
         start += answered
-    _unpin_lookup(&pinned)
     return start
+
+
+cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, const TimeSeries* series,
+                              Status* status) noexcept nogil:
+    cdef PinnedLookup pinned
+    cdef Py_ssize_t answered = 0
+    cdef uint32_t tries = 0
+    cdef bint holds = False
+    cdef Mirror* mirror
+    while not holds:
+        mirror = _pin(tree, lock, query, &pinned)
+        if mirror == NULL or tries < TRIES_IN_PLACE:
+            answered = _look_up(tree, lock, query, &pinned, series, status)
+            holds = _holds(mirror, &pinned)
+        elif _copy_pinned(&pinned) and _holds(mirror, &pinned) or tries == TRIES:
+            answered = _look_up(tree, lock, query, &pinned, series, status)
+            holds = True
+        _unpin_lookup(&pinned)
+        tries += 1
+    return answered

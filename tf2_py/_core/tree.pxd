@@ -2,10 +2,13 @@
 
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
+from tf2_py._core.arena cimport Arena
 from tf2_py._core.cache cimport Cache
+from tf2_py._core.cache_find cimport cache_parent_at
 from tf2_py._core.change cimport Change
+from tf2_py._core.mirror_state cimport Mirror
 from tf2_py._core.names cimport Names
-from tf2_py._core.types cimport MIXED_PARENTS, NEWEST, REFUSAL_KINDS, FrameId, Incoming
+from tf2_py._core.types cimport MIXED_PARENTS, NEWEST, NO_FRAME, REFUSAL_KINDS, FrameId, Incoming
 
 cdef enum:
     TREE_NO_MEMORY = 0x40000000     # what tree_insert returns without memory; no REFUSED_* bit
@@ -19,6 +22,8 @@ cdef struct Limits:
 
 
 cdef struct Tree:
+    Mirror* mirror                  # the tree is a copy of another process's: see mirror.pxd; NULL: it is not
+    Arena* arena                    # that gives memory for histories, which others read; NULL: malloc
     Names names                     # a frame's id is its name's; id 0 is the reserved NO_PARENT
     Names authorities               # who has sent transforms; id 0: all beyond the limit
     Cache* caches                   # by frame; [0] stays empty
@@ -61,8 +66,21 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
                           Change* change) noexcept nogil
 # The parent that a walk at a time, or at NEWEST, follows; NO_FRAME: there is none, or it is not known.
 cdef FrameId tree_parent(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil
+# The parent that the history of a frame names for a time; NO_FRAME: none, or nonsense, for another process may
+# be changing it.
+cdef inline FrameId tree_parent_at(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil:
+    cdef FrameId parent = cache_parent_at(&tree.caches[frame], time_ns)
+    return parent if parent < tree.names.count else <FrameId>NO_FRAME
+
+
+cdef inline FrameId tree_newest_parent(const Tree* tree, FrameId frame) noexcept nogil:
+    return tree.parents[frame] & ~<uint32_t>MIXED_PARENTS
+
+
 # Drops all dynamic histories; names, authorities and static transforms stay.
 cdef void tree_clear(Tree* tree) noexcept nogil
+# Finds out anew what follows from the histories: the frames' parents, whether they form loops, and the counts.
+cdef void tree_relink(Tree* tree) noexcept nogil
 # Allocated for names and histories.
 cdef size_t tree_bytes(const Tree* tree) noexcept nogil
 # NULL, or which invariant does not hold, or TREE_LACKS_MEMORY: it could not be checked whether all do.

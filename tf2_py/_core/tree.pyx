@@ -148,6 +148,7 @@ cdef FrameId tree_add_frame(Tree* tree, const char* name, size_t size, Change* c
         change_add(change, CHANGE_NAME, hash, hash)
     memset(&tree.caches[id], 0, sizeof(Cache))
     tree.caches[id].authority = NAME_UNKNOWN
+    tree.caches[id].arena = tree.arena
     tree.parents[id] = NO_FRAME
     return id
 
@@ -321,6 +322,7 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     tree.work += history.moved // SAMPLES_PER_INSERT
     if change != NULL:
         change.frame = child
+        change.parent = parent
         # Once a link has closed a loop, all walks are made in tf2's order.
         change.everything = tree.ever_looped != ever_looped
         change_add(change, CHANGE_DATA, history.covered.first, history.covered.last)
@@ -340,7 +342,7 @@ cdef FrameId tree_parent(const Tree* tree, FrameId frame, int64_t time_ns) noexc
         return parent & ~<uint32_t>MIXED_PARENTS
     if not parent & MIXED_PARENTS and not tree.ever_looped:
         return parent
-    return cache_parent_at(&tree.caches[frame], time_ns)
+    return tree_parent_at(tree, frame, time_ns)
 
 
 cdef void tree_clear(Tree* tree) noexcept nogil:
@@ -416,6 +418,21 @@ cdef const char* _check_loops(const Tree* tree) noexcept nogil:
     return problem
 
 
+cdef void tree_relink(Tree* tree) noexcept nogil:
+    cdef FrameId frame
+    cdef const Cache* cache
+    cdef uint32_t i
+    tree.samples = tree.history_bytes = 0
+    for frame in range(1, tree.names.count):
+        cache = &tree.caches[frame]
+        tree.samples += cache.count
+        tree.history_bytes += cache_bytes(cache)
+        tree.parents[frame] = cache_newest_parent(cache) | (MIXED_PARENTS if cache.parent_changes else 0)
+        for i in range(_links(cache)):
+            tree.caches[cache_parent_of(cache, i)].is_parent = True
+    tree.ever_looped = tree.ever_looped or _check_loops(tree) != NULL
+
+
 cdef const char* tree_check(const Tree* tree) noexcept nogil:
     cdef uint32_t id, expected
     cdef uint64_t samples = 0
@@ -446,6 +463,6 @@ cdef const char* tree_check(const Tree* tree) noexcept nogil:
             return "an authority that is no name"
         samples += cache.count
         history_bytes += cache_bytes(cache)
-    if samples != tree.samples or history_bytes != tree.history_bytes:
+    if samples != tree.samples or (history_bytes != tree.history_bytes and tree.mirror == NULL):
         return "samples or their bytes miscounted"
     return NULL if tree.ever_looped else _check_loops(tree)

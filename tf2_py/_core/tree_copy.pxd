@@ -3,6 +3,7 @@
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
+from tf2_py._core.lock cimport Lock
 from tf2_py._core.tree cimport Limits, Tree
 from tf2_py._core.types cimport REFUSAL_KINDS
 
@@ -50,9 +51,8 @@ cdef struct PinnedTree:
     size_t authorities_size
 
 
-# Pins a state of the tree, with the lock held for reading at least; may be read without the lock until it is
-# unpinned. False: no memory.
-cdef bint tree_pin(const Tree* tree, PinnedTree* pinned) noexcept nogil
+# Pins a state of the tree, which may be read without the lock until it is unpinned. False: no memory.
+cdef bint tree_pin(const Tree* tree, Lock* lock, PinnedTree* pinned) noexcept nogil
 cdef void tree_unpin(PinnedTree* pinned) noexcept nogil
 # Fills the arrays, all of which must have memory: of view.names.count - 1 frames and view.samples samples. Of
 # the fields that are no arrays it sets all; `names` and `authorities` are those of `pinned`.

@@ -21,7 +21,11 @@ from tf2_py._core.cache_memory cimport (
     cache_pin,
     cache_unpin,
 )
+from tf2_py._core.lock cimport Lock
+from tf2_py._core.mirror cimport mirror_holds
+from tf2_py._core.mirror_state cimport Mirror
 from tf2_py._core.names cimport NAME_NO_MEMORY, NAME_UNKNOWN, Names, names_find, names_intern
+from tf2_py._core.reading cimport Reading, reading_begin, reading_continue
 from tf2_py._core.tree cimport (
     TREE_LACKS_MEMORY,
     Tree,
@@ -30,6 +34,9 @@ from tf2_py._core.tree cimport (
     tree_init,
 )
 from tf2_py._core.types cimport MIXED_PARENTS, FrameId
+
+cdef enum:
+    TRIES = 50      # to copy another process's histories as of one moment
 
 
 cdef inline size_t _terminated_size(const Names* names) noexcept nogil:
@@ -47,7 +54,7 @@ cdef void _copy_terminated(const Names* names, char* out) noexcept nogil:
         out += size + 1
 
 
-cdef bint tree_pin(const Tree* tree, PinnedTree* pinned) noexcept nogil:
+cdef bint _pin(const Tree* tree, PinnedTree* pinned) noexcept nogil:
     cdef FrameId id
     pinned.view = tree[0]
     pinned.names_size = _terminated_size(&tree.names)
@@ -62,6 +69,50 @@ cdef bint tree_pin(const Tree* tree, PinnedTree* pinned) noexcept nogil:
         cache_pin(&tree.caches[id], &pinned.view.caches[id])
     _copy_terminated(&tree.names, pinned.names)
     _copy_terminated(&tree.authorities, pinned.names + pinned.names_size)
+    return True
+
+
+cdef bint _copy_pinned(PinnedTree* pinned, const Mirror* mirror, bint must_hold, bint* holds) noexcept nogil:
+    # Of a tree that mirrors another process's: histories of its own. False: no memory.
+    cdef Cache* cache
+    cdef Cache noted
+    cdef FrameId id
+    holds[0] = True
+    for id in range(pinned.view.names.count):
+        cache = &pinned.view.caches[id]
+        noted = cache[0]
+        if cache.capacity and cache_move(cache, cache.capacity, SIZE_MAX // 2) != CACHE_INSERTED:
+            return False
+        holds[0] = holds[0] and (not must_hold or mirror_holds(mirror, &id, &noted, 1))
+        if not holds[0]:
+            return True
+    return True
+
+
+cdef bint tree_pin(const Tree* tree, Lock* lock, PinnedTree* pinned) noexcept nogil:
+    cdef Reading reading
+    cdef Mirror* mirror = NULL
+    cdef bint is_pinned = False
+    cdef bint holds = False
+    cdef uint32_t tries = 0
+    while not holds:
+        if is_pinned:
+            tree_unpin(pinned)
+            is_pinned = False
+        reading_begin(&reading, tree, lock)
+        while reading_continue(&reading):
+            if is_pinned:
+                tree_unpin(pinned)
+            mirror = tree.mirror
+            is_pinned = _pin(tree, pinned)
+        if not is_pinned:
+            return False
+        if mirror == NULL:
+            return True
+        if not _copy_pinned(pinned, mirror, tries < TRIES, &holds):
+            tree_unpin(pinned)
+            return False
+        tries += 1
     return True
 
 

@@ -8,6 +8,8 @@ from tf2_py._core.change cimport CHANGE_DATA, CHANGE_NAME, ChangeItem, ChangeKin
 from tf2_py._core.forking cimport fork_generation, fork_record_thread, fork_thread_exists
 from tf2_py._core.lacks cimport Lack, Lacks, lacks_find, lacks_free
 from tf2_py._core.lookup cimport query_answer
+from tf2_py._core.mirror cimport mirror_catch_up
+from tf2_py._core.reading cimport mirror_is_current
 from tf2_py._core.tree cimport Tree
 from tf2_py._core.types cimport STATUS_OK, FrameId, Status, Transform
 from tf2_py._core.watches cimport (
@@ -117,14 +119,14 @@ cdef int _reserve_names(Waiters* waiters) noexcept nogil:
     return 0
 
 
-cdef void _file(Waiters* waiters, const Tree* tree, Waiter* waiter, Status status) noexcept nogil:
+cdef void _file(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcept nogil:
+    # Under what was found out last.
     cdef Lacks* lacks = &waiters.lacks
     cdef Lack* lack
     cdef Watch* watch
     cdef uint32_t i
     waiters.count += 1
     waiter.filed_at_wake = waiters.wakes
-    lacks_find(tree, &waiter.query, status, lacks)
     if (lacks.unknown or _reserve_watches(waiters, tree.capacity, waiter, lacks.count) != 0
             or (lacks.items[0].kind == CHANGE_NAME and _reserve_names(waiters) != 0)):
         waiter.place = PLACE_ANY
@@ -180,11 +182,18 @@ cdef void waiter_free(Waiter* waiter) noexcept nogil:
 
 
 cdef Status _attempt(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcept nogil:
-    cdef Status status = query_answer(tree, &waiter.query, &waiter.answer, &waiter.stamp_ns)
+    cdef Status status
+    while True:
+        status = query_answer(tree, &waiter.query, &waiter.answer, &waiter.stamp_ns)
+        if status.code != STATUS_OK:
+            lacks_find(tree, &waiter.query, status, &waiters.lacks)
+        if tree.mirror == NULL or mirror_is_current(tree):
+            break
+        mirror_catch_up(<Tree*>tree)
     if status.code == STATUS_OK:
         waiter.answered = True
     else:
-        _file(waiters, tree, waiter, status)
+        _file(waiters, tree, waiter)
     return status
 
 
@@ -309,6 +318,8 @@ cdef const char* waiters_check(const Waiters* waiters, const Tree* tree) noexcep
     cdef uint32_t frame, i
     cdef uint32_t count = 0
     cdef const char* problem = NULL
+    # What another process has inserted is told to waiters later.
+    cdef bint at_rest = waiters.wakes_running == 0 and tree.mirror == NULL
     for i in range(NAME_SETS if waiters.names != NULL else 0):
         if problem == NULL:
             problem = watches_check(&waiters.names.sets[i])
@@ -318,9 +329,9 @@ cdef const char* waiters_check(const Waiters* waiters, const Tree* tree) noexcep
         if problem == NULL:
             problem = watches_check(&waiters.frames[frame].parent)
     if problem == NULL:
-        problem = _check_list(&waiters.filed, PLACE_FILED, tree, waiters.wakes_running == 0, &count)
+        problem = _check_list(&waiters.filed, PLACE_FILED, tree, at_rest, &count)
     if problem == NULL:
-        problem = _check_list(&waiters.any, PLACE_ANY, tree, waiters.wakes_running == 0, &count)
+        problem = _check_list(&waiters.any, PLACE_ANY, tree, at_rest, &count)
     # While a wake is running, due waiters are counted and in none of these lists.
     if problem == NULL and count > waiters.count:
         problem = "waiters miscounted"

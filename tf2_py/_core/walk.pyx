@@ -3,11 +3,10 @@
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 from libc.string cimport memset
 
-from tf2_py._core.cache_find cimport cache_parent_at
 from tf2_py._core.geometry cimport transform_identity
 from tf2_py._core.path cimport Path, path_common_time, path_transform
 from tf2_py._core.reference_walk cimport reference_common_time, reference_walk
-from tf2_py._core.tree cimport Tree
+from tf2_py._core.tree cimport Tree, tree_parent_at
 from tf2_py._core.types cimport (
     MAX_HOPS,
     MIXED_PARENTS,
@@ -69,7 +68,7 @@ cdef inline FrameId _parent(const Tree* tree, FrameId frame, int64_t time_ns, bi
     mixed[0] = True
     if time_ns == NEWEST:
         return parent & ~<uint32_t>MIXED_PARENTS
-    return cache_parent_at(&tree.caches[frame], time_ns)
+    return tree_parent_at(tree, frame, time_ns)
 
 
 cdef inline bint _step(const Tree* tree, Side* side, const Side* other, int64_t time_ns, bint* mixed,

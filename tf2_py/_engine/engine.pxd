@@ -6,7 +6,10 @@ from libc.stdint cimport int64_t, uint32_t
 from tf2_py._core.forking cimport ForkedLock
 from tf2_py._core.lock cimport Lock
 from tf2_py._core.lookup cimport Query
+from tf2_py._core.mirror_state cimport Mirror
 from tf2_py._core.path cimport Path
+from tf2_py._core.publication cimport Publication
+from tf2_py._core.segment cimport Segment
 from tf2_py._core.series cimport TimeSeries
 from tf2_py._core.tree cimport Limits, Tree
 from tf2_py._core.types cimport Status, Transform
@@ -17,6 +20,11 @@ from tf2_py._wire.batch cimport Batch
 
 cdef enum:
     SLICE = 64      # what is done under one lock, in inserts of one transform: some tens of microseconds
+
+
+cdef class SharedMemory:
+    # What maps a segment; whoever makes one knows the operating system. It outlives its engine.
+    cdef Segment segment
 
 
 cdef class WaiterOwner:
@@ -39,6 +47,9 @@ cdef class Engine:
     cdef unsigned long long _malformed      # messages; guarded by the GIL
     cdef unsigned long long _waits_refused  # likewise
     cdef Advice _advice                 # what error texts add
+    cdef SharedMemory _memory           # that holds the tree of this engine, or of the one it follows; or None
+    cdef Publication* _publication      # of an owner; NULL: this engine is none; under _lock, as the next
+    cdef Mirror* _mirror                # of one that follows, or did; NULL: it never did
     cdef list _observers                # called after every insert; changed with the GIL, counted without
 
     # Inserting. `insert_some` inserts a slice of a begun batch and returns whether more is left. Where
@@ -90,6 +101,13 @@ cdef class Engine:
     cdef bint span(self, int64_t* oldest_ns, int64_t* newest_ns) noexcept nogil
     cdef dict counts(self)              # see BufferCore.statistics
     cdef const char* check(self) noexcept nogil     # NULL, or which invariant does not hold
+
+    # What changes the tree of an engine that follows another one makes it leave before.
+    cdef void _take_leave(self) noexcept nogil
+    cdef void _ask_for_changes(self) noexcept nogil
+    # Around what an owner changes.
+    cdef void _open(self) noexcept nogil
+    cdef void _close(self) noexcept nogil
 
     cdef int _begin_advice(self) except -1
     cdef int _log_refused(self, Batch* batch) except -1

@@ -15,8 +15,23 @@ from tf2_py._core.lookup cimport (
     query_fixed_frame,
     query_is_identity,
 )
-from tf2_py._core.names cimport NAME_NO_MEMORY, names_find
+from tf2_py._core.mirror cimport mirror_free, mirror_leave
+from tf2_py._core.names cimport NAME_NO_MEMORY, NAME_UNKNOWN, names_find
 from tf2_py._core.path cimport Path
+from tf2_py._core.publication cimport (
+    publication_adopt,
+    publication_close,
+    publication_free,
+    publication_has_room,
+    publication_has_room_for,
+    publication_open,
+    publication_pause,
+    publication_start_over,
+    publication_tell,
+    publication_tell_all,
+)
+from tf2_py._core.reading cimport Reading, mirror_is_current, reading_begin, reading_continue
+from tf2_py._core.segment cimport Segment, fence_full, segment_head, store32
 from tf2_py._core.series cimport TimeSeries, series_lookup
 from tf2_py._core.tree cimport (
     DEFAULT_CACHE_TIME_NS,
@@ -34,6 +49,8 @@ from tf2_py._core.tree cimport (
 from tf2_py._core.types cimport (
     NO_FRAME,
     REFUSAL_KINDS,
+    REFUSED_BYTES,
+    REFUSED_BYTES_BIT,
     STATUS_BAD_FIXED,
     STATUS_EXTRAPOLATION,
     STATUS_OK,
@@ -89,6 +106,7 @@ cdef class Engine:
     def __cinit__(self, *args, **kwargs):
         if lock_init(&self._lock) != 0:
             raise MemoryError
+        self._forked.owner = <void*>self
         fork_watch(&self._forked, &self._lock, FORK_INNER)
         if tree_init(&self._tree, DEFAULT_CACHE_TIME_NS, &NO_LIMITS) != 0:
             raise MemoryError
@@ -102,6 +120,12 @@ cdef class Engine:
         waiters_free(&self._waiters)
         tree_free(&self._tree)
         lock_free(&self._lock)
+        if self._publication != NULL:
+            publication_free(self._publication)
+        if self._mirror != NULL:
+            mirror_free(self._mirror)
+        free(self._publication)
+        free(self._mirror)
 
     cdef void insert(self, Batch* batch):
         batch_begin(batch)
@@ -115,10 +139,16 @@ cdef class Engine:
         cdef uint32_t cost
         cdef uint64_t work
         cdef int64_t left = SLICE
+        cdef bint inserts
         lock_write(&self._lock)
-        if batch.done < batch.count:
+        inserts = batch.done < batch.count
+        if inserts:
+            self._take_leave()
+            self._open()
             # Each time: the buffer may have been emptied meanwhile, with its names.
-            authority = tree_authority(&self._tree, batch.authority, batch.authority_size)
+            if self._publication == NULL or publication_has_room_for(
+                    self._publication, batch.authority_size):
+                authority = tree_authority(&self._tree, batch.authority, batch.authority_size)
             batch.no_memory = batch.no_memory or authority == NAME_NO_MEMORY
         while left > 0 and (batch.waking or batch.done < batch.count):
             if batch.waking:
@@ -131,15 +161,27 @@ cdef class Engine:
                 left -= <int64_t>(1 + self._tree.work - work)
         batch.needs_report = batch.refused > 0 or batch.no_memory or batch.ready.first != NULL
         batch.needs_report = batch.needs_report or _is_filled(<void*>self._observers)
+        if inserts:
+            self._close()
         unlock_write(&self._lock)
+        if self._publication != NULL:
+            publication_pause(self._publication)
         return batch.waking or batch.done < batch.count
 
     cdef void _insert_next(self, Batch* batch, uint32_t authority) noexcept nogil:
         cdef Entry* entry = &batch.entries[batch.done]
-        cdef Change* change = &batch.wake.change if self._waiters.count else NULL
+        cdef Change* change = NULL
         batch.done += 1
         entry.refused = 0
         if batch.no_memory:
+            return
+        if self._waiters.count or self._publication != NULL:
+            change = &batch.wake.change
+        if self._publication != NULL and not publication_has_room(
+                self._publication, &self._tree, &entry.incoming):
+            entry.refused = REFUSED_BYTES
+            self._tree.refused[REFUSED_BYTES_BIT] += 1
+            batch.refused += 1
             return
         entry.refused = tree_insert(&self._tree, &entry.incoming, authority, batch.is_static, change)
         if entry.refused == 0:
@@ -149,7 +191,9 @@ cdef class Engine:
             batch.no_memory = True
         else:
             batch.refused += 1
-        if change != NULL:
+        if self._publication != NULL:
+            publication_tell(self._publication, &self._tree, change)
+        if self._waiters.count:
             wake_begin(&self._waiters, &batch.wake)
             batch.waking = True
 
@@ -225,15 +269,15 @@ cdef class Engine:
                 if error is None:
                     error = raised
 
-    @property
-    def _new_data_callbacks(self):
-        """The list of what is called after every insert, by the thread that runs users' code."""
-        return self._observers
-
     cdef int forget(self) except -1:
         cdef Batch batch
         lock_write(&self._lock)
+        self._take_leave()
+        self._open()
         tree_clear(&self._tree)
+        if self._publication != NULL:
+            publication_tell_all(self._publication, &self._tree)
+        self._close()
         # Less data may end a loop, and what the waiters lack is no longer what they are filed under.
         self._begin_to_wake_all(&batch)
         unlock_write(&self._lock)
@@ -258,10 +302,21 @@ cdef class Engine:
 
     cdef int _replace_tree(self, const Tree* tree, unsigned long long malformed) except -1:
         cdef Tree old
+        cdef Tree new = tree[0]
         cdef Batch batch
         lock_write(&self._lock)
+        self._take_leave()
+        if self._publication != NULL and not publication_adopt(self._publication, &new):
+            unlock_write(&self._lock)
+            tree_free(&new)
+            raise MemoryError
+        self._open()
         old = self._tree
-        self._tree = tree[0]
+        self._tree = new
+        if self._publication != NULL:
+            publication_start_over(self._publication)
+            publication_tell_all(self._publication, &self._tree)
+        self._close()
         # The waiters are filed under the old tree's frames.
         self._begin_to_wake_all(&batch)
         unlock_write(&self._lock)
@@ -291,22 +346,24 @@ cdef class Engine:
 
     cdef Status lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil:
         cdef Status status
-        lock_read(&self._lock)
-        status = query_answer(&self._tree, query, out, stamp_ns)
-        unlock_read(&self._lock)
+        cdef Reading reading
+        reading_begin(&reading, &self._tree, &self._lock)
+        while reading_continue(&reading):
+            status = query_answer(&self._tree, query, out, stamp_ns)
         return status
 
     cdef Py_ssize_t lookup_series(self, const Query* query, const TimeSeries* series,
                                   Status* status) noexcept nogil:
         cdef FrameId target, source
-        lock_read(&self._lock)
-        status[0] = query_end_frames(&self._tree, query, &target, &source)
-        if query_is_identity(query):
-            status.code = STATUS_OK
-        elif status.code == STATUS_OK and query.fixed != NULL:
-            if query_fixed_frame(&self._tree, query) == NO_FRAME:
-                status.code = STATUS_BAD_FIXED
-        unlock_read(&self._lock)
+        cdef Reading reading
+        reading_begin(&reading, &self._tree, &self._lock)
+        while reading_continue(&reading):
+            status[0] = query_end_frames(&self._tree, query, &target, &source)
+            if query_is_identity(query):
+                status.code = STATUS_OK
+            elif status.code == STATUS_OK and query.fixed != NULL:
+                if query_fixed_frame(&self._tree, query) == NO_FRAME:
+                    status.code = STATUS_BAD_FIXED
         if status.code != STATUS_OK:
             return -1
         return series_lookup(&self._tree, &self._lock, query, series, status)
@@ -315,22 +372,24 @@ cdef class Engine:
         cdef Path path
         cdef FrameId target, source
         cdef Status status
-        lock_read(&self._lock)
-        status = query_end_frames(&self._tree, query, &target, &source)
-        if status.code == STATUS_OK:
-            status = walk_common_time(&self._tree, target, source, &path, common_ns)
-        unlock_read(&self._lock)
+        cdef Reading reading
+        reading_begin(&reading, &self._tree, &self._lock)
+        while reading_continue(&reading):
+            status = query_end_frames(&self._tree, query, &target, &source)
+            if status.code == STATUS_OK:
+                status = walk_common_time(&self._tree, target, source, &path, common_ns)
         return status
 
     cdef Status find_path(self, const Query* query, Path* path) noexcept nogil:
         cdef FrameId target, source
         cdef Status status
         cdef int64_t stamp_ns
-        lock_read(&self._lock)
-        status = query_end_frames(&self._tree, query, &target, &source)
-        if status.code == STATUS_OK:
-            status = walk_lookup(&self._tree, target, source, query.source_ns, path, NULL, &stamp_ns)
-        unlock_read(&self._lock)
+        cdef Reading reading
+        reading_begin(&reading, &self._tree, &self._lock)
+        while reading_continue(&reading):
+            status = query_end_frames(&self._tree, query, &target, &source)
+            if status.code == STATUS_OK:
+                status = walk_lookup(&self._tree, target, source, query.source_ns, path, NULL, &stamp_ns)
         return status
 
     cdef object error(self, const Query* query, Status status, str call="lookupTransform"):
@@ -342,10 +401,11 @@ cdef class Engine:
         return query_error(query, status, child, parent, call, self._advice, self)
 
     cdef int _begin_advice(self) except -1:
-        cdef size_t count
-        lock_read(&self._lock)
-        count = self._tree.names.count
-        unlock_read(&self._lock)
+        cdef size_t count = 0
+        cdef Reading reading
+        reading_begin(&reading, &self._tree, &self._lock)
+        while reading_continue(&reading):
+            count = self._tree.names.count
         return self._advice.begin(self, count - 1 if count else 0)     # without the reserved name
 
     def _known_names(self):
@@ -372,6 +432,7 @@ cdef class Engine:
         too_many = status.code != STATUS_OK and self._waiters.count > most
         if too_many:
             waiters_remove(&self._waiters, waiter)
+        self._ask_for_changes()
         unlock_write(&self._lock)
         if too_many:
             self._waits_refused += 1
@@ -419,10 +480,11 @@ cdef class Engine:
         return snapshot_names(&self._tree, &self._lock, frames)
 
     cdef uint32_t find_name(self, const char* name, size_t size) noexcept nogil:
-        cdef uint32_t found
-        lock_read(&self._lock)
-        found = names_find(&self._tree.names, name, size)
-        unlock_read(&self._lock)
+        cdef uint32_t found = NAME_UNKNOWN
+        cdef Reading reading
+        reading_begin(&reading, &self._tree, &self._lock)
+        while reading_continue(&reading):
+            found = names_find(&self._tree.names, name, size)
         return found
 
     cdef bint span(self, int64_t* oldest_ns, int64_t* newest_ns) noexcept nogil:
@@ -432,11 +494,15 @@ cdef class Engine:
         cdef Tree tree
         cdef size_t size
         cdef uint32_t bit, waiters
-        lock_read(&self._lock)
-        tree = self._tree
-        waiters = self._waiters.count
-        size = tree_bytes(&self._tree)
-        unlock_read(&self._lock)
+        cdef unsigned long long malformed = self._malformed
+        cdef Reading reading
+        reading_begin(&reading, &self._tree, &self._lock)
+        while reading_continue(&reading):
+            tree = self._tree
+            waiters = self._waiters.count
+            size = tree_bytes(&self._tree)
+            if tree.mirror != NULL:
+                malformed = self._malformed + segment_head(tree.mirror.segment).facts.malformed
         return {
             "taken": tree.taken,
             "refused": {log.REFUSALS[bit][1]: tree.refused[bit] for bit in range(REFUSAL_KINDS)},
@@ -445,26 +511,56 @@ cdef class Engine:
             "bytes": size,
             "waiters": waiters,
             "waits_refused": self._waits_refused,
-            "malformed_messages": self._malformed,
+            "malformed_messages": malformed,
         }
 
     cdef const char* check(self) noexcept nogil:
-        cdef const char* problem
-        lock_read(&self._lock)
-        problem = tree_check(&self._tree)
-        if problem == NULL:
-            problem = waiters_check(&self._waiters, &self._tree)
-        unlock_read(&self._lock)
+        cdef const char* problem = NULL
+        cdef Reading reading
+        reading_begin(&reading, &self._tree, &self._lock)
+        while reading_continue(&reading):
+            problem = tree_check(&self._tree)
+            if problem == NULL:
+                problem = waiters_check(&self._waiters, &self._tree)
         return problem
 
     @property
     def cache_time_ns(self):
         """How far each frame's history reaches back, in nanoseconds."""
-        cdef int64_t cache_time_ns
-        lock_read(&self._lock)
-        cache_time_ns = self._tree.cache_time_ns
-        unlock_read(&self._lock)
+        cdef int64_t cache_time_ns = 0
+        cdef Reading reading
+        reading_begin(&reading, &self._tree, &self._lock)
+        while reading_continue(&reading):
+            cache_time_ns = self._tree.cache_time_ns
         return cache_time_ns
+
+    # Sharing, as far as what changes the tree must know of it; the rest is in sharing.pyx.
+
+    cdef void _take_leave(self) noexcept nogil:
+        # With the lock held for writing, as the next two; whoever follows finds out at once.
+        cdef Segment* segment
+        if self._tree.mirror != NULL:
+            segment = self._tree.mirror.segment
+            mirror_leave(&self._tree)
+            segment.wake(segment)
+
+    cdef void _ask_for_changes(self) noexcept nogil:
+        # With the lock held: of the process that is followed. What it has inserted since then is told at once.
+        cdef Segment* segment
+        if self._tree.mirror != NULL:
+            segment = self._tree.mirror.segment
+            store32(&segment.board.somebody_waits, 1)
+            fence_full()
+            if not mirror_is_current(&self._tree):
+                segment.wake(segment)
+
+    cdef void _open(self) noexcept nogil:
+        if self._publication != NULL:
+            publication_open(self._publication)
+
+    cdef void _close(self) noexcept nogil:
+        if self._publication != NULL:
+            publication_close(self._publication, &self._tree, self._malformed)
 
 
 cdef size_t _copy_owners(const WaiterList* waiters, void** owners, size_t count, size_t most) noexcept nogil:

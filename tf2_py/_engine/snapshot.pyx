@@ -5,10 +5,11 @@ from libc.stddef cimport size_t
 from libc.stdint cimport INT64_MAX, INT64_MIN, int64_t, uint32_t
 from libc.string cimport memcpy
 
-from tf2_py._core.cache cimport CACHE_DYNAMIC, CACHE_NONE, CACHE_STATIC, Cache, cache_newest_parent
-from tf2_py._core.lock cimport Lock, lock_read, unlock_read
+from tf2_py._core.cache cimport CACHE_DYNAMIC, CACHE_NONE, CACHE_STATIC, Cache
+from tf2_py._core.lock cimport Lock
 from tf2_py._core.names cimport Name, Names
-from tf2_py._core.tree cimport Tree
+from tf2_py._core.reading cimport Reading, reading_begin, reading_continue
+from tf2_py._core.tree cimport Tree, tree_newest_parent
 from tf2_py._core.types cimport NO_FRAME, FrameId
 
 from tf2_py._objects.listings import FrameFacts
@@ -58,8 +59,10 @@ cdef void _copy_slice(const Names* names, NameSlice* copies) noexcept nogil:
         used += name.size
 
 
-cdef list _names_of(const Names* names, Lock* lock, list ids):
+cdef list _names_of(const Tree* tree, const Names* names, Lock* lock, list ids):
     cdef NameSlice copies
+    cdef Reading reading
+    cdef uint32_t wanted
     cdef list found = []
     cdef size_t start
     cdef uint32_t i
@@ -75,9 +78,11 @@ cdef list _names_of(const Names* names, Lock* lock, list ids):
             for id in ids[len(found):len(found) + SLICE_FRAMES]:
                 copies.ids[copies.count] = id
                 copies.count += 1
-            lock_read(lock)
-            _copy_slice(names, &copies)
-            unlock_read(lock)
+            reading_begin(&reading, tree, lock)
+            wanted = copies.count
+            while reading_continue(&reading):
+                copies.count = wanted
+                _copy_slice(names, &copies)
             if copies.count == 0:
                 grown = <char*>PyMem_Realloc(copies.text, copies.wanted)
                 if grown == NULL:
@@ -94,18 +99,20 @@ cdef list _names_of(const Names* names, Lock* lock, list ids):
 
 
 cdef list snapshot_names(const Tree* tree, Lock* lock, frames):
-    cdef uint32_t count
+    cdef Reading reading
+    cdef uint32_t count = 0
     if frames is None:
-        lock_read(lock)
-        count = tree.names.count
-        unlock_read(lock)
+        reading_begin(&reading, tree, lock)
+        while reading_continue(&reading):
+            count = tree.names.count
         frames = range(count)
-    return _names_of(&tree.names, lock, list(frames))
+    return _names_of(tree, &tree.names, lock, list(frames))
 
 
-cdef inline void _copy_facts(Facts* facts, FrameId frame, const Cache* cache) noexcept nogil:
+cdef inline void _copy_facts(Facts* facts, const Tree* tree, FrameId frame) noexcept nogil:
+    cdef const Cache* cache = &tree.caches[frame]
     facts.frame = frame
-    facts.parent = cache_newest_parent(cache)
+    facts.parent = tree_newest_parent(tree, frame)
     facts.authority = cache.authority
     facts.is_static = cache.kind == CACHE_STATIC
     facts.count = cache.count
@@ -120,7 +127,7 @@ cdef uint32_t _copy_frames(const Tree* tree, bint roots, FrameId* first, Facts* 
     cdef uint32_t id
     for id in range(first[0], end):
         if roots or tree.caches[id].kind != CACHE_NONE:
-            _copy_facts(&facts[count], id, &tree.caches[id])
+            _copy_facts(&facts[count], tree, id)
             count += 1
     first[0] = end
     return count
@@ -128,9 +135,9 @@ cdef uint32_t _copy_frames(const Tree* tree, bint roots, FrameId* first, Facts* 
 
 cdef list _as_objects(const Tree* tree, Lock* lock, const Facts* facts, uint32_t count):
     cdef uint32_t i
-    names = _names_of(&tree.names, lock, [facts[i].frame for i in range(count)])
-    parents = _names_of(&tree.names, lock, [facts[i].parent for i in range(count)])
-    authorities = _names_of(&tree.authorities, lock, [facts[i].authority for i in range(count)])
+    names = _names_of(tree, &tree.names, lock, [facts[i].frame for i in range(count)])
+    parents = _names_of(tree, &tree.names, lock, [facts[i].parent for i in range(count)])
+    authorities = _names_of(tree, &tree.authorities, lock, [facts[i].authority for i in range(count)])
     return [
         FrameFacts(
             name=names[i],
@@ -148,17 +155,21 @@ cdef list _as_objects(const Tree* tree, Lock* lock, const Facts* facts, uint32_t
 cdef list snapshot_frames(const Tree* tree, Lock* lock, bint roots):
     cdef list frames = []
     cdef FrameId first = NO_FRAME + 1
+    cdef FrameId last = first
     cdef bint is_last = False
-    cdef uint32_t count
+    cdef uint32_t count = 0
+    cdef Reading reading
     cdef Facts* facts = <Facts*>PyMem_Malloc(SLICE_FRAMES * sizeof(Facts))
     if facts == NULL:
         raise MemoryError
     try:
         while not is_last:
-            lock_read(lock)
-            count = _copy_frames(tree, roots, &first, facts)
-            is_last = first >= tree.names.count
-            unlock_read(lock)
+            reading_begin(&reading, tree, lock)
+            while reading_continue(&reading):
+                last = first
+                count = _copy_frames(tree, roots, &last, facts)
+                is_last = last >= tree.names.count
+            first = last
             frames += _as_objects(tree, lock, facts, count)
         return frames
     finally:
@@ -170,17 +181,22 @@ cdef bint snapshot_span(const Tree* tree, Lock* lock, int64_t* oldest_ns, int64_
     cdef FrameId first = NO_FRAME + 1
     cdef bint is_last = False
     cdef const Cache* cache
+    cdef Reading reading
+    cdef int64_t oldest, newest
     oldest_ns[0] = INT64_MAX
     newest_ns[0] = INT64_MIN
     while not is_last:
-        lock_read(lock)
-        end = min(first + SLICE_FRAMES, tree.names.count)
-        is_last = end == tree.names.count
-        for id in range(first, end):
-            cache = &tree.caches[id]
-            if cache.kind == CACHE_DYNAMIC and cache.count:
-                oldest_ns[0] = min(oldest_ns[0], cache.oldest_ns)
-                newest_ns[0] = max(newest_ns[0], cache.newest_ns)
-        unlock_read(lock)
+        reading_begin(&reading, tree, lock)
+        while reading_continue(&reading):
+            oldest, newest = INT64_MAX, INT64_MIN
+            end = min(first + SLICE_FRAMES, tree.names.count)
+            is_last = end == tree.names.count
+            for id in range(first, end):
+                cache = &tree.caches[id]
+                if cache.kind == CACHE_DYNAMIC and cache.count:
+                    oldest = min(oldest, cache.oldest_ns)
+                    newest = max(newest, cache.newest_ns)
+        oldest_ns[0] = min(oldest_ns[0], oldest)
+        newest_ns[0] = max(newest_ns[0], newest)
         first = end
     return oldest_ns[0] <= newest_ns[0]

@@ -20,7 +20,7 @@ from libc.stdint cimport INT64_MAX, SIZE_MAX, UINT32_MAX, UINT64_MAX, int64_t, u
 from libc.string cimport memset
 
 from tf2_py._core.cache_copy cimport TRANSFORM_DOUBLES
-from tf2_py._core.lock cimport Lock, lock_read, unlock_read
+from tf2_py._core.lock cimport Lock
 from tf2_py._core.tree cimport TREE_LACKS_MEMORY, Tree, tree_free
 from tf2_py._core.tree_copy cimport (
     FRAME_ROW_COLUMNS,
@@ -56,9 +56,7 @@ cdef dict state_of(const Tree* tree, Lock* lock, unsigned long long malformed):
     cdef bint is_pinned
     cdef uint32_t kind
     with nogil:
-        lock_read(lock)
-        is_pinned = tree_pin(tree, &pinned)
-        unlock_read(lock)
+        is_pinned = tree_pin(tree, lock, &pinned)
     if not is_pinned:
         raise MemoryError
     try:

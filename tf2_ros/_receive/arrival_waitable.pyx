@@ -147,6 +147,19 @@ cdef class ArrivalWaitable:
         unlock_write(&self._counts.lock)
         return count, at_ns
 
+    def count(self, size_t number):
+        """One message of this source was taken; from any thread."""
+        if number >= MAX_SOURCES:
+            raise ValueError(f"a source has the number {number}, {MAX_SOURCES} are possible")
+        with nogil:
+            arrivals_took(&self._counts, number, monotonic_ns())
+            arrivals_count(&self._counts, number)
+
+    @property
+    def in_user_code(self):
+        """Whether user code called the executor, and continues before the executor sleeps again."""
+        return bool(self._in_user_code)
+
     def wake(self):
         """Trigger the guard condition."""
         if self._handle is None or rcl_trigger_guard_condition(self._counts.guard) != RCL_RET_OK:

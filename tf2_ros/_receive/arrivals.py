@@ -23,7 +23,7 @@ try:
 except ModuleNotFoundError:
     ArrivalWaitable = type("ArrivalWaitable", (), {})  # the build had no rcl
 
-__all__ = ["Arrivals"]
+__all__ = ["Arrivals", "queue_depth"]
 
 ENDLESS = 2**63 - 1
 
@@ -36,7 +36,7 @@ class Arrivals(ArrivalWaitable, Waitable):
 
     :param node: the listener's. It must keep this, by ``add_waitable()``, until :meth:`close`.
     :param group: the callback group in which the user code runs.
-    :param subscriptions: those that the receiver takes from; it counts their messages by their index here.
+    :param depths: of the queues that the receiver takes from; it counts their messages by their index here.
 
     ``spin_once()`` returns once for each message, as if the executor had taken it. The loops of an executor
     (``rclpy.spin``, ``spin``, ``spin_until_future_complete``) do not need that: they are woken for user code,
@@ -45,11 +45,11 @@ class Arrivals(ArrivalWaitable, Waitable):
     User code runs in the executor as soon as the node has ever had one, otherwise in a thread of its own.
     """
 
-    def __init__(self, node: Node, group: CallbackGroup, subscriptions: Sequence[Subscription]) -> None:
+    def __init__(self, node: Node, group: CallbackGroup, depths: Sequence[int]) -> None:
         Waitable.__init__(self, group)
         self._node = weakref.ref(node)
         self._guard = new_wake_handle(node.context)
-        self.set_up(self._guard, [_queue_depth(subscription) for subscription in subscriptions])
+        self.set_up(self._guard, depths)
         self._closed = False
         self._starting = threading.RLock()  # reentrant, because a finalizer may close this
         self._thread: threading.Thread | None = None
@@ -120,7 +120,7 @@ class Arrivals(ArrivalWaitable, Waitable):
             self.wake()
 
 
-def _queue_depth(subscription: Subscription) -> int:
+def queue_depth(subscription: Subscription) -> int:
     """How many messages a subscription holds until they are taken."""
     qos = subscription.qos_profile
     return ENDLESS if qos.history == HistoryPolicy.KEEP_ALL else max(1, qos.depth)

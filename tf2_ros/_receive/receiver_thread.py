@@ -10,7 +10,7 @@ import weakref
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 from rclpy.clock import ROSClock
 from rclpy.guard_condition import GuardCondition
@@ -21,7 +21,7 @@ from rclpy.subscription import Subscription
 from tf2_py import BufferCore
 from tf2_ros._forking import keep_for_ever
 from tf2_ros._rclpy import enter_handle, handle_pointer
-from tf2_ros._receive.arrivals import Arrivals, Completion
+from tf2_ros._receive.arrivals import Arrivals, Completion, queue_depth
 from tf2_ros._receive.callback_thread import callback_thread
 from tf2_ros._receive.recording import Recording
 from tf2_ros._receive.source import Source
@@ -35,7 +35,9 @@ except ModuleNotFoundError:
     Receiver = None  # the build had no rcl
 
 __all__ = [
+    "Filler",
     "ReceiverThread",
+    "add_filler",
     "attribute_changed",
     "can_receive",
     "hand_over",
@@ -45,7 +47,25 @@ __all__ = [
 END_WAIT_S = 1.0  # how long to wait for the thread to end
 RETRY_S = 0.5  # how long to pause after an error of rcl
 
-_running: "weakref.WeakSet[ReceiverThread]" = weakref.WeakSet()
+
+class Filler(Protocol):
+    """What fills buffers beside executors."""
+
+    @property
+    def arrivals(self) -> Arrivals: ...
+    def fills(self, buffer: BufferCore) -> bool: ...
+    def decide_again(self) -> None: ...
+    def reinsert_recent(self, until_ns: int) -> None: ...
+    def stop(self) -> None: ...
+    def after_fork(self) -> bool: ...
+
+
+_running: "weakref.WeakSet[Filler]" = weakref.WeakSet()
+
+
+def add_filler(filler: Filler) -> None:
+    """From now on, what is asked below of all that fill buffers is asked of this, too."""
+    _running.add(filler)
 
 
 def can_receive() -> bool:
@@ -115,7 +135,7 @@ class ReceiverThread:
         self._recording = recording
         self._context = node.context.handle
         self._guard = GuardCondition(None, None, node.context)
-        self.arrivals = Arrivals(node, group, [subscription for subscription, _ in subscriptions])
+        self.arrivals = Arrivals(node, group, [queue_depth(subscription) for subscription, _ in subscriptions])
         self._sources = [
             Source(number, subscription, is_static, self._subscription_collected)
             for number, (subscription, is_static) in enumerate(subscriptions)
@@ -131,7 +151,7 @@ class ReceiverThread:
         group.decide()
         node.context.on_shutdown(self._context_ended)  # referred to weakly there
         node.add_waitable(self.arrivals)
-        _running.add(self)
+        add_filler(self)
         self._thread.start()
 
     @property

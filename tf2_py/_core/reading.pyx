@@ -1,0 +1,37 @@
+"""Owns reading a tree that another process writes: catching up with it before, and trying again after."""
+
+from tf2_py._core.lock cimport lock_read, lock_write, unlock_read, unlock_write
+from tf2_py._core.mirror cimport mirror_catch_up
+from tf2_py._core.segment cimport store32
+from tf2_py._core.tree cimport Tree
+
+cdef enum:
+    LATE_AFTER = 16         # bodies
+
+
+cdef bint reading_enter(Reading* reading) noexcept nogil:
+    # Catching up writes into the tree. The body then runs under the same hold of the lock: no other thread's
+    # turn comes between.
+    unlock_read(reading.lock)
+    lock_write(reading.lock)
+    reading.is_writing = True
+    if reading.tree.mirror != NULL:
+        mirror_catch_up(reading.tree)
+    return True
+
+
+cdef bint reading_repeat(Reading* reading) noexcept nogil:
+    cdef Tree* tree = reading.tree
+    if tree.mirror == NULL or mirror_is_current(tree):
+        if reading.is_writing:
+            unlock_write(reading.lock)
+        else:
+            unlock_read(reading.lock)
+        return False
+    reading.bodies += 1
+    if reading.bodies > LATE_AFTER:
+        store32(&tree.mirror.segment.board.somebody_is_late, 1)
+    if not reading.is_writing:
+        return reading_enter(reading)
+    mirror_catch_up(tree)
+    return True

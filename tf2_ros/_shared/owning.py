@@ -1,0 +1,94 @@
+"""Owns what a process does that shares its buffer."""
+
+import atexit
+import os
+import sys
+import weakref
+from typing import TYPE_CHECKING
+
+from tf2_ros._forking import register_for_fork
+from tf2_ros._shared.description import Description
+from tf2_ros._shared.following import Follower
+from tf2_ros._shared.names import SharedBufferError, buffer_name, segment_path
+from tf2_ros._shared.segment import OwnedSegment
+
+if TYPE_CHECKING:
+    from tf2_ros.buffer import Buffer
+
+__all__ = ["Owner"]
+
+_owners: "weakref.WeakSet[Owner]" = weakref.WeakSet()
+
+
+class Owner:
+    """
+    Shares a buffer with all processes of this user.
+
+    :param name: of the shared buffer.
+    :raises SharedBufferError: it has an owner, or there is no memory for it.
+
+    It ends with the buffer or the process, however that ends.
+    """
+
+    follows = False
+
+    def __init__(self, buffer: "Buffer", name: str) -> None:
+        self.name = name = buffer_name(name)
+        try:
+            self._segment = OwnedSegment(segment_path(name))
+        except BlockingIOError as error:
+            raise SharedBufferError(
+                f"the shared buffer {name!r} is owned by process {error.args[0]}"
+            ) from None
+        except OSError as error:
+            raise SharedBufferError(f"the buffer cannot be shared as {name!r}: {error}") from None
+        try:
+            self._segment.publish(buffer)
+        except MemoryError:
+            self._segment.close()
+            raise SharedBufferError(
+                f"the buffer cannot be shared as {name!r}: /dev/shm has no memory for it"
+            ) from None
+        self._buffer = weakref.ref(buffer)
+        program = os.path.basename(sys.argv[0]) if sys.argv else ""
+        self._description = Description(os.getpid(), program[:100], buffer.cache_time_ns)
+        self._segment.describe(self._description.to_bytes())
+        weakref.finalize(buffer, self._segment.close).atexit = False
+        register_for_fork(self)
+        _owners.add(self)
+
+    def tell_of_listener(self, domain: int, topics: list[str]) -> None:
+        """A listener of this ROS domain fills the buffer from these topics, too."""
+        known = self._description
+        known.domain = domain
+        known.topics = sorted({*known.topics, *topics})[:20]
+        self._segment.describe(known.to_bytes())
+
+    def tell_of_time(self, simulated: bool) -> None:
+        """The buffer's clock follows simulated time, or does not."""
+        if self._description.simulated != simulated:
+            self._description.simulated = simulated
+            self._segment.describe(self._description.to_bytes())
+
+    def clears_at_jumps(self, clock: object) -> bool:
+        """Nobody else does it."""
+        return False
+
+    def after_fork(self) -> None:
+        """In a forked child the buffer is a reader of its parent's."""
+        buffer = self._buffer()
+        if buffer is not None:
+            buffer._sharing = Follower(buffer, self._segment, self.name)
+
+    def close(self) -> None:
+        """End sharing."""
+        self._segment.close()
+
+
+@atexit.register
+def _close_all() -> None:
+    for owner in list(_owners):
+        owner.close()
+
+
+os.register_at_fork(after_in_child=_owners.clear)

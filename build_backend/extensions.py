@@ -16,6 +16,8 @@ from . import environment, receiver, record, tf2_msgs
 COMPILE_ARGS = ["-O3", "-ffp-contract=off", "-fno-math-errno"]
 # Python's own flags ask for debug information, which is three quarters of what gets installed.
 NO_DEBUG_ARGS = ["-g0"]
+# Its C is of Linux: shared memory, and sleeping on a word of it.
+OF_LINUX = "tf2_ros._shared"
 DIRECTIVES = {
     "language_level": 3,
     "boundscheck": False,
@@ -40,6 +42,7 @@ def cython_extensions(root, packages):
         )
         for package in packages
         for path in sorted(Path(root, *package.split(".")).glob("*.pyx"))
+        if sys.platform == "linux" or package != OF_LINUX
     ]
 
 

@@ -1,7 +1,7 @@
 """
-The C of all but the receiver: of C11 and POSIX.1-2008, and of no one's kernel or C library.
+The C of all but the receiver and shared memory: of C11 and POSIX.1-2008, and of no one's kernel or C library.
 
-The receiver is where ROS is; buffers and recordings are everywhere.
+The receiver is where ROS is, and buffers are shared on Linux; buffers and recordings are everywhere.
 """
 
 import os
@@ -22,7 +22,8 @@ pytestmark = pytest.mark.ours
 
 OF_ROS = {"tf2_ros._receive.arrival_waitable", "tf2_ros._receive.exit_handlers", "tf2_ros._receive.loop"}
 EXTENSIONS = sorted(name for name, paths in modules().items() if any(path.suffix == ".pyx" for path in paths))
-PORTABLE = [name for name in EXTENSIONS if name not in OF_ROS]
+OF_LINUX = {"tf2_ros._shared.segment"}
+PORTABLE = [name for name in EXTENSIONS if name not in OF_ROS | OF_LINUX]
 
 STANDARD = {
     # C11
@@ -55,7 +56,7 @@ acos asin atan atan2 calloc cos fabs fmod free malloc memchr memcmp memcpy memmo
 strchr strcmp strlen strncmp strrchr vsnprintf snprintf isfinite abort
 """.split()
 OF_POSIX = """
-clock_gettime posix_memalign pthread_atfork pthread_cond_broadcast pthread_cond_destroy pthread_cond_init
+clock_gettime nanosleep posix_memalign pthread_atfork pthread_cond_broadcast pthread_cond_destroy pthread_cond_init
 pthread_cond_signal pthread_cond_timedwait pthread_condattr_destroy pthread_condattr_init
 pthread_condattr_setclock pthread_equal pthread_mutex_destroy pthread_mutex_init pthread_mutex_lock
 pthread_mutex_unlock pthread_self

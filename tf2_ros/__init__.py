@@ -21,6 +21,7 @@ from tf2_py import (
 from tf2_py import FrameInfo as FrameInfo
 from tf2_ros import buffer, buffer_interface
 from tf2_ros._messages import Header, PoseStamped, TransformStamped
+from tf2_ros._shared.names import SharedBufferError as SharedBufferError
 from tf2_ros._tf2_names import (
     Any,
     Callable,

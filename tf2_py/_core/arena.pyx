@@ -4,7 +4,6 @@ from libc.stddef cimport size_t
 from libc.stdint cimport uint32_t, uint64_t
 from libc.stdlib cimport free, realloc
 
-from tf2_py._core.cache cimport LINE_BYTES
 from tf2_py._core.condition cimport (
     pthread_mutex_destroy,
     pthread_mutex_init,
@@ -12,6 +11,7 @@ from tf2_py._core.condition cimport (
     pthread_mutex_unlock,
 )
 from tf2_py._core.segment cimport RINGS_SIXTEENTH, Segment, segment_part
+from tf2_py._core.types cimport LINE_BYTES
 
 cdef enum:
     COMMIT_BYTES = 262144       # at once, at least: a call of the system for each block would cost more

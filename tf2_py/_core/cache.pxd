@@ -49,7 +49,6 @@ cdef struct Cache:
 
 
 cdef enum:
-    LINE_BYTES = 64             # of a line of the processor's cache, and of a Sample
     NEWEST_HINT = 0x7FFFFFFF    # begin the search at the newest sample: most lookups ask for a recent time
     PREFETCH_FROM = 16          # samples; in a shorter history any search is as quick
 

@@ -5,8 +5,8 @@ from libc.stdlib cimport free
 from libc.string cimport memcpy
 
 from tf2_py._core.arena cimport Arena, arena_give, arena_take
-from tf2_py._core.cache cimport CACHE_NONE, LINE_BYTES, Cache, Ring, cache_bytes
-from tf2_py._core.types cimport Sample
+from tf2_py._core.cache cimport CACHE_NONE, Cache, Ring, cache_bytes
+from tf2_py._core.types cimport LINE_BYTES, Sample
 
 cdef extern from "<stdlib.h>" nogil:
     int posix_memalign(void** out, size_t alignment, size_t size)

@@ -10,7 +10,7 @@ are read.
 
 from tf2_py._core.cache cimport Cache
 from tf2_py._core.mirror_state cimport Mirror
-from tf2_py._core.segment cimport Segment
+from tf2_py._core.segment cimport Segment, fence_acquire, load64, segment_head
 from tf2_py._core.tree cimport Tree
 from tf2_py._core.types cimport FrameId
 
@@ -19,6 +19,12 @@ cdef const char* segment_problem(const Segment* segment) noexcept nogil
 # Makes an initialised tree without frames follow a segment. `mirror`: zeroed, and kept until mirror_free.
 cdef void mirror_begin(Tree* tree, Mirror* mirror, Segment* segment) noexcept nogil
 cdef void mirror_free(Mirror* mirror) noexcept nogil
+cdef inline bint mirror_is_current(const Tree* tree) noexcept nogil:
+    # What was read before belongs to the state of the owner that the tree shows.
+    fence_acquire()
+    return load64(&segment_head(tree.mirror.segment).sequence) == tree.mirror.sequence
+
+
 # With the tree's lock held for writing. Makes the tree as its owner's is; where it cannot be followed any
 # more, it leaves.
 cdef void mirror_catch_up(Tree* tree) noexcept nogil

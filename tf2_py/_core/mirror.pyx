@@ -6,7 +6,7 @@ from libc.stdlib cimport free, realloc
 from libc.string cimport memcpy, memset
 from posix.time cimport nanosleep, timespec
 
-from tf2_py._core.cache cimport CACHE_DYNAMIC, CACHE_NONE, CACHE_STATIC, LINE_BYTES, Cache, CacheKind
+from tf2_py._core.cache cimport CACHE_DYNAMIC, CACHE_NONE, CACHE_STATIC, Cache, CacheKind
 from tf2_py._core.cache_insert cimport cache_mend
 from tf2_py._core.cache_memory cimport (
     CACHE_INSERTED,
@@ -28,7 +28,6 @@ from tf2_py._core.change cimport (
 from tf2_py._core.clock cimport monotonic_ns
 from tf2_py._core.lock cimport _pause
 from tf2_py._core.names cimport NAME_UNKNOWN, name_hash, names_find, names_intern
-from tf2_py._core.reading cimport mirror_is_current
 from tf2_py._core.segment cimport (
     AUTHORITIES_SIXTEENTH,
     LEAST_SIXTEENTH,
@@ -52,7 +51,7 @@ from tf2_py._core.segment cimport (
 )
 from tf2_py._core.mirror_state cimport Mirror, NumberedRow
 from tf2_py._core.tree cimport Limits, Tree, tree_add_frame, tree_free, tree_init, tree_relink
-from tf2_py._core.types cimport MIXED_PARENTS, NO_FRAME, FrameId, Sample
+from tf2_py._core.types cimport LINE_BYTES, MIXED_PARENTS, NO_FRAME, FrameId, Sample
 
 cdef enum:
     SPINS = 64              # tries without a sleep
@@ -62,7 +61,7 @@ cdef enum:
     COPIES = 50             # of one history, before what is copied is mended
 
 # An owner that has been at one write for so long has been stopped in the middle of it.
-cdef int64_t STUCK_NS = 100 * <int64_t>1000000
+cdef int64_t STUCK_NS = 300 * <int64_t>1000000
 
 cdef enum Try:
     CAUGHT_UP
@@ -353,6 +352,8 @@ cdef const char* _apply(Tree* tree, const Facts* facts, uint32_t rows, size_t na
         tree.ever_looped = True
         _collect_everything(mirror)
     for i in range(rows):
+        if mirror.rows[i].frame == NO_FRAME:
+            continue
         problem = _row_problem(tree, &mirror.rows[i].row)
         if problem != NULL:
             return problem

@@ -28,6 +28,7 @@ from tf2_py._core.segment cimport (
     segment_log,
     segment_part,
     segment_rows,
+    segment_word,
     store32,
     store64,
 )
@@ -235,7 +236,7 @@ cdef void publication_close(Publication* publication, const Tree* tree,
     fence_full()
     if load32(&segment.board.somebody_waits):
         store32(&segment.board.somebody_waits, 0)
-        segment.wake(segment)
+        segment.wake(segment_word(segment))
 
 
 cdef void publication_pause(Publication* publication) noexcept nogil:

@@ -11,7 +11,7 @@ The body may run several times; what the last one found is valid. It must not le
 from libc.stdint cimport uint32_t
 
 from tf2_py._core.lock cimport Lock, lock_read, unlock_read
-from tf2_py._core.segment cimport fence_acquire, load64, segment_head
+from tf2_py._core.mirror cimport mirror_is_current
 from tf2_py._core.tree cimport Tree
 
 
@@ -27,12 +27,6 @@ cdef inline void reading_begin(Reading* reading, const Tree* tree, Lock* lock) n
     reading.lock = lock
     reading.bodies = 0
     reading.is_writing = False
-
-
-cdef inline bint mirror_is_current(const Tree* tree) noexcept nogil:
-    # What was read before belongs to the state of the owner that the tree shows.
-    fence_acquire()
-    return load64(&segment_head(tree.mirror.segment).sequence) == tree.mirror.sequence
 
 
 # The two ends of a body on a tree that is followed, or was.

@@ -115,17 +115,21 @@ cdef struct Segment:
     void* place                 # for the functions below, which whoever made it gives
     # Called by the owner: commits memory. 0, or -1: there is none.
     int (*commit)(Segment* segment, size_t start, size_t size) noexcept nogil
-    # Wakes all that sleep; called by any process.
-    void (*wake)(Segment* segment) noexcept nogil
-    # Sleeps while the low half of the sequence is `seen`, for so long at most; may wake earlier.
-    void (*sleep)(Segment* segment, uint32_t seen, int64_t ns) noexcept nogil
-    void (*nap)(Segment* segment, int64_t ns) noexcept nogil
+    # Wakes all, of any process, that sleep on a word.
+    void (*wake)(const uint32_t* word) noexcept nogil
+    # Sleeps while the word is `seen`, for so long at most; may wake earlier.
+    void (*sleep)(const uint32_t* word, uint32_t seen, int64_t ns) noexcept nogil
     # Whether the owner lives, and the memory is whole.
     bint (*is_alive)(Segment* segment) noexcept nogil
 
 
 cdef inline Head* segment_head(const Segment* segment) noexcept nogil:
     return <Head*>segment.base
+
+
+cdef inline const uint32_t* segment_word(const Segment* segment) noexcept nogil:
+    # What those sleep on that wait for a change: the low half of the sequence.
+    return <const uint32_t*>&segment_head(segment).sequence
 
 
 cdef inline bint segment_is_ready(const Segment* segment) noexcept nogil:

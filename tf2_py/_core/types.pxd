@@ -8,6 +8,7 @@ ctypedef uint32_t FrameId
 
 cdef enum:
     NO_FRAME = 0        # id of the reserved name NO_PARENT; as a parent: there is none
+    LINE_BYTES = 64     # of a line of the processor's cache, and of a Sample
     MAX_HOPS = 1000     # hops on each side of a lookup, tf2's limit
     MIXED_PARENTS = 0x80000000      # flag beside a frame's parent: its history holds more than one
 

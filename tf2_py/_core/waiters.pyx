@@ -8,8 +8,7 @@ from tf2_py._core.change cimport CHANGE_DATA, CHANGE_NAME, ChangeItem, ChangeKin
 from tf2_py._core.forking cimport fork_generation, fork_record_thread, fork_thread_exists
 from tf2_py._core.lacks cimport Lack, Lacks, lacks_find, lacks_free
 from tf2_py._core.lookup cimport query_answer
-from tf2_py._core.mirror cimport mirror_catch_up
-from tf2_py._core.reading cimport mirror_is_current
+from tf2_py._core.mirror cimport mirror_catch_up, mirror_is_current
 from tf2_py._core.tree cimport Tree
 from tf2_py._core.types cimport STATUS_OK, FrameId, Status, Transform
 from tf2_py._core.watches cimport (

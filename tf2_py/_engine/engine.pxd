@@ -49,6 +49,7 @@ cdef class Engine:
     cdef Advice _advice                 # what error texts add
     cdef SharedMemory _memory           # that holds the tree of this engine, or of the one it follows; or None
     cdef Publication* _publication      # of an owner; NULL: this engine is none; under _lock, as the next
+    cdef uint32_t _nudges               # of the thread that follows; it sleeps on this where nothing waits
     cdef Mirror* _mirror                # of one that follows, or did; NULL: it never did
     cdef list _observers                # called after every insert; changed with the GIL, counted without
 
@@ -104,7 +105,7 @@ cdef class Engine:
 
     # What changes the tree of an engine that follows another one makes it leave before.
     cdef void _take_leave(self) noexcept nogil
-    cdef void _ask_for_changes(self) noexcept nogil
+    cdef void _nudge(self) noexcept nogil
     # Around what an owner changes.
     cdef void _open(self) noexcept nogil
     cdef void _close(self) noexcept nogil

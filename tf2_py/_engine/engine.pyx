@@ -30,8 +30,8 @@ from tf2_py._core.publication cimport (
     publication_tell,
     publication_tell_all,
 )
-from tf2_py._core.reading cimport Reading, mirror_is_current, reading_begin, reading_continue
-from tf2_py._core.segment cimport Segment, fence_full, segment_head, store32
+from tf2_py._core.reading cimport Reading, reading_begin, reading_continue
+from tf2_py._core.segment cimport Segment, segment_head, segment_word, store32
 from tf2_py._core.series cimport TimeSeries, series_lookup
 from tf2_py._core.tree cimport (
     DEFAULT_CACHE_TIME_NS,
@@ -432,7 +432,8 @@ cdef class Engine:
         too_many = status.code != STATUS_OK and self._waiters.count > most
         if too_many:
             waiters_remove(&self._waiters, waiter)
-        self._ask_for_changes()
+        if self._tree.mirror != NULL:
+            self._nudge()
         unlock_write(&self._lock)
         if too_many:
             self._waits_refused += 1
@@ -537,22 +538,19 @@ cdef class Engine:
     # Sharing, as far as what changes the tree must know of it; the rest is in sharing.pyx.
 
     cdef void _take_leave(self) noexcept nogil:
-        # With the lock held for writing, as the next two; whoever follows finds out at once.
+        # With the lock held for writing, as the next ones.
         cdef Segment* segment
         if self._tree.mirror != NULL:
             segment = self._tree.mirror.segment
             mirror_leave(&self._tree)
-            segment.wake(segment)
+            segment.wake(segment_word(segment))
+            self._nudge()
 
-    cdef void _ask_for_changes(self) noexcept nogil:
-        # With the lock held: of the process that is followed. What it has inserted since then is told at once.
-        cdef Segment* segment
-        if self._tree.mirror != NULL:
-            segment = self._tree.mirror.segment
-            store32(&segment.board.somebody_waits, 1)
-            fence_full()
-            if not mirror_is_current(&self._tree):
-                segment.wake(segment)
+    cdef void _nudge(self) noexcept nogil:
+        # The thread that follows another process, if it sleeps because nothing waited.
+        store32(&self._nudges, self._nudges + 1)
+        if self._mirror != NULL and self._mirror.segment != NULL:
+            self._mirror.segment.wake(&self._nudges)
 
     cdef void _open(self) noexcept nogil:
         if self._publication != NULL:

@@ -9,7 +9,15 @@ from tf2_py._core.lock cimport lock_write, unlock_write
 from tf2_py._core.mirror cimport mirror_begin, mirror_catch_up, mirror_free, segment_problem
 from tf2_py._core.mirror_state cimport Mirror
 from tf2_py._core.publication cimport Publication, publication_begin, publication_free
-from tf2_py._core.segment cimport Segment, fence_full, load64, segment_head, store32
+from tf2_py._core.segment cimport (
+    Segment,
+    fence_full,
+    load32,
+    load64,
+    segment_head,
+    segment_word,
+    store32,
+)
 from tf2_py._core.types cimport FrameId
 from tf2_py._core.waiters cimport wake_begin
 from tf2_py._engine.engine cimport Engine, SharedMemory
@@ -146,7 +154,7 @@ cdef class SharingEngine(Engine):
         """The list of what is called after every insert, by the thread that runs users' code."""
         if self._begin_following is not None and self._tree.mirror != NULL:
             self._begin_following()
-            self._memory.segment.wake(&self._memory.segment)
+            self._stir()
         return self._observers
 
     @property
@@ -161,9 +169,14 @@ cdef class SharingEngine(Engine):
         :return: False where there was one since it returned last.
         """
         self._is_expected = True
-        store32(&self._memory.segment.board.somebody_waits, 1)
-        fence_full()
+        self._stir()
         return load64(&segment_head(&self._memory.segment).sequence) == self._followed
+
+    def _stir(self):
+        """Have :meth:`_follow` look again what it is to wait for."""
+        lock_write(&self._lock)
+        self._nudge()
+        unlock_write(&self._lock)
 
     def _follow(self, double seconds, list later not None):
         """
@@ -189,7 +202,7 @@ cdef class SharingEngine(Engine):
                 if is_wanted or monotonic_ns() >= until_ns:
                     break
                 if is_changed:
-                    self._memory.segment.nap(&self._memory.segment, NAP_NS)
+                    self._memory.segment.sleep(&self._nudges, self._nudges, NAP_NS)
         self._is_expected = False
         error = self._deliver(&batch.ready, later)
         if is_changed:
@@ -205,12 +218,18 @@ cdef class SharingEngine(Engine):
         # Sleeps for it, so long at most, and does what follows from it; False: there was none.
         cdef Segment* segment = &self._memory.segment
         cdef const uint64_t* sequence = &segment_head(segment).sequence
-        if self._tree.mirror != NULL and load64(sequence) == self._followed:
-            if self._is_wanted():
-                store32(&segment.board.somebody_waits, 1)
-                fence_full()
+        cdef uint32_t nudges = load32(&self._nudges)
+        if self._tree.mirror == NULL or load64(sequence) != self._followed:
+            pass
+        elif self._is_wanted():
+            store32(&segment.board.somebody_waits, 1)
+            # The owner writes first and asks then, this says so first and looks then: one of them sees it.
+            fence_full()
             if load64(sequence) == self._followed:
-                segment.sleep(segment, <uint32_t>self._followed, ns)
+                segment.sleep(segment_word(segment), <uint32_t>self._followed, ns)
+        else:
+            # Not on the sequence: whoever waits there is woken for all others, too.
+            segment.sleep(&self._nudges, nudges, ns)
         lock_write(&self._lock)
         if self._tree.mirror != NULL:
             mirror_catch_up(&self._tree)

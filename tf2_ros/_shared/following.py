@@ -7,16 +7,13 @@ import time
 import traceback
 import weakref
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tf2_py._internal import log
 from tf2_ros._forking import LOCK
 from tf2_ros._shared.description import Description, read_description
 from tf2_ros._shared.names import SharedBufferError, segment_path
 from tf2_ros._shared.segment import FollowedSegment, OwnedSegment
-
-if TYPE_CHECKING:
-    from tf2_ros.buffer import Buffer
 
 __all__ = ["Follower", "attach", "open_segment"]
 
@@ -40,7 +37,7 @@ class Follower:
 
     follows = True
 
-    def __init__(self, buffer: "Buffer", segment: FollowedSegment | OwnedSegment, name: str) -> None:
+    def __init__(self, buffer: Any, segment: FollowedSegment | OwnedSegment, name: str) -> None:
         self.name = name
         self.process = segment.owner
         self._segment = segment
@@ -95,8 +92,9 @@ class Follower:
     def stop(self) -> None:
         """End the thread."""
         self._stopping = True
-        self._segment.wake()
-        thread = self._thread
+        buffer, thread = self._buffer(), self._thread
+        if buffer is not None:
+            buffer._stir()
         if thread is not None and thread is not threading.current_thread() and thread.is_alive():
             thread.join(END_WAIT_S)
 
@@ -114,14 +112,14 @@ class Follower:
                 break
             del buffer
 
-    def _end(self, buffer: "Buffer") -> bool:
+    def _end(self, buffer: Any) -> bool:
         with LOCK:
             if self._listeners or buffer._is_waited_for:
                 return False
             self._thread = None
             return True
 
-    def _pass_on(self, buffer: "Buffer") -> bool:
+    def _pass_on(self, buffer: Any) -> bool:
         """Pass on what happens within a tick; False: the buffer is no longer attached."""
         later: list[Callable[[], None]] = []
         changed = False
@@ -142,7 +140,7 @@ class Follower:
                 tell()
         return attached
 
-    def _leave(self, buffer: "Buffer") -> None:
+    def _leave(self, buffer: Any) -> None:
         with LOCK:
             listeners, self._listeners = self._listeners, []
         reason = buffer._why_left or (
@@ -169,7 +167,7 @@ def open_segment(name: str) -> FollowedSegment:
         raise SharedBufferError(f"the shared buffer {name!r} cannot be read: {error}") from None
 
 
-def attach(buffer: "Buffer", segment: FollowedSegment, name: str) -> Follower:
+def attach(buffer: Any, segment: FollowedSegment, name: str) -> Follower:
     """
     Attach a buffer without frames to a shared one.
 

@@ -4,16 +4,14 @@ import atexit
 import os
 import sys
 import weakref
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import Any
 
 from tf2_ros._forking import register_for_fork
 from tf2_ros._shared.description import Description
 from tf2_ros._shared.following import Follower
 from tf2_ros._shared.names import SharedBufferError, buffer_name, segment_path
 from tf2_ros._shared.segment import OwnedSegment
-
-if TYPE_CHECKING:
-    from tf2_ros.buffer import Buffer
 
 __all__ = ["Owner"]
 
@@ -32,7 +30,7 @@ class Owner:
 
     follows = False
 
-    def __init__(self, buffer: "Buffer", name: str) -> None:
+    def __init__(self, buffer: Any, name: str) -> None:
         self.name = name = buffer_name(name)
         try:
             self._segment = OwnedSegment(segment_path(name))
@@ -56,6 +54,11 @@ class Owner:
         weakref.finalize(buffer, self._segment.close).atexit = False
         register_for_fork(self)
         _owners.add(self)
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._segment.path
 
     def tell_of_listener(self, domain: int, topics: list[str]) -> None:
         """A listener of this ROS domain fills the buffer from these topics, too."""

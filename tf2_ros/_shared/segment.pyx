@@ -161,12 +161,6 @@ cdef extern from *:
         struct timespec duration = {.tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000};
         syscall(SYS_futex, word, FUTEX_WAIT, seen, &duration, NULL, 0);
     }
-
-    static void tf2_nap(int64_t ns)
-    {
-        struct timespec duration = {.tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000};
-        nanosleep(&duration, NULL);
-    }
     """
     ctypedef int volatile_int "volatile int"
     int bus_register "tf2_register"(char* base, size_t size, volatile_int* lost) nogil
@@ -180,7 +174,6 @@ cdef extern from *:
     size_t file_size "tf2_file_size"(int descriptor) nogil
     void futex_wake "tf2_futex_wake"(const void* word) nogil
     void futex_wait "tf2_futex_wait"(const void* word, uint32_t seen, int64_t ns) nogil
-    void sleep_for "tf2_nap"(int64_t ns) nogil
     long getpid() nogil
 
 cdef enum:
@@ -217,16 +210,12 @@ cdef int _commit(Segment* segment, size_t start, size_t size) noexcept nogil:
     return -1 if place.lost else commit_file(place.descriptor, start, size)
 
 
-cdef void _wake(Segment* segment) noexcept nogil:
-    futex_wake(&segment_head(segment).sequence)
+cdef void _wake(const uint32_t* word) noexcept nogil:
+    futex_wake(word)
 
 
-cdef void _sleep(Segment* segment, uint32_t seen, int64_t ns) noexcept nogil:
-    futex_wait(&segment_head(segment).sequence, seen, ns)
-
-
-cdef void _nap(Segment* segment, int64_t ns) noexcept nogil:
-    sleep_for(ns)
+cdef void _sleep(const uint32_t* word, uint32_t seen, int64_t ns) noexcept nogil:
+    futex_wait(word, seen, ns)
 
 
 cdef class _Mapping(SharedMemory):
@@ -242,7 +231,6 @@ cdef class _Mapping(SharedMemory):
         self.segment.commit = _commit
         self.segment.wake = _wake
         self.segment.sleep = _sleep
-        self.segment.nap = _nap
         self.segment.is_alive = _is_alive
 
     def __dealloc__(self):
@@ -257,10 +245,6 @@ cdef class _Mapping(SharedMemory):
     def path(self):
         """The file."""
         return self._path
-
-    def wake(self):
-        """Wake all that sleep on it."""
-        _wake(&self.segment)
 
     @property
     def owner(self):

@@ -1,0 +1,100 @@
+"""Owns buffers that are shared for a test, and what is true of them at all times."""
+
+import itertools
+import os
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+from making import S, transform
+
+from tf2_py import TransformException
+from tf2_ros import Buffer
+from tf2_ros._shared.names import segment_path
+
+PROGRAMS = Path(__file__).resolve().parent / "programs"
+_numbers = itertools.count()
+
+
+def new_name():
+    """A name that no other test uses, in no other run."""
+    return f"test-{os.getpid()}-{next(_numbers)}"
+
+
+@contextmanager
+def pair(*arguments, **options):
+    """A buffer that is shared, and one that is attached to it."""
+    owner = Buffer(*arguments, share=new_name(), **options)
+    reader = Buffer(attach=owner._sharing.name)
+    try:
+        yield owner, reader
+    finally:
+        owner._sharing.close()
+
+
+# What `programs/shares.py` inserts: a chain of frames whose place follows from the time.
+
+LINKS = 5
+
+
+def links(ns, first_ns):
+    """The transforms of one time: each moves by 1 m/s."""
+    x = (ns - first_ns) / S
+    return [
+        transform("map" if i == 0 else f"f{i - 1}", f"f{i}", ns=ns, xyz=(x, 0.0, 0.0)) for i in range(LINKS)
+    ]
+
+
+def is_sound(buffer, first_ns, ages_ns=(0,)):
+    """Whether lookups of the newest time, and of times before it, answer what was inserted; some do."""
+    found = False
+    try:
+        newest = buffer.get_latest_common_time("map", f"f{LINKS - 1}").nanoseconds
+    except TransformException:
+        return False
+    for age_ns in ages_ns:
+        try:
+            answer = buffer.lookup_transform_core("map", f"f{LINKS - 1}", newest - age_ns)
+        except TransformException:
+            continue
+        stamp_ns = answer.header.stamp.sec * S + answer.header.stamp.nanosec
+        wanted = LINKS * (stamp_ns - first_ns) / S
+        assert abs(answer.transform.translation.x - wanted) < 1e-6, (answer, wanted)
+        found = True
+    return found
+
+
+class Owner:
+    """A process of `programs/shares.py`, for a `with` statement, which kills it in the end."""
+
+    def __init__(self, *arguments, name=None, **popen):
+        self.name = name or new_name()
+        self.path = segment_path(self.name)
+        self.process = subprocess.Popen(
+            [sys.executable, str(PROGRAMS / "shares.py"), self.name, *map(str, arguments)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            **popen,
+        )
+
+    def __enter__(self):
+        self.said()
+        return self
+
+    def __exit__(self, *_):
+        self.process.kill()
+        self.process.communicate()
+        self.path.unlink(missing_ok=True)
+
+    def said(self):
+        """Its next line."""
+        line = self.process.stdout.readline().split()
+        assert line, f"it ended with {self.process.wait()}"
+        return line
+
+    def tell(self, *words):
+        """Give it a line; its answer."""
+        print(*words, file=self.process.stdin, flush=True)
+        return self.said()

@@ -162,6 +162,7 @@ cdef const char* _row_problem(const Tree* tree, const Row* row) noexcept nogil:
 
 cdef void _apply_row(Tree* tree, FrameId frame, const Row* row) noexcept nogil:
     cdef Cache* cache = &tree.caches[frame]
+    tree.samples += row.count - <uint64_t>cache.count
     memset(cache, 0, sizeof(Cache))
     if row.capacity:
         cache_read_from(cache, tree.mirror.segment.base + row.ring, row.capacity)
@@ -360,7 +361,6 @@ cdef const char* _apply(Tree* tree, const Facts* facts, uint32_t rows, size_t na
         _collect_row(tree, mirror.rows[i].frame, &mirror.rows[i].row)
         _apply_row(tree, mirror.rows[i].frame, &mirror.rows[i].row)
     tree.cache_time_ns = facts.cache_time_ns
-    tree.samples = facts.samples
     tree.history_bytes = facts.bytes
     tree.taken = facts.taken
     memcpy(tree.refused, facts.refused, sizeof(tree.refused))

@@ -224,7 +224,6 @@ cdef void publication_close(Publication* publication, const Tree* tree,
         facts.authorities = tree.authorities.count
     facts.ever_looped = tree.ever_looped
     facts.cache_time_ns = tree.cache_time_ns
-    facts.samples = tree.samples
     facts.bytes = tree.history_bytes
     facts.taken = tree.taken
     memcpy(facts.refused, tree.refused, sizeof(tree.refused))

@@ -65,7 +65,6 @@ cdef struct Facts:
     uint32_t authorities
     uint64_t ever_looped        # 0 or 1
     int64_t cache_time_ns
-    uint64_t samples
     uint64_t bytes              # allocated for names and histories
     uint64_t taken
     uint64_t refused[REFUSAL_KINDS]

@@ -46,6 +46,7 @@ _jazzy = _prefix is not None and (rclpy_version(_prefix) or "").startswith("7.")
 _profiles = "FASTRTPS_DEFAULT_PROFILES_FILE" if _jazzy else "FASTDDS_DEFAULT_PROFILES_FILE"
 os.environ[_profiles] = str(ROOT / "tests" / "fastdds.xml")
 os.environ.pop("ROS_LOCALHOST_ONLY", None)  # it would override the line before
+os.environ.pop("TF2_SHARED_BUFFER", None)  # listeners would not subscribe
 # For the tests' own programs.
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))
 

@@ -23,6 +23,7 @@ PROGRAMS = [
     "tf2_echo",
     "tf2_monitor",
     "tf2_plot",
+    "tf2_shared_buffer",
     "tf2_which",
     "view_frames",
 ]

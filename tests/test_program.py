@@ -312,6 +312,8 @@ class TestEveryProgramWithANode:
         command = ["-m", f"tf2_ros.cli.{name}", *VALID.get(name, []), "--ros-args", "-r", "__node:=ended"]
         with pexpect.spawn(sys.executable, command, timeout=DEADLINE_S, encoding="utf-8") as terminal:
             until(lambda: "ended" in node.get_node_names())
+            if name in SAYS:
+                terminal.expect(SAYS[name])
             begin = time.monotonic()
             terminal.sendintr()
             terminal.expect(pexpect.EOF)
@@ -347,4 +349,6 @@ VALID = {
     "tf2_echo": ["map", "robot"],
 }
 DRAW = {"tf2_monitor"}
+# What one logs after its node is seen: no later than the terminal's ^C.
+SAYS = {"tf2_shared_buffer": r"Sharing [^\n]*\n"}
 ENDS_WITH = {"tf2_check": 130, "tf2_echo": 130, "tf2_plot": 130, "view_frames": 130}

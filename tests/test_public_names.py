@@ -68,6 +68,7 @@ MODULES = {
     "tf2_ros.buffer_server": {"BufferServer"},
     "tf2_ros.cli.message_stubs": {"main"},
     "tf2_ros.cli.tf2_buffer_server": {"main", "serve"},
+    "tf2_ros.cli.tf2_shared_buffer": {"main", "share"},
     "tf2_ros.message_filter": {"FilterFailureReason", "MessageFilter"},
     "tf2_ros.numpy": {
         "from_matrix",

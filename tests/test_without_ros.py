@@ -1,9 +1,11 @@
 """An environment without ROS, with the extensions of this checkout: buffers and recordings need no more."""
 
 import json
+import os
 import pickle
 import re
 import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -245,6 +247,21 @@ class TestPrograms:
         ended = world.run("-m", "tf2_ros.cli.tf2_echo", "--help")
         assert ended.returncode == 0
         assert ended.stdout.startswith("usage: tf2_echo")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="buffers are shared on Linux alone")
+def test_which_finds_a_shared_buffer(world):
+    name = f"without-ros-{os.getpid()}"
+    said = world.does(f"""
+import os, subprocess, sys
+from tf2_ros import Buffer
+buffer = Buffer(20.0, share={name!r})
+os.environ["TF2_SHARED_BUFFER"] = {name!r}
+which = [sys.executable, "-m", "tf2_ros_cython"]
+print(os.getpid(), subprocess.run(which, text=True, capture_output=True).stdout)
+""")
+    process = said.partition(" ")[0]
+    assert f"\nshared buffer: {name!r} of process {process} (-c), without a listener, keeps 20 s\n" in said
 
 
 class TestAnRclpyThatIsNoRos:

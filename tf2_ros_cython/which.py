@@ -6,11 +6,13 @@ import os
 import sys
 from importlib.machinery import PathFinder
 from pathlib import Path
+from typing import Any
 
 from tf2_ros_cython import _finder, _ros
 
 __all__ = ["main"]
 
+_SHARED_BUFFER = "TF2_SHARED_BUFFER"
 _WITHOUT_ROS = ("tf2_py", "tf2_ros")  # what works without one, but for nodes
 
 
@@ -32,6 +34,7 @@ def main(args: list[str] | None = None) -> int:
         print(f"does not load: {failure}")
     print(f"precedence: {_precedence()}")
     print(f"receiver: {_receiver(folders['tf2_ros'])}")
+    print(f"shared buffer: {_shared_buffer(folders['tf2_ros'])}")
     print(f"ROS 2: {_running_ros()}")
     print(f"built for: {_built_for()}")
     return 0 if are_ours and failure is None else 1
@@ -127,6 +130,41 @@ def _receiver(folder: Path | None) -> str:
     except ImportError as error:
         return f"built, but does not load: {error}"
     return "built; listeners receive in a thread of their own"
+
+
+def _shared_buffer(folder: Path | None) -> str:
+    """What a listener of this environment would find instead of subscribing."""
+    if not os.environ.get(_SHARED_BUFFER):
+        return f"none wanted; {_SHARED_BUFFER} is not set"
+    wanted = f"{_SHARED_BUFFER}={os.environ[_SHARED_BUFFER]}"
+    if not _is_ours(folder):
+        return f"{wanted} has no effect, for tf2_ros is not tf2-ros-cython's"
+    if sys.platform != "linux":
+        return f"{wanted} has no effect: buffers are shared on Linux alone"
+    try:
+        # Only now: a program that wants none does without.
+        names = importlib.import_module("tf2_ros._shared.names")
+        following = importlib.import_module("tf2_ros._shared.following")
+        description = importlib.import_module("tf2_ros._shared.description")
+    except ImportError as error:
+        return f"{wanted} is not looked for, because tf2_ros does not load: {error}"
+    try:
+        name = names.buffer_name(os.environ[_SHARED_BUFFER])
+        segment = following.open_segment(name)
+    except (ValueError, names.SharedBufferError) as reason:
+        return f"none: {reason}"
+    owner = description.read_description(segment.description())
+    return f"{name!r} {'that tells nothing of itself' if owner is None else _describe_owner(owner)}"
+
+
+def _describe_owner(owner: Any) -> str:
+    fills = f"ROS domain {owner.domain}, {' and '.join(owner.topics)}"
+    if owner.domain is None:
+        fills = "without a listener"
+    time = ", simulated time" if owner.simulated else ""
+    return (
+        f"of process {owner.process} ({owner.program}), {fills}, keeps {owner.cache_time_ns / 1e9:g} s{time}"
+    )
 
 
 def _running_ros() -> str:

@@ -1,5 +1,6 @@
 """BufferCore for other extension modules of this project."""
 
+cimport cython
 from libc.stdint cimport int64_t
 
 from tf2_py._core.lookup cimport Query
@@ -8,6 +9,7 @@ from tf2_py._core.types cimport Transform
 from tf2_py._engine.sharing cimport SharingEngine
 
 
+@cython.no_gc_clear
 cdef class BufferCore(SharingEngine):
     cdef int _set_one(self, object transform, object authority, bint is_static) except -1
     cdef int _lookup_or_raise(self, const Query* query, Transform* out, int64_t* stamp_ns) except -1

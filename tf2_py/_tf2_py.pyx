@@ -1,5 +1,6 @@
 """Owns BufferCore: it reads arguments, calls the engine, and raises."""
 
+cimport cython
 from cpython.buffer cimport PyBUF_SIMPLE, PyBuffer_Release, PyObject_GetBuffer
 from libc.stdint cimport int64_t
 from libc.string cimport memset
@@ -62,6 +63,7 @@ __all__ = [
 
 
 # The first line of its text, which CPython takes away, is what `inspect` reads the signature of a class from.
+@cython.no_gc_clear
 cdef class BufferCore(SharingEngine):
     """BufferCore(cache_time=None, *, max_frames=None, max_bytes=None, max_waiters=None)\n--\n
     A tree of coordinate frames that changes with time, and the history of each frame.

@@ -147,10 +147,12 @@ class Buffer(BufferCore, BufferInterface):
             self, cache_time, max_frames=max_frames, max_bytes=max_bytes, max_waiters=max_waiters
         )
         self._sharing = None
+        if share is not None and attach is not None:
+            raise ValueError("a buffer either shares what it holds, or is attached to one that does")
+        if share is not None:
+            self._sharing = shared_buffer(self, share, node)
         if attach is not None:
-            self._sharing = attached_buffer(self, attach, share)
-        elif share is not None:
-            self._sharing = shared_buffer(self, share)
+            self._sharing = attached_buffer(self, attach, node)
         self.__connect(node)
 
     def __connect(self, node: "Node | None") -> None:

@@ -5,9 +5,10 @@ from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split
 
+import sys
 import weakref
 from collections.abc import Callable
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
@@ -25,7 +26,6 @@ from tf2_ros._receive.receiver_thread import ReceiverThread, can_receive
 from tf2_ros._receive.reception import ReceivedTopic, Reception
 from tf2_ros._receive.recording import Recording
 from tf2_ros._receive.subscriptions import ListenerGroup, wake_executor
-from tf2_ros._shared.attachment import Attachment, attach_listener
 from tf2_ros._spinner import END_WAIT_S, Spinner
 from tf2_ros._tf2_names import (
     DurabilityPolicy,
@@ -39,6 +39,11 @@ from tf2_ros._tf2_names import (
 )
 from tf2_ros._travel import stays
 from tf2_ros.buffer import SETTERS, Buffer
+
+if TYPE_CHECKING or sys.platform == "linux":
+    from tf2_ros._shared.attachment import Attachment, attach_listener
+else:
+    from tf2_ros._shared.absence import attach_listener
 
 # What `import *` gives from tf2's module.
 __all__ = [
@@ -128,7 +133,7 @@ class TransformListener:
     _receiver_thread: ReceiverThread | None = None
     _node_use: NodeUse | None = None
     _reception: Reception | None = None
-    _attachment: Attachment | None = None
+    _attachment: "Attachment | None" = None
     _recording: Recording | None = None
     tf_sub: Subscription | None = None
     tf_static_sub: Subscription | None = None

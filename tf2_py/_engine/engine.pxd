@@ -1,5 +1,6 @@
 """The tree behind its lock, with the waiters for it."""
 
+cimport cython
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t
 
@@ -37,6 +38,7 @@ cdef class WaiterOwner:
     cpdef str lacks(self)
 
 
+@cython.no_gc_clear     # what frees the tree needs the memory that it may be in
 cdef class Engine:
     # Nothing outside this class takes `_lock`, or reads or writes `_tree` and `_waiters`.
     cdef Tree _tree                     # with the waiters, read and written under _lock only

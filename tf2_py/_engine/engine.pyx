@@ -1,5 +1,6 @@
 """Owns what is done to the tree under its lock, and what follows from it outside the lock."""
 
+cimport cython
 from libc.stddef cimport size_t
 from libc.stdint cimport SIZE_MAX, UINT32_MAX, int64_t, uint32_t, uint64_t
 from libc.stdlib cimport free, malloc
@@ -100,6 +101,7 @@ cdef class WaiterOwner:
         raise NotImplementedError
 
 
+@cython.no_gc_clear
 cdef class Engine:
     """The tree of a BufferCore, and all that is done to it under its lock."""
 

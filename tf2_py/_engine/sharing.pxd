@@ -1,11 +1,13 @@
 """An engine whose tree other processes read, or that reads the tree of another process."""
 
+cimport cython
 from libc.stdint cimport int64_t, uint64_t
 
 from tf2_py._engine.engine cimport Engine
 from tf2_py._wire.batch cimport Batch
 
 
+@cython.no_gc_clear
 cdef class SharingEngine(Engine):
     cdef uint64_t _followed     # the sequence whose changes the waiters know of; under _lock
     cdef object _begin_following    # called when something begins to wait for another process; or None

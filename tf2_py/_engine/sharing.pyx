@@ -1,5 +1,6 @@
 """Owns sharing a tree between processes: who writes, who follows, and telling waiters of what was written."""
 
+cimport cython
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 from libc.stdlib cimport calloc, free
 from libc.string cimport memset
@@ -37,6 +38,7 @@ cdef void _become_reader(void* owner) noexcept nogil:
     (<SharingEngine>owner)._after_fork()
 
 
+@cython.no_gc_clear
 cdef class SharingEngine(Engine):
     """An engine whose tree other processes may read, or that holds what another process's does."""
 

@@ -2,7 +2,7 @@
 
 from typing import NoReturn
 
-__all__ = ["attached_buffer", "shared_buffer"]
+__all__ = ["attach_listener", "attached_buffer", "shared_buffer"]
 
 
 def shared_buffer(*arguments: object) -> NoReturn:
@@ -11,3 +11,7 @@ def shared_buffer(*arguments: object) -> NoReturn:
 
 
 attached_buffer = shared_buffer
+
+
+def attach_listener(*arguments: object) -> None:
+    """There is nothing to attach to."""

@@ -36,7 +36,17 @@ def buffer_name(name: str, domain: int | None = None) -> str:
         )
     if name != AUTO:
         return name
-    return f"domain-{os.environ.get('ROS_DOMAIN_ID') or 0 if domain is None else domain}"
+    return f"domain-{_domain_of(os.environ) if domain is None else domain}"
+
+
+def _domain_of(environ: Mapping[str, str]) -> int:
+    """The ROS domain, as ROS reads its number: as C does."""
+    text = environ.get("ROS_DOMAIN_ID", "").strip()
+    base = 16 if text.lower().startswith("0x") else 8 if text.startswith("0") else 10
+    try:
+        return int(text, base) if text else 0
+    except ValueError:
+        raise ValueError(f"ROS_DOMAIN_ID is no number: {text!r}") from None
 
 
 def wanted_name(domain: int, environ: Mapping[str, str] = os.environ) -> str | None:

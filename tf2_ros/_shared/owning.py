@@ -10,7 +10,7 @@ from typing import Any
 from tf2_ros._forking import register_for_fork
 from tf2_ros._shared.description import Description
 from tf2_ros._shared.following import Follower
-from tf2_ros._shared.names import SharedBufferError, buffer_name, segment_path
+from tf2_ros._shared.names import SharedBufferError, segment_path
 from tf2_ros._shared.segment import OwnedSegment
 
 __all__ = ["Owner"]
@@ -31,7 +31,7 @@ class Owner:
     follows = False
 
     def __init__(self, buffer: Any, name: str) -> None:
-        self.name = name = buffer_name(name)
+        self.name = name
         try:
             self._segment = OwnedSegment(segment_path(name))
         except BlockingIOError as error:
@@ -64,7 +64,7 @@ class Owner:
         """A listener of this ROS domain fills the buffer from these topics, too."""
         known = self._description
         known.domain = domain
-        known.topics = sorted({*known.topics, *topics})[:20]
+        known.topics = list(dict.fromkeys([*known.topics, *topics]))
         self._segment.describe(known.to_bytes())
 
     def tell_of_time(self, simulated: bool) -> None:

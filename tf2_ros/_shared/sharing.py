@@ -11,14 +11,17 @@ __all__ = ["SharedBufferError", "Sharing", "attached_buffer", "shared_buffer"]
 Sharing: TypeAlias = Owner | Follower
 
 
-def shared_buffer(buffer: Any, name: str) -> Owner:
-    """Share a buffer; see ``Buffer``."""
-    return Owner(buffer, name)
+def shared_buffer(buffer: Any, name: str, node: Any) -> Owner:
+    """Share a buffer; see ``Buffer``. ``node``: of the ROS domain that ``auto`` belongs to, or None."""
+    return Owner(buffer, buffer_name(name, _domain(node)))
 
 
-def attached_buffer(buffer: Any, name: str, share: str | None) -> Follower:
-    """Attach a buffer; see ``Buffer``, also for ``share``, which must be None."""
-    if share is not None:
-        raise ValueError("a buffer either shares what it holds, or is attached to one that does")
-    name = buffer_name(name)
+def attached_buffer(buffer: Any, name: str, node: Any) -> Follower:
+    """Attach a buffer; see ``Buffer``, and above."""
+    name = buffer_name(name, _domain(node))
     return attach(buffer, open_segment(name), name)
+
+
+def _domain(node: Any) -> int | None:
+    domain: int | None = None if node is None else node.context.get_domain_id()
+    return domain

@@ -174,6 +174,7 @@ class TestMaking:
         assert [one.__name__ for one in tf2_ros.Buffer.__mro__] == [
             "Buffer",
             "BufferCore",
+            "SharingEngine",
             "Engine",
             "BufferInterface",
             "object",

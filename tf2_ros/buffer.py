@@ -101,12 +101,15 @@ class Buffer(BufferCore, BufferInterface):
     :param max_frames: see :class:`tf2_py.BufferCore`, also for ``max_bytes`` and ``max_waiters``.
     :param share: a name by which other processes of this user on this machine may attach to the buffer, until
         it or this process ends; ``auto`` is the name that belongs to the ROS domain.
-    :param attach: the name of a buffer that another process shares: this one holds what that one holds. The
-        first insert, ``clear()``, and the end of the other process make it an ordinary buffer, with a copy.
+    :param attach: the name of a buffer that another process shares: this one holds what that one holds, and
+        as much history. The first insert, ``clear()`` or loaded state makes it an ordinary buffer, with a
+        copy; so does the end of the other process, once something waits or a listener exists.
     :raises TypeError: ``cache_time`` is neither, a limit no int, or a name no str.
-    :raises ValueError: ``cache_time`` is negative, a limit not above 0, a name is none, or there are two.
+    :raises ValueError: ``cache_time`` is negative, a limit not above 0, a name invalid, or both ``share`` and
+        ``attach`` are given.
     :raises SharedBufferError: another process shares a buffer of this name, or none does that could be
         attached to. It is a ``RuntimeError``.
+    :raises NotImplementedError: buffers are shared on Linux alone.
 
     It is cleared when its clock jumps back by 1 s or more, and when simulated time is switched on or off.
     Every ``time`` is an rclpy ``Time``, a time message, an object with their attributes, an integer, which is

@@ -41,9 +41,9 @@ from tf2_ros._travel import stays
 from tf2_ros.buffer import SETTERS, Buffer
 
 if TYPE_CHECKING or sys.platform == "linux":
-    from tf2_ros._shared.attachment import Attachment, attach_listener
+    from tf2_ros._shared.attachment import Attachment, attach_listener, detach_listener
 else:
-    from tf2_ros._shared.absence import attach_listener
+    from tf2_ros._shared.absence import attach_listener, detach_listener
 
 # What `import *` gives from tf2's module.
 __all__ = [
@@ -105,6 +105,10 @@ class TransformListener:
     ``static_callback``, the callback of a subscription or a ``set_transform*`` of the buffer, now or later;
     where the buffer is not a :class:`tf2_ros.Buffer`; where the node makes subscriptions of another class
     than rclpy's; and where the thread's code could not be built. The property ``receives`` says which it is.
+
+    On a buffer that is attached to another process's it subscribes to nothing: ``tf_sub`` and
+    ``tf_static_sub`` are None, until the buffer leaves. With ``TF2_SHARED_BUFFER`` in the environment it
+    attaches its buffer itself, where it would receive the same; see docs/sharing.md.
 
     Another buffer may be assigned to ``buffer`` at any time. The node keeps the listener alive.
     ``unregister()`` ends its subscriptions; the end of a ``with`` block also ends the thread that spins the
@@ -204,6 +208,7 @@ class TransformListener:
             return
         if self._attachment is not None:
             self._attachment.close()
+        detach_listener(self)
         if not self._owns_node:
             for subscription in (self.tf_sub, self.tf_static_sub):
                 if subscription is not None:
@@ -237,8 +242,9 @@ class TransformListener:
         name = class_name(type(self))
         if self._reception is None:
             return f"<{name}, not initialised>"
-        if self._attachment is not None and self._attachment.alive:
-            return f"<{name} of {self._attachment.describe()}>"
+        if self._attachment is not None and not self._reception.topics:
+            state = "" if self._attachment.alive else ", ended"
+            return f"<{name} of {self._attachment.describe()}{state}>"
         if not self._reception.topics:
             return f"<{name} with subscriptions of another class than rclpy's>"
         return f"<{name} of {self._reception.describe()}, {self.__state()}>"

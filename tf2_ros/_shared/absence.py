@@ -2,7 +2,7 @@
 
 from typing import NoReturn
 
-__all__ = ["attach_listener", "attached_buffer", "shared_buffer"]
+__all__ = ["attach_listener", "attached_buffer", "detach_listener", "shared_buffer"]
 
 
 def shared_buffer(*arguments: object) -> NoReturn:
@@ -15,3 +15,6 @@ attached_buffer = shared_buffer
 
 def attach_listener(*arguments: object) -> None:
     """There is nothing to attach to."""
+
+
+detach_listener = attach_listener

@@ -18,7 +18,7 @@ from tf2_ros._shared.following import Follower, attach, open_segment
 from tf2_ros._shared.names import SharedBufferError, wanted_name
 from tf2_ros._shared.owning import Owner
 
-__all__ = ["Attachment", "attach_listener"]
+__all__ = ["Attachment", "attach_listener", "detach_listener"]
 
 QUEUE_DEPTH = 100  # of a listener's subscription: more messages an executor would not have found there
 
@@ -145,7 +145,8 @@ def attach_listener(listener: Any, is_usual: bool, topics: Sequence[str]) -> Att
         return None
     sharing = buffer._sharing
     if isinstance(sharing, Owner):
-        sharing.tell_of_listener(node.context.get_domain_id(), [node.resolve_topic_name(name) for name in topics])
+        resolved = [node.resolve_topic_name(name) for name in topics]
+        sharing.tell_of_listener(listener, node.context.get_domain_id(), resolved)
         sharing.tell_of_time(node.get_clock().ros_time_is_active)
         return None
     if sharing is None:
@@ -153,6 +154,13 @@ def attach_listener(listener: Any, is_usual: bool, topics: Sequence[str]) -> Att
     if sharing is None or not sharing.alive:
         return None
     return Attachment(listener, sharing)
+
+
+def detach_listener(listener: Any) -> None:
+    """The listener ends: nobody is to rely on what it receives."""
+    sharing = getattr(listener.__dict__.get("buffer"), "_sharing", None)
+    if isinstance(sharing, Owner):
+        sharing.tell_of_listener(listener, 0, [])
 
 
 def _by_environment(buffer: Any, node: Node, is_usual: bool, topics: Sequence[str]) -> Follower | None:

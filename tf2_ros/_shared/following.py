@@ -39,8 +39,10 @@ class Follower:
 
     def __init__(self, buffer: Any, segment: FollowedSegment | OwnedSegment, name: str) -> None:
         self.name = name
-        self.process = segment.owner
         self._segment = segment
+        known = self.description()
+        # In another container it has another id, or none.
+        self.process = segment.owner or (known.process if known is not None else 0)
         self._buffer = weakref.ref(buffer)
         self._listeners: list[tuple[Callable[[], None], Callable[[str], None]]] = []
         self._hand_over: Callable[[list[Callable[[], None]]], object] = _call_all

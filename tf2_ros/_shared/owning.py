@@ -35,9 +35,10 @@ class Owner:
         try:
             self._segment = OwnedSegment(segment_path(name))
         except BlockingIOError as error:
-            raise SharedBufferError(
-                f"the shared buffer {name!r} is owned by process {error.args[0]}"
-            ) from None
+            process = error.args[0]
+            # Of one in another container no id is known here.
+            by = f"process {process}" if process > 0 else "a process that cannot be seen from here"
+            raise SharedBufferError(f"the shared buffer {name!r} is owned by {by}") from None
         except OSError as error:
             raise SharedBufferError(f"the buffer cannot be shared as {name!r}: {error}") from None
         try:
@@ -48,6 +49,7 @@ class Owner:
                 f"the buffer cannot be shared as {name!r}: /dev/shm has no memory for it"
             ) from None
         self._buffer = weakref.ref(buffer)
+        self._listeners: dict[int, tuple[int, list[str]]] = {}  # by the listeners' addresses
         program = os.path.basename(sys.argv[0]) if sys.argv else ""
         self._description = Description(os.getpid(), program[:100], buffer.cache_time_ns)
         self._segment.describe(self._description.to_bytes())
@@ -60,11 +62,16 @@ class Owner:
         """The file."""
         return self._segment.path
 
-    def tell_of_listener(self, domain: int, topics: list[str]) -> None:
-        """A listener of this ROS domain fills the buffer from these topics, too."""
+    def tell_of_listener(self, listener: object, domain: int, topics: list[str]) -> None:
+        """A listener of this ROS domain fills the buffer from these topics, too; without topics, no longer."""
+        self._listeners.pop(id(listener), None)
+        if topics:
+            self._listeners[id(listener)] = domain, topics
         known = self._description
-        known.domain = domain
-        known.topics = list(dict.fromkeys([*known.topics, *topics]))
+        # Listeners of several domains fill no buffer that could stand for one's own.
+        domains = {one for one, _ in self._listeners.values()}
+        known.domain = domains.pop() if len(domains) == 1 else None
+        known.topics = list(dict.fromkeys(name for _, names in self._listeners.values() for name in names))
         self._segment.describe(known.to_bytes())
 
     def tell_of_time(self, simulated: bool) -> None:
@@ -89,9 +96,10 @@ class Owner:
 
 
 @atexit.register
-def _close_all() -> None:
+def _unlink_all() -> None:
+    # Threads may still insert.
     for owner in list(_owners):
-        owner.close()
+        owner._segment.unlink()
 
 
 os.register_at_fork(after_in_child=_owners.clear)

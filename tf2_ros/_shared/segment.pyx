@@ -6,7 +6,7 @@ child does not get it. Such a lock is lost when its process closes any descripto
 file is opened once, and readers in the same process use the owner's descriptor.
 """
 
-from libc.errno cimport errno
+cimport cython
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t
 from libc.string cimport memcpy
@@ -28,6 +28,7 @@ import stat
 import time
 import weakref
 import zlib
+from pathlib import Path
 
 cdef extern from *:
     """
@@ -42,7 +43,7 @@ cdef extern from *:
     #include <time.h>
     #include <unistd.h>
 
-    #define TF2_MAPPINGS 256
+    #define TF2_MAPPINGS 2048
 
     /* Where segments are mapped. Only the handler reads it without the GIL. */
     static struct tf2_mapping { char *volatile base; size_t size; volatile int *lost; } tf2_mappings[TF2_MAPPINGS];
@@ -94,7 +95,6 @@ cdef extern from *:
                 tf2_watch_bus_errors();
                 return 0;
             }
-        errno = EMFILE;
         return -1;
     }
 
@@ -189,7 +189,7 @@ _owned = weakref.WeakValueDictionary()
 
 
 cdef struct Place:
-    # Where a segment is, for its functions.
+    # The file of a segment, as its functions need it.
     int descriptor              # of the file; -1: closed
     volatile_int lost           # the file was truncated
     long owner_process          # of an owner in this process, the process's id; otherwise 0
@@ -218,6 +218,7 @@ cdef void _sleep(const uint32_t* word, uint32_t seen, int64_t ns) noexcept nogil
     futex_wait(word, seen, ns)
 
 
+@cython.no_gc_clear
 cdef class _Mapping(SharedMemory):
     # A file that is mapped.
     cdef Place _place
@@ -225,7 +226,7 @@ cdef class _Mapping(SharedMemory):
     cdef object _path
 
     def __cinit__(self, path):
-        self._path = path
+        self._path = str(path)      # which the collector cannot clear: __dealloc__ needs it
         self._place.descriptor = -1
         self.segment.place = &self._place
         self.segment.commit = _commit
@@ -244,7 +245,7 @@ cdef class _Mapping(SharedMemory):
     @property
     def path(self):
         """The file."""
-        return self._path
+        return Path(self._path)
 
     @property
     def owner(self):
@@ -279,7 +280,7 @@ cdef class _Mapping(SharedMemory):
             return False
         if bus_register(base, size, &self._place.lost) != 0:
             munmap(base, size)
-            raise OSError(errno, os.strerror(errno))
+            raise OSError(errors.EMFILE, "this process has too many of them")
         self.segment.base = base
         self.segment.size = size
         if not writable:
@@ -289,7 +290,7 @@ cdef class _Mapping(SharedMemory):
             self._board_is_apart = True
             self.segment.board = <Board*>board
             if bus_register(board, PAGE_BYTES, &self._place.lost) != 0:
-                raise OSError(errno, os.strerror(errno))
+                raise OSError(errors.EMFILE, "this process has too many of them")
         else:
             self.segment.board = <Board*>(base + BOARD_AT)
         return True
@@ -328,6 +329,7 @@ def _owner_here(path):
         return None
 
 
+@cython.no_gc_clear
 cdef class OwnedSegment(_Mapping):
     """
     A new segment, of which this process is the owner until :meth:`close`.
@@ -402,18 +404,23 @@ cdef class OwnedSegment(_Mapping):
         memcpy(self.segment.base + ABOUT_AT + 8, <const char*>text, len(text))
         memcpy(self.segment.base + ABOUT_AT, numbers, 8)
 
+    def unlink(self):
+        """Remove the file: nobody else finds it. Its readers stay, until this process ends."""
+        if self._place.descriptor >= 0 and self._is_owned and self._place.owner_process in (0, getpid()):
+            if _is_at(self._path, self._place.descriptor):
+                os.unlink(self._path)
+
     def close(self):
         """End being its owner: readers leave. The memory stays until the last of them has done so."""
         if self._place.descriptor < 0:
             return
+        self.unlink()
         descriptor, self._place.descriptor = self._place.descriptor, -1
-        is_owner = self._is_owned and self._place.owner_process in (0, getpid())
         self._is_owned = False
-        if is_owner and _is_at(self._path, descriptor):
-            os.unlink(self._path)
         os.close(descriptor)
 
 
+@cython.no_gc_clear
 cdef class FollowedSegment(_Mapping):
     """
     The segment of another owner, mapped for reading.

@@ -1,4 +1,4 @@
-"""Owns what says that buffers cannot be shared here: it takes Linux."""
+"""Owns the error of sharing a buffer on a system other than Linux."""
 
 from typing import NoReturn
 
@@ -6,7 +6,7 @@ __all__ = ["attach_listener", "attached_buffer", "detach_listener", "shared_buff
 
 
 def shared_buffer(*arguments: object) -> NoReturn:
-    """Buffers are shared on Linux alone."""
+    """Raise a ``NotImplementedError``: buffers are shared on Linux alone."""
     raise NotImplementedError("buffers can be shared, and attached to, on Linux alone")
 
 

@@ -47,7 +47,7 @@ class Attachment:
 
     @property
     def alive(self) -> bool:
-        """Whether transforms come by it."""
+        """Whether the buffer is still attached, and this listener has not ended."""
         return not self._ended and self.follower.alive
 
     def describe(self) -> str:
@@ -82,7 +82,7 @@ class Attachment:
         return False
 
     def close(self) -> None:
-        """End, and let the listener go."""
+        """End, and do not keep the listener alive any more."""
         self._ended = True
         if self.arrivals is not None:
             self.arrivals.close()

@@ -31,6 +31,7 @@ from bench import (
     programs,
     recordings,
     report,
+    shared,
     targets,
     types,
 )
@@ -51,6 +52,7 @@ SECTIONS = {
         nodes.online,
         nodes.load,
         nodes.receive,
+        shared.shared,
         programs.watch,
         types.types,
         recordings.recordings,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 import statistics
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
@@ -171,12 +171,15 @@ class Run:
             self._processes.pop(who).end()
 
     @contextmanager
-    def process(self, program: str, *arguments: str, who: str = OURS) -> Iterator[Process]:
+    def process(
+        self, program: str, *arguments: str, who: str = OURS, environment: Mapping[str, str] = {}
+    ) -> Iterator[Process]:
         """Another program of a library, in a ROS domain that hardly anyone else on this machine uses."""
         library = self.libraries[who]
         network = {"ROS_DOMAIN_ID": str(domain()), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
         command = [library.command[0], str(CONTESTANTS / program), *arguments]
-        process = Process(replace(library, command=command, environment={**library.environment, **network}))
+        environment = {**library.environment, **network, **environment}
+        process = Process(replace(library, command=command, environment=environment))
         try:
             yield process
         finally:

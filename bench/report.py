@@ -29,6 +29,10 @@ SECTIONS = {
         "Receiving, us: CPU of the listening process per message; from sending to answer",
         "listener",
     ),
+    "shared": (
+        "Shared buffers, us per lookup, wait and attaching; MB; CPU seconds per second of all nodes",
+        "private",
+    ),
     "watch": ("Programs that watch transforms, us: CPU of the process per message", "listener"),
     "types": ("Messages, clouds and arrays into another frame, us per call", "call"),
     "recordings": (
@@ -39,8 +43,8 @@ SECTIONS = {
     "instructions": ("Growth in instructions (callgrind), 4 dynamic hops, per transform", ""),
 }
 # Few things, each its own: a line for each row.
-LISTED = ("inserts", "failing", "load", "receive", "watch", "recordings", "memory", "instructions")
-UNITS = {"x": "{:.2f}x", "B": "{:.1f}", "/s": "{:.2f}/s"}
+LISTED = ("inserts", "failing", "load", "receive", "shared", "watch", "recordings", "memory", "instructions")
+UNITS = {"x": "{:.2f}x", "B": "{:.1f}", "/s": "{:.2f}/s", "MB": "{:.2f} MB", "CPU": "{:.3f}"}
 
 
 def introduction(

@@ -23,6 +23,19 @@ from bench.nodes import BUFFERS, HEAVY, INSERT, LATE, LOOKUP, LOST, RATE, READER
 from bench.programs import LISTENER, WATCHING
 from bench.race import OURS, Row, Rows, ratio_of_rounds
 from bench.recordings import BATCH, LOAD, PICKLE, RAW
+from bench.shared import (
+    ATTACH,
+    ATTACHED,
+    BLOCK,
+    FIRST_ATTACH,
+    INSERTS,
+    NOW,
+    PAST,
+    PRIVATE,
+    RESTS,
+    VECTOR,
+    nodes_ratios,
+)
 
 PASS, SHORT, UNKNOWN = "pass", "falls short", "not measured"
 CHAIN = "chain of 1000"
@@ -79,6 +92,7 @@ def verdicts(rows: Rows) -> list[Verdict]:
         _load,
         _waiters,
         _receive,
+        _shared,
         _watch,
         _types,
         _recordings,
@@ -269,6 +283,30 @@ def _receive(rows: Rows) -> Iterable[Verdict]:
     slowest_ms = block.p95 / 1e6 if block else math.nan
     what = "wake-up, from the sending of the message, 95th percentile"
     yield at_most("wake-up latency", what, {"100 Hz": slowest_ms}, 1, " ms")
+
+
+def _shared(rows: Rows) -> Iterable[Verdict]:
+    def ratio(**labels: str) -> float:
+        return ratio_of_rounds(*(rows.find("shared", OURS, which, **labels) for which in (ATTACHED, PRIVATE)))
+
+    what = "{} of a shared buffer over a private one's"
+    single = {
+        f"{call}, owner {does}": ratio(call=call, owner=does)
+        for call in (PAST, NOW)
+        for does in (RESTS, INSERTS)
+    }
+    yield at_most("shared-lookup", what.format("lookup_transform"), single, 1.2)
+    vector = {f"owner {does}": ratio(call=VECTOR, owner=does) for does in (RESTS, INSERTS)}
+    yield at_most("shared-vector", what.format("lookup_transforms"), vector, 1.1)
+    wait_ms = {"median": rows.median("shared", OURS, BLOCK) / 1e6}
+    to = "insert until a lookup that waits in another process returns"
+    yield at_most("shared-wait", to, wait_ms, 0.3, " ms")
+    memory = {kind: ratio(memory=kind) for kind in ("private", "Pss")}
+    yield at_most("shared-memory", what.format("memory of a reader"), memory, 1)
+    attach_ms = {way: rows.median("shared", OURS, way) / 1e6 for way in (ATTACH, FIRST_ATTACH)}
+    yield at_most("shared-attach", "Buffer(attach=...)", attach_ms, 20, " ms")
+    what = "CPU of attached nodes and their owner over one that listens"
+    yield at_most("shared-nodes", what, nodes_ratios(rows), 1.5)
 
 
 def _watch(rows: Rows) -> Iterable[Verdict]:

@@ -11,7 +11,7 @@ from conftest import DOMAIN
 from numpy.testing import assert_allclose
 from random_messages import numbers
 
-from bench import __main__, guard, lookups, peers, pictures, race, report, sizes, targets, trees
+from bench import __main__, guard, lookups, peers, pictures, race, report, shared, sizes, targets, trees
 from bench.nodes import OUR_PATHS, WAKING
 from bench.processes import CONTESTANTS, Failure, Library, Process, run_command
 from bench.race import Entry, Row, Rows, Run, Sample, largest_deviation
@@ -63,6 +63,33 @@ def test_receiving_is_measured_in_every_way(measured):
         *(f"{path}, its thread" for path in OUR_PATHS if path != "executor"),
         *(f"{path}, {how}" for path in WAKING for how in ("block", "poll")),
     }
+
+
+def test_shared_buffers_are_measured_beside_private_ones(measured):
+    rows = measured("shared")
+    compared = [[row.labels for row in rows if row.way == way] for way in ("private", "attached")]
+    private, attached = ([labels for labels in own if "nodes" not in labels] for own in compared)
+    assert private == attached
+    assert len(private) == 3 + 4 + 3  # calls while the owner rests and while it inserts, kinds of memory
+    assert all(row.deviation < 1e-12 for row in rows if row.deviation is not None)
+    nodes = {(row.way, row.labels["nodes"]) for row in rows if "nodes" in row.labels}
+    assert {("listening", 1), ("listening", 2), ("attached", 2), ("idle", 2)} <= nodes
+    assert all(row.median > 0 for row in rows if "nodes" in row.labels)
+
+
+def test_idle_nodes_are_left_out_of_both_sides():
+    labels = {"nodes": 4}
+    one, together, idle = (
+        Row("shared", "ours", way, own, value, 0, 0, 0, 0, [value], "CPU")
+        for way, own, value in (
+            ("listening", {"nodes": 1}, 0.04),
+            ("attached", labels, 0.08),
+            ("idle", labels, 0.02),
+        )
+    )
+    ratios = shared.nodes_ratios(Rows([one, together, idle]))
+    assert ratios == {"all": 2.0, "less idle nodes": pytest.approx(0.06 / 0.035)}
+    assert all(math.isnan(ratio) for ratio in shared.nodes_ratios(Rows([one, idle])).values())
 
 
 def test_every_type_is_measured_beside_numpy(measured):
@@ -122,6 +149,12 @@ def test_tables_and_verdicts_are_written_of_what_was_measured(run, measured):
         "load-lookup",
         "receive-vs-python",
         "receive-vs-floor",
+        "shared-lookup",
+        "shared-vector",
+        "shared-wait",
+        "shared-memory",
+        "shared-attach",
+        "shared-nodes",
         "watch-vs-listener",
         "recording-load",
         "recording-pickle",

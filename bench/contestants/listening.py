@@ -32,7 +32,34 @@ class ThroughPython(TransformListener):
             self.buffer.set_transform(transform, "default_authority")
 
 
-class Listening:
+class Looking:
+    """Looks up in `buffer`, into which another process sends."""
+
+    def order_look(self, first, count, how):
+        """
+        Look up the transform of each message before it arrives.
+
+        :param how: `block` in a lookup with a timeout, or `poll` without end.
+        :return: ns from the sending of each until the answer; messages that arrived before are left out.
+        """
+        answers = []
+        for number in range(first, first + count):
+            stamp = Time(nanoseconds=START_NS + number * STEP_NS)
+            if self.buffer.can_transform_core("map", "f0", stamp)[0]:
+                continue
+            if how == "poll":
+                while not self.buffer.can_transform_core("map", "f0", stamp)[0]:
+                    continue
+                now = time.monotonic()
+                answer = self.buffer.lookup_transform("map", "f0", stamp)
+            else:
+                answer = self.buffer.lookup_transform("map", "f0", stamp, TIMEOUT)
+                now = time.monotonic()
+            answers.append(1e9 * (now - answer.transform.translation.x))
+        return {"ns": answers}
+
+
+class Listening(Looking):
     def __init__(self, path):
         rclpy.init()
         self._node = rclpy.create_node("bench_listening")
@@ -82,29 +109,6 @@ class Listening:
             return {"arrived": True}
         stamp = Time(nanoseconds=START_NS + number * STEP_NS)
         return {"arrived": self.buffer.can_transform("map", "f0", stamp, TIMEOUT)}
-
-    def order_look(self, first, count, how):
-        """
-        Look up the transform of each message before it arrives.
-
-        :param how: `block` in a lookup with a timeout, or `poll` without end.
-        :return: ns from the sending of each until the answer; messages that arrived before are left out.
-        """
-        answers = []
-        for number in range(first, first + count):
-            stamp = Time(nanoseconds=START_NS + number * STEP_NS)
-            if self.buffer.can_transform_core("map", "f0", stamp)[0]:
-                continue
-            if how == "poll":
-                while not self.buffer.can_transform_core("map", "f0", stamp)[0]:
-                    continue
-                now = time.monotonic()
-                answer = self.buffer.lookup_transform("map", "f0", stamp)
-            else:
-                answer = self.buffer.lookup_transform("map", "f0", stamp, TIMEOUT)
-                now = time.monotonic()
-            answers.append(1e9 * (now - answer.transform.translation.x))
-        return {"ns": answers}
 
 
 if __name__ == "__main__":

@@ -17,21 +17,69 @@ STEP_NS = 20 * 10**6  # from message to message, whatever the rate
 TREE_PERIOD_S = 0.01
 
 
-class Publishing:
-    """Message n carries the stamp START_NS + n * STEP_NS and, as x, the seconds of the steady clock then."""
+class Sending:
+    """
+    Sends messages at a rate, in a thread.
 
-    def __init__(self):
-        rclpy.init()
-        self._node = rclpy.create_node("bench_publishing")
-        self._publisher = self._node.create_publisher(TFMessage, "/tf", QoSProfile(depth=100))
+    Message n carries the stamp `start_ns` + n * `step_ns` and, as x, the seconds of the steady clock then.
+
+    :param send: is called with the bytes of each.
+    """
+
+    start_ns, step_ns = START_NS, STEP_NS
+    links = None  # (parent, child) of the transforms; see Template
+
+    def __init__(self, send):
+        super().__init__()
+        self._send = send
         self._thread = None
         self._next = 0
         self._ending = threading.Event()
+
+    def order_start(self, rate, transforms, messages):
+        """Begin to send so many messages; `next` is the number of the first."""
+        first, template = self._next, Template(transforms, self.links and self.links[:transforms])
+        self._next += messages
+        self._ending.clear()
+        self._thread = threading.Thread(target=self._send_all, args=(rate, template, first, self._next))
+        self._thread.start()
+        return {"next": first}
+
+    def order_finish(self):
+        """Wait until they are sent."""
+        self._thread.join()
+        return {}
+
+    def order_break_off(self):
+        """Send no more of them."""
+        self._ending.set()
+        return self.order_finish()
 
     def end(self):
         self._ending.set()
         if self._thread is not None:
             self._thread.join()
+
+    def _send_all(self, rate, template, first, end):
+        began = time.monotonic()
+        for n in range(first, end):
+            early_s = began + (n - first) / rate - time.monotonic()
+            if early_s > 0:
+                time.sleep(early_s)
+            if self._ending.is_set():
+                break
+            self._send(template.message(self.start_ns + n * self.step_ns, time.monotonic()))
+
+
+class Publishing(Sending):
+    def __init__(self):
+        rclpy.init()
+        self._node = rclpy.create_node("bench_publishing")
+        self._publisher = self._node.create_publisher(TFMessage, "/tf", QoSProfile(depth=100))
+        super().__init__(self._publisher.publish)
+
+    def end(self):
+        super().end()
         rclpy.shutdown()
 
     def order_discover(self, listeners):
@@ -41,27 +89,6 @@ class Publishing:
                 return {"error": f"{self._publisher.get_subscription_count()} listen, not {listeners}"}
             threading.Event().wait(0.01)
         return {"next": self._next}
-
-    def order_start(self, rate, transforms, messages):
-        """Begin to publish so many messages; `next` is the number of the first."""
-        first, template = self._next, Template(transforms)
-        self._next += messages
-        self._thread = threading.Thread(target=self._publish, args=(rate, template, first, self._next))
-        self._thread.start()
-        return {"next": first}
-
-    def order_finish(self):
-        """Wait until they are published."""
-        self._thread.join()
-        return {}
-
-    def _publish(self, rate, template, first, end):
-        began = time.monotonic()
-        for n in range(first, end):
-            early_s = began + (n - first) / rate - time.monotonic()
-            if early_s > 0:
-                time.sleep(early_s)
-            self._publisher.publish(template.message(START_NS + n * STEP_NS, time.monotonic()))
 
     def order_tree(self, path):
         """Publish a tree's static frames once, and its dynamic frames at 100 Hz until the end."""

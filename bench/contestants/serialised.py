@@ -13,13 +13,18 @@ MARK_X = 1.5e-300
 
 
 class Template:
-    """A serialised message of transforms from map to f0, f1, ..."""
+    """
+    A serialised message of transforms.
 
-    def __init__(self, count):
+    :param count: of them, from map to f0, f1, ...
+    :param links: (parent, child) of each instead.
+    """
+
+    def __init__(self, count, links=None):
         transforms = []
-        for i in range(count):
+        for parent, child in links or [("map", f"f{i}") for i in range(count)]:
             transform = TransformStamped()
-            transform.header.frame_id, transform.child_frame_id = "map", f"f{i}"
+            transform.header.frame_id, transform.child_frame_id = parent, child
             transform.header.stamp.sec, transform.header.stamp.nanosec = MARK_STAMP
             transform.transform.translation.x = MARK_X
             transforms.append(transform)

@@ -3,6 +3,7 @@
 import re
 import sys
 import threading
+import types
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -149,6 +150,22 @@ class TestExecutors:
         executor.add_node(node)
         executor.shutdown()
         assert _rclpy.holding_executor(node) is None
+
+    def test_a_task_is_known_until_it_is_done(self, executor):
+        assert not _rclpy.has_tasks(None)
+        assert not _rclpy.has_tasks(executor)
+        ending = []
+
+        async def polls():
+            while not ending:
+                await _once()
+
+        task = executor.create_task(polls)
+        executor.spin_once(timeout_sec=0.1)
+        assert _rclpy.has_tasks(executor)
+        ending.append(True)
+        until(lambda: task.done() and not _rclpy.has_tasks(executor), executor)
+        assert _rclpy.has_tasks(object())
 
     def test_a_spin_is_on_the_stack_of_a_thread(self, node, executor):
         assert not _rclpy.is_spinning(executor)
@@ -372,3 +389,9 @@ def test_only_one_module_reads_rclpys_inside():
     package = Path(_rclpy.__file__).parent
     readers = [path.name for path in package.rglob("*.py") if re.search(names, path.read_text())]
     assert readers == ["_rclpy.py"]
+
+
+@types.coroutine
+def _once():
+    """Awaits one round of the executor."""
+    yield

@@ -110,7 +110,9 @@ def test_a_reader_that_is_killed_or_stopped_holds_up_nobody():
         owner.tell("run", 0, 60)
         reader = Buffer(attach=owner.name)
         for end in (signal.SIGKILL, signal.SIGSTOP) * 3:
-            other = subprocess.Popen([sys.executable, "-c", code, owner.name], stdout=subprocess.PIPE, text=True)
+            other = subprocess.Popen(
+                [sys.executable, "-c", code, owner.name], stdout=subprocess.PIPE, text=True
+            )
             try:
                 assert other.stdout.readline() == "up\n"
                 other.send_signal(end)
@@ -141,7 +143,9 @@ def test_a_forked_child_of_the_owner_reads_what_its_parent_inserts():
             assert owner.can_transform_core("map", "own", 2 * S)[0]
             owner._self_check()
 
-        thread = threading.Timer(0.2, lambda: (owner.set_transforms(links(2 * S, 0), "parent"), os.write(inserted[1], b"x")))
+        thread = threading.Timer(
+            0.2, lambda: (owner.set_transforms(links(2 * S, 0), "parent"), os.write(inserted[1], b"x"))
+        )
         thread.start()
         assert in_a_child(child) == 0
         thread.join()

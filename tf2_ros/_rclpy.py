@@ -32,6 +32,7 @@ __all__ = [
     "executor_wake_handle",
     "handle_pointer",
     "has_ready_entities",
+    "has_tasks",
     "hide_from_executors",
     "holding_executor",
     "incompatible_qos_event",
@@ -179,6 +180,19 @@ def is_spinning(executor: Executor) -> bool:
                 return True
             frame = frame.f_back
     return False
+
+
+def has_tasks(executor: Executor | None) -> bool:
+    """
+    Whether an executor has tasks that are not done, some of which may poll in each of its rounds.
+
+    Assumes the attribute ``_tasks``, of Jazzy, or ``_pending_tasks``, of Kilted. Without either, the answer is
+    True.
+    """
+    if executor is None:
+        return False
+    tasks = getattr(executor, "_tasks", getattr(executor, "_pending_tasks", None))
+    return tasks is None or len(tasks) > 0
 
 
 def executor_wake_handle(executor: Executor) -> Any:

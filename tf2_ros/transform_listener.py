@@ -200,7 +200,9 @@ class TransformListener:
     @property
     def receives(self) -> bool:
         """Whether transforms arrive beside all executors; False after its end, and in a forked child."""
-        return any(source is not None and source.alive for source in (self._attachment, self._receiver_thread))
+        return any(
+            source is not None and source.alive for source in (self._attachment, self._receiver_thread)
+        )
 
     def unregister(self) -> None:
         """End the subscriptions and the hidden node; the buffer keeps its transforms."""
@@ -364,7 +366,10 @@ class TransformListener:
         self.dedicated_listener_thread = spinner.thread
 
 
-_CALLBACKS: dict[bool, Callable[..., None]] = {False: TransformListener.callback, True: TransformListener.static_callback}
+_CALLBACKS: dict[bool, Callable[..., None]] = {
+    False: TransformListener.callback,
+    True: TransformListener.static_callback,
+}
 
 
 def _direct_buffer(

@@ -15,11 +15,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from making import S, transform  # noqa: E402
-from rclpy.duration import Duration  # noqa: E402
-from sharing import links  # noqa: E402
+from making import S, transform
+from rclpy.duration import Duration
+from sharing import links
 
-from tf2_ros import Buffer  # noqa: E402
+from tf2_ros import Buffer
 
 FIRST_NS = 1000 * S
 

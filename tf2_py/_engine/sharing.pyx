@@ -31,6 +31,8 @@ cdef extern from "Python.h":
 # After a change that mattered to nobody, so long until the next one is looked at: so a busy owner does not
 # keep every process busy.
 cdef int64_t NAP_NS = 150000
+# How often to look whether the other process lives.
+cdef int64_t LOOK_NS = 400 * <int64_t>1000000
 
 
 cdef void _become_reader(void* owner) noexcept nogil:
@@ -131,9 +133,7 @@ cdef class SharingEngine(Engine):
     def _leave(self):
         """Copy what the other process's buffer holds, and be an ordinary buffer from now on."""
         with nogil:
-            lock_write(&self._lock)
-            self._take_leave()
-            unlock_write(&self._lock)
+            self._take_leave_now()
 
     @property
     def _is_attached(self):
@@ -184,34 +184,54 @@ cdef class SharingEngine(Engine):
         """
         Sleep, without the GIL, until the other process has inserted something that somebody waits for.
 
-        To be called again and again, by one thread.
+        To be called again and again, by one thread. It returns at once where the buffer is no longer attached,
+        and makes it leave where the other process has ended.
 
         :param seconds: for how long at most.
         :param later: receives what would run a user's code.
-        :return: whether something was inserted.
+        :return: 0 where nothing was inserted, 2 where an executor, or what is called after every insert, waits
+            for what was; otherwise 1.
         """
         cdef Batch batch
         cdef int64_t until_ns = monotonic_ns() + <int64_t>(seconds * 1e9)
-        cdef bint is_changed = False
-        cdef bint is_wanted = False
+        cdef int64_t left_ns
+        cdef bint is_changed
+        cdef bint was_changed = False
+        cdef bint is_awaited = False
         memset(&batch, 0, sizeof(Batch))
         with nogil:
-            while not is_wanted:
-                if self._next_change(&batch, max(until_ns - monotonic_ns(), <int64_t>0)):
-                    is_changed = True
-                    is_wanted = (self._is_expected or batch.ready.first != NULL
-                                 or self._tree.mirror == NULL or _is_filled(<void*>self._observers))
-                if is_wanted or monotonic_ns() >= until_ns:
+            while True:
+                left_ns = max(until_ns - monotonic_ns(), <int64_t>0)
+                is_changed = self._next_change(&batch, min(left_ns, LOOK_NS))
+                was_changed = was_changed or is_changed
+                is_awaited = is_changed and (self._is_expected or _is_filled(<void*>self._observers))
+                if (is_awaited or self._is_interrupted or batch.ready.first != NULL
+                        or self._tree.mirror == NULL or left_ns == 0):
                     break
                 if is_changed:
                     self._memory.segment.sleep(&self._nudges, self._nudges, NAP_NS)
-        self._is_expected = False
-        error = self._deliver(&batch.ready, later)
-        if is_changed:
+                elif not self._memory.segment.is_alive(&self._memory.segment):
+                    self._take_leave_now()
+        self._is_interrupted = False
+        if is_awaited:
+            self._is_expected = False
             later.extend(self._observers)
+        error = self._deliver(&batch.ready, later)
         if error is not None:
             raise error
-        return is_changed
+        return 2 if is_awaited else 1 if was_changed else 0
+
+    def _interrupt_following(self):
+        """Have :meth:`_follow` return."""
+        self._is_interrupted = True
+        if self._memory is not None:
+            self._memory.segment.wake(segment_word(&self._memory.segment))
+            self._stir()
+
+    cdef void _take_leave_now(self) noexcept nogil:
+        lock_write(&self._lock)
+        self._take_leave()
+        unlock_write(&self._lock)
 
     cdef bint _is_wanted(self) noexcept nogil:
         return self._waiters.count > 0 or self._is_expected or _is_filled(<void*>self._observers)

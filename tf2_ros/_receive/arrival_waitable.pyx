@@ -97,6 +97,7 @@ cdef class ArrivalWaitable:
         self.spun = True
         self._in_user_code = not called_by_own_loop()
         self._wait_set = <void*>wait_set
+        self.before_sleep(self._in_user_code)
         if self._has_any(waiting=True):
             self.wake()
         wait_set.add_guard_condition(self._handle)
@@ -147,6 +148,13 @@ cdef class ArrivalWaitable:
         unlock_write(&self._counts.lock)
         return count, at_ns
 
+    def before_sleep(self, in_user_code):
+        """
+        An executor is about to sleep; for what counts by itself.
+
+        :param in_user_code: it was called by user code, which continues before it sleeps again.
+        """
+
     def count(self, size_t number):
         """One message of this source was taken; from any thread."""
         if number >= MAX_SOURCES:
@@ -154,11 +162,6 @@ cdef class ArrivalWaitable:
         with nogil:
             arrivals_took(&self._counts, number, monotonic_ns())
             arrivals_count(&self._counts, number)
-
-    @property
-    def in_user_code(self):
-        """Whether user code called the executor, and continues before the executor sleeps again."""
-        return bool(self._in_user_code)
 
     def wake(self):
         """Trigger the guard condition."""

@@ -135,7 +135,9 @@ class ReceiverThread:
         self._recording = recording
         self._context = node.context.handle
         self._guard = GuardCondition(None, None, node.context)
-        self.arrivals = Arrivals(node, group, [queue_depth(subscription) for subscription, _ in subscriptions])
+        self.arrivals = Arrivals(
+            node, group, [queue_depth(subscription) for subscription, _ in subscriptions]
+        )
         self._sources = [
             Source(number, subscription, is_static, self._subscription_collected)
             for number, (subscription, is_static) in enumerate(subscriptions)

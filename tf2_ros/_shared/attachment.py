@@ -9,10 +9,10 @@ from rclpy.logging import get_logger
 from rclpy.node import Node
 
 from tf2_py import BufferCore
+from tf2_ros._rclpy import context_was_shut_down, has_tasks
 from tf2_ros._receive.arrivals import Arrivals, Completion
 from tf2_ros._receive.callback_thread import callback_thread
 from tf2_ros._receive.receiver_thread import add_filler, can_receive
-from tf2_ros._rclpy import context_was_shut_down
 from tf2_ros._shared.description import Description, read_description
 from tf2_ros._shared.following import Follower, attach, open_segment
 from tf2_ros._shared.names import SharedBufferError, wanted_name
@@ -40,7 +40,7 @@ class Attachment:
         self.follower = follower
         self.arrivals: _Changes | None = None
         if can_receive() and isinstance(listener.node, Node):
-            self.arrivals = _Changes(listener, self._buffer)
+            self.arrivals = _Changes(listener, self._buffer, follower)
             listener.node.add_waitable(self.arrivals)
             add_filler(self)
         follower.notify(self._changed, self._left, self._hand_over)
@@ -117,19 +117,24 @@ class Attachment:
 class _Changes(Arrivals):
     """Tells an executor, as a receiver would of messages, that something has changed in another process."""
 
-    def __init__(self, listener: Any, buffer: "weakref.ref[Any]") -> None:
+    def __init__(self, listener: Any, buffer: "weakref.ref[Any]", follower: Follower) -> None:
         group: CallbackGroup = listener.group
         super().__init__(listener.node, group, [QUEUE_DEPTH])
         self.listener = listener  # which the node keeps alive by this, as by its subscriptions
         self._attached = buffer
+        self._follower = follower
 
-    def add_to_wait_set(self, wait_set: Any) -> None:
-        """An executor is about to sleep."""
-        super().add_to_wait_set(wait_set)
-        if self.in_user_code:
-            buffer = self._attached()
-            if buffer is not None and buffer._is_attached and not buffer._expect():
+    def before_sleep(self, in_user_code: bool) -> None:
+        """Have the executor woken as often as messages would wake it, where somebody can tell."""
+        buffer, node = self._attached(), self._node()
+        if buffer is None or node is None or not buffer._is_attached:
+            return
+        if in_user_code:
+            # `spin_once` must come back when something changes, also if it just has.
+            if not buffer._expect():
                 self.count(0)
+        else:
+            self._follower.set_pace(has_tasks(node.executor))
 
 
 def attach_listener(listener: Any, is_usual: bool, topics: Sequence[str]) -> Attachment | None:

@@ -17,9 +17,11 @@ from tf2_ros._shared.segment import FollowedSegment, OwnedSegment
 
 __all__ = ["Follower", "attach", "open_segment"]
 
-TICK_S = 0.4  # how often to look whether the owner lives
+# How often the loop of an executor has a round where transforms arrive: with tasks that poll, and without.
+ROUND_S, IDLE_ROUND_S = 0.1, 2.0
 IDLE_S = 5.0  # so long nothing waits, and the thread ends
 END_WAIT_S = 1.0
+AWAITED = 2  # as `BufferCore._follow` returns it
 
 _following: "weakref.WeakSet[Follower]" = weakref.WeakSet()
 
@@ -48,6 +50,7 @@ class Follower:
         self._hand_over: Callable[[list[Callable[[], None]]], object] = _call_all
         self._thread: threading.Thread | None = None
         self._stopping = False
+        self._round_s = IDLE_ROUND_S
         buffer._when_waiting(_weakly(self))
         _following.add(self)
 
@@ -91,12 +94,21 @@ class Follower:
             self._thread = threading.Thread(target=self._run, name="tf2_ros follower", daemon=True)
         self._thread.start()
 
+    def set_pace(self, busy: bool) -> None:
+        """Whether the loop of an executor has tasks that poll."""
+        pace = ROUND_S if busy else IDLE_ROUND_S
+        if pace != self._round_s:
+            self._round_s = pace
+            buffer = self._buffer()
+            if buffer is not None:
+                buffer._interrupt_following()
+
     def stop(self) -> None:
         """End the thread."""
         self._stopping = True
         buffer, thread = self._buffer(), self._thread
         if buffer is not None:
-            buffer._stir()
+            buffer._interrupt_following()
         if thread is not None and thread is not threading.current_thread() and thread.is_alive():
             thread.join(END_WAIT_S)
 
@@ -122,22 +134,20 @@ class Follower:
             return True
 
     def _pass_on(self, buffer: Any) -> bool:
-        """Pass on what happens within a tick; False: the buffer is no longer attached."""
+        """Pass on what happens next; False: the buffer is no longer attached."""
         later: list[Callable[[], None]] = []
-        changed = False
+        happened = 0
+        until = time.monotonic() + self._round_s
         try:
-            changed = buffer._follow(TICK_S, later)
+            happened = buffer._follow(self._round_s, later)
         except Exception:
             log.logger("tf2_ros").error(f"In what waits for transforms: {traceback.format_exc()}")
-        if buffer._is_attached and not self._segment.is_alive:
-            buffer._leave()
-            buffer._follow(0.0, later)
-        attached = buffer._is_attached
+        attached = bool(buffer._is_attached)
         if not attached:
             self._leave(buffer)
         if later:
             self._hand_over(later)
-        if changed and attached:
+        if attached and (happened == AWAITED or (happened and time.monotonic() >= until)):
             for tell, _ in list(self._listeners):
                 tell()
         return attached
@@ -146,7 +156,9 @@ class Follower:
         with LOCK:
             listeners, self._listeners = self._listeners, []
         reason = buffer._why_left or (
-            "this program changes its buffer" if self._segment.is_alive else f"process {self.process} has ended"
+            "this program changes its buffer"
+            if self._segment.is_alive
+            else f"process {self.process} has ended"
         )
         for _, left in listeners:
             try:

@@ -56,7 +56,8 @@ acos asin atan atan2 calloc cos fabs fmod free malloc memchr memcmp memcpy memmo
 strchr strcmp strlen strncmp strrchr vsnprintf snprintf isfinite abort
 """.split()
 OF_POSIX = """
-clock_gettime nanosleep posix_memalign pthread_atfork pthread_cond_broadcast pthread_cond_destroy pthread_cond_init
+clock_gettime nanosleep posix_memalign pthread_atfork pthread_cond_broadcast pthread_cond_destroy
+pthread_cond_init
 pthread_cond_signal pthread_cond_timedwait pthread_condattr_destroy pthread_condattr_init
 pthread_condattr_setclock pthread_equal pthread_mutex_destroy pthread_mutex_init pthread_mutex_lock
 pthread_mutex_unlock pthread_self

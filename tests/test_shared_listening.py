@@ -1,4 +1,4 @@
-"""Listeners whose buffer is another process's: programs as they are, with TF2_SHARED_BUFFER in the environment."""
+"""Listeners whose buffer is another process's: programs as they are, with TF2_SHARED_BUFFER set."""
 
 import gc
 import threading
@@ -43,7 +43,10 @@ def shared(monkeypatch):
         segment_path(name).unlink(missing_ok=True)
 
 
-def knows(buffer, child, time=Time()):
+LATEST = Time()
+
+
+def knows(buffer, child, time=LATEST):
     return lambda: buffer.can_transform("map", child, time)
 
 

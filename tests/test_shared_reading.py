@@ -1,4 +1,4 @@
-"""A buffer that is attached to a shared one answers as that one does, after every step, and when it has left."""
+"""A buffer that is attached answers as the shared one does, after every step, and when it has left."""
 
 import copy
 import gc

@@ -186,8 +186,8 @@ def has_tasks(executor: Executor | None) -> bool:
     """
     Whether an executor has tasks that are not done, some of which may poll in each of its rounds.
 
-    Assumes the attribute ``_tasks``, of Jazzy, or ``_pending_tasks``, of Kilted. Without either, the answer is
-    True.
+    Assumes the attribute ``_tasks``, of Jazzy, or ``_pending_tasks``, of Kilted. Without either, the answer
+    is True.
     """
     if executor is None:
         return False

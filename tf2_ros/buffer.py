@@ -555,12 +555,10 @@ class Buffer(BufferCore, BufferInterface):
         :param time_jump: of the clock. None: a jump back, for programs that call this themselves.
         """
         happened = "Detected jump back in time" if time_jump is None else jump_text(time_jump)
-        if self._is_attached and self._sharing is not None and self._sharing.clears_at_jumps(self.clock):
-            return  # its owner does
+        if self._sharing is not None and self._sharing.clears_at_jumps(self.clock):
+            return
         log.logger("tf2_buffer").warning(f"{happened}. Clearing TF buffer.")
         self.clear()
-        if not self._is_attached and self._sharing is not None and not self._sharing.follows:
-            self._sharing.tell_of_time(self.clock.ros_time_is_active)
 
     @classmethod
     def __replaces(cls, *names: str) -> bool:

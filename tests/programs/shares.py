@@ -1,9 +1,12 @@
 """
 Shares a buffer, whose name is the first argument, and says so; then obeys its standard input:
 
-`insert NS FIRST_NS`: the links of `sharing.py` of this time. `static PARENT CHILD`. `clear`. `run HZ S`: insert
-for so long, as often as that, or as fast as it can for 0, in a thread; says nothing more. `children`: fork an
-owner for each line that follows, a name, with `run 0`; says its process id; the next line kills it.
+`insert NS FIRST_NS`: the links of `sharing.py` of this time. `static PARENT CHILD`. `clear`. `frames N`:
+insert new ones; the answer is how many were taken. `run HZ S`: insert for so long, as often as that, or as
+fast as it can for 0, in a thread. `end`.
+
+With `children` for a name, each line is the name of a buffer, for which it forks an owner, which inserts as
+fast as it can; the next line has it killed.
 """
 
 import os

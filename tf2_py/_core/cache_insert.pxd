@@ -28,6 +28,6 @@ cdef CacheInsert cache_insert(Cache* cache, int64_t stamp_ns, const Sample* samp
 cdef CacheInsert cache_set_static(Cache* cache, int64_t stamp_ns, const Sample* sample, size_t growth_limit,
                                   CacheChange* change) noexcept nogil
 cdef const char* cache_check(const Cache* cache) noexcept nogil     # NULL, or which invariant does not hold
-# Of a history of any origin, keeps what is sound; it must lie in memory of its own. `child`: its frame; `frames`:
-# how many ids there are.
+# Of a history of any origin, keeps what is sound; it must lie in memory of its own. `child`: its frame;
+# `frames`: how many ids there are.
 cdef void cache_mend(Cache* cache, FrameId child, uint32_t frames) noexcept nogil

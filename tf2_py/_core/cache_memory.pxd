@@ -22,8 +22,8 @@ cdef enum:
     FIRST_CAPACITY = 8              # samples, of a dynamic cache
     LAST_CAPACITY = 0x7FFFFFFF      # likewise
 
-# Zero a Cache before its first use, but for `arena`; cache_free leaves it zeroed again but for arena, authority,
-# is_parent, and what tells that it was disturbed.
+# Zero a Cache before its first use, but for `arena`; cache_free leaves it zeroed again but for arena,
+# authority, is_parent, and what tells that it was disturbed.
 cdef void cache_free(Cache* cache) noexcept nogil
 # Drops all samples and keeps the memory. Not for static caches.
 cdef void cache_clear(Cache* cache) noexcept nogil

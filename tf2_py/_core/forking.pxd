@@ -32,7 +32,8 @@ cdef struct ForkedLock:
     ForkedLock* next
 
 
-# Zeroed, but for `in_child` and `owner`. From here to `fork_forget`, a fork waits for the lock, so that the child finds what it guards consistent.
+# Zeroed before, but for `in_child` and `owner`. From here to `fork_forget`, a fork waits for the lock, so
+# that the child finds what it guards consistent.
 cdef void fork_watch(ForkedLock* forked, Lock* lock, int order) noexcept nogil
 # No effect on a zeroed one that was never watched.
 cdef void fork_forget(ForkedLock* forked) noexcept nogil

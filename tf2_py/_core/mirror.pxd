@@ -2,10 +2,10 @@
 A tree that follows the one of another process, in memory that this process can only read.
 
 Names, parents and the places of the histories are copied into an ordinary Tree, whose histories lie in the
-other process's memory: so everything that reads a tree reads this one. The owner changes the memory meanwhile,
-and takes no notice. So a read is repeated until it was not disturbed, see reading.pxd; what it has found
-before is nonsense, but never leads beyond the memory: places are checked when they are copied, ids when they
-are read.
+other process's memory: so everything that reads a tree reads this one. The owner changes the memory
+meanwhile, and takes no notice. So a read is repeated until it was not disturbed, see reading.pxd; what it has
+found before is nonsense, but never leads beyond the memory: places are checked when they are copied, ids when
+they are read.
 """
 
 from tf2_py._core.cache cimport Cache

@@ -6,7 +6,7 @@ from libc.stdlib cimport free, realloc
 from libc.string cimport memcpy, memset
 from posix.time cimport nanosleep, timespec
 
-from tf2_py._core.cache cimport CACHE_DYNAMIC, CACHE_NONE, CACHE_STATIC, Cache, CacheKind
+from tf2_py._core.cache cimport CACHE_NONE, CACHE_STATIC, Cache, CacheKind
 from tf2_py._core.cache_insert cimport cache_mend
 from tf2_py._core.cache_memory cimport (
     CACHE_INSERTED,
@@ -261,7 +261,13 @@ cdef bint _is_utf8(const uint8_t* text, uint32_t size) noexcept nogil:
         if first < 0x80:
             i += 1
             continue
-        more = 1 if 0xC2 <= first <= 0xDF else 2 if 0xE0 <= first <= 0xEF else 3 if 0xF0 <= first <= 0xF4 else 0
+        more = 0
+        if 0xC2 <= first <= 0xDF:
+            more = 1
+        elif 0xE0 <= first <= 0xEF:
+            more = 2
+        elif 0xF0 <= first <= 0xF4:
+            more = 3
         if more == 0 or more >= size - i:
             return False
         second = text[i + 1]
@@ -466,10 +472,10 @@ cdef bint mirror_holds(const Mirror* mirror, const FrameId* frames, const Cache*
     cdef const Row* rows = segment_rows(mirror.segment)
     cdef const Row* row
     cdef uint64_t sequence
-    cdef uint32_t tries
+    cdef uint32_t _
     cdef size_t i
     cdef bint holds
-    for tries in range(<uint32_t>SPINS):
+    for _ in range(<uint32_t>SPINS):
         fence_acquire()
         sequence = load64(&head.sequence)
         if sequence & 1:
@@ -491,8 +497,8 @@ cdef bint _row_now(const Tree* tree, FrameId frame, bint follows, Row* row) noex
     cdef const Mirror* mirror = tree.mirror
     cdef const Head* head = segment_head(mirror.segment)
     cdef uint64_t sequence
-    cdef uint32_t tries
-    for tries in range(<uint32_t>COPIES):
+    cdef uint32_t _
+    for _ in range(<uint32_t>COPIES):
         sequence = load64(&head.sequence)
         row[0] = segment_rows(mirror.segment)[frame]
         fence_acquire()

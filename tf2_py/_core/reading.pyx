@@ -1,6 +1,6 @@
 """Owns reading a tree that another process writes: catching up with it before, and trying again after."""
 
-from tf2_py._core.lock cimport lock_read, lock_write, unlock_read, unlock_write
+from tf2_py._core.lock cimport lock_write, unlock_read, unlock_write
 from tf2_py._core.mirror cimport mirror_catch_up, mirror_is_current
 from tf2_py._core.segment cimport store32
 from tf2_py._core.tree cimport Tree

@@ -66,8 +66,8 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
                           Change* change) noexcept nogil
 # The parent that a walk at a time, or at NEWEST, follows; NO_FRAME: there is none, or it is not known.
 cdef FrameId tree_parent(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil
-# The parent that the history of a frame names for a time; NO_FRAME: none, or nonsense, for another process may
-# be changing it.
+# The parent that the history of a frame names for a time; NO_FRAME: none, or nonsense, for another process
+# may be changing it.
 cdef inline FrameId tree_parent_at(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil:
     cdef FrameId parent = cache_parent_at(&tree.caches[frame], time_ns)
     return parent if parent < tree.names.count else <FrameId>NO_FRAME
@@ -79,7 +79,7 @@ cdef inline FrameId tree_newest_parent(const Tree* tree, FrameId frame) noexcept
 
 # Drops all dynamic histories; names, authorities and static transforms stay.
 cdef void tree_clear(Tree* tree) noexcept nogil
-# Finds out anew what follows from the histories: the frames' parents, whether they form loops, and the counts.
+# Finds out anew what follows from the histories: the frames' parents, whether they form loops, the counts.
 cdef void tree_relink(Tree* tree) noexcept nogil
 # Allocated for names and histories.
 cdef size_t tree_bytes(const Tree* tree) noexcept nogil

@@ -13,7 +13,6 @@ from tf2_py._core.cache cimport (
     cache_newest_parent,
     cache_parent_of,
 )
-from tf2_py._core.cache_find cimport cache_parent_at
 from tf2_py._core.cache_insert cimport CacheChange, cache_check, cache_insert, cache_set_static
 from tf2_py._core.cache_memory cimport (
     CACHE_DUPLICATE,

@@ -49,7 +49,7 @@ cdef class Engine:
     cdef unsigned long long _malformed      # messages; guarded by the GIL
     cdef unsigned long long _waits_refused  # likewise
     cdef Advice _advice                 # what error texts add
-    cdef SharedMemory _memory           # that holds the tree of this engine, or of the one it follows; or None
+    cdef SharedMemory _memory           # of the tree of this engine, or of the one it follows; or None
     cdef Publication* _publication      # of an owner; NULL: this engine is none; under _lock, as the next
     cdef uint32_t _nudges               # of the thread that follows; it sleeps on this where nothing waits
     cdef Mirror* _mirror                # of one that follows, or did; NULL: it never did

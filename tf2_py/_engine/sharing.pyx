@@ -22,7 +22,7 @@ from tf2_py._core.segment cimport (
 from tf2_py._core.types cimport FrameId
 from tf2_py._core.waiters cimport wake_begin
 from tf2_py._engine.engine cimport Engine, SharedMemory
-from tf2_py._wire.batch cimport Batch, batch_begin
+from tf2_py._wire.batch cimport Batch
 
 cdef extern from "Python.h":
     ctypedef struct CPythonSized "PyVarObject":
@@ -101,8 +101,8 @@ cdef class SharingEngine(Engine):
         Hold what the buffer of another process holds, from now on.
 
         :param memory: that the other process writes.
-        :raises ValueError: it cannot be followed, the text says why; or the buffer holds frames of its own, or
-            has shared memory already.
+        :raises ValueError: it cannot be followed, the text says why; or the buffer holds frames of its own,
+            or has shared memory already.
         """
         cdef const char* problem = segment_problem(&memory.segment)
         cdef Mirror* mirror
@@ -184,13 +184,13 @@ cdef class SharingEngine(Engine):
         """
         Sleep, without the GIL, until the other process has inserted something that somebody waits for.
 
-        To be called again and again, by one thread. It returns at once where the buffer is no longer attached,
-        and makes it leave where the other process has ended.
+        To be called again and again, by one thread. It returns at once where the buffer is no longer
+        attached, and makes it leave where the other process has ended.
 
         :param seconds: for how long at most.
         :param later: receives what would run a user's code.
-        :return: 0 where nothing was inserted, 2 where an executor, or what is called after every insert, waits
-            for what was; otherwise 1.
+        :return: 0 where nothing was inserted, 2 where an executor, or what is called after every insert,
+            waits for what was; otherwise 1.
         """
         cdef Batch batch
         cdef int64_t until_ns = monotonic_ns() + <int64_t>(seconds * 1e9)

@@ -51,8 +51,7 @@ RETRY_S = 0.5  # how long to pause after an error of rcl
 class Filler(Protocol):
     """What fills buffers beside executors."""
 
-    @property
-    def arrivals(self) -> Arrivals: ...
+    def hand_over(self, completions: list[Completion]) -> object: ...
     def fills(self, buffer: BufferCore) -> bool: ...
     def decide_again(self) -> None: ...
     def reinsert_recent(self, until_ns: int) -> None: ...
@@ -94,7 +93,7 @@ def hand_over(buffer: BufferCore, completion: Completion) -> None:
     """Call this in the executor of a listener of the buffer, or in a thread for callbacks; not here."""
     for thread in list(_running):
         if thread.fills(buffer):
-            thread.arrivals.hand_over([completion])
+            thread.hand_over([completion])
             return
     callback_thread.put(completion)
 
@@ -160,6 +159,10 @@ class ReceiverThread:
     def alive(self) -> bool:
         """Whether it still takes messages."""
         return not self.forked and self._thread.is_alive()
+
+    def hand_over(self, completions: list[Completion]) -> bool:
+        """See :meth:`Arrivals.hand_over`."""
+        return self.arrivals.hand_over(completions)
 
     def fills(self, buffer: BufferCore) -> bool:
         """Whether the transforms are inserted into this buffer."""

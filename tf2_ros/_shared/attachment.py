@@ -1,4 +1,4 @@
-"""Owns a listener whose buffer is another process's: it subscribes to nothing, and its executor notices nothing."""
+"""Owns what a listener has instead of subscriptions where its buffer is another process's."""
 
 import weakref
 from collections.abc import Sequence
@@ -43,7 +43,7 @@ class Attachment:
             self.arrivals = _Changes(listener, self._buffer, follower)
             listener.node.add_waitable(self.arrivals)
             add_filler(self)
-        follower.notify(self._changed, self._left, self._hand_over)
+        follower.notify(self._changed, self._left, self.hand_over)
 
     @property
     def alive(self) -> bool:
@@ -92,7 +92,8 @@ class Attachment:
         if self.arrivals is not None and not self._ended:
             self.arrivals.count(0)
 
-    def _hand_over(self, completions: list[Completion]) -> None:
+    def hand_over(self, completions: list[Completion]) -> None:
+        """Have them called in the executor of the listener's node, or in a thread for callbacks."""
         if self.arrivals is not None and not self._ended:
             self.arrivals.hand_over(completions)
         else:

@@ -37,8 +37,6 @@ class Follower:
     that the owner has died. Then, and when the buffer has left, it calls what was given to :meth:`notify`.
     """
 
-    follows = True
-
     def __init__(self, buffer: Any, segment: FollowedSegment | OwnedSegment, name: str) -> None:
         self.name = name
         self._segment = segment
@@ -65,8 +63,8 @@ class Follower:
         return read_description(self._segment.description())
 
     def clears_at_jumps(self, clock: Any) -> bool:
-        """Whether the owner clears the buffer when this clock jumps: it follows simulated time if this does."""
-        known = self.description()
+        """Whether the owner clears the buffer when this clock jumps: its time is simulated as this is."""
+        known = self.description() if self.alive else None
         return known is not None and known.simulated == bool(clock.ros_time_is_active)
 
     def notify(
@@ -76,7 +74,7 @@ class Follower:
         hand_over: Callable[[list[Callable[[], None]]], object],
     ) -> None:
         """
-        Call ``changed`` when something was inserted, and ``left``, once, when the buffer is no longer attached.
+        Call ``changed`` when something was inserted, and ``left``, once, when the buffer has left.
 
         :param left: gets the reason.
         :param hand_over: has a list of callables called, which run user code.

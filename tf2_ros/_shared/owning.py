@@ -28,8 +28,6 @@ class Owner:
     It ends with the buffer or the process, however that ends.
     """
 
-    follows = False
-
     def __init__(self, buffer: Any, name: str) -> None:
         self.name = name
         try:
@@ -63,7 +61,7 @@ class Owner:
         return self._segment.path
 
     def tell_of_listener(self, listener: object, domain: int, topics: list[str]) -> None:
-        """A listener of this ROS domain fills the buffer from these topics, too; without topics, no longer."""
+        """A listener of this ROS domain fills the buffer from these topics; from none: no longer."""
         self._listeners.pop(id(listener), None)
         if topics:
             self._listeners[id(listener)] = domain, topics
@@ -80,8 +78,9 @@ class Owner:
             self._description.simulated = simulated
             self._segment.describe(self._description.to_bytes())
 
-    def clears_at_jumps(self, clock: object) -> bool:
-        """Nobody else does it."""
+    def clears_at_jumps(self, clock: Any) -> bool:
+        """Nobody else does it; but readers are told what the clock follows now."""
+        self.tell_of_time(bool(clock.ros_time_is_active))
         return False
 
     def after_fork(self) -> None:

@@ -18,7 +18,6 @@ from tf2_py._internal cimport (
     Segment,
     SharedMemory,
     SharingEngine,
-    segment_head,
     segment_is_ready,
 )
 
@@ -46,7 +45,11 @@ cdef extern from *:
     #define TF2_MAPPINGS 2048
 
     /* Where segments are mapped. Only the handler reads it without the GIL. */
-    static struct tf2_mapping { char *volatile base; size_t size; volatile int *lost; } tf2_mappings[TF2_MAPPINGS];
+    static struct {
+        char *volatile base;
+        size_t size;
+        volatile int *lost;
+    } tf2_mappings[TF2_MAPPINGS];
     static struct sigaction tf2_before;
 
     /* A file that was truncated has no memory behind its end. Zeros take the place of all of it: whoever
@@ -462,6 +465,7 @@ cdef class FollowedSegment(_Mapping):
     def attach(self, SharingEngine buffer not None):
         """Let this buffer hold what the owner's holds."""
         buffer._attach(self)
+
 
 def remove_dead(path):
     """

@@ -1,9 +1,11 @@
 from pathlib import Path
 
+from typing_extensions import Self
+
 from tf2_py import BufferCore
 
 class _Mapping:
-    def __init__(self, path: Path) -> None: ...
+    def __new__(cls, path: Path) -> Self: ...
     @property
     def path(self) -> Path: ...
     @property

@@ -184,8 +184,8 @@ cdef enum:
     ABOUT_BYTES = 3064          # of the text; before it its size and checksum, four bytes each
 
 # Address space, of which only what is used becomes memory. Less where the process may not have so much.
-SIZES = (1 << 36, 1 << 34, 1 << 32, 1 << 30, 1 << 28)
-BEGIN_S = 0.5                   # so long an owner may take to prepare its file
+cdef tuple SIZES = (1 << 36, 1 << 34, 1 << 32, 1 << 30, 1 << 28)
+cdef double BEGIN_S = 0.5                   # so long an owner may take to prepare its file
 
 # The owners of this process, by device and inode of their files.
 _owned = weakref.WeakValueDictionary()

@@ -106,9 +106,9 @@ class TransformListener:
     where the buffer is not a :class:`tf2_ros.Buffer`; where the node makes subscriptions of another class
     than rclpy's; and where the thread's code could not be built. The property ``receives`` says which it is.
 
-    On a buffer that is attached to another process's it subscribes to nothing: ``tf_sub`` and
-    ``tf_static_sub`` are None, until the buffer leaves. With ``TF2_SHARED_BUFFER`` in the environment it
-    attaches its buffer itself, where it would receive the same; see docs/sharing.md.
+    On a buffer that is attached to another process's it subscribes to nothing, until the buffer leaves. With
+    ``TF2_SHARED_BUFFER`` in the environment it attaches its buffer itself, where it would receive the same;
+    see docs/sharing.md.
 
     Another buffer may be assigned to ``buffer`` at any time. The node keeps the listener alive.
     ``unregister()`` ends its subscriptions; the end of a ``with`` block also ends the thread that spins the
@@ -139,8 +139,6 @@ class TransformListener:
     _reception: Reception | None = None
     _attachment: "Attachment | None" = None
     _recording: Recording | None = None
-    tf_sub: Subscription | None = None
-    tf_static_sub: Subscription | None = None
 
     def __init__(
         self,
@@ -173,6 +171,7 @@ class TransformListener:
             if self._attachment is None:
                 self._listen_itself()
             else:
+                self.group.decide()  # a program's own subscriptions may be in it
                 self._reception = Reception(self, ())
             if spin_thread or self._owns_node:
                 self.__spin()
@@ -191,6 +190,39 @@ class TransformListener:
         super().__delattr__(name)
         if name in REDIRECTING:
             self.__decide_again()
+
+    @property
+    def tf_sub(self) -> Subscription | None:
+        """
+        The subscription to dynamic transforms.
+
+        None where there is none, and for a buffer that was attached by its maker. Where the environment had
+        it attached, a program that reads or sets this makes the listener listen itself.
+        """
+        return self.__subscription_of("tf_sub")
+
+    @tf_sub.setter
+    def tf_sub(self, value: Subscription | None) -> None:
+        self.__use_subscriptions()
+        self.__dict__["tf_sub"] = value
+
+    @property
+    def tf_static_sub(self) -> Subscription | None:
+        """The subscription to static transforms, otherwise as :attr:`tf_sub`."""
+        return self.__subscription_of("tf_static_sub")
+
+    @tf_static_sub.setter
+    def tf_static_sub(self, value: Subscription | None) -> None:
+        self.__use_subscriptions()
+        self.__dict__["tf_static_sub"] = value
+
+    def __subscription_of(self, name: str) -> Subscription | None:
+        self.__use_subscriptions()
+        return self.__dict__.get(name)
+
+    def __use_subscriptions(self) -> None:
+        if self._attachment is not None:
+            self._attachment.use_subscriptions()
 
     def __decide_again(self) -> None:
         for source in (self._attachment, self._receiver_thread):
@@ -212,7 +244,8 @@ class TransformListener:
             self._attachment.close()
         detach_listener(self)
         if not self._owns_node:
-            for subscription in (self.tf_sub, self.tf_static_sub):
+            for name in ("tf_sub", "tf_static_sub"):
+                subscription = self.__dict__.get(name)
                 if subscription is not None:
                     self.node.destroy_subscription(subscription)
         elif self._spinner is not None:

@@ -1,5 +1,6 @@
 """Owns what a listener has instead of subscriptions where its buffer is another process's."""
 
+import threading
 import weakref
 from collections.abc import Sequence
 from typing import Any
@@ -37,6 +38,7 @@ class Attachment:
         self._buffer = weakref.ref(listener.buffer)
         self._node = weakref.ref(listener.node)
         self._ended = False
+        self._leaving = threading.RLock()
         self.follower = follower
         self.arrivals: _Changes | None = None
         if can_receive() and isinstance(listener.node, Node):
@@ -67,6 +69,16 @@ class Attachment:
             self._left("this program gives the listener another buffer")
         elif buffer is not None and not listener._is_direct():
             buffer._leave()
+
+    def use_subscriptions(self) -> None:
+        """The program wants the subscriptions: if it did not attach the buffer, the listener makes them."""
+        buffer = self._buffer()
+        if buffer is None or not self.follower.is_by_environment:
+            return
+        with self._leaving:
+            if not self._ended:
+                self._left("this program uses the listener's subscriptions")
+                buffer._leave()
 
     def reinsert_recent(self, until_ns: int) -> None:
         """Nothing was inserted here."""
@@ -101,18 +113,19 @@ class Attachment:
                 callback_thread.put(completion)
 
     def _left(self, reason: str) -> None:
-        # In the thread of the follower, or of the program.
-        listener, node, ended = self._listener(), self._node(), self._ended
-        if ended:
-            return
-        self.close()
-        if listener is None or node is None or context_was_shut_down(node.context):
-            return
-        get_logger("tf2_ros").info(
-            f"A listener of {node.get_fully_qualified_name()} listens itself from now on, and leaves the "
-            f"shared buffer {self.follower.name!r}: {reason}"
-        )
-        listener._listen_itself()
+        # In the thread of the follower, or of the program, which then finds the subscriptions.
+        with self._leaving:
+            listener, node, ended = self._listener(), self._node(), self._ended
+            if ended:
+                return
+            self.close()
+            if listener is None or node is None or context_was_shut_down(node.context):
+                return
+            get_logger("tf2_ros").info(
+                f"A listener of {node.get_fully_qualified_name()} listens itself from now on, and leaves the "
+                f"shared buffer {self.follower.name!r}: {reason}"
+            )
+            listener._listen_itself()
 
 
 class _Changes(Arrivals):
@@ -188,6 +201,7 @@ def _by_environment(buffer: Any, node: Node, is_usual: bool, topics: Sequence[st
         if lack:
             raise SharedBufferError(f"the shared buffer {name!r} {lack}")
         buffer._sharing = attach(buffer, segment, name)
+        buffer._sharing.is_by_environment = True
     except (SharedBufferError, ValueError) as reason:
         get_logger("tf2_ros").info(
             f"A listener of {node.get_fully_qualified_name()} listens itself: {reason}"

@@ -49,6 +49,7 @@ class Follower:
         self._thread: threading.Thread | None = None
         self._stopping = False
         self._round_s = IDLE_ROUND_S
+        self.is_by_environment = False  # whether the program does not know of it
         buffer._when_waiting(_weakly(self))
         _following.add(self)
 

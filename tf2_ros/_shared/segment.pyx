@@ -154,6 +154,13 @@ cdef extern from *:
         return fstat(descriptor, &facts) == 0 ? (size_t)facts.st_size : 0;
     }
 
+    static int tf2_is_at(const char *path, int descriptor)
+    {
+        struct stat there, open;
+        return lstat(path, &there) == 0 && fstat(descriptor, &open) == 0 && there.st_dev == open.st_dev
+            && there.st_ino == open.st_ino;
+    }
+
     static void tf2_futex_wake(const void *word)
     {
         syscall(SYS_futex, word, FUTEX_WAKE, 0x7fffffff, NULL, NULL, 0);
@@ -178,6 +185,9 @@ cdef extern from *:
     void futex_wake "tf2_futex_wake"(const void* word) nogil
     void futex_wait "tf2_futex_wait"(const void* word, uint32_t seen, int64_t ns) nogil
     long getpid() nogil
+    bint file_is_at "tf2_is_at"(const char* path, int descriptor) nogil     # whether the path leads to it
+    int close_file "close"(int descriptor) nogil
+    int unlink_file "unlink"(const char* path) nogil
 
 cdef enum:
     PAGE_BYTES = 4096
@@ -226,10 +236,10 @@ cdef class _Mapping(SharedMemory):
     # A file that is mapped.
     cdef Place _place
     cdef bint _board_is_apart   # the board is mapped by itself
-    cdef object _path
+    cdef bytes _path            # which the collector cannot clear: __dealloc__ needs it
 
     def __cinit__(self, path):
-        self._path = str(path)      # which the collector cannot clear: __dealloc__ needs it
+        self._path = os.fsencode(path)
         self._place.descriptor = -1
         self.segment.place = &self._place
         self.segment.commit = _commit
@@ -248,7 +258,7 @@ cdef class _Mapping(SharedMemory):
     @property
     def path(self):
         """The file."""
-        return Path(self._path)
+        return Path(os.fsdecode(self._path))
 
     @property
     def owner(self):
@@ -302,14 +312,6 @@ cdef class _Mapping(SharedMemory):
 def _identity(facts):
     """Of a file, whatever its name."""
     return facts.st_dev, facts.st_ino
-
-
-def _is_at(path, descriptor):
-    """Whether the path still leads to the open file."""
-    try:
-        return _identity(os.stat(path, follow_symlinks=False)) == _identity(os.fstat(descriptor))
-    except FileNotFoundError:
-        return False
 
 
 def _open(path, flags):
@@ -380,7 +382,7 @@ cdef class OwnedSegment(_Mapping):
                     raise BlockingIOError(holder)
                 time.sleep(0.005)
                 continue
-            if not _is_at(self._path, descriptor):
+            if not file_is_at(self._path, descriptor):
                 os.close(descriptor)
             elif os.fstat(descriptor).st_size:
                 os.unlink(self._path)
@@ -391,7 +393,7 @@ cdef class OwnedSegment(_Mapping):
         return 0
 
     def __dealloc__(self):
-        self.close()
+        self._close()
 
     def publish(self, SharingEngine buffer not None):
         """Let it hold what this buffer holds."""
@@ -409,18 +411,26 @@ cdef class OwnedSegment(_Mapping):
 
     def unlink(self):
         """Remove the file: nobody else finds it. Its readers stay, until this process ends."""
-        if self._place.descriptor >= 0 and self._is_owned and self._place.owner_process in (0, getpid()):
-            if _is_at(self._path, self._place.descriptor):
-                os.unlink(self._path)
+        self._unlink()
 
     def close(self):
         """End being its owner: readers leave. The memory stays until the last of them has done so."""
-        if self._place.descriptor < 0:
-            return
-        self.unlink()
-        descriptor, self._place.descriptor = self._place.descriptor, -1
-        self._is_owned = False
-        os.close(descriptor)
+        self._close()
+
+    # In C alone, for __dealloc__: at the end of the interpreter there are no modules.
+
+    cdef void _unlink(self):
+        if (self._place.descriptor >= 0 and self._is_owned
+                and (self._place.owner_process == 0 or self._place.owner_process == getpid())
+                and file_is_at(self._path, self._place.descriptor)):
+            unlink_file(self._path)
+
+    cdef void _close(self):
+        if self._place.descriptor >= 0:
+            self._unlink()
+            close_file(self._place.descriptor)
+            self._place.descriptor = -1
+            self._is_owned = False
 
 
 @cython.no_gc_clear
@@ -460,7 +470,7 @@ cdef class FollowedSegment(_Mapping):
 
     def __dealloc__(self):
         if self._owner_here is None and self._place.descriptor >= 0:
-            os.close(self._place.descriptor)
+            close_file(self._place.descriptor)
 
     def attach(self, SharingEngine buffer not None):
         """Let this buffer hold what the owner's holds."""
@@ -481,7 +491,9 @@ def remove_dead(path):
         return False
     try:
         # One that is empty is being prepared.
-        if os.fstat(descriptor).st_size == 0 or lock_file(descriptor) != 0 or not _is_at(path, descriptor):
+        if os.fstat(descriptor).st_size == 0 or lock_file(descriptor) != 0:
+            return False
+        if not file_is_at(os.fsencode(path), descriptor):
             return False
         os.unlink(path)
         return True

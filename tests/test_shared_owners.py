@@ -315,6 +315,40 @@ def test_a_file_that_is_truncated_is_left():
             assert owner.said()[0] == "done"
 
 
+BUS_ERROR = """
+import faulthandler, mmap, os, signal, sys
+from tf2_ros import Buffer
+first = Buffer(share=sys.argv[1] + "-1")
+faulthandler.enable()
+second = Buffer(share=sys.argv[1] + "-2")
+if sys.argv[2] == "sent":
+    os.kill(os.getpid(), signal.SIGBUS)
+with open(sys.argv[3], "w+b") as file:
+    file.truncate(8192)
+    memory = mmap.mmap(file.fileno(), 8192)
+    file.truncate(0)
+    memory[5000]
+"""
+
+
+@pytest.mark.parametrize("how", ["sent", "happens"])
+def test_a_bus_error_elsewhere_ends_the_process_once(how, tmp_path):
+    # The handler of the second buffer and faulthandler's must not pass it to each other for ever.
+    name = new_name()
+    try:
+        ended = subprocess.run(
+            [sys.executable, "-c", BUS_ERROR, name, how, str(tmp_path / "file")],
+            stderr=subprocess.PIPE,
+            timeout=20,
+            check=False,
+        )
+    finally:
+        for number in (1, 2):
+            segment_path(f"{name}-{number}").unlink(missing_ok=True)
+    assert ended.returncode == -signal.SIGBUS
+    assert ended.stderr.count(b"Fatal Python error") == (1 if how == "happens" else 0)
+
+
 READS_SPOILED = """
 import random, sys
 sys.path.insert(0, sys.argv[2])

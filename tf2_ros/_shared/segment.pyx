@@ -50,7 +50,9 @@ cdef extern from *:
         size_t size;
         volatile int *lost;
     } tf2_mappings[TF2_MAPPINGS];
-    static struct sigaction tf2_before;
+    static struct sigaction tf2_before;     /* whose place the handler took last ... */
+    static struct sigaction tf2_first;      /* ... and whose it took first */
+    static int tf2_watches;
 
     /* A file that was truncated has no memory behind its end. Zeros take the place of all of it: whoever
        reads them finds out, and goes on without. */
@@ -70,12 +72,18 @@ cdef extern from *:
                 }
             }
         }
-        if (tf2_before.sa_flags & SA_SIGINFO)
-            tf2_before.sa_sigaction(number, information, context);
-        else if (tf2_before.sa_handler != SIG_DFL && tf2_before.sa_handler != SIG_IGN)
-            tf2_before.sa_handler(number);
-        else
-            sigaction(number, &tf2_before, NULL);   /* it happens again, and ends the process */
+        /* What came between the first time and the last may pass a signal on to this handler, by raising it
+           again, as Python's faulthandler does: it must not get that one back. */
+        const struct sigaction *next = information->si_code > 0 ? &tf2_before : &tf2_first;
+        if (next->sa_flags & SA_SIGINFO)
+            next->sa_sigaction(number, information, context);
+        else if (next->sa_handler != SIG_DFL && next->sa_handler != SIG_IGN)
+            next->sa_handler(number);
+        else {
+            sigaction(number, next, NULL);  /* it happens again, and ends the process */
+            if (information->si_code <= 0)
+                raise(number);              /* of itself it would not */
+        }
     }
 
     static void tf2_watch_bus_errors(void)
@@ -84,6 +92,9 @@ cdef extern from *:
         sigemptyset(&action.sa_mask);
         if (sigaction(SIGBUS, NULL, &now) == 0 && now.sa_sigaction != tf2_on_bus_error) {
             tf2_before = now;
+            if (!tf2_watches)
+                tf2_first = now;
+            tf2_watches = 1;
             sigaction(SIGBUS, &action, NULL);
         }
     }

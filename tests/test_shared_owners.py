@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,7 @@ from sharing import LINKS, PROGRAMS, Owner, is_sound, links, new_name, pair
 
 from tf2_ros import Buffer, SharedBufferError
 from tf2_ros._shared.names import segment_path
+from tf2_ros._shared.owning import Owner as Sharer
 
 pytestmark = pytest.mark.ours
 
@@ -230,6 +232,32 @@ def test_of_many_who_want_to_be_the_owner_one_is():
     assert said.count("owner\n") == 1
     assert all("owned by process" in line for line in said if line != "owner\n")
     assert not segment_path(name).exists()
+
+
+@pytest.mark.parametrize("keyword", ["share", "attach"])
+def test_threads_of_one_process_do_not_take_a_file_from_each_other(keyword):
+    # A record lock does not exclude them, and is lost when any of them closes the file.
+    for _ in range(150):
+        name = new_name()
+        made = []
+        start = threading.Barrier(2)
+
+        def make(keywords, name=name, made=made, start=start):
+            start.wait()
+            for keyword in keywords:
+                with suppress(SharedBufferError):
+                    made.append(Buffer(**{keyword: name}))
+
+        others = [keyword] if keyword == "share" else [keyword] * 10
+        threads = [threading.Thread(target=make, args=(keywords,)) for keywords in (["share"], others)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        owners = [buffer._sharing for buffer in made if isinstance(buffer._sharing, Sharer)]
+        assert len(owners) == 1
+        assert owners[0].path.exists()
+        owners[0].close()
 
 
 def spoiled(path, where, data):

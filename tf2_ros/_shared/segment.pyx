@@ -24,6 +24,7 @@ from tf2_py._internal cimport (
 import errno as errors
 import os
 import stat
+import threading
 import time
 import weakref
 import zlib
@@ -200,6 +201,9 @@ BEGIN_S = 0.5                   # so long an owner may take to prepare its file
 
 # The owners of this process, by device and inode of their files.
 _owned = weakref.WeakValueDictionary()
+# Held while a file is looked at and then locked, removed or closed: a record lock excludes no thread of the
+# process that has it, and is lost when any of them closes the file.
+_files = threading.RLock()
 
 
 cdef struct Place:
@@ -357,7 +361,9 @@ cdef class OwnedSegment(_Mapping):
     cdef object __weakref__
 
     def __init__(self, path):
-        self._own(time.monotonic() + BEGIN_S)
+        until = time.monotonic() + BEGIN_S
+        while not self._try_to_own(until):
+            time.sleep(0.005)
         try:
             for size in SIZES:
                 try:
@@ -373,33 +379,33 @@ cdef class OwnedSegment(_Mapping):
         except BaseException:
             self.close()
             raise
-        self._place.is_owned = &self._is_owned
-        self._place.owner_process = getpid()
-        _owned[_identity(os.fstat(self._place.descriptor))] = self
 
-    cdef int _own(self, double until) except -1:
+    cdef bint _try_to_own(self, double until) except -1:
         # An owner's file is never used again: those who follow the dead one still read it.
-        while not self._is_owned:
-            if _owner_here(self._path) is not None:
-                raise BlockingIOError(os.getpid())
-            descriptor = _open(self._path, os.O_CREAT)
-            if lock_file(descriptor) != 0:
-                holder = lock_holder(descriptor)
-                os.close(descriptor)
-                # It may be one that removes what a dead owner has left.
-                if time.monotonic() > until:
-                    raise BlockingIOError(holder)
-                time.sleep(0.005)
-                continue
-            if not _is_at(self._path, descriptor):
-                os.close(descriptor)
-            elif os.fstat(descriptor).st_size:
-                os.unlink(self._path)
-                os.close(descriptor)
-            else:
-                self._place.descriptor = descriptor
-                self._is_owned = True
-        return 0
+        with _files:
+            while True:
+                if _owner_here(self._path) is not None:
+                    raise BlockingIOError(os.getpid())
+                descriptor = _open(self._path, os.O_CREAT)
+                if lock_file(descriptor) != 0:
+                    holder = lock_holder(descriptor)
+                    os.close(descriptor)
+                    # It may be one that removes what a dead owner has left.
+                    if time.monotonic() > until:
+                        raise BlockingIOError(holder)
+                    return False
+                if not _is_at(self._path, descriptor):
+                    os.close(descriptor)
+                elif os.fstat(descriptor).st_size:
+                    os.unlink(self._path)
+                    os.close(descriptor)
+                else:
+                    self._place.descriptor = descriptor
+                    self._place.is_owned = &self._is_owned
+                    self._place.owner_process = getpid()
+                    self._is_owned = True
+                    _owned[_identity(os.fstat(descriptor))] = self
+                    return True
 
     def __dealloc__(self):
         self.close()
@@ -420,18 +426,20 @@ cdef class OwnedSegment(_Mapping):
 
     def unlink(self):
         """Remove the file: nobody else finds it. Its readers stay, until this process ends."""
-        if self._place.descriptor >= 0 and self._is_owned and self._place.owner_process in (0, getpid()):
-            if _is_at(self._path, self._place.descriptor):
-                os.unlink(self._path)
+        with _files:
+            if self._place.descriptor >= 0 and self._is_owned and self._place.owner_process == getpid():
+                if _is_at(self._path, self._place.descriptor):
+                    os.unlink(self._path)
 
     def close(self):
         """End being its owner: readers leave. The memory stays until the last of them has done so."""
-        if self._place.descriptor < 0:
-            return
-        self.unlink()
-        descriptor, self._place.descriptor = self._place.descriptor, -1
-        self._is_owned = False
-        os.close(descriptor)
+        with _files:
+            if self._place.descriptor < 0:
+                return
+            self.unlink()
+            descriptor, self._place.descriptor = self._place.descriptor, -1
+            self._is_owned = False
+            os.close(descriptor)
 
 
 @cython.no_gc_clear
@@ -450,14 +458,15 @@ cdef class FollowedSegment(_Mapping):
     def __init__(self, path):
         cdef size_t size
         until = time.monotonic() + BEGIN_S
-        self._owner_here = _owner_here(path)
-        if self._owner_here is not None:
-            self._place = self._owner_here._place
-        else:
-            self._place.descriptor = _open(path, 0)
-            if not file_is_locked(self._place.descriptor):
-                remove_dead(path)
-                raise FileNotFoundError(errors.ENOENT, "its owner has died", str(path))
+        with _files:
+            self._owner_here = _owner_here(path)
+            if self._owner_here is not None:
+                self._place = self._owner_here._place
+            else:
+                self._place.descriptor = _open(path, 0)
+                if not file_is_locked(self._place.descriptor):
+                    remove_dead(path)
+                    raise FileNotFoundError(errors.ENOENT, "its owner has died", str(path))
         while True:
             size = file_size(self._place.descriptor)
             if size > ABOUT_AT:
@@ -484,21 +493,29 @@ def remove_dead(path):
 
     :return: whether there was one.
     """
-    if _owner_here(path) is not None:
-        return False
-    try:
-        descriptor = _open(path, 0)
-    except OSError:
-        return False
-    try:
-        # One that is empty is being prepared.
-        if os.fstat(descriptor).st_size == 0 or lock_file(descriptor) != 0 or not _is_at(path, descriptor):
+    with _files:
+        if _owner_here(path) is not None:
             return False
-        os.unlink(path)
-        return True
-    finally:
-        os.close(descriptor)
+        try:
+            descriptor = _open(path, 0)
+        except OSError:
+            return False
+        try:
+            # One that is empty is being prepared.
+            if (os.fstat(descriptor).st_size == 0 or lock_file(descriptor) != 0
+                    or not _is_at(path, descriptor)):
+                return False
+            os.unlink(path)
+            return True
+        finally:
+            os.close(descriptor)
 
 
-# A forked child owns nothing.
-os.register_at_fork(after_in_child=_owned.clear)
+def _after_fork_in_child():
+    # A forked child owns nothing, and another thread may have held the lock.
+    global _files
+    _files = threading.RLock()
+    _owned.clear()
+
+
+os.register_at_fork(after_in_child=_after_fork_in_child)

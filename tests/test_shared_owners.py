@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,7 @@ from sharing import LINKS, PROGRAMS, Owner, is_sound, links, new_name, pair
 
 from tf2_ros import Buffer, SharedBufferError
 from tf2_ros._shared.names import segment_path
+from tf2_ros._shared.owning import Owner as Sharer
 
 pytestmark = pytest.mark.ours
 
@@ -232,6 +234,32 @@ def test_of_many_who_want_to_be_the_owner_one_is():
     assert not segment_path(name).exists()
 
 
+@pytest.mark.parametrize("keyword", ["share", "attach"])
+def test_threads_of_one_process_do_not_take_a_file_from_each_other(keyword):
+    # A record lock does not exclude them, and is lost when any of them closes the file.
+    for _ in range(150):
+        name = new_name()
+        made = []
+        start = threading.Barrier(2)
+
+        def make(keywords, name=name, made=made, start=start):
+            start.wait()
+            for keyword in keywords:
+                with suppress(SharedBufferError):
+                    made.append(Buffer(**{keyword: name}))
+
+        others = [keyword] if keyword == "share" else [keyword] * 10
+        threads = [threading.Thread(target=make, args=(keywords,)) for keywords in (["share"], others)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        owners = [buffer._sharing for buffer in made if isinstance(buffer._sharing, Sharer)]
+        assert len(owners) == 1
+        assert owners[0].path.exists()
+        owners[0].close()
+
+
 def spoiled(path, where, data):
     with open(path, "r+b") as file:
         file.seek(where)
@@ -313,6 +341,40 @@ def test_a_file_that_is_truncated_is_left():
             assert owner.process.poll() is None
             print("insert", 2 * S, 0, file=owner.process.stdin, flush=True)
             assert owner.said()[0] == "done"
+
+
+BUS_ERROR = """
+import faulthandler, mmap, os, signal, sys
+from tf2_ros import Buffer
+first = Buffer(share=sys.argv[1] + "-1")
+faulthandler.enable()
+second = Buffer(share=sys.argv[1] + "-2")
+if sys.argv[2] == "sent":
+    os.kill(os.getpid(), signal.SIGBUS)
+with open(sys.argv[3], "w+b") as file:
+    file.truncate(8192)
+    memory = mmap.mmap(file.fileno(), 8192)
+    file.truncate(0)
+    memory[5000]
+"""
+
+
+@pytest.mark.parametrize("how", ["sent", "happens"])
+def test_a_bus_error_elsewhere_ends_the_process_once(how, tmp_path):
+    # The handler of the second buffer and faulthandler's must not pass it to each other for ever.
+    name = new_name()
+    try:
+        ended = subprocess.run(
+            [sys.executable, "-c", BUS_ERROR, name, how, str(tmp_path / "file")],
+            stderr=subprocess.PIPE,
+            timeout=20,
+            check=False,
+        )
+    finally:
+        for number in (1, 2):
+            segment_path(f"{name}-{number}").unlink(missing_ok=True)
+    assert ended.returncode == -signal.SIGBUS
+    assert ended.stderr.count(b"Fatal Python error") == (1 if how == "happens" else 0)
 
 
 READS_SPOILED = """

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from making import S, at_ns, transform
+from processes import until
 from rclpy.duration import Duration
 from sharing import LINKS, Owner, is_sound, links, new_name, pair
 from test_conformance import SCENARIOS, assert_same_answer, assert_same_reason, call
@@ -152,6 +153,55 @@ def test_threads_read_while_the_owner_writes_and_others_join_and_leave():
         for thread in threads:
             thread.join()
     assert failed == []
+
+
+def test_leaving_while_the_owner_makes_new_names_loses_no_history():
+    frames = [f"f{i}" for i in range(200)]
+    stopped = threading.Event()
+
+    def insert():
+        k = 0
+        while not stopped.is_set():
+            k += 1
+            for frame in frames[::7]:
+                owner.set_transform(transform(f"new{k}", frame, ns=S + k), f"authority{k}")
+
+    with pair(Duration(seconds=10)) as (owner, _):
+        for ns in range(100):
+            owner.set_transforms([transform("map", frame, ns=S // 2 + ns) for frame in frames], "first")
+        thread = threading.Thread(target=insert)
+        thread.start()
+        try:
+            for _ in range(30):
+                reader = Buffer(attach=owner._sharing.name)
+                reader._leave()
+                reader._self_check()
+                lost = [f for f in frames if not reader.can_transform_core("map", f, S // 2 + 50)[0]]
+                assert not lost
+        finally:
+            stopped.set()
+            thread.join()
+
+
+def test_waiters_are_told_of_what_leaving_itself_has_brought():
+    class Leaves(Buffer):
+        armed = False
+
+        def _follow(self, seconds, later):
+            happened = super()._follow(seconds, later)
+            if self.armed:
+                # As another thread may do at this moment.
+                owner.set_transform(transform("map", "late", ns=S), "owner")
+                self._leave()
+            return happened
+
+    with pair() as (owner, _):
+        reader = Leaves(attach=owner._sharing.name)
+        waiting = reader.wait_for_transform_async("map", "late", at_ns(S))
+        reader.armed = True
+        reader._interrupt_following()
+        assert until(waiting.done)
+        assert not reader._is_attached
 
 
 def test_what_changes_a_buffer_makes_it_leave_with_what_it_held():

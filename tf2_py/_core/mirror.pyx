@@ -503,6 +503,10 @@ cdef bint _row_now(const Tree* tree, FrameId frame, bint follows, Row* row) noex
         row[0] = segment_rows(mirror.segment)[frame]
         fence_acquire()
         if not follows or (load64(&head.sequence) == sequence and not sequence & 1):
+            # Names that are newer than those known here do not matter: the parents are found in the history.
+            row.parent = NO_FRAME
+            if row.authority >= tree.authorities.count:
+                row.authority = tree.caches[frame].authority
             return head.facts.trees == mirror.trees and _row_problem(tree, row) == NULL
         _nap()
     return False

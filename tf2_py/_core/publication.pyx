@@ -210,6 +210,10 @@ cdef void publication_close(Publication* publication, const Tree* tree,
     cdef Segment* segment = publication.segment
     cdef Facts* facts = &publication.facts
     cdef FrameId frame
+    cdef bint somebody_waits = load32(&segment.board.somebody_waits)
+    # Before anybody can see the new sequence: a reader that has, and waits for the next one, says so again.
+    if somebody_waits:
+        store32(&segment.board.somebody_waits, 0)
     if facts.frames < tree.names.count:
         facts.names_size += _write_names(
             segment.base + segment_part(segment, NAMES_SIXTEENTH) + facts.names_size, &tree.names,
@@ -233,8 +237,7 @@ cdef void publication_close(Publication* publication, const Tree* tree,
     store64(&segment_head(segment).sequence, publication.sequence)
     # Between this and the question a reader may say that it waits: then it sees the new sequence.
     fence_full()
-    if load32(&segment.board.somebody_waits):
-        store32(&segment.board.somebody_waits, 0)
+    if somebody_waits or load32(&segment.board.somebody_waits):
         segment.wake(segment_word(segment))
 
 

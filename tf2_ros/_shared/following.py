@@ -143,6 +143,8 @@ class Follower:
             log.logger("tf2_ros").error(f"In what waits for transforms: {traceback.format_exc()}")
         attached = bool(buffer._is_attached)
         if not attached:
+            # If another thread made it leave just now, it brought changes of which no waiter knows yet.
+            buffer._follow(0.0, later)
             self._leave(buffer)
         if later:
             self._hand_over(later)

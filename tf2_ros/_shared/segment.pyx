@@ -24,6 +24,7 @@ from tf2_py._internal cimport (
 import errno as errors
 import os
 import stat
+import threading
 import time
 import weakref
 import zlib
@@ -50,7 +51,9 @@ cdef extern from *:
         size_t size;
         volatile int *lost;
     } tf2_mappings[TF2_MAPPINGS];
-    static struct sigaction tf2_before;
+    static struct sigaction tf2_before;     /* whose place the handler took last ... */
+    static struct sigaction tf2_first;      /* ... and whose it took first */
+    static int tf2_watches;
 
     /* A file that was truncated has no memory behind its end. Zeros take the place of all of it: whoever
        reads them finds out, and goes on without. */
@@ -70,12 +73,18 @@ cdef extern from *:
                 }
             }
         }
-        if (tf2_before.sa_flags & SA_SIGINFO)
-            tf2_before.sa_sigaction(number, information, context);
-        else if (tf2_before.sa_handler != SIG_DFL && tf2_before.sa_handler != SIG_IGN)
-            tf2_before.sa_handler(number);
-        else
-            sigaction(number, &tf2_before, NULL);   /* it happens again, and ends the process */
+        /* What came between the first time and the last may pass a signal on to this handler, by raising it
+           again, as Python's faulthandler does: it must not get that one back. */
+        const struct sigaction *next = information->si_code > 0 ? &tf2_before : &tf2_first;
+        if (next->sa_flags & SA_SIGINFO)
+            next->sa_sigaction(number, information, context);
+        else if (next->sa_handler != SIG_DFL && next->sa_handler != SIG_IGN)
+            next->sa_handler(number);
+        else {
+            sigaction(number, next, NULL);  /* it happens again, and ends the process */
+            if (information->si_code <= 0)
+                raise(number);              /* of itself it would not */
+        }
     }
 
     static void tf2_watch_bus_errors(void)
@@ -84,6 +93,9 @@ cdef extern from *:
         sigemptyset(&action.sa_mask);
         if (sigaction(SIGBUS, NULL, &now) == 0 && now.sa_sigaction != tf2_on_bus_error) {
             tf2_before = now;
+            if (!tf2_watches)
+                tf2_first = now;
+            tf2_watches = 1;
             sigaction(SIGBUS, &action, NULL);
         }
     }
@@ -199,6 +211,9 @@ cdef double BEGIN_S = 0.5                   # so long an owner may take to prepa
 
 # The owners of this process, by device and inode of their files.
 _owned = weakref.WeakValueDictionary()
+# Held while a file is looked at and then locked, removed or closed: a record lock excludes no thread of the
+# process that has it, and is lost when any of them closes the file.
+_files = threading.RLock()
 
 
 cdef struct Place:
@@ -348,7 +363,9 @@ cdef class OwnedSegment(_Mapping):
     cdef object __weakref__
 
     def __init__(self, path):
-        self._own(time.monotonic() + BEGIN_S)
+        until = time.monotonic() + BEGIN_S
+        while not self._try_to_own(until):
+            time.sleep(0.005)
         try:
             for size in SIZES:
                 try:
@@ -364,33 +381,33 @@ cdef class OwnedSegment(_Mapping):
         except BaseException:
             self.close()
             raise
-        self._place.is_owned = &self._is_owned
-        self._place.owner_process = getpid()
-        _owned[_identity(os.fstat(self._place.descriptor))] = self
 
-    cdef int _own(self, double until) except -1:
+    cdef bint _try_to_own(self, double until) except -1:
         # An owner's file is never used again: those who follow the dead one still read it.
-        while not self._is_owned:
-            if _owner_here(self._path) is not None:
-                raise BlockingIOError(os.getpid())
-            descriptor = _open(self._path, os.O_CREAT)
-            if lock_file(descriptor) != 0:
-                holder = lock_holder(descriptor)
-                os.close(descriptor)
-                # It may be one that removes what a dead owner has left.
-                if time.monotonic() > until:
-                    raise BlockingIOError(holder)
-                time.sleep(0.005)
-                continue
-            if not file_is_at(self._path, descriptor):
-                os.close(descriptor)
-            elif os.fstat(descriptor).st_size:
-                os.unlink(self._path)
-                os.close(descriptor)
-            else:
-                self._place.descriptor = descriptor
-                self._is_owned = True
-        return 0
+        with _files:
+            while True:
+                if _owner_here(self._path) is not None:
+                    raise BlockingIOError(os.getpid())
+                descriptor = _open(self._path, os.O_CREAT)
+                if lock_file(descriptor) != 0:
+                    holder = lock_holder(descriptor)
+                    os.close(descriptor)
+                    # It may be one that removes what a dead owner has left.
+                    if time.monotonic() > until:
+                        raise BlockingIOError(holder)
+                    return False
+                if not file_is_at(self._path, descriptor):
+                    os.close(descriptor)
+                elif os.fstat(descriptor).st_size:
+                    os.unlink(self._path)
+                    os.close(descriptor)
+                else:
+                    self._place.descriptor = descriptor
+                    self._place.is_owned = &self._is_owned
+                    self._place.owner_process = getpid()
+                    self._is_owned = True
+                    _owned[_identity(os.fstat(descriptor))] = self
+                    return True
 
     def __dealloc__(self):
         self._close()
@@ -411,17 +428,19 @@ cdef class OwnedSegment(_Mapping):
 
     def unlink(self):
         """Remove the file: nobody else finds it. Its readers stay, until this process ends."""
-        self._unlink()
+        with _files:
+            self._unlink()
 
     def close(self):
         """End being its owner: readers leave. The memory stays until the last of them has done so."""
-        self._close()
+        with _files:
+            self._close()
 
     # In C alone, for __dealloc__: at the end of the interpreter there are no modules.
 
     cdef void _unlink(self):
         if (self._place.descriptor >= 0 and self._is_owned
-                and (self._place.owner_process == 0 or self._place.owner_process == getpid())
+                and self._place.owner_process == getpid()
                 and file_is_at(self._path, self._place.descriptor)):
             unlink_file(self._path)
 
@@ -449,14 +468,15 @@ cdef class FollowedSegment(_Mapping):
     def __init__(self, path):
         cdef size_t size
         until = time.monotonic() + BEGIN_S
-        self._owner_here = _owner_here(path)
-        if self._owner_here is not None:
-            self._place = self._owner_here._place
-        else:
-            self._place.descriptor = _open(path, 0)
-            if not file_is_locked(self._place.descriptor):
-                remove_dead(path)
-                raise FileNotFoundError(errors.ENOENT, "its owner has died", str(path))
+        with _files:
+            self._owner_here = _owner_here(path)
+            if self._owner_here is not None:
+                self._place = self._owner_here._place
+            else:
+                self._place.descriptor = _open(path, 0)
+                if not file_is_locked(self._place.descriptor):
+                    remove_dead(path)
+                    raise FileNotFoundError(errors.ENOENT, "its owner has died", str(path))
         while True:
             size = file_size(self._place.descriptor)
             if size > ABOUT_AT:
@@ -483,23 +503,30 @@ def remove_dead(path):
 
     :return: whether there was one.
     """
-    if _owner_here(path) is not None:
-        return False
-    try:
-        descriptor = _open(path, 0)
-    except OSError:
-        return False
-    try:
-        # One that is empty is being prepared.
-        if os.fstat(descriptor).st_size == 0 or lock_file(descriptor) != 0:
+    with _files:
+        if _owner_here(path) is not None:
             return False
-        if not file_is_at(os.fsencode(path), descriptor):
+        try:
+            descriptor = _open(path, 0)
+        except OSError:
             return False
-        os.unlink(path)
-        return True
-    finally:
-        os.close(descriptor)
+        try:
+            # One that is empty is being prepared.
+            if os.fstat(descriptor).st_size == 0 or lock_file(descriptor) != 0:
+                return False
+            if not file_is_at(os.fsencode(path), descriptor):
+                return False
+            os.unlink(path)
+            return True
+        finally:
+            os.close(descriptor)
 
 
-# A forked child owns nothing.
-os.register_at_fork(after_in_child=_owned.clear)
+def _after_fork_in_child():
+    # A forked child owns nothing, and another thread may have held the lock.
+    global _files
+    _files = threading.RLock()
+    _owned.clear()
+
+
+os.register_at_fork(after_in_child=_after_fork_in_child)

@@ -32,7 +32,7 @@ cdef extern from "Python.h":
 # keep every process busy.
 cdef int64_t NAP_NS = 150000
 # How often to look whether the other process lives.
-cdef int64_t LOOK_NS = 400 * <int64_t>1000000
+cdef int64_t LOOK_NS = 700 * <int64_t>1000000
 
 
 cdef void _become_reader(void* owner) noexcept nogil:

@@ -125,6 +125,35 @@ def test_many_times_in_one_call_are_of_one_state():
         assert reader._is_attached
 
 
+def test_no_answer_is_made_of_two_states_however_the_owner_writes():
+    # Late samples move others, each of them; the histories are long, and the owner does nothing else.
+    count, step = 30000, 10**6
+    stopped = threading.Event()
+
+    def placed(ns):
+        return transform("map", "f", ns=ns, xyz=(ns / step, 0.0, 0.0))
+
+    def insert():
+        chance = random.Random(1)
+        while not stopped.is_set():
+            late = [chance.randrange(step * count // 3, step * count * 2 // 3) for _ in range(200)]
+            owner.set_transforms([placed(ns) for ns in late], "late")
+
+    times = np.linspace(step, step * count, 20000).astype(np.int64)
+    with pair(Duration(seconds=10**6)) as (owner, reader):
+        owner.set_transforms([placed(step * (i + 1)) for i in range(count)], "first")
+        thread = threading.Thread(target=insert)
+        thread.start()
+        try:
+            for _ in range(30):
+                for buffer in (reader, pickle.loads(pickle.dumps(reader))):
+                    places, _ = buffer.lookup_transforms("map", "f", times)
+                    assert np.abs(places[:, 0] - times / step).max() < 1e-6
+        finally:
+            stopped.set()
+            thread.join()
+
+
 def test_threads_read_while_the_owner_writes_and_others_join_and_leave():
     failed = []
 

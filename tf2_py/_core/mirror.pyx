@@ -42,12 +42,12 @@ from tf2_py._core.segment cimport (
     Segment,
     fence_acquire,
     load64,
+    segment_ask_for_pause,
     segment_head,
     segment_log,
     segment_most_rows,
     segment_part,
     segment_rows,
-    store32,
 )
 from tf2_py._core.mirror_state cimport Mirror, NumberedRow
 from tf2_py._core.tree cimport Limits, Tree, tree_add_frame, tree_free, tree_init, tree_relink
@@ -56,6 +56,7 @@ from tf2_py._core.types cimport LINE_BYTES, MIXED_PARENTS, NO_FRAME, FrameId, Sa
 cdef enum:
     SPINS = 64              # tries without a sleep
     NAP_NS = 20000          # then between two tries
+    TRIES_PER_DOUBLING = 8  # of the pause that the owner is asked for
     NAPS_PER_LOOK = 16      # naps after which it is looked whether the owner lives
     MOST_CHANGES = 1024     # collected one by one
     COPIES = 50             # of one history, before what is copied is mended
@@ -445,7 +446,7 @@ cdef bint _can_catch_up(Tree* tree) noexcept nogil:
         if tries < SPINS:
             _pause()
             continue
-        store32(&mirror.segment.board.somebody_is_late, 1)
+        segment_ask_for_pause(mirror.segment, (tries - SPINS) // TRIES_PER_DOUBLING)
         _nap()
         if tries % NAPS_PER_LOOK:
             continue

@@ -12,6 +12,7 @@ from tf2_py._core.names cimport Names
 from tf2_py._core.segment cimport (
     AUTHORITIES_SIXTEENTH,
     LOG_ENTRIES,
+    MOST_DOUBLINGS,
     NAMES_SIXTEENTH,
     RINGS_SIXTEENTH,
     ROWS_AT,
@@ -37,7 +38,7 @@ from tf2_py._core.types cimport NO_FRAME, FrameId, Sample
 
 cdef enum:
     COMMIT_BYTES = 65536    # at once, of the parts that grow
-    PAUSE_NS = 50000        # so long the owner waits for readers that it overtakes
+    PAUSE_NS = 50000        # so long at least the owner waits for readers that it overtakes
 
 
 cdef bint _commit(Segment* segment, size_t* end, size_t wanted, size_t limit) noexcept nogil:
@@ -243,8 +244,9 @@ cdef void publication_close(Publication* publication, const Tree* tree,
 
 cdef void publication_pause(Publication* publication) noexcept nogil:
     cdef timespec duration
-    if load32(&publication.segment.board.somebody_is_late):
+    cdef uint32_t wish = load32(&publication.segment.board.somebody_is_late)
+    if wish:
         store32(&publication.segment.board.somebody_is_late, 0)
         duration.tv_sec = 0
-        duration.tv_nsec = PAUSE_NS
+        duration.tv_nsec = PAUSE_NS << min(wish - 1, <uint32_t>MOST_DOUBLINGS)
         nanosleep(&duration, NULL)

@@ -2,7 +2,7 @@
 
 from tf2_py._core.lock cimport lock_write, unlock_read, unlock_write
 from tf2_py._core.mirror cimport mirror_catch_up, mirror_is_current
-from tf2_py._core.segment cimport store32
+from tf2_py._core.segment cimport segment_ask_for_pause
 from tf2_py._core.tree cimport Tree
 
 cdef enum:
@@ -30,7 +30,7 @@ cdef bint reading_repeat(Reading* reading) noexcept nogil:
         return False
     reading.bodies += 1
     if reading.bodies > LATE_AFTER:
-        store32(&tree.mirror.segment.board.somebody_is_late, 1)
+        segment_ask_for_pause(tree.mirror.segment, (reading.bodies - LATE_AFTER) // LATE_AFTER)
     if not reading.is_writing:
         return reading_enter(reading)
     mirror_catch_up(tree)

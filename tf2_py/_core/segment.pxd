@@ -31,6 +31,7 @@ cdef enum:
     NAMES_SIXTEENTH = 1
     AUTHORITIES_SIXTEENTH = 2
     RINGS_SIXTEENTH = 3
+    MOST_DOUBLINGS = 8          # of a pause
     LEAST_SIXTEENTH = 1048576   # bytes: what is smaller is no segment
 
 cdef extern from *:
@@ -85,7 +86,7 @@ cdef struct Head:
 cdef struct Board:
     # Nothing but a needless wake or pause depends on it.
     uint32_t somebody_waits     # for a change: the owner wakes all, once
-    uint32_t somebody_is_late   # a reader's tries are overtaken: the owner pauses, once
+    uint32_t somebody_is_late   # a reader's tries are overtaken: the owner pauses, once, for longer the larger it is
 
 
 cdef struct Row:
@@ -129,6 +130,11 @@ cdef inline Head* segment_head(const Segment* segment) noexcept nogil:
 cdef inline const uint32_t* segment_word(const Segment* segment) noexcept nogil:
     # What those sleep on that wait for a change: the low half of the sequence.
     return <const uint32_t*>&segment_head(segment).sequence
+
+
+cdef inline void segment_ask_for_pause(const Segment* segment, uint32_t doublings) noexcept nogil:
+    # Of the owner, after its next write: that much longer than the shortest one.
+    store32(&segment.board.somebody_is_late, 1 + min(doublings, <uint32_t>MOST_DOUBLINGS))
 
 
 cdef inline bint segment_is_ready(const Segment* segment) noexcept nogil:

@@ -14,6 +14,7 @@ from tf2_py._core.mirror cimport mirror_holds
 from tf2_py._core.mirror_state cimport Mirror
 from tf2_py._core.path cimport Path, path_common_time
 from tf2_py._core.reading cimport Reading, reading_begin, reading_continue
+from tf2_py._core.segment cimport segment_ask_for_pause
 from tf2_py._core.series_work cimport (
     BATCH_TIMES,
     SeriesWork,
@@ -50,7 +51,7 @@ from tf2_py._core.walk cimport walk_climb, walk_lookup
 cdef enum:
     # Of another process's histories: how often they are read where they lie, and copied before.
     TRIES_IN_PLACE = 2
-    TRIES = 100
+    TRIES = 30
     LONG_PATH = 64          # hops; the data of a batch along a longer path would not fit into the cache
 
 
@@ -330,10 +331,19 @@ cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, 
     cdef Mirror* mirror
     while not holds:
         mirror = _pin(tree, lock, query, &pinned)
+        if mirror != NULL and tries >= TRIES_IN_PLACE:
+            segment_ask_for_pause(mirror.segment, tries - TRIES_IN_PLACE)
         if mirror == NULL or tries < TRIES_IN_PLACE:
             answered = _look_up(tree, lock, query, &pinned, series, status)
             holds = _holds(mirror, &pinned)
-        elif _copy_pinned(&pinned) and _holds(mirror, &pinned) or tries == TRIES:
+        elif _copy_pinned(&pinned) and _holds(mirror, &pinned):
+            answered = _look_up(tree, lock, query, &pinned, series, status)
+            holds = True
+        elif tries == TRIES:
+            # Each time by itself: of several states, but no answer is made of two.
+            _unpin_lookup(&pinned)
+            pinned.hops = 0
+            pinned.has_view = pinned.by_batches = False
             answered = _look_up(tree, lock, query, &pinned, series, status)
             holds = True
         _unpin_lookup(&pinned)

@@ -21,11 +21,13 @@ from tf2_py._core.cache_memory cimport (
     cache_pin,
     cache_unpin,
 )
+from tf2_py._core.cache_insert cimport cache_mend
 from tf2_py._core.lock cimport Lock
 from tf2_py._core.mirror cimport mirror_holds
 from tf2_py._core.mirror_state cimport Mirror
 from tf2_py._core.names cimport NAME_NO_MEMORY, NAME_UNKNOWN, Names, names_find, names_intern
 from tf2_py._core.reading cimport Reading, reading_begin, reading_continue
+from tf2_py._core.segment cimport segment_ask_for_pause
 from tf2_py._core.tree cimport (
     TREE_LACKS_MEMORY,
     Tree,
@@ -83,9 +85,15 @@ cdef bint _copy_pinned(PinnedTree* pinned, const Mirror* mirror, bint must_hold,
         noted = cache[0]
         if cache.capacity and cache_move(cache, cache.capacity, SIZE_MAX // 2) != CACHE_INSERTED:
             return False
-        holds[0] = holds[0] and (not must_hold or mirror_holds(mirror, &id, &noted, 1))
-        if not holds[0]:
+        if mirror_holds(mirror, &id, &noted, 1):
+            continue
+        if must_hold:
+            holds[0] = False
             return True
+        # Of the last copy, what is sound is kept.
+        pinned.view.samples -= cache.count
+        cache_mend(cache, id, pinned.view.names.count)
+        pinned.view.samples += cache.count
     return True
 
 
@@ -109,6 +117,8 @@ cdef bint tree_pin(const Tree* tree, Lock* lock, PinnedTree* pinned) noexcept no
             return False
         if mirror == NULL:
             return True
+        if tries:
+            segment_ask_for_pause(mirror.segment, tries)
         if not _copy_pinned(pinned, mirror, tries < TRIES, &holds):
             tree_unpin(pinned)
             return False

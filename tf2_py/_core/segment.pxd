@@ -86,7 +86,7 @@ cdef struct Head:
 cdef struct Board:
     # Nothing but a needless wake or pause depends on it.
     uint32_t somebody_waits     # for a change: the owner wakes all, once
-    uint32_t somebody_is_late   # a reader's tries are overtaken: the owner pauses, once, for longer the larger it is
+    uint32_t somebody_is_late   # a reader is overtaken: the owner pauses, once, the longer the larger it is
 
 
 cdef struct Row:

@@ -405,7 +405,10 @@ cdef const char* _check_loops(const Tree* tree) noexcept nogil:
                 continue
             parent = cache_parent_of(&tree.caches[frame], next_link[frame])
             next_link[frame] += 1
-            if state[parent] == 1:
+            if parent >= frames:
+                # Another process may have changed it since it was checked.
+                problem = "a parent that is no frame"
+            elif state[parent] == 1:
                 problem = "a loop that is not marked"
             elif state[parent] == 0:
                 state[parent] = 1

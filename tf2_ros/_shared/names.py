@@ -15,7 +15,16 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
 
 class SharedBufferError(RuntimeError):
-    """A buffer cannot be shared, or not be attached; the text says why."""
+    """
+    A buffer cannot be shared, or not be attached; the text says why.
+
+    >>> from tf2_ros import Buffer, SharedBufferError
+    >>> try:
+    ...     Buffer(attach="nobody")
+    ... except SharedBufferError as error:
+    ...     print(error)
+    no process of this user shares a buffer 'nobody'
+    """
 
 
 def buffer_name(name: str, domain: int | None = None) -> str:

@@ -1,0 +1,76 @@
+"""Owns copies of the checkout that are built with other flags; its own build stays as it is."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+BUILDS = ROOT / ".reliability"
+
+
+def build(name, *, cflags=(), ldflags=(), python=sys.executable, **variables):
+    """
+    Bring ``.reliability/<name>`` up to date with the checkout and build it in place; return its path.
+
+    Parameters
+    ----------
+    name : str
+        The folder's name. Each set of flags needs a name of its own.
+    cflags, ldflags : sequence of str
+        Added to Python's own flags, for the compiler and for the linker.
+    python : str
+        The interpreter to build for and with; it must have what a build needs, see CONTRIBUTING.md.
+    **variables : str
+        More of the environment of the build, as ``CC="clang"``.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        The build failed; what the compiler said is in ``build.log`` of the folder.
+    """
+    folder = BUILDS / name
+    options = json.dumps([list(cflags), list(ldflags), str(python), variables], indent=1)
+    kept = folder / "options.json"
+    if folder.exists() and (not kept.exists() or kept.read_text() != options):
+        # setuptools compares ages, and knows nothing of flags.
+        shutil.rmtree(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    _copy(folder)
+    environment = {
+        **os.environ,
+        "CFLAGS": " ".join(cflags),
+        "LDFLAGS": " ".join(ldflags),
+        **variables,
+    }
+    environment.pop("PYTHONPATH", None)
+    with open(folder / "build.log", "w") as log:
+        command = [python, "setup.py", "build_ext", "--inplace"]
+        subprocess.run(command, cwd=folder, env=environment, stdout=log, stderr=log, check=True)
+    kept.write_text(options)
+    return folder
+
+
+def _copy(folder):
+    listed = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    names = subprocess.run(listed, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split("\0")
+    wanted = {name for name in names if name and (ROOT / name).is_file()}
+    # What Cython made of the same sources need not be made again: it compares ages, which a copy keeps.
+    for made in (ROOT / "build").glob("cython-*/**/*.c"):
+        wanted.add(made.relative_to(ROOT).as_posix())
+    for name in wanted:
+        source, copy = ROOT / name, folder / name
+        if not copy.exists() or copy.stat().st_mtime < source.stat().st_mtime:
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(source, copy)
+    for copy in folder.rglob("*.py*"):
+        name = copy.relative_to(folder).as_posix()
+        if copy.suffix in {".py", ".pyx", ".pxd", ".pyi"} and name not in wanted and _is_source(name):
+            copy.unlink()
+
+
+def _is_source(name):
+    generated = name.startswith(("build/", "tf2_msgs/")) or name == "tf2_ros_cython/_built.py"
+    return not generated

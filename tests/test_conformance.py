@@ -146,18 +146,22 @@ def test_answers_as_recorded_of_a_buffer_that_is_pickled_again_and_again(tf2_py,
     )
 
 
+def check_answer(tf2_py, buffer, op, args, want):
+    try:
+        got = call(buffer, op, args)
+    except (tf2_py.TransformException, TypeError, ValueError, OverflowError) as error:
+        assert type(error).__name__ == want.get("err"), (op, args, error)
+        assert_same_reason(str(error), want["msg"])
+    else:
+        assert "ok" in want, (op, args, got)
+        assert_same_answer(op, got, want["ok"])
+
+
 def check_answers(tf2_py, scenario, before_op):
     """`before_op` gets the number of the operation and the buffer, and returns the one to go on with."""
     buffer = tf2_py.BufferCore(Duration(nanoseconds=scenario["cache_ns"]))
     for i, ((op, *args), want) in enumerate(zip(scenario["ops"], scenario["want"], strict=True)):
         buffer = before_op(i, buffer)
-        try:
-            got = call(buffer, op, args)
-        except (tf2_py.TransformException, TypeError, ValueError, OverflowError) as error:
-            assert type(error).__name__ == want.get("err"), (op, args, error)
-            assert_same_reason(str(error), want["msg"])
-        else:
-            assert "ok" in want, (op, args, got)
-            assert_same_answer(op, got, want["ok"])
+        check_answer(tf2_py, buffer, op, args, want)
     if hasattr(buffer, "_self_check"):
         buffer._self_check()

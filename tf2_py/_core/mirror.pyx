@@ -1,10 +1,9 @@
 """Owns following the tree of another process: what is copied of it, checked, and told to waiters."""
 
 from libc.stddef cimport size_t
-from libc.stdint cimport INT64_MAX, INT64_MIN, SIZE_MAX, int64_t, uint8_t, uint32_t, uint64_t
+from libc.stdint cimport INT64_MAX, INT64_MIN, SIZE_MAX, int64_t, uint32_t, uint64_t
 from libc.stdlib cimport free, realloc
 from libc.string cimport memcpy, memset
-from posix.time cimport nanosleep, timespec
 
 from tf2_py._core.cache cimport CACHE_NONE, CACHE_STATIC, Cache, CacheKind
 from tf2_py._core.cache_insert cimport cache_mend
@@ -19,15 +18,14 @@ from tf2_py._core.cache_memory cimport (
 from tf2_py._core.change cimport (
     ANY_TIME,
     CHANGE_DATA,
-    CHANGE_NAME,
     CHANGE_PARENT,
     Change,
     change_add,
     change_begin,
 )
-from tf2_py._core.clock cimport monotonic_ns
+from tf2_py._core.clock cimport monotonic_ns, sleep_ns
 from tf2_py._core.lock cimport _pause
-from tf2_py._core.names cimport NAME_UNKNOWN, name_hash, names_find, names_intern
+from tf2_py._core.names cimport NAME_UNKNOWN, names_find, names_intern
 from tf2_py._core.segment cimport (
     AUTHORITIES_SIXTEENTH,
     LEAST_SIXTEENTH,
@@ -52,6 +50,7 @@ from tf2_py._core.segment cimport (
 from tf2_py._core.mirror_state cimport Mirror, NumberedRow
 from tf2_py._core.tree cimport Limits, Tree, tree_add_frame, tree_free, tree_init, tree_relink
 from tf2_py._core.types cimport LINE_BYTES, MIXED_PARENTS, NO_FRAME, FrameId, Sample
+from tf2_py._core.utf8 cimport is_utf8
 
 cdef enum:
     SPINS = 64              # tries without a sleep
@@ -100,9 +99,9 @@ cdef void mirror_free(Mirror* mirror) noexcept nogil:
 cdef void _collect(Mirror* mirror, const Change* change) noexcept nogil:
     cdef uint32_t capacity
     cdef void* grown
-    if not mirror.collects or mirror.everything or (change.count == 0 and not change.everything):
+    if not mirror.collects or mirror.everything or change.count == 0:
         return
-    mirror.everything = change.everything or mirror.change_count == MOST_CHANGES
+    mirror.everything = mirror.change_count == MOST_CHANGES
     if not mirror.everything and mirror.change_count == mirror.change_capacity:
         capacity = mirror.change_capacity * 2 if mirror.change_capacity else 16
         grown = realloc(mirror.changes, capacity * sizeof(Change))
@@ -213,30 +212,30 @@ cdef bint _reserve(Mirror* mirror, size_t rows, size_t text) noexcept nogil:
     return True
 
 
+cdef inline void _read_row(Mirror* mirror, FrameId frame, uint32_t* count) noexcept nogil:
+    mirror.rows[count[0]].frame = frame
+    mirror.rows[count[0]].row = segment_rows(mirror.segment)[frame]
+    count[0] += 1
+
+
 cdef uint32_t _read_rows(const Tree* tree, const Facts* facts, uint32_t known) noexcept nogil:
     # Those that changed, and the new ones; how many. `known`: how many frames the tree knows of this one.
     cdef Mirror* mirror = tree.mirror
-    cdef const Row* rows = segment_rows(mirror.segment)
     cdef const uint32_t* log = segment_log(mirror.segment)
     cdef uint64_t changes = facts.logged - mirror.logged
     cdef uint64_t i
     cdef uint32_t count = 0
     cdef uint32_t frame
     if changes >= min(<uint64_t>known, <uint64_t>LOG_ENTRIES):
-        for frame in range(facts.frames):
-            mirror.rows[frame].frame = frame
-            mirror.rows[frame].row = rows[frame]
-        return facts.frames
-    for i in range(mirror.logged, facts.logged):
-        frame = log[i % LOG_ENTRIES]
-        if frame < known:
-            mirror.rows[count].frame = frame
-            mirror.rows[count].row = rows[frame]
-            count += 1
+        # The log is too long, or has been written over: all of them.
+        known = 0
+    else:
+        for i in range(mirror.logged, facts.logged):
+            frame = log[i % LOG_ENTRIES]
+            if frame < known:
+                _read_row(mirror, frame, &count)
     for frame in range(known, facts.frames):
-        mirror.rows[count].frame = frame
-        mirror.rows[count].row = rows[frame]
-        count += 1
+        _read_row(mirror, frame, &count)
     return count
 
 
@@ -249,59 +248,26 @@ cdef const char* _next_name(const char** text, size_t* left, uint32_t* size) noe
     left[0] -= sizeof(uint32_t)
     if size[0] > left[0]:
         return "a name in it is cut off"
+    # Python would refuse anything else when the name is shown.
+    if not is_utf8(<const unsigned char*>text[0], size[0]):
+        return "a name in it is no UTF-8"
     return NULL
-
-
-cdef bint _is_utf8(const uint8_t* text, uint32_t size) noexcept nogil:
-    # By RFC 3629. Python would refuse anything else when the name is shown.
-    cdef uint32_t i = 0
-    cdef uint32_t more, k
-    cdef uint8_t first, second
-    while i < size:
-        first = text[i]
-        if first < 0x80:
-            i += 1
-            continue
-        more = 0
-        if 0xC2 <= first <= 0xDF:
-            more = 1
-        elif 0xE0 <= first <= 0xEF:
-            more = 2
-        elif 0xF0 <= first <= 0xF4:
-            more = 3
-        if more == 0 or more >= size - i:
-            return False
-        second = text[i + 1]
-        if (first == 0xE0 and second < 0xA0) or (first == 0xED and second > 0x9F):
-            return False
-        if (first == 0xF0 and second < 0x90) or (first == 0xF4 and second > 0x8F):
-            return False
-        for k in range(1, more + 1):
-            if text[i + k] & 0xC0 != 0x80:
-                return False
-        i += more + 1
-    return True
 
 
 cdef const char* _apply_names(Tree* tree, const Facts* facts, const char* text, size_t left) noexcept nogil:
     cdef Change change
     cdef uint32_t size
     cdef uint32_t refused = 0
-    cdef int64_t hash
     cdef const char* problem
     while tree.names.count < facts.frames:
         problem = _next_name(&text, &left, &size)
         if problem != NULL:
             return problem
-        if not _is_utf8(<const uint8_t*>text, size):
-            return "a name in it is no UTF-8"
-        hash = <int64_t>name_hash(text, size)
         if names_find(&tree.names, text, size) != NAME_UNKNOWN:
             return "a name in it occurs twice"
-        if tree_add_frame(tree, text, size, NULL, &refused) == NO_FRAME:
-            return "there is no memory for its names"
         change_begin(&change)
-        change_add(&change, CHANGE_NAME, hash, hash)
+        if tree_add_frame(tree, text, size, &change, &refused) == NO_FRAME:
+            return "there is no memory for its names"
         _collect(tree.mirror, &change)
         text += size
         left -= size
@@ -319,7 +285,7 @@ cdef const char* _apply_authorities(Tree* tree, const Facts* facts, const char* 
         if problem != NULL:
             return problem
         known = tree.authorities.count
-        if not _is_utf8(<const uint8_t*>text, size) or names_intern(&tree.authorities, text, size) != known:
+        if names_intern(&tree.authorities, text, size) != known:
             return "there is no memory for its authorities, or one occurs twice"
         text += size
         left -= size
@@ -334,11 +300,10 @@ cdef const char* _start_over(Tree* tree) noexcept nogil:
     cdef Limits limits = tree.limits
     tree_free(tree)
     memset(tree, 0, sizeof(Tree))
-    mirror.names_size = mirror.authorities_size = 0
+    tree.mirror = mirror
     _collect_everything(mirror)
     if tree_init(tree, mirror.own_cache_time_ns, &limits) != 0:
         return "there is no memory for its names"
-    tree.mirror = mirror
     return NULL
 
 
@@ -348,7 +313,6 @@ cdef const char* _apply(Tree* tree, const Facts* facts, uint32_t rows, size_t na
     cdef uint32_t i
     if facts.trees != mirror.trees:
         problem = _start_over(tree)
-        tree.mirror = mirror
     if problem == NULL:
         problem = _apply_names(tree, facts, mirror.text, names_size)
     if problem == NULL:
@@ -421,13 +385,6 @@ cdef Try _try(Tree* tree) noexcept nogil:
     return CAUGHT_UP
 
 
-cdef void _nap() noexcept nogil:
-    cdef timespec duration
-    duration.tv_sec = 0
-    duration.tv_nsec = NAP_NS
-    nanosleep(&duration, NULL)
-
-
 cdef bint _can_catch_up(Tree* tree) noexcept nogil:
     # Waits for the owner, as long as there is hope.
     cdef Mirror* mirror = tree.mirror
@@ -447,7 +404,7 @@ cdef bint _can_catch_up(Tree* tree) noexcept nogil:
             _pause()
             continue
         segment_ask_for_pause(mirror.segment, (tries - SPINS) // TRIES_PER_DOUBLING)
-        _nap()
+        sleep_ns(NAP_NS)
         if tries % NAPS_PER_LOOK:
             continue
         if not mirror.segment.is_alive(mirror.segment):
@@ -509,7 +466,7 @@ cdef bint _row_now(const Tree* tree, FrameId frame, bint follows, Row* row) noex
             if row.authority >= tree.authorities.count:
                 row.authority = tree.caches[frame].authority
             return head.facts.trees == mirror.trees and _row_problem(tree, row) == NULL
-        _nap()
+        sleep_ns(NAP_NS)
     return False
 
 

@@ -3,11 +3,11 @@
 from libc.stddef cimport size_t
 from libc.stdint cimport uint8_t, uint32_t, uint64_t
 from libc.string cimport memcpy, memset
-from posix.time cimport nanosleep, timespec
 
 from tf2_py._core.arena cimport arena_free, arena_init
 from tf2_py._core.cache cimport Cache
 from tf2_py._core.cache_memory cimport cache_change_arena, cache_free
+from tf2_py._core.clock cimport sleep_ns
 from tf2_py._core.names cimport Names
 from tf2_py._core.segment cimport (
     AUTHORITIES_SIXTEENTH,
@@ -243,10 +243,7 @@ cdef void publication_close(Publication* publication, const Tree* tree,
 
 
 cdef void publication_pause(Publication* publication) noexcept nogil:
-    cdef timespec duration
     cdef uint32_t wish = load32(&publication.segment.board.somebody_is_late)
     if wish:
         store32(&publication.segment.board.somebody_is_late, 0)
-        duration.tv_sec = 0
-        duration.tv_nsec = PAUSE_NS << min(wish - 1, <uint32_t>MOST_DOUBLINGS)
-        nanosleep(&duration, NULL)
+        sleep_ns(PAUSE_NS << min(wish - 1, <uint32_t>MOST_DOUBLINGS))

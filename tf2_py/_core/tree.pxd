@@ -64,6 +64,8 @@ cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil
 # too old adds its names, too. NULL: it is not needed.
 cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
                           Change* change) noexcept nogil
+# For REFUSED_* bits that tree_insert did not return.
+cdef void tree_count_refused(Tree* tree, uint32_t refused) noexcept nogil
 # The parent that a walk at a time, or at NEWEST, follows; NO_FRAME: there is none, or it is not known.
 cdef FrameId tree_parent(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil
 # The parent that the history of a frame names for a time; NO_FRAME: none, or nonsense, for another process

@@ -269,7 +269,6 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
                           Change* change) noexcept nogil:
     cdef uint32_t refused = incoming_refusals(incoming)
     cdef FrameId child, parent
-    cdef uint32_t bit
     tree.work += (incoming.child_size + incoming.parent_size) // NAME_BYTES_PER_INSERT
     if change != NULL:
         change_begin(change)
@@ -280,9 +279,15 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
         parent = _frame(tree, incoming.parent, incoming.parent_size, change, &refused)
     if refused == 0:
         refused = _insert(tree, child, parent, incoming, authority, is_static, change)
-    for bit in range(REFUSAL_KINDS if refused else 0):
-        tree.refused[bit] += (refused >> bit) & 1
+    if refused:
+        tree_count_refused(tree, refused)
     return refused
+
+
+cdef void tree_count_refused(Tree* tree, uint32_t refused) noexcept nogil:
+    cdef uint32_t bit
+    for bit in range(<uint32_t>REFUSAL_KINDS):
+        tree.refused[bit] += (refused >> bit) & 1
 
 
 cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming* incoming, uint32_t authority,

@@ -104,6 +104,5 @@ cdef enum:
     REFUSED_OLD = 256               # older than the newest stamp less the cache time
     REFUSED_STAMP_TOO_LATE = 512    # later than MAX_STAMP_NS
     REFUSED_FRAMES = 1024           # the buffer's limit of frames
-    REFUSED_BYTES_BIT = 11
     REFUSED_BYTES = 2048            # the buffer's limit of bytes
     REFUSAL_KINDS = 12              # how many bits there are

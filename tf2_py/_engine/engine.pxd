@@ -18,6 +18,15 @@ from tf2_py._core.waiters cimport Waiter, WaiterList, Waiters
 from tf2_py._objects.advice cimport Advice
 from tf2_py._wire.batch cimport Batch
 
+cdef extern from "Python.h":
+    ctypedef struct CPythonSized "PyVarObject":
+        Py_ssize_t ob_size
+
+
+# Of a list, without the GIL.
+cdef inline bint is_filled(void* objects) noexcept nogil:
+    return (<CPythonSized*>objects).ob_size > 0
+
 
 cdef enum:
     SLICE = 64      # what is done under one lock, in inserts of one transform: some tens of microseconds

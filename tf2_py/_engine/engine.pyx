@@ -43,6 +43,7 @@ from tf2_py._core.tree cimport (
     tree_bytes,
     tree_check,
     tree_clear,
+    tree_count_refused,
     tree_free,
     tree_init,
     tree_insert,
@@ -51,7 +52,6 @@ from tf2_py._core.types cimport (
     NO_FRAME,
     REFUSAL_KINDS,
     REFUSED_BYTES,
-    REFUSED_BYTES_BIT,
     STATUS_BAD_FIXED,
     STATUS_EXTRAPOLATION,
     STATUS_OK,
@@ -81,10 +81,6 @@ from tf2_py._objects.throttle cimport LINES_PER_MESSAGE, Throttle
 from tf2_py._wire.batch cimport Batch, Entry, batch_begin, batch_error
 
 from tf2_py._objects import errors, log
-
-cdef extern from "Python.h":
-    ctypedef struct CPythonSized "PyVarObject":
-        Py_ssize_t ob_size
 
 cdef Limits NO_LIMITS
 NO_LIMITS.frames = NO_LIMITS.waiters = UINT32_MAX
@@ -162,7 +158,7 @@ cdef class Engine:
                 self._insert_next(batch, authority)
                 left -= <int64_t>(1 + self._tree.work - work)
         batch.needs_report = batch.refused > 0 or batch.no_memory or batch.ready.first != NULL
-        batch.needs_report = batch.needs_report or _is_filled(<void*>self._observers)
+        batch.needs_report = batch.needs_report or is_filled(<void*>self._observers)
         if inserts:
             self._close()
         unlock_write(&self._lock)
@@ -182,7 +178,7 @@ cdef class Engine:
         if self._publication != NULL and not publication_has_room(
                 self._publication, &self._tree, &entry.incoming):
             entry.refused = REFUSED_BYTES
-            self._tree.refused[REFUSED_BYTES_BIT] += 1
+            tree_count_refused(&self._tree, REFUSED_BYTES)
             batch.refused += 1
             return
         entry.refused = tree_insert(&self._tree, &entry.incoming, authority, batch.is_static, change)
@@ -570,7 +566,3 @@ cdef size_t _copy_owners(const WaiterList* waiters, void** owners, size_t count,
         count += 1
         waiter = waiter.next
     return count
-
-
-cdef inline bint _is_filled(void* objects) noexcept nogil:
-    return (<CPythonSized*>objects).ob_size > 0

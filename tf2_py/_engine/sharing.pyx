@@ -21,12 +21,8 @@ from tf2_py._core.segment cimport (
 )
 from tf2_py._core.types cimport FrameId
 from tf2_py._core.waiters cimport wake_begin
-from tf2_py._engine.engine cimport Engine, SharedMemory
+from tf2_py._engine.engine cimport Engine, SharedMemory, is_filled
 from tf2_py._wire.batch cimport Batch
-
-cdef extern from "Python.h":
-    ctypedef struct CPythonSized "PyVarObject":
-        Py_ssize_t ob_size
 
 # After a change that mattered to nobody, so long until the next one is looked at: so a busy owner does not
 # keep every process busy.
@@ -204,7 +200,7 @@ cdef class SharingEngine(Engine):
                 left_ns = max(until_ns - monotonic_ns(), <int64_t>0)
                 is_changed = self._next_change(&batch, min(left_ns, LOOK_NS))
                 was_changed = was_changed or is_changed
-                is_awaited = is_changed and (self._is_expected or _is_filled(<void*>self._observers))
+                is_awaited = is_changed and (self._is_expected or is_filled(<void*>self._observers))
                 if (is_awaited or self._is_interrupted or batch.ready.first != NULL
                         or self._tree.mirror == NULL or left_ns == 0):
                     break
@@ -234,7 +230,7 @@ cdef class SharingEngine(Engine):
         unlock_write(&self._lock)
 
     cdef bint _is_wanted(self) noexcept nogil:
-        return self._waiters.count > 0 or self._is_expected or _is_filled(<void*>self._observers)
+        return self._waiters.count > 0 or self._is_expected or is_filled(<void*>self._observers)
 
     cdef bint _next_change(self, Batch* batch, int64_t ns) noexcept nogil:
         # Sleeps for it, so long at most, and does what follows from it; False: there was none.
@@ -288,7 +284,3 @@ cdef class SharingEngine(Engine):
             batch.waking = True
         unlock_write(&self._lock)
         return found
-
-
-cdef inline bint _is_filled(void* objects) noexcept nogil:
-    return (<CPythonSized*>objects).ob_size > 0

@@ -6,6 +6,7 @@ from libc.string cimport memchr, memcpy, memset
 
 from tf2_py._core.stamp cimport stamp_join, stamp_split
 from tf2_py._core.types cimport Incoming
+from tf2_py._core.utf8 cimport is_utf8
 
 cdef extern from *:
     """
@@ -59,43 +60,6 @@ cdef inline void _doubles(Reader* reader, double* out, uint32_t count) noexcept 
             memcpy(&out[i], &word, 8)
 
 
-cdef bint _is_utf8(const unsigned char* text, size_t size) noexcept nogil:
-    # Well-formed UTF-8 as in table 3-7 of the Unicode standard: no overlong forms, no surrogates.
-    cdef size_t i = 0
-    cdef size_t follow, k
-    cdef unsigned char first, low, high
-    while i < size:
-        first = text[i]
-        i += 1
-        if first < 0x80:
-            continue
-        low = 0x80
-        high = 0xBF
-        if 0xC2 <= first <= 0xDF:
-            follow = 1
-        elif 0xE0 <= first <= 0xEF:
-            follow = 2
-            if first == 0xE0:
-                low = 0xA0
-            elif first == 0xED:
-                high = 0x9F
-        elif 0xF0 <= first <= 0xF4:
-            follow = 3
-            if first == 0xF0:
-                low = 0x90
-            elif first == 0xF4:
-                high = 0x8F
-        else:
-            return False
-        if size - i < follow or not low <= text[i] <= high:
-            return False
-        for k in range(1, follow):
-            if not 0x80 <= text[i + k] <= 0xBF:
-                return False
-        i += follow
-    return True
-
-
 cdef void _string(Reader* reader, const char** text, size_t* size) noexcept nogil:
     # The length counts the terminating NUL; some writers send an empty string as length 0.
     cdef size_t length = _uint32(reader)
@@ -108,7 +72,7 @@ cdef void _string(Reader* reader, const char** text, size_t* size) noexcept nogi
         reader.problem = "a string without its terminating NUL"
     elif memchr(at, 0, length - 1) != NULL:
         reader.problem = "a string with a NUL inside"
-    elif not _is_utf8(at, length - 1):
+    elif not is_utf8(at, length - 1):
         reader.problem = "a string that is not UTF-8"
     else:
         text[0] = <const char*>at

@@ -3,10 +3,10 @@
 from typing import Any, TypeAlias
 
 from tf2_ros._shared.following import Follower, attach, open_segment
-from tf2_ros._shared.names import SharedBufferError, buffer_name
+from tf2_ros._shared.names import buffer_name
 from tf2_ros._shared.owning import Owner
 
-__all__ = ["SharedBufferError", "Sharing", "attached_buffer", "shared_buffer"]
+__all__ = ["Sharing", "attached_buffer", "shared_buffer"]
 
 Sharing: TypeAlias = Owner | Follower
 

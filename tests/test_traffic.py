@@ -13,7 +13,7 @@ from tf2_ros._traffic.chains import NetDelay, chain_between, moving_on, newest_s
 from tf2_ros._traffic.expectations import Expectation
 from tf2_ros._traffic.findings import KINDS, Limits, find
 from tf2_ros._traffic.settling import Settling
-from tf2_ros._traffic.streams import Streams
+from tf2_ros._traffic.streams import SLICES, Streams
 
 pytestmark = pytest.mark.ours
 
@@ -130,6 +130,16 @@ class TestFigures:
         assert (one.count, one.rate) == (0, None)
         assert one.period == pytest.approx(10)
         assert one.silence == pytest.approx(9)
+
+    def test_of_a_long_window_need_no_more_memory_than_of_a_short_one(self):
+        streams = Streams(1e6)
+        for one in records(steady("base", rate=1, end=5000)):
+            streams.add(np.array([one]))
+        assert len(streams._recent) < SLICES
+        [whole] = streams_of(steady("base", rate=1, end=5000), now=5000)
+        [merged] = streams.report(at(5000), FRAMES, PUBLISHERS)
+        assert (merged.count, merged.rate, merged.gap) == (whole.count, whole.rate, whole.gap)
+        assert merged.delay == pytest.approx(whole.delay)
 
     def test_a_frame_may_appear_at_any_time(self):
         mine = steady("base", end=4), steady("odom", start=2, end=4), [heard(3, "camera", static=True)]
@@ -258,6 +268,16 @@ class TestNetDelay:
         assert 0.1 < mean < 0.5
         net.report(at(9))
         assert net.report(at(9)) == pytest.approx((0.1 + 3.01 / 2, 0.1 + 3.01), abs=0.01)
+
+    @pytest.mark.parametrize("window_s", [None, 1e6])
+    def test_of_a_long_time_needs_no_more_memory(self, window_s):
+        net, whole = (NetDelay([FRAMES.index("odom")], window_s) for _ in range(2))
+        heard_of_it = records(steady("odom", rate=1, end=3000))
+        whole.add(heard_of_it)
+        for one in heard_of_it:
+            net.add(np.array([one]))
+        assert len(net._parts) < SLICES
+        assert net.report(at(3000)) == pytest.approx(whole.report(at(3000)))
 
     def test_grows_while_nothing_arrives(self):
         net = NetDelay([FRAMES.index("odom")])

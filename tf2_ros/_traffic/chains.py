@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_ros._traffic.streams import Stream
+from tf2_ros._traffic.streams import SLICES, Stream
 
 __all__ = ["NetDelay", "chain_between", "moving_on", "newest_streams", "path_to_root", "stamps_on"]
 
@@ -142,7 +142,16 @@ class NetDelay:
         oldest = (received - common)[known] / S
         duration = float(lasts.sum())
         mean = float(((oldest - lasts / 2) * lasts).sum()) / duration
-        self._parts.append((self._last_ns, duration, mean, float(oldest.max())))
+        self._keep(duration, mean, float(oldest.max()))
+
+    def _keep(self, duration: float, mean: float, most: float) -> None:
+        if self._parts:
+            _, long, usual, worst = self._parts[-1]
+            both = long + duration
+            if self._window_s is None or both * SLICES < self._window_s:
+                self._parts.pop()
+                duration, mean, most = both, (long * usual + duration * mean) / both, max(worst, most)
+        self._parts.append((self._last_ns, duration, mean, most))
 
 
 def _pieces(records: NDArray[np.void]) -> Iterator[NDArray[np.void]]:

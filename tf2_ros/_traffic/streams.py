@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Stream", "Streams"]
+__all__ = ["SLICES", "Stream", "Streams"]
 
 S = 1_000_000_000
 ID_BITS = 20  # of the three ids of a stream; no Recording gives more of them
 JUMP_BACK_NS = S  # from so far on the clock has jumped back, as for a buffer
+SLICES = 1000  # of a window: shorter pieces are merged, so that a long window needs no more memory
 
 Records = NDArray[np.void]
 
@@ -85,7 +86,7 @@ class Streams:
         tally = self._tally(records)
         self._total = merge(self._total, tally)
         if self._window_ns is not None:
-            self._recent.append(tally)
+            self._keep(tally, self._window_ns)
 
     def report(self, now_ns: int, frames: Sequence[str], publishers: Sequence[str]) -> list[Stream]:
         """
@@ -103,6 +104,13 @@ class Streams:
             current += self._current(numbers, tally)
         streams = [self._stream(number, tally, now_ns, frames, publishers) for number in current]
         return sorted(streams, key=lambda one: (one.frame, one.silence))
+
+    def _keep(self, tally: NDArray[np.void], window_ns: int) -> None:
+        if self._recent:
+            begin_ns = self._recent[-1]["first_ns"][self._recent[-1]["count"] > 0].min()
+            if int(tally["last_ns"].max() - begin_ns) * SLICES < window_ns:
+                tally = merge(self._recent.pop(), tally)
+        self._recent.append(tally)
 
     def _since_jump(self, records: Records) -> Records:
         received = records["received_ns"]

@@ -1,6 +1,7 @@
 """Owns processes that obey orders: a line of JSON on standard input each, a line of JSON as the answer."""
 
 import json
+import os
 import queue
 import subprocess
 import sys
@@ -15,13 +16,26 @@ class Disobeyed(Exception):
 
 def obey(servant: Any) -> None:
     """Call `do_<order>` of the servant for each line of standard input; print what it returns."""
-    for line in sys.stdin:
+    lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+    busy = threading.Event()
+    threading.Thread(target=_listen, args=(lines, busy), daemon=True).start()
+    while line := lines.get():
         order = json.loads(line)
         try:
             answer = {"answer": getattr(servant, "do_" + order.pop("do"))(**order)}
         except Exception:
             answer = {"failed": traceback.format_exc()}
+        busy.clear()
         print(json.dumps(answer), flush=True)
+
+
+def _listen(lines, busy):
+    for line in sys.stdin:
+        busy.set()
+        lines.put(line)
+    if busy.is_set():
+        os._exit(1)  # whoever waits for the answer is dead
+    lines.put("")
 
 
 class Servant:

@@ -36,7 +36,8 @@ FUTURE = re.compile(
     r"extrapolation into the future\.  Requested time (?P<requested>\d+\.\d{9}) "
     r"but the latest data is at time (?P<latest>\d+\.\d{9}), "
     r"when looking up transform from frame \[(?P<source>\w+)\] to frame \[(?P<target>\w+)\]; "
-    r"(?P<gap>\d+\.\d{9}) s are missing after the newest sample of (?P<robot>\w+) in (?P<parent>\w+)$"
+    r"(?P<gap>\d+\.\d{9}) s are missing after the newest sample of (?P<robot>\w+) in (?P<parent>\w+)"
+    r"(?:; nothing has been received on /tf for \d+ s)?$"
 )
 
 

@@ -88,19 +88,25 @@ def answers(counts: dict[str, int]) -> str:
     return f"{answered} answers right, {refused} refused"
 
 
+def crossing(net: Network, seconds: float) -> int:
+    """How many bytes cross the link in this time; Failed if the transforms take another way."""
+    before = net.b.received()
+    time.sleep(seconds)
+    crossed = net.b.received() - before
+    least = int(LEAST_BYTES * RATE * seconds * 0.9)
+    expect(crossed >= least, f"{crossed} bytes crossed the link, not {least}: it takes another way")
+    shared = net.b.run("ls", "-A", "/dev/shm").split()
+    expect(not [name for name in shared if "fastrtps_port" in name], f"shared memory is in use: {shared}")
+    return crossed
+
+
 def reception(seconds: float) -> str:
     """Host B finds host A, gets its static transforms, and what it sends."""
     with network() as net:
         sender, receiver = start(net)
         receiver.order("ask")
-        before = net.b.received()
-        time.sleep(seconds)
-        crossed = net.b.received() - before
+        crossed = crossing(net, seconds)
         receiver.order("newer", than_ns=time.time_ns(), within=5.0)
-        least = int(LEAST_BYTES * RATE * seconds * 0.9)
-        expect(crossed >= least, f"{crossed} bytes crossed the link, not {least}: it takes another way")
-        shared = net.b.run("ls", "-A", "/dev/shm").split()
-        expect(not [name for name in shared if "fastrtps_port" in name], f"shared memory is in use: {shared}")
         sent, missing = compare(sender, receiver)
         expect(not missing, f"{len(missing)} of {sent} messages are missing")
         return f"{sent} messages, none missing; {crossed} bytes crossed; {answers(finish(receiver))}"
@@ -111,6 +117,7 @@ def cut(seconds: float) -> str:
     with network() as net:
         sender, receiver = start(net)
         receiver.order("ask")
+        crossing(net, 1.0)
         receiver.order("newer", than_ns=time.time_ns(), within=5.0)
         receiver.order("wait", long_s=seconds + RECOVERY_S, short_s=seconds / 2)
         net.a.cut()
@@ -201,11 +208,11 @@ def main() -> int:
         print(f"Not run: {reason}")
         return UNAVAILABLE
     # The second cut is longer than DDS remembers a participant of which it hears nothing: 20 s.
-    seconds, cuts, depths = (
-        (3.0, [3.0], [KEPT_LONGER]) if options.quick else (30.0, [10.0, 30.0], [KEPT, KEPT_LONGER])
-    )
+    seconds, receptions, cuts, depths = 30.0, [30.0], [10.0, 30.0], [KEPT, KEPT_LONGER]
+    if options.quick:
+        seconds, receptions, cuts, depths = 3.0, [], [3.0], [KEPT_LONGER]
     scenarios: list[tuple[str, Callable[[], str]]] = [
-        ("reception", partial(reception, seconds)),
+        *((f"reception for {length:g} s", partial(reception, length)) for length in receptions),
         *((f"cut for {length:g} s", partial(cut, length)) for length in cuts),
         *(
             (f"{LOSS:.0%} lost, depth {depth}", partial(loss, seconds, depth, options.quick))

@@ -190,6 +190,22 @@ def test_a_damaged_file_is_refused_by_name(path, buffer, tmp_path):
     assert refused > len(whole) // 97
 
 
+def test_a_length_beyond_the_end_of_the_file_asks_for_no_memory(path, tmp_path):
+    whole = path.read_bytes()
+    damaged = tmp_path / "damaged.mcap"
+    huge = (1 << 62).to_bytes(8, "little")
+    # A chunk: opcode, length, two times, a size, a checksum, the name of the compression, its data's length.
+    start = whole.index(b"\x06")
+    while int.from_bytes(whole[start + 1 : start + 9], "little") > len(whole):
+        start = whole.index(b"\x06", start + 1)
+    name_size = int.from_bytes(whole[start + 37 : start + 41], "little")
+    inner = start + 41 + name_size
+    assert int.from_bytes(whole[inner : inner + 8], "little") < len(whole)
+    damaged.write_bytes(whole[:inner] + huge + whole[inner + 8 :])
+    with pytest.raises(ValueError, match=r"damaged\.mcap: it is damaged, or not whole"):
+        BufferCore.load(damaged)
+
+
 REFUSED = {
     "holds no buffer that save.. wrote; tf2_ros.bag.load": lambda metadata, messages: (None, messages),
     "holds no buffer that save": lambda metadata, messages: (None, []),

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from action_msgs.msg import GoalStatus
 from rclpy.action.client import ActionClient
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
@@ -232,12 +233,25 @@ class GoalSender:
             self._send_request(pending, partial(self._request_result, pending))
 
     def _request_result(self, pending: PendingGoal) -> None:
-        pending.handle.get_result_async().add_done_callback(partial(self._result_responded, pending))
+        handle = pending.handle
+        handle.get_result_async().add_done_callback(partial(self._result_responded, pending, handle))
 
-    def _result_responded(self, pending: PendingGoal, response: Future) -> None:
-        if not pending.over():
+    def _result_responded(self, pending: PendingGoal, handle: Any, response: Future) -> None:
+        if pending.over():
+            return
+        if response.result().status == GoalStatus.STATUS_UNKNOWN:
+            if handle is pending.handle:
+                self._send_anew(pending)
+        else:
             self._pending.discard(pending)
             pending.outcome.set_result(response.result())
+
+    def _send_anew(self, pending: PendingGoal) -> None:
+        # The server knows the goal no more: it was restarted, or a slow network delayed the request of the
+        # result for longer than it keeps one. Later, because it may forget each goal at once.
+        pending.handle = None
+        pending.request = partial(self._request_goal, pending)
+        pending.retry_ns = time.monotonic_ns() + pending.retry_delay_ns
 
     def _expire(self, pending: PendingGoal) -> None:
         if pending.over() or pending.deadline_ns is None:

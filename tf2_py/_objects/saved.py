@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import json
 import os
+import stat
+import sys
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, BinaryIO, NoReturn
 
 from tf2_py._objects.histories import COUNT, FRAME_COLUMNS, KIND, STATIC_KIND
 from tf2_py._objects.printable import printable
@@ -121,13 +123,29 @@ def load_state(path: str | os.PathLike[str]) -> dict[str, Any]:
     stream_reader = _mcap("stream_reader")
     with open(path, "rb") as file:
         try:
-            return _read(stream_reader.StreamReader(file, validate_crcs=True).records)
+            return _read(stream_reader.StreamReader(_Bounded(file), validate_crcs=True).records)
         except (MemoryError, OSError):
             raise
         # The library raises what its own parts and those for compression happen to raise.
         except Exception as error:
             reason = str(error) or type(error).__name__
             raise ValueError(f"{printable(os.fspath(path))}: {reason}") from error
+
+
+class _Bounded:
+    """A file that is never asked for more than it holds: a damaged length would be a matter of memory."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        facts = os.fstat(file.fileno())
+        self._file = file
+        self._left = facts.st_size if stat.S_ISREG(facts.st_mode) else sys.maxsize
+
+    def read(self, size: int) -> bytes:
+        if size > self._left:
+            raise ValueError("it is damaged, or not whole: a length goes beyond its end")
+        data = self._file.read(size)
+        self._left -= len(data)
+        return data
 
 
 def _mcap(module: str) -> Any:

@@ -179,6 +179,38 @@ def test_a_forked_child_of_a_reader_is_a_reader():
         assert reader.can_transform_core("map", "f4", 3 * S)[0]
 
 
+@pytest.mark.parametrize("which", ["owner", "reader"])
+def test_a_wait_that_a_child_inherited_is_answered_when_the_child_inserts(which):
+    """By what the owner had inserted since the fork: the child has no thread that follows it."""
+    with pair() as pair_of_buffers:
+        owner, reader = pair_of_buffers
+        owner.set_transforms(links(1 * S, 0), "parent")
+        buffer = owner if which == "owner" else reader
+        waiting = buffer.wait_for_transform_async("map", "f4", at_ns(2 * S))
+        begun, inserted = os.pipe(), os.pipe()
+
+        def child():
+            os.write(begun[1], b"x")
+            assert os.read(inserted[0], 1) == b"x"
+            assert buffer._is_attached and not waiting.done()
+            buffer.set_transform(transform("other", "tree", ns=1 * S), "child")
+            assert waiting.done()
+            assert waiting.result().header.stamp.sec == 2
+            buffer._self_check()
+
+        def insert():
+            os.read(begun[0], 1)
+            owner.set_transforms(links(2 * S, 0), "parent")
+            os.write(inserted[1], b"x")
+
+        thread = threading.Thread(target=insert)
+        thread.start()
+        assert in_a_child(child) == 0
+        thread.join()
+        for end in (*begun, *inserted):
+            os.close(end)
+
+
 def test_a_second_owner_is_refused_with_the_first_ones_process():
     with Owner() as owner:
         with pytest.raises(SharedBufferError, match=f"owned by process {owner.process.pid}$"):

@@ -141,7 +141,13 @@ cdef class Engine:
         lock_write(&self._lock)
         inserts = batch.done < batch.count
         if inserts:
-            self._take_leave()
+            if self._take_leave() and self._waiters.count:
+                # It brought what the other process inserted meanwhile. A thread may have told the waiters of
+                # that or may be about to; in a forked child there is none.
+                batch.wake.change.everything = True
+                batch.wake.change.count = 0
+                wake_begin(&self._waiters, &batch.wake)
+                batch.waking = True
             self._open()
             # Each time: the buffer may have been emptied meanwhile, with its names.
             if self._publication == NULL or publication_has_room_for(
@@ -535,14 +541,16 @@ cdef class Engine:
 
     # Sharing, as far as what changes the tree must know of it; the rest is in sharing.pyx.
 
-    cdef void _take_leave(self) noexcept nogil:
-        # With the lock held for writing, as the next ones.
+    cdef bint _take_leave(self) noexcept nogil:
+        # Whether the buffer was attached. With the lock held for writing, as the next ones.
         cdef Segment* segment
-        if self._tree.mirror != NULL:
-            segment = self._tree.mirror.segment
-            mirror_leave(&self._tree)
-            segment.wake(segment_word(segment))
-            self._nudge()
+        if self._tree.mirror == NULL:
+            return False
+        segment = self._tree.mirror.segment
+        mirror_leave(&self._tree)
+        segment.wake(segment_word(segment))
+        self._nudge()
+        return True
 
     cdef void _nudge(self) noexcept nogil:
         # The thread that follows another process, if it sleeps because nothing waited.

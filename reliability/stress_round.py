@@ -1,0 +1,432 @@
+"""Owns one round of a stress run: a buffer, and all that is done with it at once."""
+
+import asyncio
+import gc
+import json
+import os
+import queue
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+import traceback
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.serialization import serialize_message
+from rclpy.time import Time
+
+from reliability.own_domain import ROOT
+from reliability.stress_readers import Reader
+from reliability.stress_truth import (
+    CACHE_S,
+    CUP,
+    EXACT,
+    SENT,
+    START_NS,
+    STATIC,
+    STEP_NS,
+    S,
+    check_message,
+    sample,
+)
+from tf2_msgs.msg import TFMessage
+from tf2_ros import Buffer, TimeoutException, TransformException, TransformListener
+
+READERS, FORKERS = 2, 1
+CHILD_S = 60.0  # what a child that does not hang never takes
+END_S = 60.0
+FUTURES = 200  # that one thread has pending
+NEVER = 20  # futures of frames that only come at the end
+SHORT_S, WAIT_S = 0.02, 0.2
+
+
+class Round:
+    """
+    One buffer for some seconds.
+
+    :param is_shared: whether other processes read it, and children are readers of their parent's.
+    """
+
+    def __init__(self, seed, is_shared):
+        self.seed, self.is_shared = seed, is_shared
+        self.name = f"stress-{os.getpid()}-{seed}"
+        self.ending = threading.Event()
+        self.writers_ended = threading.Event()
+        self.problems = []
+        self.counts = {}
+        self.offered = 0  # transforms, by the writers
+        self.received = 0  # messages, by listeners
+        self._lock = threading.Lock()
+        self._futures = queue.SimpleQueue()
+        self._peers = []
+        self.buffer = None
+
+    def run(self, seconds):
+        """Do it all for so long; what went wrong."""
+        threads_before = set(threading.enumerate())
+        self.node = rclpy.create_node(f"stress_{self.seed}")
+        self.buffer = Buffer(CACHE_S, self.node, share=self.name if self.is_shared else None)
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self._write(STATIC, static=True)
+        self.never = [
+            self.buffer.wait_for_transform_async("world", f"never{i}", Time()) for i in range(NEVER)
+        ]
+        self._peers.append(self._start_peer("publish"))
+        if self.is_shared:
+            self._peers.append(self._start_peer("read", self.name, self.seed))
+        writers = [self.write_chain, self.write_bursts, self.write_exact, self.write_cup, self.clear]
+        others = [self.read] * READERS + [self.fork] * FORKERS
+        others += [self.block, self.make_futures, self.await_all, self.listen, self.spin]
+        threads = [self._thread(work, i) for i, work in enumerate(writers + others)]
+        for thread in threads:
+            thread.start()
+        time.sleep(seconds)
+        self.ending.set()
+        for thread in threads:
+            thread.join(END_S + CHILD_S)
+            if thread.is_alive():
+                self._problem(f"{thread.name} has not ended")
+                raise SystemExit("\n".join(self.problems))
+        self._end_peers()
+        self._check_statistics()
+        self._check_waits()
+        self._end(threads_before)
+        return self.problems
+
+    # What all threads share.
+
+    def _thread(self, work, number):
+        rng = random.Random(f"{self.seed} {work.__name__} {number}")
+
+        def guarded():
+            try:
+                while not self.ending.is_set():
+                    work(rng)
+            except BaseException:
+                self._problem(f"{work.__name__}: {traceback.format_exc()}")
+
+        return threading.Thread(target=guarded, name=work.__name__)
+
+    def _problem(self, text):
+        self.problems.append(text)
+        print(text, file=sys.stderr, flush=True)
+
+    def _count(self, what, count=1):
+        with self._lock:
+            self.counts[what] = self.counts.get(what, 0) + count
+
+    def _write(self, messages, static=False, way=0):
+        """Insert in one of all ways."""
+        authority = f"writer {way}"
+        if way == 0:
+            self.buffer.set_transforms(messages, authority, static)
+        elif way == 1:
+            data = bytes(serialize_message(TFMessage(transforms=messages)))
+            self.buffer.set_transforms_cdr(data, authority, static)
+        else:
+            insert = self.buffer.set_transform_static if static else self.buffer.set_transform
+            for message in messages:
+                insert(message, authority)
+        with self._lock:
+            self.offered += len(messages)
+
+    # Writers. One thread writes a frame, so its stamps grow, but for late samples.
+
+    def write_chain(self, rng):
+        """A chain of three, with late samples, pauses that prune all, and static ones again."""
+        time_ns = START_NS
+        while not self.ending.is_set():
+            time_ns += STEP_NS if rng.random() < 0.995 else 2 * round(CACHE_S * S)
+            self._write([sample(frame, time_ns) for frame in ("a0", "a1", "a2")], way=rng.randrange(3))
+            if rng.random() < 0.3:
+                late_ns = max(1, time_ns - rng.randrange(round(1.1 * CACHE_S * S)))
+                self._write([sample(rng.choice(("a0", "a1", "a2")), late_ns)], way=rng.randrange(3))
+            if rng.random() < 0.02:
+                self._write([rng.choice(STATIC)], static=True, way=rng.randrange(3))
+
+    def write_bursts(self, rng):
+        """Histories that grow to thousands of samples, and shrink to a few."""
+        time_ns = START_NS
+        while not self.ending.is_set():
+            is_dense = rng.random() < 0.5
+            step_ns = STEP_NS // 20 if is_dense else 10 * STEP_NS
+            for _ in range(30):
+                many = [sample("b0", time_ns + i * step_ns) for i in range(40 if is_dense else 2)]
+                many += [sample("b1", time_ns + i * step_ns) for i in range(40 if is_dense else 2)]
+                if rng.random() < 0.3:
+                    rng.shuffle(many)
+                self._write(many, way=rng.randrange(3))
+                time_ns += step_ns * (len(many) // 2)
+
+    def write_exact(self, rng):
+        time_ns = START_NS
+        while not self.ending.is_set():
+            time_ns += STEP_NS
+            self._write([sample(EXACT, time_ns)] * rng.choice((1, 1, 2)), way=rng.randrange(3))
+
+    def write_cup(self, rng):
+        time_ns = START_NS
+        while not self.ending.is_set():
+            time_ns += STEP_NS
+            self._write([sample(CUP, time_ns)], way=rng.randrange(3))
+
+    def clear(self, rng):
+        if not self.ending.wait(rng.uniform(0.05, 1.0)):
+            self.buffer.clear()
+            self._count("clears")
+
+    # Readers and waiters.
+
+    def read(self, rng):
+        reader = Reader(self.buffer, rng)
+        while not self.ending.is_set():
+            reader.step()
+        for what, count in reader.counts.items():
+            self._count(what, count)
+
+    def _soon(self, rng):
+        """A lookup that an insert is about to answer."""
+        frame = rng.choice((EXACT, CUP, "a0", "a2", "b1", "net2", "camera"))
+        try:
+            newest_ns = self.buffer.get_latest_common_time("world", frame).nanoseconds
+        except TransformException:
+            newest_ns = START_NS
+        return frame, max(1, newest_ns + rng.randrange(-STEP_NS, 10 * STEP_NS))
+
+    def block(self, rng):
+        frame, time_ns = self._soon(rng)
+        try:
+            answer = self.buffer.lookup_transform("world", frame, time_ns, WAIT_S)
+        except TransformException:
+            self._count("blocked in vain")
+            return
+        check_message("world", frame, answer, time_ns)
+        self._count("blocked")
+
+    def make_futures(self, rng):
+        """Make, cancel, drop and keep them."""
+        kept = []
+        while not self.ending.is_set():
+            frame, time_ns = self._soon(rng)
+            future = self.buffer.wait_for_transform_async("world", frame, time_ns)
+            fate = rng.random()
+            if fate < 0.2:
+                future.cancel()
+            elif fate < 0.3:
+                future.add_done_callback(lambda _: self._count("called back"))
+            if fate >= 0.4:
+                kept.append((future, frame, time_ns))
+            while len(kept) > FUTURES:
+                self._check_future(*kept.pop(rng.randrange(len(kept))))
+        for one in kept:
+            self._futures.put(one)
+
+    def _check_future(self, future, frame, time_ns):
+        if not future.done() or future.cancelled():
+            self._count("futures without answer")
+            return
+        check_message("world", frame, future.result(), time_ns)
+        self._count("futures answered")
+
+    def await_all(self, rng):
+        asyncio.run(self._await_some(rng))
+
+    async def _await_some(self, rng):
+        await asyncio.gather(*(self._await_one(rng) for _ in range(20)))
+
+    async def _await_one(self, rng):
+        frame, time_ns = self._soon(rng)
+        if rng.random() < 0.3:
+            frame = "never in this world"
+        try:
+            answer = await self.buffer.lookup_transform_async("world", frame, time_ns, timeout=SHORT_S)
+        except TimeoutException:
+            self._count("awaited in vain")
+            return
+        check_message("world", frame, answer, time_ns)
+        self._count("awaited")
+
+    # ROS.
+
+    def spin(self, _):
+        while not self.ending.is_set():
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def listen(self, rng):
+        """Make a listener, let it receive, and destroy it."""
+        own_node, spins = None, False
+        way = rng.randrange(4)
+        if way == 0:
+            listener = TransformListener(self.buffer, self.node)
+        elif way == 1:
+            listener = TransformListener(self.buffer, None)
+        else:
+            own_node, spins = rclpy.create_node("stress_listener"), way == 2
+            listener = TransformListener(self.buffer, own_node, spin_thread=spins)
+        topics = listener._reception.topics
+        self.ending.wait(rng.uniform(0.1, 1.5))
+        thread = listener._receiver_thread._thread
+        if spins:
+            listener.__exit__()
+        else:
+            listener.unregister()
+        thread.join(END_S)
+        if thread.is_alive():
+            self._problem("a receiver has not ended with its listener")
+        received = sum(topic.received()[0] for topic in topics)
+        with self._lock:
+            self.received += received
+        self._count("messages", received)
+        self._count("listeners")
+        if own_node is not None:
+            own_node.destroy_node()
+        del listener
+        if rng.random() < 0.3:
+            gc.collect()
+
+    # Other processes.
+
+    def _start_peer(self, *arguments):
+        environment = {**os.environ, "PYTHONFAULTHANDLER": "1"}
+        if environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None):
+            environment.pop("LD_LIBRARY_PATH", None)
+        return subprocess.Popen(
+            [sys.executable, "-m", "reliability.stress_peer", *map(str, arguments)],
+            cwd=ROOT,
+            env=environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def _end_peers(self):
+        for peer in self._peers:
+            try:
+                said, _ = peer.communicate(timeout=END_S)
+            except subprocess.TimeoutExpired:
+                self._problem(f"{peer.args[3:]} does not end")
+                peer.send_signal(signal.SIGABRT)
+                peer.communicate()
+                continue
+            if peer.returncode:
+                self._problem(f"{peer.args[3:]} ended with {peer.returncode}")
+                continue
+            for what, count in json.loads(said).items():
+                self._count(f"other process: {what}", count)
+
+    def fork(self, rng):
+        child_seed = rng.randrange(10**9)
+        child = os.fork()
+        if child == 0:
+            self._be_child(random.Random(child_seed))
+        deadline = time.monotonic() + CHILD_S
+        while True:
+            pid, status = os.waitpid(child, os.WNOHANG)
+            if pid:
+                break
+            if time.monotonic() > deadline:
+                os.kill(child, signal.SIGABRT)
+            time.sleep(0.005)
+        if status:
+            self._problem(f"the child of seed {child_seed} ended with {os.waitstatus_to_exitcode(status)}")
+        self._count("children")
+
+    def _be_child(self, rng):
+        try:
+            buffer = self.buffer
+            reader = Reader(buffer, rng)
+            for _ in range(20):
+                reader.step()
+            assert not buffer.can_transform("world", "never here", Time(), SHORT_S)
+            frame, time_ns = self._soon(rng)
+            try:
+                # In a child of an owner its parent answers.
+                check_message(
+                    "world", frame, buffer.lookup_transform("world", frame, time_ns, SHORT_S), time_ns
+                )
+            except TransformException:
+                pass
+            waiting = buffer.wait_for_transform_async("world", "own", Time())
+            mine = sample("camera", START_NS)
+            mine.header.frame_id, mine.child_frame_id = "world", "own"
+            buffer.set_transform_static(mine, "child")
+            assert waiting.done() and not buffer._is_attached
+            buffer._self_check()
+            if rng.random() < 0.5:
+                buffer.clear()
+                buffer._self_check()
+            mine.child_frame_id = "never0"
+            buffer.set_transform_static(mine, "child")
+            assert self.never[0].done()
+            for _ in range(20):
+                reader.step()
+            buffer._self_check()
+            sys.stderr.flush()
+            os._exit(0)
+        except BaseException:
+            traceback.print_exc()
+            sys.stderr.flush()
+        finally:
+            os._exit(1)
+
+    # What must be true in the end.
+
+    def _check_statistics(self):
+        self.buffer._self_check()
+        counts = self.buffer.statistics()
+        refused = sum(counts["refused"].values())
+        offered = self.offered + self.received * len(SENT)
+        if counts["taken"] + refused != offered or refused != counts["refused"]["old_data"]:
+            self._problem(f"{offered} transforms were inserted, but: {counts}")
+        self._count("inserted", offered)
+        self._count("refused", refused)
+
+    def _check_waits(self):
+        """Each has its answer, or a lookup has none now; those of NEVER get theirs when it is inserted."""
+        pending = 0
+        while not self._futures.empty():
+            future, frame, time_ns = self._futures.get()
+            if not future.done() and not future.cancelled():
+                pending += 1
+                if self.buffer.can_transform_core("world", frame, time_ns)[0]:
+                    self._problem(f"a future of {frame} at {time_ns} still waits")
+            self._check_future(future, frame, time_ns)
+            future.cancel()
+        self._count("futures pending in the end", pending)
+        del future
+        waiters = self.buffer.statistics()["waiters"]
+        # Those with callbacks live on without anybody; they are among the dropped ones.
+        with_callbacks = [one for one in list(type(self.never[0])._kept_alive) if not one.done()]
+        if waiters != NEVER + len(with_callbacks):
+            self._problem(
+                f"{waiters} waiters, not {NEVER} and {len(with_callbacks)}: {self.buffer._pending_waits()}"
+            )
+        for one in with_callbacks:
+            one.cancel()
+        mine = sample("camera", START_NS)
+        mine.header.frame_id = "world"
+        for i, future in enumerate(self.never):
+            if future.done():
+                self._problem(f"never{i} has an answer")
+            mine.child_frame_id = f"never{i}"
+            self._write([mine], static=True, way=i % 3)
+            if not future.done():
+                self._problem(f"never{i} has no answer")
+        if self.buffer.statistics()["waiters"]:
+            self._problem(f"waiters are left: {self.buffer._pending_waits()}")
+        self.buffer._self_check()
+
+    def _end(self, threads_before):
+        self.executor.shutdown()
+        self.node.destroy_node()
+        if self.is_shared:
+            self.buffer._sharing.close()
+        self.buffer = self.node = self.executor = self.never = None
+        gc.collect()
+        left = {thread.name for thread in set(threading.enumerate()) - threads_before if not thread.daemon}
+        if left:
+            self._problem(f"threads are left: {left}")

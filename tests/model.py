@@ -1,8 +1,9 @@
 """
 Owns a slow and obvious model of a tf2 buffer: lists, dicts and tuples.
 
-It follows the C++ of ROS 2 Jazzy (`buffer_core.cpp`, `cache.cpp`) and what `docs/differences.md` says is different
-here, and shares nothing with this project's own code. Times are nanoseconds, vectors x y z, rotations x y z w.
+It follows the C++ of ROS 2 Jazzy (`buffer_core.cpp`, `cache.cpp`) and what `docs/differences.md` says is
+different here, and shares nothing with this project's own code. Times are nanoseconds, vectors x y z,
+rotations x y z w.
 """
 
 import math
@@ -30,18 +31,18 @@ REASONS = (
 
 
 class ModelError(Exception):
-    """What a lookup raises: the name of tf2's class, and the text."""
+    """What a lookup raises: the name of tf2's class, and the text, or one of several."""
 
-    def __init__(self, kind, text):
-        super().__init__(kind, text)
-        self.kind, self.text = kind, text
+    def __init__(self, kind, *texts):
+        super().__init__(kind, *texts)
+        self.kind, self.text, self.texts = kind, texts[0], texts
 
 
 class Gap(Exception):
     """A frame has no data at a time."""
 
     def __init__(self, frame, text, addition):
-        super().__init__(text)
+        super().__init__(frame, text, addition)
         self.frame, self.text, self.addition = frame, text, addition
 
 
@@ -181,15 +182,8 @@ class Frame:
             return interpolated(older, newer, time)
         return (older[1], older[2:])
 
-    def parent_near(self, time):
-        """The parent at a time, or that of the nearest sample; None without data."""
-        if not self.samples:
-            return None
-        if self.static or time == NEWEST or time >= self.samples[-1][0]:
-            return self.newest_parent()
-        if time <= self.samples[0][0]:
-            return self.samples[0][1]
-        return [sample for sample in self.samples if sample[0] <= time][-1][1]
+    def parents(self):
+        return {sample[1] for sample in self.samples}
 
 
 class Model:
@@ -200,6 +194,7 @@ class Model:
         self.authorities = {}
         self.taken = 0
         self.refused = dict.fromkeys(REASONS, 0)
+        self.looped = False  # the samples ever held a loop, whatever their stamps
         self._found = {}  # what data_at() answered since the last change
 
     # Inserting.
@@ -239,11 +234,21 @@ class Model:
             return False
         self.authorities[child] = authority
         self.taken += 1
+        self.looped = self.looped or self._is_below(parent, child)
         return True
 
     def _name(self, name):
         if name not in self.names:
             self.names.append(name)
+
+    def _is_below(self, frame, wanted):
+        above, found = [frame], {frame}
+        while above:
+            name = above.pop()
+            parents = self.frames[name].parents() if name in self.frames else set()
+            above += parents - found
+            found |= parents
+        return wanted in found
 
     def _insert_dynamic(self, frame, sample):
         oldest_kept = frame.newest_ns() - self.cache_ns
@@ -323,6 +328,16 @@ class Model:
         found, _ = self._walk(target, source, stamp or NEWEST)
         return stamp, found
 
+    def check_wait(self, target, source, *fixed):
+        """A wait for a name that may be inserted begins; one for a name that no lookup accepts raises."""
+        arguments = zip(
+            ("target_frame", "source_frame", "fixed_frame"), (target, source, *fixed), strict=False
+        )
+        if fixed or target != source:
+            for argument, name in arguments:
+                if name == "" or name.startswith("/"):
+                    self._check_name(f"lookupTransform argument {argument}", name)
+
     def can(self, target, source, ns):
         return self._reason(lambda: self.lookup(target, source, ns))
 
@@ -335,15 +350,11 @@ class Model:
         return self._reason(look_up)
 
     def _reason(self, look_up):
-        """(1, ""), or 0 and the text in the form of a canTransform."""
+        """(1, ""), or 0 and the texts in the form of a canTransform."""
         try:
             look_up()
         except ModelError as error:
-            text = error.text
-            if "passed to" in text:
-                text = text.removeprefix("Invalid argument ").replace("lookupTransform", "canTransform")
-                text = "Invalid frame ID " + text.replace(" does not exist", " - frame does not exist")
-            return (0, text)
+            return (0, *map(as_reason, error.texts))
         return (1, "")
 
     def latest(self, target, source):
@@ -461,16 +472,16 @@ class Model:
         )
 
     def _extrapolation(self, target, source, time, gap):
-        """tf2 names its gap; here it is one on the path, if the nearest samples tell a path."""
-        gap = self._gap_on_path(target, source, time) or gap
-        return ModelError(
-            "ExtrapolationException",
+        """tf2 names its gap; here it is one on the path, if that is known."""
+        texts = [
             f"Lookup would require {gap.text}, when looking up transform from frame [{source}] to frame "
-            f"[{target}]; {gap.addition}",
-        )
+            f"[{target}]; {gap.addition}"
+            for gap in (self._gap_on_path(target, source, time) or gap, gap)
+        ]
+        return ModelError("ExtrapolationException", *texts[: 2 if self.looped else 1])
 
     def _gap_on_path(self, target, source, time):
-        up, down = self._nearest_chain(source, time), self._nearest_chain(target, time)
+        up, down = self._known_chain(source, time), self._known_chain(target, time)
         common = [frame for frame in up if frame in down]
         if not common:
             return None
@@ -482,19 +493,25 @@ class Model:
                     return data
         return None
 
-    def _nearest_chain(self, frame, time):
+    def _known_chain(self, frame, time):
+        """Upwards as far as parents are known: at the time, or because a frame has never had another one."""
         chain = []
         while frame is not None and frame not in chain:
             chain.append(frame)
-            frame = self.frames[frame].parent_near(time) if frame in self.frames else None
+            parents = self.frames[frame].parents() if frame in self.frames else set()
+            data = self.data_at(frame, time)
+            if len(parents) == 1:
+                frame = min(parents)
+            else:
+                frame = None if data is None or isinstance(data, Gap) else data[0]
         return chain
 
     # Chains and velocities.
 
     def chain(self, target, target_ns, source, source_ns, fixed):
-        self._check_names("lookupTransform", target_frame=target, source_frame=source, fixed_frame=fixed)
         halves = []
         for end, begin, ns in ((fixed, source, source_ns), (target, fixed, target_ns)):
+            self._check_names("lookupTransform", target_frame=end, source_frame=begin)
             if begin == end:
                 halves.append([begin])
             else:
@@ -503,11 +520,12 @@ class Model:
 
     def velocity(self, tracking, observation, reference, point, point_frame, ns, interval_ns):
         """
-        Linear and angular, or a set of errors of which one is raised.
+        The errors of which one is raised, and the answers of which one is given; one of the lists is empty.
 
-        The mean over the interval around the time, cut at the latest common time; time 0 is not the latest.
+        An answer is the linear and the angular mean over the interval around the time, cut at the latest
+        common time; time 0 is not the latest. After half a turn there are two answers.
         """
-        errors = []
+        errors, ns = [], max(ns, 1)
 
         def exactly(target, source, at_ns):
             # The rotation's sign does not matter here.
@@ -521,27 +539,30 @@ class Model:
         try:
             latest = self.latest(observation, tracking)
         except ModelError as error:
-            return {(error.kind, error.text)}
+            return [error], []
         start = max(ns - interval_ns // 2, 1)
-        end = min(ns + interval_ns - interval_ns // 2, latest)
+        end = min(ns + interval_ns - interval_ns // 2, latest or math.inf)
         first, last = exactly(observation, tracking, start), exactly(observation, tracking, end)
         now = exactly(observation, tracking, ns)
         point_now = added(turned((p := exactly(observation, point_frame, ns))[1], point), p[0])
         into = exactly(reference, observation, ns)[1]
         if errors:
-            return {(error.kind, error.text) for error in errors}
-        if end <= start:
-            return ((math.nan,) * 3, (math.nan,) * 3)
+            return errors, []
+        if end == start:
+            return [], [((math.nan,) * 3, (math.nan,) * 3)]
         duration = (end - start) / S
         linear = tuple(a / duration for a in difference(last[0], first[0]))
-        x, y, z, w = product(last[1], conjugate(first[1]))
-        if w < 0:
-            x, y, z, w = -x, -y, -z, -w
-        sine = math.sqrt(x * x + y * y + z * z)
-        scale = 2 * math.atan2(sine, w) / sine / duration if sine > 0 else 0.0
-        angular = (x * scale, y * scale, z * scale)
-        linear = added(linear, cross(angular, difference(point_now, now[0])))
-        return (turned(into, linear), turned(into, angular))
+        lever = difference(point_now, now[0])
+        answers = []
+        for sign in (1.0, -1.0):
+            x, y, z, w = (sign * a for a in product(last[1], conjugate(first[1])))
+            if w > -1e-9:
+                sine = math.sqrt(x * x + y * y + z * z)
+                scale = 2 * math.atan2(sine, w) / sine / duration if sine > 0 else 0.0
+                angular = (x * scale, y * scale, z * scale)
+                at_point = added(linear, cross(angular, lever))
+                answers.append((turned(into, at_point), turned(into, angular)))
+        return [], answers
 
     # Listings.
 
@@ -634,6 +655,14 @@ class Model:
             return f" (1 sample, at {seconds(newest)})"
         span = (newest - frame.oldest_ns()) / S
         return f" ({count} samples over {span:.3f} s, newest at {seconds(newest)})"
+
+
+def as_reason(text):
+    """What a canTransform says instead of the text of a lookupTransform."""
+    if "passed to" not in text:
+        return text
+    text = text.removeprefix("Invalid argument ").replace("lookupTransform", "canTransform")
+    return "Invalid frame ID " + text.replace(" does not exist", " - frame does not exist")
 
 
 def without_detours(names):

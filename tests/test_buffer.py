@@ -146,6 +146,15 @@ class TestLookup:
         assert str(caught.value) == f"{unwaited.value}. Waited 0.05 s"
 
     @pytest.mark.ours
+    def test_of_two_halves_that_fail_the_same_one_is_told_with_a_wait_and_without(self, buffer, tf2_py):
+        buffer.set_transform(transform("map", "robot", 1), "me")
+        buffer.set_transform(transform("moon", "crater", 1), "me")
+        for timeout in (Duration(), SHORT):
+            # can_transform_full tells of the target's half, which is an ExtrapolationException.
+            with pytest.raises(tf2_py.ConnectivityException):
+                buffer.lookup_transform_full("robot", at(2), "crater", at(1), "map", timeout)
+
+    @pytest.mark.ours
     def test_what_was_not_waited_for_does_not_say_so(self, buffer, tf2_py):
         for timeout in (Duration(), Duration(seconds=-1)):
             with pytest.raises(tf2_py.LookupException, match="is empty$"):

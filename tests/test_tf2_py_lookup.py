@@ -281,6 +281,14 @@ class TestErrors:
             buffer.lookup_transform_core("map", "camera", at(0.5))
 
     @pytest.mark.ours
+    def test_an_extrapolation_into_the_past_names_the_parent_of_the_oldest_sample(self, tf2_py, buffer):
+        fill(buffer, ("map cup", 2), ("hand cup", 3))
+        with pytest.raises(tf2_py.ExtrapolationException, match="before the oldest sample of cup in map"):
+            buffer.lookup_transform_core("map", "cup", at(1))
+        with pytest.raises(tf2_py.ExtrapolationException, match="after the newest sample of cup in hand"):
+            buffer.lookup_transform_core("hand", "cup", at(4))
+
+    @pytest.mark.ours
     def test_of_two_gaps_the_target_sides_is_told(self, tf2_py, buffer):
         fill(buffer, ("map left", 1, 2), ("map right", 1, 2))
         with pytest.raises(tf2_py.ExtrapolationException, match="left in map"):

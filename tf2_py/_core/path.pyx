@@ -11,7 +11,7 @@ from tf2_py._core.geometry cimport (
     transform_compose,
     transform_identity,
 )
-from tf2_py._core.tree cimport Tree, tree_newest_parent
+from tf2_py._core.tree cimport Tree, tree_newest_parent, tree_oldest_parent
 from tf2_py._core.types cimport (
     GAP_NONE,
     GAP_PAST,
@@ -37,7 +37,7 @@ cdef Status gap_status(const Tree* tree, FrameId frame, int64_t time_ns) noexcep
     status.gap = gap
     status.on_path = False
     status.child = frame
-    status.parent = tree_newest_parent(tree, frame)
+    status.parent = tree_oldest_parent(tree, frame) if gap == GAP_PAST else tree_newest_parent(tree, frame)
     status.requested_ns = time_ns
     status.edge_ns = cache.oldest_ns if gap == GAP_PAST else cache.newest_ns
     return status

@@ -3,7 +3,7 @@
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
 from tf2_py._core.arena cimport Arena
-from tf2_py._core.cache cimport Cache
+from tf2_py._core.cache cimport Cache, cache_parent_of
 from tf2_py._core.cache_find cimport cache_parent_at
 from tf2_py._core.change cimport Change
 from tf2_py._core.mirror_state cimport Mirror
@@ -77,6 +77,13 @@ cdef inline FrameId tree_parent_at(const Tree* tree, FrameId frame, int64_t time
 
 cdef inline FrameId tree_newest_parent(const Tree* tree, FrameId frame) noexcept nogil:
     return tree.parents[frame] & ~<uint32_t>MIXED_PARENTS
+
+
+# NO_FRAME: there are no samples, or the oldest one is nonsense, as above.
+cdef inline FrameId tree_oldest_parent(const Tree* tree, FrameId frame) noexcept nogil:
+    cdef const Cache* cache = &tree.caches[frame]
+    cdef FrameId parent = cache_parent_of(cache, 0) if cache.count else <FrameId>NO_FRAME
+    return parent if parent < tree.names.count else <FrameId>NO_FRAME
 
 
 # Drops all dynamic histories; names, authorities and static transforms stay.

@@ -78,7 +78,7 @@ cdef struct Status:
     Gap gap                 # the fields below are facts of STATUS_EXTRAPOLATION only
     bint on_path            # the path is known: without this gap, or another on it, there is an answer
     FrameId child           # the edge that lacks data ...
-    FrameId parent          # ... as far as its newest sample tells; NO_FRAME: it has none
+    FrameId parent          # ... as far as its sample nearest to requested_ns tells; NO_FRAME: it has none
     int64_t requested_ns    # the time looked up
     int64_t edge_ns         # the stamp of its data nearest to requested_ns; undefined for GAP_EMPTY
 

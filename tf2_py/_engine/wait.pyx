@@ -10,7 +10,14 @@ from tf2_py._core.clock cimport monotonic_ns
 from tf2_py._core.event cimport Event, event_free, event_init, event_set, event_wait
 from tf2_py._core.lookup cimport Query
 from tf2_py._core.names cimport name_is_invalid
-from tf2_py._core.types cimport STATUS_BAD_FIXED, STATUS_BAD_SOURCE, STATUS_BAD_TARGET, STATUS_OK, Status
+from tf2_py._core.types cimport (
+    STATUS_BAD_FIXED,
+    STATUS_BAD_SOURCE,
+    STATUS_BAD_TARGET,
+    STATUS_OK,
+    Status,
+    Transform,
+)
 from tf2_py._core.waiters cimport Waiter, waiter_free
 from tf2_py._engine.engine cimport Engine, WaiterOwner
 from tf2_py._objects.messages cimport new_transform_stamped
@@ -90,7 +97,9 @@ cdef class Wait(WaiterOwner):
     def reason(self):
         """What a lookup raises now: the exception, or None where it would answer."""
         cdef int64_t stamp_ns
-        cdef Status status = self._engine.lookup(&self._waiter.query, NULL, &stamp_ns)
+        # Without it, the halves of a two-time lookup would be tried in the order of a can_transform.
+        cdef Transform not_needed
+        cdef Status status = self._engine.lookup(&self._waiter.query, &not_needed, &stamp_ns)
         return None if status.code == STATUS_OK else self._engine.error(&self._waiter.query, status)
 
     cpdef str lacks(self):

@@ -1,0 +1,46 @@
+"""
+Compares the buffer with a slow model of tf2 for as long as one wants, in random steps and queries.
+
+The ordinary suite does the same for half a minute: tests/test_model.py. A failure prints the steps that are
+needed to see it, which `--replay FILE` takes again.
+"""
+
+import argparse
+import ast
+import random
+import sys
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
+
+from model_pair import run, search
+from waiters_random import as_text, quiet
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m reliability.model", description=__doc__)
+    parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(10**9))
+    parser.add_argument("--replay", type=Path, help="a file with steps as a failure prints them")
+    options = parser.parse_args()
+    with quiet():
+        if options.replay:
+            broken = run(ast.literal_eval(options.replay.read_text()))
+            print(broken or "buffer and model agree")
+            return bool(broken)
+        print(f"seed {options.seed}", flush=True)
+        end = time.monotonic() + options.seconds
+        counts, found = search(options.seed, lambda: time.monotonic() >= end)
+    outcomes = ", ".join(f"{name} {count:,}" for name, count in sorted(counts.items()))
+    print(f"{counts['steps']:,} steps, {counts['queries']:,} queries; {outcomes}")
+    if found is None:
+        print("buffer and model agree")
+        return 0
+    broken, steps = found
+    print(f"{broken}\n{as_text(steps)}")
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -25,6 +25,7 @@ class Outcome(NamedTuple):
     edges: int
     seconds: float
     crashes: list[Path]
+    code: int  # that the process ended with
 
 
 def fuzz(name: str, seconds: int, build: Path, python: str) -> Outcome:
@@ -49,16 +50,17 @@ def fuzz(name: str, seconds: int, build: Path, python: str) -> Outcome:
         places = [str(found), str(CORPUS / name), seeds]
         begun = time.monotonic()
         log = build.parent / f"fuzz-{name}.log"
-        _run(["reliability.fuzz.process", name, *options, *filter(_exists, places)], build, python, log)
+        process = ["reliability.fuzz.process", name, *options, *filter(_exists, places)]
+        code = _run(process, build, python, log)
         took = time.monotonic() - begun
     text = log.read_text(errors="replace")
     executions = [int(number) for number in re.findall(r"^#(\d+)\s", text, re.M)]
     executions += map(int, re.findall(r"number_of_executed_units: (\d+)", text))
     edges = [int(number) for number in re.findall(r"\bcov: (\d+)", text)]
     new = sorted(set(crashes.iterdir()) - before)
-    if new:
+    if new or code != 0:
         print(text[-6000:])
-    return Outcome(max(executions, default=0), max(edges, default=0), took, new)
+    return Outcome(max(executions, default=0), max(edges, default=0), took, new, code)
 
 
 def minimise(name: str, build: Path, python: str) -> None:
@@ -86,16 +88,16 @@ def _exists(place: str) -> bool:
 
 def _run(
     arguments: list[str], build: Path, python: str, log: Path | None = None, folder: str | None = None
-) -> None:
+) -> int:
     command = [python, "-m", *arguments]
     with tempfile.TemporaryDirectory() as empty:
         options = {"cwd": folder or empty, "env": environment(build)}
         if log is None:
             subprocess.run(command, check=True, **options)  # type: ignore[call-overload]
-        else:
-            # What it found is in its folder of crashes, and its log.
-            with open(log, "w") as file:
-                subprocess.run(command, stdout=file, stderr=file, **options)  # type: ignore[call-overload]
+            return 0
+        with open(log, "w") as file:
+            ended = subprocess.run(command, stdout=file, stderr=file, **options)  # type: ignore[call-overload]
+            return int(ended.returncode)
 
 
 def main() -> int:
@@ -124,10 +126,11 @@ def main() -> int:
             lines.append(f"{name}: {len(sizes)} inputs, {sum(sizes)} bytes")
             continue
         outcome = fuzz(name, arguments.seconds, build, sys.executable)
-        failed = failed or bool(outcome.crashes) or not outcome.executions
+        failed = failed or bool(outcome.crashes) or outcome.code != 0
+        found = ", ".join(one.name for one in outcome.crashes)
         lines.append(
             f"{name}: {outcome.executions} executions, {outcome.edges} edges, {outcome.seconds:.0f} s, "
-            + (", ".join(one.name for one in outcome.crashes) or "nothing found")
+            + (found or ("nothing found" if outcome.code == 0 else f"ended with {outcome.code}"))
         )
         print(lines[-1], flush=True)
     print("\n".join(["", *lines]))

@@ -6,7 +6,7 @@ import numpy as np
 
 from tf2_py import BufferCore, TransformException
 
-__all__ = ["Fault", "answers", "is_same_state", "quiet"]
+__all__ = ["Fault", "answers", "ask", "is_same_state", "quiet"]
 
 
 class Fault(AssertionError):
@@ -33,8 +33,14 @@ def _is_same(one: Any, other: Any) -> bool:
 
 
 def answers(buffer: BufferCore, most: int = 6) -> None:
-    """Check a buffer, and ask it everything about some of its frames: it answers, or says what is missing."""
+    """Check a buffer, before and after :func:`ask`."""
     buffer._self_check()
+    ask(buffer, most)
+    buffer._self_check()
+
+
+def ask(buffer: BufferCore, most: int) -> None:
+    """Ask a buffer everything about so many of its frames: it answers, or says what is missing."""
     known = buffer._getFrameStrings()[:most]
     frames = buffer.frames()
     for name in known:
@@ -54,4 +60,3 @@ def answers(buffer: BufferCore, most: int = 6) -> None:
     buffer.tree()
     buffer.statistics()
     repr(buffer)
-    buffer._self_check()

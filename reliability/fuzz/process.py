@@ -1,6 +1,8 @@
 """Owns the process that fuzzes one target: `python -m reliability.fuzz.process <target> <libFuzzer's options>`."""
 
+import hashlib
 import sys
+from pathlib import Path
 
 import atheris
 
@@ -12,7 +14,17 @@ def main() -> None:
     name = sys.argv.pop(1)
     with atheris.instrument_imports(include=PACKAGES[name]):
         found = target(name)
-    atheris.Setup(sys.argv, found.run)
+    crashes = next(one.partition("=")[2] for one in sys.argv if one.startswith("-artifact_prefix="))
+
+    def run(data: bytes) -> None:
+        try:
+            found.run(data)
+        except BaseException:
+            # libFuzzer's own way from here to such a file leads through the end of all libraries of ROS.
+            Path(f"{crashes}exception-{hashlib.sha1(data).hexdigest()[:12]}").write_bytes(data)
+            raise
+
+    atheris.Setup(sys.argv, run)
     atheris.Fuzz()
 
 

@@ -22,7 +22,7 @@ MOST_BYTES = {
     "cdr_ros": 1024,
     "objects": 512,
     "clouds": 1024,
-    "recordings": 8192,
+    "recordings": 12000,
     "saved": 8192,
     "states": 2048,
     "segments": 512,

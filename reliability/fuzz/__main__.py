@@ -110,7 +110,9 @@ def main() -> int:
     parser.add_argument("target", nargs="*", help=f"of {', '.join(PACKAGES)}; none: all")
     parser.add_argument("--seconds", type=int, default=600, help="for each (default: %(default)s)")
     parser.add_argument(
-        "--minimise", action="store_true", help="renew the corpus in the repository instead, from what was found"
+        "--minimise",
+        action="store_true",
+        help="renew the corpus in the repository instead, from what was found",
     )
     arguments = parser.parse_args()
     names = arguments.target or list(PACKAGES)

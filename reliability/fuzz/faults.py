@@ -6,19 +6,11 @@ import numpy as np
 
 from tf2_py import BufferCore, TransformException
 
-__all__ = ["Fault", "answers", "ask", "is_same_state", "quiet"]
+__all__ = ["Fault", "answers", "ask", "is_same_state"]
 
 
 class Fault(AssertionError):
     """What must not be."""
-
-
-def quiet() -> None:
-    """Log nothing: each refused transform would be a line."""
-    from rclpy.logging import get_logger, set_logger_level
-
-    for name in ("tf2_py", "tf2_ros"):
-        set_logger_level(get_logger(name).name, 50)
 
 
 def is_same_state(one: dict[str, Any], other: dict[str, Any]) -> bool:

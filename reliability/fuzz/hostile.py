@@ -14,7 +14,20 @@ from reliability.fuzz.reading import Input
 __all__ = ["Hostile", "Maker"]
 
 FRAMES = ("map", "odom", "base", "/base", "camera", "", "NO_PARENT", "\u6771", "\ud800", "a\0b", "x" * 300)
-STAMPS = (0, 1, 100 * 10**9, 100 * 10**9 + 5, 101 * 10**9, 10**18, 2**62, 2**63 - 1, -1, -(2**63), 2**63, 10**40)
+STAMPS = (
+    0,
+    1,
+    100 * 10**9,
+    100 * 10**9 + 5,
+    101 * 10**9,
+    10**18,
+    2**62,
+    2**63 - 1,
+    -1,
+    -(2**63),
+    2**63,
+    10**40,
+)
 NUMBERS: list[Any] = [
     0.0,
     -0.0,
@@ -146,7 +159,9 @@ class Maker:
         if kind < 64:
             return np.array([100 * 10**9 + i for i in range(kind % 70)], np.int64)
         if kind < 96:
-            return np.arange(12, dtype=NUMPY_KINDS[kind % len(NUMPY_KINDS)]).reshape(((12,), (3, 4))[kind % 2])
+            return np.arange(12, dtype=NUMPY_KINDS[kind % len(NUMPY_KINDS)]).reshape(
+                ((12,), (3, 4))[kind % 2]
+            )
         if kind < 112:
             return np.array(some, object)
         if kind < 160:

@@ -5,12 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from reliability.fuzz.faults import Fault, quiet
+from reliability.fuzz.faults import Fault
 from reliability.fuzz.targets import cdr_ros
 from tf2_py import BufferCore
 from tf2_ros._recordings.fill import Source, read_transforms
 
-quiet()
 _SOURCE = Source("/tf", False)
 _untouched = BufferCore()
 

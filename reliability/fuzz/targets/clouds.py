@@ -16,7 +16,7 @@ from tf2_sensor_msgs._errors import FieldError, SizeError
 
 FORMATS = {1: "b", 2: "B", 3: "h", 4: "H", 5: "i", 6: "I", 7: "f", 8: "d"}
 NAMES = ("x", "y", "z", "normal_x", "normal_y", "normal_z", "vp_x", "vp_y", "vp_z", "rgb", "")
-MOST_COMPARED = 300  # points
+MOST_COMPARED = 100  # points
 # What the fields of a message, which need not check them, may hold instead of a small number.
 ODD: list[Any] = [2**31, 2**32 - 1, 2**32, -1, 2**63, 2**64, 10**30, 1.5, None, "1", True, np.uint8(3)]
 
@@ -107,7 +107,7 @@ def _whole(value: Any) -> int:
     return int(whole)
 
 
-# What is wanted: the size of a point, of a row, the bytes, and the places that hold floats.
+# What is wanted: the size of a point, of a row, the bytes, and the places of numbers.
 _Wanted = tuple[int, int, bytes, list[tuple[int, str]]]
 
 
@@ -142,7 +142,7 @@ def _transformed(cloud: PointCloud2, data: bytes, transform: Transform, only_xyz
     if rows * columns > MOST_COMPARED or (size and rows > MOST_COMPARED):
         return None
     made = bytearray(size)
-    floats: list[tuple[int, str]] = []
+    numbers: list[tuple[int, str]] = []
     end = new_end = 0
     for row in range(rows):
         for column in range(columns):
@@ -150,14 +150,14 @@ def _transformed(cloud: PointCloud2, data: bytes, transform: Transform, only_xyz
             point = bytearray(data[begin : begin + new_step])
             for triple, moves in triples:
                 _move(point, triple, matrix, transform, moves)
-                floats += [(new_begin + at, code) for at, code in triple if code[1] in "fd"]
+                numbers += [(new_begin + at, code) for at, code in triple]
             made[new_begin : new_begin + new_step] = point
         end, new_end = row * row_step + used, row * new_row_step + columns * new_step
         padding = (new_row_step if row + 1 < rows else size - row * new_row_step) - columns * new_step
         made[new_end : new_end + padding] = data[end : end + padding]
     if not rows:
         made[:] = data[:size]
-    return new_step, new_row_step, bytes(made), floats
+    return new_step, new_row_step, bytes(made), numbers
 
 
 def _matrix(transform: Transform) -> list[float]:
@@ -229,7 +229,7 @@ def _store(point: bytearray, at: int, code: str, value: Any) -> None:
 
 
 def _compare(answer: PointCloud2, wanted: _Wanted) -> None:
-    step, row_step, data, floats = wanted
+    step, row_step, data, numbers = wanted
     if (answer.point_step, answer.row_step, len(answer.data)) != (step, row_step, len(data)):
         raise Fault(
             f"point_step, row_step, bytes {answer.point_step, answer.row_step, len(answer.data)},"
@@ -240,23 +240,23 @@ def _compare(answer: PointCloud2, wanted: _Wanted) -> None:
         return
     # Which bits a NaN has is not said; where coordinates overlap, its bits would be parts of others.
     places: set[int] = set()
-    for at, code in floats:
+    for at, code in numbers:
         size = struct.calcsize(code)
         one, other = (struct.unpack_from(code, some, at)[0] for some in (found, data))
         if one != one or other != other:
-            if (one != one) != (other != other) and not _overlap(floats):
+            if (one != one) != (other != other) and not _overlap(numbers):
                 raise Fault(f"at byte {at} {one}, not {other}")
             places.update(range(at, at + size))
-    if places and _overlap(floats):
+    if places and _overlap(numbers):
         return
     for at, (byte, other_byte) in enumerate(zip(found, data, strict=True)):
         if byte != other_byte and at not in places:
             raise Fault(f"byte {at} is {byte}, not {other_byte}: {found!r}, not {data!r}")
 
 
-def _overlap(floats: list[tuple[int, str]]) -> bool:
+def _overlap(numbers: list[tuple[int, str]]) -> bool:
     covered: set[int] = set()
-    for at, code in floats:
+    for at, code in numbers:
         some = set(range(at, at + struct.calcsize(code)))
         if covered & some:
             return True

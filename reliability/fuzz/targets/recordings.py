@@ -9,10 +9,9 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
-from reliability.fuzz.faults import Fault, quiet
+from reliability.fuzz.faults import Fault
 from tf2_ros.bag import BagError, BagWarning, load, stamps, transforms
 
-quiet()
 _folder = tempfile.TemporaryDirectory(prefix="tf2-fuzz-", dir="/dev/shm")
 _FILES = {0: "run.mcap", 1: "run.db3", 2: "run.bag"}
 # Of a folder: its metadata and one file, by the first byte, the size of the metadata in two more.
@@ -112,4 +111,3 @@ def _recordings() -> Iterator[tuple[int, bytes]]:
 def _shrink(database: Path) -> None:
     with closing(sqlite3.connect(database)) as connection:
         connection.executescript("PRAGMA journal_mode = DELETE; PRAGMA page_size = 512; VACUUM")
-

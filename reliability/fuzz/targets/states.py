@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from reliability.fuzz.faults import Fault, answers, is_same_state, quiet
+from reliability.fuzz.faults import Fault, answers, is_same_state
 from reliability.fuzz.reading import Input
 from reliability.fuzz.targets import cdr_ros
 from tf2_py import BufferCore
 from tf2_ros import Buffer
 
-quiet()
 _DOUBLES, _COLUMNS = 7, 6
 _SCALARS = ("version", "cache_time_ns", "max_frames", "max_bytes", "max_waiters", "taken", "malformed")
 # Instead of what belongs to a key.
@@ -50,7 +49,7 @@ def run(data: bytes) -> None:
     given = Input(data)
     state = _state(given)
     buffer = Buffer() if given.flag() else BufferCore()
-    buffer.set_transforms_cdr(next(cdr_ros.seeds()), "before")
+    buffer.set_transforms_cdr(cdr_ros.TWO_TRANSFORMS, "before")
     before = buffer.__getstate__()
     try:
         buffer.__setstate__(state)
@@ -77,7 +76,7 @@ def _check(buffer: BufferCore, state: dict[str, Any]) -> None:
     if not is_same_state(again.__getstate__(), kept):
         raise Fault(f"a copy holds {again.__getstate__()}, not {kept}")
     # And it goes on as any buffer.
-    for message in cdr_ros.seeds():
+    for message in cdr_ros.VALID:
         buffer.set_transforms_cdr(message, "after")
         buffer._self_check()
     buffer.clear()

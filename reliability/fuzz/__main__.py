@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from reliability.fuzz.building import built, environment
-from reliability.fuzz.targets import MOST_BYTES, PACKAGES
+from reliability.fuzz.targets import IN_PYTHON, MOST_BYTES, PACKAGES
 
 HERE = Path(__file__).resolve().parent
 CORPUS, CRASHES = HERE / "corpus", HERE / "crashes"
@@ -70,7 +70,7 @@ def minimise(name: str, build: Path, python: str) -> None:
     found = build.parent / "fuzz-corpus" / name
     with tempfile.TemporaryDirectory() as merged, tempfile.TemporaryDirectory() as seeds:
         _run(["reliability.fuzz.seeding", name, seeds], build, python)
-        options = ["-merge=1", f"-max_len={MOST_BYTES[name]}", f"-timeout={INPUT_S}"]
+        options = ["-merge=1", f"-max_len={MOST_BYTES[name]}", f"-timeout={INPUT_S}", "-artifact_prefix=./"]
         places = [merged, seeds, str(kept), str(found)]
         log = build.parent / f"fuzz-{name}-merge.log"
         _run(
@@ -91,7 +91,7 @@ def _run(
 ) -> int:
     command = [python, "-m", *arguments]
     with tempfile.TemporaryDirectory() as empty:
-        options = {"cwd": folder or empty, "env": environment(build)}
+        options = {"cwd": folder or empty, "env": environment(build, guarded=arguments[1] not in IN_PYTHON)}
         if log is None:
             subprocess.run(command, check=True, **options)  # type: ignore[call-overload]
             return 0

@@ -44,16 +44,20 @@ def built() -> Path:
     )
 
 
-def environment(build: Path) -> dict[str, str]:
-    """That of a process which fuzzes."""
+def environment(build: Path, *, guarded: bool = True) -> dict[str, str]:
+    """
+    That of a process which fuzzes.
+
+    :param guarded: Python's own objects have memory of their own, too: slower, but otherwise they share
+        blocks, in which no sanitizer sees where one ends.
+    """
     # A Python with the ROS wheels leaves the first two to its children, which would not find their libraries.
     left_out = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH", "PYTHONPATH"}
     return {
         **{name: value for name, value in os.environ.items() if name not in left_out},
         "PYTHONPATH": os.pathsep.join([str(build), str(_atheris())]),
         "LD_PRELOAD": str(_runtime()),
-        # Else objects share blocks of memory, in which no sanitizer sees where one ends.
-        "PYTHONMALLOC": "malloc",
+        "PYTHONMALLOC": "malloc" if guarded else "default",
         # Python itself leaks what lives as long as it; memory that there is not is a MemoryError.
         "ASAN_OPTIONS": "detect_leaks=0:allocator_may_return_null=1:max_allocation_size_mb=512:handle_sigbus=0"
         # Where memory was allocated is told by a short stack: asking for it takes most of the time.

@@ -28,7 +28,9 @@ def main() -> None:
             Path(f"{crashes}exception-{hashlib.sha1(data).hexdigest()[:12]}").write_bytes(data)
             raise
 
-    atheris.Setup(sys.argv, run)
+    # By this libFuzzer starts itself again, where it compares inputs that may crash it.
+    command = f"{sys.executable} -m reliability.fuzz.process {name}"
+    atheris.Setup([command, *sys.argv[1:]], run)
     atheris.Fuzz()
 
 

@@ -3,7 +3,7 @@
 import importlib
 from types import ModuleType
 
-__all__ = ["MOST_BYTES", "PACKAGES", "target"]
+__all__ = ["IN_PYTHON", "MOST_BYTES", "PACKAGES", "target"]
 
 # The Python packages whose branches guide the search in each target; those of the extensions always do.
 PACKAGES = {
@@ -27,6 +27,9 @@ MOST_BYTES = {
     "states": 2048,
     "segments": 512,
 }
+
+# In these Python does nearly all of the work.
+IN_PYTHON = {"recordings", "saved"}
 
 
 def target(name: str) -> ModuleType:

@@ -12,8 +12,8 @@ FUZZ = Path(__file__).resolve().parent.parent / "reliability" / "fuzz"
 @pytest.mark.parametrize("name", PACKAGES)
 def test_no_input_of_corpus_or_crashes_shows_a_fault(name):
     run = target(name).run
-    files = [*sorted((FUZZ / "corpus" / name).iterdir()), *sorted((FUZZ / "crashes").glob(f"{name}/*"))]
-    assert files
+    files = [*(FUZZ / "corpus" / name).iterdir(), *(FUZZ / "crashes").glob(f"{name}/*")]
+    assert len(files) > 10
     for file in files:
         try:
             run(file.read_bytes())
@@ -22,7 +22,7 @@ def test_no_input_of_corpus_or_crashes_shows_a_fault(name):
 
 
 @pytest.mark.parametrize("name", PACKAGES)
-def test_targets_read_any_bytes(name):
-    run = target(name).run
-    for data in (b"", b"\0", b"\xff", bytes(100), bytes(range(256)), b"\xff" * 300):
-        run(data)
+def test_targets_take_their_seeds_and_any_bytes(name):
+    fuzzed = target(name)
+    for data in (*fuzzed.seeds(), b"", b"\0", b"\xff", bytes(100), bytes(range(256)), b"\xff" * 300):
+        fuzzed.run(data)

@@ -1,6 +1,7 @@
 """Owns the command line of fuzzing."""
 
 import argparse
+import hashlib
 import re
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from reliability.fuzz.targets import IN_PYTHON, MOST_BYTES, PACKAGES
 HERE = Path(__file__).resolve().parent
 CORPUS, CRASHES = HERE / "corpus", HERE / "crashes"
 INPUT_S = 20  # an input that takes longer hangs
+MOST_KEPT = 40_000  # bytes of a corpus in the repository
 MEMORY_MB = 2048  # that the process may need: memory grows without bound
 
 
@@ -64,7 +66,7 @@ def fuzz(name: str, seconds: int, build: Path, python: str) -> Outcome:
 
 
 def minimise(name: str, build: Path, python: str) -> None:
-    """Keep in the repository the fewest and smallest inputs that reach as many edges."""
+    """Keep in the repository the smallest inputs that reach what the seeds do not."""
     kept = CORPUS / name
     kept.mkdir(parents=True, exist_ok=True)
     found = build.parent / "fuzz-corpus" / name
@@ -76,10 +78,16 @@ def minimise(name: str, build: Path, python: str) -> None:
         _run(
             ["reliability.fuzz.process", name, *options, *filter(_exists, places)], build, python, log, merged
         )
+        made = {one.read_bytes() for one in Path(seeds).iterdir()}
+        new = sorted((one.read_bytes() for one in Path(merged).iterdir()), key=len)
         for old in kept.iterdir():
             old.unlink()
-        for one in Path(merged).iterdir():
-            (kept / one.name[:12]).write_bytes(one.read_bytes())
+        size = 0
+        for data in new:
+            size += len(data)
+            # The seeds are made anew each time.
+            if data not in made and size <= MOST_KEPT:
+                (kept / hashlib.sha1(data).hexdigest()[:12]).write_bytes(data)
 
 
 def _exists(place: str) -> bool:

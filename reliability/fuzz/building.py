@@ -20,7 +20,7 @@ CFLAGS = [
     "-fno-omit-frame-pointer",
     "-g1",
 ]
-# The newest first; any that knows these sanitizers will do, the libFuzzer and the runtimes are those of atheris.
+# Any that knows these sanitizers will do: libFuzzer and the runtimes are those of atheris.
 CLANGS = ["clang", *(f"clang-{version}" for version in range(21, 13, -1))]
 
 
@@ -58,10 +58,10 @@ def environment(build: Path, *, guarded: bool = True) -> dict[str, str]:
         "PYTHONPATH": os.pathsep.join([str(build), str(_atheris())]),
         "LD_PRELOAD": str(_runtime()),
         "PYTHONMALLOC": "malloc" if guarded else "default",
-        # Python itself leaks what lives as long as it; memory that there is not is a MemoryError.
-        "ASAN_OPTIONS": "detect_leaks=0:allocator_may_return_null=1:max_allocation_size_mb=512:handle_sigbus=0"
-        # Where memory was allocated is told by a short stack: asking for it takes most of the time.
-        ":malloc_context_size=3:quarantine_size_mb=32",
+        # Python itself leaks what lives as long as it. Memory that there is not is a MemoryError. Shared
+        # buffers have a handler for SIGBUS. Short stacks of allocations are quicker.
+        "ASAN_OPTIONS": "detect_leaks=0:allocator_may_return_null=1:max_allocation_size_mb=512"
+        ":handle_sigbus=0:malloc_context_size=3:quarantine_size_mb=32",
         "UBSAN_OPTIONS": "print_stacktrace=1",
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
     }

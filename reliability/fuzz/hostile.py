@@ -1,4 +1,4 @@
-"""Owns objects that nobody should pass: what is read of them lies, raises, or changes the buffer meanwhile."""
+"""Owns objects that nobody should pass: they lie, raise, or change the buffer while they are read."""
 
 import datetime
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Owns fuzzing recordings of all formats: each damage is a BagError, or a BagWarning where partial is asked for."""
+"""Owns fuzzing recordings of all formats: each damage is a BagError, or a BagWarning if read in part."""
 
 import shutil
 import sqlite3

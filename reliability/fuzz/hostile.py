@@ -1,6 +1,8 @@
 """Owns objects that nobody should pass: they lie, raise, or change the buffer while they are read."""
 
 import datetime
+import importlib
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -196,12 +198,19 @@ class Maker:
         elif hasattr(type(part), "get_fields_and_field_types") and depth < 5:
             value = part if choice < 32 else self.message(type(part), depth + 1)
         elif isinstance(part, list):
-            value = [self.thing() if choice & 1 else self.name() for _ in range(choice % 3)]
+            value = [self._item(kind, depth) for _ in range(choice % 5)]
         elif choice < 192:
             return
         else:
             value = self.number()
         setattr(message, "_" + field, value)
+
+    def _item(self, kind: str, depth: int) -> Any:
+        # Of a list: of its class, mostly.
+        found = re.fullmatch(r"sequence<(\w+)/(\w+)>", kind)
+        if found is None or depth >= 5 or self._given.byte() >= 224:
+            return self.thing()
+        return self.message(getattr(importlib.import_module(f"{found[1]}.msg"), found[2]), depth + 1)
 
     def _maybe_spoiled(self, message: Any) -> Any:
         kind = self._given.byte()

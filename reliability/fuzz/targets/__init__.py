@@ -9,7 +9,7 @@ __all__ = ["IN_PYTHON", "MOST_BYTES", "PACKAGES", "target"]
 PACKAGES = {
     "cdr": ["tf2_py._wire"],
     "cdr_ros": ["tf2_py"],
-    "objects": ["tf2_py", "tf2_geometry_msgs"],
+    "objects": ["tf2_py", "tf2_geometry_msgs", "tf2_sensor_msgs"],
     "clouds": ["tf2_sensor_msgs"],
     "recordings": ["tf2_ros._recordings", "rosbags", "mcap"],
     "saved": ["tf2_py", "mcap"],

@@ -8,14 +8,15 @@ from geometry_msgs.msg import TransformStamped
 from reliability.fuzz.hostile import Hostile, Maker
 from reliability.fuzz.reading import Input
 from reliability.fuzz.targets import cdr_ros
-from tf2_geometry_msgs._types import TYPES
+from tf2_geometry_msgs import _types as of_geometry
 from tf2_py import BufferCore, TransformException
 from tf2_py._objects.serialize import serialize_transforms
+from tf2_sensor_msgs import _types as of_sensors
 
 # What callers of tf2 expect, and what the objects themselves raise; MemoryError where one says it is huge.
 EXPECTED = (TypeError, ValueError, OverflowError, AttributeError, MemoryError, TransformException, Hostile)
 MOST_STEPS, MOST_DEPTH = 12, 2
-_TYPES = list(TYPES.items())
+_TYPES = [*of_geometry.TYPES.items(), *of_sensors.TYPES.items()]
 
 
 def run(data: bytes) -> None:

@@ -1,0 +1,54 @@
+"""Owns what all targets check, and what a fault is."""
+
+from typing import Any
+
+import numpy as np
+
+from tf2_py import BufferCore, TransformException
+
+__all__ = ["Fault", "answers", "ask", "is_same_state"]
+
+
+class Fault(AssertionError):
+    """What must not be."""
+
+
+def is_same_state(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Whether the states of two buffers are the same, to the last bit."""
+    return one.keys() == other.keys() and all(_is_same(one[key], other[key]) for key in one)
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and one.shape == other.shape and one.tobytes() == other.tobytes()
+    return bool(one == other)
+
+
+def answers(buffer: BufferCore, most: int = 6) -> None:
+    """Check a buffer, before and after :func:`ask`."""
+    buffer._self_check()
+    ask(buffer, most)
+    buffer._self_check()
+
+
+def ask(buffer: BufferCore, most: int) -> None:
+    """Ask a buffer everything about so many of its frames: it answers, or says what is missing."""
+    known = buffer._getFrameStrings()[:most]
+    frames = buffer.frames()
+    for name in known:
+        for other in known:
+            for time_ns in (0, frames[name].newest_ns or 0, frames[other].oldest_ns or 0):
+                try:
+                    buffer.lookup_transform_core(name, other, max(time_ns, 0))
+                    buffer.lookup_transforms(name, other, [max(time_ns, 0), 1, 2**60], on_missing="nan")
+                except TransformException:
+                    pass
+                except OverflowError as error:
+                    if "does not fit into the stamp" not in str(error):
+                        raise
+    buffer.all_frames_as_yaml()
+    buffer.all_frames_as_string()
+    buffer._allFramesAsDot(1)
+    buffer.tree()
+    buffer.statistics()
+    repr(buffer)

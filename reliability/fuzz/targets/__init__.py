@@ -1,0 +1,37 @@
+"""What is fuzzed: a module for each target, with ``run(data)`` and ``seeds()``; both need no fuzzer."""
+
+import importlib
+from types import ModuleType
+
+__all__ = ["IN_PYTHON", "MOST_BYTES", "PACKAGES", "target"]
+
+# The Python packages whose branches guide the search in each target; those of the extensions always do.
+PACKAGES = {
+    "cdr": ["tf2_py._wire"],
+    "cdr_ros": ["tf2_py"],
+    "objects": ["tf2_py", "tf2_geometry_msgs", "tf2_sensor_msgs"],
+    "clouds": ["tf2_sensor_msgs"],
+    "recordings": ["tf2_ros._recordings", "rosbags", "mcap"],
+    "saved": ["tf2_py", "mcap"],
+    "states": ["tf2_py"],
+    "segments": ["tf2_py", "tf2_ros._shared"],
+}
+# The sizes of inputs.
+MOST_BYTES = {
+    "cdr": 1024,
+    "cdr_ros": 1024,
+    "objects": 512,
+    "clouds": 1024,
+    "recordings": 12000,
+    "saved": 8192,
+    "states": 2048,
+    "segments": 512,
+}
+
+# In these Python does nearly all of the work.
+IN_PYTHON = {"recordings", "saved"}
+
+
+def target(name: str) -> ModuleType:
+    """The module of a target; none is imported before it is asked for, so that a fuzzer can instrument it."""
+    return importlib.import_module(f"reliability.fuzz.targets.{name}")

@@ -1,0 +1,70 @@
+"""Owns fuzzing files that buffers were saved to: a ValueError, or a buffer that is sound."""
+
+import tempfile
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+
+from mcap.records import Channel, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, IndexType, Writer
+
+from reliability.fuzz.faults import answers
+from reliability.fuzz.targets import states
+from tf2_py import BufferCore
+
+_folder = tempfile.TemporaryDirectory(prefix="tf2-fuzz-", dir="/dev/shm")
+_path = Path(_folder.name, "saved.mcap")
+
+
+def run(data: bytes) -> None:
+    """Load a file."""
+    _path.write_bytes(data)
+    try:
+        buffer = BufferCore.load(_path)
+    except (ValueError, MemoryError):
+        return
+    answers(buffer)
+    buffer.set_transforms_cdr(states.cdr_ros.TWO_TRANSFORMS, "after")
+    buffer._self_check()
+
+
+def _plain(path: Path) -> bytes:
+    # The same records without compression and checksums, which a fuzzer cannot renew.
+    made = BytesIO()
+    written = Writer(
+        made,
+        compression=CompressionType.NONE,
+        use_chunking=False,
+        enable_crcs=False,
+        index_types=IndexType.NONE,
+        use_statistics=False,
+        use_summary_offsets=False,
+        repeat_channels=False,
+        repeat_schemas=False,
+    )
+    written.start("ros2", "")
+    schema = 0
+    with open(path, "rb") as file:
+        for record in StreamReader(file).records:
+            match record:
+                case Metadata():
+                    written.add_metadata(record.name, record.metadata)
+                case Schema() if not schema:
+                    schema = written.register_schema(record.name, record.encoding, b"")
+                case Channel() if record.id not in written._Writer__channels:  # type: ignore[attr-defined]
+                    written.register_channel(record.topic, record.message_encoding, schema)
+                case Message():
+                    written.add_message(record.channel_id, record.log_time, record.data, 0)
+    written.finish()
+    return made.getvalue()
+
+
+def seeds() -> Iterator[bytes]:
+    """Saved buffers; most without checksums."""
+    for number, buffer in enumerate(states.buffers()):
+        buffer.save(_path)
+        whole, plain = _path.read_bytes(), _plain(_path)
+        yield plain
+        if number == 1:
+            yield whole

@@ -70,7 +70,7 @@ def size(calls):
     )
 
 
-def measure(action, seconds, most_calls=MOST_CALLS):
+def measure(action, seconds, most_calls=MOST_CALLS, settle_s=SETTLE_S):
     """Sizes after warming up, after half of the calls, and after all of them."""
     sizes, calls = [], 0
     for share in (WARM_UP, (1 - WARM_UP) / 2, (1 - WARM_UP) / 2):
@@ -80,7 +80,7 @@ def measure(action, seconds, most_calls=MOST_CALLS):
             action()
             calls += 1
         sizes.append(size(calls))
-    until_s = time.monotonic() + SETTLE_S
+    until_s = time.monotonic() + settle_s
     while _more(sizes) and time.monotonic() < until_s:
         time.sleep(0.05)
         sizes[-1] = size(calls)

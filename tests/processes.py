@@ -13,7 +13,9 @@ from pathlib import Path
 import pytest
 
 PROGRAMS = Path(__file__).resolve().parent / "programs"
-DEADLINE_S = 20.0
+# A sanitizer makes everything slower; see reliability/sanitize.py.
+SLOWNESS = float(os.environ.get("TF2_TEST_SLOWNESS", "1"))
+DEADLINE_S = 20.0 * SLOWNESS
 needs_dot = pytest.mark.skipif(shutil.which("dot") is None, reason="Graphviz is not installed")
 
 

@@ -1,16 +1,12 @@
 """Reference counts and memory stay where they were, whatever is done often."""
 
 import gc
-import pickle
 import sys
-import types
 
 import pytest
 from making import at, transform
 from rclpy.duration import Duration
-from rclpy.serialization import serialize_message
-
-from tf2_msgs.msg import TFMessage
+from repeated_calls import actions, failures, fill, raising
 
 pytestmark = pytest.mark.ours
 
@@ -32,53 +28,8 @@ def blocks_after(action):
 @pytest.fixture
 def buffer(tf2_py):
     buffer = tf2_py.BufferCore(Duration(seconds=1))
-    buffer.set_transform(transform("map", "odom", 1), "x")
-    buffer.set_transform(transform("odom", "base", 1), "x")
+    fill(buffer)
     return buffer
-
-
-def raising(call, *args):
-    def action():
-        with pytest.raises(Exception):  # noqa: B017
-            call(*args)
-
-    return action
-
-
-def actions(buffer):
-    message = transform("map", "odom", 1.25)
-    duck = types.SimpleNamespace(header=message.header, child_frame_id="duck", transform=message.transform)
-    data = serialize_message(TFMessage(transforms=[message]))
-    return {
-        "set_transform": lambda: buffer.set_transform(message, "x"),
-        "set_transform of a duck": lambda: buffer.set_transform(duck, "x"),
-        "set_transform_static": lambda: buffer.set_transform_static(transform("odom", "plate"), "x"),
-        "set_transforms": lambda: buffer.set_transforms([message, message], "x"),
-        "set_transforms_cdr": lambda: buffer.set_transforms_cdr(data, "x"),
-        "lookup": lambda: buffer.lookup_transform_core("map", "base", at(1)),
-        "lookup_full": lambda: buffer.lookup_transform_full_core("map", at(1), "base", at(1), "odom"),
-        "can": lambda: buffer.can_transform_core("map", "base", at(5)),
-        "common time": lambda: buffer.get_latest_common_time("map", "base"),
-        "velocity": lambda: buffer.lookupVelocityCore("base", "map", at(1), Duration(seconds=0)),
-        "yaml": buffer.all_frames_as_yaml,
-        "chain": lambda: buffer._chain("map", at(1), "base", at(1), "odom"),
-        "names": buffer._getFrameStrings,
-        "pending waits": lambda: (buffer._wait("map", "base", at(5)), buffer._pending_waits()),
-        "statistics": buffer.statistics,
-        "pickle": lambda: pickle.loads(pickle.dumps(buffer)),
-    }
-
-
-def failures(buffer):
-    data = b"\0\1\0\0" + b"\xff" * 40
-    return {
-        "lookup of no frame": raising(buffer.lookup_transform_core, "map", "nowhere", at(1)),
-        "lookup of no time": raising(buffer.lookup_transform_core, "map", "base", at(5)),
-        "lookup of no text": raising(buffer.lookup_transform_core, "map", b"base", at(5)),
-        "no transform": raising(buffer.set_transforms, [transform("a", "b"), 1], "x"),
-        "no state": raising(buffer.__setstate__, buffer.__getstate__() | {"names": b"map\0map\0base\0"}),
-        "no message": raising(buffer.set_transforms_cdr, data, "x"),
-    }
 
 
 def test_calls_leave_nothing_behind(buffer):

@@ -1,8 +1,9 @@
 """Owns reading a tree that another process writes: catching up with it before, and trying again after."""
 
-from tf2_py._core.lock cimport lock_write, unlock_read, unlock_write
+from tf2_py._core.lock cimport lock_write, unlock_read
 from tf2_py._core.mirror cimport mirror_catch_up, mirror_is_current
 from tf2_py._core.segment cimport segment_ask_for_pause
+from tf2_py._core.self_check cimport unlock_written
 from tf2_py._core.tree cimport Tree
 
 cdef enum:
@@ -24,7 +25,7 @@ cdef bint reading_repeat(Reading* reading) noexcept nogil:
     cdef Tree* tree = reading.tree
     if tree.mirror == NULL or mirror_is_current(tree):
         if reading.is_writing:
-            unlock_write(reading.lock)
+            unlock_written(reading.lock, tree, NULL)
         else:
             unlock_read(reading.lock)
         return False

@@ -8,7 +8,7 @@ from libc.string cimport memset
 
 from tf2_py._core.change cimport Change
 from tf2_py._core.forking cimport FORK_INNER, fork_forget, fork_watch
-from tf2_py._core.lock cimport lock_free, lock_init, lock_read, lock_write, unlock_read, unlock_write
+from tf2_py._core.lock cimport lock_free, lock_init, lock_read, lock_write, unlock_read
 from tf2_py._core.lookup cimport (
     Query,
     query_answer,
@@ -33,6 +33,7 @@ from tf2_py._core.publication cimport (
 )
 from tf2_py._core.reading cimport Reading, reading_begin, reading_continue
 from tf2_py._core.segment cimport Segment, segment_head, segment_word, store32
+from tf2_py._core.self_check cimport unlock_written
 from tf2_py._core.series cimport TimeSeries, series_lookup
 from tf2_py._core.tree cimport (
     DEFAULT_CACHE_TIME_NS,
@@ -167,7 +168,7 @@ cdef class Engine:
         batch.needs_report = batch.needs_report or is_filled(<void*>self._observers)
         if inserts:
             self._close()
-        unlock_write(&self._lock)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
         if self._publication != NULL:
             publication_pause(self._publication)
         return batch.waking or batch.done < batch.count
@@ -257,7 +258,7 @@ cdef class Engine:
             waiter = ready.first
             if waiter != NULL:
                 waiters_remove(&self._waiters, waiter)
-            unlock_write(&self._lock)
+            unlock_written(&self._lock, &self._tree, &self._waiters)
             if waiter == NULL:
                 return error
             # The owner still exists: it removes its waiter, with the GIL, before it is destroyed.
@@ -284,7 +285,7 @@ cdef class Engine:
         self._close()
         # Less data may end a loop, and what the waiters lack is no longer what they are filed under.
         self._begin_to_wake_all(&batch)
-        unlock_write(&self._lock)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
         return self._wake_all(&batch)
 
     cdef int start_over(self, int64_t cache_time_ns, const Limits* limits) except -1:
@@ -311,7 +312,7 @@ cdef class Engine:
         lock_write(&self._lock)
         self._take_leave()
         if self._publication != NULL and not publication_adopt(self._publication, &new):
-            unlock_write(&self._lock)
+            unlock_written(&self._lock, &self._tree, &self._waiters)
             tree_free(&new)
             raise MemoryError
         self._open()
@@ -323,7 +324,7 @@ cdef class Engine:
         self._close()
         # The waiters are filed under the old tree's frames.
         self._begin_to_wake_all(&batch)
-        unlock_write(&self._lock)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
         with nogil:
             tree_free(&old)
         self._malformed = malformed
@@ -438,7 +439,7 @@ cdef class Engine:
             waiters_remove(&self._waiters, waiter)
         if self._tree.mirror != NULL:
             self._nudge()
-        unlock_write(&self._lock)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
         if too_many:
             self._waits_refused += 1
             error = errors.too_many_waiters(most)
@@ -451,7 +452,7 @@ cdef class Engine:
         lock_write(&self._lock)
         was_pending = waiter.place != PLACE_NONE and not waiter.answered
         waiters_remove(&self._waiters, waiter)
-        unlock_write(&self._lock)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
         return was_pending
 
     cdef list pending(self, size_t most):

@@ -6,7 +6,7 @@ from libc.stdlib cimport calloc, free
 from libc.string cimport memset
 
 from tf2_py._core.clock cimport monotonic_ns
-from tf2_py._core.lock cimport lock_write, unlock_write
+from tf2_py._core.lock cimport lock_write
 from tf2_py._core.mirror cimport mirror_begin, mirror_catch_up, mirror_free, segment_problem
 from tf2_py._core.mirror_state cimport Mirror
 from tf2_py._core.publication cimport Publication, publication_begin, publication_free
@@ -19,6 +19,7 @@ from tf2_py._core.segment cimport (
     segment_word,
     store32,
 )
+from tf2_py._core.self_check cimport unlock_written
 from tf2_py._core.types cimport FrameId
 from tf2_py._core.waiters cimport wake_begin
 from tf2_py._engine.engine cimport Engine, SharedMemory, is_filled
@@ -84,7 +85,7 @@ cdef class SharingEngine(Engine):
             if is_shared:
                 # The mirror is for forked children.
                 self._publication, self._mirror, self._memory = publication, mirror, memory
-            unlock_write(&self._lock)
+            unlock_written(&self._lock, &self._tree, &self._waiters)
         if not is_shared:
             if publication != NULL:
                 publication_free(publication)
@@ -120,7 +121,7 @@ cdef class SharingEngine(Engine):
         if problem == NULL:
             self._memory, self._mirror = memory, mirror
             self._followed = mirror.sequence
-        unlock_write(&self._lock)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
         if problem != NULL:
             mirror_free(mirror)
             free(mirror)
@@ -174,7 +175,7 @@ cdef class SharingEngine(Engine):
         """Have :meth:`_follow` look again what it is to wait for."""
         lock_write(&self._lock)
         self._nudge()
-        unlock_write(&self._lock)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
 
     def _follow(self, double seconds, list later not None):
         """
@@ -227,7 +228,7 @@ cdef class SharingEngine(Engine):
     cdef void _take_leave_now(self) noexcept nogil:
         lock_write(&self._lock)
         self._take_leave()
-        unlock_write(&self._lock)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
 
     cdef bint _is_wanted(self) noexcept nogil:
         return self._waiters.count > 0 or self._is_expected or is_filled(<void*>self._observers)
@@ -252,10 +253,10 @@ cdef class SharingEngine(Engine):
         if self._tree.mirror != NULL:
             mirror_catch_up(&self._tree)
         if self._mirror.sequence == self._followed and self._tree.mirror != NULL:
-            unlock_write(&self._lock)
+            unlock_written(&self._lock, &self._tree, &self._waiters)
             return False
         self._followed = self._mirror.sequence
-        unlock_write(&self._lock)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
         while self._take_change(batch):
             while self.insert_some(batch):
                 pass
@@ -282,5 +283,5 @@ cdef class SharingEngine(Engine):
         if found:
             wake_begin(&self._waiters, &batch.wake)
             batch.waking = True
-        unlock_write(&self._lock)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
         return found

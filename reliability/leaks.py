@@ -1,0 +1,177 @@
+"""
+Owns the search for leaks: `python -m reliability.leaks`, behind `make leaks`.
+
+Each public method is called a million times, or for a minute, in a process of its own. A leak is what grows
+in the first half of these calls and again in the second: Python's objects, the bytes of C's heap, resident
+memory; or threads and descriptors that are more in the end.
+"""
+
+import argparse
+import ctypes
+import gc
+import json
+import os
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+MOST_CALLS = 1_000_000
+WARM_UP = 0.2  # of the time, and of the calls
+SETTLE_S = 5.0  # until threads and descriptors of what was destroyed are gone, at most
+
+# What a half may grow by, without a leak: in total, and for each call. One lost object in 100 calls shows.
+ALLOWED = {"objects": (100, 0.01), "heap_bytes": (32 << 10, 0.1), "resident_bytes": (1 << 20, 1.0)}
+MORE_ALLOWED = {"threads": 0, "descriptors": 0}
+
+
+@dataclass(frozen=True)
+class Size:
+    """Of a process."""
+
+    calls: int
+    objects: int
+    heap_bytes: int
+    resident_bytes: int
+    threads: int
+    descriptors: int
+
+
+class _Mallinfo2(ctypes.Structure):
+    _fields_ = [
+        (name, ctypes.c_size_t)
+        for name in "arena ordblks smblks hblks hblkhd usmblks fsmblks uordblks fordblks keepcost".split()
+    ]
+
+
+def _heap_bytes():
+    # Bytes in use, and those of blocks so large that they have mappings of their own.
+    mallinfo2 = ctypes.CDLL(None).mallinfo2
+    mallinfo2.restype = _Mallinfo2
+    info = mallinfo2()
+    return info.uordblks + info.hblkhd
+
+
+def size(calls):
+    """What this process is made of, after so many calls."""
+    gc.collect()
+    with open("/proc/self/statm") as statm:
+        resident = int(statm.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    return Size(
+        calls=calls,
+        objects=sys.getallocatedblocks(),
+        heap_bytes=_heap_bytes(),
+        resident_bytes=resident,
+        threads=len(os.listdir("/proc/self/task")),
+        descriptors=len(os.listdir("/proc/self/fd")),
+    )
+
+
+def measure(action, seconds, most_calls=MOST_CALLS, settle_s=SETTLE_S):
+    """Sizes after warming up, after half of the calls, and after all of them."""
+    sizes, calls = [], 0
+    for share in (WARM_UP, (1 - WARM_UP) / 2, (1 - WARM_UP) / 2):
+        until_s = time.monotonic() + share * seconds
+        most = calls + share * most_calls
+        while calls < most and time.monotonic() < until_s:
+            action()
+            calls += 1
+        sizes.append(size(calls))
+    until_s = time.monotonic() + settle_s
+    while _more(sizes) and time.monotonic() < until_s:
+        time.sleep(0.05)
+        sizes[-1] = size(calls)
+    return sizes
+
+
+def _more(sizes):
+    first, last = sizes[0], sizes[-1]
+    return [name for name, most in MORE_ALLOWED.items() if getattr(last, name) - getattr(first, name) > most]
+
+
+def leaks(sizes):
+    """What grew, as text; empty: nothing."""
+    found = []
+    for name, (constant, per_call) in ALLOWED.items():
+        grown = [
+            (getattr(after, name) - getattr(before, name), after.calls - before.calls)
+            for before, after in zip(sizes, sizes[1:], strict=False)
+        ]
+        if all(growth > constant + per_call * calls for growth, calls in grown):
+            total, calls = map(sum, zip(*grown, strict=True))
+            found.append(f"{name} {total:+} in {calls} calls, {total / max(calls, 1):.3g} per call")
+    for name in _more(sizes):
+        found.append(f"{name} {getattr(sizes[0], name)} -> {getattr(sizes[-1], name)}")
+    return found
+
+
+def main(arguments=None):
+    parser = argparse.ArgumentParser(prog="python -m reliability.leaks", description=__doc__.split("\n\n")[1])
+    parser.add_argument("--seconds", type=float, default=60, help="for each case at most (default: 60)")
+    parser.add_argument("--only", default="", metavar="TEXT", help="only cases with this in their names")
+    parser.add_argument("--list", action="store_true", help="print the cases; fail if a public name has none")
+    parser.add_argument("--case", help=argparse.SUPPRESS)
+    asked = parser.parse_args(arguments)
+    sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+    # Before anything imports rclpy: a ROS domain of its own.
+    import conftest  # noqa: F401
+
+    if asked.case:
+        return _run_here(asked.case, asked.seconds)
+    from reliability import leak_cases
+
+    names = leak_cases.names()
+    without = leak_cases.without_case(names)
+    for name in without:
+        print(f"{name} has no case in reliability/leak_cases.py")
+    chosen = [name for name in names if asked.only in name]
+    if asked.list:
+        print(*chosen, sep="\n")
+        return 1 if without else 0
+    return max([_run(name, asked.seconds) for name in chosen], default=1) or bool(without)
+
+
+def _run_here(name, seconds):
+    from reliability import leak_cases
+
+    with ExitStack() as stack:
+        action = leak_cases.action(name, stack)
+        measured = [asdict(one) for one in measure(action, seconds)]
+        # On a descriptor of its own: cases may print.
+        os.write(int(os.environ["LEAKS_ANSWER"]), json.dumps(measured).encode())
+    return 0
+
+
+def _run(name, seconds):
+    reading, writing = os.pipe()
+    command = [sys.executable, "-m", "reliability.leaks", "--case", name, "--seconds", str(seconds)]
+    environment = {**os.environ, "LEAKS_ANSWER": str(writing)}
+    ended = subprocess.run(
+        command,
+        cwd=ROOT,
+        env=environment,
+        pass_fds=[writing],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    os.close(writing)
+    with open(reading) as pipe:
+        answer = pipe.read()
+    if ended.returncode != 0 or not answer:
+        print(f"FAILED {name}: {ended.stderr[-2000:]}", flush=True)
+        return 1
+    sizes = [Size(**one) for one in json.loads(answer)]
+    found = leaks(sizes)
+    print(
+        f"{'LEAKS' if found else 'ok   '} {name}: {'; '.join(found) or f'{sizes[-1].calls} calls'}",
+        flush=True,
+    )
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,201 @@
+"""
+Owns running the suite in builds with sanitizers: `python -m reliability.sanitize`, behind `make sanitize`.
+
+AddressSanitizer and UndefinedBehaviorSanitizer check everything, in a build that also checks each buffer's
+invariants after every operation (`tf2_py/_core/self_check.pxd`). ThreadSanitizer checks the tests that use
+threads. Every process that the tests start runs with the runtime, too, and a report of any of them fails the
+run, whatever became of that process.
+"""
+
+import argparse
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from reliability.builds import BUILDS, build
+
+SUPPRESSIONS = Path(__file__).resolve().parent / "suppressions"
+STACKS = ("-fno-omit-frame-pointer", "-g1")  # those of reports name functions and lines
+SELF_CHECK = "-DTF2_SELF_CHECK"
+# Deadlines of tests are so much later: a sanitizer makes extensions several times slower.
+SLOWNESS = 5
+TEST_TIMEOUT_S = 240 * SLOWNESS
+
+# Files or tests that cannot run here, and why.
+NOT_HERE = {
+    "tests/test_adding_a_type.py": "compiles an extension of its own, for an interpreter without a runtime",
+    "tests/test_bench.py": "measures instructions and times",
+    "tests/test_colcon.py": "builds the package anew, without a sanitizer",
+    "tests/test_leaks.py": "counts what Python's allocator counts, which is not used",
+    "tests/test_packaging.py": "builds the package anew, without a sanitizer",
+    "tests/test_sourced.py": "builds the package anew, without a sanitizer",
+    "tests/test_typing.py": "runs type checkers alone, no code of ours",
+    "tests/test_shared_owners.py::test_a_process_that_may_have_little_address_space": "shadow memory takes "
+    "terabytes of address space",
+    "tests/test_travel.py::test_a_state_that_needs_too_much_memory_changes_nothing": "likewise",
+    "tests/test_tf2_py_memory.py::test_buffers_give_their_memory_back": "freed memory is kept",
+}
+# What starts threads, or forks with threads about, and calls the extensions in them.
+THREADED = """
+test_buffer test_buffer_client test_buffer_server test_executors test_forking test_long_waits
+test_message_filter test_message_stream test_plain_buffer test_rclpy_inside test_receiver test_reception
+test_recording test_shared_listening test_shared_owners test_shared_reading test_starvation
+test_tf2_py_forking test_tf2_py_frames test_tf2_py_limits test_tf2_py_lookup test_tf2_py_pending_waits
+test_tf2_py_series test_tf2_py_threads test_tf2_py_waiters test_tf2_py_waiters_random
+test_transform_listener test_travel test_waiting test_waiting_random
+""".split()
+# These first: whoever breaks the engine learns it within minutes.
+CORE = ("tests/test_tf2_py_*.py", "tests/test_conformance.py")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A build, and how its runtime is told what to do."""
+
+    cflags: tuple[str, ...]
+    runtimes: tuple[str, ...]  # to be preloaded, as gcc names them
+    options: dict[str, str]  # variables of the environment; {suppressions} and {log} are filled in
+    tests: str  # what is run where no tests are named
+
+    def environment(self, reports):
+        """Of the interpreter that runs the tests, beside what it has anyway."""
+        places = {"suppressions": SUPPRESSIONS, "log": reports / "report"}
+        return {
+            "LD_PRELOAD": ":".join(map(_runtime, self.runtimes)),
+            # Python's own allocator would hide its blocks from the sanitizer.
+            "PYTHONMALLOC": "malloc",
+            "TF2_TEST_SLOWNESS": str(SLOWNESS),
+            **{name: value.format(**places) for name, value in self.options.items()},
+        }
+
+
+KINDS = {
+    "address": Kind(
+        cflags=(
+            "-fsanitize=address,undefined",
+            "-fno-sanitize-recover=undefined",
+            *STACKS,
+            SELF_CHECK,
+        ),
+        runtimes=("libasan.so", "libubsan.so"),
+        options={
+            # The interpreter never frees much of what it has at its end; `make leaks` looks for ours.
+            "ASAN_OPTIONS": "detect_leaks=0:handle_abort=1:detect_stack_use_after_return=1:log_path={log}:"
+            "allocator_may_return_null=1:suppressions={suppressions}/address.txt",
+            "UBSAN_OPTIONS": "print_stacktrace=1:log_path={log}",
+        },
+        tests="all",
+    ),
+    "thread": Kind(
+        cflags=("-fsanitize=thread", *STACKS),
+        runtimes=("libtsan.so",),
+        options={
+            # Only our C tells the runtime what it reads and writes. Of the others it sees locks, threads and
+            # what goes through functions of the C library, and that alone looks like races where they order
+            # their accesses by atomics. The exit status stays that of the program, which tests look at.
+            "TSAN_OPTIONS": "ignore_noninstrumented_modules=1:die_after_fork=0:exitcode=0:halt_on_error=0:"
+            "history_size=4:second_deadlock_stack=1:log_path={log}:suppressions={suppressions}/thread.txt",
+        },
+        tests="threaded",
+    ),
+}
+
+
+def main(arguments=None):
+    left_out = "\n".join(f"  {test}: {why}" for test, why in NOT_HERE.items())
+    parser = argparse.ArgumentParser(
+        prog="python -m reliability.sanitize",
+        usage="%(prog)s [-h] [address|thread] [what pytest takes ...]",
+        description="Run the tests in a build with sanitizers; reports are kept in .reliability/reports.",
+        epilog=f"What is not run, and why:\n{left_out}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    if given[:1] in (["-h"], ["--help"]):
+        parser.parse_args(given)
+    kinds, of_pytest = (given[:1], given[1:]) if given and given[0] in KINDS else (list(KINDS), given)
+    failed = [kind for kind in kinds if not run(kind, of_pytest)]
+    return 1 if failed else 0
+
+
+def run(name, of_pytest):
+    """Build, run the tests, print what was reported; whether all was well."""
+    kind = KINDS[name]
+    flags = " ".join(flag for flag in kind.cflags if flag.startswith("-fsanitize"))
+    folder = build(name, cflags=kind.cflags, ldflags=(flags,), CC=_compiler())
+    reports = BUILDS / "reports" / name
+    shutil.rmtree(reports, ignore_errors=True)
+    reports.mkdir(parents=True)
+    environment = {**os.environ, **kind.environment(reports), "PYTHONPATH": str(folder)}
+    if SELF_CHECK in kind.cflags and not _notices_what_is_broken(folder, environment):
+        print(f"{name}: the self check does not work")
+        return False
+    command = [*_fixed_addresses(), sys.executable, "-m", "pytest", "-p", "no:cacheprovider"]
+    command += ["-o", f"timeout={TEST_TIMEOUT_S}", "-o", f"faulthandler_timeout={2 * TEST_TIMEOUT_S}"]
+    command += [f"--{'deselect' if '::' in test else 'ignore'}={test}" for test in NOT_HERE]
+    command += of_pytest if _names_tests(of_pytest) else [*of_pytest, *_tests(folder, kind)]
+    status = subprocess.run(command, cwd=folder, env=environment).returncode
+    found = summaries(reports)
+    for text, count in found.most_common():
+        print(f"{name}: {count} x {text}")
+    print(f"{name}: {sum(found.values())} reports in {reports}, pytest ended with {status}")
+    return status == 0 and not found
+
+
+def summaries(reports):
+    """How often each finding was reported, by any process."""
+    found = Counter()
+    for report in sorted(reports.iterdir()):
+        text = report.read_text(errors="replace")
+        lines = re.findall(r"^SUMMARY: (.*)$|runtime error: (.*)$", text, re.MULTILINE)
+        found.update(first or second for first, second in lines)
+        if text.strip() and not lines:
+            found[f"{report.name}: {text.strip().splitlines()[0]}"] += 1
+    return found
+
+
+def _notices_what_is_broken(folder, environment):
+    command = [*_fixed_addresses(), sys.executable, "tests/programs/broken_buffer.py"]
+    # Its report is no finding.
+    environment = {**environment, "ASAN_OPTIONS": "detect_leaks=0:handle_abort=0", "UBSAN_OPTIONS": ""}
+    ended = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+    return ended.returncode == -signal.SIGABRT and "samples or their bytes miscounted" in ended.stderr
+
+
+def _names_tests(of_pytest):
+    return any(argument.partition("::")[0].endswith(".py") for argument in of_pytest)
+
+
+def _tests(folder, kind):
+    if kind.tests == "threaded":
+        return [f"tests/{name}.py" for name in THREADED]
+    files = [path for pattern in CORE for path in sorted(folder.glob(pattern))]
+    files += [path for path in sorted(folder.glob("tests/test_*.py")) if path not in files]
+    return [path.relative_to(folder).as_posix() for path in files]
+
+
+def _compiler():
+    return "ccache gcc" if shutil.which("ccache") else "gcc"
+
+
+def _runtime(library):
+    found = subprocess.run(["gcc", f"-print-file-name={library}"], capture_output=True, text=True, check=True)
+    path = Path(found.stdout.strip())
+    if not path.is_absolute():
+        raise SystemExit(f"gcc has no {library}; the packages libasan, libubsan and libtsan have them")
+    return str(path)
+
+
+def _fixed_addresses():
+    # Where the kernel places libraries at random, ThreadSanitizer may find one where its own memory must be.
+    return ["setarch", "--addr-no-randomize"] if shutil.which("setarch") else []
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -33,7 +33,7 @@ $(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS w
 $(shell rm -rf $(VENV))
 endif
 
-.PHONY: bench build clean demo guard lint test
+.PHONY: bench build clean demo fuzz guard hosts leaks lint model mutate sanitize soak stress test
 
 test: $(VENV)/installed.stamp
 	$(PY) -m pytest
@@ -48,6 +48,17 @@ bench: $(VENV)/bench.stamp $(VENV)/installed.stamp
 guard: $(VENV)/installed.stamp
 	$(PY) -m bench.guard
 
+# Long searches for faults; docs/reliability.md tells what they found. OPTIONS go to the program, as
+# `make fuzz OPTIONS='cdr --seconds 60'`; `make fuzz OPTIONS=--help` names them.
+fuzz leaks model mutate sanitize stress: $(VENV)/dev.stamp
+	$(PY) -m reliability.$@ $(OPTIONS)
+
+hosts: $(VENV)/installed.stamp
+	$(PY) -m reliability.hosts $(OPTIONS)
+
+soak: $(VENV)/installed.stamp
+	$(PY) -m reliability.soak $(if $(MINUTES),--minutes $(MINUTES)) $(OPTIONS)
+
 lint: $(VENV)/dev.stamp
 	$(PY) -m ruff check .
 	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" cython-lint $(PACKAGES)
@@ -59,7 +70,7 @@ build: $(VENV)/dev.stamp
 	touch $(VENV)/installed.stamp
 
 clean:
-	rm -rf $(VENV) .bench build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .bench .reliability build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find $(PACKAGES) tf2_msgs tests build_backend -name '*.so' -delete -o -name '*.pyc' -delete
 	rm -f tf2_msgs/msg/*.py tf2_msgs/srv/*.py tf2_msgs/action/*.py tf2_ros_cython/_built.py
 

@@ -587,7 +587,8 @@ def test_the_answer_comes_to_a_wait_in_another_process_at_once():
 
 def test_a_program_with_closed_standard_streams_logs_nothing_into_its_shared_buffer():
     code = (
-        "import os, sys; sys.path[:0] = sys.argv[2:]; from making import transform; from tf2_ros import Buffer\n"
+        "import os, sys; sys.path[:0] = sys.argv[2:]\n"
+        "from making import transform; from tf2_ros import Buffer\n"
         "shared = Buffer(share=sys.argv[1]); shared.set_transform(transform('map', 'base', 5), 'test')\n"
         "shared.set_transform(transform('', 'refused', 5), 'test')\n"  # is logged
         "os._exit(0 if 'base' in Buffer(attach=sys.argv[1]) and Buffer(attach=sys.argv[1]).frames() else 1)"

@@ -343,7 +343,7 @@ def _open(path, flags):
 
 
 def _above_standard(descriptor):
-    # Where a standard stream is closed, a file gets its number, and what is printed or logged is written to it.
+    # Where a standard stream is closed, a file gets its number, and whatever is logged is written to it.
     if descriptor > 2:
         return descriptor
     try:

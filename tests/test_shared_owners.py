@@ -616,3 +616,17 @@ def test_the_answer_comes_to_a_wait_in_another_process_at_once():
             owner.tell("insert", i * S, 0)
             until(waiting.done)
             assert waiting.result().transform.translation.x == LINKS * i
+
+
+def test_a_program_with_closed_standard_streams_logs_nothing_into_its_shared_buffer():
+    code = (
+        "import os, sys; sys.path[:0] = sys.argv[2:]\n"
+        "from making import transform; from tf2_ros import Buffer\n"
+        "shared = Buffer(share=sys.argv[1]); shared.set_transform(transform('map', 'base', 5), 'test')\n"
+        "shared.set_transform(transform('', 'refused', 5), 'test')\n"  # is logged
+        "os._exit(0 if 'base' in Buffer(attach=sys.argv[1]) and Buffer(attach=sys.argv[1]).frames() else 1)"
+    )
+    for closed in ("2>&-", "0<&- 1>&- 2>&-"):
+        command = ["sh", "-c", f'exec "$@" {closed}', "sh", sys.executable, "-c", code, new_name()]
+        ended = subprocess.run([*command, str(PROGRAMS.parent)], timeout=60)
+        assert ended.returncode == 0, closed

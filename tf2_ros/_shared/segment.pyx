@@ -22,6 +22,7 @@ from tf2_py._internal cimport (
 )
 
 import errno as errors
+import fcntl
 import os
 import stat
 import threading
@@ -330,7 +331,7 @@ def _identity(facts):
 
 
 def _open(path, flags):
-    descriptor = os.open(path, flags | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+    descriptor = _above_standard(os.open(path, flags | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600))
     facts = os.fstat(descriptor)
     if not stat.S_ISREG(facts.st_mode) or facts.st_uid != os.geteuid():
         os.close(descriptor)
@@ -339,6 +340,16 @@ def _open(path, flags):
         os.close(descriptor)
         raise PermissionError(errors.EPERM, "other users may open it")
     return descriptor
+
+
+def _above_standard(descriptor):
+    # Where a standard stream is closed, a file gets its number, and whatever is logged is written to it.
+    if descriptor > 2:
+        return descriptor
+    try:
+        return fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 3)
+    finally:
+        os.close(descriptor)
 
 
 def _owner_here(path):

@@ -265,7 +265,7 @@ class Round:
         elif way == 1:
             listener = TransformListener(self.buffer, None)
         else:
-            own_node, spins = rclpy.create_node("stress_listener"), way == 2
+            own_node, spins = rclpy.create_node(f"stress_listener_{rng.randrange(10**9)}"), way == 2
             listener = TransformListener(self.buffer, own_node, spin_thread=spins)
         topics = listener._reception.topics
         self.ending.wait(rng.uniform(0.1, 1.5))
@@ -336,6 +336,7 @@ class Round:
         self._count("children")
 
     def _be_child(self, rng):
+        self._lock = threading.Lock()  # another thread may have held it
         try:
             buffer = self.buffer
             reader = Reader(buffer, rng)

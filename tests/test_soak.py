@@ -13,7 +13,7 @@ NOISE = {"resident": 2e6, "heap": 1e6, "blocks": 1500, "threads": 1, "descriptor
 
 
 def samples(minutes, **rise_per_second):
-    """As of a node that grows by so much, has noise, and once was far off for some seconds."""
+    """As of a node that grows by so much, has noise, once was far off for some seconds, and had one step."""
     rng = random.Random(1)
     rows = []
     for time_s in range(0, round(minutes * 60), EVERY_S):
@@ -22,6 +22,8 @@ def samples(minutes, **rise_per_second):
             row[name] += round(rise * time_s)
         if 50 <= time_s < 60:
             row["heap"] += 50_000_000
+        if time_s > minutes * 30:
+            row["resident"] += 20_000_000
         rows.append({"time": float(time_s), **row})
     return rows
 

@@ -37,6 +37,7 @@ from tf2_ros import Buffer, TimeoutException, TransformException, TransformListe
 
 READERS, FORKERS = 2, 1
 CHILD_S = 60.0  # what a child that does not hang never takes
+DONE_S = 20.0  # what a future that was not forgotten never takes
 END_S = 60.0
 FUTURES = 200  # that one thread has pending
 NEVER = 20  # futures of frames that only come at the end
@@ -265,7 +266,7 @@ class Round:
         elif way == 1:
             listener = TransformListener(self.buffer, None)
         else:
-            own_node, spins = rclpy.create_node("stress_listener"), way == 2
+            own_node, spins = rclpy.create_node(f"stress_listener_{rng.randrange(10**9)}"), way == 2
             listener = TransformListener(self.buffer, own_node, spin_thread=spins)
         topics = listener._reception.topics
         self.ending.wait(rng.uniform(0.1, 1.5))
@@ -336,6 +337,7 @@ class Round:
         self._count("children")
 
     def _be_child(self, rng):
+        self._lock = threading.Lock()  # another thread may have held it
         try:
             buffer = self.buffer
             reader = Reader(buffer, rng)
@@ -354,14 +356,15 @@ class Round:
             mine = sample("camera", START_NS)
             mine.header.frame_id, mine.child_frame_id = "world", "own"
             buffer.set_transform_static(mine, "child")
-            assert waiting.done() and not buffer._is_attached
+            assert not buffer._is_attached
+            _await_done(waiting)
             buffer._self_check()
             if rng.random() < 0.5:
                 buffer.clear()
                 buffer._self_check()
             mine.child_frame_id = "never0"
             buffer.set_transform_static(mine, "child")
-            assert self.never[0].done()
+            _await_done(self.never[0])
             for _ in range(20):
                 reader.step()
             buffer._self_check()
@@ -430,3 +433,11 @@ class Round:
         left = {thread.name for thread in set(threading.enumerate()) - threads_before if not thread.daemon}
         if left:
             self._problem(f"threads are left: {left}")
+
+
+def _await_done(future):
+    # At once, unless the thread that follows the parent was about to look the waiters up just then.
+    deadline = time.monotonic() + DONE_S
+    while not future.done():
+        assert time.monotonic() < deadline, "a future was forgotten"
+        time.sleep(0.001)

@@ -20,7 +20,7 @@ def hidden_node(
     """
     Make a node whose name begins with ``prefix`` and is unique in this process while ``owner`` lives.
 
-    Nothing of it depends on ROS time, and programs do not configure it: it has no parameter services, does
+    Nothing of it depends on ROS time, and programs do not configure it: it has no services of its own, does
     not log to /rosout, and does not use simulated time.
     """
     options: dict[str, Any] = {"context": context, "namespace": namespace}
@@ -30,5 +30,9 @@ def hidden_node(
         use_global_arguments=use_global_arguments,
         enable_rosout=False,
         start_parameter_services=False,
-        parameter_overrides=[Parameter("use_sim_time", value=False)],
+        parameter_overrides=[
+            Parameter("use_sim_time", value=False),
+            # rclpy never frees this service: 107 kB for each node.
+            Parameter("start_type_description_service", value=False),
+        ],
     )

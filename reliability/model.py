@@ -8,7 +8,9 @@ needed to see it, which `--replay FILE` takes again.
 import argparse
 import ast
 import random
+import signal
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -31,7 +33,9 @@ def main() -> int:
             return bool(broken)
         print(f"seed {options.seed}", flush=True)
         end = time.monotonic() + options.seconds
-        counts, found = search(options.seed, lambda: time.monotonic() >= end)
+        stopped = threading.Event()
+        signal.signal(signal.SIGINT, lambda *_: stopped.set())  # ends it after the sequence under way
+        counts, found = search(options.seed, lambda: stopped.is_set() or time.monotonic() >= end)
     outcomes = ", ".join(f"{name} {count:,}" for name, count in sorted(counts.items()))
     print(f"{counts['steps']:,} steps, {counts['queries']:,} queries; {outcomes}")
     if found is None:

@@ -523,7 +523,8 @@ class Model:
         The errors of which one is raised, and the answers of which one is given; one of the lists is empty.
 
         An answer is the linear and the angular mean over the interval around the time, cut at the latest
-        common time; time 0 is not the latest. After half a turn there are two answers.
+        common time, and how many seconds that is; time 0 is not the latest. After half a turn there are two
+        answers.
         """
         errors, ns = [], max(ns, 1)
 
@@ -549,7 +550,7 @@ class Model:
         if errors:
             return errors, []
         if end == start:
-            return [], [((math.nan,) * 3, (math.nan,) * 3)]
+            return [], [((math.nan,) * 3, (math.nan,) * 3, 0.0)]
         duration = (end - start) / S
         linear = tuple(a / duration for a in difference(last[0], first[0]))
         lever = difference(point_now, now[0])
@@ -561,7 +562,7 @@ class Model:
                 scale = 2 * math.atan2(sine, w) / sine / duration if sine > 0 else 0.0
                 angular = (x * scale, y * scale, z * scale)
                 at_point = added(linear, cross(angular, lever))
-                answers.append((turned(into, at_point), turned(into, angular)))
+                answers.append((turned(into, at_point), turned(into, angular), abs(duration)))
         return [], answers
 
     # Listings.
@@ -634,8 +635,10 @@ class Model:
         for name in sorted(name for name in self.names if parents[name] is None):
             show(name, 0, None)
         for name in sorted(self.names):
-            if name not in shown and name in self._ancestors(name, parents):
-                show(name, 0, name)
+            if name not in shown:
+                above = self._ancestors(name, parents)
+                first = min(frame for frame in above if frame in self._ancestors(frame, parents))
+                show(first, 0, first)
         return "\n".join(lines)
 
     def _ancestors(self, name, parents):

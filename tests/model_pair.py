@@ -15,8 +15,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import yaml
+from geometry_msgs.msg import PointStamped
 from making import S, rotation, stamp_ns, transform, translation
-from model import STAMPS_END, Model, ModelError
+from model import STAMPS_END, Model, ModelError, added, turned
+from processes import until
 from rclpy.duration import Duration
 from test_tf2_py_cdr import encode
 from waiters_random import shrink
@@ -47,6 +49,7 @@ WAYS = ("set", "static", "list", "static list", "cdr", "static cdr")
 WAITS = ("notified", "blocking", "future", "called")
 MOST_PENDING = 12  # the oldest waiter makes room for a new one
 RELATIVE = 1e-9
+POINT = (0.5, -1.0, 2.0)
 
 
 class Broken(AssertionError):
@@ -459,9 +462,64 @@ class Pair:
         if got[0] == "error":
             agree = any(same_error(got, ("error", error.kind, error.texts)) for error in errors)
         else:
-            agree = any(all(map(same_velocity, got[1], answer)) for answer in answers)
+            agree = any(same_velocity(got[1], answer) for answer in answers)
         if not agree:
             raise Broken(f"{query}: {got}, the model {errors or answers}", query)
+
+    # What a Buffer has beyond a BufferCore.
+
+    def do_timeout(self, lookup, timeout_ns):
+        """Nothing is inserted meanwhile, so that whoever waits gets what a lookup gives."""
+        buffer, timeout = self.buffer, Duration(nanoseconds=timeout_ns)
+        query = ("timeout", lookup, timeout_ns)
+        target, source, ns, *rest = lookup
+        if rest:
+            fixed, target_ns = rest
+            arguments = (target, target_ns, source, ns, fixed)
+            calls = buffer.lookup_transform_full, buffer.wait_for_transform_full_async
+            can = buffer.can_transform_full
+            reasons = self.model.can_full(*arguments)
+        else:
+            arguments = (target, source, ns)
+            calls = buffer.lookup_transform, buffer.wait_for_transform_async
+            can, reasons = buffer.can_transform, self.model.can(*arguments)
+        wanted = of_model(lambda: self._model_lookup(lookup))
+        refused = of_model(lambda: self.model.check_wait(target, source, *rest[:1]))
+        got = of_buffer(lambda: as_model_tells(calls[0](*arguments, timeout)))
+        waits = timeout_ns > 0 and refused[0] == "error"
+        self._compare(query, got, refused if waits else wanted, same_answer)
+        self._compare_reason(query, can(*arguments, timeout, return_debug_tuple=True), reasons)
+        future = calls[1](*arguments, timeout=timeout)
+        until(future.done)
+        if refused[0] == "error":
+            wanted = refused
+        elif wanted[0] == "error":
+            texts = [f"Waited 0 s for the transform: {text}" for text in wanted[2]]
+            wanted = ("error", "TimeoutException", texts)
+        self._compare(query, of_buffer(lambda: as_model_tells(future.result())), wanted, same_answer)
+
+    def do_transform(self, target, source, ns):
+        """A registered type."""
+        point = PointStamped()
+        point.header.frame_id = source
+        point.header.stamp.sec, point.header.stamp.nanosec = divmod(ns, S)
+        point.point.x, point.point.y, point.point.z = POINT
+        wanted = of_model(lambda: self.model.lookup(target, source, ns))
+        if wanted[0] == "answer":
+            stamp, _, _, xyz, xyzw = wanted[1]
+            wanted = ("answer", (stamp, target, added(turned(xyzw, POINT), xyz)))
+        elif source == "":
+            texts = [f"{text}. The header.frame_id of the PointStamped is empty" for text in wanted[2]]
+            wanted = (*wanted[:2], texts)
+
+        def transformed():
+            found = self.buffer.transform(point, target)
+            return (stamp_ns(found), found.header.frame_id, (found.point.x, found.point.y, found.point.z))
+
+        def same(got, want):
+            return got[:2] == want[:2] and same_numbers(got[2], want[2], max(1e3, *map(abs, want[2])))
+
+        self._compare(("transform", target, source, ns), of_buffer(transformed), wanted, same)
 
     def do_listings(self):
         buffer, model = self.buffer, self.model
@@ -518,14 +576,26 @@ class Pair:
             self.do_chain(target, some[0], source, some[1], fixed)
             point = (dice.choice((0.0, 1.0)), -2.0, 0.5)
             references = (dice.choice(names), point, dice.choice(names))
-            self.do_velocity(target, source, *references, some[0], dice.choice((0, 1, 2, 3, 10, S)))
+            self.do_velocity(target, source, *references, some[0], dice.choice((0, 1, 2, 3, 10, 1000, S)))
+        for _ in range(2):
+            lookup = (
+                (target, source, some[1])
+                if dice.random() < 0.5
+                else (target, source, some[1], fixed, some[2])
+            )
+            self.do_timeout(lookup, dice.choice((0, 1)))
+            self.do_transform(target, source, some[1])
+            target, source = source, target
 
 
 def same_velocity(got, want):
-    if any(map(math.isnan, want)):
-        return all(map(math.isnan, got))
-    # Differences of positions are divided by the interval: what remains of them is relative to metres per ns.
-    return all(abs(a - b) <= 1e-6 * max(1e9, abs(b)) for a, b in zip(got, want, strict=True))
+    linear, angular, duration = want
+    if duration == 0:
+        return all(map(math.isnan, (*got[0], *got[1])))
+    # Places lie up to kilometres apart; of their difference a part of 10⁻⁹ is divided by the time between.
+    tolerance = 1e-6 / duration
+    pairs = zip((*got[0], *got[1]), (*linear, *angular), strict=True)
+    return all(abs(a - b) <= max(tolerance, RELATIVE * abs(b)) for a, b in pairs)
 
 
 def yaml_of(text):
@@ -681,8 +751,9 @@ def run(steps, make_pair=Pair):
     for number, step in enumerate(steps):
         try:
             pair.take(step)
-        except AssertionError as broken:
-            return f"after step {number}, {step}: {broken}"
+        except Exception as broken:
+            told = broken if isinstance(broken, AssertionError) else repr(broken)
+            return f"after step {number}, {step}: {told}"
     return None
 
 
@@ -705,8 +776,8 @@ def search(seed, is_over, make_pair=Pair, steps_of_one=80):
             taken.append(step)
             try:
                 pair.take(step)
-                pair.ask(random.Random(len(taken)))
-            except AssertionError as broken:
+                pair.ask(random.Random(len(taken)), full=len(taken) == steps_of_one)
+            except Exception as broken:
                 found = shortest(taken, broken, make_pair)
                 return counts + pair.counts, (f"seed {seed}, {found[0]}", found[1])
             counts["steps"] += 1
@@ -719,7 +790,7 @@ def shortest(taken, broken, make_pair=Pair):
     """What is broken, and the shortest sequence found that shows it, of the steps that led there."""
     steps = taken + [broken.query] if getattr(broken, "query", None) else taken
     if not run(steps, make_pair):
-        return f"not again: {broken}", steps
+        return f"not again: {broken!r}", steps
     single = singles(steps)
     steps = shrink(single if run(single, make_pair) else steps, lambda steps: run(steps, make_pair))
     return run(steps, make_pair), steps

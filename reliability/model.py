@@ -16,7 +16,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
-from model_pair import run, search
+from model_steps import run, search
 from waiters_random import as_text, quiet
 
 

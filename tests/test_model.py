@@ -7,21 +7,9 @@ from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 from model import STAMPS_END, Model, ModelError, S
-from model_pair import (
-    AUTHORITIES,
-    FRAMES,
-    GOOD_PLACES,
-    GOOD_TURNS,
-    ODD_NAMES,
-    PLACES,
-    TURNS,
-    WAITS,
-    WAYS,
-    Pair,
-    run,
-    search,
-    shortest,
-)
+from model_links import AUTHORITIES, FRAMES, GOOD_PLACES, GOOD_TURNS, ODD_NAMES, PLACES, TURNS, WAYS
+from model_pair import WAITS, Pair
+from model_steps import run, search, shortest
 from rclpy.time import Time
 from test_conformance import SCENARIOS, assert_same_answer, assert_same_reason, number
 from waiters_random import as_text, quiet

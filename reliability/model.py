@@ -8,13 +8,15 @@ needed to see it, which `--replay FILE` takes again.
 import argparse
 import ast
 import random
+import signal
 import sys
+import threading
 import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
-from model_pair import run, search
+from model_steps import run, search
 from waiters_random import as_text, quiet
 
 
@@ -31,7 +33,9 @@ def main() -> int:
             return bool(broken)
         print(f"seed {options.seed}", flush=True)
         end = time.monotonic() + options.seconds
-        counts, found = search(options.seed, lambda: time.monotonic() >= end)
+        stopped = threading.Event()
+        signal.signal(signal.SIGINT, lambda *_: stopped.set())  # ends it after the sequence under way
+        counts, found = search(options.seed, lambda: stopped.is_set() or time.monotonic() >= end)
     outcomes = ", ".join(f"{name} {count:,}" for name, count in sorted(counts.items()))
     print(f"{counts['steps']:,} steps, {counts['queries']:,} queries; {outcomes}")
     if found is None:

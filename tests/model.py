@@ -9,13 +9,25 @@ rotations x y z w.
 import math
 import sys
 
-S = 1_000_000_000  # ns
-RESERVED = "NO_PARENT"
+from model_listings import RESERVED, Listings, S, seconds
+from model_math import (
+    IDENTITY,
+    added,
+    canonical,
+    composed,
+    conjugate,
+    cross,
+    difference,
+    inverse,
+    product,
+    slerp,
+    turned,
+)
+
 STAMPS_END = 2**31 * S  # messages carry seconds as int32
 MOST_OF_ONE_STAMP = 64  # samples; then the newest replaces the one before it
 MOST_HOPS = 1000  # from a frame up to the common ancestor
 NEWEST = "newest"  # as a time: that of the newest sample, whatever its stamp
-IDENTITY = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 REASONS = (
     "self_transform",
     "no_frame_id",
@@ -46,86 +58,12 @@ class Gap(Exception):
         self.frame, self.text, self.addition = frame, text, addition
 
 
-# Rotations and transforms; a transform is a pair of a translation and a rotation.
-
-
-def product(p, q):
-    px, py, pz, pw = p
-    qx, qy, qz, qw = q
-    return (
-        pw * qx + px * qw + py * qz - pz * qy,
-        pw * qy - px * qz + py * qw + pz * qx,
-        pw * qz + px * qy - py * qx + pz * qw,
-        pw * qw - px * qx - py * qy - pz * qz,
-    )
-
-
-def conjugate(q):
-    x, y, z, w = q
-    return (-x, -y, -z, w)
-
-
-def turned(q, v):
-    x, y, z, _ = product(product(q, (*v, 0.0)), conjugate(q))
-    return (x, y, z)
-
-
-def added(u, v):
-    return tuple(a + b for a, b in zip(u, v, strict=True))
-
-
-def difference(u, v):
-    return tuple(a - b for a, b in zip(u, v, strict=True))
-
-
-def cross(u, v):
-    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
-
-
-def composed(outer, inner):
-    """Of parent <- frame and frame <- child: parent <- child."""
-    return (added(turned(outer[1], inner[0]), outer[0]), product(outer[1], inner[1]))
-
-
-def inverse(transform):
-    back = conjugate(transform[1])
-    return (turned(back, tuple(-a for a in transform[0])), back)
-
-
-def canonical(q):
-    """Of q and -q the one that tf2 makes of a rotation matrix."""
-    x, y, z, w = q
-    trace = 4 * w * w - 1
-    leading = w if trace > 0 else max((x, y, z), key=abs)
-    return (-x, -y, -z, -w) if leading < 0 else q
-
-
-def slerp(p, q, ratio):
-    """Along the shorter way."""
-    dot = sum(a * b for a, b in zip(p, q, strict=True))
-    if dot < 0:
-        q, dot = tuple(-a for a in q), -dot
-    angle = math.acos(min(1.0, dot))
-    if angle < 1e-6:
-        mixed = tuple((1 - ratio) * a + ratio * b for a, b in zip(p, q, strict=True))
-    else:
-        before, after = math.sin((1 - ratio) * angle), math.sin(ratio * angle)
-        mixed = tuple((before * a + after * b) / math.sin(angle) for a, b in zip(p, q, strict=True))
-    length = math.sqrt(sum(a * a for a in mixed))
-    return tuple(a / length for a in mixed)
-
-
 def interpolated(older, newer, ns):
     stamp, parent, xyz, xyzw = older
     next_stamp, _, next_xyz, next_xyzw = newer
     ratio = (ns - stamp) / (next_stamp - stamp)
     between = tuple(a + ratio * (b - a) for a, b in zip(xyz, next_xyz, strict=True))
     return (parent, (between, slerp(xyzw, next_xyzw, ratio)))
-
-
-def seconds(ns):
-    sign, ns = ("-", -ns) if ns < 0 else ("", ns)
-    return f"{sign}{ns // S}.{ns % S:09d}"
 
 
 class Frame:
@@ -186,7 +124,7 @@ class Frame:
         return {sample[1] for sample in self.samples}
 
 
-class Model:
+class Model(Listings):
     def __init__(self, cache_ns=10 * S):
         self.cache_ns = cache_ns
         self.names = []  # in the order of first use
@@ -390,9 +328,6 @@ class Model:
                 raise self._loop(target, source)
         raise self._unconnected(target, source)
 
-    def _newest_parent(self, name):
-        return self.frames[name].newest_parent() if name in self.frames else None
-
     def _smallest(self, names):
         stamps = [self.frames[name].newest_ns() for name in names]
         return min([ns for ns in stamps if ns != 0], default=0)
@@ -523,7 +458,8 @@ class Model:
         The errors of which one is raised, and the answers of which one is given; one of the lists is empty.
 
         An answer is the linear and the angular mean over the interval around the time, cut at the latest
-        common time; time 0 is not the latest. After half a turn there are two answers.
+        common time, and how many seconds that is; time 0 is not the latest. After half a turn there are two
+        answers.
         """
         errors, ns = [], max(ns, 1)
 
@@ -549,7 +485,7 @@ class Model:
         if errors:
             return errors, []
         if end == start:
-            return [], [((math.nan,) * 3, (math.nan,) * 3)]
+            return [], [((math.nan,) * 3, (math.nan,) * 3, 0.0)]
         duration = (end - start) / S
         linear = tuple(a / duration for a in difference(last[0], first[0]))
         lever = difference(point_now, now[0])
@@ -561,100 +497,8 @@ class Model:
                 scale = 2 * math.atan2(sine, w) / sine / duration if sine > 0 else 0.0
                 angular = (x * scale, y * scale, z * scale)
                 at_point = added(linear, cross(angular, lever))
-                answers.append((turned(into, at_point), turned(into, angular)))
+                answers.append((turned(into, at_point), turned(into, angular), abs(duration)))
         return [], answers
-
-    # Listings.
-
-    def statistics(self):
-        return {
-            "taken": self.taken,
-            "refused": {reason: count for reason, count in self.refused.items() if count},
-            "frames": len(self.names),
-            "samples": sum(len(frame.samples) for frame in self.frames.values()),
-        }
-
-    def infos(self):
-        """By name, as `frames()` lists them: parent, static, number of samples, oldest and newest stamp."""
-        listed = {}
-        for name in self.names:
-            frame = self.frames.get(name)
-            if frame is None or not frame.samples:
-                listed[name] = (None, False, 0, None, None)
-            elif frame.static:
-                listed[name] = (frame.newest_parent(), True, 1, None, None)
-            else:
-                stamps = (frame.oldest_ns(), frame.newest_ns())
-                listed[name] = (frame.newest_parent(), False, len(frame.samples), *stamps)
-        return listed
-
-    def string(self):
-        children = [name for name in self.names if name in self.frames]
-        return "".join(
-            f"Frame {name} exists with parent {self._newest_parent(name) or RESERVED}.\n" for name in children
-        )
-
-    def yaml(self):
-        """As a dict of dicts; numbers as rounded in the text."""
-        listed = {}
-        for name in self.names:
-            frame = self.frames.get(name)
-            if frame is None or not frame.samples:
-                continue
-            span = frame.newest_ns() - frame.oldest_ns()
-            listed[name] = {
-                "parent": frame.newest_parent(),
-                "broadcaster": self.authorities[name],
-                "rate": round(len(frame.samples) * 1e9 / max(span, 100_000), 3),
-                "most_recent_transform": round(frame.newest_ns() / S, 6),
-                "oldest_transform": round(frame.oldest_ns() / S, 6),
-                "buffer_length": round(span / S, 3),
-            }
-        return listed
-
-    def edges(self):
-        """Of the graph: sorted pairs of parent and child."""
-        return sorted((facts["parent"], name) for name, facts in self.yaml().items())
-
-    def tree(self):
-        if not self.names:
-            return "no frames"
-        lines, shown = [], set()
-        parents = {name: self._newest_parent(name) for name in self.names}
-
-        def show(name, depth, end):
-            mark = " (loop)" if name == end else ""
-            lines.append("  " * depth + name + self._facts(name) + mark)
-            if name == end and depth > 0:
-                return
-            shown.add(name)
-            for child in sorted(child for child in self.names if parents[child] == name):
-                show(child, depth + 1, end)
-
-        for name in sorted(name for name in self.names if parents[name] is None):
-            show(name, 0, None)
-        for name in sorted(self.names):
-            if name not in shown and name in self._ancestors(name, parents):
-                show(name, 0, name)
-        return "\n".join(lines)
-
-    def _ancestors(self, name, parents):
-        above = []
-        while (name := parents[name]) is not None and name not in above:
-            above.append(name)
-        return above
-
-    def _facts(self, name):
-        frame = self.frames.get(name)
-        if frame is None or not frame.samples:
-            return ""
-        if frame.static:
-            return " (static)"
-        newest, count = frame.newest_ns(), len(frame.samples)
-        if count == 1:
-            return f" (1 sample, at {seconds(newest)})"
-        span = (newest - frame.oldest_ns()) / S
-        return f" ({count} samples over {span:.3f} s, newest at {seconds(newest)})"
 
 
 def as_reason(text):

@@ -155,6 +155,24 @@ class TestLookup:
                 buffer.lookup_transform_full("robot", at(2), "crater", at(1), "map", timeout)
 
     @pytest.mark.ours
+    def test_a_timeout_of_zero_changes_no_error(self, buffer, tf2_py):
+        # A wait would look for an invalid name first, as it would never end.
+        buffer.set_transform(transform("map", "robot", 1), "me")
+        for timeout in (Duration(), Duration(seconds=-1)):
+            with pytest.raises(tf2_py.LookupException):
+                buffer.lookup_transform("nowhere", "/robot", at(1), timeout)
+            with pytest.raises(tf2_py.LookupException):
+                buffer.lookup_transform_full("nowhere", at(1), "/robot", at(1), "map", timeout)
+
+    @pytest.mark.ours
+    def test_a_timeout_of_zero_needs_no_place_among_those_that_wait(self, tf2_ros, tf2_py):
+        buffer = tf2_ros.Buffer(max_waiters=1)
+        waiting = buffer.wait_for_transform_async("map", "robot", at(1))
+        with pytest.raises(tf2_py.LookupException):
+            buffer.lookup_transform("map", "robot", at(1), Duration())
+        assert not waiting.done()
+
+    @pytest.mark.ours
     def test_what_was_not_waited_for_does_not_say_so(self, buffer, tf2_py):
         for timeout in (Duration(), Duration(seconds=-1)):
             with pytest.raises(tf2_py.LookupException, match="is empty$"):

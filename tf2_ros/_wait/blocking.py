@@ -43,6 +43,8 @@ class BlockingWait:
         When the wait has ended, what the lookup raises is raised, with the text of :meth:`told`. An invalid
         name is raised at once.
         """
+        if not self._waits:
+            return lookup.now(self._core)
         while True:
             try:
                 wait = lookup.wait(self._core)

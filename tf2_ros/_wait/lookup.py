@@ -26,6 +26,14 @@ class Lookup(NamedTuple):
         """The lookup of ``lookup_transform``."""
         return cls(target_frame, None, source_frame, time, None)
 
+    def now(self, core: BufferCore) -> Any:
+        """What it gives without a wait: the answer, or the error."""
+        if self.fixed_frame is None:
+            return BufferCore.lookup_transform_core(
+                core, self.target_frame, self.source_frame, self.source_time
+            )
+        return BufferCore.lookup_transform_full_core(core, *self)
+
     def wait(self, core: BufferCore, notify: Callable[[Any], Any] | None = None) -> Any:
         """
         Begin to wait for it; see ``BufferCore._wait``, which a program's method of that name does not

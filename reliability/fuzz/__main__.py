@@ -113,10 +113,10 @@ def _run(
     with tempfile.TemporaryDirectory() as empty:
         options = {"cwd": folder or empty, "env": environment(build, guarded=arguments[1] not in IN_PYTHON)}
         if log is None:
-            subprocess.run(command, check=True, **options)  # type: ignore[call-overload]
+            subprocess.run(command, check=True, **options)
             return 0
         with open(log, "w") as file:
-            ended = subprocess.run(command, stdout=file, stderr=file, **options)  # type: ignore[call-overload]
+            ended = subprocess.run(command, stdout=file, stderr=file, **options)
             return int(ended.returncode)
 
 

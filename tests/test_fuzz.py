@@ -6,6 +6,8 @@ import pytest
 
 from reliability.fuzz.targets import PACKAGES, target
 
+pytestmark = pytest.mark.ours
+
 FUZZ = Path(__file__).resolve().parent.parent / "reliability" / "fuzz"
 
 

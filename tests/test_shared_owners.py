@@ -28,7 +28,7 @@ pytestmark = pytest.mark.ours
 FIRST_NS = 1000 * S
 LATER = at_ns(10**6 * S)  # what an owner never inserts
 KILLS = 200
-ROWS_AT, NAMES_SIXTEENTH, RINGS_SIXTEENTH = 131072, 1, 3  # as in segment.pxd
+FRAMES_AT, ROWS_AT, NAMES_SIXTEENTH, RINGS_SIXTEENTH = 72, 131072, 1, 3  # as in segment.pxd
 
 
 def insert_later(buffer):
@@ -491,6 +491,21 @@ def test_a_spoiled_file_does_no_harm_to_readers(seed):
             finally:
                 reads.kill()
                 reads.communicate()
+
+
+def test_a_spoiled_number_of_frames_takes_no_memory():
+    with Owner() as owner:
+        owner.tell("static", "f2", "other")
+        reader = Buffer(attach=owner.name)
+        with open(owner.path, "r+b", buffering=0) as file:
+            before = os.fstat(file.fileno()).st_blocks
+            owner.tell("static", "f2", "another")
+            os.pwrite(file.fileno(), struct.pack("<I", 2**24), FRAMES_AT)
+            assert reader.can_transform_core("f2", "other", 0)[0]
+            # What is read beyond what the owner wrote becomes memory, in blocks of 512 bytes.
+            assert (os.fstat(file.fileno()).st_blocks - before) * 512 < 2**20
+        assert reader._why_left == "it tells of more frames than names"
+        reader._self_check()
 
 
 def _spoil(file, chance, places):

@@ -43,6 +43,7 @@ def fuzz(name: str, seconds: int, build: Path, python: str) -> Outcome:
             f"-max_total_time={seconds}",
             f"-max_len={MOST_BYTES[name]}",
             f"-timeout={INPUT_S}",
+            f"-report_slow_units={INPUT_S}",
             f"-rss_limit_mb={MEMORY_MB}",
             "-malloc_limit_mb=1048576",  # the sanitizer refuses too much at once, as a machine would
             "-print_final_stats=1",
@@ -59,10 +60,21 @@ def fuzz(name: str, seconds: int, build: Path, python: str) -> Outcome:
     executions = [int(number) for number in re.findall(r"^#(\d+)\s", text, re.M)]
     executions += map(int, re.findall(r"number_of_executed_units: (\d+)", text))
     edges = [int(number) for number in re.findall(r"\bcov: (\d+)", text)]
-    new = sorted(set(crashes.iterdir()) - before)
+    new = _named(set(crashes.iterdir()) - before)
     if new or code != 0:
         print(text[-6000:])
     return Outcome(max(executions, default=0), max(edges, default=0), took, new, code)
+
+
+def _named(files: set[Path]) -> list[Path]:
+    # By the kind of fault and by the content: an exception was written twice.
+    names = set()
+    for one in files:
+        kind = "crash" if one.name.startswith("exception") else one.name.partition("-")[0]
+        name = one.with_name(f"{kind}-{hashlib.sha1(one.read_bytes()).hexdigest()[:12]}")
+        one.replace(name)
+        names.add(name)
+    return sorted(names)
 
 
 def minimise(name: str, build: Path, python: str) -> None:
@@ -101,10 +113,10 @@ def _run(
     with tempfile.TemporaryDirectory() as empty:
         options = {"cwd": folder or empty, "env": environment(build, guarded=arguments[1] not in IN_PYTHON)}
         if log is None:
-            subprocess.run(command, check=True, **options)  # type: ignore[call-overload]
+            subprocess.run(command, check=True, **options)
             return 0
         with open(log, "w") as file:
-            ended = subprocess.run(command, stdout=file, stderr=file, **options)  # type: ignore[call-overload]
+            ended = subprocess.run(command, stdout=file, stderr=file, **options)
             return int(ended.returncode)
 
 

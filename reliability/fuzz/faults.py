@@ -1,5 +1,7 @@
 """Owns what all targets check, and what a fault is."""
 
+import itertools
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -35,20 +37,24 @@ def ask(buffer: BufferCore, most: int) -> None:
     """Ask a buffer everything about so many of its frames: it answers, or says what is missing."""
     known = buffer._getFrameStrings()[:most]
     frames = buffer.frames()
-    for name in known:
-        for other in known:
-            for time_ns in (0, frames[name].newest_ns or 0, frames[other].oldest_ns or 0):
-                try:
-                    buffer.lookup_transform_core(name, other, max(time_ns, 0))
-                    buffer.lookup_transforms(name, other, [max(time_ns, 0), 1, 2**60], on_missing="nan")
-                except TransformException:
-                    pass
-                except OverflowError as error:
-                    if "does not fit into the stamp" not in str(error):
-                        raise
+    for name, other in itertools.permutations(known, 2):
+        times = {0, max(frames[name].newest_ns or 0, 0), max(frames[other].oldest_ns or 0, 0)}
+        _look_up(buffer.lookup_transforms, name, other, [*times, 1, 2**60], on_missing="nan")
+        for time_ns in times:
+            _look_up(buffer.lookup_transform_core, name, other, time_ns)
     buffer.all_frames_as_yaml()
     buffer.all_frames_as_string()
     buffer._allFramesAsDot(1)
     buffer.tree()
     buffer.statistics()
     repr(buffer)
+
+
+def _look_up(call: Callable[..., Any], *arguments: Any, **options: Any) -> None:
+    try:
+        call(*arguments, **options)
+    except TransformException:
+        pass
+    except OverflowError as error:
+        if "does not fit into the stamp" not in str(error):
+            raise

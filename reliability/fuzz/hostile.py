@@ -178,7 +178,7 @@ class Maker:
         """A message whose fields may hold anything."""
         message = cls()
         self.messages.append(message)
-        for field, kind in cls.get_fields_and_field_types().items():  # type: ignore[attr-defined]
+        for field, kind in cls.get_fields_and_field_types().items():
             self._fill(message, field, kind, depth)
         return self._maybe_spoiled(message)
 
@@ -274,57 +274,57 @@ def del_slot(message: Any, kind: int) -> None:
 class _Text(str):
     def __new__(cls, text: str, maker: Maker) -> "_Text":
         made = super().__new__(cls, text)
-        made._maker = maker  # type: ignore[attr-defined]
+        made._maker = maker
         return made
 
     def __eq__(self, other: object) -> Any:
-        return self._maker.read(False)  # type: ignore[attr-defined]
+        return self._maker.read(False)
 
     def __hash__(self) -> Any:
-        return self._maker.read(5)  # type: ignore[attr-defined]
+        return self._maker.read(5)
 
     def __str__(self) -> Any:
-        return self._maker.read("text")  # type: ignore[attr-defined]
+        return self._maker.read("text")
 
     def __len__(self) -> Any:
-        return self._maker.read(3)  # type: ignore[attr-defined]
+        return self._maker.read(3)
 
     def encode(self, *_: Any) -> Any:
-        return self._maker.read(b"text")  # type: ignore[attr-defined]
+        return self._maker.read(b"text")
 
 
 class _Float(float):
     def __new__(cls, number: float, maker: Maker) -> "_Float":
         made = super().__new__(cls, number)
-        made._maker = maker  # type: ignore[attr-defined]
+        made._maker = maker
         return made
 
     def __float__(self) -> Any:
-        return self._maker.read(0.5)  # type: ignore[attr-defined]
+        return self._maker.read(0.5)
 
     def __eq__(self, other: object) -> Any:
-        return self._maker.read(True)  # type: ignore[attr-defined]
+        return self._maker.read(True)
 
-    __hash__ = None  # type: ignore[assignment]
+    __hash__ = None
 
 
 class _Int(int):
     def __new__(cls, number: int, maker: Maker) -> "_Int":
         made = super().__new__(cls, number)
-        made._maker = maker  # type: ignore[attr-defined]
+        made._maker = maker
         return made
 
     def __index__(self) -> Any:
-        return self._maker.read(7)  # type: ignore[attr-defined]
+        return self._maker.read(7)
 
     def __int__(self) -> Any:
-        return self._maker.read(7)  # type: ignore[attr-defined]
+        return self._maker.read(7)
 
     def __mul__(self, other: object) -> Any:
-        return self._maker.read(7)  # type: ignore[attr-defined]
+        return self._maker.read(7)
 
     def __lt__(self, other: object) -> Any:
-        return self._maker.read(True)  # type: ignore[attr-defined]
+        return self._maker.read(True)
 
 
 class _Number:

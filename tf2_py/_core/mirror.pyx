@@ -58,6 +58,7 @@ cdef enum:
     TRIES_PER_DOUBLING = 8  # of the pause that the owner is asked for
     NAPS_PER_LOOK = 16      # naps after which it is looked whether the owner lives
     MOST_CHANGES = 1024     # collected one by one
+    SHORTEST_NAME = 5       # bytes of the name of a frame in a segment: its size, and a byte
     COPIES = 50             # of one history, before what is copied is mended
 
 # An owner that has been at one write for so long has been stopped in the middle of it.
@@ -185,6 +186,9 @@ cdef const char* _facts_problem(const Tree* tree, const Facts* facts) noexcept n
     cdef size_t room = segment_part(segment, 1)
     if facts.frames == 0 or facts.frames > segment_most_rows(segment) or facts.cache_time_ns < 0:
         return "it tells of more frames than it has room for"
+    # Before memory is taken for their rows, and read for them that the owner never wrote.
+    if (facts.frames - 1) * <uint64_t>SHORTEST_NAME > facts.names_size:
+        return "it tells of more frames than names"
     if facts.names_size > room or facts.authorities_size > room or facts.authorities == 0:
         return "it tells of more names than it has room for"
     if facts.trees == tree.mirror.trees and (

@@ -225,7 +225,7 @@ def _store(point: bytearray, at: int, code: str, value: Any) -> None:
     fits = lowest <= value < end if wide else lowest < value < end
     whole = int(value) if fits else -(2**63) if wide else -(2**31)
     order = "little" if code[0] == "<" else "big"
-    point[at : at + size] = (whole % 256**size).to_bytes(size, order)  # type: ignore[arg-type]
+    point[at : at + size] = (whole % 256**size).to_bytes(size, order)
 
 
 def _compare(answer: PointCloud2, wanted: _Wanted) -> None:

@@ -143,9 +143,9 @@ class _World:
 
     def begin_again(self) -> None:
         if self.given.flag():
-            self.buffer.__init__(self.make.time(), max_frames=self.make.whole())  # type: ignore[misc]
+            self.buffer.__init__(self.make.time(), max_frames=self.make.whole())
         else:
-            self.buffer.__init__()  # type: ignore[misc]
+            self.buffer.__init__()
             self.buffer.set_transforms_cdr(cdr_ros.TWO_TRANSFORMS, "again")
 
     def replace(self) -> None:

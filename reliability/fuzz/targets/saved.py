@@ -52,7 +52,7 @@ def _plain(path: Path) -> bytes:
                     written.add_metadata(record.name, record.metadata)
                 case Schema() if not schema:
                     schema = written.register_schema(record.name, record.encoding, b"")
-                case Channel() if record.id not in written._Writer__channels:  # type: ignore[attr-defined]
+                case Channel() if record.id not in written._Writer__channels:
                     written.register_channel(record.topic, record.message_encoding, schema)
                 case Message():
                     written.add_message(record.channel_id, record.log_time, record.data, 0)

@@ -3,8 +3,10 @@
 import itertools
 import mmap
 import os
+import resource
 import struct
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 from reliability.fuzz.faults import Fault, answers, ask
 from reliability.fuzz.reading import Input
@@ -18,6 +20,7 @@ SEQUENCE_AT, FACTS_AT, FACTS_BYTES, ABOUT_AT = 32, 40, 176, 1024
 BOARD_AT, LOG_AT, ROWS_AT, ROW_BYTES = 4096, 8192, 131072, 64
 NAMES, AUTHORITIES, RINGS = 1, 2, 3  # sixteenths of its size
 RING_BYTES = 8192
+SEGMENT_BYTES = 1 << 28  # the least of SIZES in tf2_ros/_shared/segment.pyx
 MOST_STEPS = 16
 ODD = (0, 1, 2, 0xFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 2**62, 2**63 - 1, 2**63, 2**64 - 1, 64, 4096, 5)
 
@@ -26,7 +29,8 @@ def run(data: bytes) -> None:
     """Change the memory of an owner, below readers that attached before and ones that attach after it."""
     given = Input(data)
     name = f"fuzz-{os.getpid()}-{next(_numbers)}"
-    owner = Buffer(share=name)
+    with _small_files():
+        owner = Buffer(share=name)
     try:
         _insert(owner, 0)
         with _Memory(name) as memory:
@@ -42,6 +46,17 @@ def run(data: bytes) -> None:
             reader._self_check()
     finally:
         owner._sharing.close()
+
+
+@contextmanager
+def _small_files() -> Iterator[None]:
+    # The segment is then of the least size: spoiled numbers lead to less memory, and mapping it is quicker.
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (SEGMENT_BYTES, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def _step(given: Input, memory: "_Memory", owner: Buffer, reader: Buffer, name: str, step: int) -> None:

@@ -11,9 +11,12 @@ import os
 import pickle
 import tempfile
 import threading
+from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
+from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 import rclpy
@@ -22,6 +25,7 @@ from known_types import ALL, TABLES
 from making import S, at, at_ns, transform
 from making_bags import drive, write_mcap
 from random_messages import Maker
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from repeated_calls import actions, failures, fill, raising
 from sensor_msgs.msg import PointCloud2, PointField
@@ -56,6 +60,16 @@ NO_CASE = {
     "MessageFilter.after_fork": "only for children of a fork",
     "StaticTransformBroadcaster.after_fork": "only for children of a fork",
 }
+
+
+class Group(NamedTuple):
+    """What its cases are of, beyond what else that has, and what makes them."""
+
+    subject: type | ModuleType
+    beyond: type | None
+    make: Callable[[ExitStack], dict[str, Callable[[], object]]]
+
+
 GROUPS = {}
 
 
@@ -63,7 +77,7 @@ def group(subject, *, beyond=None, name=None):
     """Register a function that makes the cases of a class or module, `beyond` what another has, too."""
 
     def register(make):
-        GROUPS[name or subject.__name__] = (subject, beyond, make)
+        GROUPS[name or subject.__name__] = Group(subject, beyond, make)
         return make
 
     return register
@@ -86,9 +100,9 @@ def _is_ours(value):
 def names():
     """Of all cases."""
     found = []
-    for title, (_, _, make) in GROUPS.items():
+    for title, group in GROUPS.items():
         with ExitStack() as stack:
-            found += [f"{title}.{case}" for case in make(stack)]
+            found += [f"{title}.{case}" for case in group.make(stack)]
     return found
 
 
@@ -113,7 +127,7 @@ def without_case(cases):
 def action(case, stack):
     """What a case calls."""
     title = max((title for title in GROUPS if case.startswith(f"{title}.")), key=len)
-    return GROUPS[title][2](stack)[case.removeprefix(f"{title}.")]
+    return GROUPS[title].make(stack)[case.removeprefix(f"{title}.")]
 
 
 def _ros(stack):
@@ -191,7 +205,7 @@ def _core(stack):
         "frames": buffer.frames,
         "tree": buffer.tree,
         "lookupVelocityFullCore": lambda: buffer.lookupVelocityFullCore(
-            "base", "map", "map", (0.0, 0.0, 0.0), "map", at(1), 0.0
+            "base", "map", "map", (0.0, 0.0, 0.0), "map", at(1), Duration()
         ),
         "lookup_transforms": lambda: buffer.lookup_transforms("map", "base", times),
         "lookup_transforms of no time": raising(buffer.lookup_transforms, "map", "base", times + S),

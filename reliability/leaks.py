@@ -4,6 +4,9 @@ Owns the search for leaks: `python -m reliability.leaks`, behind `make leaks`.
 Each public method is called a million times, or for a minute, in a process of its own. A leak is what grows
 in the first half of these calls and again in the second: Python's objects, the bytes of C's heap, resident
 memory; or threads and descriptors that are more in the end.
+
+With `--lost`, each case of a group is called some times in the build with AddressSanitizer, and LeakSanitizer
+then looks for memory that nothing points to any more.
 """
 
 import argparse
@@ -21,6 +24,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 MOST_CALLS = 1_000_000
 WARM_UP = 0.2  # of the time, and of the calls
+LOST_CALLS, LOST_S = 100, 2.0  # of each case with --lost, whichever comes first
 SETTLE_S = 5.0  # until threads and descriptors of what was destroyed are gone, at most
 
 # What a half may grow by, without a leak: in total, and for each call. One lost object in 100 calls shows.
@@ -113,7 +117,9 @@ def main(arguments=None):
     parser.add_argument("--seconds", type=float, default=60, help="for each case at most (default: 60)")
     parser.add_argument("--only", default="", metavar="TEXT", help="only cases with this in their names")
     parser.add_argument("--list", action="store_true", help="print the cases; fail if a public name has none")
+    parser.add_argument("--lost", action="store_true", help="look for lost memory, with LeakSanitizer")
     parser.add_argument("--case", help=argparse.SUPPRESS)
+    parser.add_argument("--lost-of", help=argparse.SUPPRESS)
     asked = parser.parse_args(arguments)
     sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
     # Before anything imports rclpy: a ROS domain of its own.
@@ -121,6 +127,8 @@ def main(arguments=None):
 
     if asked.case:
         return _run_here(asked.case, asked.seconds)
+    if asked.lost_of:
+        return _look_for_lost(asked.lost_of)
     from reliability import leak_cases
 
     names = leak_cases.names()
@@ -131,6 +139,8 @@ def main(arguments=None):
     if asked.list:
         print(*chosen, sep="\n")
         return 1 if without else 0
+    if asked.lost:
+        return _run_lost([title for title in leak_cases.GROUPS if asked.only in title])
     return max([_run(name, asked.seconds) for name in chosen], default=1) or bool(without)
 
 
@@ -171,6 +181,45 @@ def _run(name, seconds):
         flush=True,
     )
     return 1 if found else 0
+
+
+def _look_for_lost(title):
+    from reliability import leak_cases
+
+    with ExitStack() as stack:
+        for action in leak_cases.GROUPS[title].make(stack).values():
+            # A lost block shows after one call; more of them tell one lost once from one lost each time.
+            until_s = time.monotonic() + LOST_S
+            for _ in range(LOST_CALLS):
+                action()
+                if time.monotonic() > until_s:
+                    break
+    gc.collect()
+    lost = ctypes.CDLL(None).__lsan_do_recoverable_leak_check()
+    # The interpreter leaves behind much that it never frees; that is not looked at.
+    os._exit(1 if lost else 0)
+
+
+def _run_lost(titles):
+    from reliability import sanitize
+
+    reports = sanitize.reports_of("leak")
+    folder, environment = sanitize.prepared("address", reports)
+    environment["ASAN_OPTIONS"] += ":detect_leaks=1:leak_check_at_exit=0"
+    environment["LSAN_OPTIONS"] = f"use_tls=0:suppressions={sanitize.SUPPRESSIONS}/leak.txt"
+    failed = []
+    for title in titles:
+        command = [sys.executable, "-m", "reliability.leaks", "--lost-of", title]
+        out, err = subprocess.DEVNULL, subprocess.PIPE
+        ended = subprocess.run(command, cwd=folder, env=environment, stdout=out, stderr=err, text=True)
+        print(f"{'LOST ' if ended.returncode else 'ok   '} {title}", flush=True)
+        if ended.returncode:
+            failed.append(title)
+            said = [report.read_text(errors="replace") for report in sorted(reports.iterdir())]
+            print("".join(said) or ended.stderr[-2000:], flush=True)
+        for report in reports.iterdir():
+            report.unlink()
+    return 1 if failed else 0
 
 
 if __name__ == "__main__":

@@ -126,13 +126,8 @@ def main(arguments=None):
 
 def run(name, of_pytest):
     """Build, run the tests, print what was reported; whether all was well."""
-    kind = KINDS[name]
-    flags = " ".join(flag for flag in kind.cflags if flag.startswith("-fsanitize"))
-    folder = build(name, cflags=kind.cflags, ldflags=(flags,), CC=_compiler())
-    reports = BUILDS / "reports" / name
-    shutil.rmtree(reports, ignore_errors=True)
-    reports.mkdir(parents=True)
-    environment = {**os.environ, **kind.environment(reports), "PYTHONPATH": str(folder)}
+    kind, reports = KINDS[name], reports_of(name)
+    folder, environment = prepared(name, reports)
     if SELF_CHECK in kind.cflags and not _notices_what_is_broken(folder, environment):
         print(f"{name}: the self check does not work")
         return False
@@ -146,6 +141,21 @@ def run(name, of_pytest):
         print(f"{name}: {count} x {text}")
     print(f"{name}: {sum(found.values())} reports in {reports}, pytest ended with {status}")
     return status == 0 and not found
+
+
+def prepared(name, reports):
+    """Build; return the folder, and the environment of an interpreter that is to use it."""
+    kind = KINDS[name]
+    flags = " ".join(flag for flag in kind.cflags if flag.startswith("-fsanitize"))
+    folder = build(name, cflags=kind.cflags, ldflags=(flags,), CC=_compiler())
+    shutil.rmtree(reports, ignore_errors=True)
+    reports.mkdir(parents=True)
+    return folder, {**os.environ, **kind.environment(reports), "PYTHONPATH": str(folder)}
+
+
+def reports_of(name):
+    """The folder of what the runtimes report in a run, one file for each process."""
+    return BUILDS / "reports" / name
 
 
 def summaries(reports):

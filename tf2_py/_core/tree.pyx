@@ -39,6 +39,7 @@ from tf2_py._core.names cimport (
     name_hash,
     name_strip,
     names_check,
+    names_drop,
     names_find,
     names_free,
     names_init,
@@ -269,6 +270,7 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
                           Change* change) noexcept nogil:
     cdef uint32_t refused = incoming_refusals(incoming)
     cdef FrameId child, parent
+    cdef uint32_t known = tree.names.count
     cdef uint32_t bit
     tree.work += (incoming.child_size + incoming.parent_size) // NAME_BYTES_PER_INSERT
     if change != NULL:
@@ -280,6 +282,9 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
         parent = _frame(tree, incoming.parent, incoming.parent_size, change, &refused)
     if refused == 0:
         refused = _insert(tree, child, parent, incoming, authority, is_static, change)
+    if refused == TREE_NO_MEMORY:
+        # Nobody has seen them: neither another thread nor another process.
+        names_drop(&tree.names, known)
     for bit in range(REFUSAL_KINDS if refused else 0):
         tree.refused[bit] += (refused >> bit) & 1
     return refused

@@ -145,7 +145,7 @@ cdef class Engine:
         lock_write(&self._lock)
         inserts = batch.done < batch.count
         if inserts:
-            self._take_leave()
+            batch.no_memory = batch.no_memory or not self._take_leave(False)
             self._open()
             # Each time: the buffer may have been emptied meanwhile, with its names.
             if self._publication == NULL or publication_has_room_for(
@@ -274,7 +274,9 @@ cdef class Engine:
     cdef int forget(self) except -1:
         cdef Batch batch
         lock_write(&self._lock)
-        self._take_leave()
+        if not self._take_leave(False):
+            unlock_write(&self._lock)
+            raise MemoryError
         self._open()
         tree_clear(&self._tree)
         if self._publication != NULL:
@@ -307,7 +309,8 @@ cdef class Engine:
         cdef Tree new = tree[0]
         cdef Batch batch
         lock_write(&self._lock)
-        self._take_leave()
+        # What the other process holds is not to be kept.
+        self._take_leave(True)
         if self._publication != NULL and not publication_adopt(self._publication, &new):
             unlock_write(&self._lock)
             tree_free(&new)
@@ -539,14 +542,16 @@ cdef class Engine:
 
     # Sharing, as far as what changes the tree must know of it; the rest is in sharing.pyx.
 
-    cdef void _take_leave(self) noexcept nogil:
-        # With the lock held for writing, as the next ones.
+    cdef bint _take_leave(self, bint at_any_cost) noexcept nogil:
+        # With the lock held for writing, as the next ones. False: there is no memory, and nothing has changed.
         cdef Segment* segment
         if self._tree.mirror != NULL:
             segment = self._tree.mirror.segment
-            mirror_leave(&self._tree)
+            if not mirror_leave(&self._tree, at_any_cost):
+                return False
             segment.wake(segment_word(segment))
             self._nudge()
+        return True
 
     cdef void _nudge(self) noexcept nogil:
         # The thread that follows another process, if it sleeps because nothing waited.

@@ -543,7 +543,7 @@ cdef class Engine:
     # Sharing, as far as what changes the tree must know of it; the rest is in sharing.pyx.
 
     cdef bint _take_leave(self, bint at_any_cost) noexcept nogil:
-        # With the lock held for writing, as the next ones. False: there is no memory, and nothing has changed.
+        # With the lock held for writing, as the next ones. False: there is no memory; nothing has changed.
         cdef Segment* segment
         if self._tree.mirror != NULL:
             segment = self._tree.mirror.segment

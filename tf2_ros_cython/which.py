@@ -3,6 +3,7 @@
 import importlib
 import importlib.util
 import os
+import signal
 import sys
 from importlib.machinery import PathFinder
 from pathlib import Path
@@ -22,22 +23,41 @@ def main(args: list[str] | None = None) -> int:
 
     :param args: accepted because other programs have it, and without effect.
     :return: 0 where all of our packages are in use, and those load that the installation is for; otherwise 1.
+        128 and the signal's number where the reader of the output left before its end.
     """
+    lines, status = _answer()
+    try:
+        print(*lines, sep="\n", flush=True)
+    except BrokenPipeError:
+        status = 128 + signal.SIGPIPE
+    except OSError as failure:
+        print(f"tf2_which: {failure.strerror}", file=sys.stderr)
+        status = 1
+    else:
+        return status
+    # What is left the interpreter would try to write once more.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return status
+
+
+def _answer() -> tuple[list[str], int]:
+    """What is printed, and the exit status."""
+    lines = []
     folders = {name: _imported_from(name) for name in (*_finder.PACKAGES, "tf2_msgs")}
     for name, folder in folders.items():
-        print(f"{name}: {_describe(name, folder)}")
+        lines.append(f"{name}: {_describe(name, folder)}")
         for other in _others(name, folder):
-            print(f"    takes precedence over {other / name}")
+            lines.append(f"    takes precedence over {other / name}")
     are_ours = all(_is_ours(folders[name]) for name in _finder.PACKAGES)
     failure = _import_failure() if are_ours else None
     if failure is not None:
-        print(f"does not load: {failure}")
-    print(f"precedence: {_precedence()}")
-    print(f"receiver: {_receiver(folders['tf2_ros'])}")
-    print(f"shared buffer: {_shared_buffer(folders['tf2_ros'])}")
-    print(f"ROS 2: {_running_ros()}")
-    print(f"built for: {_built_for()}")
-    return 0 if are_ours and failure is None else 1
+        lines.append(f"does not load: {failure}")
+    lines.append(f"precedence: {_precedence()}")
+    lines.append(f"receiver: {_receiver(folders['tf2_ros'])}")
+    lines.append(f"shared buffer: {_shared_buffer(folders['tf2_ros'])}")
+    lines.append(f"ROS 2: {_running_ros()}")
+    lines.append(f"built for: {_built_for()}")
+    return lines, 0 if are_ours and failure is None else 1
 
 
 def _imported_from(name: str) -> Path | None:

@@ -28,8 +28,9 @@ cdef inline bint mirror_is_current(const Tree* tree) noexcept nogil:
 # With the tree's lock held for writing. Makes the tree as its owner's is; where it cannot be followed any
 # more, it leaves.
 cdef void mirror_catch_up(Tree* tree) noexcept nogil
-# Likewise. The histories become the tree's own, as ordinary memory; `tree.mirror` is NULL then.
-cdef void mirror_leave(Tree* tree) noexcept nogil
+# Likewise. The histories become the tree's own, as ordinary memory; `tree.mirror` is NULL then. False: there
+# is no memory for them, and the tree is a mirror as before. At any cost, what has no memory is lost.
+cdef bint mirror_leave(Tree* tree, bint at_any_cost) noexcept nogil
 # Whether copies of caches still say where the samples lie, and none of those has changed: what was read of
 # them up to now is valid. `frames`: their frames.
 cdef bint mirror_holds(const Mirror* mirror, const FrameId* frames, const Cache* copies,

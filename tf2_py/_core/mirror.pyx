@@ -424,7 +424,7 @@ cdef bint _can_catch_up(Tree* tree) noexcept nogil:
 
 cdef void mirror_catch_up(Tree* tree) noexcept nogil:
     if not _can_catch_up(tree):
-        _leave(tree, False)
+        _leave(tree, False, True)
 
 
 cdef bint mirror_holds(const Mirror* mirror, const FrameId* frames, const Cache* copies,
@@ -474,19 +474,22 @@ cdef bint _row_now(const Tree* tree, FrameId frame, bint follows, Row* row) noex
     return False
 
 
-cdef void _take_over(Tree* tree, FrameId frame, bint follows) noexcept nogil:
+cdef bint _take_over(Tree* tree, FrameId frame, bint follows) noexcept nogil:
     # The history of one frame, as it is at this moment. What cannot be read, or has no memory, is lost.
+    # False: there was no memory.
     cdef Cache* cache = &tree.caches[frame]
     cdef Cache copy
     cdef Row row
     cdef uint32_t tries
     cdef bint is_whole = False
+    cdef bint has_memory = True
     for tries in range(<uint32_t>COPIES):
         if is_whole or not _row_now(tree, frame, follows, &row):
             break
         _apply_row(tree, frame, &row)
         copy = cache[0]
         if copy.capacity and cache_move(&copy, copy.capacity, SIZE_MAX // 2) != CACHE_INSERTED:
+            has_memory = False
             break
         # Of the last copy, what is sound is kept.
         is_whole = not follows or mirror_holds(tree.mirror, &frame, cache, 1) or tries == COPIES - 1
@@ -499,18 +502,36 @@ cdef void _take_over(Tree* tree, FrameId frame, bint follows) noexcept nogil:
     cache[0] = copy
     # Also where cache_check finds nothing: it does not know of frames.
     cache_mend(cache, frame, tree.names.count)
+    return has_memory
 
 
-cdef void _leave(Tree* tree, bint follows) noexcept nogil:
+cdef void _stay(Tree* tree, FrameId taken) noexcept nogil:
+    # Gives up the copies of the frames up to this one: whoever reads next reads all rows anew.
+    cdef FrameId frame
+    for frame in range(1, taken + 1):
+        cache_free(&tree.caches[frame])
+    tree.samples = 0
+    for frame in range(taken + 1, tree.names.count):
+        tree.samples += tree.caches[frame].count
+    tree.mirror.sequence = 1
+    tree.mirror.logged -= LOG_ENTRIES
+
+
+cdef bint _leave(Tree* tree, bint follows, bint at_any_cost) noexcept nogil:
+    # False: there is no memory for a history, and the tree is a mirror as before. At any cost, it is lost.
     cdef Mirror* mirror = tree.mirror
     cdef FrameId frame
     for frame in range(1, tree.names.count):
-        _take_over(tree, frame, follows)
+        if not _take_over(tree, frame, follows) and not at_any_cost:
+            _stay(tree, frame)
+            return False
     tree.mirror = NULL
     tree.cache_time_ns = mirror.own_cache_time_ns
     tree_relink(tree)
     _collect_everything(mirror)
+    return True
 
 
-cdef void mirror_leave(Tree* tree) noexcept nogil:
-    _leave(tree, _can_catch_up(tree))
+cdef bint mirror_leave(Tree* tree, bint at_any_cost) noexcept nogil:
+    cdef bint follows = _can_catch_up(tree)
+    return _leave(tree, follows, at_any_cost or not follows)

@@ -49,4 +49,6 @@ cdef void names_free(Names* names) noexcept nogil
 cdef uint32_t names_find(const Names* names, const char* text, size_t size) noexcept nogil
 # The name's id, a new one where it is unknown. NAME_NO_MEMORY: there is no memory for it, or no free id.
 cdef uint32_t names_intern(Names* names, const char* text, size_t size) noexcept nogil
+# Forgets names until there are only so many: those that were interned last. Memory is kept for the next ones.
+cdef void names_drop(Names* names, uint32_t count) noexcept nogil
 cdef const char* names_check(const Names* names) noexcept nogil     # NULL, or which invariant does not hold

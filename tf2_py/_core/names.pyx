@@ -207,6 +207,18 @@ cdef uint32_t names_intern(Names* names, const char* text, size_t size) noexcept
     return id
 
 
+cdef void names_drop(Names* names, uint32_t count) noexcept nogil:
+    # No probe for an earlier name passes the slot of a later one, so an emptied slot ends none too soon.
+    cdef uint32_t slot
+    while names.count > count:
+        names.count -= 1
+        names.text_size -= names.names[names.count].size
+        slot = names.names[names.count].hash & names.slot_mask
+        while names.slots[slot] != names.count + 1:
+            slot = (slot + 1) & names.slot_mask
+        names.slots[slot] = 0
+
+
 cdef const char* names_check(const Names* names) noexcept nogil:
     cdef uint32_t id, slot, run
     cdef const Name* name

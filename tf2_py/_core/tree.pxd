@@ -59,7 +59,7 @@ cdef FrameId tree_frame(const Tree* tree, const char* name, size_t size) noexcep
 # Every reason to refuse a transform whatever the tree holds: REFUSED_* bits. Strips one leading '/' from the
 # names and normalises the rotation, both in `incoming`.
 cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil
-# Inserts a transform. 0, or REFUSED_* bits, or TREE_NO_MEMORY and the tree is unchanged but for names.
+# Inserts a transform. 0, or REFUSED_* bits, or TREE_NO_MEMORY and the tree holds what it held.
 # Changes `incoming` as incoming_refusals does. `change` is filled whatever the outcome: a transform that is
 # too old adds its names, too. NULL: it is not needed.
 cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,

@@ -39,6 +39,7 @@ from tf2_py._core.names cimport (
     name_hash,
     name_strip,
     names_check,
+    names_drop,
     names_find,
     names_free,
     names_init,
@@ -269,6 +270,7 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
                           Change* change) noexcept nogil:
     cdef uint32_t refused = incoming_refusals(incoming)
     cdef FrameId child, parent
+    cdef uint32_t known = tree.names.count
     tree.work += (incoming.child_size + incoming.parent_size) // NAME_BYTES_PER_INSERT
     if change != NULL:
         change_begin(change)
@@ -279,7 +281,10 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
         parent = _frame(tree, incoming.parent, incoming.parent_size, change, &refused)
     if refused == 0:
         refused = _insert(tree, child, parent, incoming, authority, is_static, change)
-    if refused:
+    if refused == TREE_NO_MEMORY:
+        # Nobody has seen them: neither another thread nor another process.
+        names_drop(&tree.names, known)
+    elif refused:
         tree_count_refused(tree, refused)
     return refused
 

@@ -115,7 +115,7 @@ cdef class Engine:
     cdef const char* check(self) noexcept nogil     # NULL, or which invariant does not hold
 
     # What changes the tree of an engine that follows another one makes it leave before.
-    cdef bint _take_leave(self) noexcept nogil
+    cdef bint _take_leave(self, bint at_any_cost) noexcept nogil
     cdef void _nudge(self) noexcept nogil
     # Around what an owner changes.
     cdef void _open(self) noexcept nogil

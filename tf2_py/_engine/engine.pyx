@@ -138,11 +138,13 @@ cdef class Engine:
         cdef uint32_t cost
         cdef uint64_t work
         cdef int64_t left = SLICE
-        cdef bint inserts
+        cdef bint inserts, was_attached
         lock_write(&self._lock)
         inserts = batch.done < batch.count
         if inserts:
-            if self._take_leave() and self._waiters.count:
+            was_attached = self._tree.mirror != NULL
+            batch.no_memory = batch.no_memory or not self._take_leave(False)
+            if was_attached and self._tree.mirror == NULL and self._waiters.count:
                 # It brought what the other process inserted meanwhile. A thread may have told the waiters of
                 # that or may be about to; in a forked child there is none.
                 batch.wake.change.everything = True
@@ -277,7 +279,9 @@ cdef class Engine:
     cdef int forget(self) except -1:
         cdef Batch batch
         lock_write(&self._lock)
-        self._take_leave()
+        if not self._take_leave(False):
+            unlock_written(&self._lock, &self._tree, &self._waiters)
+            raise MemoryError
         self._open()
         tree_clear(&self._tree)
         if self._publication != NULL:
@@ -310,7 +314,8 @@ cdef class Engine:
         cdef Tree new = tree[0]
         cdef Batch batch
         lock_write(&self._lock)
-        self._take_leave()
+        # What the other process holds is not to be kept.
+        self._take_leave(True)
         if self._publication != NULL and not publication_adopt(self._publication, &new):
             unlock_written(&self._lock, &self._tree, &self._waiters)
             tree_free(&new)
@@ -542,15 +547,15 @@ cdef class Engine:
 
     # Sharing, as far as what changes the tree must know of it; the rest is in sharing.pyx.
 
-    cdef bint _take_leave(self) noexcept nogil:
-        # Whether the buffer was attached. With the lock held for writing, as the next ones.
+    cdef bint _take_leave(self, bint at_any_cost) noexcept nogil:
+        # With the lock held for writing, as the next ones. False: there is no memory; nothing has changed.
         cdef Segment* segment
-        if self._tree.mirror == NULL:
-            return False
-        segment = self._tree.mirror.segment
-        mirror_leave(&self._tree)
-        segment.wake(segment_word(segment))
-        self._nudge()
+        if self._tree.mirror != NULL:
+            segment = self._tree.mirror.segment
+            if not mirror_leave(&self._tree, at_any_cost):
+                return False
+            segment.wake(segment_word(segment))
+            self._nudge()
         return True
 
     cdef void _nudge(self) noexcept nogil:

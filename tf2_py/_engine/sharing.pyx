@@ -227,7 +227,8 @@ cdef class SharingEngine(Engine):
 
     cdef void _take_leave_now(self) noexcept nogil:
         lock_write(&self._lock)
-        self._take_leave()
+        # The other process may have ended: what has no memory is lost.
+        self._take_leave(True)
         unlock_written(&self._lock, &self._tree, &self._waiters)
 
     cdef bint _is_wanted(self) noexcept nogil:

@@ -9,6 +9,7 @@ from tf2_ros._traffic import expectations
 from tf2_ros._traffic.expectations import Expectation
 from tf2_ros._traffic.findings import KINDS, Finding
 from tf2_ros._traffic.streams import Stream
+from tf2_ros._whole_files import write_whole
 from tf2_ros_cython.cli._program import RunError, UsageError
 
 __all__ = ["expected_by", "line_of", "not_ignored", "refuse_unknown_kinds", "verdict_of", "write_junit"]
@@ -71,7 +72,7 @@ def write_junit(
 
     :param name: of the suite.
     :param seconds: how long was listened.
-    :raises UsageError: it cannot be written.
+    :raises UsageError: it cannot be written; what was there before stays.
     """
     kinds = {finding.kind for finding in wrong}
     counts = {"tests": len(KINDS), "failures": len(kinds), "errors": 0, "skipped": len({*ignored})}
@@ -86,6 +87,6 @@ def write_junit(
         elif kind in ignored:
             ElementTree.SubElement(case, "skipped")
     try:
-        ElementTree.ElementTree(suite).write(path, encoding="utf-8", xml_declaration=True)
+        write_whole(path, ElementTree.tostring(suite, encoding="utf-8", xml_declaration=True))
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from None

@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from tf2_ros._whole_files import write_whole
+
 __all__ = ["main"]
 
 # Those that the signatures of this project name.
@@ -46,7 +48,8 @@ def main(args: list[str] | None = None) -> int:
     Write the stubs of message packages, and of those whose messages these contain.
 
     :param args: of the command line, without the program's name. None: those of the process.
-    :return: the exit status: 1, and nothing is written, where a package has no messages or is not installed.
+    :return: the exit status: 1, and nothing is written, where a package has no messages or is not installed;
+        1, too, where a file cannot be written.
     """
     parser = argparse.ArgumentParser(
         prog="python -m tf2_ros.cli.message_stubs",
@@ -66,9 +69,13 @@ def main(args: list[str] | None = None) -> int:
     for package in _with_those_used(packages):
         if _is_typed(package):
             print(f"{package} has types of its own")
-        else:
+            continue
+        try:
             _write(package, chosen.folder)
-            print(f"wrote {chosen.folder / package}")
+        except OSError as failure:
+            print(f"cannot write {failure.filename}: {failure.strerror}", file=sys.stderr)
+            return 1
+        print(f"wrote {chosen.folder / package}")
     return 0
 
 
@@ -114,7 +121,7 @@ def _messages(cls: type, kind: str) -> dict[str, Any]:
 
 def _write(package: str, folder: Path) -> None:
     (folder / package).mkdir(parents=True, exist_ok=True)
-    (folder / package / "__init__.pyi").write_text("", encoding="utf-8")
+    write_whole(folder / package / "__init__.pyi", b"")
     imports = "".join(f"import {name}.msg as _{name}\n" for name in sorted(_packages_used(package)))
     for kind in PARTS:
         classes = _interfaces(package, kind)
@@ -122,7 +129,7 @@ def _write(package: str, folder: Path) -> None:
             (folder / package / kind).mkdir(exist_ok=True)
             lines = [line for cls in classes for line in ("", *_class(cls, kind))]
             text = HEADER + imports + "\n".join(lines) + "\n"
-            (folder / package / kind / "__init__.pyi").write_text(text, encoding="utf-8")
+            write_whole(folder / package / kind / "__init__.pyi", text.encode())
 
 
 def _class(cls: type, kind: str) -> Iterator[str]:

@@ -1,0 +1,27 @@
+"""Owns what the tests load into programs before all else: it stands in for functions of the C library."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+SOURCES = Path(__file__).resolve().parent / "interposed"
+
+
+def built(name, folder):
+    """Compile `interposed/<name>.c`; the path of the library. Without a compiler the test is skipped."""
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None:
+        pytest.skip("there is no C compiler")
+    library = Path(folder, f"{name}.so")
+    options = ["-std=gnu11", "-Wall", "-Wextra", "-Werror", "-O2", "-shared", "-fPIC"]
+    subprocess.run([compiler, *options, "-o", library, SOURCES / f"{name}.c", "-ldl"], check=True)
+    return library
+
+
+def with_library(library, **variables):
+    """The environment of a program that loads it."""
+    before = os.environ.get("LD_PRELOAD", "")
+    return {**os.environ, "LD_PRELOAD": f"{library} {before}".strip(), **variables}

@@ -51,7 +51,7 @@ def limit_size():
 def ended(command, arguments, limit, **popen):
     process = program(command, *map(str, arguments), preexec_fn=limit, **popen)
     try:
-        out, err = process.communicate(timeout=DEADLINE_S)
+        out, err = process.communicate(timeout=3 * DEADLINE_S)  # to import what draws takes seconds
     finally:
         process.kill()
         process.communicate()
@@ -138,18 +138,6 @@ def test_types_of_messages(limited):
     assert not list(folder.rglob(".*"))
 
 
-def test_a_compressed_recording_without_a_disk_to_decompress_it_on(recording, limited, tmp_path_factory):
-    folder, reason, limit = limited
-    packed = tmp_path_factory.mktemp("packed") / "drive.mcap.zstd"
-    packed.write_bytes(
-        pytest.importorskip("zstandard").ZstdCompressor().compress(Path(recording).read_bytes())
-    )
-    status, _, err = ended("tf2_bag", ["info", packed], limit, env={**os.environ, "TMPDIR": str(folder)})
-    assert (status, err.count("\n")) == (1, 1), err
-    assert err.endswith(f"{reason}\n"), err
-    assert [name for name in os.listdir(folder) if name != "rest"] == []
-
-
 def test_a_buffer_is_saved_whole_or_not_at_all(tmp_path):
     buffer = BufferCore()
     for i in range(200):
@@ -177,19 +165,15 @@ class TestOutput:
             status, _, err = ended("which", [], None, stdout=full)
         assert (status, err) == (1, "tf2_which: No space left on device\n")
 
-    def test_of_tf2_echo(self):
+    @pytest.mark.parametrize(
+        ("name", "arguments"),
+        [("tf2_echo", ["map", "camera"]), ("tf2_check", ["-t", "1"]), ("tf2_monitor", [])],
+    )
+    def test_of_programs_that_listen(self, name, arguments):
         with broadcasting(), open("/dev/full", "w") as full:
-            status, _, err = ended("tf2_echo", ["map", "camera"], None, stdout=full)
-        lines = [line for line in err.splitlines() if "[INFO]" not in line]
-        assert (status, lines) == (1, ["tf2_echo: No space left on device"])
-
-    def test_of_the_others(self):
-        with broadcasting():
-            for name, *arguments in (("tf2_monitor",), ("tf2_check", "-t", "1")):
-                with open("/dev/full", "w") as full:
-                    status, _, err = ended(name, arguments, None, stdout=full)
-                lines = [line for line in err.splitlines() if "[INFO]" not in line]
-                assert (status, lines) == (1, [f"{name}: No space left on device"]), err
+            status, _, err = ended(name, arguments, None, stdout=full)
+        assert (status, err.splitlines()[-1]) == (1, f"{name}: No space left on device")
+        assert "Traceback" not in err
 
 
 def test_a_reader_who_leaves_ends_tf2_which_without_a_word():

@@ -314,3 +314,10 @@ def test_auto_is_the_name_of_the_domain(monkeypatch):
     assert owner._sharing.name == "domain-77"
     assert Buffer(attach="auto")._is_attached
     owner._sharing.close()
+
+
+def test_attaching_twice_says_whose_fault_it_is():
+    with pair() as (owner, reader):
+        refusal = f"cannot attach to .*{owner._sharing.name}': the buffer has shared memory already"
+        with pytest.raises(SharedBufferError, match=refusal):
+            reader.__init__(attach=owner._sharing.name)

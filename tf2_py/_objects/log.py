@@ -33,7 +33,7 @@ REFUSALS = (
     ("TF_OLD_DATA", "old_data", "the stamp is older than the newest one less the cache time"),
     ("TF_STAMP_TOO_LATE", "stamp_too_late", "the stamp is beyond what a message can carry"),
     ("TF_TOO_MANY_FRAMES", "too_many_frames", "the buffer has max_frames frames already"),
-    ("TF_TOO_MANY_BYTES", "too_many_bytes", "the buffer would hold more than max_bytes bytes"),
+    ("TF_TOO_MANY_BYTES", "too_many_bytes", "the buffer would exceed max_bytes, or shared memory is full"),
 )
 OLD_DATA = 1 << 8
 

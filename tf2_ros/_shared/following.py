@@ -186,12 +186,12 @@ def attach(buffer: Any, segment: FollowedSegment, name: str) -> Follower:
     """
     Attach a buffer without frames to a shared one.
 
-    :raises SharedBufferError: it cannot be read.
+    :raises SharedBufferError: one of the two does not permit it.
     """
     try:
         segment.attach(buffer)
     except ValueError as error:
-        raise SharedBufferError(f"the shared buffer {name!r} cannot be read: {error}") from None
+        raise SharedBufferError(f"cannot attach to the shared buffer {name!r}: {error}") from None
     return Follower(buffer, segment, name)
 
 

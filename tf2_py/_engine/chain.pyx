@@ -26,7 +26,8 @@ cdef _extend(list chain, list frames):
 
 
 cdef list _path_between(Engine engine, target_frame, source_frame, int64_t time_ns):
-    # Frame ids.
+    # Frame ids. In a tree that ever had a loop the path may pass its top, and come back.
+    cdef list frames = []
     cdef Query query
     cdef Path path
     cdef Status status
@@ -36,6 +37,7 @@ cdef list _path_between(Engine engine, target_frame, source_frame, int64_t time_
     status = engine.find_path(&query, &path)
     if status.code != STATUS_OK:
         raise engine.error(&query, status)
-    return ([path.source[i] for i in range(path.source_hops)]
-            + [path.top]
-            + [path.target[i - 1] for i in range(path.target_hops, 0, -1)])
+    _extend(frames, [path.source[i] for i in range(path.source_hops)])
+    _extend(frames, [path.top])
+    _extend(frames, [path.target[i - 1] for i in range(path.target_hops, 0, -1)])
+    return frames

@@ -46,6 +46,7 @@ def fuzz(name: str, seconds: int, build: Path, python: str) -> Outcome:
             f"-report_slow_units={INPUT_S}",
             f"-rss_limit_mb={MEMORY_MB}",
             "-malloc_limit_mb=1048576",  # the sanitizer refuses too much at once, as a machine would
+            "-handle_xfsz=0",  # a target limits the sizes of files; Python makes it an OSError
             "-print_final_stats=1",
             "-verbosity=1",
             f"-artifact_prefix={crashes}/",
@@ -84,7 +85,8 @@ def minimise(name: str, build: Path, python: str) -> None:
     found = build.parent / "fuzz-corpus" / name
     with tempfile.TemporaryDirectory() as merged, tempfile.TemporaryDirectory() as seeds:
         _run(["reliability.fuzz.seeding", name, seeds], build, python)
-        options = ["-merge=1", f"-max_len={MOST_BYTES[name]}", f"-timeout={INPUT_S}", "-artifact_prefix=./"]
+        options = ["-merge=1", f"-max_len={MOST_BYTES[name]}", f"-timeout={INPUT_S}"]
+        options += ["-handle_xfsz=0", "-artifact_prefix=./"]
         places = [merged, seeds, str(kept), str(found)]
         log = build.parent / f"fuzz-{name}-merge.log"
         _run(

@@ -138,8 +138,8 @@ def _transformed(cloud: PointCloud2, data: bytes, transform: Transform, only_xyz
         for names, moves in ((NAMES[3:6], False), (NAMES[6:9], True)):
             if all(name in fields and fields[name]._datatype in (7, 8) for name in names):
                 triples.append((_triple(fields, names, step, order), moves))
-    # A cloud without bytes may tell of any number of rows.
-    if rows * columns > MOST_COMPARED or (size and rows > MOST_COMPARED):
+    # A cloud without columns may tell of any number of rows.
+    if max(rows, rows * columns) > MOST_COMPARED:
         return None
     made = bytearray(size)
     numbers: list[tuple[int, str]] = []

@@ -27,6 +27,7 @@ from making_bags import drive, scan, write_mcap
 from random_messages import Maker
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
 from repeated_calls import actions, failures, fill, raising
 from sensor_msgs.msg import PointCloud2, PointField
 from sharing import new_name
@@ -138,7 +139,8 @@ def action(case, stack):
 
 def _ros(stack):
     if not rclpy.ok():
-        rclpy.init(args=[])
+        # Ctrl-C and SIGTERM shall end the search.
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         stack.callback(rclpy.try_shutdown)
 
 

@@ -24,6 +24,7 @@ psutil = pytest.importorskip("psutil")
 from lossy_workers import Deadly, Lossy  # noqa: E402
 
 from tf2_ros import InvalidArgumentException  # noqa: E402
+from tf2_ros._recordings.local_workers import local_workers  # noqa: E402
 from tf2_ros._recordings.mapping import KEY, table_of  # noqa: E402
 from tf2_ros._recordings.searching import find_recordings  # noqa: E402
 
@@ -401,6 +402,19 @@ def test_two_processes_of_a_program_without_a_guard_do_the_same_as_one_core(runs
     assert tables(out) == tables(tmp_path / "one")
     assert (out / "_findings.txt").read_text() == (tmp_path / "one" / "_findings.txt").read_text()
     assert findings(mapped(runs, out)) == findings(one)
+
+
+def test_the_workers_run_nothing_for_who_has_not_their_keys():
+    with local_workers(1) as cluster:
+        strangers = (
+            (cluster.address, distributed.Security.temporary()),
+            (cluster.address.replace("tls://", "tcp://"), None),
+        )
+        for address, security in strangers:
+            with pytest.raises(OSError):
+                distributed.Client(address, security=security, timeout=2, set_as_default=False)
+        with distributed.Client(cluster.address, security=cluster.security, set_as_default=False) as client:
+            assert client.submit(sum, [1, 2]).result(DEADLINE_S) == 3
 
 
 @pytest.mark.parametrize("what", ["kill", "fail"])

@@ -169,7 +169,12 @@ def test_a_chain_goes_up_to_the_common_ancestor_and_down(buffer, target, source,
 
 @pytest.mark.ours
 def test_a_chain_follows_each_half_at_its_own_time(buffer):
-    for parent, child, first, last in (("c", "a", 1, 2), ("d", "c", 4, 6), ("a", "d", 4, 6), ("d", "b", 4, 6)):
+    for parent, child, first, last in (
+        ("c", "a", 1, 2),
+        ("d", "c", 4, 6),
+        ("a", "d", 4, 6),
+        ("d", "b", 4, 6),
+    ):
         for second in (first, last):
             buffer.set_transform(transform(parent, child, second), "x")
     # At 5 s c hangs from d, and d from a; at 1 s a hangs from c.

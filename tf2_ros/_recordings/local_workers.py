@@ -1,5 +1,6 @@
 """Owns Dask's workers on this machine, and the process that they belong to."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -7,9 +8,12 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-__all__ = ["local_workers", "main"]
+if TYPE_CHECKING:
+    from distributed import Security
+
+__all__ = ["LocalCluster", "local_workers", "main"]
 
 # Multiprocessing runs the main module of a process again in its children. Ours is nobody's program, so a
 # user's program needs no `if __name__ == "__main__"`. The path comes as arguments: the folder in which a
@@ -19,13 +23,22 @@ PROGRAM = "import sys; sys.path[:] = sys.argv[4:]; import runpy; runpy.run_path(
 QUIET = "-Wignore::UserWarning:multiprocessing.resource_tracker"
 
 
+class LocalCluster(NamedTuple):
+    """How to reach a cluster, and what proves that one may."""
+
+    address: str
+    security: "Security"
+
+
 @contextmanager
-def local_workers(count: int) -> Iterator[str]:
+def local_workers(count: int) -> Iterator[LocalCluster]:
     """
-    A cluster of so many worker processes in a ``with`` statement; gives its address.
+    A cluster of so many worker processes in a ``with`` statement.
 
     It listens on the loopback interface alone, has no dashboard, and replaces workers that are lost. It ends
-    with the ``with`` statement, or with this process, in whatever way that ends.
+    with the ``with`` statement, or with this process, in whatever way that ends. It runs what it is sent, and
+    other users reach the loopback interface, too: so whoever connects needs a key, which only this process
+    and its children have.
     """
     with tempfile.TemporaryDirectory(prefix="tf2-ros-workers-", ignore_cleanup_errors=True) as folder:
         command = [sys.executable, QUIET, "-c", PROGRAM, str(count), folder, __file__, *sys.path]
@@ -35,28 +48,31 @@ def local_workers(count: int) -> Iterator[str]:
         )
         with cluster:
             try:
-                import distributed  # noqa: F401  # which takes a while: here, meanwhile
+                from distributed import Security  # which takes a while: here, meanwhile
 
                 assert cluster.stdout is not None
-                address = cluster.stdout.readline().strip()
-                if not address:
+                answer = cluster.stdout.readline()
+                if not answer:
                     raise RuntimeError(f"the workers did not start, exit status {cluster.wait()}")
-                yield address
+                address, keys = json.loads(answer)
+                yield LocalCluster(address, Security(require_encryption=True, **keys))
             finally:
                 cluster.kill()  # each worker ends when it does
 
 
 def main() -> None:
-    """Run the cluster until the standard input ends; writes its address to the standard output."""
+    """Run the cluster until the standard input ends; writes its address and keys to the standard output."""
     import dask
-    from distributed import LocalCluster
+    from distributed import LocalCluster, Security
 
     count, folder = int(sys.argv[1]), sys.argv[2]
     # Where nobody waits for the answer any more, the input has ended, too.
     with suppress(BrokenPipeError), os.fdopen(os.dup(1), "w") as answer:
         os.dup2(2, 1)  # whatever the workers print must not fill the pipe
+        security = Security.temporary()
         with dask.config.set(_settings(dask.config)):
             cluster = LocalCluster(
+                security=security,
                 n_workers=count,
                 threads_per_worker=1,
                 host="127.0.0.1",
@@ -66,7 +82,9 @@ def main() -> None:
                 silence_logs="CRITICAL",
                 local_directory=folder,
             )
-        print(cluster.scheduler_address, file=answer)
+        parts = ("tls_ca_file", "tls_client_key", "tls_client_cert")
+        keys = {part: getattr(security, part) for part in parts}
+        print(json.dumps([cluster.scheduler_address, keys]), file=answer)
     sys.stdin.read()
     shutil.rmtree(folder, ignore_errors=True)  # the process that made it may have been killed
     os._exit(0)  # the workers watch this process

@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from tf2_py._internal import printable
-from tf2_ros._recordings.local_workers import local_workers
+from tf2_ros._recordings.local_workers import LocalCluster, local_workers
 from tf2_ros._recordings.mapping import Outcome, Request, failed, work
 from tf2_ros._recordings.problems import needs
 
@@ -35,7 +35,8 @@ def outcomes(
             if count == 1:
                 yield from _here(request, tables)
                 return
-            _check_installed("distributed")
+            for library in ("distributed", "cryptography"):
+                _check_installed(library)
             scheduler = stack.enter_context(local_workers(count))
         yield from _on_cluster(request, tables, stack.enter_context(_connected(scheduler)))
 
@@ -53,14 +54,15 @@ def _check_installed(library: str) -> None:
 
 
 @contextmanager
-def _connected(scheduler: "str | Client") -> "Iterator[Client]":
+def _connected(scheduler: "str | Client | LocalCluster") -> "Iterator[Client]":
     _check_installed("distributed")
     from distributed import Client
 
     if isinstance(scheduler, Client):
         yield scheduler
         return
-    with Client(scheduler, set_as_default=False) as client:
+    address, security = scheduler if isinstance(scheduler, LocalCluster) else (scheduler, None)
+    with Client(address, security=security, set_as_default=False) as client:
         yield client
 
 

@@ -32,7 +32,9 @@ class Lookup(NamedTuple):
             return BufferCore.lookup_transform_core(
                 core, self.target_frame, self.source_frame, self.source_time
             )
-        return BufferCore.lookup_transform_full_core(core, *self)
+        return BufferCore.lookup_transform_full_core(
+            core, self.target_frame, self.target_time, self.source_frame, self.source_time, self.fixed_frame
+        )
 
     def wait(self, core: BufferCore, notify: Callable[[Any], Any] | None = None) -> Any:
         """

@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parent.parent
 BUILDS = ROOT / ".reliability"
 
 
-def build(name, *, cflags=(), ldflags=(), python=sys.executable, **variables):
+def build(name, *, cflags=(), ldflags=(), python=sys.executable, rewritten=None, **variables):
     """
     Bring ``.reliability/<name>`` up to date with the checkout and build it in place; return its path.
 
@@ -23,6 +23,8 @@ def build(name, *, cflags=(), ldflags=(), python=sys.executable, **variables):
         Added to Python's own flags, for the compiler and for the linker.
     python : str
         The interpreter to build for and with; it must have what a build needs, see CONTRIBUTING.md.
+    rewritten : dict of str to str, optional
+        By the names of sources, what the copy has in their place.
     **variables : str
         More of the environment of the build, as ``CC="clang"``.
 
@@ -38,7 +40,7 @@ def build(name, *, cflags=(), ldflags=(), python=sys.executable, **variables):
         # setuptools compares ages, and knows nothing of flags.
         shutil.rmtree(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    _copy(folder)
+    _copy(folder, rewritten or {})
     environment = {
         **os.environ,
         "CFLAGS": " ".join(cflags),
@@ -53,16 +55,21 @@ def build(name, *, cflags=(), ldflags=(), python=sys.executable, **variables):
     return folder
 
 
-def _copy(folder):
+def _copy(folder, rewritten):
     listed = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     names = subprocess.run(listed, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split("\0")
     wanted = {name for name in names if name and (ROOT / name).is_file()}
     # What Cython made of the same sources need not be made again: it compares ages, which a copy keeps.
-    for made in (ROOT / "build").glob("cython-*/**/*.c"):
-        wanted.add(made.relative_to(ROOT).as_posix())
+    if not rewritten:
+        for made in (ROOT / "build").glob("cython-*/**/*.c"):
+            wanted.add(made.relative_to(ROOT).as_posix())
     for name in wanted:
         source, copy = ROOT / name, folder / name
-        if not copy.exists() or copy.stat().st_mtime < source.stat().st_mtime:
+        if name in rewritten:
+            if not copy.exists() or copy.read_text() != rewritten[name]:
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                copy.write_text(rewritten[name])
+        elif not copy.exists() or copy.stat().st_mtime < source.stat().st_mtime:
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(source, copy)
     for copy in folder.rglob("*.py*"):

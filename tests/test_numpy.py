@@ -65,6 +65,13 @@ def test_half_turns_and_tiny_turns_lose_nothing(q, dtype):
     assert_allclose(abs(got @ turn(q).as_quat()), 1, atol=1e-6 if dtype == np.float32 else 1e-15)
 
 
+@pytest.mark.parametrize("axis", range(3))
+def test_of_a_half_turn_the_greatest_part_is_positive(axis):
+    m = -np.eye(4)
+    m[axis, axis] = m[3, 3] = 1.0
+    assert xyzw(from_matrix(m).rotation).tolist() == np.eye(4)[axis].tolist()
+
+
 @pytest.mark.parametrize("cls", [Transform, TransformStamped, Pose, PoseStamped])
 def test_a_matrix_becomes_the_class_asked_for(cls):
     m = to_matrix(transform("map", "base", 0, (1, 2, 3), (0.5, 0.5, 0.5, 0.5)))

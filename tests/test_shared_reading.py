@@ -2,8 +2,10 @@
 
 import copy
 import gc
+import os
 import pickle
 import random
+import struct
 import threading
 
 import numpy as np
@@ -20,6 +22,7 @@ from travelling import bits, everything, outcome
 import tf2_py
 from tf2_py import TransformException
 from tf2_ros import Buffer, SharedBufferError
+from tf2_ros._shared.names import segment_path
 from tf2_ros._shared.owning import Owner as Sharer
 
 pytestmark = pytest.mark.ours
@@ -321,3 +324,83 @@ def test_attaching_twice_says_whose_fault_it_is():
         refusal = f"cannot attach to .*{owner._sharing.name}': the buffer has shared memory already"
         with pytest.raises(SharedBufferError, match=refusal):
             reader.__init__(attach=owner._sharing.name)
+
+
+# What another process has written over, as segment.pxd lays it out.
+RINGS_SIXTEENTH = 3
+ROWS_AT, ROW_BYTES, IS_PARENT = 131072, 64, 61
+
+
+class SpoiledRing:
+    """The samples of the only frame of an owner, in the file that its readers map."""
+
+    def __init__(self, owner, stamps):
+        self._path = segment_path(owner._sharing.name)
+        with open(self._path, "rb") as file:
+            start = os.fstat(file.fileno()).st_size // 16 * RINGS_SIXTEENTH
+            memory = os.pread(file.fileno(), 1 << 16, start)
+        at = memory.index(struct.pack(f"<{len(stamps)}q", *stamps))
+        self._stamps = start + at
+        # Behind the stamps, 64 bytes each; x is the stamp.
+        self._samples = start + memory.index(struct.pack("<3d", float(stamps[0]), 0.0, 0.0), at)
+
+    def _write(self, where, data):
+        with open(self._path, "r+b") as file:
+            os.pwrite(file.fileno(), data, where)
+
+    def put_stamp(self, index, stamp):
+        self._write(self._stamps + 8 * index, struct.pack("<q", stamp))
+
+    def put_number(self, index, number, value):
+        self._write(self._samples + 64 * index + 8 * number, struct.pack("<d", value))
+
+    def put_is_parent(self, frame, value):
+        self._write(ROWS_AT + ROW_BYTES * frame + IS_PARENT, bytes([value]))
+
+    def put_parent(self, index, parent):
+        self._write(self._samples + 64 * index + 56, struct.pack("<I", parent))
+
+
+@pytest.fixture
+def spoiled():
+    """A reader of a history with 80 samples, the last one as late as can be, and the ring to be spoiled."""
+    with pair(Duration(nanoseconds=2**62)) as (owner, reader):
+        stamps = [*range(1000, 80_000, 1000), 2**31 * S - 1]
+        for ns in stamps:
+            owner.set_transform(transform("map", "f", ns=ns, xyz=(ns, 0, 0)), "x")
+        assert reader.can_transform_core("map", "f", at_ns(1500))[0]
+        yield reader, SpoiledRing(owner, stamps), stamps
+
+
+def assert_holds(reader, stamps, places):
+    reader._leave()
+    reader._self_check()
+    state = reader.__getstate__()
+    assert state["stamps"].tolist() == stamps
+    assert state["transforms"][:, 0].tolist() == places
+    assert state["ever_looped"] is False
+
+
+def test_a_reader_that_leaves_keeps_the_sound_samples_of_a_spoiled_history(spoiled):
+    reader, ring, stamps = spoiled
+    ring.put_stamp(3, -1)
+    ring.put_stamp(5, 2**31 * S)
+    ring.put_stamp(9, 500)
+    ring.put_parent(11, 0)
+    ring.put_parent(13, 1)  # itself
+    ring.put_parent(15, 3)  # there are two frames
+    for number in range(7):
+        ring.put_number(20 + 2 * number, number, np.nan)
+    ring.put_number(40, 6, -1.0)
+    ring.put_is_parent(2, 0)
+    lost = {3, 5, 9, 11, 13, 15, *range(20, 34, 2), 40}
+    sound = [stamp for i, stamp in enumerate(stamps) if i not in lost]
+    assert_holds(reader, sound, [float(stamp) for stamp in sound])
+
+
+def test_a_reader_that_leaves_keeps_64_samples_of_one_stamp_of_a_spoiled_history(spoiled):
+    reader, ring, stamps = spoiled
+    for index in range(2, 70):
+        ring.put_stamp(index, 3000)
+    kept = [*range(66), *range(70, 80)]
+    assert_holds(reader, [3000 if 2 <= i < 66 else stamps[i] for i in kept], [float(stamps[i]) for i in kept])

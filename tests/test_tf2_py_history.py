@@ -122,13 +122,43 @@ def test_a_ring_that_a_burst_left_mostly_empty_shrinks(tf2_py):
     assert buffer.statistics()["bytes"] < after_burst / 10
 
 
-def test_a_full_ring_takes_72_bytes_a_sample(tf2_py):
+def test_a_ring_shrinks_by_half_after_as_many_inserts_as_it_has_slots(tf2_py):
+    buffer = tf2_py.BufferCore(Duration(nanoseconds=1000))
+    for stamp in range(1, 1001):
+        buffer.set_transform(transform("map", "odom", ns=stamp), "x")
+    sizes = [buffer.statistics()["bytes"]]
+    for i in range(2, 4000):
+        buffer.set_transform(transform("map", "odom", ns=i * 1000), "x")
+        sizes.append(buffer.statistics()["bytes"])
+    at = [i for i in range(1, len(sizes)) if sizes[i] != sizes[i - 1]]
+    # Samples are of 72 bytes.
+    halves = [(sizes[i - 1] - sizes[i]) / 72 for i in at]
+    assert len(at) >= 4
+    assert all(size > 0 for size in halves)
+    for before, after, half in zip([0, *at], at, halves, strict=False):
+        assert abs(after - before - 2 * half) <= 4
+    assert sizes[-1] - sizes[0] + sum(halves) * 72 == 0
+    buffer._self_check()
+
+
+def test_a_short_history_keeps_its_first_ring(tf2_py):
+    buffer = tf2_py.BufferCore(Duration(nanoseconds=1))
+    sizes = set()
+    for i in range(1, 200):
+        buffer.set_transform(transform("map", "odom", ns=i * 1000), "x")
+        buffer._self_check()
+        sizes.add(buffer.statistics()["bytes"])
+    assert len(sizes) == 1
+
+
+@pytest.mark.parametrize("step", [1, -1], ids=["in order", "each late"])
+def test_a_full_ring_takes_72_bytes_a_sample(tf2_py, step):
     small, large = tf2_py.BufferCore(Duration(seconds=10)), tf2_py.BufferCore(Duration(seconds=10))
     small.set_transform(transform("map", "odom", ns=1), "x")
     per_sample = []
-    for stamp in range(1, 3000):
-        large.set_transform(transform("map", "odom", ns=stamp), "x")
-        if stamp > 100:
-            per_sample.append((large.statistics()["bytes"] - small.statistics()["bytes"]) / stamp)
+    for count in range(1, 3000):
+        large.set_transform(transform("map", "odom", ns=3000 + step * count), "x")
+        if count > 100:
+            per_sample.append((large.statistics()["bytes"] - small.statistics()["bytes"]) / count)
     assert min(per_sample) <= 72
     assert max(per_sample) <= 110

@@ -48,6 +48,15 @@ def test_a_refusal_is_logged_and_returns_none(buffer, capfd, tag, method):
     assert tag in capfd.readouterr().err
 
 
+@pytest.mark.parametrize("number", range(7))
+def test_a_nan_anywhere_is_refused_as_such(buffer, number, capfd):
+    numbers = [0.0] * 6 + [1.0]
+    numbers[number] = NAN
+    buffer.set_transform(transform("a", "b", 1, numbers[:3], numbers[3:]), "x")
+    assert frames(buffer) == []
+    assert "TF_NAN_INPUT" in capfd.readouterr().err
+
+
 @pytest.mark.parametrize("xyzw", [(0, 0, 0, INF), (0, 0, 1e-200, 0), (1e200, 0, 0, 0), (0, 0, NAN, 1)])
 def test_a_rotation_without_a_finite_length_is_refused(buffer, xyzw):
     buffer.set_transform(transform("a", "b", 1, xyzw=xyzw), "x")

@@ -153,6 +153,72 @@ def test_a_late_sample_wakes_who_waits_for_earlier_data(buffer):
     assert len(pending.answers) == 1
 
 
+def test_a_late_sample_with_another_parent_wakes_who_waits_for_a_time_behind_it(buffer):
+    buffer.set_transform_static(transform("map", "odom"), "x")
+    buffer.set_transform(transform("nowhere", "base", ns=10), "x")
+    buffer.set_transform(transform("other", "base", ns=20), "x")
+    pending = Pending(buffer, "map", "base", 15)
+    buffer.set_transform(transform("odom", "base", ns=16), "x")
+    assert pending.answers == []
+    buffer.set_transform(transform("odom", "base", ns=12), "x")
+    assert len(pending.answers) == 1
+
+
+def test_a_newer_sample_wakes_who_waits_for_the_first_parent_of_the_oldest_stamp(buffer):
+    buffer.set_transform(transform("map", "base", ns=10), "x")
+    buffer.set_transform(transform("odom", "base", ns=10), "x")
+    # Of the newest stamp the last sample answers, of the oldest the first.
+    pending = Pending(buffer, "map", "base", 10)
+    assert pending.answers == []
+    buffer.set_transform(transform("odom", "base", ns=20), "x")
+    assert len(pending.answers) == 1
+
+
+def test_the_latest_common_time_leaves_the_oldest_stamp_of_a_frame_with_two_parents(buffer):
+    buffer.set_transform_static(transform("map", "odom"), "x")
+    for parent, ns in (("nowhere", 10), ("odom", 10), ("odom", 30)):
+        buffer.set_transform(transform(parent, "base", ns=ns), "x")
+    buffer.set_transform(transform("base", "camera", ns=10), "x")
+    pending = Pending(buffer, "map", "camera", 0)
+    assert pending.answers == []
+    buffer.set_transform(transform("base", "camera", ns=11), "x")
+    assert [stamp_ns(answer) for answer in pending.answers] == [11]
+
+
+def test_two_histories_that_grow_towards_each_other_meet_at_the_latest_common_time(buffer):
+    buffer.set_transform(transform("map", "odom", ns=10), "x")
+    buffer.set_transform(transform("odom", "base", ns=20), "x")
+    pending = Pending(buffer, "map", "base", 0)
+    buffer.set_transform(transform("odom", "base", ns=12), "x")
+    assert pending.answers == []
+    buffer.set_transform(transform("map", "odom", ns=13), "x")
+    assert [stamp_ns(answer) for answer in pending.answers] == [13]
+
+
+def test_a_first_stamp_that_makes_the_latest_common_time_earlier_wakes(buffer):
+    for parent, ns in (("map", 1), ("nowhere", 5), ("map", 9)):
+        buffer.set_transform(transform(parent, "odom", ns=ns), "x")
+    # A stamp of 0 does not count for the common time, which is 5.
+    buffer.set_transform(transform("odom", "base", ns=0), "x")
+    for ns in (1, 5):
+        buffer.set_transform(transform("base", "camera", ns=ns), "x")
+    pending = Pending(buffer, "map", "camera", 0)
+    assert pending.answers == []
+    buffer.set_transform(transform("odom", "base", ns=1), "x")
+    assert [stamp_ns(answer) for answer in pending.answers] == [1]
+
+
+@pytest.mark.parametrize("hops", [1, 6, 7, 8, 14, 15, 100])
+def test_waits_over_any_number_of_hops_are_answered(buffer, hops):
+    names = [f"f{i}" for i in range(hops + 1)]
+    for parent, child in zip(names[:-1], names[1:], strict=True):
+        buffer.set_transform(transform(parent, child, 1), "x")
+    pending = [Pending(buffer, names[0], names[-1], 2 * S) for _ in range(3)]
+    buffer.set_transforms([transform(names[i], names[i + 1], 3) for i in range(hops)], "x")
+    assert [len(one.answers) for one in pending] == [1, 1, 1]
+    buffer._self_check()
+
+
 def test_waiting_goes_on_over_a_clear(buffer):
     buffer.set_transform(transform("map", "odom", 5), "x")
     pending = Pending(buffer, "map", "odom", 7 * S)

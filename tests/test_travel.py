@@ -355,6 +355,54 @@ def test_a_spoiled_state_is_refused_and_changes_nothing(why, buffer):
     assert everything(arriving, FRAMES, TIMES_NS) == before
 
 
+@pytest.mark.parametrize("number", range(7))
+@pytest.mark.parametrize("sample", [0, -1])
+def test_every_number_of_every_sample_is_checked(number, sample, buffer):
+    state = buffer.__getstate__()
+    state["transforms"][sample, number] += np.inf if number < 3 else 0.5
+    with pytest.raises(
+        ValueError, match="a translation that is not finite|a rotation that is not normalised"
+    ):
+        BufferCore().__setstate__(state)
+
+
+def test_the_first_values_beyond_what_a_state_may_hold_are_refused(buffer):
+    def refusal(key, index, value):
+        state = buffer.__getstate__()
+        state[key][index] = value
+        with pytest.raises(ValueError) as refused:
+            BufferCore().__setstate__(state)
+        return str(refused.value)
+
+    state = buffer.__getstate__()
+    newest = state["frames"][0, 1] - 1
+    assert "no message holds" in refusal("stamps", newest, 2**31 * S)
+    assert "a parent that is no frame" in refusal("parents", 0, len(state["frames"]) + 1)
+    assert "less than the first capacity" in refusal("frames", (2, 4), 7)
+    names = state["authorities"].count(b"\0")
+    assert "an authority that is no name" in refusal("frames", (0, 2), names + 1)
+
+
+def test_the_last_values_that_a_state_may_hold_are_taken(buffer):
+    state = buffer.__getstate__()
+    state["stamps"][state["frames"][0, 1] - 1] = 2**31 * S - 1
+    state["frames"][0, 2] = state["authorities"].count(b"\0")
+    arrived = BufferCore()
+    arrived.__setstate__(state)
+    arrived._self_check()
+    assert arrived.get_latest_common_time("map", "odom").nanoseconds == 2**31 * S - 1
+
+
+def test_a_static_frame_without_its_sample_is_refused(buffer):
+    state = buffer.__getstate__()
+    at = state["frames"][:3, 1].sum()
+    state["frames"][3, 1] = 0
+    for key in ("stamps", "transforms", "parents"):
+        state[key] = np.delete(state[key], at, axis=0)
+    with pytest.raises(ValueError, match="a static cache without its one sample"):
+        BufferCore().__setstate__(state)
+
+
 def test_what_is_no_state_is_refused():
     for state in (None, [], "state", {}, {"version": None}):
         with pytest.raises(ValueError, match="not the state of a buffer"):
@@ -380,6 +428,23 @@ def test_more_samples_of_one_stamp_than_any_buffer_keeps_are_refused():
     state["stamps"][:] = 5
     with pytest.raises(ValueError, match="too many samples of one stamp"):
         BufferCore().__setstate__(state)
+
+
+def test_checking_a_state_leaves_no_memory_behind():
+    def resident():
+        with open("/proc/self/statm") as file:
+            return int(file.read().split()[1])
+
+    buffer = BufferCore()
+    buffer.set_transforms([transform("map", f"f{i}", 1) for i in range(5000)], "x")
+    state = buffer.__getstate__()
+    for _ in range(10):
+        buffer.__setstate__(state)
+    before = resident()
+    for _ in range(100):
+        buffer.__setstate__(state)
+    # A byte of each frame in each of these were 120 pages.
+    assert resident() - before < 100
 
 
 def test_a_state_that_needs_too_much_memory_changes_nothing(buffer):

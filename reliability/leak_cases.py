@@ -61,11 +61,17 @@ NO_CASE = {
     "MessageFilter.after_fork": "only for children of a fork",
     "StaticTransformBroadcaster.after_fork": "only for children of a fork",
 }
-# Bytes for each call that rclpy and Fast DDS themselves leave behind; the cases "(for comparison)" show them.
+# What rclpy and Fast DDS themselves leave behind for each call; the cases "(for comparison)" show it.
+OF_A_NODE = {"objects": 50, "heap_bytes": 150_000, "resident_bytes": 150_000}
+OF_AN_ENTITY = {"objects": 6, "heap_bytes": 300}
 OF_RCLPY = {
-    "Buffer.__init__ with a node": 150_000,
-    "TransformListener.__del__": 150_000,
-    "BufferClient.destroy": 150_000,
+    "Buffer.__init__ with a node": OF_A_NODE,
+    "TransformListener.__del__": OF_A_NODE,
+    "TransformListener.unregister": OF_AN_ENTITY,
+    "TransformBroadcaster.__init__": OF_AN_ENTITY,
+    "StaticTransformBroadcaster.__init__": OF_AN_ENTITY,
+    "MessageFilter.close": OF_AN_ENTITY,
+    "BufferClient.destroy": OF_A_NODE,
 }
 
 

@@ -99,11 +99,11 @@ def _more(sizes):
     return [name for name, most in MORE_ALLOWED.items() if getattr(last, name) - getattr(first, name) > most]
 
 
-def leaks(sizes, of_others=0):
-    """What grew, as text, by more than the bytes for each call that others leave; empty: nothing."""
+def leaks(sizes, of_others=None):
+    """What grew, as text, by more than what others leave for each call; empty: nothing."""
     found = []
     for name, (constant, per_call) in ALLOWED.items():
-        per_call += 0 if name == "objects" else of_others
+        per_call += (of_others or {}).get(name, 0)
         grown = [
             (getattr(after, name) - getattr(before, name), after.calls - before.calls)
             for before, after in zip(sizes, sizes[1:], strict=False)
@@ -182,7 +182,7 @@ def _run(name, seconds):
         return 1
     sizes = [Size(**one) for one in json.loads(answer)]
     is_ours = "(for comparison)" not in name
-    found = leaks(sizes, leak_cases.OF_RCLPY.get(name, 0))
+    found = leaks(sizes, leak_cases.OF_RCLPY.get(name))
     print(
         f"{'LEAKS' if found else 'ok   '} {name}: {'; '.join(found) or f'{sizes[-1].calls} calls'}",
         flush=True,

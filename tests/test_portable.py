@@ -53,7 +53,7 @@ OF_PYTHON = re.compile(
 # What C11 and POSIX.1-2008 name, as far as it is used; what is added here must be one of theirs.
 OF_C = """
 acos asin atan atan2 calloc cos fabs fmod free malloc memchr memcmp memcpy memmove memset realloc sin sqrt
-strchr strcmp strlen strncmp strrchr vsnprintf snprintf isfinite abort
+strchr strcmp strlen strncmp strrchr vsnprintf snprintf isfinite abort fputs stderr
 """.split()
 OF_POSIX = """
 clock_gettime nanosleep posix_memalign pthread_atfork pthread_cond_broadcast pthread_cond_destroy
@@ -64,7 +64,7 @@ pthread_mutex_unlock pthread_self
 """.split()
 # What compilers and the C library make of a program by themselves.
 OF_COMPILERS = re.compile(
-    r"_ITM_\w+|__gmon_start__|__cxa_\w+|__stack_chk_fail|__register_atfork|__cpu_model|__gcov_\w+|__[at]san_\w+"
+    r"_ITM_\w+|__gmon_start__|__cxa_\w+|__stack_chk_fail|__register_atfork|__cpu_model|__gcov_\w+|__(?:[at]|ub)san_\w+"
 )
 
 

@@ -33,7 +33,7 @@ $(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS w
 $(shell rm -rf $(VENV))
 endif
 
-.PHONY: bench build clean demo fuzz guard hosts leaks lint model mutate sanitize soak stress test
+.PHONY: allocations bench build clean demo fuzz guard hosts leaks lint model mutate sanitize soak stress test
 
 test: $(VENV)/installed.stamp
 	$(PY) -m pytest
@@ -50,7 +50,7 @@ guard: $(VENV)/installed.stamp
 
 # Long searches for faults; docs/reliability.md tells what they found. OPTIONS go to the program, as
 # `make fuzz OPTIONS='cdr --seconds 60'`; `make fuzz OPTIONS=--help` names them.
-fuzz leaks model mutate sanitize stress: $(VENV)/dev.stamp
+allocations fuzz leaks model mutate sanitize stress: $(VENV)/dev.stamp
 	$(PY) -m reliability.$@ $(OPTIONS)
 
 hosts: $(VENV)/installed.stamp

@@ -21,7 +21,12 @@ else:
 
 pytestmark = pytest.mark.ours
 
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "SECURITY.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+]
 by_name = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 
 FENCE = re.compile(r"^```(?P<language>\w*)\n(?P<code>.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -188,7 +193,7 @@ def check_command(command, folder):
 
 def check_make(target, settings):
     [phony] = re.findall(r"^\.PHONY: (.*)$", MAKEFILE, re.MULTILINE)
-    assert target in phony.split() and re.search(rf"^{target}:", MAKEFILE, re.MULTILINE)
+    assert target in phony.split() and re.search(rf"^[a-z ]*\b{target}\b[a-z ]*:", MAKEFILE, re.MULTILINE)
     for setting in settings:
         assert f"$({setting.partition('=')[0]})" in MAKEFILE or f"({setting.partition('=')[0]})," in MAKEFILE
 
@@ -305,7 +310,7 @@ def exists(name):
         return any(name in names_in(path) for module in modules().values() for path in module)
     limits = importlib.import_module("tf2_py._objects.limits").DEFAULTS
     variables = {f"TF2_ROS_CYTHON_{limit.upper()}" for limit in limits}
-    of_ros = {"setup.bash", "ROS_DOMAIN_ID"}
+    of_ros = {"setup.bash", "ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE"}
     return name in (variables | of_ros) or name in PYPROJECT["project"]["scripts"] or is_known(name)
 
 

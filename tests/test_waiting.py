@@ -209,6 +209,31 @@ class TestTimeout:
         assert type(future.exception()) is tf2_ros.TimeoutException
         assert re.fullmatch(ENDED, str(future.exception()))
 
+    @pytest.mark.parametrize("by_asyncio", [True, False])
+    def test_an_await_that_it_ends_leaves_nothing_to_the_collector(
+        self, tf2_ros, executor, buffer, by_asyncio
+    ):
+        ended = []
+
+        async def await_it():
+            try:
+                await wait(buffer, timeout=SHORT)
+            except tf2_ros.TimeoutException as error:
+                ended.append(str(error))
+
+        gc.collect()
+        gc.disable()
+        try:
+            if by_asyncio:
+                asyncio.run(await_it())
+            else:
+                executor.spin_until_future_complete(executor.create_task(await_it), DEADLINE_S)
+            left = [one for one in gc.get_objects() if type(one).__name__ == "TransformFuture"]
+        finally:
+            gc.enable()
+        assert len(ended) == 1
+        assert left == []
+
     def test_it_is_no_timeout_of_python(self, tf2_py):
         # Which is an OSError, and what asyncio.timeout and futures raise: programs tell these apart.
         assert not issubclass(tf2_py.TimeoutException, OSError)

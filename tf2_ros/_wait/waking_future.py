@@ -67,6 +67,19 @@ class WakingFuture(HookedFuture, Generic[_Result]):
             del error  # its traceback leads here
 
     def __await__(self) -> Generator[Any, Any, _Result]:
+        try:
+            return (yield from self.__wake_and_await())
+        except BaseException as error:
+            # The frames of this future's own methods hold it, and it holds the error: only the collector
+            # would free them.
+            frames = error.__traceback__ and error.__traceback__.tb_next
+            while frames is not None and frames.tb_frame.f_locals.get("self") is self:
+                frames = frames.tb_next
+            raise error.with_traceback(frames)  # noqa: B904  # it is the same one
+        finally:
+            del self
+
+    def __wake_and_await(self) -> Generator[Any, Any, _Result]:
         # Callbacks that only wake do not keep a future alive: they are not added by a subclass's method.
         sleeper = _SleepingTask.current()
         if sleeper is not None:

@@ -5,7 +5,7 @@ import traceback
 from collections.abc import Callable
 
 from tf2_py._internal import log
-from tf2_ros._forking import register_for_fork
+from tf2_ros._forking import LOCK, register_for_fork
 
 __all__ = ["Worker"]
 
@@ -52,10 +52,15 @@ class Worker:
             raise
 
     def _run(self) -> None:
-        while (call := self._next()) is not None:
-            try:
-                call()
-            except BaseException:
-                # No caller would catch it, and the other calls must still be made.
-                log.logger("tf2_ros").error(f"{self._where}: {traceback.format_exc()}")
-            del call  # not kept alive while waiting for the next
+        try:
+            while (call := self._next()) is not None:
+                try:
+                    call()
+                except BaseException:
+                    # No caller would catch it, and the other calls must still be made.
+                    log.logger("tf2_ros").error(f"{self._where}: {traceback.format_exc()}")
+                del call  # not kept alive while waiting for the next
+        finally:
+            with LOCK:
+                if self._thread is threading.current_thread():
+                    self._thread = None  # it fails, for want of memory: the next call starts another

@@ -145,11 +145,11 @@ def refuse_old_cython():
         version = importlib.import_module("Cython").__version__
     except ImportError:
         version = None
-    if version is None or tuple(map(int, version.split(".")[:2])) < (3, 1):
+    if version is None or tuple(map(int, version.split(".")[:2])) < (3, 2):
         found = f"has {version}" if version else "has none"
         raise SystemExit(
-            f"tf2-ros-cython needs Cython 3.1 or newer, and {sys.executable} {found}: with that Python,"
-            " pip install --user 'Cython>=3.1'"
+            f"tf2-ros-cython needs Cython 3.2 or newer, and {sys.executable} {found}: with that Python,"
+            " pip install --user 'Cython>=3.2,<3.3'"
         )
 
 

@@ -86,14 +86,14 @@ def test_missing_compilers_are_named_with_what_to_install(tmp_path):
         environment.refuse_incomplete({"PATH": str(tmp_path)})
 
 
-@pytest.mark.parametrize(("installed", "said"), [("3.0.8", "has 3.0.8"), (None, "has none")])
+@pytest.mark.parametrize(("installed", "said"), [("3.1.8", "has 3.1.8"), (None, "has none")])
 def test_an_old_cython_is_refused_with_what_to_install(monkeypatch, tmp_path, installed, said):
     if installed:
         (tmp_path / "Cython.py").write_text(f"__version__ = {installed!r}")
     monkeypatch.setattr(sys, "path", [str(tmp_path)])
     monkeypatch.setitem(sys.modules, "Cython", None)  # so that what is imported now is not there afterwards
     monkeypatch.delitem(sys.modules, "Cython")
-    with pytest.raises(SystemExit, match=f"{said}: with that Python, pip install --user 'Cython>=3.1'"):
+    with pytest.raises(SystemExit, match=f"{said}: with that Python, pip install --user 'Cython>=3.2,<3.3'"):
         environment.refuse_old_cython()
 
 

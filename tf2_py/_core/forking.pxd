@@ -8,7 +8,9 @@ cdef enum ForkOrder:
     # A thread that holds a lock takes no other of the same or an earlier order.
     FORK_OUTER              # a receiver's: held while the engine inserts
     FORK_INNER              # all others
-    FORK_ORDERS             # how many there are
+
+cdef enum:
+    FORK_ORDERS = 2         # how many there are
 
 
 cdef extern from "<pthread.h>" nogil:

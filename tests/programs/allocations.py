@@ -35,7 +35,7 @@ import tf2_ros.bag
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore, TransformException
 from tf2_ros import Buffer
-from tf2_ros._shared.sharing import SharedBufferError
+from tf2_ros._shared.names import SharedBufferError
 
 FRAMES = ["map", "base", "camera", "nobody"]
 TIMES_NS = [2 * S, 3 * S + S // 2]

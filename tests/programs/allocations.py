@@ -282,14 +282,14 @@ asked(
 )
 asked("velocity", filled(), lambda b: b.lookupVelocityCore("camera", "map", 2 * S, HALF_A_SECOND))
 asked("chain", filled(), lambda b: b._chain("map", 2 * S, "camera", 2 * S, "map"))
-asked("yaml", named(60), lambda b: b.all_frames_as_yaml())
-asked("string", named(60), lambda b: b.all_frames_as_string())
-asked("dot", named(60), lambda b: b._allFramesAsDot(TWO))
-asked("frames", named(60), lambda b: b.frames())
-asked("tree", named(60), lambda b: b.tree())
+asked("yaml", named(20), lambda b: b.all_frames_as_yaml(), scopes=BOTH)
+asked("string", named(20), lambda b: b.all_frames_as_string(), scopes=BOTH)
+asked("dot", named(20), lambda b: b._allFramesAsDot(TWO), scopes=BOTH)
+asked("frames", named(20), lambda b: b.frames(), scopes=BOTH)
+asked("tree", named(20), lambda b: b.tree(), scopes=BOTH)
 asked("repr and statistics", filled(), lambda b: (b.__repr__(), b.statistics()))
-asked("names", filled(), lambda b: (b._getFrameStrings(), "map" in b, b._frameExists("base")))
-asked("pending waits", with_waits(2, 2), lambda b: b._pending_waits())
+asked("names", filled(), lambda b: (b._getFrameStrings(), "map" in b, b._frameExists("base")), scopes=BOTH)
+asked("pending waits", with_waits(2, 2), lambda b: b._pending_waits(), scopes=BOTH)
 
 
 # Waits.
@@ -384,7 +384,7 @@ def _(made):
     return pickle.loads(made.data)
 
 
-@operation("copy", filled())
+@operation("copy", filled(), scopes=BOTH)
 def _(made):
     return copy.copy(made.buffer)
 

@@ -39,6 +39,23 @@ def test_a_failure_raises_and_changes_nothing(scope, tmp_path):
     assert sum(one["injected"] for one in results) >= LEAST[scope]
 
 
+def test_a_failure_while_a_message_is_received_is_logged(tmp_path):
+    done = subprocess.run(
+        [sys.executable, str(PROGRAMS / "receives_without_memory.py")],
+        env=with_library(built("allocations", tmp_path)),
+        text=True,
+        capture_output=True,
+    )
+    assert done.returncode == 0, done.stderr
+    failures = [json.loads(line) for line in done.stdout.splitlines()]
+    # The entries of the message, its copy, and each new name.
+    assert len(failures) >= 10
+    assert any(one["missing"] for one in failures)
+    assert not all(one["missing"] for one in failures)
+    assert "Receiving transforms failed" in done.stderr
+    assert "MemoryError" in done.stderr
+
+
 def table(results):
     """One line for each operation: its allocations, and how often one failed."""
     lines = [f"{'operation':45} allocations  injected"]

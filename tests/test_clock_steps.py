@@ -34,23 +34,24 @@ def waits(folder, clock, seconds, timeout_s):
     return {one.pop("what"): one for one in map(json.loads, done.stdout.splitlines())}
 
 
-WAYS = ("blocking", "can", "awaiting", "in_an_executor")
-
-
-def outcome(way, insert):
-    if way == "can":
-        return insert
-    return "map" if insert else "LookupException" if way == "blocking" else "TimeoutException"
+EXPIRED = {
+    "blocking": "LookupException",
+    "can": False,
+    "awaiting": "TimeoutException",
+    "in_an_executor": "TimeoutException",
+    "filtering": "TIMEOUT",
+}
+ANSWERED = {**dict.fromkeys(EXPIRED, "map"), "can": True}
 
 
 @pytest.mark.parametrize("seconds", [3600, -3600])
 def test_the_time_of_day_is_set_during_waits(tmp_path, seconds):
     found = waits(tmp_path, "wall", seconds, TIMEOUT_S)
-    for way in WAYS:
+    for way in EXPIRED:
         expired, answered = found[way], found[f"{way}, then inserts"]
-        assert expired["outcome"] == outcome(way, False)
+        assert expired["outcome"] == EXPIRED[way]
         assert TIMEOUT_S <= expired["s"] < TIMEOUT_S + LATE_S, (way, expired)
-        assert answered["outcome"] == outcome(way, True)
+        assert answered["outcome"] == ANSWERED[way]
         assert answered["s"] < TIMEOUT_S + LATE_S, (way, answered)
         assert expired["cpu_s"] < WORK_S, (way, expired)
     assert found["receives 1"]["outcome"] and found["receives 2"]["outcome"]
@@ -60,8 +61,8 @@ def test_the_time_of_day_is_set_during_waits(tmp_path, seconds):
 
 def test_the_steady_clock_jumps_beyond_deadlines_during_waits(tmp_path):
     found = waits(tmp_path, "steady", 3600, 600)
-    for way in WAYS:
+    for way in EXPIRED:
         expired = found[way]
-        assert expired["outcome"] == outcome(way, False)
+        assert expired["outcome"] == EXPIRED[way]
         assert expired["s"] < LATE_S, (way, expired)
         assert expired["cpu_s"] < WORK_S, (way, expired)

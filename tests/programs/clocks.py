@@ -17,11 +17,14 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import rclpy
+from geometry_msgs.msg import PointStamped
 from making import S, transform
 from processes import until
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.task import Future
 
-from tf2_ros import Buffer, TransformBroadcaster, TransformException, TransformListener
+from tf2_ros import Buffer, MessageFilter, TransformBroadcaster, TransformException, TransformListener
 
 
 def true_s():
@@ -77,7 +80,21 @@ def in_an_executor(buffer, timeout_s):
     return future.result().header.frame_id
 
 
-WAYS = [blocking, can, awaiting, in_an_executor]
+def filtering(buffer, timeout_s):
+    executor = rclpy.get_global_executor()
+    [node] = executor.get_nodes()
+    message, found = PointStamped(), Future()
+    message.header.frame_id, message.header.stamp.sec = "base", 1
+    timeout = Duration(seconds=timeout_s)
+    with MessageFilter(None, buffer, "map", 1, node=node, buffer_timeout=timeout) as waiting:
+        waiting.registerCallback(lambda _: found.set_result("map"))
+        waiting.registerFailureCallback(lambda _, reason: found.set_result(reason.name))
+        waiting.add(message)
+        executor.spin_until_future_complete(found)
+    return found.result()
+
+
+WAYS = [blocking, can, awaiting, in_an_executor, filtering]
 
 
 def tell(what, begin, cpu, outcome):

@@ -3,8 +3,8 @@ Receives messages while each allocation of the receiver's thread fails, alone an
 
 Run with `interposed/allocations.c` loaded. Time is simulated, so that messages are kept for a jump of the
 clock, too. After each failure the buffer is checked, what it has of the message is right, and the message,
-sent again, completes the rest and what waits for it. Prints a line of JSON for each failure: which it was, and
-how many transforms of the message were not in the buffer.
+sent again, completes the rest and what waits for it. Prints a line of JSON for each failure: which it was,
+and how many transforms of the message were not in the buffer.
 """
 
 import ctypes

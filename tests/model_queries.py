@@ -219,7 +219,9 @@ class Queries:
         """All times at which an answer may change, and some between them."""
         stamps = {sample[0] for frame in self.model.frames.values() for sample in frame.samples}
         near = {ns + step for ns in stamps for step in (-1, 0, 1)}
-        return sorted(ns for ns in near | {0, -1, 1} if -STAMPS_END <= ns < STAMPS_END)
+        return sorted(
+            ns for ns in near | {-STAMPS_END, -1, 0, 1, STAMPS_END - 1} if -STAMPS_END <= ns < STAMPS_END
+        )
 
     def ask(self, dice, full=False):
         """Listings and every pair of frames, at some of the times or at all of them."""

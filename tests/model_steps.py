@@ -135,6 +135,8 @@ class Author:
         ns = self._now + dice.choice(
             (0, unit * dice.randint(0, 4), unit * dice.randint(0, 4), -unit * dice.randint(0, 20), 1)
         )
+        if dice.random() < 0.05:
+            return dice.choice((-STAMPS_END, -S, -1, 1, STAMPS_END - 1))
         return 0 if dice.random() < 0.3 else max(-5, min(ns, STAMPS_END - 1))
 
     def _end_wait(self):

@@ -153,6 +153,11 @@ def test_what_is_not_bytes_like_is_a_type_error(buffer, data):
         buffer.set_transforms_cdr(data, "x")
 
 
+def test_bytes_with_gaps_are_a_buffer_error(buffer):
+    with pytest.raises(BufferError, match="not C-contiguous"):
+        buffer.set_transforms_cdr(memoryview(bytes(16))[::2], "x")
+
+
 text = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=12)
 finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
 

@@ -211,6 +211,7 @@ cdef class BufferCore(SharingEngine):
         :param bool static: whether they hold at all times.
         :return: how many were added; the others are logged and counted.
         :raises TypeError: ``data`` is not bytes-like.
+        :raises BufferError: its bytes are not in one piece.
         :raises ValueError: ``data`` is malformed; nothing is added.
         """
         cdef Py_buffer view

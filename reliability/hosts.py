@@ -34,8 +34,8 @@ KEPT, KEPT_LONGER = 100, 1000
 MAY_MISS = 0.02
 DISCOVERY_S = 30.0
 RECOVERY_S = 20.0
-# While nothing more is sent, DDS repairs in rounds of 3 s, of which a loss in either direction spoils a third;
-# each good one leaves a fifth of what was missing, and what is behind a missing message is not delivered.
+# While nothing more is sent, DDS repairs in rounds of 3 s, of which a loss in either direction spoils a
+# third; each good one leaves a fifth of what was missing, and what is behind a missing message is held back.
 REPAIR_S = 90.0
 # By how much a wait may end late on a machine that does other things.
 LATE_S = 1.0

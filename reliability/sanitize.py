@@ -18,7 +18,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from reliability.builds import BUILDS, build
+from reliability.builds import BUILDS, ROOT, build
 
 SUPPRESSIONS = Path(__file__).resolve().parent / "suppressions"
 STACKS = ("-fno-omit-frame-pointer", "-g1")  # those of reports name functions and lines
@@ -30,6 +30,7 @@ TEST_TIMEOUT_S = 240 * SLOWNESS
 # Files or tests that cannot run here, and why.
 NOT_HERE = {
     "tests/test_adding_a_type.py": "compiles an extension of its own, for an interpreter without a runtime",
+    "tests/test_allocation_failures.py": "stands in for the allocator, as a sanitizer does",
     "tests/test_bench.py": "measures instructions and times",
     "tests/test_colcon.py": "builds the package anew, without a sanitizer",
     "tests/test_leaks.py": "counts what Python's allocator counts, which is not used",
@@ -55,6 +56,11 @@ test_tf2_py_forking test_tf2_py_frames test_tf2_py_limits test_tf2_py_lookup tes
 test_tf2_py_series test_tf2_py_threads test_tf2_py_waiters test_tf2_py_waiters_random
 test_transform_listener test_travel test_waiting test_waiting_random
 """.split()
+# A race, to see that one is reported: readers no longer wait for the writer that holds the lock.
+PLANTED_IN = "tf2_py/_core/lock.pxd"
+PLANTED = "if lock.writers_arrived == lock.writers_done:\n        lock.readers += 1"
+PLANTED_RACE = "if True:\n        lock.readers += 1"
+PLANTED_TESTS = ["tests/test_tf2_py_threads.py"]
 # These first: whoever breaks the engine learns it within minutes.
 CORE = ("tests/test_tf2_py_*.py", "tests/test_conformance.py")
 
@@ -116,14 +122,17 @@ def main(arguments=None):
     left_out = "\n".join(f"  {test}: {why}" for test, why in NOT_HERE.items())
     parser = argparse.ArgumentParser(
         prog="python -m reliability.sanitize",
-        usage="%(prog)s [-h] [address|thread] [what pytest takes ...]",
-        description="Run the tests in a build with sanitizers; reports are kept in .reliability/reports.",
+        usage="%(prog)s [-h] [address|thread|planted] [what pytest takes ...]",
+        description="Run the tests in a build with sanitizers; reports are kept in .reliability/reports. "
+        "planted: run a few in a build whose lock is broken, which ThreadSanitizer must report.",
         epilog=f"What is not run, and why:\n{left_out}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     given = sys.argv[1:] if arguments is None else list(arguments)
     if given[:1] in (["-h"], ["--help"]):
         parser.parse_args(given)
+    if given == ["planted"]:
+        return 0 if _notices_a_race() else 1
     kinds, of_pytest = (given[:1], given[1:]) if given and given[0] in KINDS else (list(KINDS), given)
     failed = [kind for kind in kinds if not run(kind, of_pytest)]
     return 1 if failed else 0
@@ -148,11 +157,11 @@ def run(name, of_pytest):
     return status == 0 and not found
 
 
-def prepared(name, reports):
+def prepared(name, reports, folder=None, rewritten=None):
     """Build; return the folder, and the environment of an interpreter that is to use it."""
     kind = KINDS[name]
     flags = " ".join(flag for flag in kind.cflags if flag.startswith("-fsanitize"))
-    folder = build(name, cflags=kind.cflags, ldflags=(flags,), CC=_compiler())
+    folder = build(folder or name, cflags=kind.cflags, ldflags=(flags,), rewritten=rewritten, CC=_compiler())
     shutil.rmtree(reports, ignore_errors=True)
     reports.mkdir(parents=True)
     return folder, {**os.environ, **kind.environment(reports), "PYTHONPATH": str(folder)}
@@ -181,6 +190,21 @@ def _notices_what_is_broken(folder, environment):
     environment = {**environment, "ASAN_OPTIONS": "detect_leaks=0:handle_abort=0", "UBSAN_OPTIONS": ""}
     ended = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     return ended.returncode == -signal.SIGABRT and "samples or their bytes miscounted" in ended.stderr
+
+
+def _notices_a_race():
+    text = (ROOT / PLANTED_IN).read_text()
+    assert text.count(PLANTED) == 1, f"{PLANTED_IN} has changed"
+    reports = reports_of("planted")
+    rewritten = {PLANTED_IN: text.replace(PLANTED, PLANTED_RACE)}
+    folder, environment = prepared("thread", reports, "planted", rewritten)
+    command = [*_fixed_addresses(), sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+    subprocess.run([*command, *PLANTED_TESTS], cwd=folder, env=environment)
+    races = {text: count for text, count in summaries(reports).items() if "data race" in text}
+    for text, count in races.items():
+        print(f"planted: {count} x {text}")
+    print(f"planted: {sum(races.values())} data races reported in {reports}")
+    return bool(races)
 
 
 def _names_tests(of_pytest):

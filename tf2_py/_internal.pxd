@@ -5,6 +5,7 @@ change at any time. They cimport nothing else of this package, so that its modul
 
 # tf2_ros: the receiver, which inserts into an engine without the GIL, under a lock that a fork finds free.
 from tf2_py._core.clock cimport monotonic_ns, system_ns
+from tf2_py._core.flag cimport flag_is_set, flag_set
 from tf2_py._core.forking cimport FORK_INNER, FORK_OUTER, ForkedLock, fork_forget, fork_watch
 from tf2_py._core.lock cimport Lock, lock_free, lock_init, lock_write, unlock_write
 from tf2_py._core.names cimport (

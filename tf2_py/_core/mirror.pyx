@@ -368,7 +368,8 @@ cdef Try _try(Tree* tree) noexcept nogil:
         names_size = facts.names_size - mirror.names_size
         authorities_size = facts.authorities_size - mirror.authorities_size
         known = tree.names.count if facts.trees == mirror.trees else 0
-        if _reserve(mirror, facts.frames, names_size + authorities_size):
+        # One byte more: there may be no text, and nothing may be copied to where no memory is.
+        if _reserve(mirror, facts.frames, names_size + authorities_size + 1):
             memcpy(mirror.text, segment.base + segment_part(segment, NAMES_SIXTEENTH) + mirror.names_size,
                    names_size)
             memcpy(mirror.text + names_size,

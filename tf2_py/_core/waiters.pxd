@@ -57,7 +57,7 @@ cdef struct Waiter:
     Waiter* next
     WaiterList* ready       # in PLACE_READY: the list that it is in
     ForkThread thread       # in PLACE_DUE and PLACE_READY: the thread that must try or deliver it
-    bint answered           # the lookup has an answer ...
+    bint answered           # a flag, see flag.pxd: the lookup has an answer ...
     Transform answer        # ... which is this, metres and unit quaternion
     int64_t stamp_ns        # ... at this stamp
     # Called with the lock held, once, when the waiter is answered by a wake. True: the answer is delivered.

@@ -5,6 +5,7 @@ from libc.stdlib cimport free, malloc, realloc
 from libc.string cimport memset
 
 from tf2_py._core.change cimport CHANGE_DATA, CHANGE_NAME, ChangeItem, ChangeKind
+from tf2_py._core.flag cimport flag_set
 from tf2_py._core.forking cimport fork_generation, fork_record_thread, fork_thread_exists
 from tf2_py._core.lacks cimport Lack, Lacks, lacks_find, lacks_free
 from tf2_py._core.lookup cimport query_answer
@@ -190,7 +191,7 @@ cdef Status _attempt(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcep
             break
         mirror_catch_up(<Tree*>tree)
     if status.code == STATUS_OK:
-        waiter.answered = True
+        flag_set(&waiter.answered, True)
     else:
         _file(waiters, tree, waiter)
     return status

@@ -8,6 +8,7 @@ from threading import get_ident, main_thread
 
 from tf2_py._core.clock cimport monotonic_ns
 from tf2_py._core.event cimport Event, event_free, event_init, event_set, event_wait
+from tf2_py._core.flag cimport flag_is_set
 from tf2_py._core.lookup cimport Query
 from tf2_py._core.names cimport name_is_invalid
 from tf2_py._core.types cimport (
@@ -85,7 +86,7 @@ cdef class Wait(WaiterOwner):
     @property
     def answer(self):
         """A new message of the answer, or None."""
-        if not self._waiter.answered:
+        if not flag_is_set(&self._waiter.answered):
             return None
         target, source, _ = self._names
         return new_transform_stamped(&self._waiter.answer, self._waiter.stamp_ns, target, source)
@@ -119,7 +120,7 @@ cdef class Wait(WaiterOwner):
         cdef int64_t left_ns = timeout_ns
         cdef bint is_woken = False
         try:
-            while not self._waiter.answered:
+            while not flag_is_set(&self._waiter.answered):
                 if not alive():
                     break
                 with nogil:

@@ -13,6 +13,7 @@ from tf2_py._internal cimport (
     batch_begin,
     batch_free,
     batch_read_cdr,
+    flag_set,
     fork_forget,
     fork_watch,
     lock_free,
@@ -193,7 +194,7 @@ cdef class Receiver:
 
     def decide_again(self):
         """Let :meth:`run` return before it takes another message; the caller triggers the guard condition."""
-        self._watch.changed = True
+        flag_set(&self._watch.changed, True)
 
     def fills(self, Engine buffer not None):
         """Whether the transforms go into this buffer."""

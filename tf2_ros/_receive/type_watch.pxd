@@ -1,5 +1,7 @@
 """Whether an attribute of a type or of an object has changed, as the receive loop asks without the GIL."""
 
+from tf2_py._internal cimport flag_is_set
+
 cdef extern from "Python.h":
     ctypedef struct CPythonType "PyTypeObject":
         # Another one after every change of an attribute of the type or of one of its bases; 0: none.
@@ -12,7 +14,7 @@ cdef enum:
 cdef struct TypeWatch:
     CPythonType* types[MAX_TYPES]       # kept alive by whoever watches; NULL: none
     unsigned int versions[MAX_TYPES]    # when the watch began
-    bint changed                        # an attribute of an object has changed, or the watch has run out
+    bint changed                        # a flag, set by any thread: an attribute of an object has changed, or the watch has run out
     bint spent                          # a type has no version, and the one permit for that was used
 
 
@@ -25,7 +27,7 @@ cdef inline bint type_watch_is_unchanged(const TypeWatch* watch) noexcept nogil:
     for i in range(MAX_TYPES):
         if watch.types[i] != NULL and watch.types[i].tp_version_tag != watch.versions[i]:
             return False
-    return not watch.changed
+    return not flag_is_set(&watch.changed)
 
 
 # Whether a message may be taken on what was found when the watch began. A type whose attributes change very

@@ -1,11 +1,13 @@
 """Owns noticing that a program replaces an attribute that decides who inserts transforms."""
 
+from tf2_py._internal cimport flag_set
+
 
 cdef int type_watch_begin(TypeWatch* watch, list types) except -1:
     cdef size_t i = 0
     if len(types) > MAX_TYPES:
         raise ValueError(f"{len(types)} types, at most {MAX_TYPES} are possible")
-    watch.changed = False
+    flag_set(&watch.changed, False)
     watch.types[0] = watch.types[1] = NULL
     for one in types:
         getattr(one, "__init__", None)  # looking an attribute up gives a type its version
@@ -26,7 +28,7 @@ cdef bint type_watch_permits(TypeWatch* watch) noexcept nogil:
     if has_versions:
         return True
     if watch.spent:
-        watch.changed = True
+        flag_set(&watch.changed, True)
         return False
     watch.spent = True
     return True

@@ -14,7 +14,7 @@ cdef enum:
 cdef struct TypeWatch:
     CPythonType* types[MAX_TYPES]       # kept alive by whoever watches; NULL: none
     unsigned int versions[MAX_TYPES]    # when the watch began
-    bint changed                        # a flag (flag.pxd): an attribute of an object has changed, or the watch has run out
+    bint changed                        # a flag: an attribute of an object has changed, or the watch ran out
     bint spent                          # a type has no version, and the one permit for that was used
 
 

@@ -15,6 +15,12 @@ class Latencies:
         self.count = 0
         self.largest_s = 0.0
 
+    def clear(self):
+        with self._lock:
+            self._bins = [0] * BINS
+            self.count = 0
+            self.largest_s = 0.0
+
     def add(self, seconds):
         place = int(math.log(max(seconds, LEAST_S) / LEAST_S) / math.log(STEP))
         with self._lock:

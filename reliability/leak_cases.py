@@ -63,7 +63,7 @@ NO_CASE = {
 }
 # What rclpy and Fast DDS themselves leave behind for each call; the cases "(for comparison)" show it.
 OF_A_NODE = {"objects": 50, "heap_bytes": 150_000, "resident_bytes": 150_000}
-OF_AN_ENTITY = {"objects": 6, "heap_bytes": 300}
+OF_AN_ENTITY = {"objects": 6, "heap_bytes": 300, "resident_bytes": 1000}
 OF_RCLPY = {
     "Buffer.__init__ with a node": OF_A_NODE,
     "TransformListener.__del__": OF_A_NODE,
@@ -73,6 +73,8 @@ OF_RCLPY = {
     "MessageFilter.close": OF_AN_ENTITY,
     "BufferClient.destroy": OF_A_NODE,
 }
+# How long it takes until what the calls of a group left on purpose is gone: a server keeps results for 10 s.
+REST_S = {"BufferClient": 11.0}
 
 
 class Group(NamedTuple):

@@ -77,8 +77,8 @@ def size(calls):
     )
 
 
-def measure(action, seconds, most_calls=MOST_CALLS, settle_s=SETTLE_S):
-    """Sizes after warming up, after half of the calls, and after all of them."""
+def measure(action, seconds, most_calls=MOST_CALLS, settle_s=SETTLE_S, rest_s=0.0):
+    """Sizes after warming up, after half of the calls, and after all of them; each after a rest."""
     sizes, calls = [], 0
     for share in (WARM_UP, (1 - WARM_UP) / 2, (1 - WARM_UP) / 2):
         until_s = time.monotonic() + share * seconds
@@ -86,6 +86,7 @@ def measure(action, seconds, most_calls=MOST_CALLS, settle_s=SETTLE_S):
         while calls < most and time.monotonic() < until_s:
             action()
             calls += 1
+        time.sleep(rest_s)
         sizes.append(size(calls))
     until_s = time.monotonic() + settle_s
     while _more(sizes) and time.monotonic() < until_s:
@@ -153,7 +154,8 @@ def _run_here(name, seconds):
 
     with ExitStack() as stack:
         action = leak_cases.action(name, stack)
-        measured = [asdict(one) for one in measure(action, seconds)]
+        rest_s = leak_cases.REST_S.get(name.partition(".")[0], 0.0)
+        measured = [asdict(one) for one in measure(action, seconds, rest_s=rest_s)]
         # On a descriptor of its own: cases may print.
         os.write(int(os.environ["LEAKS_ANSWER"]), json.dumps(measured).encode())
     return 0

@@ -379,8 +379,12 @@ class Node:
             thread.start()
         sampler = threading.Thread(target=self.tell_samples)
         sampler.start()
-        # "end LAST_NS", from whoever started this; without, it has ended itself.
+        # From whoever started this: "settled", then "end LAST_NS POINTS"; without, it has ended itself.
         line = sys.stdin.readline().split()
+        if line == ["settled"]:
+            for one in self.latencies.values():
+                one.clear()
+            line = sys.stdin.readline().split()
         try:
             if line:
                 self.compare(int(line[1]), int(line[2]))

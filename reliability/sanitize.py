@@ -96,7 +96,8 @@ KINDS = {
             *STACKS,
             SELF_CHECK,
         ),
-        runtimes=("libasan.so",),
+        # It looks for what throws exceptions of C++ when the process begins, and rclpy loads that later.
+        runtimes=("libasan.so", "libstdc++.so.6"),
         options={
             # The interpreter never frees much of what it has at its end; `make leaks` looks for ours.
             "ASAN_OPTIONS": "detect_leaks=0:handle_abort=1:handle_sigill=1:detect_stack_use_after_return=1:"

@@ -614,7 +614,7 @@ cdef class BufferCore(SharingEngine):
         else:
             query_fill_full(&query, target_frame, target_time, source_frame, time, fixed_frame)
         wait.begin(self, (target_frame, source_frame, fixed_frame), &query, notify)
-        if self._begin_following is not None and self._tree.mirror != NULL:
+        if self._begin_following is not None and self._follows():
             self._begin_following()
         return wait
 

@@ -6,7 +6,8 @@ from libc.stdlib cimport calloc, free
 from libc.string cimport memset
 
 from tf2_py._core.clock cimport monotonic_ns
-from tf2_py._core.lock cimport lock_write
+from tf2_py._core.flag cimport flag_is_set, flag_set
+from tf2_py._core.lock cimport lock_read, lock_write, unlock_read
 from tf2_py._core.mirror cimport mirror_begin, mirror_catch_up, mirror_free, segment_problem
 from tf2_py._core.mirror_state cimport Mirror
 from tf2_py._core.publication cimport Publication, publication_begin, publication_free
@@ -135,7 +136,7 @@ cdef class SharingEngine(Engine):
     @property
     def _is_attached(self):
         """Whether the buffer holds what another process's holds."""
-        return self._tree.mirror != NULL
+        return bool(self._follows())
 
     @property
     def _why_left(self):
@@ -151,7 +152,7 @@ cdef class SharingEngine(Engine):
     @property
     def _new_data_callbacks(self):
         """The list of what is called after every insert, by the thread that runs users' code."""
-        if self._begin_following is not None and self._tree.mirror != NULL:
+        if self._begin_following is not None and self._follows():
             self._begin_following()
             self._stir()
         return self._observers
@@ -167,9 +168,13 @@ cdef class SharingEngine(Engine):
 
         :return: False where there was one since it returned last.
         """
-        self._is_expected = True
-        self._stir()
-        return load64(&segment_head(&self._memory.segment).sequence) == self._followed
+        cdef uint64_t followed
+        flag_set(&self._is_expected, True)
+        lock_write(&self._lock)
+        self._nudge()
+        followed = self._followed
+        unlock_written(&self._lock, &self._tree, &self._waiters)
+        return load64(&segment_head(&self._memory.segment).sequence) == followed
 
     def _stir(self):
         """Have :meth:`_follow` look again what it is to wait for."""
@@ -201,17 +206,19 @@ cdef class SharingEngine(Engine):
                 left_ns = max(until_ns - monotonic_ns(), <int64_t>0)
                 is_changed = self._next_change(&batch, min(left_ns, LOOK_NS))
                 was_changed = was_changed or is_changed
-                is_awaited = is_changed and (self._is_expected or is_filled(<void*>self._observers))
-                if (is_awaited or self._is_interrupted or batch.ready.first != NULL
-                        or self._tree.mirror == NULL or left_ns == 0):
+                is_awaited = is_changed and (
+                    flag_is_set(&self._is_expected) or is_filled(<void*>self._observers)
+                )
+                if (is_awaited or flag_is_set(&self._is_interrupted) or batch.ready.first != NULL
+                        or left_ns == 0 or not self._follows()):
                     break
                 if is_changed:
-                    self._memory.segment.sleep(&self._nudges, self._nudges, NAP_NS)
+                    self._memory.segment.sleep(&self._nudges, load32(&self._nudges), NAP_NS)
                 elif not self._memory.segment.is_alive(&self._memory.segment):
                     self._take_leave_now()
-        self._is_interrupted = False
+        flag_set(&self._is_interrupted, False)
         if is_awaited:
-            self._is_expected = False
+            flag_set(&self._is_expected, False)
             later.extend(self._observers)
         error = self._deliver(&batch.ready, later)
         if error is not None:
@@ -220,7 +227,7 @@ cdef class SharingEngine(Engine):
 
     def _interrupt_following(self):
         """Have :meth:`_follow` return."""
-        self._is_interrupted = True
+        flag_set(&self._is_interrupted, True)
         if self._memory is not None:
             self._memory.segment.wake(segment_word(&self._memory.segment))
             self._stir()
@@ -231,22 +238,40 @@ cdef class SharingEngine(Engine):
         self._take_leave(True)
         unlock_written(&self._lock, &self._tree, &self._waiters)
 
+    cdef bint _follows(self) noexcept nogil:
+        # Not without the lock: while the tree is made anew, it is no mirror for a moment.
+        cdef bint found
+        lock_read(&self._lock)
+        found = self._tree.mirror != NULL
+        unlock_read(&self._lock)
+        return found
+
     cdef bint _is_wanted(self) noexcept nogil:
-        return self._waiters.count > 0 or self._is_expected or is_filled(<void*>self._observers)
+        cdef uint32_t count
+        lock_read(&self._lock)
+        count = self._waiters.count
+        unlock_read(&self._lock)
+        return count > 0 or flag_is_set(&self._is_expected) or is_filled(<void*>self._observers)
 
     cdef bint _next_change(self, Batch* batch, int64_t ns) noexcept nogil:
         # Sleeps for it, so long at most, and does what follows from it; False: there was none.
         cdef Segment* segment = &self._memory.segment
         cdef const uint64_t* sequence = &segment_head(segment).sequence
         cdef uint32_t nudges = load32(&self._nudges)
-        if self._tree.mirror == NULL or load64(sequence) != self._followed:
+        cdef uint64_t followed
+        cdef bint at_rest
+        lock_read(&self._lock)
+        followed = self._followed
+        at_rest = self._tree.mirror != NULL and load64(sequence) == followed
+        unlock_read(&self._lock)
+        if not at_rest:
             pass
         elif self._is_wanted():
             store32(&segment.board.somebody_waits, 1)
             # The owner writes first and asks then, this says so first and looks then: one of them sees it.
             fence_full()
-            if load64(sequence) == self._followed:
-                segment.sleep(segment_word(segment), <uint32_t>self._followed, ns)
+            if load64(sequence) == followed:
+                segment.sleep(segment_word(segment), <uint32_t>followed, ns)
         else:
             # Not on the sequence: whoever waits there is woken for all others, too.
             segment.sleep(&self._nudges, nudges, ns)

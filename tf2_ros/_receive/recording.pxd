@@ -43,4 +43,5 @@ cdef class Recording:
     cdef list _frames           # names, by id, as far as they were asked for
     cdef list _publishers       # likewise
 
+    cdef uint64_t _counted(self, const uint64_t* count) noexcept
     cdef list _new_names(self, const Names* names, list known)

@@ -1,7 +1,7 @@
 """Owns the records of received transforms, between the receiver's thread and the program that reads them."""
 
 from libc.stddef cimport size_t
-from libc.stdint cimport int64_t, uint32_t, uintptr_t
+from libc.stdint cimport int64_t, uint32_t, uint64_t, uintptr_t
 from libc.stdlib cimport free, malloc
 from libc.string cimport memcpy
 
@@ -142,17 +142,24 @@ cdef class Recording:
     @property
     def messages(self):
         """How many messages were noted."""
-        return self._records.messages
+        return self._counted(&self._records.messages)
 
     @property
     def malformed(self):
         """How many messages could not be read."""
-        return self._records.malformed
+        return self._counted(&self._records.malformed)
 
     @property
     def lost(self):
         """How many transforms there was no place for, or no memory."""
-        return self._records.lost
+        return self._counted(&self._records.lost)
+
+    cdef uint64_t _counted(self, const uint64_t* count) noexcept:
+        cdef uint64_t found
+        lock_write(&self._records.lock)
+        found = count[0]
+        unlock_write(&self._records.lock)
+        return found
 
     cdef list _new_names(self, const Names* names, list known):
         # No Python object is made under the lock, and names stay where they are under the lock only.

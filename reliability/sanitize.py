@@ -100,7 +100,7 @@ KINDS = {
         runtimes=("libasan.so", "libstdc++.so.6"),
         options={
             # The interpreter never frees much of what it has at its end; `make leaks` looks for ours.
-            # Tests cut off memory that is read; whoever is not ready for the signal ends by it, which they see.
+            # Tests cut off memory that is read, and see who ends by the signal of that.
             "ASAN_OPTIONS": "detect_leaks=0:handle_abort=1:handle_sigill=1:handle_sigbus=0:"
             "detect_stack_use_after_return=1:log_path={log}:allocator_may_return_null=1:"
             "suppressions={suppressions}/address.txt",

@@ -25,6 +25,7 @@ from known_types import ALL, TABLES
 from making import S, at, at_ns, transform
 from making_bags import drive, scan, write_mcap
 from random_messages import Maker
+from rclpy.action import ActionClient, ActionServer
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
@@ -38,6 +39,7 @@ import tf2_ros
 import tf2_ros.bag
 import tf2_ros.numpy
 import tf2_sensor_msgs
+from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_ros import (
@@ -64,6 +66,14 @@ NO_CASE = {
 # What rclpy and Fast DDS themselves leave behind for each call; the cases "(for comparison)" show it.
 OF_A_NODE = {"objects": 50, "heap_bytes": 150_000, "resident_bytes": 150_000}
 OF_AN_ENTITY = {"objects": 6, "heap_bytes": 300, "resident_bytes": 1000}
+# rclpy's own client leaves 34 objects and 900 bytes.
+OF_A_GOAL = {"heap_bytes": 200, "resident_bytes": 1000}
+GOALS = [
+    f"{how}{kind}{mode}"
+    for how in ("lookup_transform", "can_transform", "transform")
+    for kind in ("", "_full")
+    for mode in ("", "_async", " of no time")
+]
 OF_RCLPY = {
     "Buffer.__init__ with a node": OF_A_NODE,
     "TransformListener.__del__": OF_A_NODE,
@@ -72,6 +82,7 @@ OF_RCLPY = {
     "StaticTransformBroadcaster.__init__": OF_AN_ENTITY,
     "MessageFilter.close": OF_AN_ENTITY,
     "BufferClient.destroy": OF_A_NODE,
+    **{f"BufferClient.{name}": OF_A_GOAL for name in GOALS},
 }
 # How long it takes until what the calls of a group left on purpose is gone: a server keeps results for 10 s.
 REST_S = {"BufferClient": 11.0}
@@ -245,6 +256,30 @@ def _buffer(stack):
     _ros(stack)
     point = _point()
     stamps = itertools.count(2 * S, S // 100)
+
+    @_once
+    def plain_client():
+        server = stack.enter_context(spun_node("executing"))
+
+        def execute(goal):
+            goal.succeed()
+            return LookupTransform.Result()
+
+        stack.callback(ActionServer(server, LookupTransform, "plain", execute).destroy)
+        client = ActionClient(stack.enter_context(spun_node("sending")), LookupTransform, "plain")
+        stack.callback(client.destroy)
+        assert client.wait_for_server(LONG_S)
+        return client
+
+    def rclpy_alone():
+        ended = threading.Event()
+
+        def accepted(future):
+            future.result().get_result_async().add_done_callback(lambda _: ended.set())
+
+        plain_client().send_goal_async(LookupTransform.Goal()).add_done_callback(accepted)
+        assert ended.wait(LONG_S)
+
     simple, full = ("map", "base", at(1)), ("map", at(1), "base", at(1), "map")
     late = ("map", "base", at(9))
     _ = tf2_geometry_msgs  # registers the types
@@ -518,6 +553,29 @@ def _client(stack):
     def lonely():
         return stack.enter_context(spun_node("lonely"))
 
+    @_once
+    def plain_client():
+        server = stack.enter_context(spun_node("executing"))
+
+        def execute(goal):
+            goal.succeed()
+            return LookupTransform.Result()
+
+        stack.callback(ActionServer(server, LookupTransform, "plain", execute).destroy)
+        client = ActionClient(stack.enter_context(spun_node("sending")), LookupTransform, "plain")
+        stack.callback(client.destroy)
+        assert client.wait_for_server(LONG_S)
+        return client
+
+    def rclpy_alone():
+        ended = threading.Event()
+
+        def accepted(future):
+            future.result().get_result_async().add_done_callback(lambda _: ended.set())
+
+        plain_client().send_goal_async(LookupTransform.Goal()).add_done_callback(accepted)
+        assert ended.wait(LONG_S)
+
     simple, full = ("map", "base", at(1), LONG_S), ("map", at(1), "base", at(1), "map", LONG_S)
     point = _point()
 
@@ -545,6 +603,7 @@ def _client(stack):
         "transform_full": lambda: client().transform_full(point, "map", at(1), "map", LONG_S),
         "transform_async": lambda: awaited(lambda: client().transform_async(point, "map")),
         "destroy": lambda: BufferClient(lonely(), "nowhere").destroy(),
+        "(for comparison) goals of rclpy": rclpy_alone,
     }
 
 

@@ -33,6 +33,7 @@ NOT_HERE = {
     "tests/test_allocation_failures.py": "stands in for the allocator, as a sanitizer does",
     "tests/test_bench.py": "measures instructions and times",
     "tests/test_colcon.py": "builds the package anew, without a sanitizer",
+    "tests/test_docs.py": "runs what builds the package anew, and what takes hours with a sanitizer",
     "tests/test_leaks.py": "counts what Python's allocator counts, which is not used",
     "tests/test_packaging.py": "builds the package anew, without a sanitizer",
     "tests/test_sourced.py": "builds the package anew, without a sanitizer",

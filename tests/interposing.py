@@ -23,5 +23,6 @@ def built(name, folder):
 
 def with_library(library, **variables):
     """The environment of a program that loads it."""
+    # After the runtime of a sanitizer, which must be the first.
     before = os.environ.get("LD_PRELOAD", "")
-    return {**os.environ, "LD_PRELOAD": f"{library} {before}".strip(), **variables}
+    return {**os.environ, "LD_PRELOAD": f"{before} {library}".strip(), **variables}

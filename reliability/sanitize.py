@@ -36,6 +36,7 @@ NOT_HERE = {
     "tests/test_docs.py": "runs what builds the package anew, and what takes hours with a sanitizer",
     "tests/test_leaks.py": "counts what Python's allocator counts, which is not used",
     "tests/test_packaging.py": "builds the package anew, without a sanitizer",
+    "tests/test_portable.py": "lists what extensions call, and these call a sanitizer",
     "tests/test_sourced.py": "builds the package anew, without a sanitizer",
     "tests/test_typing.py": "runs type checkers alone, no code of ours",
     "tests/test_tf2_py_advice.py::test_what_is_remembered_is_limited": "names are compared for 2 % of "

@@ -51,7 +51,8 @@ def test_an_example_runs_and_prints_what_it_says(name):
     with spun_node("example") as node:
         test = doctest.DocTest(examples(PUBLIC[name]), {"node": node}, name, None, None, None)
         said = []
-        doctest.DocTestRunner().run(test, out=said.append)
+        # Otherwise it would follow the -v of pytest.
+        doctest.DocTestRunner(verbose=False).run(test, out=said.append)
     assert said == []
 
 

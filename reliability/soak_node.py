@@ -104,6 +104,7 @@ class Node:
         self.listener = TransformListener(self.buffer, self.node, qos=QoSProfile(depth=DEPTH))
         self.second = Buffer(CACHE_S)
         self.probed = Buffer(CACHE_S)
+        self.restarted = None
         self.probe_began_ns = 0
         self.spun_at = time.monotonic()
         self.threads = [
@@ -287,6 +288,9 @@ class Node:
             taken = self.second.statistics()["taken"]
             first = self.second.wait_for_transform_async("map", FIRST_FRAME, Time())
             way()
+            # On a busy machine its thread may not have ended when it was unregistered.
+            while self.restarted is not None and self.restarted.receives:
+                time.sleep(0.01)
             self.count_life(way.__name__, taken, first)
             self.counts["lives"] += 1
 
@@ -302,7 +306,8 @@ class Node:
         self.ending.wait(LIFE_S)
 
     def new_listener(self, *arguments, **options):
-        return TransformListener(self.second, *arguments, qos=QoSProfile(depth=DEPTH), **options)
+        self.restarted = TransformListener(self.second, *arguments, qos=QoSProfile(depth=DEPTH), **options)
+        return self.restarted
 
     def live_on_node(self):
         listener = self.new_listener(self.node)

@@ -44,7 +44,7 @@ __all__ = [
     "reinsert_recent",
 ]
 
-END_WAIT_S = 1.0  # how long to wait for the thread to end
+END_WAIT_S = 5.0  # how long to wait for the thread to end; only a very busy machine needs so long
 RETRY_S = 0.5  # how long to pause after an error of rcl
 
 

@@ -258,29 +258,6 @@ def _buffer(stack):
     point = _point()
     stamps = itertools.count(2 * S, S // 100)
 
-    @_once
-    def plain_client():
-        server = stack.enter_context(spun_node("executing"))
-
-        def execute(goal):
-            goal.succeed()
-            return LookupTransform.Result()
-
-        stack.callback(ActionServer(server, LookupTransform, "plain", execute).destroy)
-        client = ActionClient(stack.enter_context(spun_node("sending")), LookupTransform, "plain")
-        stack.callback(client.destroy)
-        assert client.wait_for_server(LONG_S)
-        return client
-
-    def rclpy_alone():
-        ended = threading.Event()
-
-        def accepted(future):
-            future.result().get_result_async().add_done_callback(lambda _: ended.set())
-
-        plain_client().send_goal_async(LookupTransform.Goal()).add_done_callback(accepted)
-        assert ended.wait(LONG_S)
-
     simple, full = ("map", "base", at(1)), ("map", at(1), "base", at(1), "map")
     late = ("map", "base", at(9))
     _ = tf2_geometry_msgs  # registers the types

@@ -290,7 +290,8 @@ class Node:
             way()
             # On a busy machine its thread may not have ended when it was unregistered.
             while self.restarted is not None and self.restarted.receives:
-                time.sleep(0.01)
+                if self.ending.wait(0.01):
+                    break
             self.count_life(way.__name__, taken, first)
             self.counts["lives"] += 1
 

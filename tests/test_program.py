@@ -182,6 +182,18 @@ def work(options):
             print("cleaned up")
 """
 
+WRITES = """
+import os, signal
+from tf2_ros_cython.cli._program import deferred_signals, sleep
+
+def work(options):
+    with deferred_signals():
+        os.kill(os.getpid(), signal.SIGTERM)
+        print("written")
+    sleep(0.0)
+    print("went on")
+"""
+
 HANGS = """
 import os, signal, threading
 from tf2_ros_cython.cli import _program
@@ -199,8 +211,16 @@ def work(options):
 class TestSignals:
     @pytest.mark.parametrize(
         ("work", "status", "printed"),
-        [(DEFERS, 128 + signal.SIGTERM, "set up\ncleaned up\n"), (HANGS, -signal.SIGINT, "set up\n")],
-        ids=["one waits until it may interrupt", "a second one ends what hangs"],
+        [
+            (DEFERS, 128 + signal.SIGTERM, "set up\ncleaned up\n"),
+            (WRITES, 128 + signal.SIGTERM, "written\n"),
+            (HANGS, -signal.SIGINT, "set up\n"),
+        ],
+        ids=[
+            "one waits until it may interrupt",
+            "or until the program waits",
+            "a second one ends what hangs",
+        ],
     )
     def test_while_it_is_set_up(self, tmp_path, work, status, printed):
         (tmp_path / "its_work.py").write_text(work)

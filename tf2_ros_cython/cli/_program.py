@@ -290,6 +290,9 @@ def sleep(seconds: float | None) -> None:
     Any other wait sleeps on if the signal reaches a thread that is not Python's, or comes just before it.
     """
     select([_signals.reader], [], [], seconds)
+    if _signals.received is not None and _signals.may_raise:
+        # It came while signals were deferred.
+        raise _Signalled(_signals.received)
 
 
 def _complete(parser: Parser) -> None:

@@ -74,7 +74,8 @@ def test_shared_buffers_are_measured_beside_private_ones(measured):
     assert all(row.deviation < 1e-12 for row in rows if row.deviation is not None)
     nodes = {(row.way, row.labels["nodes"]) for row in rows if "nodes" in row.labels}
     assert {("listening", 1), ("listening", 2), ("attached", 2), ("idle", 2)} <= nodes
-    assert all(row.median > 0 for row in rows if "nodes" in row.labels)
+    # An idle node may well sleep all the time.
+    assert all(row.median > 0 for row in rows if "nodes" in row.labels and row.way != "idle")
 
 
 def test_idle_nodes_are_left_out_of_both_sides():

@@ -527,6 +527,7 @@ cdef bint _leave(Tree* tree, bint follows, bint at_any_cost) noexcept nogil:
             _stay(tree, frame)
             return False
     tree.mirror = NULL
+    tree.is_untold = mirror.collects
     tree.cache_time_ns = mirror.own_cache_time_ns
     tree_relink(tree)
     _collect_everything(mirror)

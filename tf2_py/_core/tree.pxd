@@ -31,6 +31,7 @@ cdef struct Tree:
     uint32_t capacity               # frames allocated in the two arrays above
     int64_t cache_time_ns           # how far a history reaches back from its newest stamp; >= 0
     Limits limits                   # of the buffer
+    bint is_untold                  # the waiters do not yet know what leaving another process's has brought
     bint ever_looped                # a parent link once closed a loop: then walks are made in tf2's order
     uint64_t work                   # extra cost of all inserts so far; 1 is the cost of an ordinary insert
     uint64_t samples                # in all histories

@@ -122,5 +122,6 @@ cdef void wake_begin(Waiters* waiters, Wake* wake) noexcept nogil
 # Makes one waiter due, or tries one; an answered one that `deliver` has not delivered is appended to `ready`.
 # Returns what that cost, in ordinary inserts; 0: nothing is left, the wake is over.
 cdef uint32_t wake_step(Waiters* waiters, const Tree* tree, Wake* wake, WaiterList* ready) noexcept nogil
-# NULL, or which invariant does not hold. One of them: unless a wake is running, no waiter's lookup answers.
+# NULL, or which invariant does not hold. One of them: unless a wake is running, or is still to begin after
+# what another process has inserted, no waiter's lookup answers.
 cdef const char* waiters_check(const Waiters* waiters, const Tree* tree) noexcept nogil

@@ -319,7 +319,7 @@ cdef const char* waiters_check(const Waiters* waiters, const Tree* tree) noexcep
     cdef uint32_t count = 0
     cdef const char* problem = NULL
     # What another process has inserted is told to waiters later.
-    cdef bint at_rest = waiters.wakes_running == 0 and tree.mirror == NULL
+    cdef bint at_rest = waiters.wakes_running == 0 and tree.mirror == NULL and not tree.is_untold
     for i in range(NAME_SETS if waiters.names != NULL else 0):
         if problem == NULL:
             problem = watches_check(&waiters.names.sets[i])

@@ -306,6 +306,7 @@ cdef class SharingEngine(Engine):
             batch.wake.change = mirror.changes[mirror.change_count]
         else:
             found = False
+            self._tree.is_untold = False
         if found:
             wake_begin(&self._waiters, &batch.wake)
             batch.waking = True

@@ -5,7 +5,8 @@ PY := $(VENV)/bin/python
 PACKAGES := tf2_py tf2_ros tf2_geometry_msgs tf2_sensor_msgs tf2_ros_cython
 SOURCES := pyproject.toml setup.py setup.cfg $(wildcard build_backend/*.py) \
 	$(wildcard $(foreach folder,$(PACKAGES) $(PACKAGES:%=%/*),$(folder)/*.pyx $(folder)/*.pxd)) \
-	$(wildcard tf2_msgs/*/*.msg tf2_msgs/*/*.srv tf2_msgs/*/*.action)
+	$(wildcard messages/*.* messages/backend/*.py messages/tf2_msgs/*/*.msg messages/tf2_msgs/*/*.srv) \
+	$(wildcard messages/tf2_msgs/*/*.action)
 
 # A Python that has the ROS wheels leaves this mark and its own library path to its children, and the Python of .venv
 # would take it for its own and not find its libraries.
@@ -16,12 +17,12 @@ endif
 
 # Beside a sourced ROS 2 no second one is installed, and what that needs of the system's packages, as yaml, is seen.
 ifdef AMENT_PREFIX_PATH
-EXTRAS := test
+PROJECTS := --editable '.[test]'
 VENV_OPTIONS := --system-site-packages
 VENV_KIND := sourced
 VENV_OTHER := wheels
 else
-EXTRAS := ros,test
+PROJECTS := --editable ./messages --editable '.[ros,test]'
 VENV_OPTIONS :=
 VENV_KIND := wheels
 VENV_OTHER := sourced
@@ -70,9 +71,10 @@ build: $(VENV)/dev.stamp
 	touch $(VENV)/installed.stamp
 
 clean:
-	rm -rf $(VENV) .bench .reliability build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
-	find $(PACKAGES) tf2_msgs tests build_backend -name '*.so' -delete -o -name '*.pyc' -delete
-	rm -f tf2_msgs/msg/*.py tf2_msgs/srv/*.py tf2_msgs/action/*.py tf2_ros_cython/_built.py
+	rm -rf $(VENV) .bench .reliability build messages/build dist *.egg-info messages/*.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	find $(PACKAGES) messages tests build_backend -name '*.so' -delete -o -name '*.pyc' -delete
+	cd messages/tf2_msgs && rm -f msg/*.py srv/*.py action/*.py _release.py
+	rm -f tf2_ros_cython/_built.py
 
 $(PY):
 	$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV)
@@ -80,7 +82,7 @@ $(PY):
 	touch $(VENV)/$(VENV_KIND).stamp
 
 $(VENV)/installed.stamp: $(SOURCES) | $(PY)
-	$(PY) -m pip install --quiet --editable '.[$(EXTRAS)]'
+	$(PY) -m pip install --quiet $(PROJECTS)
 	touch $@
 
 # Made anew only when the requirements change; pip finds the project installed and adds what the extra names.

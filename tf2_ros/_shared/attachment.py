@@ -13,6 +13,7 @@ from tf2_py import BufferCore
 from tf2_ros._rclpy import context_was_shut_down, has_tasks
 from tf2_ros._receive.arrivals import Arrivals, Completion
 from tf2_ros._receive.callback_thread import callback_thread
+from tf2_ros._receive.rcl import problem
 from tf2_ros._receive.receiver_thread import add_filler, can_receive
 from tf2_ros._shared.description import Description, read_description
 from tf2_ros._shared.following import Follower, attach, open_segment
@@ -193,7 +194,7 @@ def _by_environment(buffer: Any, node: Node, is_usual: bool, topics: Sequence[st
         if not is_usual:
             raise SharedBufferError("it, or its buffer, is of another kind than tf2's")
         if not can_receive():
-            raise SharedBufferError("this build has no receiver")
+            raise SharedBufferError(f"nothing is received here: {problem()}")
         if buffer._known_names():
             raise SharedBufferError("its buffer holds frames already")
         segment = open_segment(name)

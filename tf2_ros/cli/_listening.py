@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rclpy.duration import Duration
 from rclpy.node import Node
 
+from tf2_ros._receive.rcl import problem
 from tf2_ros._receive.receiver_thread import can_receive
 from tf2_ros._receive.recording import RECORD, Recording
 from tf2_ros._traffic.chains import NetDelay, chain_between, moving_on, newest_streams
@@ -183,10 +184,10 @@ def listening(
     :param window_s: the time that figures are about. None: all time.
     :param topics: of dynamic and of static transforms.
     :param cache_time: of the buffer; see :func:`filled_buffer`.
-    :raises UsageError: the receiver was not built here.
+    :raises UsageError: the receiver does not know the ROS 2 that runs.
     """
     if not can_receive():
-        raise UsageError("this tf2_ros was built without the receiver that notes who sends transforms")
+        raise UsageError(f"who sends transforms cannot be noted here: {problem()}")
     recording = Recording()
     listen = partial(RecordingListener, recording=recording, topics=topics)
     with filled_buffer(node, listen, cache_time) as buffer:

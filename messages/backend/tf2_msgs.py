@@ -76,17 +76,16 @@ def is_current(ext, extension_path):
 def generate(ext, folder):
     """Generate all sources into ``folder``, and note in ``ext`` what it is compiled from."""
     shutil.rmtree(folder, ignore_errors=True)
-    prefixes = environment.ros_prefixes()
-    interfaces.generate(NAME, ext.source, folder.resolve(), _INTERFACE_PACKAGES, prefixes)
+    prefix = environment.ros_prefix()
+    interfaces.generate(NAME, ext.source, folder.resolve(), _INTERFACE_PACKAGES, prefix)
     ext.generated = folder
     ext.sources = _sources(folder / "rosidl_generator_py") + _sources(folder / "rosidl_typesupport_c")
     ext.extra_compile_args = _COMPILE_ARGS
     ext.include_dirs = [str(folder / name) for name in interfaces.GENERATORS] + [numpy.get_include()]
-    for prefix in prefixes:
-        headers = prefix / "include"
-        ext.include_dirs.append(str(headers))
-        ext.include_dirs += [str(headers / name) for name in _RUNTIME_PACKAGES + _INTERFACE_PACKAGES]
-    ext.library_dirs = [str(prefix / "lib") for prefix in prefixes]
+    headers = prefix / "include"
+    ext.include_dirs.append(str(headers))
+    ext.include_dirs += [str(headers / name) for name in _RUNTIME_PACKAGES + _INTERFACE_PACKAGES]
+    ext.library_dirs = [str(prefix / "lib")]
 
 
 def build(ext, compiler, target, output_dir):
@@ -124,6 +123,9 @@ def build(ext, compiler, target, output_dir):
     for file in (ext.generated / "rosidl_generator_py" / NAME).glob("*/*.py"):
         (target / file.parent.name).mkdir(exist_ok=True)
         shutil.copyfile(file, target / file.parent.name / file.name)
+    # For the check, when a program runs, that it is this release.
+    facts = f'"""Written by the build."""\n\nRELEASE = {environment.release()!r}\n'
+    (target / "_release.py").write_text(facts, encoding="utf-8")
 
 
 def copy_made(source, target, copy_file):
@@ -132,7 +134,7 @@ def copy_made(source, target, copy_file):
 
     ``copy_file`` is the command's: it replaces a file, and does not write into one that a program has mapped.
     """
-    for file in [*source.glob("lib*.so"), *source.glob("*/*.py")]:
+    for file in [*source.glob("lib*.so"), source / "_release.py", *source.glob("*/*.py")]:
         copy_file(str(file), str(target / file.relative_to(source)))
 
 

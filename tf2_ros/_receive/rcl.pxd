@@ -19,7 +19,7 @@ cdef enum:
     RCL_RET_TIMEOUT = 2
     RCL_RET_SUBSCRIPTION_TAKE_FAILED = 401              # there was nothing to take
     RMW_GID_STORAGE_SIZE = 16
-    RCL_ERROR_TEXT_SIZE = 1024
+    RCUTILS_ERROR_MESSAGE_MAX_LENGTH = 1024
 
 ctypedef struct rmw_gid_t:
     const char* implementation_identifier
@@ -38,6 +38,7 @@ ctypedef void rcl_subscription_t
 ctypedef void rcl_guard_condition_t
 ctypedef void rcl_event_t
 ctypedef void rcl_clock_t
+ctypedef void rmw_subscription_allocation_t
 
 ctypedef struct rcl_allocator_t:
     void* allocate
@@ -71,7 +72,7 @@ ctypedef struct rcl_serialized_message_t:
     rcl_allocator_t allocator
 
 ctypedef struct rcl_error_string_t:
-    char[RCL_ERROR_TEXT_SIZE] str                       # NUL-terminated
+    char[RCUTILS_ERROR_MESSAGE_MAX_LENGTH] str                       # NUL-terminated
 
 
 # None of them may be called unless `require_rcl()` has succeeded once.
@@ -100,7 +101,7 @@ cdef rcl_ret_t (*rcl_wait)(rcl_wait_set_t* wait_set, int64_t timeout_ns) noexcep
 # The last two, information about the message and memory for it, may be NULL.
 cdef rcl_ret_t (*rcl_take_serialized_message)(
     const rcl_subscription_t* subscription, rcl_serialized_message_t* message,
-    rmw_message_info_t* information, void* allocation,
+    rmw_message_info_t* information, rmw_subscription_allocation_t* allocation,
 ) noexcept nogil
 # Of this thread's last error. While it is set, another one makes rcl complain on stderr.
 cdef rcl_error_string_t (*rcutils_get_error_string)() noexcept nogil

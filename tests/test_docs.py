@@ -205,20 +205,24 @@ def check_program(name, arguments):
 
 AS_PIP_READS = """
 import json, sys
-from build_backend import environment  # before pip: it replaces distutils
+sys.path.insert(0, "messages")
+from backend import environment  # before pip: it replaces distutils
 from pip._internal.commands import create_command
 options, wanted = create_command("install").parse_args(sys.argv[1:])
-print(json.dumps([wanted + options.editables, options.config_settings or {}, environment.CHOICES]))
+print(json.dumps([wanted + options.editables, options.config_settings or {}, list(environment.RCLPY_OF)]))
 """
 
 
 def check_pip_install(arguments):
-    """As pip would read it: the project with extras that it has, or a requirement that it names itself."""
+    """As pip would read it: the projects, with extras that they have, or a requirement that they name."""
     read = run([sys.executable, "-c", AS_PIP_READS, *arguments], ROOT).stdout
-    [wanted], settings, choices = json.loads(read.splitlines()[-1])
+    [*more, wanted], settings, choices = json.loads(read.splitlines()[-1])
     for key, value in settings.items():
         assert key == "ros" and value in choices
-    if wanted.startswith("."):
+    assert more in ([], ["./messages"])
+    if wanted == "./messages":
+        assert (ROOT / wanted / "setup.py").is_file()
+    elif wanted.startswith("."):
         extras = [name for name in re.split(r"[\[\],]", wanted[1:]) if name]
         assert set(extras) <= set(PYPROJECT["project"]["optional-dependencies"])
     else:

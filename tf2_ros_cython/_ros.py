@@ -25,10 +25,11 @@ def absence(what: str = "tf2_ros") -> ModuleNotFoundError:
 
 def require_messages() -> None:
     """Raise ImportError, naming what to do, where tf2_msgs is lacking, or is made for another ROS 2."""
-    prefix, spec = running_prefix(), importlib.util.find_spec("tf2_msgs")
-    if prefix is None:
-        return
-    running = rclpy_version(prefix)
+    prefix = running_prefix()
+    running = None if prefix is None else rclpy_version(prefix)
+    if prefix is None or running is None:
+        return  # what is wrong with such an rclpy its import tells
+    spec = importlib.util.find_spec("tf2_msgs")
     at = _describe_at(running, prefix)
     name = _release(running) or _DEFAULT
     if spec is None or not spec.submodule_search_locations:
@@ -40,7 +41,7 @@ def require_messages() -> None:
         )
     folder = Path(next(iter(spec.submodule_search_locations)))
     made_for = messages_release(folder)
-    if running is not None and made_for not in (None, _release(running)):
+    if made_for not in (None, _release(running)):
         raise ImportError(
             f"the tf2_msgs in {folder} is made for ROS 2 {made_for}, and the one that runs is {at}: run it"
             f" with the former, or, with the wheels of PyPI: {_install_messages(name)}",

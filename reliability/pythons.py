@@ -9,7 +9,7 @@ from pathlib import Path
 from reliability.builds import BUILDS, ROOT, build
 
 VERSIONS = ("3.10", "3.11", "3.12", "3.13", "3.14")
-NEEDED = ("ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces")
+NEEDED = ("ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces", "./messages")
 COMPILER = {"CC": "ccache gcc"} if shutil.which("ccache") else {}
 TO_BUILD = ("setuptools>=77.0.3", "Cython>=3.1", "numpy>=2")
 
@@ -80,7 +80,7 @@ def _version_of(python):
 
 def _has_all(python):
     # Outside the checkout, whose packages are built for another Python.
-    code = "import rclpy, std_msgs, numpy, Cython, setuptools"
+    code = "import rclpy, std_msgs, tf2_msgs, numpy, Cython, setuptools"
     return not subprocess.run([python, "-c", code], cwd="/", capture_output=True).returncode
 
 

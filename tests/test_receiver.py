@@ -282,7 +282,8 @@ def use_in_a_child(buffer, listener, caplog):
     listener.unregister()
 
 
-@pytest.mark.filterwarnings("error")
+# The ignored one is of lark, which rclpy imports with its first node.
+@pytest.mark.filterwarnings("error", "ignore:module 'sre_:DeprecationWarning")
 class TestEnd:
     @pytest.mark.parametrize("spin_thread", [False, True])
     def test_any_order_hundreds_of_times(self, tf2_ros, ros, flood, capfd, spin_thread):

@@ -127,9 +127,8 @@ KINDS = {
         not_here={
             "tests/test_shared_owners.py::test_memory_that_ends_before_the_limit_does": "its own handler of "
             "SIGBUS comes first",
-            "tests/test_shared_owners.py::"
-            "test_a_program_with_closed_standard_streams_logs_nothing_into_its_shared_buffer": "it ends where "
-            "it cannot write",
+            "tests/test_shared_owners.py::test_a_program_with_closed_standard_streams_logs_nothing_into_"
+            "its_shared_buffer": "it ends where it cannot write",
         },
     ),
 }

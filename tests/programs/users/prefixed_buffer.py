@@ -4,12 +4,14 @@ import collections
 import threading
 
 import rclpy
+import yaml
 from geometry_msgs.msg import TransformStamped
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.time import Time
 
 import tf2_ros
+from tf2_msgs.srv import FrameGraph
 
 
 class RobotBuffer(tf2_ros.Buffer):
@@ -99,6 +101,13 @@ def main():
     buffer.set_transform(transform("r2/base", "r2/arm", 0.5, 0.0), "me")
     print("by hand:", buffer.lookup_transform("base", "arm", Time()).transform.translation.x)
     print("from me:", buffer.seen["dynamic", "me"], "event:", buffer.changed.is_set())
+
+    client = fleet.create_client(FrameGraph, "tf2_frames")
+    fleet.wait_for(client.service_is_ready)
+    answer = client.call_async(FrameGraph.Request())
+    fleet.wait_for(answer.done)
+    for child, facts in sorted(yaml.safe_load(answer.result().frame_yaml).items()):
+        print(f"{child}: in {facts['parent']}, from {facts['broadcaster']}")
     fleet.destroy_node()
     rclpy.shutdown()
 

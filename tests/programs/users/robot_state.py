@@ -5,6 +5,7 @@ import time
 from collections import namedtuple
 
 import rclpy
+import yaml
 from geometry_msgs.msg import TransformStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.time import Time
@@ -83,6 +84,11 @@ def main():
     loop.spin_until(lambda: early.can_transform("base_link", "hand", Time(seconds=3)))
     for sec in (1, 2, 3):
         show(f"{sec} s", early, [("base_link", "hand")], sec)
+
+    print(*sorted(early.all_frames_as_string().splitlines()), sep="\n")
+    for child, facts in sorted(yaml.safe_load(early.all_frames_as_yaml()).items()):
+        length, newest = facts["buffer_length"], facts["most_recent_transform"]
+        print(f"{child}: {length:.1f} s, newest {newest:.1f}")
 
     # Who comes late still gets all that is fixed, and nothing of what moved.
     late, late_listener, late_node = new_listener(loop, "late")

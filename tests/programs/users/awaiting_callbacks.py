@@ -65,7 +65,7 @@ def main():
     executor.add_node(robot)
 
     def until(future):
-        executor.spin_until_future_complete(future, timeout_sec=20.0)
+        executor.spin_until_future_complete(future, timeout_sec=60.0)
         assert future.done(), "it took too long"
         return future.result()
 

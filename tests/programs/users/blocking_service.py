@@ -23,7 +23,7 @@ inside = Event()
 def handle(request, response):
     """Data true: be patient. False: wait only a moment."""
     inside.set()
-    patience = Duration(seconds=20) if request.data else Duration(seconds=0.2)
+    patience = Duration(seconds=60) if request.data else Duration(seconds=0.2)
     try:
         found = buffer.lookup_transform("arm_base", "tool", rclpy.time.Time(), timeout=patience)
     except LookupException as error:
@@ -50,7 +50,7 @@ def spin():
 
 thread = Thread(target=spin)
 thread.start()
-if not client.wait_for_service(timeout_sec=20.0):
+if not client.wait_for_service(timeout_sec=60.0):
     raise SystemExit("no service")
 
 # Nobody has published a transform yet.
@@ -61,14 +61,14 @@ inside.clear()
 replies = []
 caller = Thread(target=lambda: replies.append(client.call(SetBool.Request(data=True))))
 caller.start()
-if not inside.wait(20.0):
+if not inside.wait(60.0):
     raise SystemExit("nobody asked")
 lifted = TransformStamped()
 lifted.header.frame_id, lifted.child_frame_id = "arm_base", "tool"
 lifted.header.stamp = node.get_clock().now().to_msg()
 lifted.transform.translation.z = 1.5
 lifted.transform.rotation.w = 1.0
-for _ in range(200):  # listeners may be discovered late
+for _ in range(600):  # listeners may be discovered late
     broadcaster.sendTransform(lifted)
     caller.join(0.1)
     if not caller.is_alive():

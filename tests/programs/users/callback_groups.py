@@ -40,7 +40,7 @@ class Consumers(Node):
 
     def __init__(self):
         super().__init__("consumers")
-        self.buffer = Buffer()
+        self.buffer = Buffer(cache_time=Duration(seconds=100))
         self.listener = TransformListener(self.buffer, self)
         self.results = {}
         self.lock = threading.Lock()
@@ -60,7 +60,7 @@ class Consumers(Node):
                 return
             self.once[name].cancel()
         when = Time(nanoseconds=round(self.WANTED[name] * 1e9))
-        found = self.buffer.lookup_transform("odom", "base_footprint", when, Duration(seconds=20))
+        found = self.buffer.lookup_transform("odom", "base_footprint", when, Duration(seconds=60))
         self.keep(name, f"x = {found.transform.translation.x:.3f}")
 
     def ask_in_vain(self):
@@ -85,7 +85,7 @@ def main(args=None):
         executor.add_node(node)
     spinner = threading.Thread(target=executor.spin)
     spinner.start()
-    in_time = nodes[1].all_done.wait(25)
+    in_time = nodes[1].all_done.wait(65)
     executor.shutdown()
     spinner.join()
     print("in time:", in_time)

@@ -62,7 +62,7 @@ def tf(parent, child, sec, z):
     return message
 
 
-def spin_until(nodes, condition, seconds=20):
+def spin_until(nodes, condition, seconds=60):
     end = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > end:

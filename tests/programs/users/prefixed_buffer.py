@@ -59,7 +59,7 @@ class Fleet(Node):
         self.fixed = tf2_ros.StaticTransformBroadcaster(self)
 
     def wait_for(self, condition):
-        end = self.get_clock().now() + Duration(seconds=20)
+        end = self.get_clock().now() + Duration(seconds=60)
         while not condition():
             assert self.get_clock().now() < end, "too late"
             rclpy.spin_once(self, timeout_sec=0.1)

@@ -39,7 +39,7 @@ class Loop:
         self.executor = SingleThreadedExecutor()
 
     def spin_until(self, condition):
-        deadline = time.monotonic() + 20.0
+        deadline = time.monotonic() + 60.0
         while not condition():
             if time.monotonic() > deadline:
                 raise SystemExit("gave up")

@@ -30,7 +30,7 @@ node = rclpy.create_node("looping")
 tf_buffer = tf2_ros.Buffer()
 tf_listener = tf2_ros.TransformListener(tf_buffer, node)
 publisher = node.create_publisher(TFMessage, "/tf", QoSProfile(depth=100))
-deadline = time.monotonic() + 20.0
+deadline = time.monotonic() + 60.0
 
 while publisher.get_subscription_count() < 1:
     check(deadline)

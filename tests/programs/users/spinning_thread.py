@@ -24,7 +24,7 @@ mount.transform.rotation.w = 0.0
 static.sendTransform(mount)
 
 # %% ask
-ok = buffer.can_transform("chassis", "laser", rclpy.time.Time(), timeout=Duration(seconds=20))
+ok = buffer.can_transform("chassis", "laser", rclpy.time.Time(), timeout=Duration(seconds=60))
 print("can transform:", bool(ok))
 t = buffer.lookup_transform("chassis", "laser", rclpy.time.Time())
 print(t.header.frame_id, t.child_frame_id, t.transform.translation.x, t.transform.translation.z)
@@ -36,7 +36,7 @@ moving = tf2_ros.TransformBroadcaster(talking)
 t = TransformStamped()
 t.header.frame_id, t.child_frame_id = "odom", "chassis"
 t.transform.rotation.w = 1.0
-for _ in range(400):
+for _ in range(1200):
     # The listener may be discovered late, so until somebody has it.
     t.header.stamp = talking.get_clock().now().to_msg()
     t.transform.translation.x = 5.0
@@ -52,7 +52,7 @@ except tf2_ros.LookupException:
 # %% the end: the thread of the listener ends first
 print("spins in a thread:", listener.dedicated_listener_thread.is_alive())
 listener.executor.shutdown()
-listener.dedicated_listener_thread.join(20)
+listener.dedicated_listener_thread.join(60)
 print("still spins:", listener.dedicated_listener_thread.is_alive())
 talking.destroy_node()
 listening.destroy_node()

@@ -14,7 +14,7 @@ from tf2_ros.transform_broadcaster import TransformBroadcaster
 from tf2_ros.transform_listener import TransformListener
 
 STEPS = 5
-PATIENCE = 20.0  # seconds
+PATIENCE = 60.0  # seconds
 
 
 class TurtleDriver(Node):

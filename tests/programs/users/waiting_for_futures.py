@@ -53,7 +53,7 @@ def main():
         buffer = Buffer()
         listener = TransformListener(buffer, node)
         moving, fixed = TransformBroadcaster(node), StaticTransformBroadcaster(node)
-        wait = partial(rclpy.spin_until_future_complete, node, timeout_sec=20.0)
+        wait = partial(rclpy.spin_until_future_complete, node, timeout_sec=60.0)
 
         future = buffer.wait_for_transform_async("map", "drone", Time())
         print("at once:", future.done())

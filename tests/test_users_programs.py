@@ -15,7 +15,7 @@ USERS = PROGRAMS / "users"
 
 def printed_by(program):
     done = subprocess.run(
-        [sys.executable, program], capture_output=True, text=True, encoding="utf-8", timeout=4 * DEADLINE_S
+        [sys.executable, program], capture_output=True, text=True, encoding="utf-8", timeout=8 * DEADLINE_S
     )
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr  # of a thread, which does not change the status

@@ -31,14 +31,23 @@ def add_arguments(parser):
     )
 
 
-def run_on_all(arguments, paths=()):
+def interpreters(paths=()):
     """
-    Run Python with these arguments once for each version; the exit status: 0 where all found ones passed.
+    By version, the path of an interpreter, or None where none is found.
 
     :param paths: of interpreters that are used instead of those found.
     """
     found = {version: _find(version) for version in VERSIONS}
-    found |= {_version_of(path): str(Path(path).absolute()) for path in paths}
+    return found | {_version_of(path): str(Path(path).absolute()) for path in paths}
+
+
+def run_on_all(arguments, paths=()):
+    """
+    Run Python with these arguments once for each version; the exit status: 0 where all found ones passed.
+
+    :param paths: as of :func:`interpreters`.
+    """
+    found = interpreters(paths)
     failed = []
     for version, python in found.items():
         if python is None:

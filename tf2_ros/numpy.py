@@ -301,7 +301,8 @@ def _rotations(value: Any) -> Array:
         return _unit(rotations)
     q = getattr(value, "quaternion", value)
     if hasattr(q, "w"):
-        return _arrays([(0.0, 0.0, 0.0, q.x, q.y, q.z, q.w)])[1][0]
+        rotation: Array = _arrays([(0.0, 0.0, 0.0, q.x, q.y, q.z, q.w)])[1][0]
+        return rotation
     return _one(value)[1]
 
 

@@ -37,4 +37,5 @@ class Settling:
         _, from_the_end = np.unique(streams[::-1], axis=0, return_index=True)
         kept = ~early
         kept[np.flatnonzero(early)[len(chosen) - 1 - from_the_end]] = True
-        return records[kept]
+        thinned: NDArray[np.void] = records[kept]
+        return thinned

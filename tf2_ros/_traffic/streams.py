@@ -227,7 +227,7 @@ def _period(tally: Any) -> float | None:
     # Without the longest interval, which would hide itself among a few others.
     if count == 2:
         return float(last_ns - first_ns) / S
-    return float(last_ns - first_ns - gap_ns) / (count - 2) / S
+    return float(last_ns - first_ns - gap_ns) / float(count - 2) / S
 
 
 def tally_of(

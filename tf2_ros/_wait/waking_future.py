@@ -87,7 +87,8 @@ class WakingFuture(HookedFuture, Generic[_Result]):
             # future gives it nothing to do.
             Future.add_done_callback(self, _task_waker(sleeper))
             try:
-                return (yield from super().__await__())
+                outcome: _Result = yield from super().__await__()
+                return outcome
             finally:
                 sleeper.awake = True
         if (loop := _running_loop()) is not None:
@@ -104,7 +105,8 @@ class WakingFuture(HookedFuture, Generic[_Result]):
                     await_checks.end(key)
             if not self.done() and not self.cancelled():
                 return self._known_outcome()
-        return (yield from super().__await__())
+        outcome = yield from super().__await__()
+        return outcome
 
     def _wake_when_known(self, waker: Callable[[Any], None]) -> None:
         """Call this, in whatever thread, when the outcome is known before the future is done."""

@@ -1,0 +1,160 @@
+"""
+Owns the wheels: `python -m release.wheels`, behind `make wheels` and `make matrix`.
+
+Builds them from source distributions, marks them for the systems that they run on, installs them into clean
+environments, and runs the tests there, in a folder that holds none of the packages.
+"""
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from reliability.pythons import interpreters
+
+ROOT = Path(__file__).resolve().parent.parent
+DIST = ROOT / "dist"
+SCRATCH = ROOT / "build" / "wheels"
+
+RELEASES = {"jazzy": "ros", "kilted": "ros-kilted"}  # with the extra that installs each
+KILTED_UNTIL = (3, 13)  # its wheels are for these
+
+# The project itself, whose installed form is tested, with what builds it.
+OF_PROJECT = ("tf2_", "build_backend/", "messages/", "setup.py", "setup.cfg", "package.xml", "resource/")
+# Tests of sources and of builds, which stay in the checkout.
+OF_SOURCES = {
+    "test_adding_a_type.py": "compiles an extension of its own",
+    "test_allocation_failures.py": "runs a program of the checkout",
+    "test_bench.py": "measures the checkout",
+    "test_colcon.py": "builds the project",
+    "test_docs.py": "builds the project, and reads the names in its sources",
+    "test_examples.py": "reads the imports of the sources",
+    "test_layout.py": "reads the imports of the sources",
+    "test_message_stubs.py": "reads the sources",
+    "test_messages_packaging.py": "builds the project",
+    "test_packaging.py": "builds the project",
+    "test_portable.py": "reads the C that was compiled",
+    "test_program.py": "reads the sources",
+    "test_public_names.py": "reads the sources",
+    "test_sourced.py": "builds the project",
+    "test_typing.py": "reads the sources",
+    "test_without_ros.py": "reads the sources",
+}
+
+
+def main(arguments=None):
+    left_out = "\n".join(f"  {test}: {why}" for test, why in OF_SOURCES.items())
+    parser = argparse.ArgumentParser(
+        prog="python -m release.wheels",
+        description="Build the wheels into dist, install them into clean environments, run the tests there.",
+        epilog=f"Further arguments go to pytest. Tests that stay in the checkout:\n{left_out}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--all-pythons", action="store_true", help="for each Python from 3.10 to 3.14")
+    parser.add_argument("--python", action="append", default=[], metavar="PATH", help="use this one, too")
+    parser.add_argument("--ros", nargs="+", choices=RELEASES, default=["jazzy"], help="test with these releases")
+    parser.add_argument("--untested", action="store_true", help="build them, and run no tests")
+    options, of_pytest = parser.parse_known_args(arguments)
+    found = interpreters(options.python) if options.all_pythons or options.python else {}
+    if not options.all_pythons:
+        wanted = {str(Path(path).absolute()) for path in options.python} or {sys.executable}
+        found = {version: path for version, path in (found or {_version(): sys.executable}).items() if path in wanted}
+    missing = [version for version, python in found.items() if python is None]
+    results = {}
+    sources = source_distributions(options.ros)
+    for version, python in found.items():
+        for name in options.ros if python is not None else ():
+            if name == "kilted" and tuple(map(int, version.split("."))) > KILTED_UNTIL:
+                results[version, name] = "there are no wheels of Kilted for it"
+                continue
+            wheels = [wheel(python, version, sources["engine"]), wheel(python, version, sources[name])]
+            passed = options.untested or tested(python, version, name, wheels, of_pytest)
+            results[version, name] = "built" if options.untested else "passed" if passed else "failed"
+    for (version, name), result in results.items():
+        print(f"Python {version}, {name.capitalize()}: {result}")
+    if missing:
+        print(f"not found: Python {', '.join(missing)}")
+    return 1 if "failed" in results.values() else 0
+
+
+def source_distributions(releases):
+    """Make them anew; by what they are."""
+    shutil.rmtree(SCRATCH, ignore_errors=True)
+    made = {"engine": _source_distribution(ROOT)}
+    for name in releases:
+        made[name] = _source_distribution(ROOT / "messages", f"--config-setting=ros={name}")
+    return made
+
+
+def _source_distribution(project, *options):
+    folder = SCRATCH / "sources"
+    before = set(folder.glob("*"))
+    run([sys.executable, "-m", "build", "--sdist", "--outdir", folder, *options, project])
+    [made] = set(folder.glob("*")) - before
+    DIST.mkdir(exist_ok=True)
+    shutil.copy(made, DIST)
+    return made
+
+
+def wheel(python, version, source):
+    """Build one from its source distribution, in isolation; mark it for the systems that it runs on."""
+    folder = SCRATCH / f"wheels-{version}"
+    name = source.name.rpartition("-")[0]
+    if not any(folder.glob(f"repaired/{name}-*.whl")):
+        run([python, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", folder, source])
+        [built] = folder.glob(f"{name}-*.whl")
+        # Libraries of ROS are found when a program runs, and ROS opens those of tf2_msgs by their names.
+        excluded = ["--exclude", "lib*"] if "msgs" in name else []
+        run([sys.executable, "-m", "auditwheel", "repair", *excluded, "--wheel-dir", folder / "repaired", built])
+    [repaired] = folder.glob(f"repaired/{name}-*.whl")
+    shutil.copy(repaired, DIST)
+    return repaired
+
+
+def tested(python, version, release, wheels, of_pytest):
+    """Whether the tests pass in a new environment with these wheels, and no project around them."""
+    environment = SCRATCH / f"environment-{version}-{release}"
+    run([python, "-m", "venv", environment])
+    usable = environment / "bin" / "python"
+    extras = {"engine": f"[{RELEASES[release]},test]", "messages": ""}
+    wanted = [
+        f"{path.name.partition('-')[0].replace('_', '-')}{extra} @ file://{path}"
+        for path, extra in zip(wheels, extras.values(), strict=True)
+    ]
+    run([usable, "-m", "pip", "install", "--quiet", *wanted])
+    suite = SCRATCH / f"suite-{version}-{release}"
+    _copy_suite(suite)
+    command = [usable, "-m", "pytest", "-p", "no:cacheprovider"]
+    command += of_pytest or [f"--ignore=tests/{name}" for name in OF_SOURCES]
+    return subprocess.run(command, cwd=suite, env=_environment()).returncode == 0
+
+
+def _copy_suite(folder):
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True)
+    for name in filter(None, listed.stdout.split("\0")):
+        if not name.startswith(OF_PROJECT) and (ROOT / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, folder / name)
+
+
+def run(command):
+    print("+", *(str(word).replace(f"{ROOT}/", "") for word in command), flush=True)
+    subprocess.run(command, cwd=SCRATCH.parent, env=_environment(), check=True)
+
+
+def _environment():
+    environment = dict(os.environ)
+    if environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None):
+        environment.pop("LD_LIBRARY_PATH", None)
+    environment.pop("PYTHONPATH", None)
+    return environment
+
+
+def _version():
+    return f"{sys.version_info.major}.{sys.version_info.minor}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,7 +1,7 @@
 """Settings of Sphinx for the site that `make docs` builds of these pages.
 
-The pages are plain Markdown, for git hosts, too. What the site needs beyond that is made of them here: the table
-of contents from the lists of index.md, and the two pages from outside this folder.
+The pages are plain Markdown, for git hosts, too. What the site needs beyond that is made of them here: the
+table of contents from the lists of index.md, and the two pages from outside this folder.
 """
 
 import re

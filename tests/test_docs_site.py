@@ -1,4 +1,4 @@
-"""The site of the documentation: it builds without warnings, links lead somewhere, the reference is complete."""
+"""The site of the documentation: no warnings, no dead links, and a complete reference."""
 
 import importlib
 import inspect

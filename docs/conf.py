@@ -1,9 +1,10 @@
 """Settings of Sphinx for the site that `make docs` builds of these pages.
 
 The pages are plain Markdown, for git hosts, too. What the site needs beyond that is made of them here: the
-table of contents from the lists of index.md, and the two pages from outside this folder.
+table of contents from the lists of index.md, and the pages from outside this folder.
 """
 
+import os
 import re
 import sys
 from pathlib import Path
@@ -37,8 +38,11 @@ python_maximum_signature_line_length = 90
 nitpicky = True
 
 # Pages outside this folder, and their places on the site.
-OUTSIDE = {"CONTRIBUTING.md": "site/contributing.md", "SECURITY.md": "site/security.md"}
-LINK_LINE = re.compile(r"^- \[[^\]]*\]\((?P<path>[^)#]+)\)", re.MULTILINE)
+PLACES = {
+    ROOT / f"{name}.md": HERE / "site" / f"{name.lower()}.md"
+    for name in ("README", "CONTRIBUTING", "SECURITY")
+}
+LINK = re.compile(r"\[(?P<text>[^\]]*)\]\((?P<path>[^)\s#:]+)(?P<anchor>#[^)\s]*)?\)")
 HEADING = re.compile(r"^## (?P<title>.*)$", re.MULTILINE)
 
 
@@ -48,23 +52,38 @@ def contents(text: str) -> str:
     trees = []
     for title, following in zip(titles, [*titles[1:], None], strict=True):
         section = text[title.end() : following.start() if following else None]
-        pages = [OUTSIDE.get(path.removeprefix("../"), path) for path in LINK_LINE.findall(section)]
-        if pages:
-            options = f":hidden:\n:caption: {title['title']}\n"
-            trees.append(
-                "\n".join(["```{toctree}", options, *(page.rpartition(".")[0] for page in pages), "```"])
-            )
+        pages = [found["path"].rpartition(".")[0] for found in LINK.finditer(section)]
+        options = f":hidden:\n:caption: {title['title']}\n"
+        trees.append("\n".join(["```{toctree}", options, *pages, "```"]))
     return "\n\n".join(trees)
 
 
-def read_page(app, page: str, source: list[str]) -> None:
-    if page == root_doc:
+def moved_links(text: str, source: Path, page: Path) -> str:
+    """The text of a file with links that are right on the page it becomes; a link to a folder becomes text."""
+
+    def moved(found: re.Match[str]) -> str:
+        target = (source.parent / found["path"]).resolve()
+        if target.is_dir():
+            return found["text"]
+        if not target.exists():
+            return found[0]
+        path = os.path.relpath(PLACES.get(target, target), page.parent)
+        return f"[{found['text']}]({path}{found['anchor'] or ''})"
+
+    return LINK.sub(moved, text)
+
+
+def read_page(app, name: str, source: list[str]) -> None:
+    page = HERE / f"{name}.md"
+    origin = {place: outside for outside, place in PLACES.items()}.get(page, page)
+    if not origin.exists():
+        return  # not Markdown
+    if origin != page:
+        app.env.note_dependency(origin)
+        source[0] = origin.read_text(encoding="utf-8")
+    source[0] = moved_links(source[0], origin, page)
+    if name == root_doc:
         source[0] += "\n" + contents(source[0]) + "\n"
-    for outside, inside in OUTSIDE.items():
-        source[0] = source[0].replace(f"](../{outside}", f"]({inside}")
-        if inside.removesuffix(".md") == page:
-            app.env.note_dependency(ROOT / outside)
-            source[0] = (ROOT / outside).read_text(encoding="utf-8").replace("](docs/", "](../")
 
 
 def setup(app) -> None:

@@ -59,7 +59,7 @@ def contents(text: str) -> str:
 
 
 def moved_links(text: str, source: Path, page: Path) -> str:
-    """The text of a file with links that are right on the page it becomes; a link to a folder becomes text."""
+    """The text of a file with links that are right on its page; a link to a folder becomes text."""
 
     def moved(found: re.Match[str]) -> str:
         target = (source.parent / found["path"]).resolve()

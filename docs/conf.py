@@ -52,7 +52,7 @@ def contents(text: str) -> str:
     trees = []
     for title, following in zip(titles, [*titles[1:], None], strict=True):
         section = text[title.end() : following.start() if following else None]
-        pages = [found["path"].rpartition(".")[0] for found in LINK.finditer(section)]
+        pages = [f"{found['text']} <{found['path'].rpartition('.')[0]}>" for found in LINK.finditer(section)]
         options = f":hidden:\n:caption: {title['title']}\n"
         trees.append("\n".join(["```{toctree}", options, *pages, "```"]))
     return "\n\n".join(trees)

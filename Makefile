@@ -47,7 +47,7 @@ bench: $(VENV)/bench.stamp $(VENV)/installed.stamp
 
 # The site of the pages in docs/ and of the docstrings: build/docs/index.html.
 docs: $(VENV)/docs.stamp $(VENV)/installed.stamp
-	$(PY) -m sphinx -W --keep-going -q -d build/doctrees docs build/docs
+	$(PY) -m sphinx -E -W --keep-going -q -d build/doctrees docs build/docs
 
 guard: $(VENV)/installed.stamp
 	$(PY) -m bench.guard

@@ -27,6 +27,8 @@ myst_heading_anchors = 4  # as git hosts make them
 html_theme = "furo"
 html_title = project
 html_copy_source = False
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 
 # The reference. The docstrings say what a function takes and returns; types.md explains the types.
 autodoc_member_order = "bysource"

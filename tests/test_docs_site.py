@@ -15,7 +15,7 @@ from test_public_names import MODULES, OURS
 
 pytestmark = pytest.mark.ours
 
-OPTIONS = ["-W", "--keep-going", "-q"]
+OPTIONS = ["-E", "-W", "--keep-going", "-q"]
 
 
 @pytest.fixture(scope="module")

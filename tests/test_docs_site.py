@@ -1,7 +1,6 @@
 """The site of the documentation: no warnings, no dead links, and a complete reference."""
 
 import importlib
-import inspect
 import re
 import subprocess
 import sys
@@ -111,16 +110,14 @@ def documented():
 
 def is_ours(value):
     # Without modules, and without message classes and what else of rclpy can be imported here.
-    if not (inspect.isclass(value) or callable(value)):
-        return False
-    return (getattr(value, "__module__", None) or "").partition(".")[0] in PACKAGES
+    return callable(value) and (getattr(value, "__module__", None) or "").partition(".")[0] in PACKAGES
 
 
 def public():
     for module in PACKAGES[:-1]:
         content = importlib.import_module(module)
-        for name in {*content.__all__, *OURS[module]} - {"add_dll_directories_from_env"}:
-            if is_ours(getattr(content, name)):
+        for name in {*vars(content), *OURS[module]} - {"add_dll_directories_from_env"}:
+            if not name.startswith("_") and is_ours(getattr(content, name)):
                 yield module, name
     for module in ("tf2_py.typing", "tf2_ros.numpy", "tf2_ros.rerun"):
         yield from ((module, name) for name in MODULES[module])

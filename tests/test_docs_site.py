@@ -138,3 +138,5 @@ def test_every_public_class_and_function_is_in_the_reference():
 def test_every_described_name_is_on_the_site(site):
     anchors = set().union(*(Page(path).anchors for path in (site / "api").glob("*.html")))
     assert documented() - anchors == set()
+    core = importlib.import_module("tf2_py").BufferCore  # whose methods are listed, in an order for readers
+    assert {f"tf2_py.BufferCore.{name}" for name in dir(core) if not name.startswith("_")} <= anchors

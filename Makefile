@@ -34,7 +34,7 @@ $(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS w
 $(shell rm -rf $(VENV))
 endif
 
-.PHONY: allocations bench build clean demo fuzz guard hosts leaks lint model mutate sanitize soak stress test
+.PHONY: allocations bench build clean demo docs fuzz guard hosts leaks lint model mutate sanitize soak stress test
 
 test: $(VENV)/installed.stamp
 	$(PY) -m pytest
@@ -45,6 +45,10 @@ demo: $(VENV)/installed.stamp
 # QUICK=1 ends within two minutes. The libraries compared with are fetched into .bench.
 bench: $(VENV)/bench.stamp $(VENV)/installed.stamp
 	$(PY) -m bench $(if $(QUICK),--quick)
+
+# The site of the pages in docs/ and of the docstrings: build/docs/index.html.
+docs: $(VENV)/docs.stamp $(VENV)/installed.stamp
+	$(PY) -m sphinx -E -W --keep-going -q -d build/doctrees docs build/docs
 
 guard: $(VENV)/installed.stamp
 	$(PY) -m bench.guard
@@ -94,4 +98,9 @@ $(VENV)/dev.stamp: pyproject.toml
 $(VENV)/bench.stamp: pyproject.toml
 	$(MAKE) $(VENV)/installed.stamp
 	$(PY) -m pip install --quiet 'tf2-ros-cython[bench]'
+	touch $@
+
+$(VENV)/docs.stamp: pyproject.toml
+	$(MAKE) $(VENV)/installed.stamp
+	$(PY) -m pip install --quiet 'tf2-ros-cython[docs]'
 	touch $@

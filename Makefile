@@ -34,7 +34,8 @@ $(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS w
 $(shell rm -rf $(VENV))
 endif
 
-.PHONY: allocations bench build clean demo docs fuzz guard hosts leaks lint model mutate sanitize soak stress test
+.PHONY: allocations bare bench build clean demo docs fuzz guard hosts leaks lint matrix model mutate oldest sanitize
+.PHONY: soak stress test wheels
 
 test: $(VENV)/installed.stamp
 	$(PY) -m pytest
@@ -57,6 +58,20 @@ guard: $(VENV)/installed.stamp
 # `make fuzz OPTIONS='cdr --seconds 60'`; `make fuzz OPTIONS=--help` names them.
 allocations fuzz leaks model mutate sanitize stress: $(VENV)/dev.stamp
 	$(PY) -m reliability.$@ $(OPTIONS)
+
+# CONTRIBUTING.md tells what each of them does.
+wheels: $(VENV)/release.stamp
+	$(PY) -m release.wheels $(OPTIONS)
+
+matrix: $(VENV)/release.stamp
+	$(PY) -m release.wheels --all-pythons --ros jazzy kilted $(OPTIONS)
+
+oldest: $(VENV)/release.stamp
+	$(PY) -m release.wheels --oldest $(OPTIONS)
+
+# Without .venv: what it has must not be needed.
+bare:
+	$(PYTHON) release/bare.py $(OPTIONS)
 
 hosts: $(VENV)/installed.stamp
 	$(PY) -m reliability.hosts $(OPTIONS)
@@ -93,6 +108,11 @@ $(VENV)/installed.stamp: $(SOURCES) | $(PY)
 $(VENV)/dev.stamp: pyproject.toml
 	$(MAKE) $(VENV)/installed.stamp
 	$(PY) -m pip install --quiet 'tf2-ros-cython[dev]'
+	touch $@
+
+$(VENV)/release.stamp: pyproject.toml
+	$(MAKE) $(VENV)/installed.stamp
+	$(PY) -m pip install --quiet 'tf2-ros-cython[release]'
 	touch $@
 
 $(VENV)/bench.stamp: pyproject.toml

@@ -377,7 +377,7 @@ def exists(name):
         return True
     limits = importlib.import_module("tf2_py._objects.limits").DEFAULTS
     variables = {f"TF2_ROS_CYTHON_{limit.upper()}" for limit in limits}
-    of_ros = {"setup.bash", "ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE"}
+    of_ros = {"setup.bash", "ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE", "frame_ids"}
     return name in (variables | of_ros) or name in PYPROJECT["project"]["scripts"] or is_known(name)
 
 

@@ -34,11 +34,11 @@ $(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS w
 $(shell rm -rf $(VENV))
 endif
 
-.PHONY: allocations bare bench build clean demo docs fuzz guard hosts leaks lint matrix model mutate oldest sanitize
-.PHONY: soak stress test wheels
+.PHONY: allocations bare bench build clean demo docs fuzz guard hosts leaks lint matrix model mutate oldest sanitize soak stress test wheels
 
+# TESTS: some of them, as `make test TESTS=tests/test_buffer.py`.
 test: $(VENV)/installed.stamp
-	$(PY) -m pytest
+	$(PY) -m pytest $(TESTS)
 
 demo: $(VENV)/installed.stamp
 	$(PY) examples/demo.py

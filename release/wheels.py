@@ -55,13 +55,19 @@ def main(arguments=None):
     )
     parser.add_argument("--all-pythons", action="store_true", help="for each Python from 3.10 to 3.14")
     parser.add_argument("--python", action="append", default=[], metavar="PATH", help="use this one, too")
-    parser.add_argument("--ros", nargs="+", choices=RELEASES, default=["jazzy"], help="test with these releases")
+    parser.add_argument(
+        "--ros", nargs="+", choices=RELEASES, default=["jazzy"], help="test with these releases"
+    )
     parser.add_argument("--untested", action="store_true", help="build them, and run no tests")
     options, of_pytest = parser.parse_known_args(arguments)
     found = interpreters(options.python) if options.all_pythons or options.python else {}
     if not options.all_pythons:
         wanted = {str(Path(path).absolute()) for path in options.python} or {sys.executable}
-        found = {version: path for version, path in (found or {_version(): sys.executable}).items() if path in wanted}
+        found = {
+            version: path
+            for version, path in (found or {_version(): sys.executable}).items()
+            if path in wanted
+        }
     missing = [version for version, python in found.items() if python is None]
     results = {}
     sources = source_distributions(options.ros)
@@ -108,7 +114,18 @@ def wheel(python, version, source):
         [built] = folder.glob(f"{name}-*.whl")
         # Libraries of ROS are found when a program runs, and ROS opens those of tf2_msgs by their names.
         excluded = ["--exclude", "lib*"] if "msgs" in name else []
-        run([sys.executable, "-m", "auditwheel", "repair", *excluded, "--wheel-dir", folder / "repaired", built])
+        run(
+            [
+                sys.executable,
+                "-m",
+                "auditwheel",
+                "repair",
+                *excluded,
+                "--wheel-dir",
+                folder / "repaired",
+                built,
+            ]
+        )
     [repaired] = folder.glob(f"repaired/{name}-*.whl")
     shutil.copy(repaired, DIST)
     return repaired

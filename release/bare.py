@@ -1,9 +1,9 @@
 """
 Owns the proof of the README's two commands: `python3 release/bare.py`, behind `make bare`.
 
-`make demo` and `make test` run in a new clone of what is committed, as a new user would: with an empty home and without
-caches, with no variable of this shell's but those that say how to reach the network, and with no program in PATH but
-Python, a C compiler and what every system has. It needs nothing but Python itself.
+`make demo` and `make test` run in a new clone of what is committed, as a new user would: with an empty home
+and without caches, with no variable of this shell's but those that say how to reach the network, and with no
+program in PATH but Python, a C compiler and what every system has. It needs nothing but Python itself.
 """
 
 import argparse
@@ -19,9 +19,9 @@ ROOT = Path(__file__).resolve().parent.parent
 # What a C compiler comes with, and what a base system has.
 COMPILERS = ("cc", "gcc", "g++", "c++", "ld", "as", "ar", "make", "git")
 SYSTEM = """
-[ basename bash cat chmod chown cp cut date df dirname echo env expr false find grep head hostname id install kill
-ldconfig ldd ln ls mkdir mktemp mount mv nice nproc od printf ps pwd readlink realpath rm rmdir sed setsid sh sleep sort
-stat stty tail tar tee test timeout touch tr true tty uname uniq unshare wc which xargs
+[ basename bash cat chmod chown cp cut date df dirname echo env expr false find grep head hostname id
+install kill ldconfig ldd ln ls mkdir mktemp mount mv nice nproc od printf ps pwd readlink realpath rm rmdir sed
+setsid sh sleep sort stat stty tail tar tee test timeout touch tr true tty uname uniq unshare wc which xargs
 """.split()
 # How this machine reaches package registries.
 NETWORK = ("http_proxy", "https_proxy", "no_proxy", "HTTP_PROXY", "HTTPS_PROXY", "NO_PROXY")
@@ -29,9 +29,8 @@ CERTIFICATES = ("PIP_INDEX_URL", "PIP_EXTRA_INDEX_URL", "PIP_CERT", "SSL_CERT_FI
 
 # What --quick runs of the tests: the engine, topics over DDS, programs, and names.
 QUICK = """
-tests/test_tf2_py_lookup.py tests/test_conformance.py tests/test_buffer.py
-tests/test_receiver.py tests/test_transform_listener.py tests/test_public_names.py tests/test_users_programs.py
-tests/test_tf2_echo.py
+tests/test_tf2_py_lookup.py tests/test_conformance.py tests/test_buffer.py tests/test_receiver.py
+tests/test_transform_listener.py tests/test_public_names.py tests/test_users_programs.py
 """.split()
 
 

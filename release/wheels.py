@@ -13,7 +13,14 @@ import sys
 import sysconfig
 from pathlib import Path
 
+from packaging.requirements import Requirement
+
 from reliability.pythons import interpreters
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 ROOT = Path(__file__).resolve().parent.parent
 DIST = ROOT / "dist"
@@ -21,6 +28,11 @@ SCRATCH = ROOT / "build" / "wheels"
 
 RELEASES = {"jazzy": "ros", "kilted": "ros-kilted"}  # with the extra that installs each
 KILTED_UNTIL = (3, 13)  # its wheels are for these
+
+OLDEST = "3.10"
+# Without rerun, which itself requires a newer NumPy.
+OLDEST_EXTRAS = ["scipy", "cli", "plot", "bag", "fleet"]
+OLDEST_TOOLS = ["pytest>=9", "pytest-timeout", "hypothesis", "pexpect"]
 
 # The project itself, whose installed form is tested, with what builds it.
 OF_PROJECT = ("tf2_", "build_backend/", "messages/", "setup.py", "setup.cfg", "package.xml", "resource/")
@@ -55,18 +67,16 @@ def main(arguments=None):
     )
     parser.add_argument("--all-pythons", action="store_true", help="for each Python from 3.10 to 3.14")
     parser.add_argument("--python", action="append", default=[], metavar="PATH", help="use this one, too")
-    parser.add_argument(
-        "--ros", nargs="+", choices=RELEASES, default=["jazzy"], help="test with these releases"
-    )
+    parser.add_argument("--ros", nargs="+", choices=RELEASES, default=["jazzy"], help="the releases, or one")
+    parser.add_argument("--oldest", action="store_true", help="with Python 3.10 and the oldest requirements")
     parser.add_argument("--untested", action="store_true", help="build them, and run no tests")
     options, of_pytest = parser.parse_known_args(arguments)
-    found = interpreters(options.python) if options.all_pythons or options.python else {}
+    found = interpreters(options.python)
     if not options.all_pythons:
-        wanted = {str(Path(path).absolute()) for path in options.python} or {sys.executable}
+        given = {str(Path(path).absolute()) for path in options.python}
+        named = {version for version, path in found.items() if path in given}
         found = {
-            version: path
-            for version, path in (found or {_version(): sys.executable}).items()
-            if path in wanted
+            version: found[version] for version in ({OLDEST} if options.oldest else named or {_version()})
         }
     missing = [version for version, python in found.items() if python is None]
     results = {}
@@ -77,7 +87,8 @@ def main(arguments=None):
                 results[version, name] = "there are no wheels of Kilted for it"
                 continue
             wheels = [wheel(python, version, sources["engine"]), wheel(python, version, sources[name])]
-            passed = options.untested or tested(python, version, name, wheels, of_pytest)
+            requirements = oldest_requirements() if options.oldest else None
+            passed = options.untested or tested(python, version, name, wheels, requirements, of_pytest)
             results[version, name] = "built" if options.untested else "passed" if passed else "failed"
     for (version, name), result in results.items():
         print(f"Python {version}, {name.capitalize()}: {result}")
@@ -113,34 +124,41 @@ def wheel(python, version, source):
         run([python, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", folder, source])
         [built] = folder.glob(f"{name}-*.whl")
         # Libraries of ROS are found when a program runs, and ROS opens those of tf2_msgs by their names.
-        excluded = ["--exclude", "lib*"] if "msgs" in name else []
-        run(
-            [
-                sys.executable,
-                "-m",
-                "auditwheel",
-                "repair",
-                *excluded,
-                "--wheel-dir",
-                folder / "repaired",
-                built,
-            ]
-        )
+        options = ["--exclude", "lib*"] if "msgs" in name else []
+        options += ["--wheel-dir", folder / "repaired"]
+        run([sys.executable, "-m", "auditwheel", "repair", *options, built])
     [repaired] = folder.glob(f"repaired/{name}-*.whl")
     shutil.copy(repaired, DIST)
     return repaired
 
 
-def tested(python, version, release, wheels, of_pytest):
-    """Whether the tests pass in a new environment with these wheels, and no project around them."""
+def oldest_requirements():
+    """The lower bound of all that the project requires, for pip; what has none is not limited."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    lists = [project["dependencies"], *(project["optional-dependencies"][extra] for extra in OLDEST_EXTRAS)]
+    bounds = {}
+    for requirement in (Requirement(text) for texts in lists for text in texts):
+        for one in requirement.specifier:
+            if one.operator == ">=":
+                bounds[requirement.name] = one.version
+    return [f"{name}=={version}" for name, version in sorted(bounds.items())]
+
+
+def tested(python, version, release, wheels, requirements, of_pytest):
+    """
+    Whether the tests pass in a new environment with these wheels, and no project around them.
+
+    :param requirements: None: the newest of all that the project and its tests require. Otherwise these, and
+        of the tests' own only what all of them use.
+    """
     environment = SCRATCH / f"environment-{version}-{release}"
     run([python, "-m", "venv", environment])
     usable = environment / "bin" / "python"
-    extras = {"engine": f"[{RELEASES[release]},test]", "messages": ""}
-    wanted = [
-        f"{path.name.partition('-')[0].replace('_', '-')}{extra} @ file://{path}"
-        for path, extra in zip(wheels, extras.values(), strict=True)
-    ]
+    extras = ["test"] if requirements is None else OLDEST_EXTRAS
+    engine, messages = wheels
+    wanted = [f"tf2-ros-cython[{','.join([RELEASES[release], *extras])}] @ file://{engine}"]
+    wanted += [f"tf2-ros-cython-msgs-{release} @ file://{messages}"]
+    wanted += [] if requirements is None else [*requirements, *OLDEST_TOOLS]
     run([usable, "-m", "pip", "install", "--quiet", *wanted])
     suite = SCRATCH / f"suite-{version}-{release}"
     _copy_suite(suite)

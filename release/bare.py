@@ -20,8 +20,9 @@ ROOT = Path(__file__).resolve().parent.parent
 COMPILERS = ("cc", "gcc", "g++", "c++", "ld", "as", "ar", "make", "git")
 SYSTEM = """
 [ basename bash cat chmod chown cp cut date df dirname echo env expr false find grep head hostname id
-install kill ldconfig ldd ln ls mkdir mktemp mount mv nice nproc od printf ps pwd readlink realpath rm rmdir sed
-setsid sh sleep sort stat stty tail tar tee test timeout touch tr true tty uname uniq unshare wc which xargs
+install kill ldconfig ldd ln ls mkdir mktemp mount mv nice nproc od printf ps pwd readlink realpath rm rmdir
+sed setsid sh sleep sort stat stty tail tar tee test timeout touch tr true tty uname uniq unshare wc which
+xargs
 """.split()
 # How this machine reaches package registries.
 NETWORK = ("http_proxy", "https_proxy", "no_proxy", "HTTP_PROXY", "HTTPS_PROXY", "NO_PROXY")

@@ -141,7 +141,8 @@ def oldest_requirements():
         for one in requirement.specifier:
             if one.operator == ">=":
                 bounds[requirement.name] = one.version
-    return [f"{name}=={version}" for name, version in sorted(bounds.items())]
+    # With any last number: the first of a series is often built for no Python that came later.
+    return [f"{name}=={version}.*" for name, version in sorted(bounds.items())]
 
 
 def tested(python, version, release, wheels, requirements, of_pytest):

@@ -314,6 +314,8 @@ def anchors(page):
 @by_name
 def test_links_lead_somewhere(page):
     for link in LINK.findall(prose(page)):
+        if link.startswith("https://"):
+            continue  # no test asks another machine
         path, _, anchor = link.partition("#")
         target = page.parent / path if path else page
         assert target.exists(), link

@@ -213,7 +213,7 @@ def to_columns(
     else:
         if times is not None:
             raise TypeError("messages have stamps of their own: pass no times")
-        msgs = list(transforms)
+        msgs: list[Any] = list(transforms)
         stamps_ns = np.array([_stamp_ns(msg) for msg in msgs], dtype=np.int64)
         translations, rotations = to_arrays(msgs)
     if rotations.shape != (len(stamps_ns), 4):

@@ -280,7 +280,7 @@ class ReceiverThread:
         return None if subscription is None else self._choose(subscription, source.is_static)
 
     def _give_back(self, source: Source) -> None:
-        subscription = source.subscription()
+        subscription: Any = source.subscription()
         if subscription is None:
             self._sources.remove(source)
             source.destroy()

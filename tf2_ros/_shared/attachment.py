@@ -43,8 +43,8 @@ class Attachment:
         self.follower = follower
         self.arrivals: _Changes | None = None
         if can_receive() and isinstance(listener.node, Node):
-            self.arrivals = _Changes(listener, self._buffer, follower)
-            listener.node.add_waitable(self.arrivals)
+            self.arrivals = arrivals = _Changes(listener, self._buffer, follower)
+            listener.node.add_waitable(arrivals)
             add_filler(self)
         follower.notify(self._changed, self._left, self.hand_over)
 
@@ -160,14 +160,16 @@ def attach_listener(listener: Any, is_usual: bool, topics: Sequence[str]) -> Att
     :param topics: that it would subscribe to.
     :return: None: it must listen itself.
     """
-    buffer, node = listener.buffer, listener.node
+    buffer: Any = listener.buffer
+    node: Any = listener.node
     if not hasattr(buffer, "_sharing") or not isinstance(node, Node):
         return None
     sharing = buffer._sharing
     if isinstance(sharing, Owner):
         resolved = [node.resolve_topic_name(name) for name in topics]
         sharing.tell_of_listener(listener, node.context.get_domain_id(), resolved)
-        sharing.tell_of_time(node.get_clock().ros_time_is_active)
+        clock: Any = node.get_clock()
+        sharing.tell_of_time(clock.ros_time_is_active)
         return None
     if sharing is None:
         sharing = _by_environment(buffer, node, is_usual, topics)
@@ -227,6 +229,7 @@ def _lack(owner: Description | None, buffer: Any, node: Node, domain: int, topic
         return f"is not filled from {' and '.join(missing)}"
     if owner.cache_time_ns < buffer.cache_time_ns:
         return f"keeps {owner.cache_time_ns / 1e9:g} s, this one {buffer.cache_time_ns / 1e9:g} s"
-    if node.get_clock().ros_time_is_active and not owner.simulated:
+    clock: Any = node.get_clock()
+    if clock.ros_time_is_active and not owner.simulated:
         return "does not follow simulated time"
     return ""

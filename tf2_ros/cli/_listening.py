@@ -71,7 +71,7 @@ class Listening:
     """
     Listens to transforms; made by :func:`listening`.
 
-    :meth:`drain` must be called every few seconds, as :meth:`listen` does.
+    :meth:`drain` must be called every few seconds, as :meth:`listen` does. ``topics`` are their full names.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class Listening:
         self.buffer = buffer
         self._node = node
         self._recording = recording
-        self._topics = [node.resolve_topic_name(name) for name in topics]
+        self.topics = [node.resolve_topic_name(name) for name in topics]
         self._window_s = window_s
         self._streams = Streams(window_s)
         self._settling = Settling()
@@ -145,7 +145,7 @@ class Listening:
 
     def _look_up_publishers(self) -> set[bytes]:
         alive = set()
-        for topic in self._topics:
+        for topic in self.topics:
             for one in self._node.get_publishers_info_by_topic(topic):
                 gid = bytes(one.endpoint_gid)
                 alive.add(gid)

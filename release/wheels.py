@@ -100,6 +100,7 @@ def main(arguments=None):
 def source_distributions(releases):
     """Make them anew; by what they are."""
     shutil.rmtree(SCRATCH, ignore_errors=True)
+    SCRATCH.mkdir(parents=True)
     made = {"engine": _source_distribution(ROOT)}
     for name in releases:
         made[name] = _source_distribution(ROOT / "messages", f"--config-setting=ros={name}")
@@ -178,7 +179,7 @@ def _copy_suite(folder):
 
 def run(command):
     print("+", *(str(word).replace(f"{ROOT}/", "") for word in command), flush=True)
-    subprocess.run(command, cwd=SCRATCH.parent, env=_environment(), check=True)
+    subprocess.run(command, cwd=SCRATCH, env=_environment(), check=True)
 
 
 def _environment():

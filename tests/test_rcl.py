@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 
+import tf2_ros
 from tf2_ros_cython import _ros
 
 pytestmark = pytest.mark.ours
 
-DECLARATIONS = Path(__file__).resolve().parents[1] / "tf2_ros" / "_receive" / "rcl.pxd"
+DECLARATIONS = Path(tf2_ros.__file__).resolve().parent / "_receive" / "rcl.pxd"
 INCLUDES = """
 #include <stdbool.h>
 #include <stddef.h>

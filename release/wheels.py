@@ -32,7 +32,7 @@ KILTED_UNTIL = (3, 13)  # its wheels are for these
 OLDEST = "3.10"
 # Without rerun, which itself requires a newer NumPy.
 OLDEST_EXTRAS = ["scipy", "cli", "plot", "bag", "fleet"]
-OLDEST_TOOLS = ["pytest>=9", "pytest-timeout", "hypothesis", "pexpect"]
+OLDEST_TOOLS = ["pytest>=9", "pytest-timeout", "hypothesis", "pexpect", "mcap-ros2-support"]
 
 # The project itself, whose installed form is tested, with what builds it.
 OF_PROJECT = ("tf2_", "build_backend/", "messages/", "setup.py", "setup.cfg", "package.xml", "resource/")

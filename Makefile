@@ -5,8 +5,8 @@ PY := $(VENV)/bin/python
 PACKAGES := tf2_py tf2_ros tf2_geometry_msgs tf2_sensor_msgs tf2_ros_cython
 SOURCES := pyproject.toml setup.py setup.cfg $(wildcard build_backend/*.py) \
 	$(wildcard $(foreach folder,$(PACKAGES) $(PACKAGES:%=%/*),$(folder)/*.pyx $(folder)/*.pxd)) \
-	$(wildcard messages/*.* messages/backend/*.py messages/tf2_msgs/*/*.msg messages/tf2_msgs/*/*.srv) \
-	$(wildcard messages/tf2_msgs/*/*.action)
+	$(wildcard messages/*.* messages/backend/*.py messages/src/tf2_msgs/*/*.msg messages/src/tf2_msgs/*/*.srv) \
+	$(wildcard messages/src/tf2_msgs/*/*.action)
 
 # A Python that has the ROS wheels leaves this mark and its own library path to its children, and the Python of .venv
 # would take it for its own and not find its libraries.
@@ -90,9 +90,9 @@ build: $(VENV)/dev.stamp
 	touch $(VENV)/installed.stamp
 
 clean:
-	rm -rf $(VENV) .bench .reliability build messages/build dist *.egg-info messages/*.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .bench .reliability build messages/build dist *.egg-info messages/src/*.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find $(PACKAGES) messages tests build_backend -name '*.so' -delete -o -name '*.pyc' -delete
-	cd messages/tf2_msgs && rm -f msg/*.py srv/*.py action/*.py _release.py
+	cd messages/src/tf2_msgs && rm -f msg/*.py srv/*.py action/*.py _release.py
 	rm -f tf2_ros_cython/_built.py
 
 $(PY):

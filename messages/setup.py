@@ -13,7 +13,7 @@ sys.path.insert(0, str(ROOT))
 
 from backend import commands, environment, tf2_msgs  # noqa: E402
 
-PACKAGE = ROOT / tf2_msgs.NAME
+PACKAGE = ROOT / "src" / tf2_msgs.NAME
 RELEASE = environment.release()
 VERSION = re.search(r"<version>([\d.]+)</version>", (PACKAGE / "package.xml").read_text(encoding="utf-8"))
 
@@ -37,6 +37,8 @@ setup(
     license_files=["LICENSE"],
     python_requires=">=3.10",
     install_requires=["numpy>=1.21", *environment.ros_wheels()],
+    # A folder below: started in this one, Python finds the installed package and not the sources.
+    package_dir={"": "src"},
     packages=[tf2_msgs.NAME],
     package_data={tf2_msgs.NAME: ["package.xml", "msg/*.msg", "srv/*.srv", "action/*.action"]},
     include_package_data=False,

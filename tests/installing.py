@@ -42,7 +42,7 @@ def messages_copy(target):
     skip = ["*.so", "*.egg-info", "__pycache__", "_release.py", "build"]
     shutil.copytree(ROOT / "messages", target, ignore=shutil.ignore_patterns(*skip))
     for kind in ("msg", "srv", "action"):
-        for generated in (target / "tf2_msgs" / kind).glob("*.py"):
+        for generated in (target / "src" / "tf2_msgs" / kind).glob("*.py"):
             generated.unlink()
     return target
 

@@ -1,6 +1,7 @@
 """The project of tf2_msgs: for which release it is built, what it is called, and where it is refused."""
 
 import email
+import importlib
 import importlib.util
 import os
 import subprocess
@@ -27,7 +28,7 @@ environment = backend.environment
 
 @pytest.fixture(autouse=True)
 def nothing_chosen(monkeypatch):
-    monkeypatch.setenv("TF2_MSGS_RELEASE", "")
+    monkeypatch.setenv("_TF2_MSGS_RELEASE", "")
     monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
 
 
@@ -61,7 +62,7 @@ def test_a_source_distribution_stays_with_its_release(tmp_path):
     with tarfile.open(tmp_path / "made" / archive) as opened:
         opened.extractall(tmp_path / "extracted", filter="data")
     [unpacked] = (tmp_path / "extracted").iterdir()
-    assert (unpacked / "tf2_msgs" / "msg" / "TFMessage.msg").is_file()
+    assert (unpacked / "src" / "tf2_msgs" / "msg" / "TFMessage.msg").is_file()
     assert (unpacked / "LICENSE").is_file()
     folder = call("prepare_metadata_for_build_wheel", unpacked, tmp_path / "again", None)
     assert folder.startswith("tf2_ros_cython_msgs_kilted-")
@@ -102,7 +103,44 @@ def test_missing_compilers_are_named_with_what_to_install(tmp_path):
 def test_messages_that_are_not_built_say_what_to_do(tmp_path):
     project = messages_copy(tmp_path / "project")
     ended = subprocess.run(
-        [sys.executable, "-c", "import tf2_msgs"], cwd=project, capture_output=True, text=True
+        [sys.executable, "-c", "import tf2_msgs"], cwd=project / "src", capture_output=True, text=True
     )
     [error] = [line for line in ended.stderr.splitlines() if line.startswith("ImportError: ")]
-    assert f"it is not built in {project / 'tf2_msgs'}: install it with pip" in error
+    assert f"it is not built in {project / 'src' / 'tf2_msgs'}: install it with pip" in error
+
+
+def test_what_was_made_for_another_release_is_made_anew(monkeypatch, tmp_path):
+    messages = importlib.import_module("messages_backend.tf2_msgs")
+    made = tmp_path / "tf2_msgs" / "extension.so"
+    for kind in ("msg", "srv", "action"):
+        (made.parent / kind).mkdir(parents=True)
+        (made.parent / kind / "__init__.py").touch()
+    for library in ("generator_c", "typesupport_fastrtps_c", "typesupport_introspection_c"):
+        (made.parent / f"libtf2_msgs__rosidl_{library}.so").touch()
+    made.touch()
+    source = messages.MessagesExtension(ROOT / "messages" / "src" / "tf2_msgs")
+    assert not messages.is_current(source, made)
+    monkeypatch.setenv("_TF2_MSGS_RELEASE", "kilted")
+    (made.parent / "_release.py").write_text(messages._note())
+    assert messages.is_current(source, made)
+    monkeypatch.setenv("_TF2_MSGS_RELEASE", "jazzy")
+    assert not messages.is_current(source, made)
+
+
+def test_sources_hold_nothing_that_a_build_has_made(tmp_path):
+    project = messages_copy(tmp_path / "project")
+    package = project / "src" / "tf2_msgs"
+    made = [
+        "_release.py",
+        "msg/__init__.py",
+        "srv/_frame_graph.py",
+        "action/__init__.py",
+        "libtf2_msgs__x.so",
+    ]
+    for name in made:
+        (package / name).touch()
+    archive = call("build_sdist", project, tmp_path / "made", {"ros": "jazzy"})
+    with tarfile.open(tmp_path / "made" / archive) as opened:
+        held = {name.partition("tf2_msgs/")[2] for name in opened.getnames() if "/src/tf2_msgs/" in name}
+    assert {"__init__.py", "msg/TFMessage.msg", "srv/FrameGraph.srv", "package.xml"} <= held
+    assert held.isdisjoint(made)

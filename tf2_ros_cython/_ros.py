@@ -32,7 +32,7 @@ def require_messages() -> None:
     spec = importlib.util.find_spec("tf2_msgs")
     at = _describe_at(running, prefix)
     name = _release(running) or _DEFAULT
-    if spec is None or not spec.submodule_search_locations:
+    if spec is None or spec.origin is None or not spec.submodule_search_locations:
         raise ModuleNotFoundError(
             f"tf2_ros needs tf2_msgs, which is not found beside the ROS 2 {at}: where that is sourced,"
             f" install its tf2_msgs, on Ubuntu by apt install ros-{name.lower()}-tf2-msgs; with the wheels of"
@@ -44,7 +44,8 @@ def require_messages() -> None:
     if made_for not in (None, _release(running)):
         raise ImportError(
             f"the tf2_msgs in {folder} is made for ROS 2 {made_for}, and the one that runs is {at}: run it"
-            f" with the former, or, with the wheels of PyPI: {_install_messages(name)}",
+            " with the former, or, with the wheels of PyPI: pip uninstall"
+            f" tf2-ros-cython-msgs-{made_for.lower()}, then {_install_messages(name)}",
             name="tf2_msgs",
         )
 

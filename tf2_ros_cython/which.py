@@ -62,7 +62,7 @@ def _answer() -> tuple[list[str], int]:
 def _imported_from(name: str) -> Path | None:
     """The folder that holds the package that ``import name`` gives; nothing is imported for that."""
     spec = importlib.util.find_spec(name)
-    if spec is None or not spec.submodule_search_locations:
+    if spec is None or spec.origin is None or not spec.submodule_search_locations:
         return None
     return Path(next(iter(spec.submodule_search_locations))).absolute().parent
 

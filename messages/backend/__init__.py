@@ -1,5 +1,8 @@
 """Owns the build's hooks: setuptools' own, for the ROS release that is chosen."""
 
+import shutil
+from pathlib import Path
+
 from setuptools import build_meta
 
 from . import environment
@@ -17,8 +20,10 @@ __all__ = [
 
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
-    """Generate, compile, pack."""
+    """Generate, compile, pack; anew, for setuptools takes what another release left in its folder."""
     environment.choose(config_settings)
+    for left in Path("build").glob("[lt]*"):
+        shutil.rmtree(left)
     return build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
 
 

@@ -36,6 +36,8 @@ class BuildMessages(build_ext):
         super().build_extension(ext)
 
     def copy_extensions_to_source(self):
+        # Also what is older than the file there: that may be another release's.
+        self.force = True
         super().copy_extensions_to_source()
         [ext] = self.extensions
         tf2_msgs.copy_made(Path(self.build_lib, tf2_msgs.NAME), ext.source, self.copy_file)

@@ -15,6 +15,8 @@ _LANDMARK = "ros-geometry-msgs"
 # The releases on PyPI, with the first number of their rclpy; the default first.
 RCLPY_OF = {"jazzy": 7, "kilted": 9}
 
+# What one hook of the build tells setup.py, which the others run.
+_VARIABLE = "_TF2_MSGS_RELEASE"
 # In a source distribution, the release that it is for.
 _CHOSEN = Path("release.txt")
 
@@ -23,9 +25,12 @@ def choose(config_settings):
     """Heed ``-C ros=...`` of pip, the release to build for, and let setup.py know it."""
     chosen = (config_settings or {}).get("ros")
     if chosen is not None and chosen not in RCLPY_OF:
-        raise SystemExit(f"tf2_msgs knows no -C ros={chosen}: give one of {', '.join(RCLPY_OF)}")
+        raise SystemExit(
+            f"tf2_msgs knows no -C ros={chosen}: give one of {', '.join(RCLPY_OF)};"
+            " without ROS 2 tf2_msgs is not needed"
+        )
     if chosen is not None:
-        os.environ["TF2_MSGS_RELEASE"] = chosen
+        os.environ[_VARIABLE] = chosen
 
 
 def release():
@@ -34,8 +39,8 @@ def release():
 
     Whoever installs into an environment that has the wheels of one release is taken to mean that one.
     """
-    if os.environ.get("TF2_MSGS_RELEASE"):
-        return os.environ["TF2_MSGS_RELEASE"]
+    if os.environ.get(_VARIABLE) in RCLPY_OF:
+        return os.environ[_VARIABLE]
     if _CHOSEN.is_file():
         return _CHOSEN.read_text(encoding="utf-8").strip()
     # Build isolation hides the packages of the environment to install into, and not its folder.

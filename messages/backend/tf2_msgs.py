@@ -10,6 +10,7 @@ from setuptools import Extension
 from . import environment, interfaces
 
 NAME = "tf2_msgs"
+_NOTE = "_release.py"
 
 # Whose interfaces ours use, directly or not.
 _INTERFACE_PACKAGES = (
@@ -66,7 +67,8 @@ def is_current(ext, extension_path):
     folder = extension_path.parent
     made = [extension_path, *(folder / f"lib{NAME}__{kind}.so" for kind in _LIBRARIES)]
     made += [folder / kind / "__init__.py" for kind in interfaces.KINDS]
-    if not all(path.is_file() for path in made):
+    note = folder / _NOTE
+    if not all(path.is_file() for path in [*made, note]) or note.read_text(encoding="utf-8") != _note():
         return False
     needed = [ext.source / file for file in interfaces.interface_files(ext.source)]
     needed += Path(__file__).parent.glob("*.py")
@@ -123,9 +125,7 @@ def build(ext, compiler, target, output_dir):
     for file in (ext.generated / "rosidl_generator_py" / NAME).glob("*/*.py"):
         (target / file.parent.name).mkdir(exist_ok=True)
         shutil.copyfile(file, target / file.parent.name / file.name)
-    # For the check, when a program runs, that it is this release.
-    facts = f'"""Written by the build."""\n\nRELEASE = {environment.release()!r}\n'
-    (target / "_release.py").write_text(facts, encoding="utf-8")
+    (target / _NOTE).write_text(_note(), encoding="utf-8")
 
 
 def copy_made(source, target, copy_file):
@@ -134,8 +134,13 @@ def copy_made(source, target, copy_file):
 
     ``copy_file`` is the command's: it replaces a file, and does not write into one that a program has mapped.
     """
-    for file in [*source.glob("lib*.so"), source / "_release.py", *source.glob("*/*.py")]:
+    for file in [*source.glob("lib*.so"), source / _NOTE, *source.glob("*/*.py")]:
         copy_file(str(file), str(target / file.relative_to(source)))
+
+
+def _note():
+    # For the check, when a program runs, that it is this release.
+    return f'"""Written by the build."""\n\nRELEASE = {environment.release()!r}\n'
 
 
 def _of_interface_packages(kind):

@@ -5,7 +5,8 @@ PY := $(VENV)/bin/python
 PACKAGES := tf2_py tf2_ros tf2_geometry_msgs tf2_sensor_msgs tf2_ros_cython
 SOURCES := pyproject.toml setup.py setup.cfg $(wildcard build_backend/*.py) \
 	$(wildcard $(foreach folder,$(PACKAGES) $(PACKAGES:%=%/*),$(folder)/*.pyx $(folder)/*.pxd)) \
-	$(wildcard tf2_msgs/*/*.msg tf2_msgs/*/*.srv tf2_msgs/*/*.action)
+	$(wildcard messages/*.* messages/backend/*.py messages/src/tf2_msgs/*/*.msg messages/src/tf2_msgs/*/*.srv) \
+	$(wildcard messages/src/tf2_msgs/*/*.action)
 
 # A Python that has the ROS wheels leaves this mark and its own library path to its children, and the Python of .venv
 # would take it for its own and not find its libraries.
@@ -16,12 +17,12 @@ endif
 
 # Beside a sourced ROS 2 no second one is installed, and what that needs of the system's packages, as yaml, is seen.
 ifdef AMENT_PREFIX_PATH
-EXTRAS := test
+PROJECTS := --editable '.[test]'
 VENV_OPTIONS := --system-site-packages
 VENV_KIND := sourced
 VENV_OTHER := wheels
 else
-EXTRAS := ros,test
+PROJECTS := --editable ./messages --editable '.[ros,test]'
 VENV_OPTIONS :=
 VENV_KIND := wheels
 VENV_OTHER := sourced
@@ -33,10 +34,11 @@ $(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS w
 $(shell rm -rf $(VENV))
 endif
 
-.PHONY: allocations bench build clean demo fuzz guard hosts leaks lint model mutate sanitize soak stress test
+.PHONY: allocations bare bench build clean demo docs fuzz guard hosts leaks lint matrix model mutate oldest sanitize soak stress test wheels
 
+# TESTS: some of them, as `make test TESTS=tests/test_buffer.py`.
 test: $(VENV)/installed.stamp
-	$(PY) -m pytest
+	$(PY) -m pytest $(TESTS)
 
 demo: $(VENV)/installed.stamp
 	$(PY) examples/demo.py
@@ -45,6 +47,10 @@ demo: $(VENV)/installed.stamp
 bench: $(VENV)/bench.stamp $(VENV)/installed.stamp
 	$(PY) -m bench $(if $(QUICK),--quick)
 
+# The site of the pages in docs/ and of the docstrings: build/docs/index.html.
+docs: $(VENV)/docs.stamp $(VENV)/installed.stamp
+	$(PY) -m sphinx -E -W --keep-going -q -d build/doctrees docs build/docs
+
 guard: $(VENV)/installed.stamp
 	$(PY) -m bench.guard
 
@@ -52,6 +58,20 @@ guard: $(VENV)/installed.stamp
 # `make fuzz OPTIONS='cdr --seconds 60'`; `make fuzz OPTIONS=--help` names them.
 allocations fuzz leaks model mutate sanitize stress: $(VENV)/dev.stamp
 	$(PY) -m reliability.$@ $(OPTIONS)
+
+# CONTRIBUTING.md tells what each of them does.
+wheels: $(VENV)/release.stamp
+	$(PY) -m release.wheels $(OPTIONS)
+
+matrix: $(VENV)/release.stamp
+	$(PY) -m release.wheels --all-pythons --ros jazzy kilted $(OPTIONS)
+
+oldest: $(VENV)/release.stamp
+	$(PY) -m release.wheels --oldest $(OPTIONS)
+
+# Without .venv: what it has must not be needed.
+bare:
+	$(PYTHON) release/bare.py $(OPTIONS)
 
 hosts: $(VENV)/installed.stamp
 	$(PY) -m reliability.hosts $(OPTIONS)
@@ -70,9 +90,10 @@ build: $(VENV)/dev.stamp
 	touch $(VENV)/installed.stamp
 
 clean:
-	rm -rf $(VENV) .bench .reliability build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
-	find $(PACKAGES) tf2_msgs tests build_backend -name '*.so' -delete -o -name '*.pyc' -delete
-	rm -f tf2_msgs/msg/*.py tf2_msgs/srv/*.py tf2_msgs/action/*.py tf2_ros_cython/_built.py
+	rm -rf $(VENV) .bench .reliability build messages/build dist *.egg-info messages/src/*.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	find $(PACKAGES) messages tests build_backend -name '*.so' -delete -o -name '*.pyc' -delete
+	cd messages/src/tf2_msgs && rm -f msg/*.py srv/*.py action/*.py _release.py
+	rm -f tf2_ros_cython/_built.py
 
 $(PY):
 	$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV)
@@ -80,7 +101,7 @@ $(PY):
 	touch $(VENV)/$(VENV_KIND).stamp
 
 $(VENV)/installed.stamp: $(SOURCES) | $(PY)
-	$(PY) -m pip install --quiet --editable '.[$(EXTRAS)]'
+	$(PY) -m pip install --quiet $(PROJECTS)
 	touch $@
 
 # Made anew only when the requirements change; pip finds the project installed and adds what the extra names.
@@ -89,7 +110,17 @@ $(VENV)/dev.stamp: pyproject.toml
 	$(PY) -m pip install --quiet 'tf2-ros-cython[dev]'
 	touch $@
 
+$(VENV)/release.stamp: pyproject.toml
+	$(MAKE) $(VENV)/installed.stamp
+	$(PY) -m pip install --quiet 'tf2-ros-cython[release]'
+	touch $@
+
 $(VENV)/bench.stamp: pyproject.toml
 	$(MAKE) $(VENV)/installed.stamp
 	$(PY) -m pip install --quiet 'tf2-ros-cython[bench]'
+	touch $@
+
+$(VENV)/docs.stamp: pyproject.toml
+	$(MAKE) $(VENV)/installed.stamp
+	$(PY) -m pip install --quiet 'tf2-ros-cython[docs]'
 	touch $@

@@ -1,4 +1,4 @@
-"""Owns what pyproject.toml cannot say: packages and extensions, for which of them depends on the machine."""
+"""Owns what pyproject.toml cannot say: packages and extensions, found by their sources."""
 
 import sys
 from pathlib import Path
@@ -9,7 +9,7 @@ ROOT = Path(__file__).resolve().parent
 # setuptools runs this file without its folder on the path.
 sys.path.insert(0, str(ROOT))
 
-from build_backend import environment, extensions, tf2_msgs  # noqa: E402
+from build_backend import extensions  # noqa: E402
 
 # `colcon build --symlink-install` runs this file in a folder of its own, with links to the packages alone.
 for name in ("pyproject.toml", "README.md", "LICENSE"):
@@ -19,10 +19,6 @@ for name in ("pyproject.toml", "README.md", "LICENSE"):
 packages = find_packages(str(ROOT), include=["tf2_py*", "tf2_ros*", "tf2_geometry_msgs*", "tf2_sensor_msgs*"])
 modules = extensions.cython_extensions(ROOT, packages)
 data = {name: ["*.pxd", "*.pyi", "py.typed"] for name in packages}
-if environment.must_build_tf2_msgs():
-    packages.append(tf2_msgs.NAME)
-    modules.append(tf2_msgs.MessagesExtension(ROOT / tf2_msgs.NAME))
-    data[tf2_msgs.NAME] = ["package.xml", "msg/*.msg", "srv/*.srv", "action/*.action"]
 
 setup(
     # Here for colcon's sake: requires-python of pyproject.toml becomes an object that it cannot read, and the

@@ -15,6 +15,8 @@ from setuptools import build_meta
 from setuptools.build_meta import (
     build_sdist,
     get_requires_for_build_sdist,
+    prepare_metadata_for_build_editable,
+    prepare_metadata_for_build_wheel,
 )
 
 from . import environment, startup
@@ -35,10 +37,8 @@ def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     """
     Build from the sources alone.
 
-    setuptools puts into the wheel whatever an earlier build left in its folder: modules that are gone, and a
-    ``tf2_msgs`` that would shadow the one of a ROS 2 sourced since.
+    setuptools puts into the wheel whatever an earlier build left in its folder: modules that are gone.
     """
-    environment.choose(config_settings)
     for left in Path("build").glob("lib*"):
         shutil.rmtree(left)
     name = build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
@@ -48,33 +48,18 @@ def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
 
 def build_editable(wheel_directory, config_settings=None, metadata_directory=None):
     """Build in place."""
-    environment.choose(config_settings)
     name = build_meta.build_editable(wheel_directory, config_settings, metadata_directory)
     startup.add_to(Path(wheel_directory, name))
     return name
 
 
 def get_requires_for_build_wheel(config_settings=None):
-    """What the build needs besides pyproject.toml's list: the ROS wheels, unless a ROS 2 is sourced."""
-    environment.choose(config_settings)
+    """What the build needs besides pyproject.toml's list, after a look at the tools."""
     environment.refuse_incomplete()
-    return build_meta.get_requires_for_build_wheel(config_settings) + environment.ros_wheels()
+    return build_meta.get_requires_for_build_wheel(config_settings)
 
 
 def get_requires_for_build_editable(config_settings=None):
     """The same for an editable install."""
-    environment.choose(config_settings)
     environment.refuse_incomplete()
-    return build_meta.get_requires_for_build_editable(config_settings) + environment.ros_wheels()
-
-
-def prepare_metadata_for_build_wheel(metadata_directory, config_settings=None):
-    """Metadata without a build: which packages there are depends on the choice of ROS, too."""
-    environment.choose(config_settings)
-    return build_meta.prepare_metadata_for_build_wheel(metadata_directory, config_settings)
-
-
-def prepare_metadata_for_build_editable(metadata_directory, config_settings=None):
-    """The same for an editable install."""
-    environment.choose(config_settings)
-    return build_meta.prepare_metadata_for_build_editable(metadata_directory, config_settings)
+    return build_meta.get_requires_for_build_editable(config_settings)

@@ -9,7 +9,7 @@ import numpy
 from setuptools import Extension
 from setuptools.command.build_ext import build_ext
 
-from . import environment, receiver, record, tf2_msgs
+from . import environment, record
 
 # No -ffast-math: comparisons with NaN and infinity decide what is refused. And no contraction into fused
 # multiply-adds: it would give other last bits on other machines.
@@ -60,54 +60,26 @@ class BuildExtensions(build_ext):
         # An in-place build keeps its folders, so that the next one makes only what has changed; an editable
         # install would give it new ones every time.
         if self.inplace:
-            # What was compiled for one ROS 2 must not be taken for another's.
-            ros = environment.rclpy_version(environment.ros_prefixes()) or "none"
-            folder = Path("build", "inplace", f"{sys.implementation.cache_tag}-ros-{ros}")
+            folder = Path("build", "inplace", sys.implementation.cache_tag)
             self.build_lib, self.build_temp = str(folder / "lib"), str(folder / "temp")
             folder.mkdir(parents=True, exist_ok=True)
             # Two builds of one checkout would write into each other's files; the end of the process lets go.
             self._lock = open(folder / "lock", "w")
             fcntl.flock(self._lock, fcntl.LOCK_EX)
-        lacking = self.complete_receiver()
-        self._made = [record.write(Path(self.build_lib), self.distribution.get_version(), lacking)]
+        self._made = record.write(Path(self.build_lib), self.distribution.get_version())
         refused = self._cythonize()
-        for ext in self._messages():
-            made = Path(self.build_lib, self.get_ext_filename(ext.name))
-            if self.force or not tf2_msgs.is_current(ext, made):
-                # Not in a thread of its own: the template engine takes over sys.stdout meanwhile.
-                tf2_msgs.generate(ext, Path(self.build_temp, tf2_msgs.NAME))
         super().run()
         if refused:
             raise SystemExit(f"Cython refused {', '.join(refused)}; what it says is above")
 
     def build_extension(self, ext):
-        if isinstance(ext, tf2_msgs.MessagesExtension):
-            if ext.generated is None:
-                return
-            tf2_msgs.build(ext, self.compiler, Path(self.get_ext_fullpath(ext.name)).parent, self.build_temp)
-        elif not (self.inplace or self.debug):
+        if not (self.inplace or self.debug):
             ext.extra_compile_args = ext.extra_compile_args + NO_DEBUG_ARGS
         super().build_extension(ext)
 
     def copy_extensions_to_source(self):
         super().copy_extensions_to_source()
-        for made in self._made:
-            self.copy_file(str(made), str(made.relative_to(self.build_lib)))
-        for ext in self._messages():
-            tf2_msgs.copy_made(Path(self.build_lib, tf2_msgs.NAME), ext.source, self.copy_file)
-
-    def _messages(self):
-        return [ext for ext in self.extensions if isinstance(ext, tf2_msgs.MessagesExtension)]
-
-    def complete_receiver(self):
-        """Leave the receiver out where it cannot be made, and return why: listeners do without it."""
-        extensions = [ext for ext in self.extensions if ext.name in receiver.NAMES]
-        lacking = next(filter(None, map(receiver.complete, extensions)), None)
-        if lacking is not None:
-            for ext in extensions:
-                self.extensions.remove(ext)
-            self.warn(f"{lacking}: listeners will need an executor that spins")
-        return lacking
+        self.copy_file(str(self._made), str(self._made.relative_to(self.build_lib)))
 
     def _cythonize(self):
         """
@@ -121,7 +93,7 @@ class BuildExtensions(build_ext):
 
         refused = []
         base = self.get_finalized_command("build").build_base
-        for ext in [ext for ext in self.extensions if ext not in self._messages()]:
+        for ext in list(self.extensions):
             try:
                 [done] = cythonize(
                     ext,

@@ -79,5 +79,4 @@ def _copy(folder, rewritten):
 
 
 def _is_source(name):
-    generated = name.startswith(("build/", "tf2_msgs/")) or name == "tf2_ros_cython/_built.py"
-    return not generated
+    return not name.startswith("build/") and name != "tf2_ros_cython/_built.py"

@@ -9,7 +9,7 @@ from pathlib import Path
 from reliability.builds import BUILDS, ROOT, build
 
 VERSIONS = ("3.10", "3.11", "3.12", "3.13", "3.14")
-NEEDED = ("ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces")
+NEEDED = ("ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces", "./messages")
 COMPILER = {"CC": "ccache gcc"} if shutil.which("ccache") else {}
 TO_BUILD = ("setuptools>=77.0.3", "Cython>=3.1", "numpy>=2")
 
@@ -31,14 +31,23 @@ def add_arguments(parser):
     )
 
 
-def run_on_all(arguments, paths=()):
+def interpreters(paths=()):
     """
-    Run Python with these arguments once for each version; the exit status: 0 where all found ones passed.
+    By version, the path of an interpreter, or None where none is found.
 
     :param paths: of interpreters that are used instead of those found.
     """
     found = {version: _find(version) for version in VERSIONS}
-    found |= {_version_of(path): str(Path(path).absolute()) for path in paths}
+    return found | {_version_of(path): str(Path(path).absolute()) for path in paths}
+
+
+def run_on_all(arguments, paths=()):
+    """
+    Run Python with these arguments once for each version; the exit status: 0 where all found ones passed.
+
+    :param paths: as of :func:`interpreters`.
+    """
+    found = interpreters(paths)
     failed = []
     for version, python in found.items():
         if python is None:
@@ -80,7 +89,7 @@ def _version_of(python):
 
 def _has_all(python):
     # Outside the checkout, whose packages are built for another Python.
-    code = "import rclpy, std_msgs, numpy, Cython, setuptools"
+    code = "import rclpy, std_msgs, tf2_msgs, numpy, Cython, setuptools"
     return not subprocess.run([python, "-c", code], cwd="/", capture_output=True).returncode
 
 

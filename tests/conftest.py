@@ -57,6 +57,11 @@ def pytest_addoption(parser):
         action="store_true",
         help="run the tests against the tf2_py and tf2_ros of the environment instead of this project's",
     )
+    parser.addoption(
+        "--record",
+        action="store_true",
+        help="with --reference: write down what the programs of tests/programs/users print there",
+    )
 
 
 def pytest_configure(config):
@@ -66,6 +71,8 @@ def pytest_configure(config):
     config.addinivalue_line("markers", "ours: what this project does otherwise than tf2, or in addition")
     if config.getoption("--reference"):
         _reveal_reference()
+    elif config.getoption("--record"):
+        raise pytest.UsageError("--record: what this project prints is no recording; add --reference")
 
 
 def pytest_collection_modifyitems(config, items):

@@ -1,11 +1,11 @@
 """Owns what tests of installations need: copies of the checkout, a ROS 2 to source, Pythons of their own."""
 
+import importlib.util
 import os
 import shutil
 import subprocess
 import sys
 import sysconfig
-import zipfile
 from importlib import metadata
 from pathlib import Path
 
@@ -21,8 +21,9 @@ def checkout_copy(target):
     """The checkout's own files, without anything built."""
     skip = ["*.so", "*.egg-info", "__pycache__", "_built.py"]
     target.mkdir(parents=True)
-    for name in (*OURS, "tf2_ros_cython", "tf2_msgs", "build_backend", "resource"):
+    for name in (*OURS, "tf2_ros_cython", "build_backend", "resource"):
         shutil.copytree(ROOT / name, target / name, ignore=shutil.ignore_patterns(*skip))
+    messages_copy(target / "messages")
     for name in (
         "setup.py",
         "setup.cfg",
@@ -33,8 +34,15 @@ def checkout_copy(target):
         "README.md",
     ):
         shutil.copy(ROOT / name, target)
+    return target
+
+
+def messages_copy(target):
+    """The checkout's project of tf2_msgs, without anything built."""
+    skip = ["*.so", "*.egg-info", "__pycache__", "_release.py", "build"]
+    shutil.copytree(ROOT / "messages", target, ignore=shutil.ignore_patterns(*skip))
     for kind in ("msg", "srv", "action"):
-        for generated in (target / "tf2_msgs" / kind).glob("*.py"):
+        for generated in (target / "src" / "tf2_msgs" / kind).glob("*.py"):
             generated.unlink()
     return target
 
@@ -98,13 +106,17 @@ def distribution(path):
     )
 
 
-def add_tf2(prefix, wheel):
-    """Give a distribution a tf2: stubs, and the messages, which a wheel has."""
+def add_tf2(prefix):
+    """Give a distribution a tf2: stubs, and the messages."""
     prefix.add_stubs("distribution", *OURS)
-    with zipfile.ZipFile(wheel) as opened:
-        messages = [name for name in opened.namelist() if name.startswith("tf2_msgs/")]
-        opened.extractall(prefix.path / SITE, messages)
+    copy_messages(prefix.path / SITE, "_release.py")
     return prefix.mark("tf2_msgs")
+
+
+def copy_messages(folder, *left_out):
+    """The tf2_msgs of this environment, copied into a folder."""
+    [source] = importlib.util.find_spec("tf2_msgs").submodule_search_locations
+    shutil.copytree(source, folder / "tf2_msgs", ignore=shutil.ignore_patterns("__pycache__", *left_out))
 
 
 def sourced(*prefixes, **more):

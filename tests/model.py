@@ -229,7 +229,7 @@ class Model(Listings):
             return
         raise ModelError(
             "InvalidArgumentException",
-            f'Invalid argument "{name}" passed to {call} - in tf2 a frame name {wrong}',
+            f'Invalid argument "{name}" passed to {call} - in tf2 frame_ids {wrong}',
         )
 
     def _check_names(self, call, **names):

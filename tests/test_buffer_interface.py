@@ -114,7 +114,11 @@ class TestTransform:
     def test_the_refusal_of_another_type_says_who_knows_which_messages(self, buffer, interface):
         with pytest.raises(interface.TypeException) as caught:
             buffer.transform("a str", "map")
-        assert "those of nav_msgs are known to tf2_geometry_msgs" in str(caught.value)
+        assert str(caught.value).endswith(
+            " has an example). The types of geometry_msgs are known to tf2_geometry_msgs; "
+            "those of nav_msgs are known to tf2_geometry_msgs; "
+            "those of sensor_msgs are known to tf2_sensor_msgs"
+        )
 
     @pytest.mark.ours
     def test_an_object_without_a_header_is_told_what_it_lacks(self, buffer):

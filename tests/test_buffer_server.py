@@ -204,7 +204,7 @@ class TestErrors:
         for names, how in goals:
             _, result = goal_client.answer_to(*names, **how)
             assert result.error.error == TF2Error.INVALID_ARGUMENT_ERROR
-            assert "in tf2 a frame name cannot" in result.error.error_string
+            assert "in tf2 frame_ids cannot" in result.error.error_string
 
 
 class TestCancel:

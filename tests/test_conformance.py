@@ -18,8 +18,8 @@ RECORDINGS = Path(__file__).parent / "conformance" / "buffer_core.jsonl.gz"
 PHRASES = (
     "extrapolation",
     "does not exist",
-    "cannot be empty",
-    "cannot start with a '/'",
+    "in tf2 frame_ids cannot be empty",
+    "in tf2 frame_ids cannot start with a '/'",
     "not part of the same tree",
     "contains a loop",
 )

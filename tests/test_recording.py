@@ -137,7 +137,8 @@ class TestListening:
                 # Sent again, until it was discovered. A report would look it up, too.
                 talker.send(("map", "odom", S, 0.0))
                 heard.drain()
-                return heard._names
+                publishers = set(heard._recording.publishers())
+                return publishers and heard._names.keys() >= publishers
 
             until(known)
             talker.end()

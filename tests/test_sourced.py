@@ -1,7 +1,6 @@
 """Where a ROS 2 is sourced: which tf2 a program imports, from each kind of install, and what it is told."""
 
 import os
-import re
 import shutil
 import sys
 import zipfile
@@ -41,9 +40,9 @@ def wheel(made):
 
 
 @pytest.fixture(scope="module")
-def ros(made, wheel):
+def ros(made):
     """A distribution with a tf2 of its own."""
-    return installing.add_tf2(installing.distribution(made / "ros"), wheel)
+    return installing.add_tf2(installing.distribution(made / "ros"))
 
 
 class Installation:
@@ -182,8 +181,8 @@ class TestWhich:
             place = lines.index(f"{name}: tf2-ros-cython, {installation.home / name}")
             assert lines[place + 1] == f"    takes precedence over {ros.path / SITE / name}"
         assert f"tf2_msgs: the environment's, {messages_of(ros)}" in lines
-        assert "receiver: built; listeners receive in a thread of their own" in lines
-        assert any(line.startswith("built for: ROS 2 Jazzy (rclpy 7.") for line in lines)
+        assert "receiver: in use; listeners receive in a thread of their own" in lines
+        assert any(line.startswith("ROS 2: Jazzy (rclpy 7.") for line in lines)
 
     @pytest.mark.parametrize(
         ("variable", "reason"),
@@ -197,21 +196,12 @@ class TestWhich:
         assert line.startswith("tf2_ros: not tf2-ros-cython, ")
         assert reason in line
 
-    def test_it_runs_without_ros(self, in_venv, tmp_path):
+    def test_without_ros_it_is_right_if_buffers_load(self, in_venv, tmp_path):
         ended = in_venv.run(add_numpy(tmp_path), "-m", "tf2_ros_cython")
-        assert (ended.returncode, ended.stderr) == (1, "")
-        assert "\ndoes not load: tf2_geometry_msgs: tf2_ros needs ROS 2" in ended.stdout
-        assert "ROS 2: none found; buffers and recordings do without" in ended.stdout
-        assert "receiver: built, but does not load: tf2_ros needs ROS 2" in ended.stdout
-
-    def test_an_installation_for_no_ros_is_right_if_buffers_load(self, wheel, tmp_path):
-        python = installing.new_venv(tmp_path / "venv", wheel)
-        record = tmp_path / "venv" / SITE / "tf2_ros_cython" / "_built.py"
-        record.write_text(re.sub("(?m)^RCLPY.*", "RCLPY = None", record.read_text()))
-        ended = installing.run([python.parent / "tf2_which"], add_numpy(tmp_path), tmp_path)
         assert (ended.returncode, ended.stderr) == (0, "")
-        assert "built for: no ROS 2; buffers and recordings do without" in ended.stdout
         assert "\ndoes not load: " not in ended.stdout
+        assert "ROS 2: none found; buffers and recordings do without" in ended.stdout
+        assert "receiver: not in use without ROS 2" in ended.stdout
 
 
 def add_numpy(folder):
@@ -221,31 +211,50 @@ def add_numpy(folder):
     return {**unsourced(), "PYTHONPATH": str(folder)}
 
 
-class TestAnotherRos:
-    def test_another_distribution_than_the_one_built_for_is_refused_by_name(self, in_venv, ros, tmp_path):
-        kilted = Prefix(tmp_path / "kilted").mark("rclpy")
-        shutil.copytree(ros.path / SITE, kilted.path / SITE, symlinks=True, dirs_exist_ok=True)
-        rclpy = kilted.path / SITE / "rclpy"
-        rclpy.unlink()  # its place decides, so it must lie in there
-        rclpy.mkdir()
-        (rclpy / "__init__.py").touch()
-        (kilted.path / "share" / "rclpy").mkdir()
-        (kilted.path / "share" / "rclpy" / "package.xml").write_text("<version>9.1.2</version>")
-        ended = in_venv.run(sourced(kilted), "-c", "import tf2_ros")
-        assert "ImportError: tf2_ros was built for ROS 2 Jazzy (rclpy 7." in ended.stderr
-        assert f"the one that runs is Kilted (rclpy 9.1.2) in {kilted.path}" in ended.stderr
-        assert "pip install '.[ros-kilted]' -C ros=kilted" in ended.stderr
+def kilted(path, ros):
+    """What is known of Kilted: the version of its rclpy, in the place of the other's."""
+    prefix = Prefix(path).mark("rclpy")
+    shutil.copytree(ros.path / SITE, prefix.path / SITE, symlinks=True, dirs_exist_ok=True)
+    rclpy = prefix.path / SITE / "rclpy"
+    rclpy.unlink()  # its place decides, so it must lie in there
+    rclpy.mkdir()
+    (rclpy / "__init__.py").touch()
+    (prefix.path / "share" / "rclpy").mkdir()
+    (prefix.path / "share" / "rclpy" / "package.xml").write_text("<version>9.1.2</version>")
+    shutil.rmtree(prefix.path / SITE / "tf2_msgs")
+    return prefix
 
-    def test_without_ros_a_listener_says_what_to_install_and_a_buffer_works(self, in_venv, tmp_path):
-        with_numpy = add_numpy(tmp_path)
-        ended = in_venv.run(with_numpy, "-c", "from tf2_ros import TransformListener")
-        assert "ModuleNotFoundError: tf2_ros.TransformListener needs ROS 2" in ended.stderr
-        wheels = "pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces"
-        assert f"{wheels}, or in its sources: pip install '.[ros]'" in ended.stderr
-        ended = in_venv.run(
-            with_numpy, "-c", "import tf2_ros; print(tf2_ros.Buffer().all_frames_as_string())"
+
+class TestMessages:
+    def test_those_of_another_release_are_refused_by_name(self, in_venv, ros, tmp_path):
+        installing.copy_messages(tmp_path / "messages")
+        environment = sourced(kilted(tmp_path / "kilted", ros))
+        environment["PYTHONPATH"] += f"{os.pathsep}{tmp_path / 'messages'}"
+        ended = in_venv.run(environment, "-c", "import tf2_ros")
+        assert (
+            f"ImportError: the tf2_msgs in {tmp_path / 'messages' / 'tf2_msgs'} is made for" in ended.stderr
         )
-        assert (ended.returncode, ended.stderr) == (0, "")
+        assert f"the one that runs is Kilted (rclpy 9.1.2) in {tmp_path / 'kilted'}" in ended.stderr
+        assert "pip install 'tf2-ros-cython[ros-kilted]', in its sources: pip install ./m" in ended.stderr
+
+    def test_where_there_are_none_it_is_said_how_to_get_them(self, in_venv, ros, tmp_path):
+        ended = in_venv.run(sourced(kilted(tmp_path / "kilted", ros)), "-c", "import tf2_ros")
+        assert (
+            "ModuleNotFoundError: tf2_ros needs tf2_msgs, which is not found beside the ROS" in ended.stderr
+        )
+        assert "2 Kilted (rclpy 9.1.2) in " in ended.stderr
+        assert "apt install ros-kilted-tf2-msgs" in ended.stderr
+        assert "pip install 'tf2-ros-cython[ros-kilted]', in its sources: pip install ./m" in ended.stderr
+
+
+def test_without_ros_a_listener_says_what_to_install_and_a_buffer_works(in_venv, tmp_path):
+    with_numpy = add_numpy(tmp_path)
+    ended = in_venv.run(with_numpy, "-c", "from tf2_ros import TransformListener")
+    assert "ModuleNotFoundError: tf2_ros.TransformListener needs ROS 2" in ended.stderr
+    commands = "pip install 'tf2-ros-cython[ros]', in its sources: pip install ./messages '.[ros]'"
+    assert f"source a ROS 2, or: {commands}" in ended.stderr
+    ended = in_venv.run(with_numpy, "-c", "import tf2_ros; print(tf2_ros.Buffer().all_frames_as_string())")
+    assert (ended.returncode, ended.stderr) == (0, "")
 
 
 def test_the_wheel_holds_no_debug_information(wheel):

@@ -3,6 +3,7 @@
 import math
 import random
 import statistics
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from tf2_ros._traffic import expectations
 from tf2_ros._traffic.chains import NetDelay, chain_between, moving_on, newest_streams
 from tf2_ros._traffic.expectations import Expectation
 from tf2_ros._traffic.findings import KINDS, Limits, find
-from tf2_ros._traffic.settling import Settling
+from tf2_ros._traffic.settling import Settling, replaced
 from tf2_ros._traffic.streams import SLICES, Streams
 
 pytestmark = pytest.mark.ours
@@ -434,12 +435,55 @@ class TestFindings:
         assert told == sorted(told, key=list(KINDS).index)
 
 
+def thinned(mine):
+    return mine[~replaced(mine, Settling().early(mine))]
+
+
+def random_traffic(generator):
+    """
+    A few seconds of several publishers, in the order of arrival; each starts, and may end, at some time.
+
+    Some send only once, some several times in one moment; the clock may jump back.
+    """
+    mine, frames = [], FRAMES[1:]
+    for publisher in PUBLISHERS:
+        start = generator.choice([0, 0.2, generator.uniform(0, 2)])
+        for child in generator.sample(frames, 3):
+            how = {
+                "parent": generator.choice(FRAMES[:2]),
+                "publisher": publisher,
+                "static": generator.random() < 0.2,
+            }
+            first, last = (start + generator.choice([0, generator.uniform(0, 0.6)]) for _ in range(2))
+            rate, last = generator.choice([(1, first), (5, 4), (20, 4), (20, 2), (20, last)])
+            times = [first + i / rate for i in range(1 + max(0, round((last - first) * rate)))]
+            if generator.random() < 0.3:
+                times = [math.floor(time * 10) / 10 for time in times]  # as with simulated time
+            mine += [heard(time, child, delay=generator.uniform(0, 0.3), **how) for time in times]
+    mine = records(mine)
+    if generator.random() < 0.3:
+        mine["received_ns"][generator.randrange(len(mine)) :] -= round(generator.uniform(0.1, 3) * S)
+    return mine
+
+
+def cut(mine, generator):
+    places = sorted(generator.choices(range(len(mine) + 1), k=generator.randrange(1, 30)))
+    return np.split(mine, places)
+
+
+def settled_streams(batches, window):
+    streams, settling = Streams(window), Settling()
+    for batch in batches:
+        streams.add(batch, settling.early(batch))
+    now_ns = int(np.concatenate(batches)["received_ns"][-1]) + S // 100
+    return streams.report(now_ns, FRAMES, PUBLISHERS)
+
+
 class TestSettling:
     def test_of_the_first_half_second_of_a_publisher_only_the_last_ones_stay(self):
-        settling = Settling()
         late = [heard(1, child, delay=0.3) for child in ("base", "odom") for _ in range(20)]
         mine = records(late, steady("base", start=1.02, end=2), [heard(1, "camera", static=True)])
-        kept = settling.thinned(mine)
+        kept = thinned(mine)
         odom, camera = (kept[kept["child"] == FRAMES.index(name)] for name in ("odom", "camera"))
         assert (len(odom), len(camera)) == (1, 1)
         base = kept[kept["child"] == FRAMES.index("base")]
@@ -451,14 +495,70 @@ class TestSettling:
 
     def test_each_publisher_has_its_own(self):
         settling = Settling()
-        settling.thinned(records(steady("base")))
+        settling.early(records(steady("base")))
         both = records(steady("base", start=4, end=5), steady("odom", publisher="/other", start=4, end=5))
-        kept = settling.thinned(both)
-        assert np.count_nonzero(kept["child"] == FRAMES.index("base")) == 50
-        assert np.count_nonzero(kept["child"] == FRAMES.index("odom")) == 26
+        early = both[settling.early(both)]
+        assert {*early["child"]} == {FRAMES.index("odom")}
+        assert len(early) == 25
+
+    def test_begins_with_the_first_record_of_the_publisher_itself(self):
+        settling = Settling()
+        settling.early(records(steady("base", publisher="/other")))  # whose number is higher
+        assert settling.early(records(steady("odom", publisher="/localiser", start=9, end=9.4))).all()
+
+    def test_ends_when_the_clock_jumps_back(self):
+        settling = Settling()
+        assert settling.early(records(steady("base", start=100, end=100.2))).all()
+        assert not settling.early(records(steady("base"))).any()
 
     def test_of_nothing_nothing_is_left(self):
-        assert len(Settling().thinned(records())) == 0
+        assert len(thinned(records())) == 0
+
+    @pytest.mark.parametrize("place", [1, 8, 24, 25, 26])
+    def test_no_gap_is_found_where_a_batch_ended(self, place):
+        mine = records(steady("base"))
+        [one] = settled_streams([mine[:place], mine[place:]], None)
+        assert (one.count, one.gap) == (176, pytest.approx(0.02))  # one of 25 that are early
+        assert find([one], DEFAULTS, NOTHING, {one.publisher_id}) == []
+
+    @pytest.mark.parametrize("window", [None, 60.0])
+    @pytest.mark.parametrize("seed", range(100))
+    def test_no_report_depends_on_how_the_records_are_cut(self, seed, window):
+        generator = random.Random(seed)
+        mine = random_traffic(generator)
+        mine = mine[: generator.choice([len(mine), generator.randrange(1, len(mine))])]
+        whole, pieces = (settled_streams(some, window) for some in ([mine], cut(mine, generator)))
+        assert len(pieces) == len(whole)
+        for one, other in zip(pieces, whole, strict=True):
+            assert asdict(one) == pytest.approx(asdict(other), abs=1e-6)
+        assert find(pieces, DEFAULTS) == find(whole, DEFAULTS)
+
+    @pytest.mark.parametrize("seed", range(100))
+    def test_a_report_has_every_frame_and_the_figures_of_what_stays(self, seed):
+        generator = random.Random(seed)
+        mine = random_traffic(generator)
+        jumps = np.flatnonzero(np.diff(mine["received_ns"], prepend=mine["received_ns"][0]) < -S)
+        since = np.arange(len(mine)) >= max(jumps, default=0)
+        early = dict.fromkeys(range(len(PUBLISHERS)), True)
+        begin, stays = {}, {}
+        for record, is_since in zip(mine, since, strict=True):
+            publisher, static = int(record["publisher"]), bool(record["static"])
+            begin.setdefault(publisher, record["received_ns"])
+            early[publisher] &= 0 <= record["received_ns"] - begin[publisher] < S // 2
+            if not is_since and not static:
+                continue
+            stream = (int(record["child"]), int(record["parent"]), publisher, static)
+            times = stays.setdefault(stream, [])
+            if early[publisher] and not static:
+                times.clear()
+            times.append(int(record["received_ns"]))
+        reported = settled_streams(cut(mine, generator), None)
+        assert {one.frame for one in reported} == {FRAMES[child] for child, *_ in stays}
+        for one in reported:
+            ends = (FRAMES.index(one.frame), FRAMES.index(one.parent))
+            times = stays[(*ends, one.publisher_id, one.static)]
+            gap = max(0, *np.diff(times), 0) / S
+            assert (one.count, one.gap) == (len(times), pytest.approx(gap, abs=1e-6))
 
 
 class TestExpectations:

@@ -89,11 +89,14 @@ def by_mypy(folder):
     return re.findall(r"^(\S+):(\d+): error: (.*)$", ended.stdout, re.MULTILINE)
 
 
+# The wrapper of pyright fetches nothing.
+OFFLINE = {"PYRIGHT_PYTHON_USE_BUNDLED_PYRIGHT": "1", "PYRIGHT_PYTHON_IGNORE_WARNINGS": "1"}
+
+
 def by_pyright(folder):
     (folder / "pyrightconfig.json").write_text(json.dumps({"extraPaths": [str(ROOT)]}))
-    offline = {"PYRIGHT_PYTHON_USE_BUNDLED_PYRIGHT": "1", "PYRIGHT_PYTHON_IGNORE_WARNINGS": "1"}
     ended = run(
-        folder, "pyright", "--outputjson", "--pythonpath", sys.executable, *programs(folder), **offline
+        folder, "pyright", "--outputjson", "--pythonpath", sys.executable, *programs(folder), **OFFLINE
     )
     assert ended.returncode in (0, 1), ended.stdout + ended.stderr
     return [
@@ -101,6 +104,17 @@ def by_pyright(folder):
         for one in json.loads(ended.stdout)["generalDiagnostics"]
         if one["severity"] == "error"
     ]
+
+
+@pytest.mark.parametrize(
+    ("checker", "arguments"),
+    [("mypy", PACKAGES), ("pyright", ["--pythonpath", sys.executable])],
+    ids=["mypy", "pyright"],
+)
+def test_the_project_itself_is_accepted(checker, arguments):
+    """By the settings in pyproject.toml."""
+    ended = run(ROOT, checker, *arguments, **OFFLINE)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
 
 
 @pytest.fixture(scope="module", params=[by_mypy, by_pyright], ids=["mypy", "pyright"])

@@ -130,9 +130,10 @@ class TestOnce:
         assert [data for name, data in written.items() if name.endswith(".pdf")][0].startswith(b"%PDF-")
 
     def test_the_text_is_a_tree_and_writes_no_file(self, robot, tmp_path):
-        status, out, _ = ended("view_frames", "--text", *LISTEN, cwd=tmp_path)
+        status, out, err = ended("view_frames", "--text", *LISTEN, cwd=tmp_path)
         assert status == 0
         assert TREE.fullmatch(out)
+        assert "no transform was received" not in err
         assert not any(tmp_path.iterdir())
 
     def test_in_a_terminal_the_text_is_the_same(self, robot):
@@ -164,12 +165,18 @@ class TestOnce:
 
     def test_topics_may_be_others(self, robot, tmp_path):
         options = ("--tf_topic", "other", "--tf_static_topic", "other_static", "--text", "-t", "1")
-        assert ended("view_frames", *options)[:2] == (0, "no frames\n")
+        status, out, err = ended("view_frames", *options)
+        assert (status, out) == (0, "no frames\n")
+        assert err.splitlines()[-1] == (
+            "view_frames: no transform was received on /other and /other_static in 1 s; "
+            "publishers may take seconds to be found, so a longer -t may help"
+        )
 
     def test_of_nothing_there_is_a_picture_that_says_so(self, tmp_path):
         topics = ("--tf_topic", "other", "--tf_static_topic", "other_static")
-        status, *_ = ended("view_frames", "-t", "0", "-o", "none.svg", *topics, cwd=tmp_path)
+        status, _, err = ended("view_frames", "-t", "0", "-o", "none.svg", *topics, cwd=tmp_path)
         assert status == 0
+        assert "received on /other and /other_static in 0 s; " in err
         assert b"no transform was received" in (tmp_path / "none.svg").read_bytes()
 
 

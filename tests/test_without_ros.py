@@ -156,7 +156,9 @@ print(json.dumps(said))
             missing, text = said[name]
             assert missing == "rclpy"
             assert text.startswith(f"{module}.{name} needs ROS 2, and no rclpy is found by {world.python}: ")
-            assert "pip install '.[ros]'" in text
+            assert (
+                "pip install 'tf2-ros-cython[ros]', in its sources: pip install ./messages '.[ros]'" in text
+            )
 
     @pytest.mark.parametrize("module", LACKING)
     def test_a_module_for_nodes_says_so_when_it_is_imported(self, world, module):

@@ -30,7 +30,8 @@ def _get_mat_from_quat(quaternion: NDArray[Any]) -> Matrix:
     w, x, y, z = quaternion
     rotations = np.array([[x, y, z, w]], dtype=np.float64)
     normalise(rotations)  # not if NaN or infinite, as the matrix is then
-    return matrices_from_rotations(rotations)[0]
+    matrix: Matrix = matrices_from_rotations(rotations)[0]
+    return matrix
 
 
 def _get_quat_from_mat(rot_mat: NDArray[Any]) -> NDArray[Any]:

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-# Before the imports below fail without a word of advice or, on another ROS 2 than the one built for, crash.
+# Before the imports below fail without a word of advice.
 from tf2_py import BufferCore
 from tf2_ros_cython._presence import HAS_ROS
 from tf2_ros_cython._version import __version__ as __version__

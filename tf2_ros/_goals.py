@@ -222,7 +222,7 @@ class GoalSender:
         response.add_done_callback(partial(self._goal_responded, pending))
 
     def _goal_responded(self, pending: PendingGoal, response: Future) -> None:
-        handle = response.result()
+        handle: Any = response.result()
         if pending.over() or pending.handle is not None:
             if handle.accepted:
                 handle.cancel_goal_async()
@@ -239,7 +239,8 @@ class GoalSender:
     def _result_responded(self, pending: PendingGoal, handle: Any, response: Future) -> None:
         if pending.over():
             return
-        if response.result().status == GoalStatus.STATUS_UNKNOWN:
+        result: Any = response.result()
+        if result.status == GoalStatus.STATUS_UNKNOWN:
             if handle is pending.handle:
                 self._send_anew(pending)
         else:

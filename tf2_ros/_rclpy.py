@@ -309,7 +309,8 @@ def action_result(client: ActionClient, goal_handle: Any) -> Any:
 
     Assumes the method ``_get_result``, as tf2's own client does.
     """
-    return client._get_result(goal_handle).result
+    answer: Any = client._get_result(goal_handle)
+    return answer.result
 
 
 # Tasks and futures.
@@ -338,8 +339,9 @@ def task_executor(task: Task) -> Executor | None:
 
     Assumes the attribute ``_executor``, a weak reference. Without it, None: the task is not woken.
     """
-    reference = getattr(task, "_executor", None)
-    return reference() if callable(reference) else None
+    reference: Any = getattr(task, "_executor", None)
+    executor: Executor | None = None if reference is None else reference()
+    return executor
 
 
 def is_in_step(task: Task) -> bool:
@@ -385,14 +387,14 @@ class HookedFuture(Future):
     def _tf2_completed(self) -> None:
         """The outcome is set: the callbacks are due."""
         with self._lock:
-            known = hasattr(self, "_callbacks") and hasattr(self, "_executor")
-            if known:
-                executor = self._executor()
+            reference: Any = getattr(self, "_executor", None)
+            callbacks: list[Callable[[Any], None]] | None = None
+            if reference is not None and hasattr(self, "_callbacks"):
                 callbacks, self._callbacks = self._callbacks, []
-        if known:
-            self._tf2_run_callbacks(executor, callbacks)
-        else:
+        if callbacks is None:
             super()._schedule_or_invoke_done_callbacks()
+        else:
+            self._tf2_run_callbacks(None if reference is None else reference(), callbacks)
 
     def _tf2_run_callbacks(self, executor: Executor | None, callbacks: list[Callable[[Any], None]]) -> None:
         """Run the callbacks; those of a subclass may differ from rclpy's way."""

@@ -149,9 +149,9 @@ class _Functions(dict[Any, Callable[..., Any]]):
                 known.setdefault(_package(one), []).append(one.__name__)
         if known:
             facts = [f"{_REGISTERED_BY[name]} knows {', '.join(known[name])} of {name}" for name in known]
-        else:
-            facts = [f"those of {name} are known to {provider}" for name, provider in _REGISTERED_BY.items()]
-        return "; ".join(facts)
+            return "; ".join(facts)
+        facts = [f"of {name} are known to {provider}" for name, provider in _REGISTERED_BY.items()]
+        return f"The types {'; those '.join(facts)}"
 
 
 class TransformRegistration:

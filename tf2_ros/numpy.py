@@ -213,7 +213,7 @@ def to_columns(
     else:
         if times is not None:
             raise TypeError("messages have stamps of their own: pass no times")
-        msgs = list(transforms)
+        msgs: list[Any] = list(transforms)
         stamps_ns = np.array([_stamp_ns(msg) for msg in msgs], dtype=np.int64)
         translations, rotations = to_arrays(msgs)
     if rotations.shape != (len(stamps_ns), 4):
@@ -301,7 +301,8 @@ def _rotations(value: Any) -> Array:
         return _unit(rotations)
     q = getattr(value, "quaternion", value)
     if hasattr(q, "w"):
-        return _arrays([(0.0, 0.0, 0.0, q.x, q.y, q.z, q.w)])[1][0]
+        rotation: Array = _arrays([(0.0, 0.0, 0.0, q.x, q.y, q.z, q.w)])[1][0]
+        return rotation
     return _one(value)[1]
 
 

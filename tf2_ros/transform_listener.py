@@ -360,7 +360,7 @@ class TransformListener:
 
     def __receive(self) -> None:
         # A thread takes from the subscriptions where a program cannot observe the difference.
-        reference = weakref.ref(self)
+        reference: weakref.ref[TransformListener] = weakref.ref(self)
         topics = [
             ReceivedTopic(subscription, static, _counter(reference))
             for subscription, static in ((self.tf_sub, False), (self.tf_static_sub, True))

@@ -1,3 +1,3 @@
-"""The installation itself: which tf2 a program imports, and which ROS 2 this one was built for."""
+"""The installation itself: which tf2 a program imports, and which ROS 2 runs."""
 
 __all__: list[str] = []

@@ -8,6 +8,12 @@ imports nothing that Python has not loaded by then, and looks at the disk only w
 import os
 import sys
 
+TYPE_CHECKING = False  # to type checkers it is True; `typing` is not imported for it
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from importlib.machinery import ModuleSpec, PathFinder
+    from types import ModuleType
+
 # In the order of their layers: each of ours builds on ours of the layers before it.
 PACKAGES = ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs")
 
@@ -20,19 +26,21 @@ class Finder:
     """Answers for our packages where the answer of the path is the ROS 2 distribution's."""
 
     @staticmethod
-    def find_spec(name, path=None, target=None):
+    def find_spec(
+        name: str, path: "Sequence[str] | None" = None, target: "ModuleType | None" = None
+    ) -> "ModuleSpec | None":
         if name not in PACKAGES or not precedes(name):
             return None
         return _path_finder().find_spec(name, [HOME])
 
 
-def install():
+def install() -> None:
     """Put the finder before those of Python, once."""
     if Finder not in sys.meta_path:
         sys.meta_path.insert(0, Finder)
 
 
-def precedes(name):
+def precedes(name: str) -> bool:
     """
     Whether ours takes precedence over the package ``name`` that the path offers.
 
@@ -47,7 +55,7 @@ def precedes(name):
     return all(folder in (None, HOME) or _lies_in(folder, prefix) for folder in found)
 
 
-def found_on_path(name):
+def found_on_path(name: str) -> str | None:
     """The folder of the path that holds the package ``name``, or None."""
     spec = _path_finder().find_spec(name)
     if spec is None or not spec.submodule_search_locations:
@@ -55,7 +63,7 @@ def found_on_path(name):
     return os.path.dirname(os.path.abspath(next(iter(spec.submodule_search_locations))))
 
 
-def distribution_prefix(environ=os.environ):
+def distribution_prefix(environ: "Mapping[str, str]" = os.environ) -> str | None:
     """
     The folder in which the ROS 2 distribution is installed: the undermost one that holds rclpy.
 
@@ -69,7 +77,7 @@ def distribution_prefix(environ=os.environ):
     return None
 
 
-def _is_isolated(folder):
+def _is_isolated(folder: str) -> bool:
     try:
         with open(os.path.join(folder, ".colcon_install_layout"), encoding="utf-8") as file:
             return file.read().strip() == "isolated"
@@ -77,13 +85,13 @@ def _is_isolated(folder):
         return False
 
 
-def _lies_in(folder, prefix):
+def _lies_in(folder: str | None, prefix: str) -> bool:
     if folder is None:
         return False
     return os.path.realpath(folder).startswith(os.path.join(os.path.realpath(prefix), ""))
 
 
-def _path_finder():
+def _path_finder() -> "type[PathFinder]":
     from importlib.machinery import PathFinder
 
     return PathFinder

@@ -1,10 +1,10 @@
 """
 Owns whether this process has a ROS 2. Without one, tf2_ros is a library of buffers and recordings.
 
-Importing this module raises ImportError, naming what to do, where the ROS 2 is not the one built for.
+Importing this module raises ImportError, naming what to do, where there is a ROS 2 without its tf2_msgs.
 """
 
-from tf2_ros_cython._ros import absence, has_rclpy, require_ros
+from tf2_ros_cython._ros import absence, has_rclpy, require_messages
 
 __all__ = ["HAS_ROS", "absence"]
 
@@ -12,4 +12,4 @@ __all__ = ["HAS_ROS", "absence"]
 HAS_ROS = has_rclpy()
 
 if HAS_ROS:
-    require_ros()
+    require_messages()

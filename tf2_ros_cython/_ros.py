@@ -1,4 +1,4 @@
-"""Owns the comparison of the ROS 2 that runs with the one that this installation was built for."""
+"""Owns what is known of the ROS 2 that runs: where it is, which release, what it lacks."""
 
 import importlib
 import importlib.util
@@ -7,9 +7,10 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-# By the first number of rclpy's version, which every distribution raises.
-_DISTRIBUTIONS = {7: "Jazzy", 9: "Kilted"}
-_WHEELS = {"Jazzy": "'.[ros]'", "Kilted": "'.[ros-kilted]' -C ros=kilted"}
+# By the first number of rclpy's version, which every release raises.
+_RELEASES = {7: "Jazzy", 9: "Kilted"}
+_EXTRAS = {"Jazzy": "ros", "Kilted": "ros-kilted"}
+_DEFAULT = "Jazzy"
 
 
 def has_rclpy() -> bool:
@@ -22,25 +23,53 @@ def absence(what: str = "tf2_ros") -> ModuleNotFoundError:
     return ModuleNotFoundError(_without_rclpy(what), name="rclpy")
 
 
-def require_ros() -> None:
-    """Raise ImportError, naming what to do, where another ROS 2 is found than the one built for."""
-    prefix, record = running_prefix(), built()
-    if prefix is None or record is None:
-        return
-    running = rclpy_version(prefix)
-    if record.RCLPY is None:
-        if importlib.util.find_spec("tf2_msgs") is None:
-            raise ModuleNotFoundError(
-                f"tf2_ros was built without ROS 2, and without tf2_msgs: in its sources, {_rebuild(running)}",
-                name="tf2_msgs",
-            )
-    elif running is not None and _major(running) != _major(record.RCLPY):
-        raise ImportError(
-            f"tf2_ros was built for ROS 2 {describe(record.RCLPY)}, and the one that runs is"
-            f" {describe(running)} in {prefix}: run it with the former, or, for the latter, in its sources,"
-            f" {_rebuild(running)}",
-            name="tf2_ros",
+def require_messages() -> None:
+    """Raise ImportError, naming what to do, where tf2_msgs is lacking, or is made for another ROS 2."""
+    prefix = running_prefix()
+    running = None if prefix is None else rclpy_version(prefix)
+    if prefix is None or running is None:
+        return  # what is wrong with such an rclpy its import tells
+    spec = importlib.util.find_spec("tf2_msgs")
+    at = _describe_at(running, prefix)
+    name = _release(running) or _DEFAULT
+    if spec is None or spec.origin is None or not spec.submodule_search_locations:
+        raise ModuleNotFoundError(
+            f"tf2_ros needs tf2_msgs, which is not found beside the ROS 2 {at}: where that is sourced,"
+            f" install its tf2_msgs, on Ubuntu by apt install ros-{name.lower()}-tf2-msgs; with the wheels of"
+            f" PyPI: {_install_messages(name)}",
+            name="tf2_msgs",
         )
+    folder = Path(next(iter(spec.submodule_search_locations)))
+    made_for = messages_release(folder)
+    if made_for not in (None, _release(running)):
+        raise ImportError(
+            f"the tf2_msgs in {folder} is made for ROS 2 {made_for}, and the one that runs is {at}: run it"
+            " with the former, or, with the wheels of PyPI: pip uninstall"
+            f" tf2-ros-cython-msgs-{made_for.lower()}, then {_install_messages(name)}",
+            name="tf2_msgs",
+        )
+
+
+def messages_release(folder: Path) -> str | None:
+    """For which ROS 2 this project's tf2_msgs in the folder is made; None: it is another one."""
+    try:
+        text = (folder / "_release.py").read_text(encoding="utf-8")
+    except OSError:
+        return None
+    found = re.search(r"^RELEASE = '(\w+)'", text, re.MULTILINE)
+    return found.group(1).capitalize() if found else None
+
+
+def unknown_release() -> str | None:
+    """Why functions of the ROS 2 that runs cannot be called without rclpy, or None."""
+    prefix = running_prefix()
+    if prefix is None:
+        return "rclpy is a module of this program's own"
+    running = rclpy_version(prefix)
+    if running is not None and _release(running) is not None:
+        return None
+    known = " and ".join(f"{name} (rclpy {major})" for major, name in _RELEASES.items())
+    return f"known are {known}, and the ROS 2 that runs is {_describe_at(running, prefix)}"
 
 
 def built() -> ModuleType | None:
@@ -72,8 +101,8 @@ def rclpy_version(prefix: Path) -> str | None:
 
 
 def describe(version: str) -> str:
-    """A distribution by its name, where it is one that this knows, and its rclpy."""
-    name = _DISTRIBUTIONS.get(_major(version))
+    """A release by its name, where it is one that this knows, and its rclpy."""
+    name = _release(version)
     return f"{name} (rclpy {version})" if name else f"of rclpy {version}"
 
 
@@ -83,25 +112,21 @@ def _is_made_by_program() -> bool:
     return module is not None and getattr(module, "__spec__", None) is None
 
 
-def _major(version: str) -> int:
-    return int(version.partition(".")[0])
+def _release(version: str | None) -> str | None:
+    return _RELEASES.get(int(version.partition(".")[0])) if version else None
 
 
-def _rebuild(running: str | None) -> str:
-    name = _DISTRIBUTIONS.get(_major(running)) if running else None
-    wheels = f"; with the wheels of PyPI: pip install {_WHEELS[name]}" if name else ""
-    return f"with that ROS 2 sourced: pip install .{wheels}"
+def _describe_at(version: str | None, prefix: Path) -> str:
+    return f"{describe(version) if version else 'of unknown version'} in {prefix}"
+
+
+def _install_messages(name: str) -> str:
+    return f"pip install 'tf2-ros-cython[{_EXTRAS[name]}]', in its sources: pip install ./messages"
 
 
 def _without_rclpy(what: str) -> str:
-    record = built()
-    missing = f"{what} needs ROS 2, and no rclpy is found by {sys.executable}"
-    if record is None or record.RCLPY is None:
-        return (
-            f"{missing}; tf2_ros was built without ROS 2, too. In its sources: pip install '.[ros]', which"
-            " brings ROS 2 from PyPI; or, with a ROS 2 sourced: pip install ."
-        )
-    name = _DISTRIBUTIONS.get(_major(record.RCLPY), "")
-    wheels = f"'ros-{name.lower()}-rclpy[fastrtps]' ros-{name.lower()}-common-interfaces"
-    bring = f", or: pip install {wheels}, or in its sources: pip install {_WHEELS[name]}" if name else ""
-    return f"{missing}: source a ROS 2 {describe(record.RCLPY)}{bring}"
+    extra = _EXTRAS[_DEFAULT]
+    return (
+        f"{what} needs ROS 2, and no rclpy is found by {sys.executable}: source a ROS 2, or:"
+        f" pip install 'tf2-ros-cython[{extra}]', in its sources: pip install ./messages '.[{extra}]'"
+    )

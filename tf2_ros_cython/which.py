@@ -56,14 +56,13 @@ def _answer() -> tuple[list[str], int]:
     lines.append(f"receiver: {_receiver(folders['tf2_ros'])}")
     lines.append(f"shared buffer: {_shared_buffer(folders['tf2_ros'])}")
     lines.append(f"ROS 2: {_running_ros()}")
-    lines.append(f"built for: {_built_for()}")
     return lines, 0 if are_ours and failure is None else 1
 
 
 def _imported_from(name: str) -> Path | None:
     """The folder that holds the package that ``import name`` gives; nothing is imported for that."""
     spec = importlib.util.find_spec(name)
-    if spec is None or not spec.submodule_search_locations:
+    if spec is None or spec.origin is None or not spec.submodule_search_locations:
         return None
     return Path(next(iter(spec.submodule_search_locations))).absolute().parent
 
@@ -73,10 +72,8 @@ def _is_ours(folder: Path | None) -> bool:
 
 
 def _import_failure() -> str | None:
-    """Why one of our packages does not load, or None. The others need the ROS 2 that they were built for."""
-    record = _ros.built()
-    without_ros = record is not None and record.RCLPY is None and not _ros.has_rclpy()
-    for name in _WITHOUT_ROS if without_ros else _finder.PACKAGES:
+    """Why one of our packages does not load, or None. Without a ROS 2, two of them do."""
+    for name in _finder.PACKAGES if _ros.has_rclpy() else _WITHOUT_ROS:
         try:
             importlib.import_module(name)
         except ImportError as error:
@@ -87,10 +84,12 @@ def _import_failure() -> str | None:
 def _describe(name: str, folder: Path | None) -> str:
     if folder is None:
         return "not found"
+    if name == "tf2_msgs":
+        release = _ros.messages_release(folder / name)
+        whose = f"tf2-ros-cython's, for {release}" if release else "the environment's"
+        return f"{whose}, {folder / name}"
     if _is_ours(folder):
         return f"tf2-ros-cython, {folder / name}"
-    if name == "tf2_msgs":
-        return f"the environment's, {folder / name}"
     return f"not tf2-ros-cython, {folder / name}: {_why_not(name, folder)}"
 
 
@@ -138,18 +137,16 @@ def _precedence() -> str:
 def _receiver(folder: Path | None) -> str:
     if not _is_ours(folder):
         return "not in use, for tf2_ros is not tf2-ros-cython's"
-    record = _ros.built()
-    if record is None:
-        return "not built; build first, with pip install . or make build"
-    if record.RECEIVER is None:
-        return f"not built: {record.RECEIVER_LACKS}; listeners need an executor that spins"
+    if not _ros.has_rclpy():
+        return "not in use without ROS 2"
     try:
         importlib.import_module("tf2_ros_cython._requirement")
-        importlib.import_module("rclpy")
-        importlib.import_module(record.RECEIVER)
+        problem = importlib.import_module("tf2_ros._receive.rcl").problem()
     except ImportError as error:
-        return f"built, but does not load: {error}"
-    return "built; listeners receive in a thread of their own"
+        return f"does not load: {error}"
+    if problem is not None:
+        return f"not in use, listeners need an executor that spins: {problem}"
+    return "in use; listeners receive in a thread of their own"
 
 
 def _shared_buffer(folder: Path | None) -> str:
@@ -195,15 +192,6 @@ def _running_ros() -> str:
         return "a module of this program's own in its place"
     version = _ros.rclpy_version(prefix)
     return f"{_ros.describe(version) if version else 'of unknown version'} in {prefix}"
-
-
-def _built_for() -> str:
-    record = _ros.built()
-    if record is None:
-        return "not built"
-    if record.RCLPY is None:
-        return "no ROS 2; buffers and recordings do without"
-    return f"ROS 2 {_ros.describe(record.RCLPY)}"
 
 
 if __name__ == "__main__":

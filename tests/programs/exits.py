@@ -32,7 +32,7 @@ def keep_running(how):
 
 def main(how, inserter):
     if inserter == "executor":
-        receiver_thread.Receiver = None
+        receiver_thread.problem = lambda: "it is new"
     rclpy.init()
     node = rclpy.create_node("ending")
     buffer = Buffer(node=node)

@@ -78,7 +78,7 @@ def bad_name(name: str, argument: str, call: str = "lookupTransform") -> Transfo
         )
     wrong = "cannot start with a '/'" if name else "cannot be empty"
     subject = "frame ID" if is_question else "argument"
-    return InvalidArgumentException(f"Invalid {subject} {given} - in tf2 a frame name {wrong}")
+    return InvalidArgumentException(f"Invalid {subject} {given} - in tf2 frame_ids {wrong}")
 
 
 def too_many_waiters(most: int) -> TransformException:

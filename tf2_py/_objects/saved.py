@@ -204,6 +204,7 @@ def _names_by_id(state: dict[str, Any]) -> list[bytes]:
 
 def _read(records: Iterator[Any]) -> dict[str, Any]:
     state: dict[str, Any] | None = None
+    reader: SampleReader | None = None
     topics: dict[int, str] = {}
     for record in records:
         match type(record).__name__:
@@ -213,11 +214,11 @@ def _read(records: Iterator[Any]) -> dict[str, Any]:
             case "Channel":
                 topics[record.id] = record.topic
             case "Message":
-                if state is None:
+                if reader is None:
                     _refuse_recording()
                 if topics[record.channel_id] in QOS:
                     reader.read(record.data)
-    if state is None:
+    if state is None or reader is None:
         _refuse_recording()
     return state | _samples(state["frames"], *reader.arrays())
 

@@ -17,8 +17,9 @@ from tf2_ros._receive.rcl cimport (
     RCL_RET_OK,
     rcl_guard_condition_t,
     rcl_last_error,
-    rcl_reset_error,
     rcl_trigger_guard_condition,
+    rcutils_reset_error,
+    require_rcl,
 )
 from tf2_ros._receive.rclpy_rounds cimport ONE_GUARD_CONDITION, called_by_own_loop, handle_pointer
 
@@ -46,7 +47,7 @@ cdef void arrivals_count(ArrivalCounts* arrivals, size_t source) noexcept nogil:
         arrivals.round_due = wake = True
     unlock_write(&arrivals.lock)
     if wake and rcl_trigger_guard_condition(arrivals.guard) != RCL_RET_OK:
-        rcl_reset_error()
+        rcutils_reset_error()
 
 
 cdef class ArrivalWaitable:
@@ -57,6 +58,7 @@ cdef class ArrivalWaitable:
     """
 
     def __cinit__(self, *_, **__):
+        require_rcl()
         if lock_init(&self._counts.lock) != 0:
             raise MemoryError
         fork_watch(&self._counts.forked, &self._counts.lock, FORK_INNER)

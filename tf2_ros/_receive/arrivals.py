@@ -15,13 +15,7 @@ from rclpy.waitable import Waitable
 
 from tf2_ros._forking import keep_for_ever
 from tf2_ros._rclpy import has_ready_entities, new_wake_handle
-
-ArrivalWaitable: Any
-try:
-    # After rclpy, which loads the libraries that it needs.
-    from tf2_ros._receive.arrival_waitable import ArrivalWaitable
-except ModuleNotFoundError:
-    ArrivalWaitable = type("ArrivalWaitable", (), {})  # the build had no rcl
+from tf2_ros._receive.arrival_waitable import ArrivalWaitable
 
 __all__ = ["Arrivals", "queue_depth"]
 

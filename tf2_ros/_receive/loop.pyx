@@ -45,12 +45,9 @@ from tf2_ros._receive.rcl cimport (
     rcl_context_is_valid,
     rcl_context_t,
     rcl_event_t,
-    rcl_get_default_allocator,
-    rcl_get_zero_initialized_wait_set,
     rcl_guard_condition_t,
     rcl_is_enabled_ros_time_override,
     rcl_last_error,
-    rcl_reset_error,
     rcl_ret_t,
     rcl_serialized_message_t,
     rcl_subscription_t,
@@ -63,6 +60,8 @@ from tf2_ros._receive.rcl cimport (
     rcl_wait_set_fini,
     rcl_wait_set_init,
     rcl_wait_set_t,
+    rcutils_get_default_allocator,
+    rcutils_reset_error,
     rmw_message_info_t,
 )
 from tf2_ros._receive.recording cimport Recording, Records, records_add, records_add_malformed
@@ -282,14 +281,14 @@ cdef class Receiver:
 
     cdef Outcome _serve(self) noexcept nogil:
         cdef Outcome outcome = OUTCOME_FAILED
-        self._set = rcl_get_zero_initialized_wait_set()
+        memset(&self._set, 0, sizeof(self._set))
         if rcl_wait_set_init(&self._set, self._count, 1, 0, 0, 0, self._count, self._context,
-                             rcl_get_default_allocator()) == RCL_RET_OK:
+                             rcutils_get_default_allocator()) == RCL_RET_OK:
             outcome = self._loop()
             if rcl_wait_set_fini(&self._set) != RCL_RET_OK:
-                rcl_reset_error()
+                rcutils_reset_error()
         if outcome == OUTCOME_FAILED and not rcl_context_is_valid(self._context):
-            rcl_reset_error()
+            rcutils_reset_error()
             return OUTCOME_ENDED
         return outcome
 

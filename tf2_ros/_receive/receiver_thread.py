@@ -23,16 +23,11 @@ from tf2_ros._forking import keep_for_ever
 from tf2_ros._rclpy import enter_handle, handle_pointer
 from tf2_ros._receive.arrivals import Arrivals, Completion, queue_depth
 from tf2_ros._receive.callback_thread import callback_thread
+from tf2_ros._receive.loop import Receiver
+from tf2_ros._receive.rcl import problem
 from tf2_ros._receive.recording import Recording
 from tf2_ros._receive.source import Source
 from tf2_ros._receive.subscriptions import ListenerGroup, ReceivedSubscription, wake_executor
-
-Receiver: Any
-try:
-    # After rclpy, which loads the libraries that it needs.
-    from tf2_ros._receive.loop import Receiver
-except ModuleNotFoundError:
-    Receiver = None  # the build had no rcl
 
 __all__ = [
     "Filler",
@@ -68,8 +63,8 @@ def add_filler(filler: Filler) -> None:
 
 
 def can_receive() -> bool:
-    """Whether the receiver was built here."""
-    return Receiver is not None
+    """Whether the receiver knows the rcl that runs."""
+    return problem() is None
 
 
 def attribute_changed() -> None:
@@ -285,7 +280,7 @@ class ReceiverThread:
         return None if subscription is None else self._choose(subscription, source.is_static)
 
     def _give_back(self, source: Source) -> None:
-        subscription = source.subscription()
+        subscription: Any = source.subscription()
         if subscription is None:
             self._sources.remove(source)
             source.destroy()

@@ -34,9 +34,10 @@ class ReceivedSubscription(Subscription):
     tf2_receiver_thread: Any
     # Waiting for one of its events, an executor would be woken by each message: the node must not have them.
     tf2_event_handlers: list[EventHandler]
+    event_handlers: Any
 
     @classmethod
-    def adopt(cls, subscription: Subscription, node: Node, receiver_thread: Any) -> None:
+    def adopt(cls, subscription: Any, node: Node, receiver_thread: Any) -> None:
         """Make a subscription one of these."""
         subscription.tf2_receiver_thread = receiver_thread
         subscription.tf2_event_handlers = list(subscription.event_handlers)
@@ -89,7 +90,7 @@ class ListenerGroup(ReentrantCallbackGroup):
         super().__init__()
         self._undecided = True
 
-    def can_execute(self, entity: Any) -> bool:
+    def can_execute(self, entity: Any) -> bool:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Whether an executor may run it."""
         return not (self._undecided and isinstance(entity, (Subscription, EventHandler)))
 

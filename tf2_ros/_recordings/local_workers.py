@@ -1,6 +1,7 @@
 """Owns Dask's workers on this machine, and the process that they belong to."""
 
 import json
+import logging
 import os
 import shutil
 import subprocess
@@ -76,10 +77,10 @@ def main() -> None:
                 n_workers=count,
                 threads_per_worker=1,
                 host="127.0.0.1",
-                dashboard_address=None,
+                dashboard_address=None,  # pyright: ignore[reportArgumentType]
                 # Any port for its health checks: otherwise 8787, and a warning where that is taken.
                 scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
-                silence_logs="CRITICAL",
+                silence_logs=logging.CRITICAL,
                 local_directory=folder,
             )
         parts = ("tls_ca_file", "tls_client_key", "tls_client_cert")

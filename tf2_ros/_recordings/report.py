@@ -57,9 +57,9 @@ def report(
         return Report([], find([], limits, expectations), None, None, 0, False)
     received, static = records["received_ns"], records["static"] != 0
     now_ns = int((received if static.all() else received[~static]).max())
-    streams = _streams(heard, records, now_ns)
+    streams = _streams(heard, now_ns)
     # A recorder discovers publishers as any listener does, and is sent late what it has missed.
-    judged = _streams(heard, Settling().thinned(records), now_ns)
+    judged = _streams(heard, now_ns, Settling().early(records))
     differ = _clocks_differ(streams)
     if differ:
         streams, judged = ([_without_delays(one) for one in some] for some in (streams, judged))
@@ -71,9 +71,9 @@ def report(
     )
 
 
-def _streams(heard: Heard, records: NDArray[np.void], now_ns: int) -> list[Stream]:
+def _streams(heard: Heard, now_ns: int, early: NDArray[np.bool_] | None = None) -> list[Stream]:
     streams = Streams()
-    streams.add(records)
+    streams.add(heard.records, early)
     return streams.report(now_ns, heard.frames, heard.publishers)
 
 

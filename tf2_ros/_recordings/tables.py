@@ -113,7 +113,9 @@ def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> ND
     if count > MOST_TIMES:
         span = f"from {begin / S:.3f} s to {end / S:.3f} s"
         raise ValueError(f"{hz:g} Hz {span} are {count:.0f} times, more than {MOST_TIMES}")
-    return np.minimum(begin + np.rint(np.arange(int(count)) * S / hz).astype(np.int64), end)
+    steps = np.rint(np.arange(int(count)) * S / hz).astype(np.int64)
+    times: NDArray[np.int64] = np.minimum(begin + steps, end)
+    return times
 
 
 def times_of_chain(heard: Heard, target: str, source: str) -> NDArray[np.int64]:

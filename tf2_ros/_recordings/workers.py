@@ -30,15 +30,16 @@ def outcomes(
     :raises ModuleNotFoundError: a library is not installed, here or where the work is done.
     """
     with ExitStack() as stack:
-        if scheduler is None:
+        cluster: str | Client | LocalCluster | None = scheduler
+        if cluster is None:
             count = 1 if len(tables) < 2 else min(workers or _cores(), len(tables))
             if count == 1:
                 yield from _here(request, tables)
                 return
             for library in ("distributed", "cryptography"):
                 _check_installed(library)
-            scheduler = stack.enter_context(local_workers(count))
-        yield from _on_cluster(request, tables, stack.enter_context(_connected(scheduler)))
+            cluster = stack.enter_context(local_workers(count))
+        yield from _on_cluster(request, tables, stack.enter_context(_connected(cluster)))
 
 
 def _cores() -> int:

@@ -13,6 +13,7 @@ from tf2_py import BufferCore
 from tf2_ros._rclpy import context_was_shut_down, has_tasks
 from tf2_ros._receive.arrivals import Arrivals, Completion
 from tf2_ros._receive.callback_thread import callback_thread
+from tf2_ros._receive.rcl import problem
 from tf2_ros._receive.receiver_thread import add_filler, can_receive
 from tf2_ros._shared.description import Description, read_description
 from tf2_ros._shared.following import Follower, attach, open_segment
@@ -42,8 +43,8 @@ class Attachment:
         self.follower = follower
         self.arrivals: _Changes | None = None
         if can_receive() and isinstance(listener.node, Node):
-            self.arrivals = _Changes(listener, self._buffer, follower)
-            listener.node.add_waitable(self.arrivals)
+            self.arrivals = arrivals = _Changes(listener, self._buffer, follower)
+            listener.node.add_waitable(arrivals)
             add_filler(self)
         follower.notify(self._changed, self._left, self.hand_over)
 
@@ -159,14 +160,16 @@ def attach_listener(listener: Any, is_usual: bool, topics: Sequence[str]) -> Att
     :param topics: that it would subscribe to.
     :return: None: it must listen itself.
     """
-    buffer, node = listener.buffer, listener.node
+    buffer: Any = listener.buffer
+    node: Any = listener.node
     if not hasattr(buffer, "_sharing") or not isinstance(node, Node):
         return None
     sharing = buffer._sharing
     if isinstance(sharing, Owner):
         resolved = [node.resolve_topic_name(name) for name in topics]
         sharing.tell_of_listener(listener, node.context.get_domain_id(), resolved)
-        sharing.tell_of_time(node.get_clock().ros_time_is_active)
+        clock: Any = node.get_clock()
+        sharing.tell_of_time(clock.ros_time_is_active)
         return None
     if sharing is None:
         sharing = _by_environment(buffer, node, is_usual, topics)
@@ -193,7 +196,7 @@ def _by_environment(buffer: Any, node: Node, is_usual: bool, topics: Sequence[st
         if not is_usual:
             raise SharedBufferError("it, or its buffer, is of another kind than tf2's")
         if not can_receive():
-            raise SharedBufferError("this build has no receiver")
+            raise SharedBufferError(f"nothing is received here: {problem()}")
         if buffer._known_names():
             raise SharedBufferError("its buffer holds frames already")
         segment = open_segment(name)
@@ -226,6 +229,7 @@ def _lack(owner: Description | None, buffer: Any, node: Node, domain: int, topic
         return f"is not filled from {' and '.join(missing)}"
     if owner.cache_time_ns < buffer.cache_time_ns:
         return f"keeps {owner.cache_time_ns / 1e9:g} s, this one {buffer.cache_time_ns / 1e9:g} s"
-    if node.get_clock().ros_time_is_active and not owner.simulated:
+    clock: Any = node.get_clock()
+    if clock.ros_time_is_active and not owner.simulated:
         return "does not follow simulated time"
     return ""

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tf2_ros._traffic.settling import replaced
+
 __all__ = ["SLICES", "Stream", "Streams"]
 
 S = 1_000_000_000
@@ -30,6 +32,7 @@ TALLY = np.dtype(
         ("square", np.float64),  # the sum of the squares of their distances from the mean
         ("least", np.float64),
         ("most", np.float64),
+        ("early", np.bool_),  # whether its first transform was early; see ``Settling``
     ]
 )
 
@@ -68,6 +71,9 @@ class Streams:
     :param window_s: the time that figures are about, until the time of the report. None: all time.
 
     When the clock jumps back, what was received before is forgotten, except static transforms.
+
+    Reports do not depend on how the records are cut into batches, except that a window is longer by up to the
+    time of one batch.
     """
 
     def __init__(self, window_s: float | None = None) -> None:
@@ -76,14 +82,22 @@ class Streams:
         self._keys: list[tuple[int, int, int, bool]] = []  # by number: child, parent, publisher, static
         self._total = np.zeros(0, TALLY)
         self._recent: deque[NDArray[np.void]] = deque()  # one for each call of add
-        self._newest_ns: int | None = None
+        self._last_ns: int | None = None  # when the last record was received
 
-    def add(self, records: Records) -> None:
-        """Account for records, all of them later than those before."""
+    def add(self, records: Records, early: NDArray[np.bool_] | None = None) -> None:
+        """
+        Account for records, all of them later than those before.
+
+        :param early: which of them replace what was received of their streams before, as
+            ``Settling.early`` gives it. None: none of them.
+        """
         if not len(records):
             return
-        records = self._since_jump(records)
-        tally = self._tally(records)
+        early = np.zeros(len(records), np.bool_) if early is None else early
+        start = self._forget_before_jump(records)
+        records, early = records[start:], early[start:]
+        kept = ~replaced(records, early)
+        tally = self._tally(records[kept], early[kept])
         self._total = merge(self._total, tally)
         if self._window_ns is not None:
             self._keep(tally, self._window_ns)
@@ -112,27 +126,27 @@ class Streams:
                 tally = merge(self._recent.pop(), tally)
         self._recent.append(tally)
 
-    def _since_jump(self, records: Records) -> Records:
+    def _forget_before_jump(self, records: Records) -> int:
+        """Forget what was received before the clock last jumped back; return the index of the first after."""
         received = records["received_ns"]
-        before = received[0] if self._newest_ns is None else self._newest_ns
+        before = received[0] if self._last_ns is None else self._last_ns
+        self._last_ns = int(received[-1])
         previous = np.concatenate(([before], received[:-1]))
         jumps = np.flatnonzero(received < previous - JUMP_BACK_NS)
-        if len(jumps):
-            # Static transforms before the jump are accounted for; the rest is as in a cleared buffer.
-            start = int(jumps[-1])
-            earlier = records[:start]
-            static = earlier[earlier["static"] != 0]
-            if len(static):
-                self._total = merge(self._total, self._tally(static))
-            moving = [number for number, (*_, static) in enumerate(self._keys) if not static]
-            self._total["count"][[number for number in moving if number < len(self._total)]] = 0
-            self._recent.clear()
-            records = records[start:]
-            before = records["received_ns"][0]
-        self._newest_ns = max(int(before), int(records["received_ns"].max()))
-        return records
+        if not len(jumps):
+            return 0
+        # Static transforms before the jump are accounted for; the rest is as in a cleared buffer.
+        start = int(jumps[-1])
+        earlier = records[:start]
+        static = earlier[earlier["static"] != 0]
+        if len(static):
+            self._total = merge(self._total, self._tally(static, np.zeros(len(static), np.bool_)))
+        moving = [number for number, (*_, static) in enumerate(self._keys) if not static]
+        self._total["count"][[number for number in moving if number < len(self._total)]] = 0
+        self._recent.clear()
+        return start
 
-    def _tally(self, records: Records) -> NDArray[np.void]:
+    def _tally(self, records: Records, early: NDArray[np.bool_]) -> NDArray[np.void]:
         keys = records["child"].astype(np.int64)
         for part, bits in (("parent", ID_BITS), ("publisher", ID_BITS), ("static", 1)):
             keys = keys << bits | records[part]
@@ -142,6 +156,7 @@ class Streams:
         numbers = self._numbers_of(keys[starts], records[starts])
         tally = np.zeros(len(self._keys), TALLY)
         tally[numbers] = tally_of(records["received_ns"], records["stamp_ns"], starts)
+        tally["early"][numbers] = early[order[starts]]
         return tally
 
     def _numbers_of(self, keys: NDArray[np.int64], records: Records) -> list[int]:
@@ -168,7 +183,8 @@ class Streams:
 
     def _by_frame(self) -> dict[int, list[int]]:
         streams: dict[int, list[int]] = {}
-        for number in np.flatnonzero(self._total["count"]).tolist():
+        # By their keys, which decide between streams that were received at one time: numbers follow batches.
+        for number in sorted(np.flatnonzero(self._total["count"]).tolist(), key=self._keys.__getitem__):
             streams.setdefault(self._keys[number][0], []).append(number)
         return streams
 
@@ -196,7 +212,7 @@ class Streams:
     ) -> Stream:
         child, parent, publisher, static = self._keys[number]
         own: Any = tally[number].tolist()
-        count, first_ns, last_ns, gap_ns, _, _, mean, square, least, most = own
+        count, first_ns, last_ns, gap_ns, _, _, mean, square, least, most, _ = own
         total = self._total[number]
         timed = count > 0 and not static
         span_ns = last_ns - first_ns
@@ -227,7 +243,7 @@ def _period(tally: Any) -> float | None:
     # Without the longest interval, which would hide itself among a few others.
     if count == 2:
         return float(last_ns - first_ns) / S
-    return float(last_ns - first_ns - gap_ns) / (count - 2) / S
+    return float(last_ns - first_ns - gap_ns) / float(count - 2) / S
 
 
 def tally_of(
@@ -264,6 +280,8 @@ def merge(earlier: NDArray[np.void], later: NDArray[np.void]) -> NDArray[np.void
     """
     The tallies of two times, one after the other, by the numbers of the streams.
 
+    One that begins with an early transform replaces the earlier one, whose transforms are all early.
+
     Mean and squares as in T. Chan, G. Golub and R. LeVeque, Updating formulae and a pairwise algorithm for
     computing sample variances, 1979.
     """
@@ -272,13 +290,13 @@ def merge(earlier: NDArray[np.void], later: NDArray[np.void]) -> NDArray[np.void
     a, b = earlier, merged[: len(earlier)].copy()
     only = np.flatnonzero((a["count"] > 0) & (b["count"] == 0))
     merged[only] = a[only]
-    both = np.flatnonzero((a["count"] > 0) & (b["count"] > 0))
+    both = np.flatnonzero((a["count"] > 0) & (b["count"] > 0) & ~b["early"])
     if not len(both):
         return merged
     a, b = a[both], b[both]
     out = b.copy()
     out["count"] = a["count"] + b["count"]
-    out["first_ns"] = a["first_ns"]
+    out["first_ns"], out["early"] = a["first_ns"], a["early"]
     between = b["first_ns"] - a["last_ns"]
     out["gap_ns"] = np.maximum(np.maximum(a["gap_ns"], b["gap_ns"]), between)
     is_later = b["newest_ns"] > a["newest_ns"]

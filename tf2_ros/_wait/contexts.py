@@ -78,6 +78,7 @@ class Awaited(Protocol):
 
     def is_in_vain(self) -> bool:
         """Whether a shutdown has ended it."""
+        ...
 
     def end_with_context(self) -> None:
         """Wake the loop: it is in vain."""

@@ -22,6 +22,7 @@ class Expiring(Protocol):
 
     def over(self) -> bool:
         """Whether it ended before its deadline."""
+        ...
 
     def expire(self) -> None:
         """The deadline has passed."""

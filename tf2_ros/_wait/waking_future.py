@@ -6,7 +6,7 @@ import warnings
 import weakref
 from collections.abc import Callable, Generator
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
@@ -87,7 +87,7 @@ class WakingFuture(HookedFuture, Generic[_Result]):
             # future gives it nothing to do.
             Future.add_done_callback(self, _task_waker(sleeper))
             try:
-                return (yield from super().__await__())
+                return cast(_Result, (yield from super().__await__()))
             finally:
                 sleeper.awake = True
         if (loop := _running_loop()) is not None:
@@ -104,7 +104,7 @@ class WakingFuture(HookedFuture, Generic[_Result]):
                     await_checks.end(key)
             if not self.done() and not self.cancelled():
                 return self._known_outcome()
-        return (yield from super().__await__())
+        return cast(_Result, (yield from super().__await__()))
 
     def _wake_when_known(self, waker: Callable[[Any], None]) -> None:
         """Call this, in whatever thread, when the outcome is known before the future is done."""

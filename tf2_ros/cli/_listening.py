@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from rclpy.duration import Duration
 from rclpy.node import Node
 
+from tf2_ros._receive.rcl import problem
 from tf2_ros._receive.receiver_thread import can_receive
-from tf2_ros._receive.recording import RECORD, Recording
+from tf2_ros._receive.recording import Recording
 from tf2_ros._traffic.chains import NetDelay, chain_between, moving_on, newest_streams
 from tf2_ros._traffic.expectations import Expectation
 from tf2_ros._traffic.findings import Finding, Limits, find
@@ -70,7 +71,7 @@ class Listening:
     """
     Listens to transforms; made by :func:`listening`.
 
-    :meth:`drain` must be called every few seconds, as :meth:`listen` does.
+    :meth:`drain` must be called every few seconds, as :meth:`listen` does. ``topics`` are their full names.
     """
 
     def __init__(
@@ -84,11 +85,10 @@ class Listening:
         self.buffer = buffer
         self._node = node
         self._recording = recording
-        self._topics = [node.resolve_topic_name(name) for name in topics]
+        self.topics = [node.resolve_topic_name(name) for name in topics]
         self._window_s = window_s
         self._streams = Streams(window_s)
         self._settling = Settling()
-        self._last: NDArray[np.void] = np.zeros(0, RECORD)
         self._net_delay: NetDelay | None = None
         self._names: dict[bytes, str] = {}  # of publishers, by gid
 
@@ -102,14 +102,13 @@ class Listening:
                 kept.append(records)
 
     def drain(self) -> NDArray[np.void]:
-        """Account for what has arrived since the last call, and return its records."""
-        records = self._recording.take()
+        """Account for what has arrived since the last call, and return its records, all of them."""
+        records: NDArray[np.void] = self._recording.take()
         # Until the first message of /clock, simulated time is 0, and no delay is known.
         records = records[(records["received_ns"] > 0) | (records["static"] != 0)]
-        self._last = records = self._settling.thinned(records)
-        self._streams.add(records)
+        self._streams.add(records, self._settling.early(records))
         if self._net_delay is not None:
-            self._net_delay.add(records)
+            self._net_delay.add(records)  # early ones, too: it is of the newest stamps, whenever they arrive
         if not self._names.keys() >= {*self._recording.publishers()}:
             self._look_up_publishers()  # now: it may end before the report
         return records
@@ -146,7 +145,7 @@ class Listening:
 
     def _look_up_publishers(self) -> set[bytes]:
         alive = set()
-        for topic in self._topics:
+        for topic in self.topics:
             for one in self._node.get_publishers_info_by_topic(topic):
                 gid = bytes(one.endpoint_gid)
                 alive.add(gid)
@@ -165,7 +164,6 @@ class Listening:
         children = [numbers[name] for name in moving_on(newest, frames)]
         if self._net_delay is None or self._net_delay.children != children:
             self._net_delay = NetDelay(children, self._window_s)
-            self._net_delay.add(self._last)
         return Chain(ends, frames, self._net_delay.report(now_ns))
 
 
@@ -183,10 +181,10 @@ def listening(
     :param window_s: the time that figures are about. None: all time.
     :param topics: of dynamic and of static transforms.
     :param cache_time: of the buffer; see :func:`filled_buffer`.
-    :raises UsageError: the receiver was not built here.
+    :raises UsageError: the receiver does not know the ROS 2 that runs.
     """
     if not can_receive():
-        raise UsageError("this tf2_ros was built without the receiver that notes who sends transforms")
+        raise UsageError(f"who sends transforms cannot be noted here: {problem()}")
     recording = Recording()
     listen = partial(RecordingListener, recording=recording, topics=topics)
     with filled_buffer(node, listen, cache_time) as buffer:

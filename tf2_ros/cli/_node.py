@@ -62,7 +62,8 @@ def filled_buffer(
     with deferred_signals():
         buffer = Buffer(cache_time, node)
         # Who asks a robot for its frames must not be answered by a program that only looks on.
-        node.destroy_service(buffer.srv)
-        buffer.srv = None
+        if buffer.srv is not None:
+            node.destroy_service(buffer.srv)
+            buffer.srv = None
         with listen(buffer, node), interruptible():
             yield buffer

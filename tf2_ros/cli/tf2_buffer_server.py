@@ -1,6 +1,7 @@
 """Owns the program that receives transforms and answers lookups of other processes."""
 
 import sys
+from typing import Any
 
 from tf2_ros_cython.cli.tf2_buffer_server import main
 
@@ -45,7 +46,8 @@ def _buffer_size(node: Node) -> Duration:
     description = ParameterDescriptor(
         description="how far each frame's history reaches back, in seconds", read_only=True
     )
-    size: float = node.declare_parameter("buffer_size", DEFAULT_BUFFER_SIZE_S, description).value
+    parameter: Any = node.declare_parameter("buffer_size", DEFAULT_BUFFER_SIZE_S, description)
+    size: float = parameter.value
     if not size >= 0.0:
         raise UsageError(f"buffer_size must not be negative, it is {size} s")
     return FOR_EVER if size >= FOR_EVER.nanoseconds * 1e-9 else Duration(seconds=size)

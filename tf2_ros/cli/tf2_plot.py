@@ -20,6 +20,7 @@ from rclpy.duration import Duration
 
 from tf2_ros._times import FOR_EVER
 from tf2_ros._traffic.findings import Limits
+from tf2_ros._traffic.settling import Settling, replaced
 from tf2_ros.cli._drawing import heard_picture, refuse_plot, way_picture, write_plot
 from tf2_ros.cli._listening import listening
 from tf2_ros.cli._node import spun_node
@@ -44,6 +45,7 @@ def plot(options: Namespace) -> int:
         node.get_logger().info(f"Listening to tf data for {heard_s:g} seconds...")
         heard.listen(heard_s, kept)
         records = np.concatenate(kept)
+        records = records[~replaced(records, Settling().early(records))]
         if not len(records):
             raise RunError("no transform was received")
         report = heard.report(Limits())

@@ -13,6 +13,7 @@ from tf2_ros_cython import _requirement  # noqa: F401
 
 import time
 from argparse import Namespace
+from collections.abc import Sequence
 from contextlib import suppress
 
 from tf2_ros._traffic.findings import Limits
@@ -46,6 +47,8 @@ def _view_once(options: Namespace, draws: bool) -> int:
         heard.listen(wait_s)
         text = heard.buffer.tree()
         dot = _dot(heard) if draws else ""
+        if not heard.frames():
+            _tell_silence(heard.topics, wait_s)
     if options.text:
         print(text)
     if not draws:
@@ -103,6 +106,13 @@ def _write(dot: str, description: str, picture: str, kind: str) -> None:
     """
     write_whole(description, dot.encode())
     write_whole(picture, drawn(dot, kind))
+
+
+def _tell_silence(topics: Sequence[str], wait_s: float) -> None:
+    where = " and ".join(topics)
+    text = f"no transform was received on {where} in {wait_s:g} s"
+    cure = "publishers may take seconds to be found, so a longer -t may help"
+    print(f"view_frames: {text}; {cure}", file=sys.stderr)
 
 
 def _tell_lack(description: str) -> None:

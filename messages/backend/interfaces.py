@@ -2,7 +2,6 @@
 
 import importlib
 import json
-import sys
 import tempfile
 from pathlib import Path
 
@@ -29,21 +28,14 @@ def interface_files(source):
     return sorted(path.relative_to(source) for kind in KINDS for path in source.glob(f"{kind}/*.{kind}"))
 
 
-def generate(package, source, output, dependencies, prefixes):
+def generate(package, source, output, dependencies, prefix):
     """
     Generate ``package`` from ``source`` into one folder of ``output`` per generator.
 
     ``dependencies`` are the ROS packages whose interfaces it uses, directly or not; they are looked up in
-    ``prefixes``. All paths are absolute.
+    ``prefix``. All paths are absolute.
     """
-    _let_import_from(prefixes)
-    try:
-        from rosidl_adapter import convert_to_idl
-    except ImportError as error:
-        raise SystemExit(
-            f"tf2-ros-cython finds no generators for tf2_msgs ({error}): build with the Python that the"
-            " sourced ROS 2 is for, or install tf2_msgs into it"
-        ) from error
+    from rosidl_adapter import convert_to_idl
 
     files = interface_files(source)
     for file in files:
@@ -55,7 +47,7 @@ def generate(package, source, output, dependencies, prefixes):
         "ros_interface_files": [str(source / file) for file in files],
         "ros_interface_dependencies": [],
         "target_dependencies": [],
-        "include_paths": [f"{name}:{environment.share_directory(name, prefixes)}" for name in dependencies],
+        "include_paths": [f"{name}:{environment.share_directory(name, prefix)}" for name in dependencies],
         "type_description_tuples": [
             f"{file.with_suffix('.idl').as_posix()}:{descriptions / file.with_suffix('.json')}"
             for file in files
@@ -64,22 +56,12 @@ def generate(package, source, output, dependencies, prefixes):
     # First, for the others write the type hashes that it computes into what they generate.
     _run("rosidl_generator_type_description", "generate_type_hash", [], arguments, descriptions)
     for generator, (function, *extra) in GENERATORS.items():
-        templates = environment.share_directory(generator, prefixes) / "resource"
+        templates = environment.share_directory(generator, prefix) / "resource"
         folder = output / generator / package
         for kind in KINDS:
             (folder / kind).mkdir(parents=True, exist_ok=True)
         _run(generator, function, extra, {**arguments, "template_dir": str(templates)}, folder)
         _write_visibility_header(package, generator, templates, folder / "msg")
-
-
-def _let_import_from(prefixes):
-    """Build isolation hides PYTHONPATH, and with it the generators of a sourced ROS 2."""
-    python = f"python{sys.version_info.major}.{sys.version_info.minor}"
-    for prefix in prefixes:
-        for packages in ("site-packages", "dist-packages"):
-            folder = str(prefix / "lib" / python / packages)
-            if folder not in sys.path:
-                sys.path.append(folder)
 
 
 def _run(module, function, extra, arguments, folder):

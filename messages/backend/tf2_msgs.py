@@ -10,6 +10,7 @@ from setuptools import Extension
 from . import environment, interfaces
 
 NAME = "tf2_msgs"
+_NOTE = "_release.py"
 
 # Whose interfaces ours use, directly or not.
 _INTERFACE_PACKAGES = (
@@ -66,7 +67,8 @@ def is_current(ext, extension_path):
     folder = extension_path.parent
     made = [extension_path, *(folder / f"lib{NAME}__{kind}.so" for kind in _LIBRARIES)]
     made += [folder / kind / "__init__.py" for kind in interfaces.KINDS]
-    if not all(path.is_file() for path in made):
+    note = folder / _NOTE
+    if not all(path.is_file() for path in [*made, note]) or note.read_text(encoding="utf-8") != _note():
         return False
     needed = [ext.source / file for file in interfaces.interface_files(ext.source)]
     needed += Path(__file__).parent.glob("*.py")
@@ -76,17 +78,16 @@ def is_current(ext, extension_path):
 def generate(ext, folder):
     """Generate all sources into ``folder``, and note in ``ext`` what it is compiled from."""
     shutil.rmtree(folder, ignore_errors=True)
-    prefixes = environment.ros_prefixes()
-    interfaces.generate(NAME, ext.source, folder.resolve(), _INTERFACE_PACKAGES, prefixes)
+    prefix = environment.ros_prefix()
+    interfaces.generate(NAME, ext.source, folder.resolve(), _INTERFACE_PACKAGES, prefix)
     ext.generated = folder
     ext.sources = _sources(folder / "rosidl_generator_py") + _sources(folder / "rosidl_typesupport_c")
     ext.extra_compile_args = _COMPILE_ARGS
     ext.include_dirs = [str(folder / name) for name in interfaces.GENERATORS] + [numpy.get_include()]
-    for prefix in prefixes:
-        headers = prefix / "include"
-        ext.include_dirs.append(str(headers))
-        ext.include_dirs += [str(headers / name) for name in _RUNTIME_PACKAGES + _INTERFACE_PACKAGES]
-    ext.library_dirs = [str(prefix / "lib") for prefix in prefixes]
+    headers = prefix / "include"
+    ext.include_dirs.append(str(headers))
+    ext.include_dirs += [str(headers / name) for name in _RUNTIME_PACKAGES + _INTERFACE_PACKAGES]
+    ext.library_dirs = [str(prefix / "lib")]
 
 
 def build(ext, compiler, target, output_dir):
@@ -124,6 +125,7 @@ def build(ext, compiler, target, output_dir):
     for file in (ext.generated / "rosidl_generator_py" / NAME).glob("*/*.py"):
         (target / file.parent.name).mkdir(exist_ok=True)
         shutil.copyfile(file, target / file.parent.name / file.name)
+    (target / _NOTE).write_text(_note(), encoding="utf-8")
 
 
 def copy_made(source, target, copy_file):
@@ -132,8 +134,13 @@ def copy_made(source, target, copy_file):
 
     ``copy_file`` is the command's: it replaces a file, and does not write into one that a program has mapped.
     """
-    for file in [*source.glob("lib*.so"), *source.glob("*/*.py")]:
+    for file in [*source.glob("lib*.so"), source / _NOTE, *source.glob("*/*.py")]:
         copy_file(str(file), str(target / file.relative_to(source)))
+
+
+def _note():
+    # For the check, when a program runs, that it is this release.
+    return f'"""Written by the build."""\n\nRELEASE = {environment.release()!r}\n'
 
 
 def _of_interface_packages(kind):

@@ -1,0 +1,92 @@
+"""Settings of Sphinx for the site that `make docs` builds of these pages.
+
+The pages are plain Markdown, for git hosts, too. What the site needs beyond that is made of them here: the
+table of contents from the lists of index.md, and the pages from outside this folder.
+"""
+
+import os
+import re
+import sys
+from pathlib import Path
+
+import tf2_ros
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+if not Path(tf2_ros.__file__).is_relative_to(ROOT):
+    sys.exit(f"The reference would be that of {tf2_ros.__file__}, which is outside {ROOT}: use `make docs`.")
+
+project = "tf2-ros-cython"
+author = copyright = "tf2-ros-cython authors"
+version = release = tf2_ros.__version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc"]
+root_doc = "index"
+myst_heading_anchors = 4  # as git hosts make them
+
+html_theme = "furo"
+html_title = project
+html_copy_source = False
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+
+# The reference. The docstrings say what a function takes and returns; types.md explains the types.
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+autodoc_inherit_docstrings = False
+python_maximum_signature_line_length = 90
+
+# A reference to a name that is not on the site is a warning.
+nitpicky = True
+
+# Pages outside this folder, and their places on the site.
+PLACES = {
+    ROOT / f"{name}.md": HERE / "site" / f"{name.lower()}.md"
+    for name in ("README", "CONTRIBUTING", "SECURITY")
+}
+LINK = re.compile(r"\[(?P<text>[^\]]*)\]\((?P<path>[^)\s#:]+)(?P<anchor>#[^)\s]*)?\)")
+HEADING = re.compile(r"^## (?P<title>.*)$", re.MULTILINE)
+
+
+def contents(text: str) -> str:
+    """A hidden table of contents for each section of index.md: the pages that its list links to."""
+    titles = list(HEADING.finditer(text))
+    trees = []
+    for title, following in zip(titles, [*titles[1:], None], strict=True):
+        section = text[title.end() : following.start() if following else None]
+        pages = [f"{found['text']} <{found['path'].rpartition('.')[0]}>" for found in LINK.finditer(section)]
+        options = f":hidden:\n:caption: {title['title']}\n"
+        trees.append("\n".join(["```{toctree}", options, *pages, "```"]))
+    return "\n\n".join(trees)
+
+
+def moved_links(text: str, source: Path, page: Path) -> str:
+    """The text of a file with links that are right on its page; a link to a folder becomes text."""
+
+    def moved(found: re.Match[str]) -> str:
+        target = (source.parent / found["path"]).resolve()
+        if target.is_dir():
+            return found["text"]
+        if not target.exists():
+            return found[0]
+        path = os.path.relpath(PLACES.get(target, target), page.parent)
+        return f"[{found['text']}]({path}{found['anchor'] or ''})"
+
+    return LINK.sub(moved, text)
+
+
+def read_page(app, name: str, source: list[str]) -> None:
+    page = HERE / f"{name}.md"
+    origin = {place: outside for outside, place in PLACES.items()}.get(page, page)
+    if not origin.exists():
+        return  # not Markdown
+    if origin != page:
+        app.env.note_dependency(origin)
+        source[0] = origin.read_text(encoding="utf-8")
+    source[0] = moved_links(source[0], origin, page)
+    if name == root_doc:
+        source[0] += "\n" + contents(source[0]) + "\n"
+
+
+def setup(app) -> None:
+    app.connect("source-read", read_page)

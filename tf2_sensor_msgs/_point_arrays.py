@@ -25,7 +25,7 @@ _KINDS = {
 }
 
 
-def _dtype(fields: Iterable[Any], point_step: int | None, order: str) -> np.dtype[Any]:
+def _dtype(fields: Iterable[Any], point_step: int | None, order: str) -> "np.dtype[Any]":
     # A field of several numbers becomes as many fields: name_0, name_1, ...
     names: list[str] = []
     formats: list[str] = []

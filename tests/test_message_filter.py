@@ -959,7 +959,7 @@ class TestUnspunNode:
         assert self.warnings(capfd) == 1
 
     def test_a_subscription_of_the_node_is_warned_of(self, tf2_ros, node, buffer, capfd):
-        subscription = node.create_subscription(PointStamped, "points", print, 10)
+        subscription = node.create_subscription(PointStamped, "points", lambda _: None, 10)
         filter = tf2_ros.MessageFilter(subscription, buffer, "map", 0, node=node)
         filter.registerCallback(print)
         assert self.warnings(capfd) == 1

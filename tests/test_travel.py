@@ -395,7 +395,7 @@ def test_the_last_values_that_a_state_may_hold_are_taken(buffer):
 
 def test_a_static_frame_without_its_sample_is_refused(buffer):
     state = buffer.__getstate__()
-    at = state["frames"][:3, 1].sum()
+    at = int(state["frames"][:3, 1].sum())
     state["frames"][3, 1] = 0
     for key in ("stamps", "transforms", "parents"):
         state[key] = np.delete(state[key], at, axis=0)

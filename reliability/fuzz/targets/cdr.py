@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reliability.fuzz.faults import Fault
 from reliability.fuzz.targets import cdr_ros
@@ -30,7 +31,7 @@ def run(data: bytes) -> None:
         raise Fault(f"{taken} of {count} transforms taken, {core.statistics()}")
 
 
-def _check_refused(exact: np.ndarray[Any, Any]) -> None:
+def _check_refused(exact: NDArray[Any]) -> None:
     # None of these buffers ever holds anything; a new one would take most of the time.
     try:
         _untouched.set_transforms_cdr(exact, "fuzz")

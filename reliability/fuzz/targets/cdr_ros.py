@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 
 from reliability.fuzz.faults import Fault, is_same_state
@@ -45,7 +46,7 @@ def run(data: bytes) -> None:
         raise Fault(f"{taken} of {len(ours)} transforms taken, {core.statistics()}")
 
 
-def _check_refused(core: BufferCore, exact: np.ndarray[Any, Any]) -> None:
+def _check_refused(core: BufferCore, exact: NDArray[Any]) -> None:
     core._self_check()
     if not is_same_state(core.__getstate__(), _EMPTY | {"malformed": 1}):
         raise Fault("a malformed message has changed the buffer")
@@ -67,7 +68,7 @@ class _Connection:
     topic = "/tf"
 
 
-def _check_prefix(exact: np.ndarray[Any, Any], ours: list[Any]) -> None:
+def _check_prefix(exact: NDArray[Any], ours: list[Any]) -> None:
     for plain, prefixed in zip(ours, read_transforms(exact, _PREFIXED), strict=True):
         for name, found in (
             (plain.header.frame_id, prefixed.header.frame_id),

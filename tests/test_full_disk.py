@@ -104,9 +104,7 @@ def test_a_report_for_machines(recording, limited):
 
 def test_a_disk_that_is_full(recording, full):
     for name in ("way.csv", "plot.png"):
-        if name == "robot.rrd":
-        pytest.importorskip("rerun")
-    words = OF_BAGS[name].format(bag=recording, target=full[0] / name).split()
+        words = OF_BAGS[name].format(bag=recording, target=full[0] / name).split()
         refuses_to_write("tf2_bag", words, full, name)
         (full[0] / name).unlink()
 

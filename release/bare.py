@@ -26,7 +26,7 @@ xargs
 """.split()
 # How this machine reaches package registries.
 NETWORK = ("http_proxy", "https_proxy", "no_proxy", "HTTP_PROXY", "HTTPS_PROXY", "NO_PROXY")
-CERTIFICATES = ("PIP_INDEX_URL", "PIP_EXTRA_INDEX_URL", "PIP_CERT", "SSL_CERT_FILE", "REQUESTS_CA_BUNDLE")
+CERTIFICATES = ("SSL_CERT_FILE", "SSL_CERT_DIR", "REQUESTS_CA_BUNDLE")
 
 # What --quick runs of the tests: the engine, topics over DDS, programs, and names.
 QUICK = """
@@ -79,7 +79,11 @@ def _prepare(place, user):
 
 
 def _environment(place):
-    kept = {name: os.environ[name] for name in (*NETWORK, *CERTIFICATES) if name in os.environ}
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if name in (*NETWORK, *CERTIFICATES) or name.startswith("PIP_")  # which registry, above all
+    }
     return {
         **kept,
         "HOME": str(place / "home"),

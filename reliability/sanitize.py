@@ -34,6 +34,9 @@ NOT_HERE = {
     "tests/test_bench.py": "measures instructions and times",
     "tests/test_colcon.py": "builds the package anew, without a sanitizer",
     "tests/test_docs.py": "runs what builds the package anew, and what takes hours with a sanitizer",
+    "tests/test_fuzz.py::test_no_input_of_corpus_or_crashes_shows_a_fault[segments]": "spoils what is "
+    "checked",
+    "tests/test_fuzz.py::test_targets_take_their_seeds_and_any_bytes[segments]": "spoils what is checked",
     "tests/test_leaks.py": "counts what Python's allocator counts, which is not used",
     "tests/test_packaging.py": "builds the package anew, without a sanitizer",
     "tests/test_portable.py": "lists what extensions call, and these call a sanitizer",

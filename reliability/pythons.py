@@ -31,6 +31,19 @@ def add_arguments(parser):
     )
 
 
+def environment_of_children(**variables):
+    """
+    This environment with these variables, for another Python.
+
+    A Python that has the ROS wheels leaves a mark and its own library path to its children. One of another
+    environment would take the mark for its own and not find its libraries.
+    """
+    environment = {**os.environ, **variables}
+    if environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None):
+        environment.pop("LD_LIBRARY_PATH", None)
+    return environment
+
+
 def interpreters(paths=()):
     """
     By version, the path of an interpreter, or None where none is found.
@@ -58,9 +71,7 @@ def run_on_all(arguments, paths=()):
         else:
             usable = python if _has_all(python) else _environment(version, python)
             folder = build(f"py{version.replace('.', '')}", python=usable, **COMPILER)
-        environment = {**os.environ, "PYTHONPATH": str(folder)}
-        if environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None):
-            environment.pop("LD_LIBRARY_PATH", None)
+        environment = environment_of_children(PYTHONPATH=str(folder))
         if subprocess.run([usable, *arguments], cwd=folder, env=environment).returncode:
             failed.append(version)
     missing = [version for version, python in found.items() if python is None]

@@ -30,6 +30,7 @@ from itertools import combinations, pairwise
 from pathlib import Path
 
 from reliability.own_domain import ROOT, use_own_domain
+from reliability.pythons import environment_of_children
 
 WARM_UP_S, WARM_UP_SHARE = 35.0, 0.1  # whichever is longer
 WINDOWS = 9
@@ -97,10 +98,8 @@ class Soak:
 
     def __init__(self, leak_bytes):
         origin_ns = time.monotonic_ns()
-        environment = {**os.environ, "PYTHONFAULTHANDLER": "1", "PYTHONUNBUFFERED": "1"}
-        environment["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), environment.get("PYTHONPATH")]))
-        if environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None):
-            environment.pop("LD_LIBRARY_PATH", None)
+        path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+        environment = environment_of_children(PYTHONFAULTHANDLER="1", PYTHONUNBUFFERED="1", PYTHONPATH=path)
 
         def start(module, *arguments):
             return subprocess.Popen(

@@ -19,6 +19,7 @@ from rclpy.serialization import serialize_message
 from rclpy.time import Time
 
 from reliability.own_domain import ROOT
+from reliability.pythons import environment_of_children
 from reliability.stress_readers import Reader
 from reliability.stress_truth import (
     CACHE_S,
@@ -292,9 +293,7 @@ class Round:
     # Other processes.
 
     def _start_peer(self, *arguments):
-        environment = {**os.environ, "PYTHONFAULTHANDLER": "1"}
-        if environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None):
-            environment.pop("LD_LIBRARY_PATH", None)
+        environment = environment_of_children(PYTHONFAULTHANDLER="1")
         return subprocess.Popen(
             [sys.executable, "-m", "reliability.stress_peer", *map(str, arguments)],
             cwd=ROOT,

@@ -17,6 +17,14 @@ SITE = Path("lib", f"python{sys.version_info.major}.{sys.version_info.minor}", "
 INDEX = Path("share", "ament_index", "resource_index", "packages")
 
 
+def backend_at(folder, name):
+    """The build's hooks in this folder, as a module of this name; the path stays as it is."""
+    spec = importlib.util.spec_from_file_location(name, folder / "__init__.py")
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 def checkout_copy(target):
     """The checkout's own files, without anything built."""
     skip = ["*.so", "*.egg-info", "__pycache__", "_built.py"]

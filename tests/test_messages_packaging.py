@@ -10,19 +10,14 @@ import tarfile
 from pathlib import Path
 
 import pytest
-from installing import messages_copy
+from installing import backend_at, messages_copy
 
 ROOT = Path(__file__).resolve().parents[1]
 
 pytestmark = pytest.mark.ours
 
 # By its place: a folder `backend` on the path may be anybody's.
-_spec = importlib.util.spec_from_file_location(
-    "messages_backend", ROOT / "messages" / "backend" / "__init__.py"
-)
-backend = importlib.util.module_from_spec(_spec)
-sys.modules["messages_backend"] = backend
-_spec.loader.exec_module(backend)
+backend = backend_at(ROOT / "messages" / "backend", "messages_backend")
 environment = backend.environment
 
 

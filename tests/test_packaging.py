@@ -12,15 +12,12 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from installing import checkout_copy
+from installing import backend_at, checkout_copy
 
 ROOT = Path(__file__).resolve().parents[1]
 
 # By its place and not by the path: the path must not make the checkout's packages importable.
-_spec = importlib.util.spec_from_file_location("build_backend", ROOT / "build_backend" / "__init__.py")
-build_backend = importlib.util.module_from_spec(_spec)
-sys.modules["build_backend"] = build_backend
-_spec.loader.exec_module(build_backend)
+build_backend = backend_at(ROOT / "build_backend", "build_backend")
 environment = build_backend.environment
 
 
@@ -68,7 +65,7 @@ def test_an_old_python_is_refused_before_setuptools_is_asked(monkeypatch):
     monkeypatch.setattr(sys, "version_info", (3, 9, 18, "final", 0))
     monkeypatch.setitem(sys.modules, "setuptools", None)
     with pytest.raises(SystemExit, match="needs Python 3.10 or newer, and this is 3.9"):
-        _spec.loader.exec_module(importlib.util.module_from_spec(_spec))
+        backend_at(ROOT / "build_backend", "build_backend_of_an_old_python")
 
 
 def test_numpy_is_all_that_an_install_without_extras_needs():

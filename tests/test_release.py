@@ -14,13 +14,6 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 from release import bare, wheels  # noqa: E402
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-
 
 @pytest.mark.parametrize("path", [*bare.QUICK, *(f"tests/{name}" for name in wheels.OF_SOURCES)])
 def test_the_tests_that_are_named_exist(path):
@@ -28,8 +21,8 @@ def test_the_tests_that_are_named_exist(path):
 
 
 def test_what_users_install_has_lower_bounds_and_the_oldest_are_tried():
-    extras = PROJECT["optional-dependencies"]
-    for_users = [PROJECT["dependencies"], *(extras[name] for name in ("rerun", *wheels.OLDEST_EXTRAS))]
+    extras = wheels.PROJECT["optional-dependencies"]
+    for_users = [wheels.PROJECT["dependencies"], *(extras[name] for name in ("rerun", *wheels.OLDEST_EXTRAS))]
     required = [Requirement(text) for texts in for_users for text in texts]
     assert [one.name for one in required if ">=" not in str(one.specifier)] == []
     tried = {text.partition("==")[0] for text in wheels.oldest_requirements()}
@@ -38,4 +31,4 @@ def test_what_users_install_has_lower_bounds_and_the_oldest_are_tried():
 
 def test_all_extras_for_users_are_known_to_the_test_of_the_oldest():
     others = {"ros", "ros-kilted", "rerun", "test", "bench", "docs", "release", "dev"}
-    assert set(PROJECT["optional-dependencies"]) - others == set(wheels.OLDEST_EXTRAS)
+    assert set(wheels.PROJECT["optional-dependencies"]) - others == set(wheels.OLDEST_EXTRAS)

@@ -34,7 +34,7 @@ $(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS w
 $(shell rm -rf $(VENV))
 endif
 
-.PHONY: allocations bare bench build clean demo docs fuzz guard hosts leaks lint matrix model mutate oldest sanitize soak stress test wheels
+.PHONY: allocations bare bench build clean demo docs fuzz guard hosts leaks lint matrix model mutate oldest pictures sanitize soak stress test wheels
 
 # TESTS: some of them, as `make test TESTS=tests/test_buffer.py`.
 test: $(VENV)/installed.stamp
@@ -50,6 +50,10 @@ bench: $(VENV)/bench.stamp $(VENV)/installed.stamp
 # The site of the pages in docs/ and of the docstrings: build/docs/index.html.
 docs: $(VENV)/docs.stamp $(VENV)/installed.stamp
 	$(PY) -m sphinx -E -W --keep-going -q -d build/doctrees docs build/docs
+
+# docs/images, anew.
+pictures: $(VENV)/docs.stamp $(VENV)/installed.stamp
+	$(PY) docs/pictures.py
 
 guard: $(VENV)/installed.stamp
 	$(PY) -m bench.guard

@@ -127,7 +127,8 @@ def wheel(python, version, source):
     folder = SCRATCH / f"wheels-{version}"
     name = source.name.rpartition("-")[0]
     if not any(folder.glob(f"repaired/{name}-*.whl")):
-        run([python, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", folder, source])
+        builder = _environment_of(python, SCRATCH / f"builder-{version}")
+        run([builder, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", folder, source])
         [built] = folder.glob(f"{name}-*.whl")
         # Libraries of ROS are found when a program runs, and ROS opens those of tf2_msgs by their names.
         options = ["--exclude", "lib*"] if "msgs" in name else []
@@ -157,9 +158,7 @@ def tested(python, version, release, wheels, requirements, of_pytest):
     :param requirements: None: the newest of all that the project and its tests require. Otherwise these, and
         of the tests' own only what all of them use.
     """
-    environment = SCRATCH / f"environment-{version}-{release}"
-    run([python, "-m", "venv", environment])
-    usable = environment / "bin" / "python"
+    usable = _environment_of(python, SCRATCH / f"environment-{version}-{release}")
     extras = ["test"] if requirements is None else OLDEST_EXTRAS
     engine, messages = wheels
     wanted = [f"tf2-ros-cython[{','.join([RELEASES[release], *extras])}] @ file://{engine}"]
@@ -171,6 +170,12 @@ def tested(python, version, release, wheels, requirements, of_pytest):
     command = [usable, "-m", "pytest", "-p", "no:cacheprovider"]
     command += of_pytest or [f"--ignore=tests/{name}" for name in OF_SOURCES]
     return subprocess.run(command, cwd=suite, env=_environment()).returncode == 0
+
+
+def _environment_of(python, folder):
+    """A Python in a new environment, which has pip; a system's own often has none."""
+    run([python, "-m", "venv", folder])
+    return folder / "bin" / "python"
 
 
 def _copy_suite(folder):

@@ -68,6 +68,7 @@ from tf2_ros._receive.recording cimport Recording, Records, records_add, records
 from tf2_ros._receive.type_watch cimport (
     TypeWatch,
     type_watch_begin,
+    type_watch_goes_on,
     type_watch_is_unchanged,
     type_watch_permits,
 )
@@ -258,7 +259,6 @@ cdef class Receiver:
         self._context = <rcl_context_t*><uintptr_t>context
         self._guard = <const rcl_guard_condition_t*><uintptr_t>guard
         self._clock = <rcl_clock_t*><uintptr_t>clock
-        self._watch.spent = False
         self._topics = []
         self._count = 0
         for number, subscription, event, topic, is_static in sources:
@@ -297,6 +297,12 @@ cdef class Receiver:
         cdef size_t i
         cdef int64_t now_ns = monotonic_ns()
         cdef int64_t wake_check_ns = 0
+        if not self._watch.has_versions:
+            # What was found holds for what is there now; for what comes later, it is found again.
+            for i in range(self._count):
+                if self._drain(i, now_ns) != RCL_RET_OK:
+                    return OUTCOME_FAILED
+            type_watch_goes_on(&self._watch)
         while rcl_context_is_valid(self._context):
             result = self._arm(now_ns >= wake_check_ns)
             if now_ns >= wake_check_ns:
@@ -354,6 +360,7 @@ cdef class Receiver:
             )
             if result != RCL_RET_OK:
                 break
+            type_watch_goes_on(&self._watch)
             arrivals_took(self._counts, self._sources[index].number, now_ns)
             self._take_message(index)
             if self._message.buffer_capacity > KEEP_BYTES:

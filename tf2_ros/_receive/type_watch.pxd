@@ -1,6 +1,6 @@
 """Whether an attribute of a type or of an object has changed, as the receive loop asks without the GIL."""
 
-from tf2_py._internal cimport flag_is_set
+from tf2_py._internal cimport flag_is_set, flag_set
 
 cdef extern from "Python.h":
     ctypedef struct CPythonType "PyTypeObject":
@@ -14,8 +14,9 @@ cdef enum:
 cdef struct TypeWatch:
     CPythonType* types[MAX_TYPES]       # kept alive by whoever watches; NULL: none
     unsigned int versions[MAX_TYPES]    # when the watch began
+    bint has_versions                   # otherwise a change of a type cannot be seen
     bint changed                        # a flag: an attribute of an object has changed, or the watch ran out
-    bint spent                          # a type has no version, and the one permit for that was used
+    bint ran_out                        # without versions: a message was taken, or waited for, since it began
 
 
 # Begins anew: nothing has changed.
@@ -30,6 +31,14 @@ cdef inline bint type_watch_is_unchanged(const TypeWatch* watch) noexcept nogil:
     return not flag_is_set(&watch.changed)
 
 
-# Whether a message may be taken on what was found when the watch began. A type whose attributes change very
-# often gets no version: it is looked at again for each message.
-cdef bint type_watch_permits(TypeWatch* watch) noexcept nogil
+# Whether a message may be taken on what was found when the watch began. Python gives no version to a type whose
+# attributes change very often: there, what was found holds for one message, and only for one that is there already.
+cdef inline bint type_watch_permits(TypeWatch* watch) noexcept nogil:
+    if watch.ran_out:
+        flag_set(&watch.changed, True)
+    return type_watch_is_unchanged(watch)
+
+
+# A message was taken, or is waited for.
+cdef inline void type_watch_goes_on(TypeWatch* watch) noexcept nogil:
+    watch.ran_out = not watch.has_versions

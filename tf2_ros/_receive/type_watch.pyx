@@ -9,26 +9,12 @@ cdef int type_watch_begin(TypeWatch* watch, list types) except -1:
         raise ValueError(f"{len(types)} types, at most {MAX_TYPES} are possible")
     flag_set(&watch.changed, False)
     watch.types[0] = watch.types[1] = NULL
+    watch.has_versions = True
+    watch.ran_out = False
     for one in types:
         getattr(one, "__init__", None)  # looking an attribute up gives a type its version
         watch.types[i] = <CPythonType*><void*>one
         watch.versions[i] = watch.types[i].tp_version_tag
+        watch.has_versions = watch.has_versions and watch.versions[i] != 0
         i += 1
     return 0
-
-
-cdef bint type_watch_permits(TypeWatch* watch) noexcept nogil:
-    cdef size_t i
-    cdef bint has_versions = True
-    if not type_watch_is_unchanged(watch):
-        return False
-    for i in range(MAX_TYPES):
-        if watch.types[i] != NULL and watch.versions[i] == 0:
-            has_versions = False
-    if has_versions:
-        return True
-    if watch.spent:
-        flag_set(&watch.changed, True)
-        return False
-    watch.spent = True
-    return True

@@ -85,6 +85,7 @@ soak: $(VENV)/installed.stamp
 
 lint: $(VENV)/dev.stamp
 	$(PY) -m ruff check .
+	$(PY) -m ruff format --check .
 	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" cython-lint $(PACKAGES)
 	$(PY) -m build_backend.hints $(PACKAGES)
 	$(PY) -m mypy $(PACKAGES)

@@ -10,8 +10,8 @@ from pathlib import Path
 
 
 def missing_tools(environ=os.environ):
-    """One line for each thing that the build needs and pip cannot bring, with what to install."""
-    missing = []
+    """One line for each thing that the build needs and pip cannot bring, with what to do about it."""
+    missing = missing_of_python()
     command = environ.get("CC") or sysconfig.get_config_var("CC") or "gcc"
     program = shlex.split(command)[0]
     if not shutil.which(program, path=environ.get("PATH")):
@@ -21,16 +21,28 @@ def missing_tools(environ=os.environ):
     return missing
 
 
-def refuse_old_cython():
-    """End the build where Cython is lacking or too old: colcon, unlike pip, installs nothing for a build."""
+def missing_of_python():
+    """One line for each thing that this Python, or its system, is not."""
+    missing = []
+    if sys.implementation.name != "cpython":
+        missing.append(f"no CPython: this is {sys.implementation.name}, whose objects are laid out otherwise")
+    if sysconfig.get_config_var("Py_GIL_DISABLED"):
+        missing.append("no global interpreter lock: use the build of this Python that has it")
+    if os.name != "posix":
+        missing.append("no POSIX system: use Linux, or WSL on Windows")
+    return missing
+
+
+def refuse_other_cython():
+    """End the build where there is not the right Cython: colcon, unlike pip, installs nothing for a build."""
     try:
         version = importlib.import_module("Cython").__version__
     except ImportError:
         version = None
-    if version is None or tuple(map(int, version.split(".")[:2])) < (3, 2):
+    if version is None or version.split(".")[:2] != ["3", "2"]:
         found = f"has {version}" if version else "has none"
         raise SystemExit(
-            f"tf2-ros-cython needs Cython 3.2 or newer, and {sys.executable} {found}: with that Python,"
+            f"tf2-ros-cython needs Cython 3.2, and {sys.executable} {found}: with that Python,"
             " pip install --user 'Cython>=3.2,<3.3'"
         )
 

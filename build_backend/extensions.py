@@ -56,7 +56,7 @@ class BuildExtensions(build_ext):
 
     def run(self):
         environment.refuse_incomplete()
-        environment.refuse_old_cython()
+        environment.refuse_other_cython()
         # An in-place build keeps its folders, so that the next one makes only what has changed; an editable
         # install would give it new ones every time.
         if self.inplace:

@@ -29,8 +29,16 @@ def add_to(wheel):
             if item.filename.endswith(".dist-info/RECORD"):
                 data += _record_line()
             new.writestr(item, data)
-        new.writestr(NAME, LINE)
+        new.writestr(_entry(), LINE)
     made.replace(wheel)
+
+
+def _entry():
+    # Of no day, so that two builds of the same sources give the same file.
+    entry = zipfile.ZipInfo(NAME)
+    entry.compress_type = zipfile.ZIP_DEFLATED
+    entry.external_attr = 0o644 << 16
+    return entry
 
 
 def _record_line():

@@ -42,7 +42,7 @@ nitpicky = True
 # Pages outside this folder, and their places on the site.
 PLACES = {
     ROOT / f"{name}.md": HERE / "site" / f"{name.lower()}.md"
-    for name in ("README", "CONTRIBUTING", "SECURITY")
+    for name in ("README", "CHANGELOG", "CONTRIBUTING", "SECURITY")
 }
 LINK = re.compile(r"\[(?P<text>[^\]]*)\]\((?P<path>[^)\s#:]+)(?P<anchor>#[^)\s]*)?\)")
 HEADING = re.compile(r"^## (?P<title>.*)$", re.MULTILINE)

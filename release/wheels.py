@@ -103,8 +103,9 @@ def main(arguments=None):
 
 
 def source_distributions(releases):
-    """Make them anew; by what they are."""
-    shutil.rmtree(SCRATCH, ignore_errors=True)
+    """Make them anew; by what they are. What lies in dist afterwards is of this run alone."""
+    for folder in (SCRATCH, DIST):
+        shutil.rmtree(folder, ignore_errors=True)
     SCRATCH.mkdir(parents=True)
     made = {"engine": _source_distribution(ROOT)}
     for name in releases:

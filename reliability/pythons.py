@@ -11,7 +11,7 @@ from reliability.builds import BUILDS, ROOT, build
 VERSIONS = ("3.10", "3.11", "3.12", "3.13", "3.14")
 NEEDED = ("ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces", "./messages")
 COMPILER = {"CC": "ccache gcc"} if shutil.which("ccache") else {}
-TO_BUILD = ("setuptools>=77.0.3", "Cython>=3.1", "numpy>=2")
+TO_BUILD = ("setuptools>=77.0.3", "Cython>=3.2,<3.3", "numpy>=2")
 
 
 def add_arguments(parser):

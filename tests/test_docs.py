@@ -188,6 +188,7 @@ RUN_ELSEWHERE = {
     "colcon build": ("test_colcon.py", '[colcon, "build", *options]'),
     "source install/setup.bash": ("test_colcon.py", "install/setup.bash"),
     "source .venv/bin/activate": ("../Makefile", "-m venv"),
+    "source ~/tf2/bin/activate": ("test_docs.py", '"bin" / "activate"'),
     "ros2 run tf2_ros_cython tf2_which": ("test_colcon.py", '"tf2_which"'),
     "evo_traj mcap drive.mcap /tf:map.base_link --save_as_tum": (
         "test_evo.py",
@@ -237,6 +238,9 @@ def check_command(command, folder):
             check_pip_install(arguments)
         case ["pip", "uninstall", name]:
             assert name == PYPROJECT["project"]["name"]
+        case ["python3", "-m", "venv", *options, _place]:
+            subprocess.run([sys.executable, "-m", "venv", "--without-pip", *options, folder], check=True)
+            assert (folder / "bin" / "activate").is_file()
         case ["python", "-m", "pytest", *arguments]:
             check_pytest(arguments)
         case ["python", "-m", ("tf2_ros_cython" | "tf2_ros.cli.which") as module]:

@@ -1,9 +1,11 @@
 """A full disk: every program that writes says so in one line, and leaves what was there."""
 
+import importlib
 import os
 import resource
 import signal
 import subprocess
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -21,6 +23,13 @@ BEFORE = "what was there before"
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     return str(write_mcap(tmp_path_factory.mktemp("bag") / "drive.mcap", drive(100)))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def fonts():
+    """Matplotlib writes down once which fonts there are; where it cannot, it says so."""
+    with suppress(ImportError):
+        importlib.import_module("matplotlib.font_manager")
 
 
 @pytest.fixture

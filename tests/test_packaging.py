@@ -7,9 +7,11 @@ import os
 import re
 import subprocess
 import sys
+import sysconfig
 import tarfile
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from installing import backend_at, checkout_copy
@@ -50,15 +52,33 @@ def test_missing_compilers_are_named_with_what_to_install(tmp_path):
         environment.refuse_incomplete({"PATH": str(tmp_path)})
 
 
-@pytest.mark.parametrize(("installed", "said"), [("3.1.8", "has 3.1.8"), (None, "has none")])
-def test_an_old_cython_is_refused_with_what_to_install(monkeypatch, tmp_path, installed, said):
+@pytest.mark.parametrize(
+    ("installed", "said"), [("3.1.8", "has 3.1.8"), ("3.3.0", "has 3.3.0"), (None, "has none")]
+)
+def test_another_cython_is_refused_with_what_to_install(monkeypatch, tmp_path, installed, said):
     if installed:
         (tmp_path / "Cython.py").write_text(f"__version__ = {installed!r}")
     monkeypatch.setattr(sys, "path", [str(tmp_path)])
     monkeypatch.setitem(sys.modules, "Cython", None)  # so that what is imported now is not there afterwards
     monkeypatch.delitem(sys.modules, "Cython")
     with pytest.raises(SystemExit, match=f"{said}: with that Python, pip install --user 'Cython>=3.2,<3.3'"):
-        environment.refuse_old_cython()
+        environment.refuse_other_cython()
+
+
+@pytest.mark.parametrize(
+    ("mocked", "said"),
+    [
+        ((sys, "implementation", SimpleNamespace(name="pypy")), "no CPython: this is pypy"),
+        ((os, "name", "nt"), "no POSIX system: use Linux, or WSL on Windows"),
+        ((sysconfig, "get_config_var", lambda name: 1), "no global interpreter lock"),
+    ],
+    ids=["PyPy", "Windows", "free-threaded"],
+)
+def test_a_python_that_the_extensions_cannot_run_in_is_refused(monkeypatch, mocked, said):
+    with monkeypatch.context() as patched:
+        patched.setattr(*mocked)
+        [missing] = environment.missing_of_python()
+    assert missing.startswith(said)
 
 
 def test_an_old_python_is_refused_before_setuptools_is_asked(monkeypatch):

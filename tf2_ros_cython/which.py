@@ -1,8 +1,10 @@
 """Owns the program that prints which tf2 a program started like this one imports, and why."""
 
 import importlib
+import importlib.metadata
 import importlib.util
 import os
+import platform
 import signal
 import sys
 from importlib.machinery import PathFinder
@@ -10,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tf2_ros_cython import _finder, _ros
+from tf2_ros_cython._version import __version__
 
 __all__ = ["main"]
 
@@ -56,6 +59,7 @@ def _answer() -> tuple[list[str], int]:
     lines.append(f"receiver: {_receiver(folders['tf2_ros'])}")
     lines.append(f"shared buffer: {_shared_buffer(folders['tf2_ros'])}")
     lines.append(f"ROS 2: {_running_ros()}")
+    lines.append(f"version: {_versions(folders['tf2_msgs'])}")
     return lines, 0 if are_ours and failure is None else 1
 
 
@@ -192,6 +196,19 @@ def _running_ros() -> str:
         return "a module of this program's own in its place"
     version = _ros.rclpy_version(prefix)
     return f"{_ros.describe(version) if version else 'of unknown version'} in {prefix}"
+
+
+def _versions(messages: Path | None) -> str:
+    """What a report of a fault names."""
+    named = [f"tf2-ros-cython {__version__}"]
+    release = None if messages is None else _ros.messages_release(messages / "tf2_msgs")
+    if release is not None:
+        name = f"tf2-ros-cython-msgs-{release.lower()}"
+        try:
+            named.append(f"{name} {importlib.metadata.version(name)}")
+        except importlib.metadata.PackageNotFoundError:
+            named.append(f"{name} that no pip installed")
+    return ", ".join([*named, f"Python {platform.python_version()}"])
 
 
 if __name__ == "__main__":

@@ -110,15 +110,26 @@ def _as_array(times: Any) -> np.ndarray:
 
 
 def _since_1970(times: np.ndarray) -> np.ndarray:
-    """The nanoseconds of datetime64 of any unit; NumPy's conversion wraps around where they do not fit."""
+    """The nanoseconds of datetime64 of any unit."""
     import numpy as np
 
-    exact = times.astype("datetime64[ns]")
-    inexact = np.flatnonzero(exact.astype(times.dtype) != times)  # NaT differs from itself
-    if inexact.size:
+    try:
+        exact = times.astype("datetime64[ns]")
+        inexact = np.flatnonzero(exact.astype(times.dtype) != times).tolist()  # NaT differs from itself
+    except OverflowError:  # NumPy before 2.5 wraps around instead
+        inexact = [i for i, time in enumerate(times) if not _is_exact(time)]
+    if inexact:
         i = inexact[0]
         raise ValueError(f"times[{i}] is {times[i]}: no whole number of nanoseconds that fits into 64 bits")
     return np.ascontiguousarray(exact).view(np.int64)
+
+
+def _is_exact(time: np.datetime64) -> bool:
+    try:
+        time_ns(time, "time")
+    except (OverflowError, ValueError):
+        return False
+    return True
 
 
 def _nanoseconds(times: Iterable[Any], wanted: str) -> list[int]:

@@ -143,8 +143,12 @@ cdef int64_t _datetime64_ns(object value, str argument) except? -1:
         raise TypeError(f"{_without_fields(argument, value)}: use {_times_to_use()}")
     if numpy.isnat(value):
         raise ValueError(f"{argument} is NaT, which is no time: use 0 for the latest")
-    converted = value.astype("datetime64[ns]")
-    if converted.astype(value.dtype) != value:      # NumPy wraps around
+    try:
+        converted = value.astype("datetime64[ns]")
+        is_exact = converted.astype(value.dtype) == value   # NumPy before 2.5 wraps around; later ones raise
+    except OverflowError:
+        is_exact = False
+    if not is_exact:
         raise OverflowError(f"{argument} = {value} is no whole number of nanoseconds that fits into 64 bits")
     return converted.astype("int64")
 

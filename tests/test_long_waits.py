@@ -1,10 +1,16 @@
-"""TF2_DEBUG=1: waits that last longer than a second log, once, what they lack."""
+"""TF2_DEBUG=1: waits that last long log what they lack, after one second and after ten."""
 
 import os
+import re
 import subprocess
 
 import pytest
-from processes import DEADLINE_S, start
+from making import transform
+from processes import DEADLINE_S, start, until
+from rclpy.time import Time
+
+import tf2_ros
+from tf2_ros._wait import long_waits
 
 pytestmark = pytest.mark.ours
 
@@ -27,10 +33,27 @@ def errors(**environment):
     return errors
 
 
-def test_each_wait_logs_once_what_it_lacks():
+def test_each_wait_logs_what_it_lacks():
     logged = errors(TF2_DEBUG="1")
     assert [logged.count(line) for line in LINES] == [1, 1, 1]
     assert logged.count("After 1 s, a lookup still waits for the transform") == len(LINES)
+
+
+def test_a_wait_that_goes_on_logs_once_more(monkeypatch, capfd):
+    monkeypatch.setattr(long_waits, "DEBUG", True)
+    monkeypatch.setattr(long_waits, "AFTER_S", (0.1, 0.3))
+    buffer, seen = tf2_ros.Buffer(), []
+    future = buffer.wait_for_transform_async("map", "lidar", Time())
+
+    def logged():
+        seen.extend(re.findall(r"After (\S+) s, a lookup still waits", capfd.readouterr().err))
+        return seen
+
+    until(lambda: len(logged()) == 1)
+    buffer.set_transform_static(transform("map", "odom"), "test")
+    until(lambda: len(logged()) == 2)
+    assert seen == ["0.1", "0.3"]
+    assert not future.done()
 
 
 def test_without_the_variable_nothing_is_logged():

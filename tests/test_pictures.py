@@ -48,6 +48,8 @@ def stream(frame, parent="map", publisher="/robot", static=False, **figures):
         "first": 3.0,
         "silence": 0.01,
         "stalled": 0.01,
+        "refused": 0,
+        "refused_because": "",
         **timed,
         **figures,
     }
@@ -235,10 +237,10 @@ class TestHeard:
         ns = int(BEGIN) * 10**9
         records = np.array(
             [
-                (ns + 20, ns + 10, 1, 0, 0, 0),
-                (ns + 30, ns + 10, 2, 1, 0, 1),
-                (ns + 40, ns + 10, 1, 0, 1, 0),
-                (ns + 10**9, ns, 1, 0, 0, 0),
+                (ns + 20, ns + 10, 1, 0, 0, 0, 0),
+                (ns + 30, ns + 10, 2, 1, 0, 1, 0),
+                (ns + 40, ns + 10, 1, 0, 1, 0, 0),
+                (ns + 10**9, ns, 1, 0, 0, 0, 0),
             ],
             RECORD,
         )

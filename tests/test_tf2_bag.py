@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import math
 import os
 import resource
 import signal
@@ -326,8 +327,9 @@ class TestInfo:
         assert said[0] == said[1]
 
 
+NAN = (math.nan, 0.0, 0.0)
 FAULTS = [
-    # Loop, second tree, two parents in turn, static and dynamic, future, gap, end.
+    # Loop, second tree, two parents in turn, static and dynamic, future, gap, NaN, end.
     *(Sent(101 * S + i * S // 10, "/tf", [Tf("a", "b", 101 * S + i * S // 10)]) for i in range(80)),
     *(Sent(101 * S + i * S // 10, "/tf", [Tf("b", "a", 101 * S + i * S // 10)]) for i in range(80)),
     Sent(101 * S, "/tf_static", [Tf("sea", "boat", 0)]),
@@ -342,6 +344,10 @@ FAULTS = [
         for i in range(80)
         if not 30 < i < 60
     ),
+    *(
+        Sent(101 * S + i * S // 10, "/tf", [Tf("base", "broken", 101 * S + i * S // 10, NAN)])
+        for i in range(80)
+    ),
     *(Sent(100 * S + i * S // 10, "/tf", [Tf("base", "gone", 100 * S + i * S // 10)]) for i in range(30)),
 ]
 PLANTED = {
@@ -352,6 +358,7 @@ PLANTED = {
     ("stale", "gone"),
     ("future", "ahead"),
     ("gap", "gappy"),
+    ("refused", "broken"),
 }
 
 
@@ -368,8 +375,9 @@ class TestCheck:
         *lines, verdict = out.splitlines()
         assert status == 1
         assert "parents: twofold has 2 parents in turn: map, odom" in lines
+        assert "refused: 80 of 80 transforms of broken by /tf are refused: a number is NaN" in lines
         assert "stale: gone was last received 7 s before the end; its period is 0.1 s" in lines
-        assert verdict == f"wrong: 11 frames in {202 + len(FAULTS)} transforms and 10 s"
+        assert verdict == f"wrong: 12 frames in {202 + len(FAULTS)} transforms and 10 s"
 
     def test_a_healthy_recording_passes(self, run, drive_mcap, tmp_path):
         expected = tmp_path / "robot.yaml"

@@ -29,7 +29,7 @@ def at(seconds):
     return START_NS + round(seconds * S)
 
 
-def heard(received, child, parent="map", publisher="/odometry", delay=0.01, static=False):
+def heard(received, child, parent="map", publisher="/odometry", delay=0.01, static=False, refusals=0):
     """One record; times in seconds, `received` from the start."""
     return (
         at(received),
@@ -38,6 +38,7 @@ def heard(received, child, parent="map", publisher="/odometry", delay=0.01, stat
         FRAMES.index(parent),
         PUBLISHERS.index(publisher),
         static,
+        refusals,
     )
 
 
@@ -125,6 +126,13 @@ class TestFigures:
         assert one.rate == pytest.approx(50)
         assert one.delay == pytest.approx(0.2)
         assert 4.9 < one.first < 6.1  # the pieces are of a second
+
+    @pytest.mark.parametrize("pieces", [1, 3])
+    def test_count_what_every_buffer_refuses(self, pieces):
+        mine = [heard(i / 10, "base", refusals=8 if i > 3 else 32 if i == 3 else 0) for i in range(10)]
+        [one] = streams_of(mine, pieces=pieces)
+        assert (one.count, one.refused) == (10, 7)
+        assert one.refused_because == "a number is NaN and the translation is infinite"
 
     def test_of_a_slow_frame_the_period_is_known_beyond_the_window(self):
         [one] = streams_of(steady("base", rate=0.1, end=60), now=59, window=5, pieces=60)
@@ -343,6 +351,11 @@ class TestFindings:
     def test_a_frame_both_static_and_dynamic(self):
         assert kinds(found(*ROBOT, steady("camera", "base"))) == [("mixed", "camera")]
 
+    def test_what_every_buffer_refuses(self):
+        [one] = found(*ROBOT, [heard(1, "lidar", "base", static=True, refusals=16)])
+        assert (one.kind, one.frame, one.numbers["refused"]) == ("refused", "lidar", 1)
+        assert one.text.endswith("refused: the rotation is too short or too long")
+
     def test_a_frame_that_is_no_longer_published(self):
         [one] = found(steady("odom", end=2))
         assert one.kind == "stale"
@@ -453,6 +466,7 @@ def random_traffic(generator):
                 "parent": generator.choice(FRAMES[:2]),
                 "publisher": publisher,
                 "static": generator.random() < 0.2,
+                "refusals": generator.choice([0, 0, 1, 8]),
             }
             first, last = (start + generator.choice([0, generator.uniform(0, 0.6)]) for _ in range(2))
             rate, last = generator.choice([(1, first), (5, 4), (20, 4), (20, 2), (20, last)])

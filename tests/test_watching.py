@@ -26,6 +26,7 @@ FAULTS = {
     ("future", "ahead"),
     ("gap", "with_gaps"),
     ("rate", "slow"),
+    ("refused", "broken"),
 }
 HOSTILE, ESCAPED = "x\x1b[2J\x01\nok: 1 frames", r"x\x1b[2J\x01\nok: 1 frames"
 # On a busy machine a healthy robot has gaps, too.
@@ -79,11 +80,11 @@ class TestCheck:
             status, out, err = ended("tf2_check", *map(str, options))
         assert (status, err) == (1, "")
         *findings, verdict = out.splitlines()
-        assert re.fullmatch(r"wrong: 13 frames in \d+ messages and 5 s", verdict)
+        assert re.fullmatch(r"wrong: 14 frames in \d+ messages and 5 s", verdict)
         said = {tuple(line.split(": ", 1)) for line in findings}
         wanted = {
             ("loop", "the frames loop_a -> loop_b -> loop_a form a loop"),
-            ("roots", "2 unconnected trees: map (11 frames), sea (2 frames)"),
+            ("roots", "2 unconnected trees: map (12 frames), sea (2 frames)"),
             ("parents", "two_parents has 2 parents in turn: map, odom"),
             ("publishers", "two_publishers is published by 2 publishers: /fleet/robot, /intruder"),
             ("mixed", "static_and_dynamic is static by /fleet/robot and dynamic by /fleet/robot"),

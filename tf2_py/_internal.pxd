@@ -18,6 +18,7 @@ from tf2_py._core.names cimport (
     names_intern,
 )
 from tf2_py._core.segment cimport ABOUT_AT, BOARD_AT, Board, Segment, segment_head, segment_is_ready
+from tf2_py._core.tree cimport incoming_refusals
 from tf2_py._core.types cimport Incoming
 from tf2_py._engine.engine cimport Engine, SharedMemory
 from tf2_py._engine.sharing cimport SharingEngine

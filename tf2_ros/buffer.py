@@ -118,8 +118,8 @@ class Buffer(BufferCore, BufferInterface):
     steady time, also while time is simulated. NaT and NaN are a ``ValueError``. Translations are in metres,
     rotations are unit quaternions.
 
-    With ``TF2_DEBUG=1`` in the environment when this module is imported, each wait for a transform that lasts
-    longer than a second logs, once, what it lacks; not those by methods that a program has replaced.
+    With ``TF2_DEBUG=1`` in the environment when this module is imported, a wait for a transform logs
+    after one second, and after ten, what it lacks; not those by methods that a program has replaced.
 
     >>> from rclpy.time import Time
     >>> from tf2_ros import Buffer

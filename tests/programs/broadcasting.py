@@ -2,7 +2,8 @@
 Broadcasts the transforms of a robot at 50 Hz, once there is a subscriber: map, odom, base_link, camera.
 
 With the argument `faults` also one frame for each fault, which it names: two_parents, two_publishers, ahead,
-stopped, with_gaps, slow (5 Hz), loop_a and loop_b, island (in a tree of its own), static_and_dynamic.
+stopped, with_gaps, slow (5 Hz), loop_a and loop_b, island (in a tree of its own), static_and_dynamic,
+broken (whose rotation has no length).
 """
 
 import signal
@@ -47,6 +48,9 @@ def main(faults):
         yield made("loop_a", "loop_b")
         yield made("sea", "island")
         yield made("odom", "static_and_dynamic")
+        broken = made("odom", "broken")
+        broken.transform.rotation.w = 0.0
+        yield broken
         if period < STOPPED_AFTER:
             yield made("odom", "stopped")
         if period // GAP % 2 == 0:

@@ -115,13 +115,12 @@ def _since_1970(times: np.ndarray) -> np.ndarray:
 
     try:
         exact = times.astype("datetime64[ns]")
-        inexact = np.flatnonzero(exact.astype(times.dtype) != times).tolist()  # NaT differs from itself
+        if (exact.astype(times.dtype) == times).all():  # NaT differs from itself
+            return np.ascontiguousarray(exact).view(np.int64)
     except OverflowError:  # NumPy before 2.5 wraps around instead
-        inexact = [i for i, time in enumerate(times) if not _is_exact(time)]
-    if inexact:
-        i = inexact[0]
-        raise ValueError(f"times[{i}] is {times[i]}: no whole number of nanoseconds that fits into 64 bits")
-    return np.ascontiguousarray(exact).view(np.int64)
+        pass
+    i = next(i for i, time in enumerate(times) if not _is_exact(time))
+    raise ValueError(f"times[{i}] is {times[i]}: no whole number of nanoseconds that fits into 64 bits")
 
 
 def _is_exact(time: np.datetime64) -> bool:

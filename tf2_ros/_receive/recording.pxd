@@ -1,7 +1,7 @@
 """Who sent which transform when: what a receiver notes of each transform, if it is asked to."""
 
 from libc.stddef cimport size_t
-from libc.stdint cimport int64_t, uint32_t, uint64_t
+from libc.stdint cimport int64_t, uint16_t, uint32_t, uint64_t
 
 from tf2_py._internal cimport Batch, ForkedLock, Lock, Names
 
@@ -13,7 +13,8 @@ cdef struct Record:
     uint32_t child              # id in `frames`
     uint32_t parent             # likewise
     uint32_t publisher          # id in `publishers`
-    uint32_t is_static          # 0 or 1
+    uint16_t is_static          # 0 or 1
+    uint16_t refusals           # for what every buffer refuses it: REFUSED_* bits
 
 
 cdef struct Records:

@@ -14,6 +14,7 @@ from tf2_py._internal cimport (
     Names,
     fork_forget,
     fork_watch,
+    incoming_refusals,
     lock_free,
     lock_init,
     lock_write,
@@ -34,7 +35,8 @@ RECORD = np.dtype([
     ("child", np.uint32),
     ("parent", np.uint32),
     ("publisher", np.uint32),
-    ("static", np.uint32),
+    ("static", np.uint16),
+    ("refusals", np.uint16),
 ])
 
 cdef enum:
@@ -54,7 +56,7 @@ cdef uint32_t _intern_frame(Names* names, const char* text, size_t size) noexcep
 cdef void records_add(
     Records* records, const Batch* batch, int64_t received_ns, const unsigned char* gid, size_t gid_size
 ) noexcept nogil:
-    cdef const Incoming* incoming
+    cdef Incoming incoming
     cdef Record* record
     cdef uint32_t publisher
     cdef size_t i
@@ -65,7 +67,7 @@ cdef void records_add(
         if records.count == records.capacity or publisher == NAME_NO_MEMORY:
             records.lost += 1
             continue
-        incoming = &batch.entries[i].incoming
+        incoming = batch.entries[i].incoming
         record = &records.records[records.count]
         record.received_ns = received_ns
         record.stamp_ns = incoming.stamp_ns
@@ -73,6 +75,7 @@ cdef void records_add(
         record.parent = _intern_frame(&records.frames, incoming.parent, incoming.parent_size)
         record.publisher = publisher
         record.is_static = batch.is_static
+        record.refusals = incoming_refusals(&incoming)
         if record.child == NAME_NO_MEMORY or record.parent == NAME_NO_MEMORY:
             records.lost += 1
         else:
@@ -116,7 +119,8 @@ cdef class Recording:
         What has arrived since the last call.
 
         :return: an array of :data:`RECORD`, in the order of arrival. ``child`` and ``parent`` are indices
-            into :meth:`frames`, ``publisher`` into :meth:`publishers`.
+            into :meth:`frames`, ``publisher`` into :meth:`publishers`; ``refusals`` says by the bits of
+            ``tf2_py._objects.log.REFUSALS`` for what every buffer refuses the transform.
         """
         cdef size_t count
         taken, fresh = self._array, np.empty(self._records.capacity, RECORD)

@@ -18,6 +18,7 @@ KINDS = {
     "parents": "a frame has two parents in turn",
     "publishers": "a frame has two publishers",
     "mixed": "a frame is both static and dynamic",
+    "refused": "buffers refuse transforms of a frame",
     "stale": "a frame is no longer published, or its stamps stand still",
     "future": "stamps are in the future",
     "gap": "a frame was not published for many of its periods",
@@ -78,6 +79,7 @@ def find(
         found += _of_frame(frame, own, alive)
         found += _as_expected(frame, newest_streams(own)[frame], expected)
         for stream in own:
+            found += _refused(stream)
             if not stream.static:
                 found += _of_stream(stream, limits, expected, recorded)
     for frame in expectations.keys() - by_frame.keys():
@@ -126,6 +128,14 @@ def _of_frame(frame: str, own: Sequence[Stream], alive: Collection[int] | None) 
         still, moving = (sorted({*by_kind[static].values()}) for static in (True, False))
         text = f"{frame} is static by {', '.join(still)} and dynamic by {', '.join(moving)}"
         yield Finding("mixed", frame, text, {"static": still, "dynamic": moving})
+
+
+def _refused(stream: Stream) -> Iterator[Finding]:
+    if stream.refused:
+        which = f"{stream.refused} of {stream.count} transforms of {stream.frame} by {stream.publisher}"
+        text = f"{which} are refused: {stream.refused_because}"
+        numbers = {"refused": stream.refused, "publisher": stream.publisher}
+        yield Finding("refused", stream.frame, text, numbers)
 
 
 def _of_stream(stream: Stream, limits: Limits, expected: Expectation, recorded: bool) -> Iterator[Finding]:

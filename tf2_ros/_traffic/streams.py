@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tf2_py._internal import log
 from tf2_ros._traffic.settling import replaced
 
 __all__ = ["SLICES", "Stream", "Streams"]
@@ -32,6 +33,8 @@ TALLY = np.dtype(
         ("square", np.float64),  # the sum of the squares of their distances from the mean
         ("least", np.float64),
         ("most", np.float64),
+        ("refused", np.int64),  # how many every buffer refuses ...
+        ("refusals", np.int64),  # ... and for what: bits of log.REFUSALS
         ("early", np.bool_),  # whether its first transform was early; see ``Settling``
     ]
 )
@@ -62,6 +65,8 @@ class Stream:
     silence: float  # since the last one
     stalled: float  # since a stamp that was newer than all before
     period: float | None  # usual time between two transforms, without the longest
+    refused: int  # how many of them every buffer refuses ...
+    refused_because: str  # ... and what is wrong with these, or ""
 
 
 class Streams:
@@ -157,6 +162,8 @@ class Streams:
         tally = np.zeros(len(self._keys), TALLY)
         tally[numbers] = tally_of(records["received_ns"], records["stamp_ns"], starts)
         tally["early"][numbers] = early[order[starts]]
+        tally["refused"][numbers] = np.add.reduceat(records["refusals"] != 0, starts, dtype=np.int64)
+        tally["refusals"][numbers] = np.bitwise_or.reduceat(records["refusals"], starts)
         return tally
 
     def _numbers_of(self, keys: NDArray[np.int64], records: Records) -> list[int]:
@@ -212,7 +219,7 @@ class Streams:
     ) -> Stream:
         child, parent, publisher, static = self._keys[number]
         own: Any = tally[number].tolist()
-        count, first_ns, last_ns, gap_ns, _, _, mean, square, least, most, _ = own
+        count, first_ns, last_ns, gap_ns, _, _, mean, square, least, most, refused, refusals, _ = own
         total = self._total[number]
         timed = count > 0 and not static
         span_ns = last_ns - first_ns
@@ -233,6 +240,10 @@ class Streams:
             silence=(now_ns - int(total["last_ns"])) / S,
             stalled=(now_ns - int(total["advanced_ns"])) / S,
             period=_period(own if count >= 3 else total.tolist()),
+            refused=refused,
+            refused_because=" and ".join(
+                reason for bit, (_, _, reason) in enumerate(log.REFUSALS) if refusals >> bit & 1
+            ),
         )
 
 
@@ -306,6 +317,8 @@ def merge(earlier: NDArray[np.void], later: NDArray[np.void]) -> NDArray[np.void
     distance = b["mean"] - a["mean"]
     out["mean"] = a["mean"] + distance * share
     out["square"] = a["square"] + b["square"] + distance**2 * a["count"] * share
+    out["refused"] = a["refused"] + b["refused"]
+    out["refusals"] = a["refusals"] | b["refusals"]
     out["least"] = np.minimum(a["least"], b["least"])
     out["most"] = np.maximum(a["most"], b["most"])
     merged[both] = out

@@ -11,14 +11,18 @@ from tf2_ros._wait.deadlines import deadlines
 __all__ = ["DEBUG", "LongWait", "report_if_long"]
 
 DEBUG = os.environ.get("TF2_DEBUG") == "1"
-LONG_S = 1
+# Soon; and once more when all publishers must have been discovered, for the first time is often before that.
+AFTER_S = (1, 10)
 
 
 class LongWait:
-    """What is logged, once, if the waits of one lookup or one message last longer than LONG_S."""
+    """What is logged if the waits of one lookup or one message last longer than AFTER_S."""
 
     def __init__(self, waits: Collection[Any]) -> None:
         self._waits = waits
+        self._begin_ns = time.monotonic_ns()
+        self._logged = 0
+        self._wait_on()
 
     def over(self) -> bool:
         """Whether none of them is pending."""
@@ -26,10 +30,17 @@ class LongWait:
 
     def expire(self) -> None:
         """They have lasted long."""
+        after_s = AFTER_S[self._logged]
         for wait in list(self._waits):
             # One that is about to be answered lacks nothing.
             if wait.reason() is not None:
-                log.logger("tf2_ros").warning(f"After {LONG_S} s, a lookup still {wait.lacks()}")
+                log.logger("tf2_ros").warning(f"After {after_s} s, a lookup still {wait.lacks()}")
+        self._logged += 1
+        if self._logged < len(AFTER_S):
+            self._wait_on()
+
+    def _wait_on(self) -> None:
+        deadlines.add(self._begin_ns + AFTER_S[self._logged] * 10**9, self)
 
 
 def report_if_long(waits: Collection[Any]) -> LongWait | None:
@@ -39,8 +50,4 @@ def report_if_long(waits: Collection[Any]) -> LongWait | None:
     :param waits: those of one lookup or one message; may change, and is empty when none is pending.
     :return: to be kept as long as one of them may be pending.
     """
-    if not DEBUG:
-        return None
-    report = LongWait(waits)
-    deadlines.add(time.monotonic_ns() + LONG_S * 10**9, report)
-    return report
+    return LongWait(waits) if DEBUG else None

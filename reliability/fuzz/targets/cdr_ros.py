@@ -31,7 +31,12 @@ def run(data: bytes) -> None:
         _check_refused(core, exact)
         return
     core._self_check()
-    theirs = deserialize_message(data, TFMessage)
+    try:
+        theirs = deserialize_message(data, TFMessage)
+    except RuntimeError:
+        if _READS_ALL:
+            raise
+        return
     ours = read_transforms(exact, _TF)
     if list(map(_bits, ours)) != list(map(_bits, theirs.transforms)):
         raise Fault(f"read {ours}, ROS reads {theirs.transforms}")
@@ -147,3 +152,15 @@ def seeds() -> Iterator[bytes]:
 
 VALID = list(seeds())
 TWO_TRANSFORMS = VALID[0]
+
+
+def _is_read(data: bytes) -> bool:
+    try:
+        deserialize_message(data, TFMessage)
+    except RuntimeError:
+        return False
+    return True
+
+
+# Kilted's Fast CDR refuses the other byte order, and options in the header.
+_READS_ALL = all(map(_is_read, VALID))

@@ -272,7 +272,7 @@ class TestBroken:
         path = write_mcap(tmp_path / "silent.mcap", [], topics=[("/tf", "tf2_msgs/msg/TFMessage")])
         assert run("check", path)[:2] == (
             1,
-            "nothing: no transform was received\nwrong: 0 frames in 0 transforms and 0 s\n",
+            "nothing: no transform was received\nwrong: 1 finding in 0 frames, 0 transforms and 0 s\n",
         )
         assert run("info", path)[0] == 0
         assert json.loads(run("info", path, "--json")[1])["begin"] is None
@@ -301,7 +301,7 @@ class TestInfo:
         )
         assert f"  base: {of_base}" in lines
         assert "  camera: parent base, publisher /tf_static, static" in lines
-        assert lines[-1] == "ok: 4 frames in 202 transforms and 10 s"
+        assert lines[-1] == "ok: no findings in 4 frames, 202 transforms and 10 s"
 
     def test_json_has_the_same(self, run, drive_mcap):
         said = json.loads(run("info", drive_mcap, "--json")[1])
@@ -377,7 +377,9 @@ class TestCheck:
         assert "parents: twofold has 2 parents in turn: map, odom" in lines
         assert "refused: 80 of 80 transforms of broken by /tf are refused: a number is NaN" in lines
         assert "stale: gone was last received 7 s before the end; its period is 0.1 s" in lines
-        assert verdict == f"wrong: 12 frames in {202 + len(FAULTS)} transforms and 10 s"
+        assert (
+            verdict == f"wrong: {len(lines)} findings in 12 frames, {202 + len(FAULTS)} transforms and 10 s"
+        )
 
     def test_a_healthy_recording_passes(self, run, drive_mcap, tmp_path):
         expected = tmp_path / "robot.yaml"
@@ -388,7 +390,7 @@ class TestCheck:
         )
         junit = tmp_path / "check.xml"
         status, out, err = run("check", drive_mcap, "--expect", expected, "--junit", junit, "--min-rate", 9)
-        assert (status, out, err) == (0, "ok: 4 frames in 202 transforms and 10 s\n", "")
+        assert (status, out, err) == (0, "ok: no findings in 4 frames, 202 transforms and 10 s\n", "")
         suite = ElementTree.parse(junit).getroot()
         assert (suite.get("name"), suite.get("failures"), len(suite)) == ("tf2_bag", "0", len(KINDS))
 
@@ -452,7 +454,7 @@ class TestCheck:
         messages = [one._replace(log_ns=one.log_ns + wall) for one in drive(100)]
         path = str(write_mcap(tmp_path / "sim.mcap", messages))
         status, out, _ = run("check", path)
-        assert (status, out) == (0, "ok: 4 frames in 202 transforms and 10 s\n")
+        assert (status, out) == (0, "ok: no findings in 4 frames, 202 transforms and 10 s\n")
         out = run("info", path)[1]
         assert "stamps and log times are of different clocks: no delays\n" in out
         assert "  base: parent odom, publisher /tf, 10.0 Hz, longest gap 0.1 s\n" in out

@@ -92,6 +92,7 @@ def test_a_way_leads_where_the_frame_was(peer, tmp_path):
     ("arguments", "said"),
     [
         (["--path", "map", "nobody", *LISTEN], "map and nobody are not connected"),
+        (["nobody", "/no_one", *LISTEN], "no transform of nobody and no_one was received"),
         (["--path", "base_link", "camera", *LISTEN], "between base_link and camera nothing moves"),
         (["-t", "0.1", *ALONE], "no transform was received"),
     ],

@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from tf2_py._internal import counted
 from tf2_ros._traffic.chains import newest_streams, path_to_root
 from tf2_ros._traffic.expectations import Expectation
 from tf2_ros._traffic.streams import Stream
@@ -105,7 +106,7 @@ def _in_the_tree(streams: Sequence[Stream]) -> Iterator[Finding]:
             text = f"the frames {' -> '.join([*path, frame])} form a loop"
             yield Finding("loop", frame, text, {"frames": path})
     if len(trees) > 1:
-        parts = ", ".join(f"{root} ({count} frames)" for root, count in sorted(trees.items()))
+        parts = ", ".join(f"{root} ({counted(count, 'frame')})" for root, count in sorted(trees.items()))
         yield Finding("roots", "", f"{len(trees)} unconnected trees: {parts}", {"roots": sorted(trees)})
 
 

@@ -72,9 +72,12 @@ def heard_picture(
     :param frames: names, by the ids in the records.
     :param wanted: the names of the frames that are drawn, in this order; none: all.
     :param span: from when to when, in seconds.
+    :raises RunError: nothing was received of those that are wanted.
     """
     rows = heard_rows(records, streams, frames, Limits())
     if wanted:
+        if not {row.name for row in rows}.intersection(map(_name, wanted)):
+            raise RunError(f"no transform of {' and '.join(map(_name, wanted))} was received")
         rows = [row for name in wanted for row in _rows_of(_name(name), rows)]
     return heard_figure(rows, *span)
 

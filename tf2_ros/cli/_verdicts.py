@@ -4,7 +4,7 @@ from argparse import Namespace
 from collections.abc import Collection, Mapping, Sequence
 from xml.etree import ElementTree
 
-from tf2_py._internal import printable
+from tf2_py._internal import counted, printable
 from tf2_ros._traffic import expectations
 from tf2_ros._traffic.expectations import Expectation
 from tf2_ros._traffic.findings import KINDS, Finding
@@ -56,12 +56,13 @@ def line_of(finding: Finding) -> str:
 
 def verdict_of(wrong: Sequence[Finding], streams: Sequence[Stream], of_what: str) -> str:
     """
-    The last line.
+    The last line: how many findings there are, in what.
 
     :param of_what: how much was received, as ``12 messages and 5 s``.
     """
-    frames = len({stream.frame for stream in streams})
-    return f"{'wrong' if wrong else 'ok'}: {frames} frames in {of_what}"
+    frames = counted(len({stream.frame for stream in streams}), "frame")
+    verdict = f"wrong: {counted(len(wrong), 'finding')}" if wrong else "ok: no findings"
+    return f"{verdict} in {frames}, {of_what}"
 
 
 def write_junit(

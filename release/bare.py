@@ -11,6 +11,7 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tempfile
 from pathlib import Path
 
@@ -62,7 +63,8 @@ def _prepare(place, user):
     programs = place / "bin"
     for folder in (programs, place / "home", place / "tmp"):
         folder.mkdir()
-    for name in (*COMPILERS, *SYSTEM):
+    of_python = {str(sysconfig.get_config_var(name)).split()[0] for name in ("CC", "CXX")}
+    for name in (*COMPILERS, *of_python, *SYSTEM):
         found = shutil.which(name)
         if found:
             (programs / name).symlink_to(Path(found).absolute())

@@ -77,7 +77,8 @@ def _prepare(place, user):
     for path in place.rglob("*"):
         if not path.is_symlink():
             shutil.chown(path, user)
-    return [shutil.which("runuser"), "-u", user, "--"]
+    # It sets the home of its own accord; a daemon's is none.
+    return [shutil.which("runuser"), "-u", user, "--", shutil.which("env"), f"HOME={place / 'home'}"]
 
 
 def _environment(place):

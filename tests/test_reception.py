@@ -321,10 +321,11 @@ class TestRepr:
     def test_it_works_after_the_end_of_the_context(self, tf2_ros, buffer, node, ros, inserter):
         listener = tf2_ros.TransformListener(buffer, node)
         ros.shutdown()
+        # Kilted's shutdown destroys the node, and so the listener.
         if inserter == "thread":
-            until(lambda: repr(listener).endswith("0 messages, thread ended>"))
+            until(lambda: repr(listener).endswith(("0 messages, thread ended>", "0 messages, ended>")))
         else:
-            assert repr(listener).endswith("received by the executor of its node>")
+            assert repr(listener).endswith(("received by the executor of its node>", ", ended>"))
 
     def test_a_hidden_node_may_be_gone(self, tf2_ros, buffer, ros):
         with tf2_ros.TransformListener(buffer, None) as listener:

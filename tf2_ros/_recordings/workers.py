@@ -72,7 +72,17 @@ def _here(request: Request, tables: Mapping[str, str]) -> Iterator[Outcome]:
         try:
             yield work(request, recording, table)
         except Exception as error:
+            interrupt = _interrupt_behind(error)
+            if interrupt is not None:
+                raise interrupt from None
             yield _outcome_of(recording, error)
+
+
+def _interrupt_behind(error: BaseException | None) -> KeyboardInterrupt | None:
+    # NumPy, for one, makes a TypeError of a Ctrl-C that comes while it compares arrays.
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error
 
 
 def _on_cluster(request: Request, tables: Mapping[str, str], client: "Client") -> Iterator[Outcome]:

@@ -22,7 +22,7 @@ from tf2_ros.cli._bag_reading import heard_of, recorded_of, telling_files, topic
 from tf2_ros.cli._files import write_whole
 from tf2_ros_cython.cli._endings import format_of
 from tf2_ros_cython.cli._numbers import nanoseconds
-from tf2_ros_cython.cli._program import FAILURE, SUCCESS, RunError, UsageError
+from tf2_ros_cython.cli._program import FAILURE, SUCCESS, RunError, UsageError, raise_if_signalled
 from tf2_ros_cython.cli.tf2_bag import TABLES
 
 __all__ = ["batch", "lookup"]
@@ -87,6 +87,7 @@ def batch(options: Namespace) -> int:
                 workers=options.workers,
                 scheduler=options.scheduler,
             )
+            raise_if_signalled()
         except ValueError as refusal:
             raise RunError(str(refusal)) from None
         except KeyboardInterrupt:

@@ -34,6 +34,7 @@ __all__ = [
     "UsageError",
     "deferred_signals",
     "interruptible",
+    "raise_if_signalled",
     "run",
     "sleep",
     "wait_for_signal",
@@ -290,8 +291,16 @@ def sleep(seconds: float | None) -> None:
     Any other wait sleeps on if the signal reaches a thread that is not Python's, or comes just before it.
     """
     select([_signals.reader], [], [], seconds)
+    raise_if_signalled()
+
+
+def raise_if_signalled() -> None:
+    """
+    End the program if a signal has come, and one may be raised now.
+
+    It came while signals were deferred, or a library has caught what was raised.
+    """
     if _signals.received is not None and _signals.may_raise:
-        # It came while signals were deferred.
         raise _Signalled(_signals.received)
 
 

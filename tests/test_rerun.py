@@ -276,7 +276,7 @@ def test_the_viewer_draws_the_axes_of_every_frame(served, tmp_path):
     def count(picture):
         picture = picture[len(picture) // 8 :, picture.shape[1] // 5 :]  # without bars and lists
         red, green, blue = np.moveaxis(picture.astype(int), -1, 0)
-        return [parts(red - np.maximum(green, blue) > 90), parts(green - np.maximum(red, blue) > 60)]
+        return [parts(red - np.maximum(green, blue) > 90), parts(green - np.maximum(red, blue) > 50)]
 
     # An arrow for x and one for y of each of five frames.
     picture = picture_when(address, lambda picture: count(picture) == [5, 5], tmp_path)

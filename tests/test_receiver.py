@@ -313,10 +313,14 @@ class TestEnd:
                     break
             return references
 
+        def are_gone(references):
+            gc.collect()
+            return not any(reference() for reference in references)
+
         def all_orders():
             for order in orders:
                 references = live_and_end(order)
-                until(lambda found=references: gc.collect() or not any(reference() for reference in found))
+                until(lambda found=references: are_gone(found))
 
         all_orders()
         before = threads(), files()

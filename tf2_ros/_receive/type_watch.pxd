@@ -31,8 +31,9 @@ cdef inline bint type_watch_is_unchanged(const TypeWatch* watch) noexcept nogil:
     return not flag_is_set(&watch.changed)
 
 
-# Whether a message may be taken on what was found when the watch began. Python gives no version to a type whose
-# attributes change very often: there, what was found holds for one message, and only for one that is there already.
+# Whether a message may be taken on what was found when the watch began. Python gives no version to a type
+# whose attributes change very often: there, what was found holds for one message, and only for one that is
+# there already.
 cdef inline bint type_watch_permits(TypeWatch* watch) noexcept nogil:
     if watch.ran_out:
         flag_set(&watch.changed, True)

@@ -42,11 +42,13 @@ def main(arguments=None):
     parser.add_argument(
         "--quick", action="store_true", help="run some of the tests, which take a few minutes"
     )
+    parser.add_argument("--tests", nargs="+", default=[], metavar="FILE", help="run these tests")
     options = parser.parse_args(arguments)
+    chosen = QUICK if options.quick else options.tests
     with tempfile.TemporaryDirectory(prefix="tf2-ros-cython-bare-") as folder:
         place = Path(folder)
         as_user = _prepare(place, options.user)
-        test = ["make", "test", *([f"TESTS={' '.join(QUICK)}"] if options.quick else [])]
+        test = ["make", "test", *([f"TESTS={' '.join(chosen)}"] if chosen else [])]
         for command in (["make", "demo"], test):
             print("+", *command, flush=True)
             ended = subprocess.run([*as_user, *command], cwd=place / "clone", env=_environment(place))

@@ -58,6 +58,8 @@ def limit_size():
 
 
 def ended(command, arguments, limit, **popen):
+    # Python leaves half of a compiled module where a file may not become large, and reads it the next time.
+    popen["env"] = {**os.environ, **popen.get("env", {}), "PYTHONDONTWRITEBYTECODE": "1"}
     process = program(command, *map(str, arguments), preexec_fn=limit, **popen)
     try:
         out, err = process.communicate(timeout=3 * DEADLINE_S)  # to import what draws takes seconds

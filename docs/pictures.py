@@ -29,7 +29,7 @@ sys.path.insert(0, str(DEMO.parent))
 
 import demo  # noqa: E402
 
-COLUMNS, ROWS = 86, 8
+COLUMNS, ROWS = 86, 12
 # The fonts of the reader: a picture in the docs asks no other host for any.
 WITHOUT_FONTS = re.sub(r"@font-face \{\{.*?\}\}\s*", "", CONSOLE_SVG_FORMAT, flags=re.DOTALL)
 
@@ -80,8 +80,9 @@ def show_monitor(_robot: subprocess.Popen) -> None:
     finally:
         monitor.terminate(force=True)
     console = Console(record=True, width=COLUMNS, file=open(os.devnull, "w"), color_system="truecolor")
-    for line in range(ROWS):
-        console.print(_line(screen, line), end="\n" if line < ROWS - 1 else "")
+    used = [number for number, line in enumerate(screen.display) if line.strip()]
+    for number in range(used[-1] + 1):
+        console.print(_line(screen, number))
     console.save_svg(
         str(IMAGES / "demo-monitor.svg"), title="tf2_monitor map camera", code_format=WITHOUT_FONTS
     )

@@ -11,6 +11,7 @@ __all__ = [
     "OLD_DATA",
     "REFUSALS",
     "Throttle",
+    "because",
     "logger",
     "malformed",
     "not_logged",
@@ -51,12 +52,20 @@ def _logger() -> Any:
     return logger("tf2_py")
 
 
+def because(reasons: int) -> str:
+    """What is wrong with a transform that is refused for these reasons."""
+    return " and ".join(reason for _, _, reason in _named(reasons))
+
+
+def _named(reasons: int) -> list[tuple[str, str, str]]:
+    return [REFUSALS[bit] for bit in range(len(REFUSALS)) if reasons >> bit & 1]
+
+
 def refusal(reasons: int, happens: str, parent: str, child: str, details: str = "") -> str:
     """Say why a transform is refused; ``happens`` is what happens to "the transform ..."."""
-    named = [REFUSALS[bit] for bit in range(len(REFUSALS)) if reasons >> bit & 1]
     return printable(
-        f"{', '.join(tag for tag, _, _ in named)}: {happens} the transform from frame_id '{parent}' to "
-        f"child_frame_id '{child}'{details} because {' and '.join(reason for _, _, reason in named)}"
+        f"{', '.join(tag for tag, _, _ in _named(reasons))}: {happens} the transform from frame_id '{parent}' to "
+        f"child_frame_id '{child}'{details} because {because(reasons)}"
     )
 
 

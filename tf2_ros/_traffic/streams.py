@@ -241,9 +241,7 @@ class Streams:
             stalled=(now_ns - int(total["advanced_ns"])) / S,
             period=_period(own if count >= 3 else total.tolist()),
             refused=refused,
-            refused_because=" and ".join(
-                reason for bit, (_, _, reason) in enumerate(log.REFUSALS) if refusals >> bit & 1
-            ),
+            refused_because=log.because(refusals),
         )
 
 

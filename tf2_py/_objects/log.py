@@ -63,9 +63,10 @@ def _named(reasons: int) -> list[tuple[str, str, str]]:
 
 def refusal(reasons: int, happens: str, parent: str, child: str, details: str = "") -> str:
     """Say why a transform is refused; ``happens`` is what happens to "the transform ..."."""
+    tags = ", ".join(tag for tag, _, _ in _named(reasons))
     return printable(
-        f"{', '.join(tag for tag, _, _ in _named(reasons))}: {happens} the transform from frame_id '{parent}' to "
-        f"child_frame_id '{child}'{details} because {because(reasons)}"
+        f"{tags}: {happens} the transform from frame_id '{parent}' to child_frame_id '{child}'{details}"
+        f" because {because(reasons)}"
     )
 
 

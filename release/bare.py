@@ -62,17 +62,9 @@ def main(arguments=None):
 def _prepare(place, user):
     """The clone, a home, a folder of programs; the command that runs another one as the user."""
     subprocess.run(["git", "clone", "--quiet", ROOT, place / "clone"], check=True)
-    programs = place / "bin"
-    for folder in (programs, place / "home", place / "tmp"):
-        folder.mkdir()
-    of_python = {str(sysconfig.get_config_var(name)).split()[0] for name in ("CC", "CXX")}
-    for name in (*COMPILERS, *of_python, *SYSTEM):
-        found = shutil.which(name)
-        if found:
-            (programs / name).symlink_to(Path(found).absolute())
-    # Not a link: Python finds its library beside the file that it was started from.
-    (programs / "python3").write_text(f'#!/bin/sh\nexec "{sys._base_executable}" "$@"\n')
-    (programs / "python3").chmod(0o755)
+    for folder in ("bin", "home", "tmp"):
+        (place / folder).mkdir()
+    _link_programs(place / "bin")
     if user is None:
         return []
     shutil.chown(place, user)
@@ -81,6 +73,23 @@ def _prepare(place, user):
             shutil.chown(path, user)
     # It sets the home of its own accord; a daemon's is none.
     return [shutil.which("runuser"), "-u", user, "--", shutil.which("env"), f"HOME={place / 'home'}"]
+
+
+def _link_programs(folder):
+    """Make the folder a PATH: this Python, compilers, and what every system has."""
+    for name in {*COMPILERS, *_compilers_of_python(), *SYSTEM}:
+        found = shutil.which(name)
+        if found:
+            (folder / name).symlink_to(Path(found).absolute())
+    # Not a link: Python finds its library beside the file that it was started from.
+    (folder / "python3").write_text(f'#!/bin/sh\nexec "{sys._base_executable}" "$@"\n')
+    (folder / "python3").chmod(0o755)
+
+
+def _compilers_of_python():
+    """The names of the compilers that Python was built with; what builds an extension asks for them."""
+    commands = (sysconfig.get_config_var(name) or "" for name in ("CC", "CXX"))
+    return {command.split()[0] for command in commands if command and "/" not in command.split()[0]}
 
 
 def _environment(place):

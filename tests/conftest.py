@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from processes import DEADLINE_S, start
 
-from tf2_ros_cython._ros import rclpy_version, running_prefix
+from tf2_ros_cython._ros import running_release
 
 ROOT = Path(__file__).resolve().parent.parent
 DOMAINS = range(1, 102)  # the ports of higher ones may be taken by the system
@@ -41,10 +41,8 @@ os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_LOG_DIR"] = _log_folder.name
 # Kilted warns of the variable that Jazzy reads, also in programs that must print nothing.
-_prefix = running_prefix()
-_jazzy = _prefix is not None and (rclpy_version(_prefix) or "").startswith("7.")
-_profiles = "FASTRTPS_DEFAULT_PROFILES_FILE" if _jazzy else "FASTDDS_DEFAULT_PROFILES_FILE"
-os.environ[_profiles] = str(ROOT / "tests" / "fastdds.xml")
+_profiles = "FASTRTPS" if running_release() == "Jazzy" else "FASTDDS"
+os.environ[f"{_profiles}_DEFAULT_PROFILES_FILE"] = str(ROOT / "tests" / "fastdds.xml")
 os.environ.pop("ROS_LOCALHOST_ONLY", None)  # it would override the line before
 os.environ.pop("TF2_SHARED_BUFFER", None)  # listeners would not subscribe
 # For the tests' own programs.

@@ -60,13 +60,19 @@ def messages_release(folder: Path) -> str | None:
     return found.group(1).capitalize() if found else None
 
 
+def running_release() -> str | None:
+    """The name of the ROS 2 whose rclpy this Python imports; None: there is none, or an unknown one."""
+    prefix = running_prefix()
+    return None if prefix is None else _release(rclpy_version(prefix))
+
+
 def unknown_release() -> str | None:
     """Why functions of the ROS 2 that runs cannot be called without rclpy, or None."""
     prefix = running_prefix()
     if prefix is None:
         return "rclpy is a module of this program's own"
     running = rclpy_version(prefix)
-    if running is not None and _release(running) is not None:
+    if _release(running) is not None:
         return None
     known = " and ".join(f"{name} (rclpy {major})" for major, name in _RELEASES.items())
     return f"known are {known}, and the ROS 2 that runs is {_describe_at(running, prefix)}"

@@ -13,6 +13,7 @@ from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_py._objects.serialize import serialize_transforms
 from tf2_ros._recordings.fill import Source, fill, read_transforms
+from tf2_ros_cython._ros import running_release
 
 _TF = Source("/tf", False)
 _PREFIXED = Source("/robot/tf", False, "robot/")
@@ -154,13 +155,5 @@ VALID = list(seeds())
 TWO_TRANSFORMS = VALID[0]
 
 
-def _is_read(data: bytes) -> bool:
-    try:
-        deserialize_message(data, TFMessage)
-    except RuntimeError:
-        return False
-    return True
-
-
 # Kilted's Fast CDR refuses the other byte order, and options in the header.
-_READS_ALL = all(map(_is_read, VALID))
+_READS_ALL = running_release() == "Jazzy"

@@ -195,6 +195,19 @@ class TestStatic:
         sent = [(m.child_frame_id, m.transform.translation.x) for m in broadcaster.net_message.transforms]
         assert sent == [("a", 1.0), ("b", 2.0)]
 
+    @pytest.mark.ours
+    @pytest.mark.parametrize("name", [None, b"a", "\ud800", "a\0b"], ids=repr)
+    def test_one_that_cannot_be_sent_is_not_kept(self, broadcaster, subscribe, executor, name):
+        broadcaster.sendTransform(transform("map", "a"))
+        bad = transform("map", "b")
+        bad._child_frame_id = name  # the setter takes a str alone, where rclpy checks types
+        with pytest.raises((TypeError, ValueError)):
+            broadcaster.sendTransform([transform("map", "c"), bad])
+        broadcaster.sendTransform(transform("map", "d"))
+        messages = subscribe("/tf_static")
+        until(lambda: messages, executor)
+        assert children(messages[-1]) == children(broadcaster.net_message) == ["a", "d"]
+
     def test_its_quality_of_service_is_that_of_tf_static(self, broadcaster):
         qos = broadcaster.pub_tf.qos_profile
         assert (qos.depth, qos.durability) == (1, DurabilityPolicy.TRANSIENT_LOCAL)

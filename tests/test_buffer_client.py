@@ -144,6 +144,23 @@ class TestLookup:
             client.lookup_transform("map", "robot", at(1.5), "1")
 
     @pytest.mark.ours
+    @pytest.mark.parametrize(
+        ("name", "error"),
+        [(None, TypeError), (b"map", TypeError), ("\ud800", UnicodeEncodeError), ("a\0b", ValueError)],
+        ids=repr,
+    )
+    def test_a_name_that_is_none_is_refused_and_ends_no_other_lookup(self, client, name, error):
+        with pytest.raises(error):
+            client.lookup_transform(name, "robot", LATEST)
+        with pytest.raises(error):
+            client.can_transform("map", name, LATEST, return_debug_tuple=True)
+        with pytest.raises(error):
+            client.lookup_transform_full("map", LATEST, "robot", LATEST, name)
+        with pytest.raises(error):
+            asyncio.run(client.lookup_transform_async("map", name, LATEST))
+        assert client.lookup_transform("map", "robot", LATEST, LONG).child_frame_id == "robot"
+
+    @pytest.mark.ours
     @pytest.mark.parametrize("timeout", [Infinite, Duration(seconds=9223372036), math.inf, 9223372036, 20.0])
     def test_a_timeout_may_be_infinite_or_seconds(self, client, timeout):
         assert client.lookup_transform("map", "robot", at(1.5), timeout).child_frame_id == "robot"

@@ -6,6 +6,7 @@ its modules can be moved; what they cimport stands in ``_internal.pxd``.
 """
 
 from tf2_py._objects import log, message_classes, wait_texts
+from tf2_py._objects.arguments import frame_name
 from tf2_py._objects.arrays import as_times_ns, mask_of
 from tf2_py._objects.at_exit import keep_for_ever
 from tf2_py._objects.errors import MalformedObjectError, bad_name, seconds
@@ -28,6 +29,7 @@ __all__ = [
     "class_name",
     "counted",
     "duration_ns",
+    "frame_name",
     "histories",
     "is_invalid_name",
     "keep_for_ever",

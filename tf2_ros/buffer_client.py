@@ -26,7 +26,7 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._internal import class_name, printable, wait_texts
+from tf2_py._internal import class_name, frame_name, printable, wait_texts
 from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros._arguments import has, is_name, refuse_swapped
 from tf2_ros._goals import GoalSender, PendingGoal, send_directly
@@ -153,7 +153,7 @@ class BufferClient(BufferInterface):
         :raises TimeoutException: there is no server, it did not answer, the transform was not available in
             time, or the context was shut down before. The text says which, and how long was waited.
         :raises TransformException: what the lookup in the server raised.
-        :raises TypeError: ``time`` is no time, or ``timeout`` no timeout.
+        :raises TypeError: a frame name is no ``str``, ``time`` no time, or ``timeout`` no timeout.
         """
         goal = _simple_goal(target_frame, source_frame, time)
         goal.timeout = duration_msg(timeout)
@@ -390,9 +390,14 @@ class BufferClient(BufferInterface):
         return sender.send(goal, lookup_ns, timeout_ns(self.timeout_padding, "timeout_padding"))
 
 
+# A message takes any object as a name, until the thread of the sender serialises it.
+
+
 def _simple_goal(target_frame: str, source_frame: str, time: Any) -> Any:
     return LookupTransform.Goal(
-        target_frame=target_frame, source_frame=source_frame, source_time=time_msg(time, "time")
+        target_frame=frame_name(target_frame, "target_frame"),
+        source_frame=frame_name(source_frame, "source_frame"),
+        source_time=time_msg(time, "time"),
     )
 
 
@@ -400,11 +405,11 @@ def _full_goal(
     target_frame: str, target_time: Any, source_frame: str, source_time: Any, fixed_frame: str
 ) -> Any:
     return LookupTransform.Goal(
-        target_frame=target_frame,
+        target_frame=frame_name(target_frame, "target_frame"),
         target_time=time_msg(target_time, "target_time"),
-        source_frame=source_frame,
+        source_frame=frame_name(source_frame, "source_frame"),
         source_time=time_msg(source_time, "source_time"),
-        fixed_frame=fixed_frame,
+        fixed_frame=frame_name(fixed_frame, "fixed_frame"),
         advanced=True,
     )
 

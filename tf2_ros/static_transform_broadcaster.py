@@ -84,6 +84,7 @@ class StaticTransformBroadcaster:
         :param transform: a ``TransformStamped``, or an iterable of them. Static transforms hold for all
             times, whatever their stamps are.
         :raises AttributeError: it is something else.
+        :raises TypeError: a name is no ``str``. Whatever is raised, nothing of it is kept.
         :raises ValueError: ``strict``, and a listener would refuse one of them; none of them is sent or kept.
         """
         new_transforms = transforms_of(transform)
@@ -94,8 +95,10 @@ class StaticTransformBroadcaster:
             for new in new_transforms:
                 # A copy: programs reuse one message.
                 transforms[new.child_frame_id] = deepcopy(new)
-            self.net_message.transforms = list(transforms.values())
-            refused = publish_transforms(self.pub_tf, self.net_message.transforms)
+            merged = list(transforms.values())
+            # Only then is it kept: what cannot be sent would keep every later message from being sent.
+            refused = publish_transforms(self.pub_tf, merged)
+            self.net_message.transforms = merged
         self._refused.after_sending(refused)
 
     def after_fork(self) -> None:

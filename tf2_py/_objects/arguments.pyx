@@ -42,3 +42,10 @@ cdef int query_fill_series(Query* query, object target_frame, object source_fram
         query.fixed = _name(fixed_frame, "fixed_frame", &query.fixed_size)
         query.target_ns = stamp_nanoseconds(target_time, "target_time")
     return 0
+
+
+def frame_name(name, str argument):
+    """The name, where it is one that a lookup takes; otherwise the errors of a lookup."""
+    cdef Py_ssize_t size
+    _name(name, argument, &size)
+    return name

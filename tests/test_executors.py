@@ -484,16 +484,38 @@ class TestProgramsThatReplaceParts:
         running(lambda: seen, static=name == "static_callback")
         assert [type(data).__name__ for data in seen] == ["TFMessage"]
 
-    @pytest.mark.parametrize("where", ["class", "instance"])
+    @pytest.mark.parametrize("where", ["class", "instance", "another class"])
     def test_a_setter_of_the_buffer(self, tf2_ros, buffer, listener, running, monkeypatch, where):
         seen = []
         if where == "class":
             patched = tf2_ros.Buffer
             monkeypatch.setattr(patched, "set_transform", lambda self, *given: seen.append(given))
+        elif where == "another class":
+
+            class Mine(tf2_ros.Buffer):
+                def set_transform(self, *given):
+                    seen.append(given)
+
+            buffer.__class__ = Mine
         else:
             buffer.set_transform = lambda *given: seen.append(given)
         running(lambda: seen)
         assert seen[0][0].child_frame_id == "robot"
+        assert not buffer.can_transform("map", "robot", at(2))
+
+    def test_a_listener_that_becomes_one_of_another_class(self, tf2_ros, buffer, listener, running):
+        class Mine(tf2_ros.TransformListener):
+            @property
+            def buffer(self):
+                return other
+
+            @buffer.setter
+            def buffer(self, _):
+                pass
+
+        other = tf2_ros.Buffer()
+        listener.__class__ = Mine
+        running(knows(other, "robot", time=at(2)))
         assert not buffer.can_transform("map", "robot", at(2))
 
     def test_a_listener_that_sets_attributes_in_its_own_way(self, tf2_ros, buffer, node, executor, peer):

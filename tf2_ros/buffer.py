@@ -83,6 +83,9 @@ __all__ = [
 # The methods that insert transforms.
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
 
+# Setting one of these may change who inserts what listeners receive.
+_DECIDING = SETTERS | {"__class__"}
+
 
 if TYPE_CHECKING or sys.platform == "linux":
     from tf2_ros._shared.sharing import Sharing, attached_buffer, shared_buffer
@@ -186,12 +189,12 @@ class Buffer(BufferCore, BufferInterface):
 
     def __setattr__(self, name: str, value: Any) -> None:
         super().__setattr__(name, value)
-        if name in SETTERS:
+        if name in _DECIDING:
             attribute_changed()
 
     def __delattr__(self, name: str) -> None:
         super().__delattr__(name)
-        if name in SETTERS:
+        if name in _DECIDING:
             attribute_changed()
 
     def __getstate__(self) -> dict[str, Any]:

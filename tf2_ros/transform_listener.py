@@ -70,7 +70,7 @@ DEFAULT_STATIC_TF_TOPIC = "/tf_static"
 AUTHORITY = "default_authority"  # messages do not name their publisher
 
 # Setting one of these redirects what arrives.
-REDIRECTING = frozenset({"buffer", "callback", "static_callback"})
+REDIRECTING = frozenset({"buffer", "callback", "static_callback", "__class__"})
 
 
 _Listener = TypeVar("_Listener", bound="TransformListener")
@@ -415,7 +415,8 @@ def _direct_buffer(
 def _direct(listener: TransformListener) -> BufferCore | None:
     """The listener's buffer; None where code of a program would handle what is inserted."""
     buffer = listener.__dict__.get("buffer")
-    if not isinstance(buffer, BufferCore):
+    # A property of a subclass, or one that was added later, comes before what the instance holds.
+    if not isinstance(buffer, BufferCore) or hasattr(type(getattr(type(listener), "buffer", None)), "__set__"):
         return None
     kind, own = type(buffer), getattr(buffer, "__dict__", {})
     if _hides(kind, Buffer) or _hides(type(listener), TransformListener):

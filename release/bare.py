@@ -67,12 +67,15 @@ def _prepare(place, user):
     _link_programs(place / "bin")
     if user is None:
         return []
+    runuser = shutil.which("runuser")
+    if runuser is None:
+        sys.exit("--user needs runuser, of util-linux")
     shutil.chown(place, user)
     for path in place.rglob("*"):
         if not path.is_symlink():
             shutil.chown(path, user)
     # It sets the home of its own accord; a daemon's is none.
-    return [shutil.which("runuser"), "-u", user, "--", shutil.which("env"), f"HOME={place / 'home'}"]
+    return [runuser, "-u", user, "--", shutil.which("env"), f"HOME={place / 'home'}"]
 
 
 def _link_programs(folder):

@@ -173,6 +173,12 @@ def test_a_timedelta_is_refused_as_a_duration(tf2_ros, buffer):
             buffer.lookup_transform("map", "base", at(1.5), timeout=wrong)
 
 
+def test_an_authority_that_is_no_text_is_called_so(buffer):
+    for call in (buffer.set_transform, buffer.set_transform_static):
+        with pytest.raises(TypeError, match="^authority must be a str, not bytes$"):
+            call(transform("map", "base", 1), b"me")
+
+
 def test_a_name_of_a_frame_that_is_none_is_called_by_its_argument(buffer):
     text = "a frame name must be a str, not"
     with pytest.raises(TypeError, match=f"^target_frame: {text} Time"):

@@ -190,6 +190,14 @@ class TestSeveralFrames:
         with pytest.raises(ValueError, match="target frame"):
             watched.filter.setTargetFrames([])
 
+    @pytest.mark.parametrize(
+        ("frames", "error"),
+        [(5, TypeError), (["map", 5], TypeError), ("", ValueError), (["map", "/"], ValueError)],
+    )
+    def test_what_is_no_name_is_refused(self, watched, frames, error):
+        with pytest.raises(error, match="target"):
+            watched.filter.setTargetFrames(frames)
+
 
 class TestTolerance:
     def test_the_transform_must_be_available_for_later_too(self, make, buffer):

@@ -48,8 +48,6 @@ def stream(frame, parent="map", publisher="/robot", static=False, **figures):
         "first": 3.0,
         "silence": 0.01,
         "stalled": 0.01,
-        "refused": 0,
-        "refused_because": "",
         **timed,
         **figures,
     }

@@ -378,7 +378,7 @@ class TestCheck:
         assert "refused: 80 of 80 transforms of broken by /tf are refused: a number is NaN" in lines
         assert "stale: gone was last received 7 s before the end; its period is 0.1 s" in lines
         assert (
-            verdict == f"wrong: {len(lines)} findings in 12 frames, {202 + len(FAULTS)} transforms and 10 s"
+            verdict == f"wrong: {len(lines)} findings in 11 frames, {202 + len(FAULTS)} transforms and 10 s"
         )
 
     def test_a_healthy_recording_passes(self, run, drive_mcap, tmp_path):

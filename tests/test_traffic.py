@@ -14,7 +14,7 @@ from tf2_ros._traffic.chains import NetDelay, chain_between, moving_on, newest_s
 from tf2_ros._traffic.expectations import Expectation
 from tf2_ros._traffic.findings import KINDS, Limits, find
 from tf2_ros._traffic.settling import Settling, replaced
-from tf2_ros._traffic.streams import SLICES, Streams
+from tf2_ros._traffic.streams import SLICES, Streams, taken
 
 pytestmark = pytest.mark.ours
 
@@ -51,15 +51,20 @@ def records(*lists):
     return np.array(sorted(one for some in lists for one in some), RECORD)
 
 
-def streams_of(*lists, now=4.0, window=None, pieces=1):
+def reported(*lists, now=4.0, window=None, pieces=1):
     streams = Streams(window)
     for piece in np.array_split(records(*lists), pieces):
         streams.add(piece)
     return streams.report(at(now), FRAMES, PUBLISHERS)
 
 
+def streams_of(*lists, **how):
+    return reported(*lists, **how).streams
+
+
 def found(*lists, limits=DEFAULTS, expected=NOTHING, alive=None, **how):
-    return find(streams_of(*lists, **how), limits, expected, alive)
+    streams, refused = reported(*lists, **how)
+    return find(streams, limits, expected, alive, refused=refused)
 
 
 def kinds(findings):
@@ -128,11 +133,45 @@ class TestFigures:
         assert 4.9 < one.first < 6.1  # the pieces are of a second
 
     @pytest.mark.parametrize("pieces", [1, 3])
-    def test_count_what_every_buffer_refuses(self, pieces):
+    def test_are_of_what_buffers_take_and_beside_them_is_what_is_refused(self, pieces):
         mine = [heard(i / 10, "base", refusals=8 if i > 3 else 32 if i == 3 else 0) for i in range(10)]
-        [one] = streams_of(mine, pieces=pieces)
-        assert (one.count, one.refused) == (10, 7)
-        assert one.refused_because == "a number is NaN and the translation is infinite"
+        [one], [refused] = reported(mine, pieces=pieces)
+        assert (one.frame, one.count, one.rate) == ("base", 3, pytest.approx(10))
+        assert (refused.frame, refused.parent, refused.publisher) == ("base", "map", "/odometry")
+        assert (refused.count, refused.received, refused.static) == (7, 10, False)
+        assert refused.because == "a number is NaN and the translation is infinite"
+
+    @pytest.mark.parametrize("seed", range(30))
+    def test_do_not_depend_on_what_is_refused(self, seed):
+        generator = random.Random(f"refused {seed}")
+        mine = random_traffic(generator)
+        mine = mine[np.argsort(mine["received_ns"], kind="stable")]  # a jump may be one between refused ones
+        window, now_ns = generator.choice([None, 1.0, 10.0]), int(mine["received_ns"][-1])
+        batches = cut(mine, generator)
+        figures = []
+        for some in (batches, [taken(batch) for batch in batches]):
+            streams = Streams(window)
+            for batch in some:
+                streams.add(batch)
+            figures.append(streams.report(now_ns, FRAMES, PUBLISHERS))
+        assert figures[0].streams == figures[1].streams
+        assert figures[1].refused == []
+        if window is None:
+            assert sum(one.count for one in figures[0].refused if not one.static) == sum(
+                (mine["refusals"] != 0) & (mine["static"] == 0)
+            )
+
+    def test_a_refused_static_one_stays_until_its_publisher_replaces_it(self):
+        bad = heard(1, "camera", "base", static=True, refusals=8)
+        assert [one.count for one in reported([bad], window=2, now=60).refused] == [1]
+        good = [heard(0, "camera", "base", static=True)]
+        assert [one.received for one in reported(good, [bad]).refused] == [2]
+        assert reported([bad], [heard(2, "camera", "odom", static=True)]).refused == []
+        assert [
+            one.received for one in reported([heard(0, "camera", "odom", static=True)], [bad]).refused
+        ] == [2]
+        other = [heard(2, "camera", "base", static=True, publisher="/other")]
+        assert len(reported([bad], other).refused) == 1
 
     def test_of_a_slow_frame_the_period_is_known_beyond_the_window(self):
         [one] = streams_of(steady("base", rate=0.1, end=60), now=59, window=5, pieces=60)
@@ -146,15 +185,15 @@ class TestFigures:
             streams.add(np.array([one]))
         assert len(streams._recent) < SLICES
         [whole] = streams_of(steady("base", rate=1, end=5000), now=5000)
-        [merged] = streams.report(at(5000), FRAMES, PUBLISHERS)
+        [merged], _ = streams.report(at(5000), FRAMES, PUBLISHERS)
         assert (merged.count, merged.rate, merged.gap) == (whole.count, whole.rate, whole.gap)
         assert merged.delay == pytest.approx(whole.delay)
 
     def test_a_frame_may_appear_at_any_time(self):
         mine = steady("base", end=4), steady("odom", start=2, end=4), [heard(3, "camera", static=True)]
-        reported = streams_of(*mine, window=3.5, pieces=40)
-        assert [one.frame for one in reported] == ["base", "camera", "odom"]
-        assert all(one.rate == pytest.approx(50) for one in reported if not one.static)
+        current = streams_of(*mine, window=3.5, pieces=40)
+        assert [one.frame for one in current] == ["base", "camera", "odom"]
+        assert all(one.rate == pytest.approx(50) for one in current if not one.static)
 
     def test_of_no_records_there_are_none(self):
         assert streams_of() == []
@@ -163,7 +202,7 @@ class TestFigures:
         streams = Streams()
         streams.add(records([*steady("base", start=100, end=104), heard(100, "camera", "base", static=True)]))
         streams.add(records(steady("odom", end=2)))
-        assert [one.frame for one in streams.report(at(2), FRAMES, PUBLISHERS)] == ["camera", "odom"]
+        assert [one.frame for one in streams.report(at(2), FRAMES, PUBLISHERS).streams] == ["camera", "odom"]
 
     def test_a_jump_may_be_between_two_records(self):
         mine = np.array(
@@ -177,14 +216,14 @@ class TestFigures:
         )
         streams = Streams()
         streams.add(mine)
-        reported = streams.report(at(2.2), FRAMES, PUBLISHERS)
-        assert [(one.frame, one.count) for one in reported] == [("camera", 1), ("odom", 2)]
+        current, _ = streams.report(at(2.2), FRAMES, PUBLISHERS)
+        assert [(one.frame, one.count) for one in current] == [("camera", 1), ("odom", 2)]
 
     def test_records_that_overtook_each_other_are_no_jump(self):
         mine = np.array([heard(1, "base"), heard(0.9, "base"), heard(1.1, "base")], RECORD)
         streams = Streams()
         streams.add(mine)
-        [one] = streams.report(at(2), FRAMES, PUBLISHERS)
+        [one], _ = streams.report(at(2), FRAMES, PUBLISHERS)
         assert one.count == 3
 
     def test_the_records_stay_as_they_are(self):
@@ -354,7 +393,35 @@ class TestFindings:
     def test_what_every_buffer_refuses(self):
         [one] = found(*ROBOT, [heard(1, "lidar", "base", static=True, refusals=16)])
         assert (one.kind, one.frame, one.numbers["refused"]) == ("refused", "lidar", 1)
-        assert one.text.endswith("refused: the rotation is too short or too long")
+        assert (
+            one.text
+            == "1 of 2 transforms of lidar by /odometry are refused: the rotation is too short or too long"
+        )
+        # A publisher that has ended sends it to nobody any more.
+        assert found(*ROBOT, [heard(1, "lidar", "base", static=True, refusals=16)], alive={0}) == []
+
+    def test_what_is_refused_is_no_part_of_the_tree(self):
+        """Of the frames of a robot: below itself, below another one, static, and below none."""
+        again = (
+            steady("odom", "odom", 20, publisher="/localiser", refusals=1),
+            steady("base", "world", refusals=8),
+            [heard(2, "base", "world", static=True, refusals=8)],
+            [heard(2, "camera", "lidar", static=True, refusals=8)],
+        )
+        assert {one.kind for one in found(*ROBOT, *again)} == {"refused"}
+        assert {(one.kind, one.frame) for one in found(steady("odom", "odom", refusals=1))} == {
+            ("refused", "odom")
+        }
+
+    def test_what_is_refused_hides_nothing(self):
+        broken = steady("odom", refusals=8), steady("base", "odom"), steady("camera")
+        assert kinds(found(*broken)) == [("refused", "odom"), ("roots", "")]
+        base = steady("base", end=1), steady("base", start=1, refusals=8)
+        assert kinds(found(*base)) == [("refused", "base"), ("stale", "base")]
+        slow = found(steady("base", refusals=8), steady("base", rate=5), limits=Limits(min_rate=20))
+        assert kinds(slow) == [("rate", "base"), ("refused", "base")]
+        [_, missing] = found(*ROBOT, steady("world", refusals=8), expected={"world": Expectation()})
+        assert missing.text == "world is expected, and all its transforms are refused"
 
     def test_a_frame_that_is_no_longer_published(self):
         [one] = found(steady("odom", end=2))
@@ -466,14 +533,16 @@ def random_traffic(generator):
                 "parent": generator.choice(FRAMES[:2]),
                 "publisher": publisher,
                 "static": generator.random() < 0.2,
-                "refusals": generator.choice([0, 0, 1, 8]),
             }
+            refusals = generator.choice([[0], [0], [0, 8], [1]])
             first, last = (start + generator.choice([0, generator.uniform(0, 0.6)]) for _ in range(2))
             rate, last = generator.choice([(1, first), (5, 4), (20, 4), (20, 2), (20, last)])
             times = [first + i / rate for i in range(1 + max(0, round((last - first) * rate)))]
             if generator.random() < 0.3:
                 times = [math.floor(time * 10) / 10 for time in times]  # as with simulated time
-            mine += [heard(time, child, delay=generator.uniform(0, 0.3), **how) for time in times]
+            for time in times:
+                how.update(delay=generator.uniform(0, 0.3), refusals=generator.choice(refusals))
+                mine.append(heard(time, child, **how))
     mine = records(mine)
     if generator.random() < 0.3:
         mine["received_ns"][generator.randrange(len(mine)) :] -= round(generator.uniform(0.1, 3) * S)
@@ -531,7 +600,7 @@ class TestSettling:
     @pytest.mark.parametrize("place", [1, 8, 24, 25, 26])
     def test_no_gap_is_found_where_a_batch_ended(self, place):
         mine = records(steady("base"))
-        [one] = settled_streams([mine[:place], mine[place:]], None)
+        [one], _ = settled_streams([mine[:place], mine[place:]], None)
         assert (one.count, one.gap) == (176, pytest.approx(0.02))  # one of 25 that are early
         assert find([one], DEFAULTS, NOTHING, {one.publisher_id}) == []
 
@@ -542,10 +611,11 @@ class TestSettling:
         mine = random_traffic(generator)
         mine = mine[: generator.choice([len(mine), generator.randrange(1, len(mine))])]
         whole, pieces = (settled_streams(some, window) for some in ([mine], cut(mine, generator)))
-        assert len(pieces) == len(whole)
-        for one, other in zip(pieces, whole, strict=True):
+        assert len(pieces.streams) == len(whole.streams)
+        for one, other in zip(pieces.streams, whole.streams, strict=True):
             assert asdict(one) == pytest.approx(asdict(other), abs=1e-6)
-        assert find(pieces, DEFAULTS) == find(whole, DEFAULTS)
+        assert pieces.refused == whole.refused
+        assert find(pieces.streams, DEFAULTS) == find(whole.streams, DEFAULTS)
 
     @pytest.mark.parametrize("seed", range(100))
     def test_a_report_has_every_frame_and_the_figures_of_what_stays(self, seed):
@@ -559,16 +629,16 @@ class TestSettling:
             publisher, static = int(record["publisher"]), bool(record["static"])
             begin.setdefault(publisher, record["received_ns"])
             early[publisher] &= 0 <= record["received_ns"] - begin[publisher] < S // 2
-            if not is_since and not static:
+            if record["refusals"] or (not is_since and not static):
                 continue
             stream = (int(record["child"]), int(record["parent"]), publisher, static)
             times = stays.setdefault(stream, [])
             if early[publisher] and not static:
                 times.clear()
             times.append(int(record["received_ns"]))
-        reported = settled_streams(cut(mine, generator), None)
-        assert {one.frame for one in reported} == {FRAMES[child] for child, *_ in stays}
-        for one in reported:
+        streams, _ = settled_streams(cut(mine, generator), None)
+        assert {one.frame for one in streams} == {FRAMES[child] for child, *_ in stays}
+        for one in streams:
             ends = (FRAMES.index(one.frame), FRAMES.index(one.parent))
             times = stays[(*ends, one.publisher_id, one.static)]
             gap = max(0, *np.diff(times), 0) / S
@@ -602,6 +672,7 @@ class TestExpectations:
             ("frames: {base: {rate: 3}}", "base: rate is none of parent, static"),
             ("frames: {base: {min_rate: fast}}", "base: min_rate must be a number, not 'fast'"),
             ("frames: {base: {min_rate: true}}", "base: min_rate must be a number"),
+            ("frames: {base: {min_rate: .nan}}", "base: min_rate must be a number, not NaN"),
             ("frames: {base: {static: 1}}", "base: static must be true or false"),
             ("frames: {base: {parent: 1}}", "base: parent must be a name"),
             ("frames: {", "while parsing"),

@@ -12,7 +12,7 @@ from tf2_py._objects.at_exit import keep_for_ever
 from tf2_py._objects.errors import MalformedObjectError, bad_name, seconds
 from tf2_py._objects.frame_names import is_invalid_name
 from tf2_py._objects.histories import History, histories
-from tf2_py._objects.printable import class_name, counted, printable
+from tf2_py._objects.printable import class_name, counted, printable, three_digits
 from tf2_py._objects.refusals import raise_refused, refused
 from tf2_py._objects.rotations import matrices_from_rotations, normalise, rotations_from_matrices
 from tf2_py._objects.serialize import serialize_transforms
@@ -45,6 +45,7 @@ __all__ = [
     "seconds",
     "serialize_transforms",
     "stamp_parts",
+    "three_digits",
     "time_ns",
     "timeout_ns",
     "wait_texts",

@@ -27,7 +27,12 @@ from tf2_py._objects.arguments cimport (
     query_fill_series,
     query_frames,
 )
-from tf2_py._objects.messages cimport name_utf8, new_transform_stamped, read_transform_stamped
+from tf2_py._objects.messages cimport (
+    authority_utf8,
+    name_utf8,
+    new_transform_stamped,
+    read_transform_stamped,
+)
 from tf2_py._objects.times cimport (
     duration_nanoseconds, duration_or_seconds, nanoseconds, new_time, stamp_nanoseconds,
 )
@@ -142,7 +147,7 @@ cdef class BufferCore(SharingEngine):
         batch.entries = &entry
         batch.count = 1
         batch.is_static = is_static
-        batch.authority = name_utf8(authority, &size)
+        batch.authority = authority_utf8(authority, &size)
         batch.authority_size = size
         self.insert(&batch)
         return self.report(&batch, None) if batch.needs_report else 0
@@ -191,7 +196,7 @@ cdef class BufferCore(SharingEngine):
             batch.is_static = static
             for i in range(len(messages)):
                 read_transform_stamped(messages[i], &batch.entries[i].incoming, keep)
-            batch.authority = name_utf8(authority, &size)
+            batch.authority = authority_utf8(authority, &size)
             batch.authority_size = size
             self.insert(&batch)
             if batch.needs_report:
@@ -219,7 +224,7 @@ cdef class BufferCore(SharingEngine):
         cdef Py_ssize_t size
         memset(&batch, 0, sizeof(Batch))
         batch.is_static = static
-        batch.authority = name_utf8(authority, &size)
+        batch.authority = authority_utf8(authority, &size)
         batch.authority_size = size
         PyObject_GetBuffer(data, &view, PyBUF_SIMPLE)
         try:

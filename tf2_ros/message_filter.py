@@ -10,7 +10,7 @@ import itertools
 import threading
 import time
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any, Generic, Protocol, TypedDict, TypeVar, overload
 
@@ -21,7 +21,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from tf2_py._internal import class_name, printable
+from tf2_py._internal import class_name, frame_name, printable
 from tf2_py.typing import DurationLike, TimeoutLike
 from tf2_ros._arguments import has, is_a, is_names, refuse_swapped
 from tf2_ros._forking import register_for_fork
@@ -262,7 +262,8 @@ class MessageFilter(Generic[_Message]):
         Set the target frames, also for messages that wait already.
 
         :param target_frames: a name, or several.
-        :raises ValueError: there is none.
+        :raises TypeError: one of them is no ``str``.
+        :raises ValueError: there is none, or one without a name.
         """
         self._target_frames = _names(target_frames)
         self._configure()
@@ -461,10 +462,17 @@ def _is_input(value: Any) -> bool:
 
 
 def _names(target_frames: str | Sequence[str]) -> tuple[str, ...]:
+    if not isinstance(target_frames, Iterable):
+        raise TypeError(
+            f"target_frames must be the name of a frame, or several, not {type(target_frames).__name__}"
+        )
     names = (target_frames,) if isinstance(target_frames, str) else tuple(target_frames)
     if not names:
         raise ValueError("there must be a target frame")
-    return tuple(name.removeprefix("/") for name in names)
+    names = tuple(frame_name(name, "target_frames").removeprefix("/") for name in names)
+    if "" in names:
+        raise ValueError("the name of a target frame must not be empty")
+    return names
 
 
 def _size(queue_size: int) -> int:

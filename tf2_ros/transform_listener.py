@@ -91,8 +91,8 @@ class TransformListener:
     :param buffer: a :class:`tf2_ros.Buffer`, or any object with its ``set_transform`` and
         ``set_transform_static``.
     :param node: gets the subscriptions. None: a hidden node that a thread of its own spins.
-    :param spin_thread: spin the node in a thread, until its context ends; while another executor has the
-        node, the thread is idle. Until then the program does not exit.
+    :param spin_thread: spin the node in a thread, until its context ends. Once another executor has taken the
+        node over, the thread serves it no more, as in tf2. Until the end the program does not exit.
     :param qos: a profile, or the depth of the queue, for dynamic transforms. None: volatile, depth 100, which
         parameters of the node may override.
     :param static_qos: the same for static transforms. None: transient local, depth 100.
@@ -416,7 +416,9 @@ def _direct(listener: TransformListener) -> BufferCore | None:
     """The listener's buffer; None where code of a program would handle what is inserted."""
     buffer = listener.__dict__.get("buffer")
     # A property of a subclass, or one that was added later, comes before what the instance holds.
-    if not isinstance(buffer, BufferCore) or hasattr(type(getattr(type(listener), "buffer", None)), "__set__"):
+    if not isinstance(buffer, BufferCore) or hasattr(
+        type(getattr(type(listener), "buffer", None)), "__set__"
+    ):
         return None
     kind, own = type(buffer), getattr(buffer, "__dict__", {})
     if _hides(kind, Buffer) or _hides(type(listener), TransformListener):

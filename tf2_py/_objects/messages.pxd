@@ -12,6 +12,7 @@ cdef int load() except -1
 
 # The UTF-8 of a name, owned by `name`. TypeError, UnicodeEncodeError (lone surrogate) or ValueError (NUL).
 cdef const char* name_utf8(object name, Py_ssize_t* size) except NULL
+cdef const char* authority_utf8(object authority, Py_ssize_t* size) except NULL
 
 # `keep`, where not None, is given a reference to every object that `out` points into; where it is None
 # the caller holds `message` and runs no Python code while it uses `out`.

@@ -61,6 +61,12 @@ cdef const char* name_utf8(object name, Py_ssize_t* size) except NULL:
     return text
 
 
+cdef const char* authority_utf8(object authority, Py_ssize_t* size) except NULL:
+    if not PyUnicode_Check(authority):
+        raise TypeError(f"authority must be a str, not {type(authority).__name__}")
+    return name_utf8(authority, size)
+
+
 cdef int _read_transform(object transform, Transform* out) except -1:
     vector3_layout.get_doubles(transform_layout.get(transform, TRANSFORM_TRANSLATION), out.translation, 3)
     quaternion_layout.get_doubles(transform_layout.get(transform, TRANSFORM_ROTATION), out.rotation, 4)

@@ -20,6 +20,11 @@ def class_name(kind: type) -> str:
     return f"{kind.__module__.partition('.')[0]}.{kind.__qualname__}"
 
 
+def three_digits(number: float) -> str:
+    """A number with three significant digits, or all those before the point; never in powers of ten."""
+    return f"{number:.0f}" if abs(number) >= 100.0 else f"{number:.3g}"
+
+
 def counted(number: int, what: str) -> str:
     """``1 frame``, ``2 frames``."""
     return f"{number} {what}" if number == 1 else f"{number} {what}s"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tf2_ros._pictures import labels
 from tf2_ros._pictures.plots import BLUE, GREY, ORANGE, VERMILION, style
 from tf2_ros._traffic.findings import Limits
-from tf2_ros._traffic.streams import Stream
+from tf2_ros._traffic.streams import Stream, taken
 
 __all__ = ["Heard", "heard_figure", "heard_rows"]
 
@@ -66,6 +66,7 @@ def heard_rows(
     :param limits: from where on an interval is a gap.
     """
     numbers = {name: number for number, name in enumerate(frames)}
+    records = taken(records)
     records = records[np.argsort(records["child"], kind="stable")]
     rows = []
     for stream in streams:

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from tf2_py._internal import three_digits
 from tf2_ros._traffic.expectations import Expectation
 from tf2_ros._traffic.findings import Finding, Limits, find
 from tf2_ros._traffic.settling import Settling
-from tf2_ros._traffic.streams import Stream, Streams
+from tf2_ros._traffic.streams import Refused, Reported, Stream, Streams
 
 if TYPE_CHECKING:
     from tf2_ros._recordings.hearing import Heard
@@ -33,6 +34,7 @@ class Report:
     """What there is to tell of a recording; times are log times, in seconds."""
 
     streams: list[Stream]  # as they are at the end; ``silence`` is before the last transform
+    refused: list[Refused]
     findings: list[Finding]
     begin: float | None  # when the first transform was received; None: there is none
     end: float | None
@@ -54,24 +56,23 @@ def report(
     """
     records = heard.records
     if not len(records):
-        return Report([], find([], limits, expectations), None, None, 0, False)
+        return Report([], [], find([], limits, expectations), None, None, 0, False)
     received, static = records["received_ns"], records["static"] != 0
     now_ns = int((received if static.all() else received[~static]).max())
-    streams = _streams(heard, now_ns)
+    streams, refused = _reported(heard, now_ns)
     # A recorder discovers publishers as any listener does, and is sent late what it has missed.
-    judged = _streams(heard, now_ns, Settling().early(records))
+    judged = _reported(heard, now_ns, Settling().early(records)).streams
     differ = _clocks_differ(streams)
     if differ:
         streams, judged = ([_without_delays(one) for one in some] for some in (streams, judged))
-    found = find(judged, limits, expectations, recorded=True)
+    found = find(judged, limits, expectations, refused=refused, recorded=True)
     if heard.end_ns is not None and not static.all():
         found = [*_of_the_end((heard.end_ns - now_ns) / S, limits), *found]
-    return Report(
-        streams, found, int(received.min()) / S, int(received.max()) / S, len(records), clocks_differ=differ
-    )
+    begin, end = int(received.min()) / S, int(received.max()) / S
+    return Report(streams, refused, found, begin, end, len(records), clocks_differ=differ)
 
 
-def _streams(heard: Heard, now_ns: int, early: NDArray[np.bool_] | None = None) -> list[Stream]:
+def _reported(heard: Heard, now_ns: int, early: NDArray[np.bool_] | None = None) -> Reported:
     streams = Streams()
     streams.add(heard.records, early)
     return streams.report(now_ns, heard.frames, heard.publishers)
@@ -79,7 +80,7 @@ def _streams(heard: Heard, now_ns: int, early: NDArray[np.bool_] | None = None) 
 
 def _of_the_end(silence: float, limits: Limits) -> Iterator[Finding]:
     if silence > limits.stale:
-        text = f"no dynamic transform was received in the last {silence:.3g} s"
+        text = f"no dynamic transform was received in the last {three_digits(silence)} s"
         yield Finding("stale", "", text, {"silence": silence})
 
 

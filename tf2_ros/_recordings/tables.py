@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from tf2_py import BufferCore, FrameInfo
 from tf2_ros._recordings.problems import needing
 from tf2_ros._traffic.chains import chain_between, moving_on, stamps_on
+from tf2_ros._traffic.streams import taken
 
 if TYPE_CHECKING:
     from tf2_ros._recordings.hearing import Heard
@@ -129,7 +130,7 @@ def times_of_chain(heard: Heard, target: str, source: str) -> NDArray[np.int64]:
     frames = heard.buffer.frames()
     chain = _chain(heard.buffer, frames, target, source)
     stamps = stamps_on(heard.records, heard.frames, frames, chain)
-    return stamps if len(stamps) else heard.records["stamp_ns"][:1]
+    return stamps if len(stamps) else taken(heard.records)["stamp_ns"][:1]
 
 
 def look_up_chain(heard: Heard, target: str, source: str) -> Table:

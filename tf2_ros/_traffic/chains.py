@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_ros._traffic.streams import SLICES, Stream
+from tf2_ros._traffic.streams import SLICES, Stream, taken
 
 __all__ = ["NetDelay", "chain_between", "moving_on", "newest_streams", "path_to_root", "stamps_on"]
 
@@ -78,6 +78,7 @@ def stamps_on(
     """
     numbers = {name: number for number, name in enumerate(frames)}
     moving = [numbers[name] for name in moving_on(newest, chain)]
+    records = taken(records)
     chosen = np.isin(records["child"], moving) & (records["static"] == 0)
     return np.unique(records["stamp_ns"][chosen])
 
@@ -103,8 +104,9 @@ class NetDelay:
 
     def add(self, records: NDArray[np.void]) -> None:
         """Account for records, all of them later than those before."""
-        if not self.children or not len(records):
+        if not self.children:
             return
+        records = taken(records)
         mine = np.isin(records["child"], self.children) & (records["static"] == 0)
         for chosen in _pieces(records[mine]):
             self._add(chosen)

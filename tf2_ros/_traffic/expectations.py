@@ -77,4 +77,6 @@ def _expectation(name: Any, given: Any) -> Expectation:
         kinds, called = _KINDS[key]
         if not isinstance(value, kinds) or (isinstance(value, bool) and kinds is not bool):
             raise ValueError(f"{name}: {key} must be {called}, not {value!r}")
+        if value != value:
+            raise ValueError(f"{name}: {key} must be {called}, not NaN")
     return Expectation(**given)

@@ -4,10 +4,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from tf2_py._internal import counted
+from tf2_py._internal import counted, three_digits
 from tf2_ros._traffic.chains import newest_streams, path_to_root
 from tf2_ros._traffic.expectations import Expectation
-from tf2_ros._traffic.streams import Stream
+from tf2_ros._traffic.streams import Refused, Stream
 
 __all__ = ["KINDS", "Finding", "Limits", "find"]
 
@@ -60,6 +60,7 @@ def find(
     expectations: Mapping[str, Expectation] = {},
     alive: Collection[int] | None = None,
     *,
+    refused: Sequence[Refused] = (),
     recorded: bool = False,
 ) -> list[Finding]:
     """
@@ -68,10 +69,13 @@ def find(
     :param streams: as ``Streams.report`` gives them.
     :param expectations: of frames, by their names.
     :param alive: ids of the publishers that still exist; None: that is unknown, and all count.
+    :param refused: likewise.
     :param recorded: the time of the report is the end of a recording. A frame that ended earlier has the
         rate of the time while it was published: what is missing after it is not yet to come.
     """
     found = [*_in_the_tree(streams)]
+    if not streams and not refused:
+        found.append(Finding("nothing", "", "no transform was received"))
     by_frame: dict[str, list[Stream]] = {}
     for stream in streams:
         by_frame.setdefault(stream.frame, []).append(stream)
@@ -80,19 +84,20 @@ def find(
         found += _of_frame(frame, own, alive)
         found += _as_expected(frame, newest_streams(own)[frame], expected)
         for stream in own:
-            found += _refused(stream)
             if not stream.static:
                 found += _of_stream(stream, limits, expected, recorded)
+    # The static transforms of a publisher that has ended reach nobody any more.
+    refused = [one for one in refused if not one.static or alive is None or one.publisher_id in alive]
+    found += map(_of_refused, refused)
     for frame in expectations.keys() - by_frame.keys():
-        found.append(Finding("missing", frame, f"{frame} is expected, and nobody publishes it"))
+        only = any(one.frame == frame for one in refused)
+        lack = "all its transforms are refused" if only else "nobody publishes it"
+        found.append(Finding("missing", frame, f"{frame} is expected, and {lack}"))
     order = list(KINDS)
     return sorted(found, key=lambda one: (order.index(one.kind), one.frame))
 
 
 def _in_the_tree(streams: Sequence[Stream]) -> Iterator[Finding]:
-    if not streams:
-        yield Finding("nothing", "", "no transform was received")
-        return
     newest = newest_streams(streams)
     trees: dict[str, int] = {}  # frames below each root, by its name
     in_loops: set[str] = set()
@@ -131,12 +136,10 @@ def _of_frame(frame: str, own: Sequence[Stream], alive: Collection[int] | None) 
         yield Finding("mixed", frame, text, {"static": still, "dynamic": moving})
 
 
-def _refused(stream: Stream) -> Iterator[Finding]:
-    if stream.refused:
-        which = f"{stream.refused} of {stream.count} transforms of {stream.frame} by {stream.publisher}"
-        text = f"{which} are refused: {stream.refused_because}"
-        numbers = {"refused": stream.refused, "publisher": stream.publisher}
-        yield Finding("refused", stream.frame, text, numbers)
+def _of_refused(one: Refused) -> Finding:
+    which = f"{one.count} of {one.received} transforms of {one.frame or repr('')} by {one.publisher}"
+    numbers = {"refused": one.count, "received": one.received, "publisher": one.publisher}
+    return Finding("refused", one.frame, f"{which} are refused: {one.because}", numbers)
 
 
 def _of_stream(stream: Stream, limits: Limits, expected: Expectation, recorded: bool) -> Iterator[Finding]:
@@ -144,29 +147,31 @@ def _of_stream(stream: Stream, limits: Limits, expected: Expectation, recorded: 
     future = limits.future if expected.max_future is None else expected.max_future
     if stream.delay_min is not None and -stream.delay_min > future:
         ahead = -stream.delay_min
-        yield Finding("future", frame, f"{frame} is stamped up to {ahead:.3g} s ahead", {"ahead": ahead})
+        yield Finding(
+            "future", frame, f"{frame} is stamped up to {three_digits(ahead)} s ahead", {"ahead": ahead}
+        )
     if stream.period is not None:
         yield from _of_intervals(stream, stream.period, limits, recorded)
     min_rate = limits.min_rate if expected.min_rate is None else expected.min_rate
     rate = stream.rate if recorded and stream.rate is not None else _rate_at_most(stream)
     if min_rate is not None and rate is not None and rate < min_rate:
-        text = f"{frame} is published at {rate:.3g} Hz, less than {min_rate:g} Hz"
+        text = f"{frame} is published at {three_digits(rate)} Hz, less than {min_rate:g} Hz"
         yield Finding("rate", frame, text, {"rate": rate, "min_rate": min_rate})
 
 
 def _of_intervals(stream: Stream, period: float, limits: Limits, recorded: bool) -> Iterator[Finding]:
     since = "before the end" if recorded else "ago"
-    frame, usual = stream.frame, f"its period is {period:.3g} s"
+    frame, usual = stream.frame, f"its period is {three_digits(period)} s"
     longest = max(limits.stale, limits.stale_periods * period)
     if stream.silence > longest:
-        text = f"{frame} was last received {stream.silence:.3g} s {since}; {usual}"
+        text = f"{frame} was last received {three_digits(stream.silence)} s {since}; {usual}"
         yield Finding("stale", frame, text, {"silence": stream.silence})
     elif stream.stalled > longest:
-        text = f"{frame} has had no newer stamp for {stream.stalled:.3g} s; {usual}"
+        text = f"{frame} has had no newer stamp for {three_digits(stream.stalled)} s; {usual}"
         yield Finding("stale", frame, text, {"stalled": stream.stalled})
     longest = max(limits.gap, limits.gap_periods * period)
     if stream.count >= limits.gap_count and stream.gap > longest:
-        text = f"{frame} was not received for {stream.gap:.3g} s; {usual}"
+        text = f"{frame} was not received for {three_digits(stream.gap)} s; {usual}"
         yield Finding("gap", frame, text, {"gap": stream.gap})
 
 
@@ -190,5 +195,6 @@ def _as_expected(frame: str, newest: Stream, expected: Expectation) -> Iterator[
         yield Finding("static", frame, text)
     most = newest.delay_max
     if expected.max_delay is not None and most is not None and most > expected.max_delay:
-        text = f"{frame} is up to {most:.3g} s old when it is received, more than {expected.max_delay:g} s"
+        age = f"up to {three_digits(most)} s old when it is received"
+        text = f"{frame} is {age}, more than {expected.max_delay:g} s"
         yield Finding("delay", frame, text, {"delay": most, "max_delay": expected.max_delay})

@@ -40,8 +40,8 @@ class Settling:
                 own = own[: after[0]]
                 self._settled.add(publisher)
             early[own] = True
-        # Static transforms have no delay that means anything.
-        early[records["static"] != 0] = False
+        # Neither static transforms nor refused ones have a delay that means anything.
+        early[(records["static"] != 0) | (records["refusals"] != 0)] = False
         return early
 
 

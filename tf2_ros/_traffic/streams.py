@@ -1,9 +1,9 @@
 """Owns the figures of each stream: the transforms of one frame from one publisher, below one parent."""
 
-from collections import deque
-from collections.abc import Sequence
+from collections import Counter, deque
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tf2_py._internal import log
 from tf2_ros._traffic.settling import replaced
 
-__all__ = ["SLICES", "Stream", "Streams"]
+__all__ = ["SLICES", "Refused", "Reported", "Stream", "Streams", "taken"]
 
 S = 1_000_000_000
 ID_BITS = 20  # of the three ids of a stream; no Recording gives more of them
@@ -33,8 +33,7 @@ TALLY = np.dtype(
         ("square", np.float64),  # the sum of the squares of their distances from the mean
         ("least", np.float64),
         ("most", np.float64),
-        ("refused", np.int64),  # how many every buffer refuses ...
-        ("refusals", np.int64),  # ... and for what: bits of log.REFUSALS
+        ("refusals", np.int64),  # for what every buffer refuses some: bits of log.REFUSALS
         ("early", np.bool_),  # whether its first transform was early; see ``Settling``
     ]
 )
@@ -45,8 +44,9 @@ class Stream:
     """
     The transforms of one frame from one publisher, below one parent, on one topic; times are in seconds.
 
-    The figures are those of the window; ``silence``, ``stalled`` and ``period`` reach beyond it. ``rate`` is
-    None where fewer than two transforms were received, and the delay of a static transform means nothing.
+    Those that every buffer refuses are none of them, see :class:`Refused`. The figures are those of the
+    window; ``silence``, ``stalled`` and ``period`` reach beyond it. ``rate`` is None where fewer than two
+    transforms were received, and the delay of a static transform means nothing.
     """
 
     frame: str
@@ -65,8 +65,33 @@ class Stream:
     silence: float  # since the last one
     stalled: float  # since a stamp that was newer than all before
     period: float | None  # usual time between two transforms, without the longest
-    refused: int  # how many of them every buffer refuses ...
-    refused_because: str  # ... and what is wrong with these, or ""
+
+
+@dataclass(frozen=True)
+class Refused:
+    """What every buffer refuses of one frame from one publisher, below one parent, in the window."""
+
+    frame: str
+    parent: str
+    publisher: str
+    publisher_id: int
+    static: bool
+    count: int  # how many transforms are refused ...
+    received: int  # ... of so many of the frame and publisher, below any parent
+    because: str  # what is wrong with them
+
+
+class Reported(NamedTuple):
+    """What there is to tell at one moment."""
+
+    streams: list[Stream]
+    refused: list[Refused]
+
+
+def taken(records: Records) -> Records:
+    """The records of transforms that buffers take, unless these are too old for one."""
+    chosen: Records = records[records["refusals"] == 0]
+    return chosen
 
 
 class Streams:
@@ -83,8 +108,9 @@ class Streams:
 
     def __init__(self, window_s: float | None = None) -> None:
         self._window_ns = None if window_s is None else round(window_s * S)
+        # What is refused of a stream is counted as another one, whose key has the lowest bit.
         self._numbers: dict[int, int] = {}  # of the streams, by their keys
-        self._keys: list[tuple[int, int, int, bool]] = []  # by number: child, parent, publisher, static
+        self._keys: list[tuple[int, int, int, bool, bool]] = []  # child, parent, publisher, static, refused
         self._total = np.zeros(0, TALLY)
         self._recent: deque[NDArray[np.void]] = deque()  # one for each call of add
         self._last_ns: int | None = None  # when the last record was received
@@ -107,9 +133,9 @@ class Streams:
         if self._window_ns is not None:
             self._keep(tally, self._window_ns)
 
-    def report(self, now_ns: int, frames: Sequence[str], publishers: Sequence[str]) -> list[Stream]:
+    def report(self, now_ns: int, frames: Sequence[str], publishers: Sequence[str]) -> Reported:
         """
-        The streams that are current, by the names of their frames.
+        The streams that are current, by the names of their frames, and what is refused.
 
         Of each frame, those received in the window that no later one has replaced; where there is none, the
         last one before. A static transform holds until its publisher replaces it.
@@ -122,7 +148,11 @@ class Streams:
         for numbers in self._by_frame().values():
             current += self._current(numbers, tally)
         streams = [self._stream(number, tally, now_ns, frames, publishers) for number in current]
-        return sorted(streams, key=lambda one: (one.frame, one.silence))
+        refused = self._refused(tally, frames, publishers)
+        return Reported(
+            sorted(streams, key=lambda one: (one.frame, one.silence)),
+            sorted(refused, key=lambda one: (one.frame, one.publisher, one.parent, one.static)),
+        )
 
     def _keep(self, tally: NDArray[np.void], window_ns: int) -> None:
         if self._recent:
@@ -146,7 +176,7 @@ class Streams:
         static = earlier[earlier["static"] != 0]
         if len(static):
             self._total = merge(self._total, self._tally(static, np.zeros(len(static), np.bool_)))
-        moving = [number for number, (*_, static) in enumerate(self._keys) if not static]
+        moving = [number for number, (_, _, _, static, _) in enumerate(self._keys) if not static]
         self._total["count"][[number for number in moving if number < len(self._total)]] = 0
         self._recent.clear()
         return start
@@ -155,6 +185,7 @@ class Streams:
         keys = records["child"].astype(np.int64)
         for part, bits in (("parent", ID_BITS), ("publisher", ID_BITS), ("static", 1)):
             keys = keys << bits | records[part]
+        keys = keys << 1 | (records["refusals"] != 0)
         order = np.argsort(keys, kind="stable")
         keys, records = keys[order], records[order]
         starts = np.flatnonzero(np.concatenate(([True], keys[1:] != keys[:-1])))
@@ -162,7 +193,6 @@ class Streams:
         tally = np.zeros(len(self._keys), TALLY)
         tally[numbers] = tally_of(records["received_ns"], records["stamp_ns"], starts)
         tally["early"][numbers] = early[order[starts]]
-        tally["refused"][numbers] = np.add.reduceat(records["refusals"] != 0, starts, dtype=np.int64)
         tally["refusals"][numbers] = np.bitwise_or.reduceat(records["refusals"], starts)
         return tally
 
@@ -173,7 +203,8 @@ class Streams:
             if number is None:
                 number = self._numbers[key] = len(self._keys)
                 ids = (int(record[part]) for part in ("child", "parent", "publisher"))
-                self._keys.append((*ids, bool(record["static"])))  # type: ignore[arg-type]
+                kinds = (bool(record[part]) for part in ("static", "refusals"))
+                self._keys.append((*ids, *kinds))  # type: ignore[arg-type]
             numbers.append(number)
         return numbers
 
@@ -192,8 +223,41 @@ class Streams:
         streams: dict[int, list[int]] = {}
         # By their keys, which decide between streams that were received at one time: numbers follow batches.
         for number in sorted(np.flatnonzero(self._total["count"]).tolist(), key=self._keys.__getitem__):
-            streams.setdefault(self._keys[number][0], []).append(number)
+            child, _, _, _, refused = self._keys[number]
+            if not refused:
+                streams.setdefault(child, []).append(number)
         return streams
+
+    def _refused(
+        self, tally: NDArray[np.void], frames: Sequence[str], publishers: Sequence[str]
+    ) -> Iterator[Refused]:
+        """What is refused in the window; of static ones, what their publishers have not replaced since."""
+        if not any(refused for *_, refused in self._keys):
+            return
+        received: Counter[tuple[int, int, bool]] = Counter()
+        taken_ns: dict[tuple[int, int], int] = {}  # when each publisher's last static one was taken
+        moving, total, last_ns = (
+            some.tolist() for some in (tally["count"], self._total["count"], self._total["last_ns"])
+        )
+        for number, (child, _, publisher, static, refused) in enumerate(self._keys):
+            received[child, publisher, static] += total[number] if static else moving[number]
+            if static and not refused:
+                taken_ns[child, publisher] = max(last_ns[number], taken_ns.get((child, publisher), 0))
+        for number, (child, parent, publisher, static, refused) in enumerate(self._keys):
+            count = total[number] if static else moving[number]
+            if not refused or not count or (static and last_ns[number] < taken_ns.get((child, publisher), 0)):
+                continue
+            because = (self._total if static else tally)[number]["refusals"]
+            yield Refused(
+                frame=frames[child],
+                parent=frames[parent],
+                publisher=publishers[publisher],
+                publisher_id=publisher,
+                static=static,
+                count=count,
+                received=received[child, publisher, static],
+                because=log.because(int(because)),
+            )
 
     def _current(self, numbers: list[int], tally: NDArray[np.void]) -> list[int]:
         by_age = sorted(numbers, key=lambda number: int(self._total[number]["last_ns"]))
@@ -217,9 +281,9 @@ class Streams:
         frames: Sequence[str],
         publishers: Sequence[str],
     ) -> Stream:
-        child, parent, publisher, static = self._keys[number]
+        child, parent, publisher, static, _ = self._keys[number]
         own: Any = tally[number].tolist()
-        count, first_ns, last_ns, gap_ns, _, _, mean, square, least, most, refused, refusals, _ = own
+        count, first_ns, last_ns, gap_ns, _, _, mean, square, least, most, _, _ = own
         total = self._total[number]
         timed = count > 0 and not static
         span_ns = last_ns - first_ns
@@ -240,8 +304,6 @@ class Streams:
             silence=(now_ns - int(total["last_ns"])) / S,
             stalled=(now_ns - int(total["advanced_ns"])) / S,
             period=_period(own if count >= 3 else total.tolist()),
-            refused=refused,
-            refused_because=log.because(refusals),
         )
 
 
@@ -315,7 +377,6 @@ def merge(earlier: NDArray[np.void], later: NDArray[np.void]) -> NDArray[np.void
     distance = b["mean"] - a["mean"]
     out["mean"] = a["mean"] + distance * share
     out["square"] = a["square"] + b["square"] + distance**2 * a["count"] * share
-    out["refused"] = a["refused"] + b["refused"]
     out["refusals"] = a["refusals"] | b["refusals"]
     out["least"] = np.minimum(a["least"], b["least"])
     out["most"] = np.maximum(a["most"], b["most"])

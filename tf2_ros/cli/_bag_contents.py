@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from datetime import datetime, timezone
 from typing import Any
 
-from tf2_py._internal import counted, printable
+from tf2_py._internal import counted, printable, three_digits
 from tf2_ros._recordings.reading import Topic
 from tf2_ros._recordings.report import LIMITS, Report, report
 from tf2_ros._traffic.findings import Finding
@@ -91,7 +91,13 @@ def check(options: Namespace) -> int:
 def _print_findings(said: Report, wrong: Sequence[Finding]) -> None:
     for finding in wrong:
         print(line_of(finding))
-    print(verdict_of(wrong, said.streams, f"{said.transforms} transforms and {_seconds(said):.3g} s"))
+    print(
+        verdict_of(
+            wrong,
+            said.streams,
+            f"{counted(said.transforms, 'transform')} and {three_digits(_seconds(said))} s",
+        )
+    )
 
 
 def _as_text(contents: Contents) -> Iterator[str]:
@@ -99,7 +105,7 @@ def _as_text(contents: Contents) -> Iterator[str]:
     if contents.begin is not None and contents.end is not None:
         date = datetime.fromtimestamp(contents.begin, timezone.utc)
         span = f"{contents.begin:.3f} to {contents.end:.3f} s"
-        yield f"{span} ({contents.end - contents.begin:.3g} s from {date:%Y-%m-%d %H:%M:%S} UTC)"
+        yield f"{span} ({three_digits(contents.end - contents.begin)} s from {date:%Y-%m-%d %H:%M:%S} UTC)"
     yield "topics:"
     for topic in contents.topics:
         yield f"  {printable(topic.name)}: {printable(topic.msgtype)}, {counted(topic.count, 'message')}"
@@ -110,7 +116,7 @@ def _seconds(said: Report) -> float:
 
 
 def _gap(stream: Stream) -> str:
-    return "" if stream.static or stream.count < 2 else f", longest gap {stream.gap:.3g} s"
+    return "" if stream.static or stream.count < 2 else f", longest gap {three_digits(stream.gap)} s"
 
 
 def _size_of(path: str) -> int:

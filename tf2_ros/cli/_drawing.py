@@ -77,7 +77,7 @@ def heard_picture(
     rows = heard_rows(records, streams, frames, Limits())
     if wanted:
         if not {row.name for row in rows}.intersection(map(_name, wanted)):
-            raise RunError(f"no transform of {' and '.join(map(_name, wanted))} was received")
+            raise RunError(_lack(records, frames, list(map(_name, wanted))))
         rows = [row for name in wanted for row in _rows_of(_name(name), rows)]
     return heard_figure(rows, *span)
 
@@ -146,6 +146,14 @@ def drawn(dot: str, kind: str) -> bytes:
         return tree.render(dot, kind)
     except RuntimeError as failure:
         raise RunError(f"dot failed: {failure}") from None
+
+
+def _lack(records: Records, frames: Sequence[str], wanted: Sequence[str]) -> str:
+    received = {frames[child] for child in np.unique(records["child"])}
+    refused = [name for name in wanted if name in received]
+    if refused:
+        return f"all transforms of {' and '.join(refused)} are refused"
+    return f"no transform of {' and '.join(wanted)} was received"
 
 
 def _rows_of(name: str, rows: list[Heard]) -> list[Heard]:

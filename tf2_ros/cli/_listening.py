@@ -18,7 +18,7 @@ from tf2_ros._traffic.chains import NetDelay, chain_between, moving_on, newest_s
 from tf2_ros._traffic.expectations import Expectation
 from tf2_ros._traffic.findings import Finding, Limits, find
 from tf2_ros._traffic.settling import Settling
-from tf2_ros._traffic.streams import Stream, Streams
+from tf2_ros._traffic.streams import Refused, Stream, Streams
 from tf2_ros.buffer import Buffer
 from tf2_ros.cli._node import filled_buffer
 from tf2_ros.transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, TransformListener
@@ -47,6 +47,7 @@ class Report:
 
     time: float  # of the node's clock, in seconds
     streams: list[Stream]
+    refused: list[Refused]
     findings: list[Finding]
     chain: Chain | None
     messages: int
@@ -129,13 +130,13 @@ class Listening:
         gids = self._recording.publishers()
         alive = self._look_up_publishers()
         publishers = [self._names.get(gid) or _short(gid) for gid in gids]
-        streams = self._streams.report(now_ns, self._recording.frames(), publishers)
-        findings = find(
-            streams, limits, expectations, {number for number, gid in enumerate(gids) if gid in alive}
-        )
+        streams, refused = self._streams.report(now_ns, self._recording.frames(), publishers)
+        numbers = {number for number, gid in enumerate(gids) if gid in alive}
+        findings = find(streams, limits, expectations, numbers, refused=refused)
         return Report(
             time=now_ns / S,
             streams=streams,
+            refused=refused,
             findings=findings,
             chain=None if ends is None else self._chain(ends, streams, now_ns),
             messages=self._recording.messages,

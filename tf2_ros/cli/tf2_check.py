@@ -13,6 +13,7 @@ from tf2_ros_cython import _requirement  # noqa: F401
 
 from argparse import Namespace
 
+from tf2_py._internal import counted
 from tf2_ros._traffic.findings import Limits
 from tf2_ros.cli._listening import listening
 from tf2_ros.cli._node import spun_node
@@ -39,7 +40,7 @@ def check(options: Namespace) -> int:
     wrong = not_ignored(report.findings, options)
     for finding in wrong:
         print(line_of(finding))
-    print(verdict_of(wrong, report.streams, f"{report.messages} messages and {options.t:g} s"))
+    print(verdict_of(wrong, report.streams, f"{counted(report.messages, 'message')} and {options.t:g} s"))
     for count, what in (
         (report.lost, "transforms arrived too fast to be checked"),
         (report.malformed, "messages could not be read"),

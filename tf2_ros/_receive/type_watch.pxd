@@ -33,7 +33,7 @@ cdef inline bint type_watch_is_unchanged(const TypeWatch* watch) noexcept nogil:
 
 # Whether a message may be taken on what was found when the watch began. Python gives no version to a type
 # whose attributes change very often: there, what was found holds for one message, and only for one that is
-# there already.
+# there already. A change in the moment between the two is then seen one message later.
 cdef inline bint type_watch_permits(TypeWatch* watch) noexcept nogil:
     if watch.ran_out:
         flag_set(&watch.changed, True)

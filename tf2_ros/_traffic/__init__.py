@@ -7,10 +7,11 @@ fills (``tf2_ros.cli._listening``), or those that a reader of recordings makes. 
 
 - ``streams.Streams``: ``add(records)``, then ``report(now_ns, frames, publishers)`` gives one
   ``streams.Stream`` for each frame, with its parent, publisher, rate and delay; of a frame that is published
-  doubly, one for each publisher and parent.
+  doubly, one for each publisher and parent. Beside them stand the ``streams.Refused``: transforms that every
+  buffer refuses, and that therefore are part of no stream and no tree.
 - ``settling.Settling``: ``early(records)`` says what arrived while its publisher was being discovered, and
   ``Streams.add(records, early)`` thins it out.
-- ``findings.find(streams, limits, expectations, alive)`` gives ``findings.Finding``: what is wrong with them.
+- ``findings.find(streams, limits, expectations, alive, refused=...)`` gives ``findings.Finding``: what is wrong with them.
 - ``chains.newest_streams(streams)``: the tree, as a buffer sees it. ``chains.chain_between(newest, a, b)``:
   the frames between two frames. ``chains.NetDelay``: how old the newest transform between them is.
 - ``expectations.read(path)``: what a file says that frames must be like.

@@ -74,8 +74,9 @@ def find(
         rate of the time while it was published: what is missing after it is not yet to come.
     """
     found = [*_in_the_tree(streams)]
-    if not streams and not refused:
-        found.append(Finding("nothing", "", "no transform was received"))
+    if not streams:
+        which = " that a buffer takes" if refused else ""
+        found.append(Finding("nothing", "", f"no transform was received{which}"))
     by_frame: dict[str, list[Stream]] = {}
     for stream in streams:
         by_frame.setdefault(stream.frame, []).append(stream)

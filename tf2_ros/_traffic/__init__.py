@@ -11,7 +11,8 @@ fills (``tf2_ros.cli._listening``), or those that a reader of recordings makes. 
   buffer refuses, and that therefore are part of no stream and no tree.
 - ``settling.Settling``: ``early(records)`` says what arrived while its publisher was being discovered, and
   ``Streams.add(records, early)`` thins it out.
-- ``findings.find(streams, limits, expectations, alive, refused=...)`` gives ``findings.Finding``: what is wrong with them.
+- ``findings.find(streams, limits, expectations, alive, refused=...)`` gives ``findings.Finding``: what is
+  wrong with them.
 - ``chains.newest_streams(streams)``: the tree, as a buffer sees it. ``chains.chain_between(newest, a, b)``:
   the frames between two frames. ``chains.NetDelay``: how old the newest transform between them is.
 - ``expectations.read(path)``: what a file says that frames must be like.

@@ -17,6 +17,8 @@ from tf2_ros._pictures.tree import MOST_FINDINGS, render, tree_dot
 from tf2_ros._receive.recording import RECORD
 from tf2_ros._traffic.findings import Finding, Limits
 from tf2_ros._traffic.streams import Stream
+from tf2_ros.cli._drawing import heard_picture
+from tf2_ros_cython.cli._program import RunError
 
 pytestmark = pytest.mark.ours
 
@@ -325,3 +327,19 @@ def test_drawing_leaves_matplotlib_as_it_was():
     before = dict(matplotlib.rcParams)
     file_of(heard_figure([row("odom", STEADY)], BEGIN, END), "svg")
     assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.parametrize(
+    ("refusals", "said"),
+    [
+        ([8, 8], "all transforms of base are refused"),
+        # Received before the clock jumped back, after which there is no stream of it.
+        ([8, 0], "no transform of base was received"),
+        ([], "no transform of base was received"),
+    ],
+)
+def test_of_a_frame_that_cannot_be_drawn_it_is_said_why(refusals, said):
+    records = np.zeros(len(refusals), RECORD)
+    records["child"], records["refusals"] = 1, refusals
+    with pytest.raises(RunError, match=f"^{said}$"):
+        heard_picture(records, [], ["map", "base"], ["base"], (0.0, 1.0))

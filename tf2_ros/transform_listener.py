@@ -416,9 +416,8 @@ def _direct(listener: TransformListener) -> BufferCore | None:
     """The listener's buffer; None where code of a program would handle what is inserted."""
     buffer = listener.__dict__.get("buffer")
     # A property of a subclass, or one that was added later, comes before what the instance holds.
-    if not isinstance(buffer, BufferCore) or hasattr(
-        type(getattr(type(listener), "buffer", None)), "__set__"
-    ):
+    is_property = hasattr(type(getattr(type(listener), "buffer", None)), "__set__")
+    if is_property or not isinstance(buffer, BufferCore):
         return None
     kind, own = type(buffer), getattr(buffer, "__dict__", {})
     if _hides(kind, Buffer) or _hides(type(listener), TransformListener):

@@ -78,9 +78,7 @@ def stamps_on(
     """
     numbers = {name: number for number, name in enumerate(frames)}
     moving = [numbers[name] for name in moving_on(newest, chain)]
-    records = taken(records)
-    chosen = np.isin(records["child"], moving) & (records["static"] == 0)
-    return np.unique(records["stamp_ns"][chosen])
+    return np.unique(_dynamic_of(records, moving)["stamp_ns"])
 
 
 class NetDelay:
@@ -106,9 +104,7 @@ class NetDelay:
         """Account for records, all of them later than those before."""
         if not self.children:
             return
-        records = taken(records)
-        mine = np.isin(records["child"], self.children) & (records["static"] == 0)
-        for chosen in _pieces(records[mine]):
+        for chosen in _pieces(_dynamic_of(records, self.children)):
             self._add(chosen)
 
     def report(self, now_ns: int) -> tuple[float, float] | None:
@@ -154,6 +150,12 @@ class NetDelay:
                 self._parts.pop()
                 duration, mean, most = both, (long * usual + duration * mean) / both, max(worst, most)
         self._parts.append((self._last_ns, duration, mean, most))
+
+
+def _dynamic_of(records: NDArray[np.void], children: Sequence[int]) -> NDArray[np.void]:
+    # What buffers take of these frames.
+    dynamic = records[np.isin(records["child"], children) & (records["static"] == 0)]
+    return taken(dynamic)
 
 
 def _pieces(records: NDArray[np.void]) -> Iterator[NDArray[np.void]]:

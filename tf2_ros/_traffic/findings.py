@@ -69,7 +69,7 @@ def find(
     :param streams: as ``Streams.report`` gives them.
     :param expectations: of frames, by their names.
     :param alive: ids of the publishers that still exist; None: that is unknown, and all count.
-    :param refused: likewise.
+    :param refused: as ``Streams.report`` gives them, too.
     :param recorded: the time of the report is the end of a recording. A frame that ended earlier has the
         rate of the time while it was published: what is missing after it is not yet to come.
     """

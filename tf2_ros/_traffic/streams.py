@@ -39,8 +39,29 @@ TALLY = np.dtype(
 )
 
 
+class _Key(NamedTuple):
+    """Which transforms are counted together; the ids are those of the records."""
+
+    child: int
+    parent: int
+    publisher: int
+    static: bool
+    refused: bool
+
+
 @dataclass(frozen=True)
-class Stream:
+class Origin:
+    """Of what, and from whom, transforms are."""
+
+    frame: str
+    parent: str
+    publisher: str
+    publisher_id: int
+    static: bool
+
+
+@dataclass(frozen=True)
+class Stream(Origin):
     """
     The transforms of one frame from one publisher, below one parent, on one topic; times are in seconds.
 
@@ -49,11 +70,6 @@ class Stream:
     transforms were received, and the delay of a static transform means nothing.
     """
 
-    frame: str
-    parent: str
-    publisher: str
-    publisher_id: int
-    static: bool
     count: int
     rate: float | None  # Hz
     delay: float | None  # mean time from the stamp to the reception
@@ -68,14 +84,9 @@ class Stream:
 
 
 @dataclass(frozen=True)
-class Refused:
+class Refused(Origin):
     """What every buffer refuses of one frame from one publisher, below one parent, in the window."""
 
-    frame: str
-    parent: str
-    publisher: str
-    publisher_id: int
-    static: bool
     count: int  # how many transforms are refused ...
     received: int  # ... of so many of the frame and publisher, below any parent
     because: str  # what is wrong with them
@@ -110,7 +121,7 @@ class Streams:
         self._window_ns = None if window_s is None else round(window_s * S)
         # What is refused of a stream is counted as another one, whose key has the lowest bit.
         self._numbers: dict[int, int] = {}  # of the streams, by their keys
-        self._keys: list[tuple[int, int, int, bool, bool]] = []  # child, parent, publisher, static, refused
+        self._keys: list[_Key] = []  # by number
         self._total = np.zeros(0, TALLY)
         self._recent: deque[NDArray[np.void]] = deque()  # one for each call of add
         self._last_ns: int | None = None  # when the last record was received
@@ -176,7 +187,7 @@ class Streams:
         static = earlier[earlier["static"] != 0]
         if len(static):
             self._total = merge(self._total, self._tally(static, np.zeros(len(static), np.bool_)))
-        moving = [number for number, (_, _, _, static, _) in enumerate(self._keys) if not static]
+        moving = [number for number, key in enumerate(self._keys) if not key.static]
         self._total["count"][[number for number in moving if number < len(self._total)]] = 0
         self._recent.clear()
         return start
@@ -202,9 +213,9 @@ class Streams:
             number = self._numbers.get(key)
             if number is None:
                 number = self._numbers[key] = len(self._keys)
-                ids = (int(record[part]) for part in ("child", "parent", "publisher"))
-                kinds = (bool(record[part]) for part in ("static", "refusals"))
-                self._keys.append((*ids, *kinds))  # type: ignore[arg-type]
+                child, parent, publisher = (int(record[part]) for part in ("child", "parent", "publisher"))
+                static, refused = (bool(record[part]) for part in ("static", "refusals"))
+                self._keys.append(_Key(child, parent, publisher, static, refused))
             numbers.append(number)
         return numbers
 
@@ -223,16 +234,15 @@ class Streams:
         streams: dict[int, list[int]] = {}
         # By their keys, which decide between streams that were received at one time: numbers follow batches.
         for number in sorted(np.flatnonzero(self._total["count"]).tolist(), key=self._keys.__getitem__):
-            child, _, _, _, refused = self._keys[number]
-            if not refused:
-                streams.setdefault(child, []).append(number)
+            if not self._keys[number].refused:
+                streams.setdefault(self._keys[number].child, []).append(number)
         return streams
 
     def _refused(
         self, tally: NDArray[np.void], frames: Sequence[str], publishers: Sequence[str]
     ) -> Iterator[Refused]:
         """What is refused in the window; of static ones, what their publishers have not replaced since."""
-        if not any(refused for *_, refused in self._keys):
+        if not any(key.refused for key in self._keys):
             return
         received: Counter[tuple[int, int, bool]] = Counter()
         taken_ns: dict[tuple[int, int], int] = {}  # when each publisher's last static one was taken
@@ -243,26 +253,33 @@ class Streams:
             received[child, publisher, static] += total[number] if static else moving[number]
             if static and not refused:
                 taken_ns[child, publisher] = max(last_ns[number], taken_ns.get((child, publisher), 0))
-        for number, (child, parent, publisher, static, refused) in enumerate(self._keys):
+        for number, (child, _, publisher, static, refused) in enumerate(self._keys):
             count = total[number] if static else moving[number]
             if not refused or not count or (static and last_ns[number] < taken_ns.get((child, publisher), 0)):
                 continue
             because = (self._total if static else tally)[number]["refusals"]
             yield Refused(
-                frame=frames[child],
-                parent=frames[parent],
-                publisher=publishers[publisher],
-                publisher_id=publisher,
-                static=static,
+                **self._origin(number, frames, publishers),
                 count=count,
                 received=received[child, publisher, static],
                 because=log.because(int(because)),
             )
 
+    def _origin(self, number: int, frames: Sequence[str], publishers: Sequence[str]) -> dict[str, Any]:
+        """The fields of an ``Origin``."""
+        key = self._keys[number]
+        return {
+            "frame": frames[key.child],
+            "parent": frames[key.parent],
+            "publisher": publishers[key.publisher],
+            "publisher_id": key.publisher,
+            "static": key.static,
+        }
+
     def _current(self, numbers: list[int], tally: NDArray[np.void]) -> list[int]:
         by_age = sorted(numbers, key=lambda number: int(self._total[number]["last_ns"]))
-        static = {self._keys[number][2]: number for number in by_age if self._keys[number][3]}
-        moving = [number for number in by_age if not self._keys[number][3]]
+        static = {self._keys[number].publisher: number for number in by_age if self._keys[number].static}
+        moving = [number for number in by_age if not self._keys[number].static]
         heard = [number for number in moving if tally[number]["count"]]
         # One that ended before another began was replaced: by a restart, or by the choice of another parent.
         newest_start_ns = max((int(tally[number]["first_ns"]) for number in heard), default=0)
@@ -281,18 +298,13 @@ class Streams:
         frames: Sequence[str],
         publishers: Sequence[str],
     ) -> Stream:
-        child, parent, publisher, static, _ = self._keys[number]
         own: Any = tally[number].tolist()
         count, first_ns, last_ns, gap_ns, _, _, mean, square, least, most, _, _ = own
         total = self._total[number]
-        timed = count > 0 and not static
+        timed = count > 0 and not self._keys[number].static
         span_ns = last_ns - first_ns
         return Stream(
-            frame=frames[child],
-            parent=frames[parent],
-            publisher=publishers[publisher],
-            publisher_id=publisher,
-            static=static,
+            **self._origin(number, frames, publishers),
             count=count,
             rate=(count - 1) * S / span_ns if span_ns > 0 else None,
             delay=mean if timed else None,

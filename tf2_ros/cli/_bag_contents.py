@@ -91,13 +91,8 @@ def check(options: Namespace) -> int:
 def _print_findings(said: Report, wrong: Sequence[Finding]) -> None:
     for finding in wrong:
         print(line_of(finding))
-    print(
-        verdict_of(
-            wrong,
-            said.streams,
-            f"{counted(said.transforms, 'transform')} and {three_digits(_seconds(said))} s",
-        )
-    )
+    what = f"{counted(said.transforms, 'transform')} and {three_digits(_seconds(said))} s"
+    print(verdict_of(wrong, said.streams, what))
 
 
 def _as_text(contents: Contents) -> Iterator[str]:

@@ -16,7 +16,7 @@ from tf2_ros._pictures.trajectory import trajectory_figure
 from tf2_ros._recordings.tables import look_up
 from tf2_ros._traffic.chains import chain_between, newest_streams, stamps_on
 from tf2_ros._traffic.findings import Finding, Limits
-from tf2_ros._traffic.streams import Stream
+from tf2_ros._traffic.streams import Stream, taken
 from tf2_ros.cli._files import write_whole
 from tf2_ros.numpy import to_matrix
 from tf2_ros_cython.cli._endings import format_of
@@ -149,8 +149,9 @@ def drawn(dot: str, kind: str) -> bytes:
 
 
 def _lack(records: Records, frames: Sequence[str], wanted: Sequence[str]) -> str:
-    received = {frames[child] for child in np.unique(records["child"])}
-    refused = [name for name in wanted if name in received]
+    received, drawable = ({*some["child"].tolist()} for some in (records, taken(records)))
+    only_refused = {frames[child] for child in received - drawable}
+    refused = [name for name in wanted if name in only_refused]
     if refused:
         return f"all transforms of {' and '.join(refused)} are refused"
     return f"no transform of {' and '.join(wanted)} was received"

@@ -131,8 +131,8 @@ class Listening:
         alive = self._look_up_publishers()
         publishers = [self._names.get(gid) or _short(gid) for gid in gids]
         streams, refused = self._streams.report(now_ns, self._recording.frames(), publishers)
-        numbers = {number for number, gid in enumerate(gids) if gid in alive}
-        findings = find(streams, limits, expectations, numbers, refused=refused)
+        alive_ids = {number for number, gid in enumerate(gids) if gid in alive}
+        findings = find(streams, limits, expectations, alive_ids, refused=refused)
         return Report(
             time=now_ns / S,
             streams=streams,

@@ -2,7 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 PY := $(VENV)/bin/python
-PACKAGES := tf2_py tf2_ros tf2_geometry_msgs tf2_sensor_msgs tf2_ros_cython
+PACKAGES := tf2_py tf2_ros tf2_geometry_msgs tf2_sensor_msgs tf2_ros_tools tf2_ros_cython
 SOURCES := pyproject.toml setup.py setup.cfg $(wildcard build_backend/*.py) \
 	$(wildcard $(foreach folder,$(PACKAGES) $(PACKAGES:%=%/*),$(folder)/*.pyx $(folder)/*.pxd)) \
 	$(wildcard messages/*.* messages/backend/*.py messages/src/tf2_msgs/*/*.msg messages/src/tf2_msgs/*/*.srv) \
@@ -17,12 +17,14 @@ endif
 
 # Beside a sourced ROS 2 no second one is installed, and what that needs of the system's packages, as yaml, is seen.
 ifdef AMENT_PREFIX_PATH
-PROJECTS := --editable '.[test]'
+PROJECTS := --editable .
+WHAT := the project, 30 MB
 VENV_OPTIONS := --system-site-packages
 VENV_KIND := sourced
 VENV_OTHER := wheels
 else
-PROJECTS := --editable ./messages --editable '.[ros,test]'
+PROJECTS := --editable ./messages --editable '.[ros]'
+WHAT := ROS 2 Jazzy from PyPI and the project, 300 MB
 VENV_OPTIONS :=
 VENV_KIND := wheels
 VENV_OTHER := sourced
@@ -34,25 +36,31 @@ $(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS w
 $(shell rm -rf $(VENV))
 endif
 
-.PHONY: allocations bare bench build clean demo docs fuzz guard hosts leaks lint matrix model mutate oldest pictures sanitize soak stress test wheels
+.PHONY: allocations bare bench build clean cross demo docs fuzz guard hosts leaks lint matrix model oldest pictures sanitize soak stress test test-all wheels
 
-# TESTS: some of them, as `make test TESTS=tests/test_buffer.py`.
-test: $(VENV)/installed.stamp
-	$(PY) -m pytest $(TESTS)
+# A process for each core; those of big machines would wait for each other. The tests of a file share what it makes.
+PYTEST := $(PY) -m pytest --numprocesses=logical --maxprocesses=8 --dist=loadfile
+
+# TESTS: some of them, as `make test TESTS=tests/ros/test_buffer.py`.
+test: $(VENV)/installed.stamp $(VENV)/test.stamp
+	$(PYTEST) $(TESTS)
+
+test-all: $(VENV)/installed.stamp $(VENV)/test.stamp $(VENV)/test-all.stamp
+	$(PYTEST) --all $(TESTS)
 
 demo: $(VENV)/installed.stamp
 	$(PY) examples/demo.py
 
 # QUICK=1 ends within two minutes. The libraries compared with are fetched into .bench.
-bench: $(VENV)/bench.stamp $(VENV)/installed.stamp
+bench: $(VENV)/bench.stamp $(VENV)/installed.stamp $(VENV)/test.stamp
 	$(PY) -m bench $(if $(QUICK),--quick)
 
 # The site of the pages in docs/ and of the docstrings: build/docs/index.html.
-docs: $(VENV)/docs.stamp $(VENV)/installed.stamp
+docs: $(VENV)/docs.stamp $(VENV)/installed.stamp $(VENV)/test-all.stamp
 	$(PY) -m sphinx -E -W --keep-going -q -d build/doctrees docs build/docs
 
 # docs/images, anew.
-pictures: $(VENV)/docs.stamp $(VENV)/installed.stamp
+pictures: $(VENV)/docs.stamp $(VENV)/installed.stamp $(VENV)/test.stamp
 	$(PY) docs/pictures.py
 
 guard: $(VENV)/installed.stamp
@@ -60,7 +68,7 @@ guard: $(VENV)/installed.stamp
 
 # Long searches for faults; docs/reliability.md tells what they found. OPTIONS go to the program, as
 # `make fuzz OPTIONS='cdr --seconds 60'`; `make fuzz OPTIONS=--help` names them.
-allocations fuzz leaks model mutate sanitize stress: $(VENV)/dev.stamp
+allocations fuzz leaks model sanitize stress: $(VENV)/dev.stamp $(VENV)/test-all.stamp
 	$(PY) -m reliability.$@ $(OPTIONS)
 
 # CONTRIBUTING.md tells what each of them does.
@@ -69,6 +77,9 @@ wheels: $(VENV)/release.stamp
 
 matrix: $(VENV)/release.stamp
 	$(PY) -m release.wheels --all-pythons --ros jazzy kilted $(OPTIONS)
+
+cross: $(VENV)/dev.stamp $(VENV)/release.stamp
+	$(PY) -m release.cross $(OPTIONS)
 
 oldest: $(VENV)/release.stamp
 	$(PY) -m release.wheels --oldest $(OPTIONS)
@@ -83,49 +94,47 @@ hosts: $(VENV)/installed.stamp
 soak: $(VENV)/installed.stamp
 	$(PY) -m reliability.soak $(if $(MINUTES),--minutes $(MINUTES)) $(OPTIONS)
 
-lint: $(VENV)/dev.stamp
+# mypy reads the types of all that the packages may import.
+lint: $(VENV)/dev.stamp $(VENV)/test-all.stamp
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
 	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" cython-lint $(PACKAGES)
 	$(PY) -m build_backend.hints $(PACKAGES)
 	$(PY) -m mypy $(PACKAGES)
 
-build: $(VENV)/dev.stamp
+build: $(VENV)/dev.stamp $(VENV)/test.stamp
 	$(PY) setup.py -q build_ext --inplace
 	touch $(VENV)/installed.stamp
 
 clean:
-	rm -rf $(VENV) .bench .reliability build messages/build dist *.egg-info messages/src/*.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .bench .cross .reliability build messages/build dist *.egg-info messages/src/*.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find $(PACKAGES) messages tests build_backend -name '*.so' -delete -o -name '*.pyc' -delete
 	cd messages/src/tf2_msgs && rm -f msg/*.py srv/*.py action/*.py _release.py
 	rm -f tf2_ros_cython/_built.py
 
 $(PY):
+	@echo "Installing $(WHAT), into $(VENV). With compiling it takes 1 to 4 minutes on two cores."
 	$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV)
 	$(PY) -m pip install --quiet --upgrade pip
 	touch $(VENV)/$(VENV_KIND).stamp
 
 $(VENV)/installed.stamp: $(SOURCES) | $(PY)
-	$(PY) -m pip install --quiet $(PROJECTS)
+	$(PY) -m pip install $(PROJECTS)
+	@touch $@
+
+$(VENV)/test.stamp: pyproject.toml
+	$(MAKE) $(VENV)/installed.stamp
+	@echo "Installing what the tests use, 400 MB, into $(VENV). The tests then take 9 minutes on two cores."
+	$(PY) -m pip install 'tf2-ros-cython[test]'
+	@touch $@
+
+$(VENV)/test-all.stamp: pyproject.toml
+	$(MAKE) $(VENV)/test.stamp
+	$(PY) -m pip install --quiet 'tf2-ros-cython[test-all]'
 	touch $@
 
 # Made anew only when the requirements change; pip finds the project installed and adds what the extra names.
-$(VENV)/dev.stamp: pyproject.toml
+$(foreach extra,dev release bench docs,$(VENV)/$(extra).stamp): $(VENV)/%.stamp: pyproject.toml
 	$(MAKE) $(VENV)/installed.stamp
-	$(PY) -m pip install --quiet 'tf2-ros-cython[dev]'
-	touch $@
-
-$(VENV)/release.stamp: pyproject.toml
-	$(MAKE) $(VENV)/installed.stamp
-	$(PY) -m pip install --quiet 'tf2-ros-cython[release]'
-	touch $@
-
-$(VENV)/bench.stamp: pyproject.toml
-	$(MAKE) $(VENV)/installed.stamp
-	$(PY) -m pip install --quiet 'tf2-ros-cython[bench]'
-	touch $@
-
-$(VENV)/docs.stamp: pyproject.toml
-	$(MAKE) $(VENV)/installed.stamp
-	$(PY) -m pip install --quiet 'tf2-ros-cython[docs]'
+	$(PY) -m pip install --quiet 'tf2-ros-cython[$*]'
 	touch $@

@@ -1,4 +1,4 @@
-"""Owns what pyproject.toml cannot say: packages and extensions, found by their sources."""
+"""What pyproject.toml cannot express: packages and extensions, found by their sources."""
 
 import sys
 from pathlib import Path
@@ -18,7 +18,7 @@ for name in ("pyproject.toml", "README.md", "LICENSE"):
 
 packages = find_packages(str(ROOT), include=["tf2_py*", "tf2_ros*", "tf2_geometry_msgs*", "tf2_sensor_msgs*"])
 modules = extensions.cython_extensions(ROOT, packages)
-data = {name: ["*.pxd", "*.pyi", "py.typed"] for name in packages}
+data = {name: ["*.pxd", "core/*.pxd", "engine/*.pxd", "*.pyi", "py.typed"] for name in packages}
 
 setup(
     # Here for colcon's sake: requires-python of pyproject.toml becomes an object that it cannot read, and the

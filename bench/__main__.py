@@ -1,7 +1,8 @@
 """
 The benchmark's command line: `python -m bench [--quick]` measures, prints, writes JSON and pictures.
 
-`python -m bench --only waiters load` measures these sections of this project alone, and only prints.
+`python -m bench --only waiters receiving:cpu` measures a section and a part of one, of this project and of a
+sourced ROS 2, and only prints.
 """
 
 from __future__ import annotations
@@ -28,12 +29,11 @@ from bench import (
     nodes,
     peers,
     pictures,
-    programs,
+    receiving,
     recordings,
     report,
     shared,
     targets,
-    types,
 )
 from bench.processes import Failure, run_command
 from bench.race import OURS, Run
@@ -46,19 +46,12 @@ SECTIONS = {
         lookups.growth,
         lookups.vectors,
         inserts.inserts,
-        inserts.waiters,
-        lookups.failing,
         inserts.memory,
         nodes.online,
-        nodes.load,
-        nodes.receive,
-        shared.shared,
-        programs.watch,
-        types.types,
         recordings.recordings,
         guard.instructions,
     )
-}
+} | {f"{parts.SECTION}:{part.__name__}": part for parts in (receiving, shared) for part in parts.PARTS}
 RESULTS = Path(__file__).resolve().parent / "results"
 PACKAGES = ("tf2-ros-cython", "numpy", "ros-jazzy-rclpy", "matplotlib")
 QUICK_RESULTS = peers.FETCHED / "results"
@@ -76,17 +69,21 @@ class Progress:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
-        prog="python -m bench", description="Measure this project beside its peers."
+        prog="python -m bench", description="Compare this project with other libraries."
     )
     parser.add_argument("--quick", action="store_true", help="fewer rounds and sizes: within two minutes")
     parser.add_argument(
-        "--only", nargs="+", choices=SECTIONS, help="of this project alone; nothing is written"
+        "--only",
+        nargs="+",
+        choices=[receiving.SECTION, shared.SECTION, *SECTIONS],
+        metavar="SECTION",
+        help="measure only these, for this project and a sourced ROS 2, and write no files: %(choices)s",
     )
     options = parser.parse_args(arguments)
     say = Progress()
     load_before = _load_average()
     ours = peers.ours()
-    others, missing = ([], {}) if options.only else peers.all_peers(say)
+    others, missing = peers.all_peers(say, only_ros2=bool(options.only))
     libraries = {library.key: library for library in (ours, *others)}
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -102,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"this project does not run here: {missing[ours.title]}", file=sys.stderr)
             return 1
         for name, section in SECTIONS.items():
-            if name in (options.only or SECTIONS):
+            if not options.only or {name, name.partition(":")[0]} & set(options.only):
                 with run.recording_failure(OURS, name):
                     section(run)
     result = {

@@ -1,9 +1,9 @@
 """
-Owns counting instructions with callgrind, which a busy machine does not disturb.
+Count instructions with callgrind, regardless of the load of the machine.
 
-`python -m bench.guard` guards against slow-downs: the instructions of a few calls, as multiples of those of a
-piece of pure Python, which stands for machine and Python, against `guard_baseline.json`. `--renew`
-writes a new baseline.
+`python -m bench.guard` compares the instructions of a few calls with `guard_baseline.json`, as multiples of
+the instructions of a piece of pure Python, which depend on the machine and on Python in the same way.
+`--renew` writes a new baseline.
 """
 
 from __future__ import annotations
@@ -130,8 +130,9 @@ def compare(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m bench.guard", description="Guard against slow-downs.")
-    parser.add_argument("--renew", action="store_true", help="write what is counted now as the new baseline")
+    description = "Count the instructions of a few calls, and fail if a count has grown."
+    parser = argparse.ArgumentParser(prog="python -m bench.guard", description=description)
+    parser.add_argument("--renew", action="store_true", help="write the present counts as the new baseline")
     renew = parser.parse_args(arguments).renew
     try:
         counts = count([REFERENCE, *CASES])

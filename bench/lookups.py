@@ -1,4 +1,4 @@
-"""Owns the sections that look up in trees: one time, many times, growth with the tree, lookups that fail."""
+"""Measure lookups: one time, many times, growth with the tree, lookups that fail."""
 
 from __future__ import annotations
 
@@ -6,30 +6,23 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from bench.processes import Failure
 from bench.race import OURS, Entry, Run, Sample, set_name
-from bench.trees import LATEST, Tree, bushy, chain, fork, queries_of, star, vector_queries_of
+from bench.trees import LATEST, Tree, bushy, chain, fork, queries_of, vector_queries_of
 
 HOPS = (1, 4, 10)
 DEEP_HOPS = 4
 THREADS = 2
-# They are given a chain alone: SciPy has no tree, pytransform3d takes long to load one.
-VECTOR_PEERS = ("pytransform3d", "scipy")
 
 GROWTH_SAMPLES = 10  # per frame, where the history is not what grows
 FEW = 6  # pairs that are looked up again and again
 # In a short run fewer take part, for each must load the largest trees.
 QUICK_GROWTH_PEERS = (OURS, "ros1_cpp")
-NOT_IN_GROWTH = ("pytransform3d",)  # a thousand times slower than the others
-
-FAILING_WAYS = ("lookup_transform_core", "can_transform_core")
-REASONS = ("extrapolation", "unknown frame", "two trees")
 
 
 def lookups(run: Run) -> None:
     """One lookup: in static and dynamic trees by hops, in deep histories by place."""
     for tree in _trees(run, run.sizes.dynamic_frames):
-        keys = run.load(tree, run.with_lookups())
+        keys = run.load(tree, run.libraries)
         for place in ("past", "latest") if tree.moves else ("static",):
             for hops in HOPS:
                 labels = {"tree": tree.name, "place": place, "hops": hops}
@@ -37,7 +30,7 @@ def lookups(run: Run) -> None:
                 _race_lookups(run, keys, tree, labels, pairs, hops)
     for depth in run.sizes.depths:
         tree = chain(f"chain of {depth}", DEEP_HOPS, depth)
-        keys = run.load(tree, run.with_lookups())
+        keys = run.load(tree, run.libraries)
         for place in ("newest", "random", "oldest"):
             labels = {"tree": tree.name, "place": place, "hops": DEEP_HOPS, "depth": depth}
             _race_lookups(run, keys, tree, labels, [(0, DEEP_HOPS)], depth)
@@ -68,7 +61,7 @@ def _times(tree: Tree, place: str, count: int, seed: int) -> np.ndarray:
 
 
 def vectors(run: Run) -> None:
-    """Many times in one call: each cell, beside NumPy and SciPy, in two threads."""
+    """Many times in one call: each cell, and in two threads."""
     sizes = run.sizes
     for tree in _trees(run, sizes.dynamic_frames[:1]):
         run.say(f"vectors: {tree.name} frames")
@@ -82,7 +75,7 @@ def vectors(run: Run) -> None:
     for depth in sizes.depths[1:]:
         tree = chain(f"chain of {depth}", DEEP_HOPS, depth)
         run.say(f"vectors: {tree.name} samples per frame, and in {THREADS} threads")
-        keys = run.load(tree, [OURS, *(VECTOR_PEERS if depth == sizes.depths[1] else ())])
+        keys = run.load(tree, [OURS])
         for place in ("sorted", "random"):
             run.race("vectors", _vector_entries(run, keys, tree, place, DEEP_HOPS, [(0, DEEP_HOPS)]))
         if OURS in keys:
@@ -126,13 +119,13 @@ def growth(run: Run) -> None:
         "frames": [(n, bushy(f"frames {n}", n, 1.0, GROWTH_SAMPLES)) for n in sizes.growth_frames],
         "ancestors": [(n, fork(f"ancestors {n}", n, GROWTH_SAMPLES)) for n in sizes.growth_ancestors],
     }
-    wanted = run.with_lookups() if sizes.thorough else QUICK_GROWTH_PEERS
+    wanted = list(run.libraries) if sizes.thorough else QUICK_GROWTH_PEERS
     for axis, grown in trees.items():
         # Every size is in memory before the first round, so that a disturbance affects all sizes.
         entries: list[Entry] = []
         for index, (value, tree) in enumerate(grown):
             run.say(f"growth: loading {tree.name}")
-            keys = run.load(tree, [who for who in wanted if who not in NOT_IN_GROWTH], keep=index > 0)
+            keys = run.load(tree, wanted, keep=index > 0)
             for kind, pairs in _growth_pairs(run, axis, tree).items():
                 labels = {"axis": axis, "value": value, "pairs": kind}
                 entries += _growth_entries(run, keys, tree, labels, pairs)
@@ -165,22 +158,3 @@ def _growth_entries(
         queries = vector_queries_of(pairs, times)
         entries += run.prepare("growth", labels, [(OURS, "vector")], queries, len(pairs), sizes.vector_times)
     return entries
-
-
-def failing(run: Run) -> None:
-    """Lookups that fail, in a small and in a large tree."""
-    entries: list[Entry] = []
-    for index, frames in enumerate(run.sizes.failing_frames):
-        run.say(f"failing: a tree of {frames:,} frames")
-        tree = star(f"failing {frames}", frames, samples=2)
-        if OURS not in run.load(tree, [OURS], keep=index > 0):
-            raise Failure("the tree was not loaded")
-        frame, (island, _, unknown) = 1, range(frames + 1, frames + 4)
-        late_ns = tree.newest_ns + 10**12
-        no_answer = (frame, late_ns), (unknown, tree.newest_ns), (island, tree.newest_ns)
-        for reason, (source, time_ns) in zip(REASONS, no_answer, strict=True):
-            queries = queries_of([(0, source)], np.array([time_ns]))
-            labels = {"frames": frames, "reason": reason}
-            contenders = [(OURS, way) for way in FAILING_WAYS]
-            entries += run.prepare("failing", labels, contenders, queries, run.sizes.calls, compared=False)
-    run.race("failing", entries)

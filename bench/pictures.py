@@ -1,8 +1,7 @@
-"""Owns the pictures: latency boxes by scenario and hop count, growth curves."""
+"""Draw latency boxes by scenario and hop count, and growth curves."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,6 @@ from typing import Any
 from bench.lookups import HOPS
 from bench.processes import Library
 from bench.race import OURS, Row, Rows
-from bench.targets import JAZZY_BUFFER, python_factor
 
 SCENARIOS = (
     ("lookups", "static", "static, offline"),
@@ -23,8 +21,6 @@ AXES = {
     "frames": "frames in the tree",
     "ancestors": "links above the common ancestor",
 }
-# Three orders of magnitude above the others: in the tables, not in the pictures.
-NOT_DRAWN = ("pytransform3d",)
 OUR_NAMES = {"buffer": "Buffer.lookup_transform (ours)", "core": "lookup_transform_core (ours)",
              "vector": "lookup_transforms (ours), per transform"}  # fmt: skip
 
@@ -50,7 +46,7 @@ def _colours(pyplot: Any, rows: Rows) -> dict[tuple[str, str], Any]:
     kinds = dict.fromkeys(
         (row.who, row.way)
         for row in rows
-        if row.section in ("lookups", "growth", "online") and row.who not in NOT_DRAWN
+        if row.section in ("lookups", "growth", "online") and row.way in OUR_NAMES
     )
     palette = pyplot.get_cmap("tab10")
     return {kind: palette(i % 10) for i, kind in enumerate(kinds)}
@@ -72,8 +68,6 @@ def _latency(pyplot: Any, rows: Rows, libraries: Mapping[str, Library]) -> Any:
                 if row is not None:
                     position = group + (i - (len(kinds) - 1) / 2) * width
                     _box(axis, row, position, 0.85 * width, colours[kind])
-        if section == "lookups":
-            _mark_jazzy(axis, rows, place)
         axis.set_title(title)
         axis.set_xticks(range(len(HOPS)), [f"{hops} hops" if hops > 1 else "1 hop" for hops in HOPS])
         axis.set_yscale("log")
@@ -86,16 +80,6 @@ def _latency(pyplot: Any, rows: Rows, libraries: Mapping[str, Library]) -> Any:
             axes[0, 0].bar(0, 0, color=colour, label=_name(libraries, *kind))
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure
-
-
-def _mark_jazzy(axis: Any, rows: Rows, place: str) -> None:
-    """What is not at hand cannot be a box."""
-    factor = python_factor(rows)
-    if math.isnan(factor) or any(row.who == "ros2" for row in rows):
-        return
-    us = [JAZZY_BUFFER[place, hops] * factor / 1e3 for hops in HOPS]
-    label = "ROS 2 Jazzy's Buffer (measured elsewhere, carried over)"
-    axis.plot(range(len(HOPS)), us, "D", markersize=5, markerfacecolor="none", color="black", label=label)
 
 
 def _label_powers(axis: Any) -> None:

@@ -1,4 +1,4 @@
-"""Owns the processes that measure: each library in its own, which takes orders as lines of JSON."""
+"""Run each library in a process of its own, which takes orders as lines of JSON."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 """
-Owns measuring side by side: entries take turns, round by round, and what they measure becomes rows.
+Measure side by side: entries take turns, round by round, and what they measure becomes rows.
 
 A section declares entries, each a function that measures once a round; :meth:`Run.race` runs them all.
 """
@@ -105,6 +105,13 @@ def ratio_of_rounds(above: Row | None, below: Row | None) -> float:
     return statistics.median(a / b for a, b in zip(above.rounds, below.rounds, strict=True))
 
 
+def difference_of_rounds(above: Row | None, below: Row | None) -> float:
+    """The median of the rounds' differences. NaN where one is missing."""
+    if above is None or below is None:
+        return math.nan
+    return statistics.median(a - b for a, b in zip(above.rounds, below.rounds, strict=True))
+
+
 def row_of(section: str, samples: Sequence[Sample]) -> Row:
     first = samples[0]
     pooled = [value for sample in samples for value in sample.values]
@@ -184,10 +191,6 @@ class Run:
             yield process
         finally:
             process.end()
-
-    def with_lookups(self) -> list[str]:
-        """The libraries that answer single lookups."""
-        return [who for who, library in self.libraries.items() if library.ways]
 
     def ways(self, keys: Iterable[str]) -> list[tuple[str, str]]:
         """(who, way) of every single lookup; ours first, because the others are compared with it."""
@@ -308,6 +311,17 @@ def sample_of(
     batch = per * answer.get("batch", 1)
     values = [(ns - answer["empty_ns"]) / batch for ns in answer["ns"]]
     return Sample(who, way, labels, values, "ns", answer["failed"], answer["empty_ns"], deviation)
+
+
+def p99(way: str) -> str:
+    """The way of the rows that hold each round's 99th percentile."""
+    return f"{way}, p99"
+
+
+def with_p99(who: str, way: str, labels: dict[str, Any], values: list[float]) -> Iterator[Sample]:
+    """Two samples: all values, and their 99th percentile."""
+    yield Sample(who, way, labels, values)
+    yield Sample(who, p99(way), labels, [np.quantile(values, 0.99).item()])
 
 
 def set_name(section: str, labels: dict[str, Any]) -> str:

@@ -1,9 +1,8 @@
-"""Owns the section on recordings: loading one, looking up in it, pickling it, and several of them at once."""
+"""Measure recordings: loading one, looking up in it, pickling it, and several at once."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -11,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bench.processes import Process
-from bench.race import CHECKED, OURS, Entry, Run, Sample, largest_deviation, set_name
+from bench.race import OURS, Entry, Run, Sample, set_name
 from bench.trees import Tree, bushy, queries_of, vector_queries_of
 
 SECTION = "recordings"
@@ -21,7 +20,6 @@ COMPRESSIONS = ("none", "zstd")
 PER_MESSAGE = (1, 5, 50)
 
 RAW, LOAD = "rosbags, raw messages", "bag.load"
-LISTS, DECODED, SCHIEBUNG = "rosbags + lists", "mcap-ros2-support + lists", "rosbags + schiebung"
 LOOKUP, VECTOR = "lookup_transform", "lookup_transforms"
 PICKLE = {"pickle": 0, "pickle, arrays apart": 1}
 BATCH, NOT_READING = "map_recordings", "map_recordings, not reading"
@@ -36,49 +34,21 @@ class File(NamedTuple):
     transforms: int
 
 
-class Contender(NamedTuple):
-    """A process that loads recordings."""
-
-    who: str
-    way: str
-    process: Process
-
-    def load(self, tree: Path, file: File) -> Iterator[Sample]:
-        answer = self.process.ask("load_recording", tree, file.path)
-        labels = {"per message": file.per_message, "compression": file.compression}
-        yield Sample(self.who, self.way, labels, [answer["ns"] / file.transforms])
-
-
 def recordings(run: Run) -> None:
     """A million transforms of a hundred frames: loading, lookups, pickles; then several at once."""
     sizes = run.sizes
     samples = sizes.recording_transforms // sizes.recording_frames
     tree = bushy(SECTION, sizes.recording_frames + 1, 1.0, samples)
     path = tree.write(run.folder)
-    with ExitStack() as stack:
-
-        def contender(way: str, program: str, *arguments: str, who: str = OURS) -> Contender:
-            return Contender(who, way, stack.enter_context(run.process(program, *arguments, who=who)))
-
-        ours = contender(LOAD, "ours.py")
-        others = [
-            contender(LISTS, "recorded.py", "rosbags + lists"),
-            contender(DECODED, "recorded.py", "mcap + lists"),
-        ]
-        if "schiebung" in run.libraries:
-            others.append(contender(SCHIEBUNG, "from_pypi.py", "schiebung", who="schiebung"))
-        files = list(_written(run, path))
-        with run.process("recorded.py", "rosbags") as process:
-            raw = Contender(OURS, RAW, process)
+    files = list(_written(run, path))
+    with run.process("ours.py") as ours:
+        with run.process("recorded.py", "rosbags") as raw:
             run.say("recordings: loading")
-            entries = [Entry(one.who, partial(one.load, path, file)) for file in files for one in (raw, ours)]
+            ways = (RAW, raw), (LOAD, ours)
+            entries = [Entry(OURS, partial(_load, *way, path, file)) for file in files for way in ways]
             run.race(SECTION, entries, sizes.recording_rounds)
-        # Once, and without compression: they take many times as long.
-        for file in files[: len(PER_MESSAGE)]:
-            run.say(f"recordings: loading {file.per_message} a message by others")
-            run.race(SECTION, [Entry(one.who, partial(one.load, path, file)) for one in others], rounds=1)
         run.say("recordings: lookups")
-        _race_lookups(run, tree, [ours, *others])
+        _race_lookups(run, tree, ours)
         run.say("recordings: pickles")
         entries = [
             Entry(OURS, partial(_pickle, ours, way, samples * sizes.recording_frames)) for way in PICKLE
@@ -86,6 +56,12 @@ def recordings(run: Run) -> None:
         run.race(SECTION, entries, sizes.recording_rounds)
     run.say("recordings: several at once")
     run.race(SECTION, [Entry(OURS, partial(_map, run, tree, files[0]))], rounds=1)
+
+
+def _load(way: str, process: Process, tree: Path, file: File) -> Iterator[Sample]:
+    answer = process.ask("load_recording", tree, file.path)
+    labels = {"per message": file.per_message, "compression": file.compression}
+    yield Sample(OURS, way, labels, [answer["ns"] / file.transforms])
 
 
 def _written(run: Run, tree: Path) -> Iterator[File]:
@@ -98,34 +74,26 @@ def _written(run: Run, tree: Path) -> Iterator[File]:
                 yield File(path, per_message, compression, process.ask(*order)["transforms"])
 
 
-def _race_lookups(run: Run, tree: Tree, contenders: list[Contender]) -> None:
-    """In what each has loaded last, over the same frames at the same times; ours also in one call."""
+def _race_lookups(run: Run, tree: Tree, ours: Process) -> None:
+    """In what was loaded last; one by one, and in one call."""
     count = run.sizes.recording_lookups
     times = tree.random_times(count, seed=1)
     pairs = tree.pairs(HOPS, run.sizes.vector_pairs, seed=HOPS, must_move=True)
     labels = {"hops": HOPS, "lookups": count}
-    truth: list[list[float] | None] = []
+    name = set_name(SECTION, labels)
     entries = []
-    for one in contenders:
-        for way, queries, per in (
-            ("core", queries_of(pairs, times), 1),
-            ("vector", vector_queries_of(pairs[:1], [np.sort(times)]), count),
-        ):
-            if way == "vector" and one.way != LOAD:
-                continue
-            name = set_name(SECTION, labels)
-            answers = one.process.ask("prepare", way, name, run.write(queries), CHECKED)["answers"]
-            truth = truth or answers
-            deviation = largest_deviation(truth, answers) if way == "core" else None
-            title = {"core": LOOKUP, "vector": VECTOR}[way] if one.way == LOAD else one.way
-            calls = count // per
-            order = ("time", way, name, calls)
-            entries.append(run.timed(one.who, title, labels, order, per, deviation, one.process))
+    for way, title, queries, per in (
+        ("core", LOOKUP, queries_of(pairs, times), 1),
+        ("vector", VECTOR, vector_queries_of(pairs[:1], [np.sort(times)]), count),
+    ):
+        ours.ask("prepare", way, name, run.write(queries), 0)
+        order = ("time", way, name, count // per)
+        entries.append(run.timed(OURS, title, labels, order, per, process=ours))
     run.race(SECTION, entries, run.sizes.recording_rounds)
 
 
-def _pickle(ours: Contender, way: str, samples: int) -> Iterator[Sample]:
-    answer = ours.process.ask("pickle", PICKLE[way])
+def _pickle(ours: Process, way: str, samples: int) -> Iterator[Sample]:
+    answer = ours.ask("pickle", PICKLE[way])
     yield Sample(OURS, way, {"samples": samples}, [answer["ns"]])
 
 

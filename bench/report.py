@@ -1,4 +1,4 @@
-"""Owns the tables as text."""
+"""Format the results as tables."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from bench.inserts import waiters_ratios
 from bench.processes import Library
 from bench.race import OURS, Row, Rows
-from bench.targets import Verdict, cpp_factor, python_factor
+from bench.receiving import FLOOR, SECTION
+from bench.targets import Verdict, cpp_factor
 
 WIDTH = 110
 BUSY = 0.75  # load for each core, this run's own included
@@ -18,23 +18,21 @@ FIRST, COLUMN = 30, 15
 # Section: title, and the way of ours that others are compared with.
 SECTIONS = {
     "lookups": ("Single lookups, us per call", "buffer"),
-    "online": ("Single lookups while another process publishes at 100 Hz over DDS, us per call", "buffer"),
+    "online": (
+        "Single lookups beside a process that publishes at 50 Hz, us; CPU seconds per second",
+        "buffer",
+    ),
     "vectors": ("Lookups at many times in one call, us per transform", "vector"),
     "growth": ("Growth: 4 dynamic hops at random times (vector: sorted), us per transform", "buffer"),
     "inserts": ("Inserts into full histories of 50 frames, us per transform", "set_transform"),
-    "waiters": ("Inserts beside waiters that they do not answer: times what they take beside none", ""),
-    "failing": ("Lookups that fail, us per call", ""),
-    "load": ("Readers and writers at once, us (readers: in vector lookups; this: the timed buffer)", ""),
-    "receive": (
-        "Receiving, us: CPU of the listening process per message; from sending to answer",
+    "receiving": (
+        "Receiving, us: CPU of the process per message, lookups, waits until their answer; messages lost",
         "listener",
     ),
     "shared": (
         "Shared buffers, us per lookup, wait and attaching; MB; CPU seconds per second of all nodes",
         "private",
     ),
-    "watch": ("Programs that watch transforms, us: CPU of the process per message", "listener"),
-    "types": ("Messages, clouds and arrays into another frame, us per call", "call"),
     "recordings": (
         "Recordings, us per transform loaded, per lookup, per pickle and back; recordings per second",
         "bag.load",
@@ -43,7 +41,15 @@ SECTIONS = {
     "instructions": ("Growth in instructions (callgrind), 4 dynamic hops, per transform", ""),
 }
 # Few things, each its own: a line for each row.
-LISTED = ("inserts", "failing", "load", "receive", "shared", "watch", "recordings", "memory", "instructions")
+LISTED = (
+    "online",
+    "inserts",
+    "receiving",
+    "shared",
+    "recordings",
+    "memory",
+    "instructions",
+)
 UNITS = {"x": "{:.2f}x", "B": "{:.1f}", "/s": "{:.2f}/s", "MB": "{:.2f} MB", "CPU": "{:.3f}"}
 
 
@@ -81,20 +87,22 @@ def tables(rows: Rows, libraries: Mapping[str, Library]) -> str:
         own = [row for row in rows if row.section == section]
         if not own:
             continue
-        if section == "waiters":
-            lines = _waiters(rows)
-        elif section in LISTED:
-            lines = [_line(row, _main(own, main_way, row.labels), libraries) for row in own]
+        if section in LISTED:
+            lines = [_line(row, _main(own, main_way, row), libraries) for row in own]
         else:
             lines = _matrix(own, main_way, libraries)
         parts.append("\n".join([_rule(title), *(line.rstrip() for line in lines)]))
     return "\n\n".join(parts)
 
 
-def _main(rows: Sequence[Row], way: str, labels: Mapping[str, Any]) -> Row | None:
-    """The row of ours that one with these labels is compared with; where there is a single one, all are."""
-    own = [row for row in rows if (row.who, row.way) == (OURS, way)]
-    return own[0] if len(own) == 1 else next((row for row in own if row.labels == labels), None)
+def _main(rows: Sequence[Row], main_way: str, compared: Row) -> Row | None:
+    """The row of ours that one is compared with: of others, in their own way; where there is one, all are."""
+    for way in (main_way,) if compared.who == OURS else (compared.way, main_way):
+        own = [row for row in rows if (row.who, row.way) == (OURS, way)]
+        main = own[0] if len(own) == 1 else next((row for row in own if row.labels == compared.labels), None)
+        if main is not None:
+            return main
+    return None
 
 
 def _matrix(rows: Sequence[Row], main_way: str, libraries: Mapping[str, Library]) -> list[str]:
@@ -121,8 +129,6 @@ def _cells(first: str, texts: Iterable[str]) -> str:
 
 
 def _heads(library: Library | None, who: str, way: str) -> tuple[str, str]:
-    if way == "call":  # of types: a library, or how bytes are copied
-        return ("copy of", who.removeprefix("copy of ")) if who.startswith("copy of") else ("", who)
     assert library is not None
     if who in (OURS, "ros2"):
         return "ours" if who == OURS else library.title, "Buffer" if way == "buffer" else way
@@ -132,8 +138,6 @@ def _heads(library: Library | None, who: str, way: str) -> tuple[str, str]:
 def _label(labels: Mapping[str, Any]) -> str:
     if "axis" in labels:
         return f"{labels['value']:,} {labels['axis']}" + (", all pairs" if labels["pairs"] == "many" else "")
-    if "type" in labels:
-        return str(labels["type"])
     if "tree" not in labels:
         return ", ".join(
             f"{value:,} {key}" if isinstance(value, int) else f"{key.replace('_', ' ')} {value}"
@@ -164,24 +168,22 @@ def _line(row: Row, main: Row | None, libraries: Mapping[str, Library]) -> str:
     return f"{libraries[row.who].label:26}{row.way:32}{_label(row.labels):42}{value:>12}  {spread}"
 
 
-def _waiters(rows: Rows) -> list[str]:
-    """How many times as long each insert takes beside the waiters; in the first line us beside none."""
-    ratios = waiters_ratios(rows)
-    ways = list(next(iter(ratios.values())))
-    alone = [rows.all("waiters", OURS, way, waiters=0) for way in ways]
-    us = [f"{statistics.median(row.median for row in own) / 1e3:.2f}" for own in alone]
-    lines = [_cells(kind, [f"{ratio:.2f}x" for ratio in own.values()]) for kind, own in ratios.items()]
-    return [_cells("", ways), _cells("beside none, us", us), *lines]
-
-
 def remarks(rows: Rows, libraries: Mapping[str, Library], absent: Sequence[Mapping[str, str]]) -> str:
     """What did not answer, and whose answers are not ours."""
     lines = [_rule("Remarks")]
-    factor, python = cpp_factor(rows), python_factor(rows)
-    if not math.isnan(factor + python):
+    factor = cpp_factor(rows)
+    if not math.isnan(factor):
         lines.append(
-            f"Debian's C++ takes {factor:.2f}, its Python {python:.2f} times what they took where tf2 of "
-            "ROS 2 Jazzy was measured beside them."
+            f"Debian's C++ takes {factor:.2f} times what it took where tf2 of ROS 2 Jazzy was measured "
+            "beside it."
+        )
+    floors = [row for row in rows.all(SECTION, OURS, FLOOR) if len(row.rounds) > 1]
+    if floors:
+        worst = max(floors, key=lambda row: max(row.rounds) / min(row.rounds))
+        lowest, highest = (_number(worst, limit(worst.rounds)) for limit in (min, max))
+        lines.append(
+            "Noise: subscriptions that nobody takes from do the same in each round, and took from "
+            f"{lowest} to {highest} us of CPU per message: {_label(worst.labels)}"
         )
     for who, library in libraries.items():
         failed = [row for row in rows if row.who == who and row.failed]

@@ -1,4 +1,4 @@
-"""Owns the section on shared buffers: lookups, waits, memory, attaching and nodes, beside private buffers."""
+"""Measure shared buffers: lookups, waits, memory, attaching and nodes, beside private buffers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from bench.lookups import DEEP_HOPS
 from bench.processes import SHARED_BUFFER, Process
-from bench.race import CHECKED, OURS, Entry, Rows, Run, Sample, largest_deviation, ratio_of_rounds
+from bench.race import CHECKED, OURS, Entry, Rows, Run, Sample, largest_deviation, with_p99
 from bench.trees import LATEST, Tree, bushy, queries_of, vector_queries_of
 
 SECTION = "shared"
@@ -30,7 +30,7 @@ TIMES = 1000  # in one vector lookup
 SHARE = {PAST: 1.0, NOW: 1.0, VECTOR: 0.1}  # of sizes.calls
 CACHE_S = 600  # nothing that is looked up is dropped meanwhile
 
-BLOCK, BLOCK_P99, POLL = "wait, block", "wait, block, p99", "wait, poll"
+BLOCK, POLL = "wait, block", "wait, poll"
 HOW = {BLOCK: "block", POLL: "poll"}  # as contestants/listening.py names them
 WAIT_RATE = 100
 
@@ -39,17 +39,8 @@ ATTACHED_SAMPLES = 100  # of each frame that moves
 MEGABYTE = 1e6
 
 # What nodes are, as contestants/spinning.py names them; beside those that are attached.
-LISTENING, IDLE, OWNER = "listening", "idle", "owner"
-ABOVE_IDLE = "less idle nodes"
-
-
-def shared(run: Run) -> None:
-    """Readers, waiters and nodes of a shared buffer."""
-    _lookups(run)
-    _waits(run)
-    _memory(run)
-    _attaching(run)
-    _nodes(run)
+LISTENING, LOOKING, IDLE, OWNER = "listening", "looking", "idle", "owner"
+BY_OWNER = (ATTACHED, LOOKING)
 
 
 @contextmanager
@@ -80,7 +71,7 @@ class Call(NamedTuple):
         yield Sample(OURS, self.which, {"call": PACED, "owner": INSERTS}, times)
 
 
-def _lookups(run: Run) -> None:
+def lookups(run: Run) -> None:
     sizes = run.sizes
     frames = sizes.dynamic_frames[0]
     tree = bushy(f"{SECTION} {frames}", frames, 0.5, round(sizes.seconds * 100))
@@ -125,7 +116,7 @@ def _prepared(run: Run, tree: Tree, reader: Process) -> list[Call]:
     return prepared
 
 
-def _waits(run: Run) -> None:
+def waits(run: Run) -> None:
     """From just before a message is made and inserted, until a lookup in another process returns."""
     sizes = run.sizes
     labels = {"transforms": TRANSFORMS, "Hz": WAIT_RATE}
@@ -138,14 +129,12 @@ def _waits(run: Run) -> None:
             first = owner.ask("start", WAIT_RATE, TRANSFORMS, sizes.shared_waits)["next"]
             answers = reader.ask("look", first, sizes.shared_waits, HOW[way])["ns"]
             owner.ask("finish")
-            yield Sample(OURS, way, labels, answers)
-            if way == BLOCK:
-                yield Sample(OURS, BLOCK_P99, labels, [np.quantile(answers, 0.99).item()])
+            yield from with_p99(OURS, way, labels, answers)
 
         run.race(SECTION, [Entry(OURS, partial(look, way)) for way in HOW], sizes.shared_rounds)
 
 
-def _memory(run: Run) -> None:
+def memory(run: Run) -> None:
     """What a process grows by, with a private buffer and with an attached one whose samples are all read."""
     sizes = run.sizes
     tree = bushy(f"{SECTION} memory", sizes.shared_frames + 1, 1.0, round(sizes.seconds * 100))
@@ -165,7 +154,7 @@ def _memory(run: Run) -> None:
         run.race(SECTION, entries, sizes.shared_rounds)
 
 
-def _attaching(run: Run) -> None:
+def attaching(run: Run) -> None:
     sizes = run.sizes
     tree = bushy(f"{SECTION} attach", sizes.static_frames, 0.5, ATTACHED_SAMPLES)
     labels = {"frames": sizes.static_frames}
@@ -182,13 +171,19 @@ def _attaching(run: Run) -> None:
         run.race(SECTION, [Entry(OURS, partial(measure, name))], sizes.shared_rounds)
 
 
-def _nodes(run: Run) -> None:
+def nodes(run: Run) -> None:
     """CPU of many nodes while another process publishes."""
     count = run.sizes.shared_nodes
     with run.process("publishing.py") as publisher:
         entries = [
             Entry(OURS, partial(_spin, run, publisher, what, nodes))
-            for what, nodes in ((LISTENING, 1), (LISTENING, count), (ATTACHED, count), (IDLE, count))
+            for what, nodes in (
+                (LISTENING, 1),
+                (LISTENING, count),
+                (ATTACHED, count),
+                (LOOKING, count),
+                (IDLE, count),
+            )
         ]
         run.race(SECTION, entries, run.sizes.shared_rounds)
 
@@ -200,13 +195,13 @@ def _spin(run: Run, publisher: Process, what: str, count: int) -> Iterator[Sampl
     name = f"bench-nodes-{os.getpid()}"
     messages = round(RATE * sizes.receive_s)
     with ExitStack() as stack:
-        owners = [_node(run, stack, OWNER, name)] if what == ATTACHED else []
+        owners = [_node(run, stack, OWNER, name)] if what in BY_OWNER else []
         for node in owners:
             node.ask("ready", 0)
         nodes = [*owners, *(_node(run, stack, what, name) for _ in range(count))]
         for node in nodes:
             node.ask("ready", 0)
-        publisher.ask("discover", {LISTENING: count, ATTACHED: 1, IDLE: 0}[what])
+        publisher.ask("discover", {LISTENING: count, IDLE: 0}.get(what, len(owners)))
         publisher.ask("start", RATE, TRANSFORMS, sizes.receive_filling)
         publisher.ask("finish")
         for node in nodes:
@@ -227,20 +222,30 @@ def _spin(run: Run, publisher: Process, what: str, count: int) -> Iterator[Sampl
 
 
 def _node(run: Run, stack: ExitStack, what: str, name: str) -> Process:
-    environment = {SHARED_BUFFER: name} if what == ATTACHED else {}
+    environment = {SHARED_BUFFER: name} if what in BY_OWNER else {}
     return stack.enter_context(run.process("spinning.py", what, name, environment=environment))
 
 
-def nodes_ratios(rows: Rows) -> dict[str, float]:
-    """The attached nodes and their owner over one node that listens; the same without what idle ones take."""
+def nodes_ratio(rows: Rows) -> float:
+    """The attached nodes and their owner over one node that listens and as many idle ones."""
     one = rows.find(SECTION, OURS, LISTENING, nodes=1)
     idle = rows.find(SECTION, OURS, IDLE)
     together = idle and rows.find(SECTION, OURS, ATTACHED, **idle.labels)
     if one is None or idle is None or together is None:
-        return {"all": math.nan, ABOVE_IDLE: math.nan}
-    count = idle.labels["nodes"]
-    above_idle = [
-        (attached - idle_) / (listening - idle_ / count)
-        for attached, listening, idle_ in zip(together.rounds, one.rounds, idle.rounds, strict=True)
-    ]
-    return {"all": ratio_of_rounds(together, one), ABOVE_IDLE: statistics.median(above_idle)}
+        return math.nan
+    rounds = zip(together.rounds, one.rounds, idle.rounds, strict=True)
+    return statistics.median(attached / (listening + resting) for attached, listening, resting in rounds)
+
+
+def looking_us(rows: Rows) -> float:
+    """What an attached node that looks ten times a second costs more, in µs for each transform sent."""
+    looking = rows.find(SECTION, OURS, LOOKING)
+    resting = looking and rows.find(SECTION, OURS, ATTACHED, **looking.labels)
+    if looking is None or resting is None:
+        return math.nan
+    more = statistics.median(a - b for a, b in zip(looking.rounds, resting.rounds, strict=True))
+    return more / (looking.labels["nodes"] * TRANSFORMS * RATE) * 1e6
+
+
+# Each measures by itself, too.
+PARTS = (lookups, waits, memory, attaching, nodes)

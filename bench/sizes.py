@@ -1,4 +1,4 @@
-"""Owns how much is measured: everything, a quick look, or just enough to see that it runs."""
+"""Sizes of a run: everything, a quick look, or just enough to see that it runs."""
 
 from dataclasses import dataclass, replace
 
@@ -22,20 +22,21 @@ class Sizes:
     points: int = 100_000
     inserts: int = 5000
     waiters: int = 10_000
-    waited_inserts: int = 500  # beside the waiters, of each kind, a round
-    failing_frames: tuple[int, int] = (10, 100_000)
     ring_samples: int = 40_000
     resident_samples: int = 500_000
-    load_rounds: int = 5
-    load_s: float = 1.0  # of one round
-    load_calls: int = 20_000  # in each thread, a round
-    load_messages: int = 1000  # beside readers
     receive_rounds: int = 7
     # Messages beforehand; from then on each drops an old sample, as in a program that runs for long.
     receive_filling: int = 700
     receive_s: float = 5.0  # of publishing, for each load in each round
     receive_wakes: int = 200  # lookups of each kind in each round
-    types_budget_s: float = 0.2
+    receive_paced: int = 500  # lookups with pauses between them, of each kind in each round
+    receive_flood_rounds: int = 2
+    receive_flood_s: float = 5.0  # of messages of which none may be lost
+    receive_unread_s: float = 60.0  # the same with nobody reading
+    receive_held_s: float = 2.0  # the same while a C call keeps the GIL
+    online_rounds: int = 5
+    online_frames: int = 300
+    online_s: float = 8.0  # of lookups, for each number of hops in each round
     shared_rounds: int = 3  # of what starts processes
     shared_paced: int = 100  # lookups with pauses between them, a round
     shared_waits: int = 1000
@@ -66,14 +67,16 @@ QUICK = replace(
     inserts=2000,
     ring_samples=20_000,
     resident_samples=100_000,
-    load_rounds=2,
-    load_s=0.5,
-    load_calls=5000,
-    load_messages=200,
     receive_rounds=1,
+    receive_filling=200,
     receive_s=0.6,
     receive_wakes=60,
-    types_budget_s=0.02,
+    receive_paced=50,
+    receive_flood_rounds=1,
+    receive_flood_s=0.5,
+    receive_unread_s=1.0,
+    online_rounds=1,
+    online_s=1.0,
     shared_rounds=1,
     shared_paced=20,
     shared_waits=100,
@@ -104,18 +107,17 @@ TINY = replace(
     points=50,
     inserts=100,
     waiters=10,
-    waited_inserts=10,
-    failing_frames=(5, 50),
     ring_samples=10_100,
     resident_samples=11_000,
-    load_rounds=1,
-    load_s=0.1,
-    load_calls=1000,
-    load_messages=10,
     receive_filling=20,
     receive_s=0.2,
     receive_wakes=5,
-    types_budget_s=0.001,
+    receive_paced=10,
+    receive_flood_s=0.1,
+    receive_unread_s=0.1,
+    receive_held_s=0.3,
+    online_frames=60,
+    online_s=0.1,
     shared_paced=5,
     shared_waits=10,
     shared_frames=20,

@@ -1,4 +1,4 @@
-"""Owns the trees that lookups are measured on, and the queries; the same in every run."""
+"""Trees and queries for lookups, the same in every run."""
 
 from __future__ import annotations
 
@@ -166,13 +166,6 @@ def fork(name: str, ancestors: int, samples: int) -> Tree:
     top = ancestors
     parents = [max(0, frame - 1) for frame in range(top + 1)] + [top, top, top + 1, top + 2]
     return Tree(name, parents, [frame > 0 for frame in range(len(parents))], samples)
-
-
-def star(name: str, frames: int, samples: int) -> Tree:
-    """Dynamic frames below one root; then a frame of another tree, its root, and a root never inserted."""
-    island, sea, unknown = range(frames + 1, frames + 4)
-    parents = [0] * (frames + 1) + [sea, sea, unknown]
-    return Tree(name, parents, [frame not in (0, sea, unknown) for frame in range(len(parents))], samples)
 
 
 def queries_of(pairs: Sequence[tuple[int, int]], times_ns: np.ndarray) -> np.ndarray:

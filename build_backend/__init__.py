@@ -1,7 +1,8 @@
-"""Owns the build's hooks: setuptools' own, after a look at what the machine lacks."""
+"""Build with setuptools, after checking that the machine has the required tools."""
 
 import shutil
 import sys
+import warnings
 from pathlib import Path
 
 # Before anything else is imported: pip asks the hooks before it looks at requires-python.
@@ -35,9 +36,9 @@ __all__ = [
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     """
-    Build from the sources alone.
+    Build a wheel only from the present sources.
 
-    setuptools puts into the wheel whatever an earlier build left in its folder: modules that are gone.
+    setuptools would also add modules that an earlier build left in its folder, even if they no longer exist.
     """
     for left in Path("build").glob("lib*"):
         shutil.rmtree(left)
@@ -48,13 +49,15 @@ def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
 
 def build_editable(wheel_directory, config_settings=None, metadata_directory=None):
     """Build in place."""
+    # This warns of folders that take precedence over an installation; here, they are the installation.
+    warnings.filterwarnings("ignore", "Editable installation")
     name = build_meta.build_editable(wheel_directory, config_settings, metadata_directory)
     startup.add_to(Path(wheel_directory, name))
     return name
 
 
 def get_requires_for_build_wheel(config_settings=None):
-    """What the build needs besides pyproject.toml's list, after a look at the tools."""
+    """Check the tools, and list what the build needs besides the list in pyproject.toml."""
     environment.refuse_incomplete()
     return build_meta.get_requires_for_build_wheel(config_settings)
 

@@ -1,4 +1,4 @@
-"""Owns what the build asks of the machine: the tools."""
+"""Check that the machine has the tools that the build needs."""
 
 import importlib
 import os
@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def missing_tools(environ=os.environ):
-    """One line for each thing that the build needs and pip cannot bring, with what to do about it."""
+    """List what the build needs and pip cannot install, with advice, one line each."""
     missing = missing_of_python()
     command = environ.get("CC") or sysconfig.get_config_var("CC") or "gcc"
     program = shlex.split(command)[0]
@@ -22,19 +22,18 @@ def missing_tools(environ=os.environ):
 
 
 def missing_of_python():
-    """One line for each thing that this Python, or its system, is not."""
+    """List what this Python or its system lacks, one line each."""
     missing = []
     if sys.implementation.name != "cpython":
-        missing.append(f"no CPython: this is {sys.implementation.name}, whose objects are laid out otherwise")
-    if sysconfig.get_config_var("Py_GIL_DISABLED"):
-        missing.append("no global interpreter lock: use the build of this Python that has it")
+        name = sys.implementation.name
+        missing.append(f"no CPython: this is {name}, whose objects have another memory layout")
     if os.name != "posix":
         missing.append("no POSIX system: use Linux, or WSL on Windows")
     return missing
 
 
 def refuse_other_cython():
-    """End the build where there is not the right Cython: colcon, unlike pip, installs nothing for a build."""
+    """End the build if the right Cython is missing, because colcon, unlike pip, does not install it."""
     try:
         version = importlib.import_module("Cython").__version__
     except ImportError:
@@ -48,7 +47,7 @@ def refuse_other_cython():
 
 
 def refuse_incomplete(environ=os.environ):
-    """End the build with a message that pip shows, and no traceback, where a tool is missing."""
+    """If a tool is missing, end the build with a message that pip shows, without a traceback."""
     missing = missing_tools(environ)
     if missing:
         raise SystemExit("tf2-ros-cython cannot be built here: " + "; ".join(missing))

@@ -1,4 +1,4 @@
-"""Owns the compiling: which extensions there are, with which flags, and the ``build_ext`` that makes them."""
+"""Compile the extensions: which ones there are, their flags, and ``build_ext``."""
 
 import fcntl
 import os
@@ -11,12 +11,12 @@ from setuptools.command.build_ext import build_ext
 
 from . import environment, record
 
-# No -ffast-math: comparisons with NaN and infinity decide what is refused. And no contraction into fused
-# multiply-adds: it would give other last bits on other machines.
+# No -ffast-math, because comparisons with NaN and infinity decide what is refused. No contraction into fused
+# multiply-adds, because the last bits would depend on the machine.
 COMPILE_ARGS = ["-O3", "-ffp-contract=off", "-fno-math-errno"]
-# Python's own flags ask for debug information, which is three quarters of what gets installed.
+# Python's flags add debug information, which would be three quarters of the installed size.
 NO_DEBUG_ARGS = ["-g0"]
-# Its C is of Linux: shared memory, and sleeping on a word of it.
+# Its C code needs Linux: shared memory and futexes.
 OF_LINUX = "tf2_ros._shared"
 DIRECTIVES = {
     "language_level": 3,
@@ -24,7 +24,7 @@ DIRECTIVES = {
     "wraparound": False,
     "initializedcheck": False,
     "cdivision": True,
-    # Functions have signatures that `inspect` reads, with the annotations, which are text and nothing more.
+    # Give functions signatures for `inspect`, with annotations, which are only text.
     "binding": True,
     "annotation_typing": False,
 }
@@ -63,7 +63,7 @@ class BuildExtensions(build_ext):
             folder = Path("build", "inplace", sys.implementation.cache_tag)
             self.build_lib, self.build_temp = str(folder / "lib"), str(folder / "temp")
             folder.mkdir(parents=True, exist_ok=True)
-            # Two builds of one checkout would write into each other's files; the end of the process lets go.
+            # Two builds of one checkout would overwrite each other's files. The lock ends with the process.
             self._lock = open(folder / "lock", "w")
             fcntl.flock(self._lock, fcntl.LOCK_EX)
         self._made = record.write(Path(self.build_lib), self.distribution.get_version())
@@ -83,9 +83,9 @@ class BuildExtensions(build_ext):
 
     def _cythonize(self):
         """
-        Turn each ``.pyx`` into C; return the modules that Cython refused, which are left out of the rest.
+        Generate C from each ``.pyx``; return the modules that Cython refused, which are not compiled.
 
-        So one broken module shows all its errors and does not keep the others from being built.
+        A broken module shows all its errors, and does not prevent the others from being built.
         """
         import Cython
         from Cython.Build import cythonize
@@ -97,7 +97,8 @@ class BuildExtensions(build_ext):
             try:
                 [done] = cythonize(
                     ext,
-                    # A newer Cython looks at the sources' age alone and would take the older one's C.
+                    # A newer Cython checks only the age of the sources, and would reuse the C code of an
+                    # older one.
                     build_dir=os.path.join(base, f"cython-{Cython.__version__}"),
                     compiler_directives=DIRECTIVES,
                     force=self.force,

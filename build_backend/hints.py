@@ -1,4 +1,4 @@
-"""Owns one check of ``make lint``: Cython has no warnings and no performance hints for the packages given."""
+"""Check for ``make lint`` that Cython has no warnings and no performance hints for the packages given."""
 
 import subprocess
 import sys
@@ -9,7 +9,7 @@ from .extensions import DIRECTIVES
 
 
 def hints(source):
-    """What Cython says of one `.pyx` besides its C code."""
+    """Get Cython's messages about one `.pyx`."""
     directives = [option for name, value in DIRECTIVES.items() for option in ("-X", f"{name}={value}")]
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
@@ -21,7 +21,13 @@ def hints(source):
 
 
 def main(packages):
-    sources = [source for package in packages for source in sorted(Path(package).rglob("*.pyx"))]
+    # Sources in folders that are not packages are included by others.
+    sources = [
+        source
+        for package in packages
+        for source in sorted(Path(package).rglob("*.pyx"))
+        if (source.parent / "__init__.py").exists()
+    ]
     said = "".join(map(hints, sources))
     print(said, end="")
     return 1 if said else 0

@@ -1,4 +1,4 @@
-"""Owns the note that the build leaves about itself."""
+"""Record which version was built."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Owns the .pth file of the wheels, which lets our packages precede those of a sourced ROS 2."""
+"""Write the .pth file of the wheels, which puts our packages before those of a sourced ROS 2."""
 
 import base64
 import hashlib
@@ -7,8 +7,8 @@ from pathlib import Path
 
 NAME = "tf2_ros_cython.pth"
 
-# Python runs this line at every start. Without a sourced ROS 2 it loads nothing. It must not complain when
-# the checkout of an editable install is gone.
+# Python runs this line whenever it starts. Without a sourced ROS 2, it loads nothing. It must not fail if the
+# checkout of an editable installation has been deleted.
 LINE = (
     'import os; os.environ.get("AMENT_PREFIX_PATH") and os.environ.get("TF2_ROS_CYTHON") != "0" and exec('
     '"try:\\n from tf2_ros_cython import _finder\\nexcept ImportError: pass\\nelse: _finder.install()")\n'
@@ -17,9 +17,10 @@ LINE = (
 
 def add_to(wheel):
     """
-    Put the file into the wheel at the path given, and into its list of files.
+    Add the file to a wheel, and to the wheel's list of files.
 
-    setuptools knows no such files, and puts no file of the project into an editable install's wheel.
+    setuptools does not support .pth files, and adds no files of the project to the wheel of an editable
+    installation.
     """
     wheel = Path(wheel)
     made = wheel.with_suffix(".new")
@@ -34,7 +35,7 @@ def add_to(wheel):
 
 
 def _entry():
-    # Of no day, so that two builds of the same sources give the same file.
+    # Without a date, so that two builds of the same sources give the same file.
     entry = zipfile.ZipInfo(NAME)
     entry.compress_type = zipfile.ZIP_DEFLATED
     entry.external_attr = 0o644 << 16

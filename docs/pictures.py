@@ -1,8 +1,11 @@
-"""Draws the pictures in docs/images of the robot of examples/demo.py: `make pictures`, in a minute.
+"""Draws the pictures in docs/images of the robot of examples/demo.py: `make pictures`, in two minutes.
 
-Each is what a program draws, or shows on a terminal, while that robot drives.
+Each is what a program draws, or shows on a terminal or in a browser, while that robot drives. The one in a
+browser needs chromium and the extra test-all; without them, it stays as it is.
 """
 
+import contextlib
+import itertools
 import os
 import re
 import shutil
@@ -11,7 +14,9 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 import pexpect
@@ -24,12 +29,14 @@ from rich.text import Text
 
 ROOT = Path(__file__).resolve().parent.parent
 DEMO = ROOT / "examples" / "demo.py"
+ROBOT = [sys.executable, DEMO, "broadcast"]  # ends by itself after 18 s
+FAULTS = [sys.executable, ROOT / "tests" / "support" / "programs" / "broadcasting.py", "faults"]
 IMAGES = ROOT / "docs" / "images"
-sys.path.insert(0, str(DEMO.parent))
+sys.path[:0] = [str(DEMO.parent), str(ROOT / "tests" / "support")]
 
 import demo  # noqa: E402
 
-COLUMNS, ROWS = 86, 12
+COLUMNS, ROWS = 80, 16
 # The fonts of the reader: a picture in the docs asks no other host for any.
 WITHOUT_FONTS = re.sub(r"@font-face \{\{.*?\}\}\s*", "", CONSOLE_SVG_FORMAT, flags=re.DOTALL)
 
@@ -39,18 +46,23 @@ def main() -> None:
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
     os.environ.pop("ROS_LOCALHOST_ONLY", None)
     draw("demo-tree.svg", "view_frames", "-o")
-    draw("demo-path.png", "tf2_plot", "--path", "map", "camera", "-t", "8", "-o")
+    draw("faults-tree.svg", "view_frames", "-o", robot=FAULTS)
+    draw("demo-path.png", "tf2_plot", "--path", "map", "camera", "-t", "8", "-o", stopped=True)
     draw("demo-heard.png", "tf2_plot", "-t", "8", "-o", stopped=True)
     with_robot(show_monitor)
+    if shutil.which("chromium") and find_spec("rerun") and find_spec("tornado"):
+        with_robot(show_view)
 
 
-def draw(name: str, program: str, *arguments: str, stopped: bool = False) -> None:
+def draw(
+    name: str, program: str, *arguments: str, stopped: bool = False, robot: Sequence[str | Path] = ROBOT
+) -> None:
     """Let a program draw a picture; ``stopped``: the robot's program stands still for a second of it."""
 
-    def run(robot: subprocess.Popen) -> None:
+    def run(process: subprocess.Popen) -> None:
         pauses = [
-            threading.Timer(5.0, robot.send_signal, [signal.SIGSTOP]),
-            threading.Timer(6.0, robot.send_signal, [signal.SIGCONT]),
+            threading.Timer(5.0, process.send_signal, [signal.SIGSTOP]),
+            threading.Timer(6.0, process.send_signal, [signal.SIGCONT]),
         ]
         for pause in pauses if stopped else ():
             pause.start()
@@ -58,7 +70,7 @@ def draw(name: str, program: str, *arguments: str, stopped: bool = False) -> Non
             subprocess.run([*_command(program), *arguments, Path(folder) / name], check=True)
             shutil.copy(Path(folder) / name, IMAGES)
 
-    with_robot(run)
+    with_robot(run, robot)
 
 
 def show_monitor(_robot: subprocess.Popen) -> None:
@@ -70,31 +82,59 @@ def show_monitor(_robot: subprocess.Popen) -> None:
         python,
         [*arguments, "map", "camera"],
         dimensions=(ROWS, COLUMNS),
-        env={**os.environ, "TERM": "xterm-256color"},
+        env={**os.environ, "TERM": "xterm-256color", "COLORTERM": "truecolor"},
         encoding="utf-8",
     )
+    end = time.monotonic() + 8.0
     try:
-        for _report in range(6):
-            monitor.expect("┘")  # below the table, to the right
-            stream.feed(monitor.before + monitor.after)
+        while time.monotonic() < end:
+            with contextlib.suppress(pexpect.TIMEOUT):
+                stream.feed(monitor.read_nonblocking(65536, timeout=0.1))
     finally:
         monitor.terminate(force=True)
     console = Console(record=True, width=COLUMNS, file=open(os.devnull, "w"), color_system="truecolor")
-    used = [number for number, line in enumerate(screen.display) if line.strip()]
-    for number in range(used[-1] + 1):
+    for number in range(ROWS):
         console.print(_line(screen, number))
     console.save_svg(
         str(IMAGES / "demo-monitor.svg"), title="tf2_monitor map camera", code_format=WITHOUT_FONTS
     )
 
 
-def with_robot(run: Callable[[subprocess.Popen], None]) -> None:
-    robot = subprocess.Popen([sys.executable, DEMO, "broadcast"])  # ends by itself after 18 s
+def show_view(_robot: subprocess.Popen) -> None:
+    """What tf2_view shows in a browser after the robot's first circle."""
+    import numpy as np
+    from browsing import picture_when
+    from matplotlib.image import imsave
+
+    from tf2_ros_tools.rerun import TRAIL_COLOR
+
+    trail = [TRAIL_COLOR >> bits & 255 for bits in (24, 16, 8)]
+    # The circle takes 8 s. The robot ends after 18, and stays where it is.
+    end = time.monotonic() + 20.0
+
+    def is_complete(picture: np.ndarray) -> bool:
+        is_trail = np.abs(picture.astype(int) - trail).max(axis=2) < 20
+        return time.monotonic() > end and np.count_nonzero(is_trail) > 500
+
+    command = [*_command("tf2_view"), "--web", "--trail", "base_link"]
+    view = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:
-        run(robot)
+        page = view.stderr.readline().rpartition(" ")[2].strip()
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+            picture = picture_when(f"{page}&renderer=webgl", is_complete, Path(folder))
+        imsave(IMAGES / "demo-view.png", picture[37:460])  # without the bar above
     finally:
-        robot.send_signal(signal.SIGCONT)
-        demo.end(robot)
+        view.send_signal(signal.SIGINT)
+        view.wait()
+
+
+def with_robot(run: Callable[[subprocess.Popen], None], robot: Sequence[str | Path] = ROBOT) -> None:
+    process = subprocess.Popen(robot)
+    try:
+        run(process)
+    finally:
+        process.send_signal(signal.SIGCONT)
+        demo.end(process)
 
 
 def _command(program: str) -> list[str]:
@@ -102,10 +142,13 @@ def _command(program: str) -> list[str]:
 
 
 def _line(screen: pyte.Screen, number: int) -> Text:
+    cells = [screen.buffer[number][column] for column in range(COLUMNS)]
     line = Text()
-    for column in range(COLUMNS):
-        cell = screen.buffer[number][column]
-        line.append(cell.data, Style(color=_color(cell.fg), bold=cell.bold, italic=cell.italics))
+    for (foreground, background, bold), run in itertools.groupby(
+        cells, lambda one: (one.fg, one.bg, one.bold)
+    ):
+        style = Style(color=_color(foreground), bgcolor=_color(background), bold=bold)
+        line.append("".join(cell.data for cell in run), style)
     return line
 
 

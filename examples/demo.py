@@ -190,7 +190,7 @@ def main():
     )
     os.environ.pop("ROS_LOCALHOST_ONLY", None)  # it would override the line before
     command = [sys.executable, str(Path(__file__).resolve())]
-    # In sessions of their own, Ctrl-C reaches this process alone, which then ends the other two.
+    # In separate sessions, so that Ctrl-C reaches only this process, which then ends the other two.
     broadcaster = subprocess.Popen([*command, "broadcast"], start_new_session=True)
     listener = subprocess.Popen([*command, "listen"], start_new_session=True)
     print(

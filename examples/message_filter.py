@@ -60,7 +60,7 @@ class Lidar:
 
     def tick(self):
         if not (self.scans.get_subscription_count() and self.transforms.pub_tf.get_subscription_count()):
-            return  # nobody would receive
+            return  # no subscriber would receive
         if self.ticks < SCANS:
             scan = LaserScan()
             scan.header.frame_id = "lidar"

@@ -1,4 +1,4 @@
-"""Owns what depends on the ROS release: the distribution's name, what it requires, its one extension."""
+"""What depends on the ROS release: the distribution's name, its requirements, its one extension."""
 
 import re
 import sys

@@ -1,9 +1,9 @@
 """
-Owns the proof of the README's two commands: `python3 release/bare.py`, behind `make bare`.
+Run the README's two commands as a new user would: `python3 release/bare.py`, or `make bare`.
 
-`make demo` and `make test` run in a new clone of what is committed, as a new user would: with an empty home
-and without caches, with no variable of this shell's but those that say how to reach the network, and with no
-program in PATH but Python, a C compiler and what every system has. It needs nothing but Python itself.
+`make demo` and `make test` run in a new clone of the last commit, with an empty home and without caches. The
+only variables are those that say how to reach the network, and the only programs in PATH are Python, a C
+compiler and those that every system has. This program needs only Python.
 """
 
 import argparse
@@ -31,8 +31,8 @@ CERTIFICATES = ("SSL_CERT_FILE", "SSL_CERT_DIR", "REQUESTS_CA_BUNDLE")
 
 # What --quick runs of the tests: the engine, topics over DDS, programs, and names.
 QUICK = """
-tests/test_tf2_py_lookup.py tests/test_conformance.py tests/test_buffer.py tests/test_receiver.py
-tests/test_transform_listener.py tests/test_public_names.py tests/test_users_programs.py
+tests/core/test_lookup.py tests/core/test_conformance.py tests/ros/test_buffer.py tests/ros/test_receiver.py
+tests/ros/test_transform_listener.py tests/packaging/test_public_names.py tests/ros/test_users_programs.py
 """.split()
 
 

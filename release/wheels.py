@@ -1,5 +1,5 @@
 """
-Owns the wheels: `python -m release.wheels`, behind `make wheels` and `make matrix`.
+Build and test the wheels: `python -m release.wheels`, behind `make wheels` and `make matrix`.
 
 Builds them from source distributions, marks them for the systems that they run on, installs them into clean
 environments, and runs the tests there, in a folder that holds none of the packages.
@@ -37,28 +37,28 @@ OLDEST_TOOLS = ["pytest>=9", "pytest-timeout", "hypothesis", "pexpect", "mcap-ro
 
 # The project itself, whose installed form is tested, with what builds it.
 OF_PROJECT = ("tf2_", "build_backend/", "messages/", "setup.py", "setup.cfg", "package.xml", "resource/")
-# Tests of sources and of builds, which stay in the checkout.
+# Tests of sources and of builds, which run only in the checkout.
 OF_SOURCES = {
-    "test_adding_a_type.py": "compiles an extension of its own",
-    "test_allocation_failures.py": "runs a program of the checkout",
-    "test_bench.py": "measures the checkout",
-    "test_colcon.py": "builds the project",
-    "test_cli.py": "reads the sources",
-    "test_docs.py": "builds the project, and reads the names in its sources",
-    "test_docs_site.py": "builds the site, of the checkout",
-    "test_examples.py": "reads the imports of the sources",
-    "test_layout.py": "reads the imports of the sources",
-    "test_message_stubs.py": "reads the sources",
-    "test_messages_packaging.py": "builds the project",
-    "test_mutants.py": "mutates the sources",
-    "test_packaging.py": "builds the project",
-    "test_portable.py": "reads the C that was compiled",
-    "test_program.py": "reads the sources",
-    "test_public_names.py": "reads the sources",
-    "test_sourced.py": "builds the project",
-    "test_types_table.py": "reads the sources",
-    "test_typing.py": "reads the sources",
-    "test_without_ros.py": "reads the sources",
+    "packaging/test_adding_a_type.py": "compiles an extension",
+    "core/test_allocation_failures.py": "runs a program of the checkout",
+    "packaging/test_bench.py": "measures the checkout",
+    "packaging/test_colcon.py": "builds the project",
+    "programs/test_cli.py": "reads the sources",
+    "packaging/test_cross.py": "compiles the project",
+    "packaging/test_docs.py": "builds the project, and reads the names in its sources",
+    "packaging/test_docs_site.py": "builds the site of the checkout",
+    "packaging/test_examples.py": "reads the imports of the sources",
+    "packaging/test_free_threaded.py": "builds the project",
+    "packaging/test_layout.py": "reads the imports of the sources",
+    "packaging/test_messages_packaging.py": "builds the project",
+    "packaging/test_packaging.py": "builds the project",
+    "packaging/test_portable.py": "reads the C that was compiled",
+    "programs/test_program.py": "reads the sources",
+    "packaging/test_public_names.py": "reads the sources",
+    "packaging/test_sourced.py": "builds the project",
+    "core/test_types_table.py": "reads the sources",
+    "packaging/test_typing.py": "reads the sources",
+    "packaging/test_without_ros.py": "reads the sources",
 }
 
 
@@ -67,14 +67,14 @@ def main(arguments=None):
     parser = argparse.ArgumentParser(
         prog="python -m release.wheels",
         description="Build the wheels into dist, install them into clean environments, run the tests there.",
-        epilog=f"Further arguments go to pytest. Tests that stay in the checkout:\n{left_out}",
+        epilog=f"Further arguments go to pytest. Tests that run only in the checkout:\n{left_out}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--all-pythons", action="store_true", help="for each Python from 3.10 to 3.14")
-    parser.add_argument("--python", action="append", default=[], metavar="PATH", help="use this one, too")
-    parser.add_argument("--ros", nargs="+", choices=RELEASES, default=["jazzy"], help="the releases, or one")
+    parser.add_argument("--python", action="append", default=[], metavar="PATH", help="also use this one")
+    parser.add_argument("--ros", nargs="+", choices=RELEASES, default=["jazzy"], help="the releases of ROS 2")
     parser.add_argument("--oldest", action="store_true", help="with Python 3.10 and the oldest requirements")
-    parser.add_argument("--untested", action="store_true", help="build them, and run no tests")
+    parser.add_argument("--untested", action="store_true", help="build without running the tests")
     options, of_pytest = parser.parse_known_args(arguments)
     found = interpreters(options.python)
     if not options.all_pythons:
@@ -160,7 +160,7 @@ def tested(python, version, release, wheels, requirements, of_pytest):
         of the tests' own only what all of them use.
     """
     usable = _environment_of(python, SCRATCH / f"environment-{version}-{release}")
-    extras = ["test"] if requirements is None else OLDEST_EXTRAS
+    extras = ["test", "test-all"] if requirements is None else OLDEST_EXTRAS
     engine, messages = wheels
     wanted = [f"tf2-ros-cython[{','.join([RELEASES[release], *extras])}] @ file://{engine}"]
     wanted += [f"tf2-ros-cython-msgs-{release} @ file://{messages}"]
@@ -168,7 +168,7 @@ def tested(python, version, release, wheels, requirements, of_pytest):
     run([usable, "-m", "pip", "install", "--quiet", *wanted])
     suite = SCRATCH / f"suite-{version}-{release}"
     _copy_suite(suite)
-    command = [usable, "-m", "pytest", "-p", "no:cacheprovider"]
+    command = [usable, "-m", "pytest", "--all", "-p", "no:cacheprovider"]
     command += of_pytest or [f"--ignore=tests/{name}" for name in OF_SOURCES]
     return subprocess.run(command, cwd=suite, env=_environment()).returncode == 0
 

@@ -1,4 +1,4 @@
-"""Owns the report on failing allocations: of each operation how many there are, and what became of each."""
+"""Report on failing allocations: how many each operation makes, and what became of each."""
 
 import argparse
 import sys
@@ -6,9 +6,9 @@ import tempfile
 
 from reliability.builds import ROOT
 
-sys.path.insert(0, str(ROOT / "tests"))
+sys.path.insert(0, str(ROOT / "tests" / "support"))
 
-from test_allocation_failures import injections, table
+from failing_allocations import injections, table
 
 __all__ = ["main"]
 
@@ -22,8 +22,8 @@ def main(args=None):
     parser = argparse.ArgumentParser(
         prog="python -m reliability.allocations",
         description="Let each allocation of each operation of a buffer fail, one by one.",
-        epilog="engine: what the project's own C code asks for, alone and with all that follow. all: what "
-        "is asked for in the same thread, Python's objects included, alone.",
+        epilog="engine: allocations of the project's C code, each once by itself and once with all later "
+        "ones. all: all allocations of the same thread, including Python's objects, each by itself.",
     )
     parser.add_argument("scope", nargs="?", choices=["engine", "all"], default="engine")
     parser.add_argument("operations", nargs="*", help="their names, as in the table; default: all")

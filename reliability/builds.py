@@ -1,4 +1,4 @@
-"""Owns copies of the checkout that are built with other flags; its own build stays as it is."""
+"""Build copies of the checkout with other flags; its own build stays as it is."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Owns the receiving host: a buffer and a listener, lookups all the time, and what was wrong with them."""
+"""Run the receiving host: a buffer and a listener, constant lookups, and what was wrong with them."""
 
 import random
 import re
@@ -15,8 +15,6 @@ from rclpy.duration import Duration
 
 from reliability.motion import ROBOTS, WORLD, Motion, S, robot_frame, sensor_frame
 from reliability.orders import obey
-from tf2_py import BufferCore
-from tf2_py._internal import histories
 from tf2_ros import (
     Buffer,
     BufferClient,
@@ -88,7 +86,7 @@ class Receiver:
 
     def do_stamps(self) -> list[int]:
         """The stamps of which all robots have a sample."""
-        held = {one.frame: one for one in histories(BufferCore.__getstate__(self._buffer))}
+        held = self._buffer.histories()
         each = [set(held[robot_frame(index)].stamps_ns.tolist()) for index in range(ROBOTS)]
         if any(one != each[0] for one in each):
             self._wrong.append("a message was inserted in part")

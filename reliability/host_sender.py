@@ -1,4 +1,4 @@
-"""Owns the sending host: broadcasts robots at a rate, and where their sensors are mounted."""
+"""Run the sending host: it broadcasts robots at a rate, and where their sensors are mounted."""
 
 import sys
 import threading

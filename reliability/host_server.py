@@ -1,4 +1,4 @@
-"""Owns a tf2_buffer_server on a host; it is interrupted when its standard input ends."""
+"""Run a tf2_buffer_server on a host; the end of its standard input interrupts it."""
 
 import os
 import signal

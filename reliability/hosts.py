@@ -1,10 +1,10 @@
 """
-Two hosts, the link between them cut and restored, and packets lost: each answer is right, or an honest error.
+Cut and restore the link between two hosts, lose packets, and check each answer and each error.
 
-`python -m reliability.hosts` makes two network namespaces, a host each, with one link between them and none
-to anything else. Host A broadcasts transforms whose numbers encode their stamps; host B has a buffer and a
-listener, and looks up all the time. The exit status is 0 if all went well, 1 if not, and 77 if namespaces
-cannot be made here.
+`python -m reliability.hosts` creates two network namespaces as hosts, with one link between them, and no link
+to anything else. Host A broadcasts transforms whose numbers encode their stamps. Host B has a buffer and a
+listener, and looks transforms up continuously. The exit status is 0 if everything was right, 1 if not, and 77
+if this machine does not allow namespaces.
 """
 
 import argparse
@@ -29,7 +29,8 @@ RATE = 50
 # Of a message without overhead: 4 transforms of 8 numbers, a stamp and two names each.
 LEAST_BYTES = 4 * (8 * 7 + 8 + 5 + 6)
 # A publisher of /tf keeps as many messages for those that have not confirmed them: 2 s at this rate. A
-# repair may take longer, for DDS tells every 3 s what it has sent; so a few are lost, none if it keeps more.
+# repair may take longer, because DDS announces every 3 s what it has sent. So a few are lost; none are lost
+# if it keeps more.
 KEPT, KEPT_LONGER = 100, 1000
 MAY_MISS = 0.02
 DISCOVERY_S = 30.0

@@ -1,4 +1,4 @@
-"""Owns distributions of durations whose memory does not grow with their number."""
+"""Distributions of durations in constant memory."""
 
 import math
 import threading

@@ -1,5 +1,5 @@
 """
-Owns the calls that `reliability.leaks` repeats: for each public name of this project at least one.
+The calls that `reliability.leaks` repeats: at least one for each public name of this project.
 
 A case is named `<group>.<method> <more>`. A group makes its cases from what it sets up on an ExitStack.
 """
@@ -28,8 +28,10 @@ from random_messages import Maker
 from rclpy.action import ActionClient, ActionServer
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from repeated_calls import actions, failures, fill, raising
+from robots import ARM, SIMPLE, joint_state
 from sensor_msgs.msg import PointCloud2, PointField
 from sharing import new_name
 from spinning import spun_node
@@ -38,6 +40,7 @@ import tf2_geometry_msgs
 import tf2_ros
 import tf2_ros.bag
 import tf2_ros.numpy
+import tf2_ros.records
 import tf2_sensor_msgs
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TFMessage
@@ -214,6 +217,10 @@ def _core(stack):
         moving.clear()
         fill(moving)
 
+    def forget():
+        fill(moving)
+        moving.forget("odom")
+
     def limited():
         limited = BufferCore(max_frames=3, max_bytes=10_000, max_waiters=1)
         fill(limited)
@@ -231,14 +238,31 @@ def _core(stack):
         "all_frames_as_string": buffer.all_frames_as_string,
         "can_transform_full_core": lambda: buffer.can_transform_full_core(*full),
         "frames": buffer.frames,
+        "histories": buffer.histories,
         "tree": buffer.tree,
+        "path": lambda: buffer.path("base", "map"),
+        "parent": lambda: buffer.parent("base"),
+        "parent of an unknown frame": raising(buffer.parent, "bse"),
+        "children": lambda: buffer.children("map"),
+        "forget": forget,
         "lookupVelocityFullCore": lambda: buffer.lookupVelocityFullCore(
             "base", "map", "map", (0.0, 0.0, 0.0), "map", at(1), Duration()
         ),
         "lookup_transforms": lambda: buffer.lookup_transforms("map", "base", times),
+        "lookup_transforms with a policy": lambda: buffer.lookup_transforms(
+            "map", "base", times + S, on_missing="nan", tolerance=9, extrapolate=True, interpolation="cubic"
+        ),
+        "lookup_transforms of two frames": lambda: buffer.lookup_transforms("map", ["base", "map"], times),
+        "lookup_transforms of two frames and no time": raising(
+            buffer.lookup_transforms, "map", ["base", "map"], times + S
+        ),
         "lookup_transforms of no time": raising(buffer.lookup_transforms, "map", "base", times + S),
         "lookup_transforms with NaN": lambda: buffer.lookup_transforms(
             "map", "base", times + S, on_missing="nan"
+        ),
+        "lookup_velocities": lambda: buffer.lookup_velocities("base", "map", times, Duration()),
+        "lookup_velocities of no time": raising(
+            buffer.lookup_velocities, "base", "map", times + S, Duration()
         ),
         "transform_points": lambda: buffer.transform_points(points, times, "map", "base"),
         "save": lambda: buffer.save(file),
@@ -272,6 +296,18 @@ def _buffer(stack):
 
     waited = _filled()
 
+    def follow():
+        seen = []
+        subscription = waited.on_change("map", "odom", seen.append)
+        for _ in range(3):
+            waited.set_transform(transform("map", "odom", ns=next(stamps)), "x")
+        subscription.cancel()
+
+    def give_up():
+        wait = waited.wait_for_transform_async("map", "odom", at_ns(1), tolerance=0)
+        waited.set_transform(transform("map", "odom", ns=next(stamps)), "x")
+        wait.cancel()
+
     def cancel():
         buffer.wait_for_transform_async(*late).cancel()
 
@@ -288,6 +324,10 @@ def _buffer(stack):
         Buffer(node=other)
         other.destroy_node()
 
+    def forget():
+        fill(jumping)
+        jumping.forget("odom")
+
     def jump():
         jumping.time_jump_callback(None)
         fill(jumping)
@@ -303,6 +343,10 @@ def _buffer(stack):
         "lookup_transform_full_async": lambda: _awaited(buffer.lookup_transform_full_async(*full)),
         "wait_for_transform_async": complete,
         "wait_for_transform_async and cancel": cancel,
+        "wait_for_transform_async with a policy": give_up,
+        "lookup_transform with a policy": lambda: buffer.lookup_transform(*late, tolerance=9),
+        "changes": lambda: _awaited(buffer.changes("map", "base").__anext__()),
+        "on_change": follow,
         "wait_for_transform_async that times out": expire,
         "wait_for_transform_async and forget": lambda: buffer.wait_for_transform_async(*late),
         "wait_for_transform_full_async": lambda: buffer.wait_for_transform_full_async(*full).result(),
@@ -310,6 +354,7 @@ def _buffer(stack):
         "transform_full": lambda: buffer.transform_full(point, "map", at(1), "map"),
         "transform_async": lambda: _awaited(buffer.transform_async(point, "map")),
         "time_jump_callback": jump,
+        "forget": forget,
         "__init__": lambda: _filled(),
         "__init__ with a node": with_a_node,
         "__reduce__ of pickle": lambda: pickle.loads(pickle.dumps(buffer)),
@@ -404,7 +449,7 @@ def _listener(stack):
 
 
 def _once(make):
-    """Call it at the first time alone."""
+    """Call it once, and return the same object from then on."""
     made = []
 
     def get():
@@ -614,10 +659,10 @@ def _sharing(stack):
         reader = Buffer(attach=shared()._sharing.name)
         reader.lookup_transform("map", "base", at(1))
 
-    def leave():
+    def end():
         reader = Buffer(attach=shared()._sharing.name)
         reader.set_transform(transform("map", "own", 1), "x")
-        assert not reader._is_attached
+        reader._sharing.close()
 
     def insert():
         ns = next(stamps)
@@ -635,7 +680,7 @@ def _sharing(stack):
     return {
         "share and close": share,
         "attach": attach,
-        "attach and leave": leave,
+        "attach and end": end,
         "attach to no buffer": raising(lambda: Buffer(attach="nowhere")),
         "insert and look up": insert,
         "wait": wait,
@@ -688,13 +733,40 @@ def _numpy(stack):
     matrix = functions.to_matrix(t)
     rotation = functions.to_rotation(t)
     return {
+        "propagate": lambda: functions.propagate(np.eye(6), t),
         "to_matrix": lambda: functions.to_matrix(t),
         "to_matrix of no message": raising(functions.to_matrix, 3),
         "from_matrix": lambda: functions.from_matrix(matrix, PoseStamped),
         "to_arrays": lambda: functions.to_arrays([t, t]),
         "to_columns": lambda: functions.to_columns([t, t]),
+        "to_nanoseconds": lambda: functions.to_nanoseconds([1, t.header.stamp]),
         "to_rotation": lambda: functions.to_rotation(t),
         "from_rotation": lambda: functions.from_rotation(rotation),
+    }
+
+
+@group(tf2_ros.records)
+def _of_records(stack):
+    buffer, recording = BufferCore(), tf2_ros.records.Recording(2)
+    sources = [tf2_ros.records.MessageSource("/tf", prefix="robot/")]
+    data = serialize_message(TFMessage(transforms=[transform("map", "base_link", 1)]))
+    messages = [("/tf", 1, data), ("/tf", 2, b"malformed"), ("/tf", 3, data), ("/tf", 4, data)]
+
+    def insert(**how):
+        tf2_ros.records.insert_messages(buffer, messages, sources, on_malformed=ignore, **how)
+
+    def ignore(*_):
+        pass
+
+    def insert_and_record():
+        insert(recording=recording, records=[])
+        recording.take()
+
+    return {
+        "insert_messages": insert,
+        "insert_messages into records": insert_and_record,
+        "read_transforms": lambda: tf2_ros.records.read_transforms(data, sources[0]),
+        "refusal_text": lambda: tf2_ros.records.refusal_text(5),
     }
 
 
@@ -702,11 +774,13 @@ def _numpy(stack):
 def _bag(stack):
     folder = _temporary(stack)
     path, broken = folder / "drive.mcap", folder / "broken.mcap"
-    write_mcap(path, [*drive(20), scan(101 * S, 101 * S)])
+    write_mcap(path, [*drive(20), scan(101 * S, 101 * S), joint_state(101 * S, SIMPLE, [0.1, 0.2, 0.3])])
     broken.write_bytes(path.read_bytes()[:-500])
     return {
         "load": lambda: tf2_ros.bag.load(path),
         "load of a broken file": raising(tf2_ros.bag.load, broken),
+        "load with a URDF": lambda: tf2_ros.bag.load(path, urdf=ARM),
+        "dataset": lambda: tf2_ros.bag.dataset(path, ["camera"], at="/scan", relative_to="map")[0],
         "stamps": lambda: tf2_ros.bag.stamps(path, "/scan"),
         "transforms": lambda: list(tf2_ros.bag.transforms(path)),
         "transforms not read to the end": lambda: next(iter(tf2_ros.bag.transforms(path))),

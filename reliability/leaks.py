@@ -1,11 +1,11 @@
 """
-Owns the search for leaks: `python -m reliability.leaks`, behind `make leaks`.
+Search for leaks: `python -m reliability.leaks`, behind `make leaks`.
 
-Each public method is called a million times, or for a minute, in a process of its own. A leak is what grows
-in the first half of these calls and again in the second: Python's objects, the bytes of C's heap, resident
-memory; or threads and descriptors that are more in the end.
+Each public method is called a million times, or for a minute, in a separate process. A leak is reported if
+Python's objects, the bytes of C's heap or resident memory grow in the first half of these calls and again in
+the second, or if there are more threads or descriptors at the end.
 
-With `--lost`, each case of a group is called some times in the build with AddressSanitizer, and LeakSanitizer
+With `--lost`, each case of a group is called a few times in the build with AddressSanitizer. LeakSanitizer
 then looks for memory that nothing points to any more.
 """
 
@@ -126,7 +126,7 @@ def main(arguments=None):
     parser.add_argument("--case", help=argparse.SUPPRESS)
     parser.add_argument("--lost-of", help=argparse.SUPPRESS)
     asked = parser.parse_args(arguments)
-    sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+    sys.path[:0] = [str(ROOT), str(ROOT / "tests"), str(ROOT / "tests" / "support")]
     # Before anything imports rclpy: a ROS domain of its own.
     import conftest  # noqa: F401
 
@@ -206,7 +206,7 @@ def _look_for_lost(title):
 
 def _repeat(action):
     # In a function that has ended when lost memory is looked for: what only a frame of Python points to, in
-    # memory from mmap, looks lost. One call shows a lost block; more of them tell whether each loses one.
+    # memory from mmap, looks lost. One call shows a lost block; more of them show whether each loses one.
     until_s = time.monotonic() + LOST_S
     for _ in range(LOST_CALLS):
         action()

@@ -1,8 +1,8 @@
 """
-Compares the buffer with a slow model of tf2 for as long as one wants, in random steps and queries.
+Compare the buffer with a slow model of tf2, in random steps and queries.
 
-The ordinary suite does the same for half a minute: tests/test_model.py. A failure prints the steps that are
-needed to see it, which `--replay FILE` takes again.
+tests/core/test_model.py does the same for half a minute. A failure prints the steps that reproduce it;
+`--replay FILE` runs them again.
 """
 
 import argparse
@@ -14,7 +14,7 @@ import threading
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "support"))
 
 from model_steps import run, search
 from waiters_random import as_text, quiet

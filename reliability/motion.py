@@ -1,4 +1,4 @@
-"""Owns transforms whose numbers encode their stamps, and what a right answer of them is."""
+"""Transforms whose numbers encode their stamps, and a check of answers about them."""
 
 import math
 from dataclasses import dataclass

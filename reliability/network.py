@@ -1,7 +1,7 @@
 """
-Owns two hosts on this machine: network namespaces with one link between them, and what goes wrong with it.
+Two hosts on this machine: network namespaces with one link between them, and faults of that link.
 
-The namespaces have no names and belong to processes of this run alone, so nothing is left of them however it
+The namespaces have no names and belong to processes of this run only, so nothing is left of them however it
 ends.
 The machine's own network gets no end of the link, and the hosts have no route to anything but each other.
 """
@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LINK = "link0"
 NETWORK = "10.83.47"
 LOSS_SEED = 47
-# For the processes of the hosts; the namespaces are theirs alone, so no other ROS domain is near.
+# For the processes of the hosts; no other process is in their namespaces, so no other ROS domain is near.
 ENVIRONMENT = {
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
     "ROS_DOMAIN_ID": "0",

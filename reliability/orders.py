@@ -1,4 +1,4 @@
-"""Owns processes that obey orders: a line of JSON on standard input each, a line of JSON as the answer."""
+"""Processes that obey orders: lines of JSON on standard input, a line of JSON as each answer."""
 
 import json
 import os
@@ -49,7 +49,7 @@ class Servant:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            start_new_session=True,  # Ctrl-C is for this process alone; the others end with their input
+            start_new_session=True,  # Ctrl-C is only for this process; the others end with their input
         )
         self._lines: queue.Queue[str] = queue.Queue()
         threading.Thread(target=self._read, daemon=True).start()

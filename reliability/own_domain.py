@@ -1,4 +1,4 @@
-"""Owns the ROS domain of a run: one that no other test, run or demonstration on this machine uses."""
+"""Choose a ROS domain that no other test, run or demonstration on this machine uses."""
 
 import fcntl
 import os
@@ -23,7 +23,7 @@ def use_own_domain():
         _locks.append(lock)
         os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
         for profiles in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
-            os.environ.setdefault(profiles, str(ROOT / "tests" / "fastdds.xml"))
+            os.environ.setdefault(profiles, str(ROOT / "tests" / "support" / "fastdds.xml"))
         # The first would override the range, with the second listeners would not subscribe.
         for variable in ("ROS_LOCALHOST_ONLY", "TF2_SHARED_BUFFER"):
             os.environ.pop(variable, None)

@@ -1,4 +1,4 @@
-"""Owns the interpreters that a run is repeated with: which ones are on this machine, and a build for each."""
+"""Find the interpreters to repeat a run with, and build for each."""
 
 import os
 import shutil
@@ -84,7 +84,7 @@ def _find(version):
     if sys.version_info[:2] == tuple(map(int, version.split("."))):
         return sys.executable
     below = sorted((Path.home() / ".pyenv" / "versions").glob(f"{version}.*/bin/python"))
-    # A pyenv's own shim in PATH only tells that no version is chosen.
+    # A pyenv's own shim in PATH only says that no version is chosen.
     in_path = shutil.which(f"python{version}")
     for python in (*map(str, reversed(below)), in_path):
         if python is not None and _version_of(python) == version:

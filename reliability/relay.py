@@ -1,4 +1,4 @@
-"""Owns losing packets: a process that relays between tap devices on two hosts, and drops some."""
+"""Lose packets: relay between tap devices on two hosts, and drop some."""
 
 import ctypes
 import fcntl

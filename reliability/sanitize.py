@@ -1,8 +1,8 @@
 """
-Owns running the suite in builds with sanitizers: `python -m reliability.sanitize`, behind `make sanitize`.
+Run the suite in builds with sanitizers: `python -m reliability.sanitize`, behind `make sanitize`.
 
 AddressSanitizer and UndefinedBehaviorSanitizer check everything, in a build that also checks each buffer's
-invariants after every operation (`tf2_py/_core/self_check.pxd`). ThreadSanitizer checks the tests that use
+invariants after every operation (`tf2_py/engine/engine.pyx`). ThreadSanitizer checks the tests that use
 threads. Every process that the tests start runs with the runtime, too, and a report of any of them fails the
 run, whatever became of that process.
 """
@@ -27,50 +27,52 @@ SELF_CHECK = "-DTF2_SELF_CHECK"
 SLOWNESS = 5
 TEST_TIMEOUT_S = 240 * SLOWNESS
 
-# Files or tests that cannot run here, and why; those of one kind of build are below.
+# Files and tests that cannot run here, and why; below are those that depend on the kind of build.
 NOT_HERE = {
-    "tests/test_adding_a_type.py": "compiles an extension of its own, for an interpreter without a runtime",
-    "tests/test_allocation_failures.py": "stands in for the allocator, as a sanitizer does",
-    "tests/test_bench.py": "measures instructions and times",
-    "tests/test_colcon.py": "builds the package anew, without a sanitizer",
-    "tests/test_docs.py": "runs what builds the package anew, and what takes hours with a sanitizer",
-    "tests/test_fuzz.py::test_no_input_of_corpus_or_crashes_shows_a_fault[segments]": "spoils what is "
-    "checked",
-    "tests/test_fuzz.py::test_targets_take_their_seeds_and_any_bytes[segments]": "spoils what is checked",
-    "tests/test_leaks.py": "counts what Python's allocator counts, which is not used",
-    "tests/test_packaging.py": "builds the package anew, without a sanitizer",
-    "tests/test_portable.py": "lists what extensions call, and these call a sanitizer",
-    "tests/test_sourced.py": "builds the package anew, without a sanitizer",
-    "tests/test_typing.py": "runs type checkers alone, no code of ours",
-    "tests/test_tf2_py_advice.py::test_what_is_remembered_is_limited": "names are compared for 2 % of "
-    "the time at most, so a slow build gives less advice",
-    "tests/test_shared_owners.py::test_a_process_that_may_have_little_address_space": "shadow memory takes "
-    "terabytes of address space",
-    "tests/test_shared_owners.py::test_a_spoiled_file_does_no_harm_to_readers": "spoils what is checked",
-    "tests/test_shared_owners.py::test_a_file_that_is_truncated_is_left": "spoils what is checked",
-    "tests/test_tf2_py_refusals.py::test_many_messages_share_the_lines_of_a_second": "a slow build ends "
-    "in the middle of a second",
-    "tests/test_travel.py::test_checking_a_state_leaves_no_memory_behind": "freed memory is kept",
-    "tests/test_travel.py::test_a_state_that_needs_too_much_memory_changes_nothing": "limits address space",
-    "tests/test_tf2_py_memory.py::test_buffers_give_their_memory_back": "freed memory is kept",
-    "tests/test_tf2_py_pinned.py::test_memory_that_was_read_is_given_back": "freed memory is kept",
+    "tests/packaging/test_adding_a_type.py": "compiles an extension without a sanitizer",
+    "tests/core/test_allocation_failures.py": "replaces the allocator, as a sanitizer does",
+    "tests/packaging/test_bench.py": "measures instructions and times",
+    "tests/packaging/test_colcon.py": "builds the package without a sanitizer",
+    "tests/packaging/test_docs.py": "builds the package, and takes hours",
+    "tests/packaging/test_fuzz.py::test_no_input_of_corpus_or_crashes_shows_a_fault[segments]": "damages "
+    "what the build checks",
+    "tests/packaging/test_fuzz.py::test_targets_take_their_seeds_and_any_bytes[segments]": "damages what "
+    "the build checks",
+    "tests/core/test_leaks.py": "needs the counts of Python's allocator, which is not used",
+    "tests/packaging/test_packaging.py": "builds the package without a sanitizer",
+    "tests/packaging/test_portable.py": "lists what extensions call, which includes the sanitizer",
+    "tests/packaging/test_sourced.py": "builds the package without a sanitizer",
+    "tests/packaging/test_typing.py": "runs only type checkers",
+    "tests/ros/test_shared_owners.py::test_a_process_that_may_have_little_address_space": "shadow memory "
+    "takes terabytes of address space",
+    "tests/ros/test_shared_owners.py::test_a_spoiled_file_does_no_harm_to_readers": "damages what "
+    "the build checks",
+    "tests/ros/test_shared_owners.py::test_a_file_that_is_truncated_is_left": "damages what the build checks",
+    "tests/core/test_refusals.py::test_many_messages_share_the_lines_of_a_second": "a slow build does "
+    "not finish within a second",
+    "tests/core/test_travel.py::test_checking_a_state_leaves_no_memory_behind": "freed memory is kept",
+    "tests/core/test_travel.py::test_a_state_that_needs_too_much_memory_changes_nothing": "limits address "
+    "space",
+    "tests/core/test_memory.py::test_buffers_give_their_memory_back": "freed memory is kept",
+    "tests/core/test_pinned.py::test_memory_that_was_read_is_given_back": "freed memory is kept",
 }
-# What starts threads, or forks with threads about, and calls the extensions in them.
+# Tests that start threads, or fork while threads exist, and call the extensions in them.
 THREADED = """
-test_buffer test_buffer_client test_buffer_server test_executors test_forking test_long_waits
-test_message_filter test_message_stream test_plain_buffer test_rclpy_inside test_receiver test_reception
-test_recording test_shared_listening test_shared_owners test_shared_reading test_starvation
-test_tf2_py_forking test_tf2_py_frames test_tf2_py_limits test_tf2_py_lookup test_tf2_py_pending_waits
-test_tf2_py_series test_tf2_py_threads test_tf2_py_waiters test_tf2_py_waiters_random
-test_transform_listener test_travel test_waiting test_waiting_random
+core/test_engine_forking core/test_frames core/test_limits core/test_lookup core/test_pending_waits
+core/test_plain_buffer core/test_series core/test_threads core/test_travel core/test_waiters
+core/test_waiters_random programs/test_recording ros/test_buffer ros/test_buffer_client
+ros/test_buffer_server ros/test_executors ros/test_forking ros/test_long_waits ros/test_message_filter
+ros/test_message_stream ros/test_rclpy_inside ros/test_receiver ros/test_reception ros/test_shared_listening
+ros/test_shared_owners ros/test_shared_reading ros/test_starvation ros/test_transform_listener
+ros/test_waiting ros/test_waiting_random
 """.split()
-# A race, to see that one is reported: readers no longer wait for the writer that holds the lock.
-PLANTED_IN = "tf2_py/_core/lock.pxd"
-PLANTED = "if lock.writers_arrived == lock.writers_done:\n        lock.readers += 1"
-PLANTED_RACE = "if True:\n        lock.readers += 1"
-PLANTED_TESTS = ["tests/test_tf2_py_threads.py"]
+# A deliberate race, to check that races are reported: readers do not wait for the writer that holds the lock.
+PLANTED_IN = "tf2_py/core/sync.pxd"
+PLANTED = "while word_load(&lock.released) != number and spins < SPINS:"
+PLANTED_RACE = "while False:"
+PLANTED_TESTS = ["tests/core/test_threads.py"]
 # These first: whoever breaks the engine learns it within minutes.
-CORE = ("tests/test_tf2_py_*.py", "tests/test_conformance.py")
+CORE = ("tests/core/test_*.py",)
 
 
 @dataclass(frozen=True)
@@ -128,9 +130,9 @@ KINDS = {
         },
         tests="threaded",
         not_here={
-            "tests/test_shared_owners.py::test_memory_that_ends_before_the_limit_does": "its own handler of "
+            "tests/ros/test_shared_owners.py::test_a_file_that_is_truncated_is_left": "its own handler of "
             "SIGBUS comes first",
-            "tests/test_shared_owners.py::test_a_program_with_closed_standard_streams_logs_nothing_into_"
+            "tests/ros/test_shared_owners.py::test_a_program_with_closed_standard_streams_logs_nothing_into_"
             "its_shared_buffer": "it ends where it cannot write",
         },
     ),
@@ -165,7 +167,7 @@ def run(name, of_pytest):
     if SELF_CHECK in kind.cflags and not _notices_what_is_broken(folder, environment):
         print(f"{name}: the self check does not work")
         return False
-    command = [*_fixed_addresses(), sys.executable, "-m", "pytest", "-p", "no:cacheprovider"]
+    command = [*_fixed_addresses(), sys.executable, "-m", "pytest", "--all", "-p", "no:cacheprovider"]
     command += ["-o", f"timeout={TEST_TIMEOUT_S}", "-o", f"faulthandler_timeout={2 * TEST_TIMEOUT_S}"]
     command += [f"--{'deselect' if '::' in test else 'ignore'}={test}" for test in NOT_HERE | kind.not_here]
     command += of_pytest if _names_tests(of_pytest) else [*of_pytest, *_tests(folder, kind)]
@@ -205,7 +207,7 @@ def summaries(reports):
 
 
 def _notices_what_is_broken(folder, environment):
-    command = [*_fixed_addresses(), sys.executable, "tests/programs/broken_buffer.py"]
+    command = [*_fixed_addresses(), sys.executable, "tests/support/programs/broken_buffer.py"]
     # Its report is no finding.
     environment = {**environment, "ASAN_OPTIONS": "detect_leaks=0:handle_abort=0"}
     ended = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
@@ -235,7 +237,7 @@ def _tests(folder, kind):
     if kind.tests == "threaded":
         return [f"tests/{name}.py" for name in THREADED]
     files = [path for pattern in CORE for path in sorted(folder.glob(pattern))]
-    files += [path for path in sorted(folder.glob("tests/test_*.py")) if path not in files]
+    files += [path for path in sorted(folder.glob("tests/*/test_*.py")) if path not in files]
     return [path.relative_to(folder).as_posix() for path in files]
 
 

@@ -1,20 +1,19 @@
 """
-Owns the soak: a node that receives, looks up, waits and cancels for long, and whether it grows meanwhile.
+Run a node with real traffic for a long time, and check that it does not grow.
 
-A publisher sends 1000 transforms 100 times a second; the node under test, in a process of its own, looks up
-200 times a second, has 100 awaits pending of which about 100 expire each second, cancels 20 futures a
-second and drops as many, runs a message filter, and restarts a second listener every 10 s. Each answer is
-checked, and what was received is compared with what was sent.
+A publisher sends 1000 transforms 100 times a second. The node under test runs in a separate process. It looks
+up 200 transforms a second, has 100 pending awaits, of which about 100 expire each second, cancels 20 futures
+a second and drops as many, runs a message filter, and restarts a second listener every 10 s. Each answer is
+checked, and the received messages are compared with those that were sent.
 
-While it warms up, the node is stopped for 6 s: the middleware keeps the memory that it needed for messages
-which were not taken yet, and a machine that is busy later would make it more. Latencies count after that.
+During the warm-up, the node is stopped for 6 s. The middleware keeps the memory that waiting messages needed,
+so this memory does not grow later, when the machine is busy. Latencies are measured after the warm-up.
 
-Every two seconds its memory, threads and descriptors are read. After the warm-up, the medians of windows
-must lie on a line that rises by less than a bound in all: 4 MB of the C heap, 8 MB of resident memory, 5000
-of Python's blocks, 1.5 threads or descriptors. The longer the run, the smaller the leak that shows. With
-100 awaits a second, an hour shows 13 bytes of the C heap per await, or an object that every 60th leaves
-behind; 2 minutes show 480 bytes per await, three objects per five awaits, and a thread or descriptor per
-restart of the listener.
+Memory, threads and descriptors are read every two seconds. After the warm-up, a line is fitted to the medians
+of windows. It may rise by less than 4 MB of the C heap, 8 MB of resident memory, 5000 of Python's blocks, and
+1.5 threads or descriptors. A longer run detects smaller leaks. With 100 awaits a second, an hour detects 13
+bytes of the C heap per await, or an object left behind by every 60th; 2 minutes detect 480 bytes per await,
+three objects per five awaits, and a thread or descriptor per restart of the listener.
 """
 
 import argparse
@@ -35,7 +34,7 @@ from reliability.pythons import environment_of_children
 WARM_UP_S, WARM_UP_SHARE = 35.0, 0.1  # whichever is longer
 WINDOWS = 9
 MEGABYTE = 1e6
-# How much each may rise in all between the warm-up and the end.
+# How much each may rise between the warm-up and the end.
 BOUNDS = {"resident": 8e6, "heap": 4e6, "blocks": 5000.0, "threads": 1.5, "descriptors": 1.5}
 UNITS = {"resident": ("MB", MEGABYTE), "heap": ("MB", MEGABYTE)}
 # From the beginning. At the rate of the publisher, fewer messages than anybody keeps.
@@ -215,7 +214,7 @@ def main(arguments=None):
         type=int,
         default=0,
         metavar="BYTES",
-        help="leak an object of so many bytes for each await that expires, to see that it shows",
+        help="leak an object of this many bytes for each await that expires, to check that it is detected",
     )
     options = parser.parse_args(arguments)
     print(f"soak for {options.minutes:g} minutes in ROS domain {use_own_domain()}", flush=True)

@@ -1,4 +1,4 @@
-"""Owns the process under test of a soak: all that a node does with transforms, until it is told to end."""
+"""The process under test in a soak: all that a node does with transforms, until it is told to end."""
 
 import asyncio
 import ctypes
@@ -58,7 +58,7 @@ LIFE_S = 10.0  # of the listener that is restarted
 FOR_LONG_S = 60.0
 TOLERANCE_M = 1e-6
 COLLECT_EVERY = 2  # s, and takes a sample then
-STALLED_S, MOST_DUMPS = 10.0, 3  # the executor; then it is told where each thread is
+STALLED_S, MOST_DUMPS = 10.0, 3  # the executor; then the stack of each thread is printed
 
 
 class Mallinfo2(ctypes.Structure):
@@ -369,7 +369,7 @@ class Node:
         if len(newest) != 1 or taken not in wanted:
             self.problem(f"{way}: {messages} messages, but {taken} transforms, up to {sorted(newest)}")
 
-    # What it tells of itself.
+    # What it reports about itself.
 
     def sample(self):
         heap = _mallinfo2()

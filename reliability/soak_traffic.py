@@ -1,4 +1,4 @@
-"""Owns what the publisher of a soak sends, and what an answer about it must be."""
+"""Traffic of a soak's publisher, and a check of answers about it."""
 
 import sys
 import threading

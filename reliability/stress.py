@@ -1,12 +1,13 @@
 """
-Owns the stress run: threads, processes and forked children that use one buffer at once.
+Use one buffer from many threads, processes and forked children at once, and check every answer.
 
-Readers (single, two-time and vector lookups, listings, pickles), writers (in all ways; late samples,
-pruning, histories that grow and shrink, a frame that changes its parent), waits (that block; futures that
-are answered, cancelled and dropped; awaits with timeouts), clear(), listeners that are made and destroyed
-while another process publishes, and forked children. Every other round the buffer is shared, with a reader
-in another process. Each answer is checked: the numbers of a transform follow from its stamp. In the end the
-statistics must be what was inserted, each wait answered or without an answer, and no thread be left.
+There are readers (single lookups, lookups at two times and at many, listings, pickles), writers (late
+samples, pruning, histories that grow and shrink, a frame that changes its parent), waits (blocking ones,
+awaits with timeouts, and futures that are answered, cancelled or dropped), calls of clear(), listeners that
+are created and destroyed while another process publishes, and forked children. In every second round, the
+buffer is shared with a reader in another process. The numbers of a transform follow from its stamp, so each
+answer can be checked. At the end, the statistics must agree with what was inserted, each wait must have ended
+or still lack its transform, and no thread may remain.
 """
 
 import argparse
@@ -23,7 +24,7 @@ ROUND_S = 10.0
 
 
 def stress(seconds, seed):
-    """Run rounds for so long; whether nothing went wrong."""
+    """Run rounds for this many seconds; return whether nothing went wrong."""
     import faulthandler
 
     import rclpy
@@ -31,12 +32,12 @@ def stress(seconds, seed):
     from reliability.stress_round import Round
 
     faulthandler.enable()
-    # Forks beside threads, and copies of a buffer with a node, are what is tested.
+    # The test forks beside threads and copies a buffer with a node on purpose.
     warnings.filterwarnings("ignore", message=".*fork.*", category=DeprecationWarning)
-    warnings.filterwarnings("ignore", message=".*does not travel with it", category=UserWarning)
+    warnings.filterwarnings("ignore", message=".*is not copied", category=UserWarning)
     logging.getLogger("tf2_ros").setLevel(logging.ERROR)
     rclpy.init(args=[])
-    # What is too late is counted.
+    # Late transforms are counted instead.
     rclpy.logging.set_logger_level("tf2_py", rclpy.logging.LoggingSeverity.ERROR)
     rng = random.Random(seed)
     sys.setswitchinterval(rng.choice((0.005, 0.0005, 0.00005)))

@@ -1,5 +1,5 @@
 """
-Owns the other processes of a stress run: ``publish``, and ``read NAME SEED`` of a shared buffer.
+Run the other processes of a stress run: ``publish``, and ``read NAME SEED`` of a shared buffer.
 
 Each ends when its standard input does; a reader then prints how much it has checked.
 """
@@ -53,7 +53,7 @@ def read(ended, name, seed):
         except TransformException:
             continue
     buffer._self_check()
-    assert buffer._is_attached, "it has left"
+    assert buffer._sharing.is_attached, "it has lost its owner"
     print(json.dumps({**counts, **reader.counts}), flush=True)
 
 

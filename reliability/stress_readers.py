@@ -1,4 +1,4 @@
-"""Owns what readers of a stress run do with a buffer: they ask in all ways, and check each answer."""
+"""Readers of a stress run: they ask a buffer in all ways, and check each answer."""
 
 import pickle
 
@@ -12,7 +12,7 @@ SPAN_NS = round(1.2 * CACHE_S * S)  # a little more than the buffer keeps
 
 
 class Reader:
-    """One reader of a buffer; ``counts`` tells how many answers it has checked, by kind."""
+    """One reader of a buffer; ``counts`` shows how many answers it has checked, by kind."""
 
     def __init__(self, buffer, rng):
         self.buffer, self._rng = buffer, rng

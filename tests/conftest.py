@@ -1,29 +1,39 @@
-"""Owns what all tests share: a ROS domain of their own, and which tf2 they test."""
+"""What all tests share: a ROS domain of their own, and the tf2 under test."""
 
 import fcntl
 import gc
 import importlib
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
+import hypothesis
 import pytest
-from processes import DEADLINE_S, start
+import repetitions
+from paths import ROOT, SUPPORT
+from processes import end, start
 
 from tf2_ros_cython._ros import running_release
 
-ROOT = Path(__file__).resolve().parent.parent
 DOMAINS = range(1, 102)  # the ports of higher ones may be taken by the system
 
 
+def _domains_in_shared_memory():
+    # Of programs that run, and of some that were killed: Fast DDS may wait for locks that these held.
+    ports = (re.search(r"port(\d+)", path.name) for path in Path("/dev/shm").glob("*fastrtps_port*"))
+    return {(int(port[1]) - 7400) // 250 for port in ports if port}
+
+
 def _claim_domain():
-    # The lock is held as long as this process lives: simultaneous test runs must not share topics.
-    # Not always the same domain: a run that was killed leaves locks of Fast DDS in shared memory.
-    for domain in random.sample(DOMAINS, len(DOMAINS)):
+    # The lock is held as long as this process lives: simultaneous test runs must not share topics. Nor do the
+    # processes of one run, `pytest -n`.
+    domains = random.sample(DOMAINS, len(DOMAINS))
+    for domain in sorted(domains, key=_domains_in_shared_memory().__contains__):
         lock = open(Path(tempfile.gettempdir()) / f"tf2-ros-cython-domain-{domain}.lock", "w")
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -42,14 +52,32 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_LOG_DIR"] = _log_folder.name
 # Kilted warns of the variable that Jazzy reads, also in programs that must print nothing.
 _profiles = "FASTRTPS" if running_release() == "Jazzy" else "FASTDDS"
-os.environ[f"{_profiles}_DEFAULT_PROFILES_FILE"] = str(ROOT / "tests" / "fastdds.xml")
+os.environ[f"{_profiles}_DEFAULT_PROFILES_FILE"] = str(SUPPORT / "fastdds.xml")
 os.environ.pop("ROS_LOCALHOST_ONLY", None)  # it would override the line before
 os.environ.pop("TF2_SHARED_BUFFER", None)  # listeners would not subscribe
 # For the tests' own programs.
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))
 
 
+# A busy machine takes its time.
+hypothesis.settings.register_profile(
+    "tests",
+    hypothesis.settings.get_profile(hypothesis.settings.get_current_profile_name()),
+    deadline=None,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+)
+hypothesis.settings.load_profile("tests")
+
+# Helpers that assert.
+pytest.register_assert_rewrite("pages", "recorded_answers", "sharing")
+
+
 def pytest_addoption(parser):
+    parser.addoption(
+        "--all",
+        action="store_true",
+        help="run the tests marked `long`, too, and repeat the others as often as they ask for",
+    )
     parser.addoption(
         "--reference",
         action="store_true",
@@ -58,7 +86,7 @@ def pytest_addoption(parser):
     parser.addoption(
         "--record",
         action="store_true",
-        help="with --reference: write down what the programs of tests/programs/users print there",
+        help="with --reference: write down what the programs of tests/support/programs/users print there",
     )
 
 
@@ -67,6 +95,10 @@ def pytest_configure(config):
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     config.addinivalue_line("markers", "ours: what this project does otherwise than tf2, or in addition")
+    config.addinivalue_line(
+        "markers", "long(why): run by `pytest --all` only, as it takes long or needs more than the others"
+    )
+    repetitions.all_of_them = config.getoption("--all")
     if config.getoption("--reference"):
         _reveal_reference()
     elif config.getoption("--record"):
@@ -74,6 +106,10 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(config, items):
+    if not config.getoption("--all"):
+        long = [item for item in items if item.get_closest_marker("long")]
+        config.hook.pytest_deselected(items=long)
+        items[:] = [item for item in items if item not in set(long)]
     if not config.getoption("--reference"):
         return
     for item in items:
@@ -195,11 +231,5 @@ def flood():
 
     yield start_flood
     for process in processes:
-        # Killed, it might hold a lock in the shared memory of those it sends to.
-        process.terminate()
-        try:
-            process.wait(DEADLINE_S)
-        finally:
-            process.kill()
-            process.wait()
-            process.stdout.close()
+        end(process)
+        process.stdout.close()

@@ -1,6 +1,6 @@
-"""The types of geometry_msgs and nav_msgs transformed from frame to frame."""
+"""Transform messages of geometry_msgs and nav_msgs from frame to frame."""
 
-# Before the imports below fail without a word of advice.
+# First, because the imports below would fail without advice.
 from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split
@@ -13,10 +13,8 @@ from tf2_geometry_msgs.tf2_geometry_msgs import *  # noqa: F403
 from tf2_ros._registration import names_of as _names_of
 
 if TYPE_CHECKING:  # the table's functions, as their stubs declare them
-    from tf2_geometry_msgs._lists import *  # noqa: F403
-    from tf2_geometry_msgs._motion import *  # noqa: F403
+    from tf2_geometry_msgs._geometry import *  # noqa: F403
     from tf2_geometry_msgs._nav import *  # noqa: F403
-    from tf2_geometry_msgs._transform import *  # noqa: F403
 
 # Types that tf2 lacks, and message classes, which public programs take from here, stay outside __all__.
 globals().update(_names_of(_TYPES))

@@ -1,4 +1,4 @@
-"""Owns the NumPy helpers that programs take from tf2's module: matrices and quaternions w x y z."""
+"""The NumPy helpers that programs take from tf2's module: matrices and quaternions w x y z."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -8,14 +8,6 @@ from numpy.typing import NDArray
 
 from tf2_py._internal import matrices_from_rotations, normalise
 
-__all__ = [
-    "_build_affine",
-    "_decompose_affine",
-    "_get_mat_from_quat",
-    "_get_quat_from_mat",
-    "_transform_to_affine",
-]
-
 Matrix = NDArray[Any]
 
 
@@ -23,7 +15,7 @@ def _get_mat_from_quat(quaternion: NDArray[Any]) -> Matrix:
     """
     The rotation matrix of a quaternion.
 
-    :param quaternion: w, x, y, z, of any length; zero is no rotation.
+    :param quaternion: w, x, y, z, of any length; zero length means no rotation.
     """
     if np.dot(quaternion, quaternion) < np.finfo(np.float64).eps:
         return np.eye(3)

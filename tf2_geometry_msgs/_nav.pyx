@@ -1,19 +1,17 @@
-"""Owns transforming the types of nav_msgs; importable only where nav_msgs is."""
+"""Transform the types of nav_msgs. Importing this module needs nav_msgs."""
 
-from tf2_geometry_msgs._parts cimport (
+from tf2_geometry_msgs._geometry cimport (
     copied_covariance,
     get_field,
+    pose_stamped_layout,
     read_doubles,
     set_field,
+    stamped,
     target_frame,
     target_header,
-    vector3_layout,
-)
-from tf2_geometry_msgs._transform cimport (
-    pose_stamped_layout,
-    stamped,
     transformed_pose,
     transformed_pose_with_covariance,
+    vector3_layout,
 )
 from tf2_py._internal cimport Layout, Transform, header_layout, nanoseconds, new_header, read_transform
 
@@ -41,7 +39,7 @@ cdef object _transformed_step(object step, const Transform* transform, object pa
 
 
 cdef object _copied_twist(object content):
-    # So that neither message changes with the other.
+    # A copy, so that changing one message does not change the other.
     cdef double vector[3]
     pair = get_field(twist_with_covariance_layout, content, "twist")
     twist = twist_layout.new()
@@ -78,7 +76,7 @@ def do_transform_odometry(odometry: Odometry, transform: TransformStamped) -> Od
     """
     Transform the pose of an Odometry from the child frame of ``transform`` to its parent frame.
 
-    The twist is that of ``child_frame_id`` in its own axes, which no change of the header's frame touches.
+    The twist is given in the axes of ``child_frame_id``, so it does not depend on the frame of the header.
 
     :param odometry: an Odometry, metres, radians and seconds.
     :param transform: a TransformStamped, metres.

@@ -1,4 +1,4 @@
-"""Owns what tf2's module of this name offers, and registers the types of the table."""
+"""The names of tf2's module of this name; importing it registers the types of the table."""
 
 import numpy as np
 
@@ -22,9 +22,9 @@ from tf2_geometry_msgs._affine import (  # noqa: F401  used by programs, private
     _get_quat_from_mat,
     _transform_to_affine,
 )
-from tf2_geometry_msgs._lists import do_transform_polygon_stamped
-from tf2_geometry_msgs._transform import (
+from tf2_geometry_msgs._geometry import (
     do_transform_point,
+    do_transform_polygon_stamped,
     do_transform_pose,
     do_transform_pose_stamped,
     do_transform_pose_with_covariance_stamped,
@@ -35,7 +35,7 @@ from tf2_geometry_msgs._types import TYPES
 from tf2_ros._registration import from_msg_msg, names_of, register_messages, to_msg_msg
 from tf2_ros._tf2_names import Iterable, Optional, Tuple, tf2_ros
 
-# What `import *` gives from tf2's module, and nothing more: a name of ours could hide one of a program's.
+# What `import *` imports from tf2's module, and nothing more: our own names could hide those of a program.
 __all__ = [
     "Iterable",
     "Optional",

@@ -1,7 +1,9 @@
-"""The tf2 buffer core and its exceptions, without ROS nodes or topics."""
+"""Store and look up transforms, without ROS nodes or topics."""
 
 import importlib
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 try:
     from tf2_py._tf2_py import BufferCore
@@ -12,7 +14,6 @@ except ModuleNotFoundError as missing:
 
     raise ModuleNotFoundError(f"{missing.name} is missing: {advice()}", name=missing.name) from None
 
-from tf2_py._dll import add_dll_directories_from_env
 from tf2_py._objects.errors import (
     ConnectivityException,
     ExtrapolationException,
@@ -22,9 +23,23 @@ from tf2_py._objects.errors import (
     TransformException,
 )
 from tf2_py._objects.listings import FrameInfo as FrameInfo
-from tf2_ros_cython._version import __version__ as __version__
+from tf2_py._objects.listings import History as History
+from tf2_ros_cython._ros import __version__ as __version__
 
-# What `import *` gives from tf2's package.
+# Programs find this name in tf2_py because tf2 uses it there. It has an effect on Windows only.
+try:
+    from rpyutils import add_dll_directories_from_env  # type: ignore[import-untyped,unused-ignore]
+except ModuleNotFoundError as missing:
+    if missing.name != "rpyutils":
+        raise
+
+    @contextmanager
+    def add_dll_directories_from_env(env_name: str) -> Iterator[None]:
+        """Do nothing: without ROS there are no libraries to find."""
+        yield
+
+
+# What `import *` imports from tf2's package.
 __all__ = [
     "BufferCore",
     "ConnectivityException",
@@ -36,7 +51,7 @@ __all__ = [
     "add_dll_directories_from_env",
 ]
 
-# tf2's extension imports these two, and programs that import rclpy alone use them as its attributes.
+# tf2's extension imports these two modules, and programs that import only rclpy use them as its attributes.
 if sys.modules.get("rclpy") is not None:
     importlib.import_module("rclpy.duration")
     importlib.import_module("rclpy.time")

@@ -1,32 +1,66 @@
 """
-What tf2_ros, tf2_geometry_msgs and tf2_sensor_msgs cimport from the engine. Not a public interface: it may
-change at any time. They cimport nothing else of this package, so that its modules can be moved.
+What tf2_ros, tf2_geometry_msgs and tf2_sensor_msgs cimport from the engine. This is not a public interface
+and may change at any time. They cimport nothing else from this package, so that its modules can be moved.
 """
 
-# tf2_ros: the receiver, which inserts into an engine without the GIL, under a lock that a fork finds free.
-from tf2_py._core.clock cimport monotonic_ns, system_ns
-from tf2_py._core.flag cimport flag_is_set, flag_set
-from tf2_py._core.forking cimport FORK_INNER, FORK_OUTER, ForkedLock, fork_forget, fork_watch
-from tf2_py._core.lock cimport Lock, lock_free, lock_init, lock_write, unlock_write
-from tf2_py._core.names cimport (
+# tf2_ros: inboxes, which insert into an engine without the GIL, and locks that are free in a forked child.
+from tf2_py._core cimport (
+    FORK_INBOX,
+    FORK_INBOXES,
+    FORK_INNER,
     NAME_NO_MEMORY,
+    PLACE_NONE,
+    Batch,
+    ForkedLock,
+    Incoming,
+    Lock,
     Name,
     Names,
+    Waiter,
+    Writer,
+    batch_add_cdr,
+    batch_begin,
+    batch_error,
+    batch_free,
+    batch_prefix,
+    batch_read_cdr,
+    condition_init,
+    condition_wait,
+    fork_forget,
+    fork_watch,
+    incoming_refusals,
+    is_utf8,
+    lock_acquire,
+    lock_free,
+    lock_init,
+    lock_release,
+    monotonic_ns,
     name_strip,
+    names_find,
     names_free,
     names_init,
     names_intern,
+    pthread_cond_signal,
+    pthread_cond_t,
+    pthread_mutex_init,
+    pthread_mutex_lock,
+    pthread_mutex_t,
+    pthread_mutex_unlock,
+    system_ns,
+    unchanging_bytes,
+    word_add,
+    word_exchange,
+    word_load,
+    word_replace,
+    word_store,
+    writer_init,
+    writer_transform,
 )
-from tf2_py._core.segment cimport ABOUT_AT, BOARD_AT, Board, Segment, segment_head, segment_is_ready
-from tf2_py._core.tree cimport incoming_refusals
-from tf2_py._core.types cimport Incoming
-from tf2_py._engine.engine cimport Engine, SharedMemory
-from tf2_py._engine.sharing cimport SharingEngine
-from tf2_py._objects.messages cimport name_utf8
-from tf2_py._wire.batch cimport Batch, batch_add_cdr, batch_begin, batch_error, batch_free, batch_read_cdr
+from tf2_py._tf2_py cimport Engine, Inbox, Tap, name_utf8
 
 # tf2_geometry_msgs and tf2_sensor_msgs: messages as C structs, and the maths of transforms.
-from tf2_py._core.geometry cimport (
+from tf2_py._core cimport (
+    Transform,
     matrix_from_quaternion,
     quaternion_conjugate,
     quaternion_multiply,
@@ -34,11 +68,11 @@ from tf2_py._core.geometry cimport (
     transform_compose,
     vector_rotate,
 )
-from tf2_py._core.types cimport Transform
-from tf2_py._objects.layout cimport Layout
-from tf2_py._objects.messages cimport (
+from tf2_py._tf2_py cimport (
+    Layout,
     header_layout,
-    load,
+    load_layouts,
+    nanoseconds,
     new_header,
     new_transform_stamped,
     read_any_rotation,
@@ -46,4 +80,3 @@ from tf2_py._objects.messages cimport (
     transform_layout,
     transform_stamped_layout,
 )
-from tf2_py._objects.times cimport nanoseconds

@@ -1,60 +1,43 @@
-"""Owns BufferCore: it reads arguments, calls the engine, and raises."""
+"""BufferCore reads arguments, calls the engine, and raises its errors."""
 
 cimport cython
-from cpython.buffer cimport PyBUF_SIMPLE, PyBuffer_Release, PyObject_GetBuffer
-from libc.stdint cimport int64_t
-from libc.string cimport memset
+from cpython.bytes cimport PyBytes_AS_STRING, PyBytes_FromStringAndSize, PyBytes_GET_SIZE
+from cpython.buffer cimport PyBUF_C_CONTIGUOUS, PyBUF_FORMAT, PyBuffer_Release, PyObject_GetBuffer
+from cpython.exc cimport PyErr_CheckSignals
+from cpython.float cimport PyFloat_AS_DOUBLE, PyFloat_AsDouble, PyFloat_CheckExact, PyFloat_FromDouble
+from cpython.long cimport PyLong_AsLongLong, PyLong_CheckExact
+from cpython.mem cimport PyMem_Free, PyMem_Malloc
+from cpython.object cimport PyTypeObject
+from cpython.ref cimport Py_DECREF, Py_INCREF
+from cpython.unicode cimport PyUnicode_Check
+from libc.float cimport DBL_EPSILON
+from libc.stdint cimport SIZE_MAX, UINT64_MAX
+from libc.string cimport strchr, strlen
 
-from tf2_py._core.lookup cimport Query
-from tf2_py._core.names cimport NAME_UNKNOWN
-from tf2_py._core.series cimport TimeSeries
-from tf2_py._core.tree cimport DEFAULT_CACHE_TIME_NS, Limits
-from tf2_py._core.twist cimport twist_of_point
-from tf2_py._core.types cimport (
-    NO_FRAME,
-    STATUS_LOOP,
-    STATUS_OK,
-    STATUS_UNCONNECTED,
-    Status,
-    Transform,
-)
-from tf2_py._engine.chain cimport chain_between
-from tf2_py._engine.sharing cimport SharingEngine
-from tf2_py._engine.wait cimport Wait
-from tf2_py._objects.arguments cimport (
-    query_fill,
-    query_fill_full,
-    query_fill_series,
-    query_frames,
-)
-from tf2_py._objects.messages cimport (
-    authority_utf8,
-    name_utf8,
-    new_transform_stamped,
-    read_transform_stamped,
-)
-from tf2_py._objects.times cimport (
-    duration_nanoseconds, duration_or_seconds, nanoseconds, new_time, stamp_nanoseconds,
-)
-from tf2_py._wire.batch cimport Batch, Entry, batch_free, batch_read_cdr, batch_reserve
-
+import copyreg
+import datetime
+import operator
 import os
+import sys
+import types
+import warnings
+from collections.abc import Sequence
+from numbers import Integral, Real
+from threading import get_ident, main_thread
 
-from tf2_py._objects import errors, listings
-from tf2_py._objects.arrays import as_points, as_times_ns, new_rows
-from tf2_py._objects.attributes import attributes_of, check_attributes, set_attributes
-# Programs also catch them by the name of tf2's extension module.
+from tf2_py._objects import errors, listings, log
+# Programs also import them from tf2's extension module.
 from tf2_py._objects.errors import (
     ConnectivityException,
     ExtrapolationException,
     InvalidArgumentException,
     LookupException,
+    MalformedObjectError,
     TimeoutException,
     TransformException,
+    bad_name,
+    printable,
 )
-from tf2_py._objects.frame_tree import tree_text
-from tf2_py._objects.limits import limit
-from tf2_py._objects.printable import printable
 
 __all__ = [
     "BufferCore",
@@ -66,34 +49,64 @@ __all__ = [
     "TransformException",
 ]
 
+include "engine/arrays.pyx"
+include "engine/messages.pyx"
+include "engine/times.pyx"
+include "engine/queries.pyx"
+include "engine/state.pyx"
+include "engine/engine.pyx"
+include "engine/wait.pyx"
 
-# The first line of its text, which CPython takes away, is what `inspect` reads the signature of a class from.
+
+# The limits of a buffer, so that no sender can fill the memory.
+LIMITS = {"max_frames": 1_000_000, "max_bytes": 1 << 30, "max_waiters": 100_000}
+
+
+cdef object _limit(str name, object given):
+    # The argument, else the environment variable, else the default.
+    cdef str source = name
+    if given is None:
+        source = f"TF2_ROS_CYTHON_{name.upper()}"
+        text = os.environ.get(source, "")
+        if not text:
+            return LIMITS[name]
+        if not text.isdecimal():
+            raise ValueError(f"{source} must be a whole number, it is {text!r}")
+        given = int(text)
+    if isinstance(given, bool) or not isinstance(given, int):
+        raise TypeError(f"{source} must be an int, not {type(given).__name__}")
+    if not 0 < given < 1 << 31 and not (name == "max_bytes" and 0 < given < 1 << 63):
+        raise ValueError(f"{source} must be above 0 and fit into a C integer, it is {given}")
+    return given
+
+
+# `inspect` reads the signature of the class from the first line of its docstring, which CPython removes.
 @cython.no_gc_clear
-cdef class BufferCore(SharingEngine):
+cdef class BufferCore(Engine):
     """BufferCore(cache_time=None, *, max_frames=None, max_bytes=None, max_waiters=None)\n--\n
     A tree of coordinate frames that changes with time, and the history of each frame.
 
-    :param cache_time: how far each frame's history reaches back: a duration, or a number, which is seconds.
-        Default 10 s.
-    :param int max_frames: how many frame names. Default: a million.
-    :param int max_bytes: memory for names and histories. Default: 1 GiB.
-    :param int max_waiters: how many lookups may wait at once. Default: a hundred thousand.
-    :raises TypeError: ``cache_time`` is neither, or a limit is no int.
+    :param cache_time: how far the history of each frame reaches back: a duration, or a number of seconds.
+        Default: 10 s.
+    :param int max_frames: the maximum number of frame names. Default: a million.
+    :param int max_bytes: the maximum memory for names and histories. Default: 1 GiB.
+    :param int max_waiters: the maximum number of lookups that wait at once. Default: a hundred thousand.
+    :raises TypeError: ``cache_time`` is something else, or a limit is not an int.
     :raises ValueError: ``cache_time`` is negative, or a limit is not above 0.
     :raises OverflowError: ``cache_time`` does not fit into 64-bit nanoseconds.
 
-    Transforms that would exceed a limit are refused, counted and logged; a wait that would is a
-    ``TransformException``. What the buffer holds stays available. The environment variables
+    Transforms that would exceed a limit are refused, counted and logged; a wait that would exceed one raises
+    a ``TransformException``. What the buffer holds stays available. The environment variables
     ``TF2_ROS_CYTHON_MAX_FRAMES``, ``TF2_ROS_CYTHON_MAX_BYTES`` and ``TF2_ROS_CYTHON_MAX_WAITERS`` set other
     defaults.
 
     For all methods: a frame name is a ``str``; a time or duration is any object with ``nanoseconds``, or with
-    ``sec`` and ``nanosec``; a time may also be an integer, which is nanoseconds, or a ``numpy.datetime64``.
-    The time 0 asks for the latest time that every frame on the path has data for. Anything else is a
-    ``TypeError``. A name that holds a NUL character, or the time NaT, is a ``ValueError``, a name with a lone
-    surrogate a ``UnicodeEncodeError``. A time whose seconds do not fit into the 32 bits of a message is an
-    ``OverflowError``. Every method may be called from any thread. Calling ``__init__`` again empties the
-    buffer; pending waits go on.
+    ``sec`` and ``nanosec``; a time may also be an integer of nanoseconds, or a ``numpy.datetime64``. The time
+    0 means the latest time for which every frame on the path has data. Anything else raises a ``TypeError``.
+    A name that contains a NUL character, or the time NaT, raises a ``ValueError``, a name with a lone
+    surrogate a ``UnicodeEncodeError``. A time whose seconds do not fit into the 32 bits of a message raises
+    an ``OverflowError``. Every method may be called from any thread. Calling ``__init__`` again empties the
+    buffer; pending waits continue.
 
     >>> from tf2_py import BufferCore
     >>> from geometry_msgs.msg import TransformStamped
@@ -107,8 +120,8 @@ cdef class BufferCore(SharingEngine):
     base_link
       camera (static)
 
-    It can be pickled and copied, with everything that answers and listings depend on. A copy by
-    ``copy.copy`` is as independent as a deep one, but shares the attributes of a subclass.
+    A buffer can be pickled and copied, with everything that affects its answers and listings. A copy made by
+    ``copy.copy`` is as independent as a deep one, except that it shares the attributes of a subclass.
 
     >>> import copy, pickle
     >>> pickle.loads(pickle.dumps(buffer)).tree() == copy.deepcopy(buffer).tree() == buffer.tree()
@@ -125,9 +138,9 @@ cdef class BufferCore(SharingEngine):
     ) -> None:
         cdef int64_t cache_time_ns = DEFAULT_CACHE_TIME_NS
         cdef Limits limits
-        limits.frames = limit("max_frames", max_frames)
-        limits.bytes = limit("max_bytes", max_bytes)
-        limits.waiters = limit("max_waiters", max_waiters)
+        limits.frames = _limit("max_frames", max_frames)
+        limits.bytes = _limit("max_bytes", max_bytes)
+        limits.waiters = _limit("max_waiters", max_waiters)
         if cache_time is not None:
             cache_time_ns = duration_or_seconds(cache_time, "cache_time")
         if cache_time_ns < 0:
@@ -140,7 +153,7 @@ cdef class BufferCore(SharingEngine):
         cdef Entry entry
         cdef Batch batch
         cdef Py_ssize_t size
-        # Whatever the names point into stays alive: the slots of `transform`, or what `keep` holds.
+        # The names point into the slots of `transform`, or into what `keep` holds; both stay alive.
         cdef list keep = []
         read_transform_stamped(transform, &entry.incoming, keep)
         memset(&batch, 0, sizeof(Batch))
@@ -157,11 +170,11 @@ cdef class BufferCore(SharingEngine):
         Add one dynamic transform.
 
         :param transform: a ``geometry_msgs/TransformStamped`` or an object with its fields.
-            The translation is in metres, the rotation a quaternion x y z w. The stamp 0 is a stamp like any
-            other.
-        :param str authority: who publishes it; listings and log lines show it.
+            The translation is in metres, the rotation a quaternion x y z w. The stamp 0 has no special
+            meaning.
+        :param str authority: the publisher; listings and log lines show it.
         :raises TypeError: an object lacks a field, or a value has the wrong type.
-        :raises ValueError: a name holds a NUL character.
+        :raises ValueError: a name contains a NUL character.
         :raises OverflowError: the stamp does not fit into 64-bit nanoseconds.
 
         A transform that is refused (no names, NaN, too old, ...) is logged and counted, not raised.
@@ -169,7 +182,7 @@ cdef class BufferCore(SharingEngine):
         self._set_one(transform, authority, False)
 
     def set_transform_static(self, transform: TransformStamped, authority: str) -> None:
-        """Add one transform that holds at all times; otherwise as :meth:`set_transform`."""
+        """Add one transform that is valid at all times; otherwise as :meth:`set_transform`."""
         self._set_one(transform, authority, True)
 
     def set_transforms(
@@ -178,11 +191,11 @@ cdef class BufferCore(SharingEngine):
         """
         Add many transforms; other threads may see the first ones before the last ones are added.
 
-        :param transforms: an iterable of what :meth:`set_transform` accepts.
+        :param transforms: an iterable of objects that :meth:`set_transform` accepts.
         :param str authority: as for :meth:`set_transform`.
-        :param bool static: whether they hold at all times.
+        :param bool static: whether they are valid at all times.
         :return: how many were added; the others are logged and counted.
-        :raises TypeError, ValueError, OverflowError: as :meth:`set_transform`, before anything is added.
+        :raises TypeError, ValueError, OverflowError: see :meth:`set_transform`; nothing has been added.
         """
         cdef list messages = list(transforms)
         cdef list keep = []
@@ -213,35 +226,57 @@ cdef class BufferCore(SharingEngine):
 
         :param data: bytes-like: plain CDR of either byte order, with its encapsulation header.
         :param str authority: as for :meth:`set_transform`.
-        :param bool static: whether they hold at all times.
+        :param bool static: whether they are valid at all times.
         :return: how many were added; the others are logged and counted.
         :raises TypeError: ``data`` is not bytes-like.
-        :raises BufferError: its bytes are not in one piece.
+        :raises BufferError: the bytes of ``data`` are not contiguous.
         :raises ValueError: ``data`` is malformed; nothing is added.
         """
-        cdef Py_buffer view
         cdef Batch batch
         cdef Py_ssize_t size
+        cdef bytes message
         memset(&batch, 0, sizeof(Batch))
         batch.is_static = static
         batch.authority = authority_utf8(authority, &size)
         batch.authority_size = size
-        PyObject_GetBuffer(data, &view, PyBUF_SIMPLE)
+        message = unchanging_bytes(data)
+        size = PyBytes_GET_SIZE(message)
         try:
-            if batch_read_cdr(&batch, <const unsigned char*>view.buf, view.len):
+            if batch_read_cdr(&batch, <const unsigned char*>PyBytes_AS_STRING(message), size):
                 self.insert(&batch)
             elif batch.problem != NULL:
-                raise self.malformed(&batch, view.len)
+                raise self.malformed(&batch, size)
             if batch.needs_report or batch.no_memory:
                 self.report(&batch, None)
             return batch.taken
         finally:
             batch_free(&batch)
-            PyBuffer_Release(&view)
 
     def clear(self) -> None:
-        """Remove every dynamic transform; names, authorities and static transforms stay."""
-        self.forget()
+        """Remove every dynamic transform; names, authorities and static transforms remain."""
+        self.remove(NULL, 0)
+
+    def forget(self, frame: str) -> bool:
+        """
+        Remove every transform of a frame, also static ones, as if it had never been a child.
+
+        :return: whether it had any.
+        :raises LookupException: the frame is unknown.
+
+        The names of frames that no transform of the buffer mentions any more become unknown, until a
+        transform mentions them again. They still count for ``max_frames``.
+        """
+        cdef Py_ssize_t size
+        cdef const char* text
+        self._require_frame(frame, "forget")
+        text = name_utf8(frame, &size)
+        return self.remove(text, size) == REMOVED_SAMPLES
+
+    def _forget_silent(self, frame: str, before_ns: int) -> None:
+        """Forget a dynamic frame whose newest stamp is earlier than ``before_ns``; otherwise do nothing."""
+        cdef Py_ssize_t size
+        cdef const char* text = name_utf8(frame, &size)
+        self.remove(text, size, before_ns)
 
     # Travelling: pickles, copies, files.
 
@@ -250,10 +285,12 @@ cdef class BufferCore(SharingEngine):
 
     def __getstate__(self) -> dict[str, Any]:
         """
-        What a pickle or copy of this buffer is made of, as of one moment; other threads may go on inserting.
+        Get the contents of this buffer at one moment, for pickles and copies. Other threads may continue to
+        insert.
 
-        :return: a dict of everything that answers, listings and later inserts depend on, with the samples as
-            NumPy arrays, and under ``"attributes"`` those of a subclass. Pending waits do not travel.
+        :return: a dict of everything that affects answers, listings and later inserts. The samples are NumPy
+            arrays, and ``"attributes"`` contains the attributes of a subclass. Pending waits are not
+            included.
         """
         cdef dict state = self.export()
         state["attributes"] = attributes_of(self)
@@ -261,14 +298,14 @@ cdef class BufferCore(SharingEngine):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """
-        Become the buffer that such a state says; pending waits go on.
+        Replace the contents of this buffer by a state; pending waits continue.
 
-        :raises ValueError: it is of another version, or no state that a buffer can have. Then, as with any
-            other error, nothing has changed.
+        :raises ValueError: the state has another version, or is not a valid state of a buffer. After any
+            error, the buffer is unchanged.
         """
         cdef dict core
         if type(state) is not dict:
-            raise ValueError(f"not the state of a buffer: it is no dict but {type(state).__name__}")
+            raise ValueError(f"not the state of a buffer: it is not a dict but {type(state).__name__}")
         core = dict(state)
         attributes = core.pop("attributes", None)
         check_attributes(self, attributes)
@@ -277,32 +314,33 @@ cdef class BufferCore(SharingEngine):
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """
-        Write this buffer as of now to an ``.mcap`` file, which any tool for recordings opens.
+        Write the present contents of this buffer to an ``.mcap`` file, which any tool for recordings can
+        open.
 
         The transforms are ordinary messages on ``/tf`` and ``/tf_static``, in the order of their stamps;
-        what a message cannot hold is metadata of the file. :meth:`load` gives the same buffer back. A file
-        of that name is replaced once the new one is whole. Attributes of a subclass are not saved.
+        what messages cannot hold is metadata of the file. :meth:`load` returns an identical buffer. An
+        existing file is replaced when the new one is complete. Attributes of a subclass are not saved.
 
-        :raises OSError: it cannot be written; what was there before stays.
+        :raises OSError: the file cannot be written; an existing file remains unchanged.
         :raises ModuleNotFoundError: the library mcap is missing: ``pip install 'tf2-ros-cython[bag]'``.
         """
         from tf2_py._objects.saved import save_state
-        save_state(self.export(), path)
+        save_state(self.export(), path, serialize_samples)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> BufferCore:
         """
-        Make a buffer of a file that :meth:`save` wrote: its answers are the same to the last bit.
+        Load a buffer from a file that :meth:`save` wrote; its answers are identical to the last bit.
 
-        ``__init__`` is not called. Recordings that something else wrote are read by ``tf2_ros.bag.load``.
+        ``__init__`` is not called. ``tf2_ros.bag.load`` reads other recordings.
 
-        :raises FileNotFoundError, OSError: it cannot be read.
-        :raises ValueError: it holds no buffer, or is damaged; the text names the file.
-        :raises ModuleNotFoundError: as of :meth:`save`.
+        :raises FileNotFoundError, OSError: the file cannot be read.
+        :raises ValueError: the file does not contain a buffer, or is damaged; the text names the file.
+        :raises ModuleNotFoundError: see :meth:`save`.
         """
         from tf2_py._objects.saved import load_state
         loaded = _without_init(cls)
-        state = load_state(path)
+        state = load_state(path, BufferCore(float("inf")))
         try:
             loaded.__setstate__(state | {"attributes": {}})
         except ValueError as error:
@@ -312,37 +350,41 @@ cdef class BufferCore(SharingEngine):
     # Looking transforms up.
 
     cdef int _lookup_or_raise(self, const Query* query, Transform* out, int64_t* stamp_ns) except -1:
-        cdef Status status = self.lookup(query, out, stamp_ns)
+        cdef Status status
+        catch_up(self)
+        status = self.lookup(query, out, stamp_ns)
         if status.code != STATUS_OK:
             raise self.error(query, status)
         return 0
 
     cdef tuple _can(self, const Query* query):
         cdef int64_t stamp_ns
-        cdef Status status = self.lookup(query, NULL, &stamp_ns)
+        cdef Status status
+        catch_up(self)
+        status = self.lookup(query, NULL, &stamp_ns)
         if status.code == STATUS_OK:
             return (1, "")
         return (0, str(self.error(query, status, "canTransform")))
 
     def lookup_transform_core(self, target_frame: str, source_frame: str, time: Time) -> TransformStamped:
         """
-        Get the pose of ``source_frame`` in ``target_frame``: it carries data from the source to the target.
+        Get the pose of ``source_frame`` in ``target_frame``, which transforms data from source to target.
 
-        A point at p in ``source_frame`` is at R p + t in ``target_frame``: R and t are the rotation and the
-        translation returned. ``Time()``, which is 0, asks for the latest time for which all frames on the
-        path have data.
+        A point at p in ``source_frame`` is at R p + t in ``target_frame``, where R and t are the
+        rotation and the translation returned. ``Time()``, which is 0, means the latest time
+        for which all frames on the path have data.
 
-        :param str target_frame: the frame that the data is wanted in.
-        :param str source_frame: the frame that the data is in.
-        :param time: when; 0: the latest common time.
+        :param str target_frame: the frame to transform data into.
+        :param str source_frame: the frame of the data.
+        :param time: the time of the transform; 0: the latest common time.
         :return: a ``geometry_msgs/TransformStamped`` with the stamp looked up, ``frame_id`` the target and
             ``child_frame_id`` the source; metres, unit quaternion.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
         :raises ConnectivityException: the frames are in different trees.
         :raises ExtrapolationException: a frame on the path has no data for the time.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
-        :raises TypeError, ValueError, OverflowError: an argument is of a wrong type or cannot be a name or a
-            time: see the class.
+        :raises TypeError, ValueError, OverflowError: an argument has a wrong type, or is not a valid name
+            or time; see the class.
         """
         cdef Query query
         cdef Transform transform
@@ -357,16 +399,15 @@ cdef class BufferCore(SharingEngine):
         """
         Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``.
 
-        It carries data from the source to the target: a point at p in ``source_frame`` at the one time is at
-        R p + t in ``target_frame`` at the other, if ``fixed_frame`` does not move meanwhile. ``Time()``,
-        which is 0, asks for the latest time.
+        It transforms data from source to target: a point at p in ``source_frame`` at ``source_time`` is at
+        R p + t in ``target_frame`` at ``target_time``, if ``fixed_frame`` does not move in between.
+        ``Time()``, which is 0, means the latest time.
 
-        :param target_time: when the target frame is looked at; 0: the latest common time of it and the fixed
-            frame.
-        :param source_time: when the source frame is looked at; 0: likewise.
+        :param target_time: the time of the target frame; 0: the latest common time of it and the fixed frame.
+        :param source_time: the time of the source frame; 0: the latest common time of it and the fixed frame.
         :param str fixed_frame: the frame that is assumed not to move between the two times.
 
-        The answer's stamp is the target's time; otherwise as :meth:`lookup_transform_core`.
+        The stamp of the result is the target's time. For the rest, see :meth:`lookup_transform_core`.
         """
         cdef Query query
         cdef Transform transform
@@ -378,49 +419,98 @@ cdef class BufferCore(SharingEngine):
     def lookup_transforms(
         self,
         target_frame: str,
-        source_frame: str,
+        source_frame: str | Sequence[str],
         times: ArrayLike | Sequence[Time],
         *,
         fixed_frame: str | None = None,
         target_time: Time | None = None,
         on_missing: Literal["raise", "nan"] = "raise",
+        tolerance: Duration | None = None,
+        extrapolate: bool = False,
+        max_gap: Duration | None = None,
+        interpolation: Literal["linear", "cubic"] = "linear",
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """
-        Look one transform up at many times, with the results of as many single lookups.
+        Look up one transform at many times, with the same results as single lookups.
 
+        :param source_frame: the frame of the data, or a sequence of F frames.
         :param times: N times: integer nanoseconds or datetime64 (array-like of shape (N,), also a column of a
             data frame), or a sequence of time objects; 0 is the latest common time.
-        :param fixed_frame: with ``target_time``, a two-time lookup: the source at each of ``times``, the
-            target at ``target_time``.
+        :param fixed_frame: with ``target_time``, look up the source at each of ``times``, and the target at
+            ``target_time``.
         :param on_missing: ``'raise'`` raises the error of the first time without an answer, with its index;
-            ``'nan'`` fills in NaN there. Unknown and invalid names always raise.
-        :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), metres, and (N, 4), x y z w.
-        :raises TransformException: as :meth:`lookup_transform_core`.
-        :raises TypeError: ``times`` are no times, or ``fixed_frame`` and ``target_time`` are not both given.
-        :raises ValueError: ``times`` have not one dimension, are NaT or do not fit into 64 bits, or
-            ``on_missing`` is neither.
+            ``'nan'`` fills in NaN there. Of several frames, the first one with an error raises it. Unknown
+            and invalid names always raise, before anything else.
+        :param tolerance: see :class:`tf2_py.typing.LookupPolicy`, also for ``extrapolate``, ``max_gap`` and
+            ``interpolation``. With one of them, each lookup takes as long as a single one.
+        :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), metres, and (N, 4), x y z w;
+            of a sequence of frames, (F, N, 3) and (F, N, 4).
+        :raises TransformException: see :meth:`lookup_transform_core`.
+        :raises TypeError: ``times`` are not times, or only one of ``fixed_frame`` and ``target_time`` is
+            given.
+        :raises ValueError: ``times`` do not have one dimension, are NaT or do not fit into 64 bits, or
+            ``on_missing`` is something else.
 
-        Other threads run meanwhile: the GIL is released.
+        The GIL is released, so other threads run meanwhile. With several frames, an edge that lies on several
+        of the paths is interpolated once.
         """
         cdef Query query
         cdef TimeSeries series
-        cdef const int64_t[::1] times_ns = as_times_ns(times)
-        cdef double[:, ::1] translations, rotations
-        series.count = times_ns.shape[0]
-        translations_array, rotations_array = new_rows(series.count, 3), new_rows(series.count, 4)
-        if on_missing not in ("raise", "nan"):
-            raise ValueError(f"on_missing must be 'raise' or 'nan', not {on_missing!r}")
+        times_ns = as_times_ns(times)
+        policy = policy_of(tolerance, extrapolate, max_gap, interpolation)
+        if not isinstance(source_frame, (str, bytes)) and _is_sequence(source_frame):
+            return self._lookup_frames(
+                target_frame, list(source_frame), times_ns, fixed_frame, target_time,
+                _is_nan_wanted(on_missing), policy,
+            )
+        series.count = len(times_ns)
+        translations, rotations = new_rows(series.count, 3), new_rows(series.count, 4)
+        series.nan_missing = _is_nan_wanted(on_missing)
         query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
+        query_set_policy(&query, policy)
         if series.count:
-            translations, rotations = translations_array, rotations_array
-            series.times_ns = &times_ns[0]
-            series.translations = &translations[0, 0]
-            series.rotations = &rotations[0, 0]
-            series.points = NULL
-            series.transformed = NULL
-            series.nan_missing = on_missing == "nan"
+            series.times_ns = int64s_of(times_ns)
+            series.translations = doubles_of(translations, 3)
+            series.rotations = doubles_of(rotations, 4)
+            series.points = series.transformed = series.linear = series.angular = NULL
             self._lookup_series(&query, &series)
-        return translations_array, rotations_array
+        return translations, rotations
+
+    cdef tuple _lookup_frames(self, target_frame, list frames, times_ns, fixed_frame, target_time,
+                              bint nan_missing, PolicyObject policy):
+        # The names of the queries are those of `frames`.
+        cdef Py_ssize_t count = len(frames)
+        cdef Py_ssize_t done, answered, i
+        cdef Query* queries
+        cdef TimeSeries series
+        cdef Status status
+        series.count = len(times_ns)
+        translations, rotations = new_rows(count * series.count, 3), new_rows(count * series.count, 4)
+        series.times_ns = int64s_of(times_ns)
+        series.translations = doubles_of(translations, 3)
+        series.rotations = doubles_of(rotations, 4)
+        series.points = series.transformed = series.linear = series.angular = NULL
+        series.nan_missing = nan_missing
+        queries = <Query*>PyMem_Malloc(count * sizeof(Query))
+        if queries == NULL:
+            raise MemoryError
+        try:
+            for i in range(count):
+                query_fill_series(&queries[i], target_frame, frames[i], fixed_frame, target_time)
+                query_set_policy(&queries[i], policy)
+            if count and series.count:
+                catch_up(self)
+                with nogil:
+                    done = self.lookup_series_many(queries, count, &series, &answered, &status)
+                if done < 0:
+                    raise MemoryError
+                if done < count:
+                    error = self.error(&queries[done], status)
+                    raise error if answered < 0 else type(error)(f"times[{answered}]: {error}")
+        finally:
+            PyMem_Free(queries)
+        shape = count, series.count
+        return translations.reshape(*shape, 3), rotations.reshape(*shape, 4)
 
     def transform_points(
         self,
@@ -433,42 +523,39 @@ cdef class BufferCore(SharingEngine):
         target_time: Time | None = None,
     ) -> NDArray[np.floating]:
         """
-        Transform each point with the transform of its own time.
+        Transform each point at its own time.
 
         :param points: array-like of shape (N, 3), metres, each in ``source_frame`` at its time; float32,
             float64 or integers.
-        :param times: N times. This and the other arguments are as in :meth:`lookup_transforms`.
+        :param times: N times. For this and the other arguments, see :meth:`lookup_transforms`.
         :return: an array of shape (N, 3) of the points' dtype, or float64 of integers, in ``target_frame``.
-        :raises TransformException: as :meth:`lookup_transform_core`, with the index of the time.
-        :raises TypeError: the points are of another dtype; otherwise as :meth:`lookup_transforms`.
-        :raises ValueError: ``points`` is not of shape (N, 3); otherwise as :meth:`lookup_transforms`.
+        :raises TransformException: see :meth:`lookup_transform_core`; the text contains the index of the
+            time.
+        :raises TypeError: the points have another dtype; see also :meth:`lookup_transforms`.
+        :raises ValueError: ``points`` does not have the shape (N, 3); see also :meth:`lookup_transforms`.
         """
         cdef Query query
         cdef TimeSeries series
-        cdef const int64_t[::1] times_ns
-        cdef const double[:, ::1] rows
-        cdef double[:, ::1] transformed
-        rows_array, dtype = as_points(points)
+        rows, dtype = as_points(points)
         times_ns = as_times_ns(times)
-        series.count = times_ns.shape[0]
-        if len(rows_array) != series.count:
-            raise ValueError(f"{len(rows_array)} points, {series.count} times: each point needs its own time")
-        transformed_array = new_rows(series.count, 3)
+        series.count = len(times_ns)
+        if len(rows) != series.count:
+            raise ValueError(f"{len(rows)} points, {series.count} times: each point needs its own time")
+        transformed = new_rows(series.count, 3)
         query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
         if series.count:
-            rows, transformed = rows_array, transformed_array
-            series.times_ns = &times_ns[0]
-            series.points = &rows[0, 0]
-            series.transformed = &transformed[0, 0]
-            series.translations = NULL
-            series.rotations = NULL
+            series.times_ns = int64s_of(times_ns)
+            series.points = doubles_of(rows, 3)
+            series.transformed = doubles_of(transformed, 3)
+            series.translations = series.rotations = series.linear = series.angular = NULL
             series.nan_missing = False
             self._lookup_series(&query, &series)
-        return transformed_array.astype(dtype, copy=False)
+        return transformed.astype(dtype, copy=False)
 
     cdef int _lookup_series(self, Query* query, const TimeSeries* series) except -1:
         cdef Py_ssize_t answered
         cdef Status status
+        catch_up(self)
         with nogil:
             answered = self.lookup_series(query, series, &status)
         if answered < series.count:
@@ -478,7 +565,7 @@ cdef class BufferCore(SharingEngine):
 
     def can_transform_core(self, target_frame: str, source_frame: str, time: Time) -> tuple[int, str]:
         """
-        Whether :meth:`lookup_transform_core` would return: ``(1, '')``, or ``(0, reason)``.
+        Return whether :meth:`lookup_transform_core` would succeed: ``(1, '')``, or ``(0, reason)``.
 
         An invalid name is a reason; ``TypeError``, ``ValueError`` and ``OverflowError`` are raised.
         """
@@ -489,17 +576,17 @@ cdef class BufferCore(SharingEngine):
     def can_transform_full_core(
         self, target_frame: str, target_time: Time, source_frame: str, source_time: Time, fixed_frame: str
     ) -> tuple[int, str]:
-        """Whether :meth:`lookup_transform_full_core` would return; as :meth:`can_transform_core`."""
+        """Return whether :meth:`lookup_transform_full_core` would succeed; see :meth:`can_transform_core`."""
         cdef Query query
         query_fill_full(&query, target_frame, target_time, source_frame, source_time, fixed_frame)
         return self._can(&query)
 
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> Time:
         """
-        The newest time at which every dynamic frame between the two has data; 0 where all are static.
+        Get the newest time at which every dynamic frame between the two has data; 0 if all are static.
 
         :return: an ``rclpy.time.Time`` of clock type ``SYSTEM_TIME``.
-        :raises TransformException: there is no path between the frames.
+        :raises TransformException: no path connects the frames.
         :raises LookupException: a frame is unknown.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
         """
@@ -510,6 +597,7 @@ cdef class BufferCore(SharingEngine):
         cdef int64_t common_ns = 0
         cdef Status status
         query_frames(&query, target_frame, source_frame)
+        catch_up(self)
         status = self.common_time(&query, &common_ns)
         if status.code == STATUS_OK:
             return common_ns
@@ -522,9 +610,9 @@ cdef class BufferCore(SharingEngine):
         self, tracking_frame: str, observation_frame: str, time: Time, averaging_interval: Duration
     ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
         """
-        The twist of ``tracking_frame``'s origin relative to ``observation_frame``, in the axes of the latter.
+        Get the twist of ``tracking_frame``'s origin relative to ``observation_frame``, in the latter's axes.
 
-        As :meth:`lookupVelocityFullCore` with the observation frame as reference frame.
+        The same as :meth:`lookupVelocityFullCore` with the observation frame as reference frame.
         """
         return self.lookupVelocityFullCore(
             tracking_frame, observation_frame, observation_frame, (0.0, 0.0, 0.0), tracking_frame, time,
@@ -542,23 +630,23 @@ cdef class BufferCore(SharingEngine):
         averaging_interval: Duration,
     ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
         """
-        The mean twist of ``tracking_frame`` relative to ``observation_frame`` around a time.
+        Get the mean twist of ``tracking_frame`` relative to ``observation_frame`` around a time.
 
         :param reference_frame: the twist is expressed in the axes of this frame.
         :param reference_point: three floats, metres, in ``reference_point_frame``: the linear velocity
-            is that of the point of the tracking frame's body that is there at ``time``.
+            is the velocity of the point of the tracked body that is there at ``time``.
         :param reference_point_frame: a frame name.
         :param time: the middle of the interval; 0 is the time 0, not the latest common time.
-        :param averaging_interval: a duration; the interval ends at the latest common time at the latest. 0
-            gives NaN.
+        :param averaging_interval: a duration; the interval ends no later than the latest common time. 0
+            results in NaN.
         :return: ``((vx, vy, vz), (wx, wy, wz))`` in m/s and rad/s.
-        :raises TransformException: as :meth:`lookup_transform_core`, for one of the lookups that it needs.
-        :raises ValueError: ``averaging_interval`` is negative, or the point has not three numbers.
+        :raises TransformException: one of the lookups failed; see :meth:`lookup_transform_core`.
+        :raises ValueError: ``averaging_interval`` is negative, or the point does not have three numbers.
 
         Angular: the rotation vector between the two poses over the time between them. Linear: the chord
         of the origin over that time, plus angular x (reference point - origin).
         """
-        # At least 1: a lookup would take 0 for "latest".
+        # At least 1, because 0 would mean "latest".
         cdef int64_t time_ns = max(stamp_nanoseconds(time, "time"), 1)
         cdef int64_t interval_ns = duration_nanoseconds(averaging_interval, "averaging_interval")
         cdef int64_t start_ns, end_ns, common_ns
@@ -570,10 +658,7 @@ cdef class BufferCore(SharingEngine):
             raise ValueError("averaging_interval must not be negative")
         point[0], point[1], point[2] = reference_point
         common_ns = self._common_time(observation_frame, tracking_frame)
-        start_ns = max(time_ns - interval_ns // 2, 1)
-        end_ns = time_ns + (interval_ns - interval_ns // 2)
-        if common_ns and end_ns > common_ns:
-            end_ns = common_ns
+        twist_interval(time_ns, interval_ns, common_ns, &start_ns, &end_ns)
         self._transform_at(observation_frame, tracking_frame, start_ns, &start)
         self._transform_at(observation_frame, tracking_frame, end_ns, &end)
         self._transform_at(observation_frame, tracking_frame, time_ns, &middle)
@@ -583,12 +668,70 @@ cdef class BufferCore(SharingEngine):
                        &reference, linear, angular)
         return (linear[0], linear[1], linear[2]), (angular[0], angular[1], angular[2])
 
+    def lookup_velocities(
+        self,
+        tracking_frame: str,
+        observation_frame: str,
+        times: ArrayLike | Sequence[Time],
+        averaging_interval: Duration,
+        *,
+        on_missing: Literal["raise", "nan"] = "raise",
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """
+        Get the twists of ``tracking_frame`` relative to ``observation_frame`` around many times, in the axes
+        of the latter. The results and the order of the frames are as in :meth:`lookupVelocityCore`.
+
+        :param times: N times, as for :meth:`lookup_transforms`, but 0 is the time 0.
+        :param averaging_interval: a duration, centred at each time; as in :meth:`lookupVelocityFullCore`, it
+            ends no later than the latest common time, and 0 results in NaN.
+        :param on_missing: ``'raise'`` raises the error of the first time without an answer, with its index;
+            ``'nan'`` fills in NaN there. Unknown and invalid names, and frames without a path between them,
+            always raise.
+        :return: ``(linear, angular)``: float64 arrays of shape (N, 3), in m/s and rad/s. Their formula is
+            that of :meth:`lookupVelocityFullCore`.
+        :raises TransformException: as :meth:`lookupVelocityCore`.
+        :raises TypeError: ``times`` are not times, or the interval is not a duration.
+        :raises ValueError: ``averaging_interval`` is negative; otherwise as :meth:`lookup_transforms`.
+
+        The GIL is released, so other threads run meanwhile.
+        """
+        cdef Query query
+        cdef TimeSeries series
+        times_ns = as_times_ns(times)
+        series.count = len(times_ns)
+        series.interval_ns = duration_nanoseconds(averaging_interval, "averaging_interval")
+        series.nan_missing = _is_nan_wanted(on_missing)
+        if series.interval_ns < 0:
+            raise ValueError("averaging_interval must not be negative")
+        linear, angular = new_rows(series.count, 3), new_rows(series.count, 3)
+        query_fill_series(&query, observation_frame, tracking_frame, None, None)
+        if series.count:
+            series.times_ns = int64s_of(times_ns)
+            series.common_ns = self._common_time(observation_frame, tracking_frame)
+            series.linear = doubles_of(linear, 3)
+            series.angular = doubles_of(angular, 3)
+            series.points = series.transformed = series.translations = series.rotations = NULL
+            self._lookup_series(&query, &series)
+        return linear, angular
+
     cdef int _transform_at(self, target_frame, source_frame, int64_t time_ns, Transform* out) except -1:
         cdef Query query
         cdef int64_t stamp_ns
         query_frames(&query, target_frame, source_frame)
         query.source_ns = time_ns
         return self._lookup_or_raise(&query, out, &stamp_ns)
+
+    def _lookup_under(
+        self, target_frame: str, source_frame: str, time: Time, policy: Any
+    ) -> TransformStamped:
+        """As :meth:`lookup_transform_core`, under a policy of ``policy_of``."""
+        cdef Query query
+        cdef Transform transform
+        cdef int64_t stamp_ns
+        query_fill(&query, target_frame, source_frame, time)
+        query_set_policy(&query, policy)
+        self._lookup_or_raise(&query, &transform, &stamp_ns)
+        return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
 
     # Waiting.
 
@@ -600,17 +743,23 @@ cdef class BufferCore(SharingEngine):
         fixed_frame: str | None = None,
         target_time: Time | None = None,
         notify: Callable[[TransformStamped], Any] | None = None,
+        policy: Any = None,
+        after: Wait | None = None,
     ) -> Wait:
         """
-        Wait for a lookup: the simple one, or with ``fixed_frame`` and ``target_time`` the one at two times.
+        Wait for a lookup, which is at two times if ``fixed_frame`` and ``target_time`` are given.
 
-        :param notify: called with the answer, once, by the thread that inserts what was missing; not called
-            where the answer is available at once. It runs no code of a user; it may return a callable that
-            does, which a thread of the user calls at once and a receiver hands over. None:
-            :meth:`Wait.wait_for` waits.
+        :param notify: called once, with the answer, by the thread that inserts what was missing; not called
+            if the answer is available at once. It runs no code of a user, but may return a callable that
+            does. A thread of the user calls that at once; a receiver hands it over. None:
+            :meth:`Wait.wait_for` waits. Under a policy it may be called with None, because there will never
+            be an answer.
+        :param policy: of ``policy_of``.
+        :param after: a previous wait for the same simple lookup at the latest time: wait for another answer
+            than that one has.
         :return: a ``Wait``; its ``answer`` may be available at once.
         :raises InvalidArgumentException: a name is empty or begins with ``/``: the wait would never end.
-        :raises TransformException: ``max_waiters`` lookups wait already.
+        :raises TransformException: ``max_waiters`` lookups are already waiting.
         """
         cdef Query query
         cdef Wait wait = Wait.__new__(Wait)
@@ -618,16 +767,17 @@ cdef class BufferCore(SharingEngine):
             query_fill(&query, target_frame, source_frame, time)
         else:
             query_fill_full(&query, target_frame, target_time, source_frame, time, fixed_frame)
+        query_set_policy(&query, policy)
+        if after is not None:
+            wait.only_after(after)
         wait.begin(self, (target_frame, source_frame, fixed_frame), &query, notify)
-        if self._begin_following is not None and self._follows():
-            self._begin_following()
         return wait
 
     def _pending_waits(self, size_t most=1000) -> list[str]:
         """
-        One line for each pending wait, at most so many: what it waits for, and what it lacks now.
+        List what each pending wait waits for, and what it lacks now, on one line each, up to ``most`` lines.
 
-        For debugging. Names are escaped as in errors. Inserts wait while up to ``most`` pointers are copied.
+        For debugging. Names are escaped as in errors. Inserts wait while pointers to the waits are copied.
         """
         return [wait.lacks() for wait in self.pending(most)]
 
@@ -637,12 +787,13 @@ cdef class BufferCore(SharingEngine):
         cdef int64_t oldest_ns = 0
         cdef int64_t newest_ns = 0
         cdef bint has_dynamic
+        catch_up(self)
         with nogil:
             has_dynamic = self.span(&oldest_ns, &newest_ns)
         return listings.as_line(type(self), self.counts(), newest_ns - oldest_ns if has_dynamic else None)
 
     def __contains__(self, name):
-        """Whether this is the name of a frame, that of a parent included; False for all but a ``str``."""
+        """Return whether this is the name of a frame, including parents; False for anything but a ``str``."""
         cdef Py_ssize_t size
         cdef const char* text
         if not isinstance(name, str):
@@ -650,48 +801,107 @@ cdef class BufferCore(SharingEngine):
         try:
             text = name_utf8(name, &size)
         except ValueError:
-            return False    # it holds a NUL or a lone surrogate: no frame can
+            return False    # it contains a NUL or a lone surrogate, so it cannot be a frame
+        catch_up(self)
         return self.find_name(text, size) not in (NAME_UNKNOWN, NO_FRAME)
+
+    def histories(self) -> dict[str, History]:
+        """
+        Get the samples of each frame at one moment, as arrays.
+
+        :return: a dict from the name of each frame with samples to a named tuple :class:`History`, whose
+            arrays are copies.
+        """
+        return listings.histories(self.export())
 
     def frames(self) -> dict[str, FrameInfo]:
         """
-        What this buffer holds of each frame, in the order in which their names were first used.
+        Get the frames of this buffer, in the order in which their names were first used.
 
         :return: a dict from name to a named tuple :class:`FrameInfo`: ``parent``, ``static``, ``count``,
             ``oldest_ns``, ``newest_ns``.
 
-        The times are exact: with a lookup of the frame in its parent, ``oldest_ns`` and ``newest_ns`` are the
-        earliest and the latest time that have an answer. Roots are listed, too. Other threads may change the
-        buffer meanwhile: of more than 1024 frames it is no snapshot. Its cost grows with their number.
+        The times are exact: ``oldest_ns`` and ``newest_ns`` are the earliest and the latest time at which the
+        frame can be looked up in its parent. Roots are included. Other threads may change the buffer
+        meanwhile, so the result is not a snapshot if there are more than 1024 frames. The cost grows with
+        their number.
         """
         return listings.as_frames(self.frame_facts(True))
 
+    cdef int _require_frame(self, frame, str call) except -1:
+        cdef Py_ssize_t size
+        _name(frame, "frame", &size)
+        if frame not in self:
+            self._begin_advice()
+            raise _bad_name(frame, "frame", call, self._advice, self._known_names)
+        return 0
+
+    def parent(self, frame: str, time: Time = 0) -> str | None:
+        """
+        Get the frame in which ``frame`` is given.
+
+        :param time: 0: the time of its newest sample.
+        :return: None if ``frame`` is a root, or has no data for the time.
+        :raises LookupException: the frame is unknown.
+        """
+        cdef Py_ssize_t size
+        cdef const char* text
+        cdef FrameId parent
+        cdef int64_t time_ns = stamp_nanoseconds(time, "time")
+        self._require_frame(frame, "parent")
+        text = name_utf8(frame, &size)
+        parent = self.parent_at(text, size, time_ns)
+        return None if parent == NO_FRAME else self.frame_names((parent,))[0]
+
+    def children(self, frame: str) -> list[str]:
+        """
+        Get the frames whose newest sample is given in ``frame``, in the order of first appearance.
+
+        :raises LookupException: the frame is unknown.
+
+        Its cost grows with the number of all frames.
+        """
+        self._require_frame(frame, "children")
+        return [one.name for one in self.frame_facts() if one.parent == frame]
+
+    def path(self, target_frame: str, source_frame: str, time: Time = 0) -> list[str]:
+        """
+        Get the frames from ``source_frame`` up to the common ancestor and down to ``target_frame``.
+
+        :param time: 0: the latest common time.
+        :raises TransformException: as :meth:`lookup_transform_core`.
+        """
+        cdef int64_t time_ns = stamp_nanoseconds(time, "time")
+        catch_up(self)
+        return self.frame_names(self._frames_between(target_frame, source_frame, time_ns))
+
     def tree(self) -> str:
         """
-        The frames as indented text: under each frame those whose parent it is, with their samples.
+        Get the frames as indented text: each frame is followed by its children, with their numbers of
+        samples.
 
-        A frame is under the parent of its newest sample. Frames whose parents form a loop stand at the end,
-        marked. As :meth:`frames` otherwise.
+        The parent is the parent in the newest sample. Frames whose parents form a loop come last and are
+        marked. For the rest, see :meth:`frames`.
         """
-        return tree_text(listings.as_frames(self.frame_facts(True)))
+        return listings.tree_text(listings.as_frames(self.frame_facts(True)))
 
     def all_frames_as_yaml(self) -> str:
         """
-        The frames that hold data as YAML: parent, broadcaster, rate (Hz), times (s), buffer length (s).
+        Get the frames with data as YAML: parent, broadcaster, rate (Hz), times (s), buffer length (s).
 
-        A listing of more than 1024 frames is no snapshot: other threads may change the buffer between parts.
+        A listing of more than 1024 frames is not a snapshot: other threads may change the buffer meanwhile.
         """
         return listings.as_yaml(self.frame_facts())
 
     def all_frames_as_string(self) -> str:
-        """One sentence for each frame that was ever a child; otherwise as :meth:`all_frames_as_yaml`."""
+        """Get one sentence for each frame that was ever a child; see also :meth:`all_frames_as_yaml`."""
         return listings.as_string(self.frame_facts())
 
     def _allFramesAsDot(self, time: Time | None = None) -> str:
         """
-        The frames that hold data as a Graphviz digraph; otherwise as :meth:`all_frames_as_yaml`.
+        Get the frames with data as a Graphviz digraph; see also :meth:`all_frames_as_yaml`.
 
-        :param time: ages are as of this time; None or 0: no ages.
+        :param time: the time from which ages are counted; None or 0: no ages.
         """
         cdef int64_t time_ns = 0 if time is None else nanoseconds(time, "time")
         return listings.as_dot(self.frame_facts(), time_ns)
@@ -700,42 +910,55 @@ cdef class BufferCore(SharingEngine):
         """Whether the name was ever a parent or a child."""
         cdef Py_ssize_t size
         cdef const char* text = name_utf8(name, &size)
+        catch_up(self)
         return self.find_name(text, size) != NAME_UNKNOWN
 
     def _getFrameStrings(self) -> list[str]:
         """Every frame name, in the order of first appearance."""
+        catch_up(self)
         return self._known_names()
 
     def _chain(
         self, target_frame: str, target_time: Time, source_frame: str, source_time: Time, fixed_frame: str
     ) -> list[str]:
-        """The frames from source up to the common ancestor and down to target, each once."""
-        return chain_between(
-            self, target_frame, stamp_nanoseconds(target_time, "target_time"), source_frame,
+        """Get the frames from the source up to the common ancestor and down to the target, each once."""
+        catch_up(self)
+        return self.chain(
+            target_frame, stamp_nanoseconds(target_time, "target_time"), source_frame,
             stamp_nanoseconds(source_time, "source_time"), fixed_frame,
         )
 
     def statistics(self) -> dict[str, Any]:
         """
-        What this buffer has done and holds.
+        Count what this buffer has done, and what it contains.
 
-        :return: a dict: how many transforms were ``taken``, and ``refused`` by reason; how many ``frames``
-            and ``samples`` it holds and the ``bytes`` allocated for them; how many ``waiters`` are pending;
-            ``waits_refused``, ``malformed_messages``.
+        :return: a dict with the numbers of transforms ``taken``, and ``refused`` by reason; of ``frames`` and
+            ``samples``; of ``bytes`` allocated for these; of pending ``waiters``; of ``waits_refused``; and
+            of ``malformed_messages``.
         """
         return self.counts()
 
     def _self_check(self) -> None:
-        """Check the tree, histories and waiters; AssertionError names an invariant that does not hold."""
+        """Check the tree, histories and waiters; an AssertionError names an invariant that does not hold."""
         cdef const char* problem = self.check()
         if problem != NULL:
             raise AssertionError(problem.decode())
 
 
+cdef bint _is_sequence(value):
+    return isinstance(value, Sequence) or hasattr(value, "__array__")
+
+
+cdef bint _is_nan_wanted(on_missing) except -1:
+    if on_missing not in ("raise", "nan"):
+        raise ValueError(f"on_missing must be 'raise' or 'nan', not {on_missing!r}")
+    return on_missing == "nan"
+
+
 def _without_init(cls):
     """
-    An empty buffer of a class whose ``__init__`` is not called: its state is to follow.
+    Make an empty buffer without calling ``__init__``; its state follows.
 
-    Pickles name this function.
+    Pickles refer to this function by name.
     """
     return BufferCore.__new__(cls)

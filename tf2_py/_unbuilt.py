@@ -1,13 +1,11 @@
-"""Owns what to do where tf2_py is imported from a clone that is not built."""
+"""Advice for an import of tf2_py from a clone that is not built."""
 
 import os
 import sys
 
-__all__ = ["advice"]
-
 
 def advice() -> str:
-    """Where the clone is, and whether it only hides a tf2_py that is installed."""
+    """Where the clone is, and whether it hides an installed tf2_py."""
     home = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
     text = f"{home} is not built for Python {sys.version_info.major}.{sys.version_info.minor}"
     for folder in map(os.path.abspath, sys.path):

@@ -1,23 +1,31 @@
-"""Owns the types of times and durations, for the signatures of this project and of programs."""
+"""The types of times and durations, for the signatures of this project and of programs."""
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Literal, Protocol, TypedDict
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["DurationLike", "HasNanoseconds", "HasSecNanosec", "TimeLike", "TimeoutLike", "TimesLike"]
+__all__ = [
+    "DurationLike",
+    "HasNanoseconds",
+    "HasSecNanosec",
+    "LookupPolicy",
+    "TimeLike",
+    "TimeoutLike",
+    "TimesLike",
+]
 
 
 class HasNanoseconds(Protocol):
-    """An rclpy ``Time`` or ``Duration``, or what counts like them."""
+    """An rclpy ``Time`` or ``Duration``, or anything with their ``nanoseconds``."""
 
     @property
     def nanoseconds(self) -> int: ...
 
 
 class HasSecNanosec(Protocol):
-    """A ``builtin_interfaces/Time`` or ``Duration``, or what has their fields."""
+    """A ``builtin_interfaces/Time`` or ``Duration``, or anything with their fields."""
 
     @property
     def sec(self) -> int: ...
@@ -25,7 +33,7 @@ class HasSecNanosec(Protocol):
     def nanosec(self) -> int: ...
 
 
-# An int is nanoseconds.
+# An int means nanoseconds.
 TimeLike = HasNanoseconds | HasSecNanosec | int | np.datetime64
 
 # Many times; an array holds integer nanoseconds, or datetime64.
@@ -34,5 +42,29 @@ TimesLike = npt.ArrayLike | Sequence[TimeLike]
 # A tolerance, an interval, how far a history reaches back.
 DurationLike = HasNanoseconds | HasSecNanosec
 
-# How long to wait; a number is seconds.
+# How long to wait; a number means seconds.
 TimeoutLike = HasNanoseconds | HasSecNanosec | float
+
+
+class LookupPolicy(TypedDict, total=False):
+    """
+    What a lookup accepts beyond tf2's: keyword arguments of ``tf2_ros.Buffer.lookup_transform`` and others.
+
+    ``tolerance``: a duration, or a number of seconds. A frame whose newest sample is at most this much older
+    than the requested time stays at that sample. The answer has the stamp of the oldest such sample.
+
+    ``extrapolate``: with a tolerance, such a frame continues at the velocity of its last two samples instead,
+    and the answer has the requested time as its stamp.
+
+    ``max_gap``: a duration, or a number of seconds. There is no answer between samples that are further
+    apart.
+
+    ``interpolation``: ``"linear"``, or ``"cubic"`` for continuous velocities.
+
+    With any of these, a wait ends as soon as transforms of its time would be refused.
+    """
+
+    tolerance: TimeoutLike | None
+    extrapolate: bool
+    max_gap: TimeoutLike | None
+    interpolation: Literal["linear", "cubic"]

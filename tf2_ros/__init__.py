@@ -2,10 +2,10 @@
 
 from typing import TYPE_CHECKING
 
-# Before the imports below fail without a word of advice.
+# Imported first, because it explains what to install if the imports below fail.
 from tf2_py import BufferCore
 from tf2_ros_cython._presence import HAS_ROS
-from tf2_ros_cython._version import __version__ as __version__
+from tf2_ros_cython._ros import __version__ as __version__
 
 # isort: split
 
@@ -19,6 +19,7 @@ from tf2_py import (
     add_dll_directories_from_env,
 )
 from tf2_py import FrameInfo as FrameInfo
+from tf2_py import History as History
 from tf2_ros import buffer, buffer_interface
 from tf2_ros._messages import Header, PoseStamped, TransformStamped
 from tf2_ros._shared.names import SharedBufferError as SharedBufferError

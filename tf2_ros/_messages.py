@@ -1,4 +1,4 @@
-"""Owns the messages of what needs no ROS: of the classes of ROS, or of plain ones with the same fields."""
+"""Provide the message classes of ROS, or without ROS, simple classes with the same fields."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +29,7 @@ def time_msg(time: Any, argument: str) -> Time:
     """
     The time message of a time; it raises as ``tf2_py._internal.stamp_parts``.
 
-    :param argument: what the errors call it.
+    :param argument: its name in errors.
     """
     sec, nanosec = stamp_parts(time, argument)
     return Time(sec=sec, nanosec=nanosec)

@@ -1,4 +1,4 @@
-"""Owns the quality of service of /tf, /tf_static and the lookup action, and what parameters may override."""
+"""Quality of service of /tf, /tf_static and the lookup action, and what parameters may override."""
 
 from typing import Any
 
@@ -7,16 +7,6 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from tf2_ros._rclpy import parameter_overrides
-
-__all__ = [
-    "dynamic_broadcaster_qos",
-    "dynamic_overrides",
-    "listener_qos",
-    "lookup_qos",
-    "static_broadcaster_qos",
-    "static_listener_qos",
-    "static_overrides",
-]
 
 _DYNAMIC_POLICIES = [
     QoSPolicyKind.DEPTH,
@@ -27,44 +17,35 @@ _DYNAMIC_POLICIES = [
 # Without its durability /tf_static would be a topic like any other.
 _STATIC_POLICIES = [QoSPolicyKind.DEPTH, QoSPolicyKind.HISTORY, QoSPolicyKind.RELIABILITY]
 
-# Functions, because rclpy writes the overrides into the profile it is given.
 
+def chosen_qos(
+    node: Node, topic: str, kind: str, given: QoSProfile | int | None, *, is_static: bool
+) -> tuple[QoSProfile | int, dict[str, Any]]:
+    """
+    Choose the profile of a topic of transforms.
 
-def listener_qos() -> QoSProfile:
-    return QoSProfile(depth=100, history=HistoryPolicy.KEEP_LAST, durability=DurabilityPolicy.VOLATILE)
-
-
-def static_listener_qos() -> QoSProfile:
-    return QoSProfile(depth=100, history=HistoryPolicy.KEEP_LAST, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-
-def dynamic_broadcaster_qos() -> QoSProfile:
-    return QoSProfile(depth=100, history=HistoryPolicy.KEEP_LAST, durability=DurabilityPolicy.VOLATILE)
-
-
-def static_broadcaster_qos() -> QoSProfile:
-    # One message holds every static transform of a node, so a late subscriber needs the last one alone.
-    return QoSProfile(depth=1, history=HistoryPolicy.KEEP_LAST, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    :param kind: ``publisher`` or ``subscription``.
+    :param given: what the program has chosen, or None.
+    :return: the profile, and the keyword that lets parameters of the node override a default profile.
+    """
+    if given is not None:
+        return given, {}
+    # One message has all static transforms of a node, so a late subscriber needs only the last one.
+    depth = 1 if is_static and kind == "publisher" else 100
+    durability = DurabilityPolicy.TRANSIENT_LOCAL if is_static else DurabilityPolicy.VOLATILE
+    # A new profile each time, because rclpy writes the overrides into it.
+    profile = QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST, durability=durability)
+    return profile, _overrides(node, topic, kind, _STATIC_POLICIES if is_static else _DYNAMIC_POLICIES)
 
 
 def lookup_qos() -> QoSProfile:
-    # One transform may answer many goals at once; in the usual queue of ten the first answers would be lost.
+    # One transform may answer many goals at once; the usual queue of ten would lose the first answers.
     return QoSProfile(history=HistoryPolicy.KEEP_ALL)
-
-
-def dynamic_overrides(node: Node, topic: str, kind: str) -> dict[str, Any]:
-    """The keyword that lets the node's parameters override the default profile of a dynamic topic."""
-    return _overrides(node, topic, kind, _DYNAMIC_POLICIES)
-
-
-def static_overrides(node: Node, topic: str, kind: str) -> dict[str, Any]:
-    """The same for a static topic; ``kind`` is 'publisher' or 'subscription'."""
-    return _overrides(node, topic, kind, _STATIC_POLICIES)
 
 
 def _overrides(node: Node, topic: str, kind: str, policies: list[QoSPolicyKind]) -> dict[str, Any]:
     # rclpy declares a parameter for each policy, and a program's parameter callbacks may refuse unknown ones.
-    # So this is used only where the node was started with such a parameter.
+    # So this is used only if the node was started with such a parameter.
     given = parameter_overrides(node)
     if not any(name.startswith("qos_overrides.") for name in given):
         return {}

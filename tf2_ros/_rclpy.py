@@ -1,9 +1,9 @@
 """
-Owns all that relies on the inside of rclpy: attributes and frames that its documentation does not promise.
+Use attributes and frames of rclpy that its documentation does not promise.
 
-Each function says what it assumes, and what it does where that does not hold. Tested with rclpy 7.1 (Jazzy)
-and 9.1 (Kilted), each assumption in tests/test_rclpy_inside.py. What an executor's rounds need in Cython is
-in ``tf2_ros._receive.rclpy_rounds``; how times are read from their handles, in ``tf2_py._objects.times``.
+Each function says what it assumes, and what it does if that does not hold. Each assumption has a test in
+tests/ros/test_rclpy_inside.py, and was tested with rclpy 7.1 (Jazzy) and 9.1 (Kilted). What an executor's
+rounds need in Cython is in ``tf2_ros._wait.rounds``; ``tf2_py.engine.times`` reads times from their handles.
 """
 
 import sys
@@ -21,35 +21,6 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.task import Future, Task
-
-__all__ = [
-    "HookedFuture",
-    "RCLError",
-    "action_result",
-    "context_was_shut_down",
-    "enter_handle",
-    "executor_handles",
-    "executor_wake_handle",
-    "handle_pointer",
-    "has_ready_entities",
-    "has_tasks",
-    "hide_from_executors",
-    "holding_executor",
-    "incompatible_qos_event",
-    "is_in_step",
-    "is_shut_down",
-    "is_spinning",
-    "mark_shut_down",
-    "new_wake_handle",
-    "node_handles",
-    "only_wakes_executor",
-    "parameter_overrides",
-    "running_task",
-    "set_subscription_callback",
-    "show_to_executors",
-    "subscription_callback",
-    "task_executor",
-]
 
 # What the functions of the C++ part raise. Assumes that it has this name there; otherwise a RuntimeError,
 # which rclpy's own error derives from.
@@ -71,7 +42,7 @@ def handle_pointer(handle: Any) -> int:
 
 def enter_handle(handle: Any, uses: ExitStack) -> bool:
     """
-    Keep a handle from being destroyed while ``uses`` is open; whether it still existed.
+    Keep a handle from being destroyed while ``uses`` is open; return whether it still existed.
 
     Assumes that a handle is a context manager that counts its users, and raises InvalidHandle when it was
     destroyed.
@@ -108,7 +79,7 @@ def incompatible_qos_event(subscription_handle: Any) -> Any:
     """
     A handle of the event of a publisher whose QoS does not fit the subscription.
 
-    Assumes the class ``EventHandle`` of the C++ part. None where that, or the middleware, does not have it.
+    Assumes the class ``EventHandle`` of the C++ part. None if that, or the middleware, does not have it.
     """
     event_handle = getattr(rclpy_implementation, "EventHandle", None)
     if event_handle is None:
@@ -126,8 +97,7 @@ def context_was_shut_down(context: Any) -> bool:
     Whether a context was started and has ended since; does not take its lock.
 
     Assumes the attribute ``handle``, which is None before the start, and its method ``ok``. ``Context.ok()``
-    takes a lock that a thread which a fork left in the parent may hold for ever. Without a handle it is used
-    nevertheless.
+    takes a lock that may be locked forever in a forked child. Without a handle it is used nevertheless.
     """
     handle = getattr(context, "handle", context)
     return handle is not None and not handle.ok()
@@ -147,10 +117,10 @@ def is_shut_down(executor: Executor) -> bool:
 
 def holding_executor(node: Node) -> Executor | None:
     """
-    The executor that has a node now, and was not shut down; takes a lock of it.
+    The executor that has a node now and was not shut down; takes a lock of that executor.
 
-    ``Node.executor`` alone is no answer: it remains set when the node is removed from the executor, which
-    ``rclpy.spin_once`` and all such functions do at their end.
+    ``Node.executor`` is not enough: it remains set when the node is removed from the executor, as
+    ``rclpy.spin_once`` and similar functions do at their end.
     """
     executor = node.executor
     if executor is None or is_shut_down(executor) or node not in executor.get_nodes():
@@ -158,28 +128,15 @@ def holding_executor(node: Node) -> Executor | None:
     return executor
 
 
-def is_spinning(executor: Executor) -> bool:
+def is_in_callback(executor: Any) -> bool:
     """
-    Whether a thread is inside a method of an executor: waits in it, or in a callback that it runs.
+    Whether a thread of an executor is inside a callback, or another task.
 
-    Assumes that ``spin_once`` is a function of Python, so that its frame is on the stack and has the executor
-    as ``self``. Otherwise the answer is True: it cannot be told.
+    Assumes the attribute ``_tasks``, of Jazzy, or ``_pending_tasks``, of Kilted: all tasks that are not done,
+    one for each callback that runs. Without either, as in rclpy's ``EventsExecutor``, the answer is True.
     """
-    if not isinstance(getattr(type(executor), "spin_once", None), FunctionType):
-        return True
-    codes = {
-        method.__code__
-        for kind in type(executor).__mro__
-        for method in vars(kind).values()
-        if isinstance(method, FunctionType)
-    }
-    for top in sys._current_frames().values():
-        frame: FrameType | None = top
-        while frame is not None:
-            if frame.f_code in codes and frame.f_locals.get("self") is executor:
-                return True
-            frame = frame.f_back
-    return False
+    tasks = _tasks_of(executor)
+    return tasks is None or any(is_in_step(task) for task in tasks)
 
 
 def has_tasks(executor: Executor | None) -> bool:
@@ -191,8 +148,14 @@ def has_tasks(executor: Executor | None) -> bool:
     """
     if executor is None:
         return False
-    tasks = getattr(executor, "_tasks", getattr(executor, "_pending_tasks", None))
+    tasks = _tasks_of(executor)
     return tasks is None or len(tasks) > 0
+
+
+def _tasks_of(executor: Any) -> list[Any] | None:
+    tasks = getattr(executor, "_tasks", getattr(executor, "_pending_tasks", None))
+    # Jazzy has tuples that begin with the task.
+    return None if tasks is None else [one[0] if isinstance(one, tuple) else one for one in list(tasks)]
 
 
 def executor_wake_handle(executor: Executor) -> Any:
@@ -208,8 +171,8 @@ def mark_shut_down(executor: Executor, wake_handle: Any) -> None:
     """
     Let an executor end its spin, without destroying what another thread is using, and without its locks.
 
-    Assumes that ``shutdown()`` begins by setting ``_is_shutdown`` and triggering the guard condition. Where
-    an executor has neither, it is shut down in the ordinary way, without waiting for it.
+    Assumes that ``shutdown()`` begins by setting ``_is_shutdown`` and triggering the guard condition. An
+    executor without these is shut down in the ordinary way, without waiting for it.
 
     :param wake_handle: of :func:`executor_wake_handle`, taken while the executor was new.
     """
@@ -231,26 +194,6 @@ def executor_handles(executor: Executor) -> list[Any]:
     return [] if signal_guard is None else [signal_guard]
 
 
-def has_ready_entities(wait_set: Any, node: Node | None) -> bool:
-    """
-    Whether a subscription, service, client or timer of a node is ready in the wait set of an executor.
-
-    Assumes ``get_ready_entities``, which gives pointers, and that a timer's handle has ``is_timer_ready``.
-    Where that does not hold, the answer is False: messages are then accounted for before other callbacks.
-    """
-    ready = getattr(wait_set, "get_ready_entities", None)
-    if ready is None:
-        return False
-    if any(map(ready, ("subscription", "service", "client"))):
-        return True
-    timers = ready("timer")
-    return (
-        bool(timers)
-        and node is not None
-        and any(one.handle.pointer in timers and one.handle.is_timer_ready() for one in node.timers)
-    )
-
-
 # Subscriptions.
 
 
@@ -258,8 +201,8 @@ def hide_from_executors(subscription: Subscription) -> None:
     """
     Keep executors from waiting for a subscription.
 
-    Assumes that they skip an entity whose ``_executor_event`` is set, as if one were about to take from it.
-    One that does not look at it takes messages, too, and inserts them by the subscription's callback.
+    Assumes that they skip an entity whose ``_executor_event`` is set, as if an executor were about to take
+    from it. An executor that ignores it takes messages, too, and inserts them by the subscription's callback.
     """
     subscription._executor_event = True
 
@@ -282,7 +225,7 @@ def subscription_callback(subscription: Subscription) -> Any:
 
 
 def set_subscription_callback(subscription: Subscription, callback: Any) -> None:
-    """Set it; the same is assumed."""
+    """Set what a subscription calls, with the assumption of :func:`subscription_callback`."""
     own = Subscription.__dict__.get("callback")
     if isinstance(own, property) and own.fset is not None:
         own.fset(subscription, callback)
@@ -291,6 +234,16 @@ def set_subscription_callback(subscription: Subscription, callback: Any) -> None
 
 
 # Nodes and actions.
+
+
+def has_callback_groups(node: Any) -> bool:
+    """
+    Whether the subscriptions of a node take a callback group.
+
+    Assumes of the AsyncNode of rclpy 10, which is entered by ``async with``: they take neither a group nor
+    QoS overrides, and end by ``destroy``.
+    """
+    return not hasattr(type(node), "__aenter__")
 
 
 def parameter_overrides(node: Any) -> dict[str, Any]:
@@ -322,9 +275,9 @@ def running_task() -> Task | None:
     """
     The task that an executor is stepping in this thread.
 
-    An awaited object is not told which task awaits it. Assumes that a step is a call of ``Task.__call__``,
-    so that its frame is on the stack and has the task as ``self``. Where there is no such frame, None: the
-    executor then steps the task in its own rounds only.
+    An awaited object cannot ask which task awaits it. Assumes that a step is a call of ``Task.__call__``, so
+    that its frame is on the stack and has the task as ``self``. Without such a frame, None: the executor then
+    steps the task only in its own rounds.
     """
     frame: FrameType | None = sys._getframe(1)
     while frame is not None and frame.f_code is not _STEP_CODE:
@@ -356,10 +309,10 @@ def is_in_step(task: Task) -> bool:
 
 def only_wakes_executor(callback: Any) -> bool:
     """
-    Whether a done callback of a future is one by which an executor wakes itself, and no code of a user.
+    Whether an executor wakes itself by this done callback of a future, which is not code of a user then.
 
-    Assumes that those are functions of ``rclpy.executors``. Where they are others, a future that they are
-    added to is kept as for a callback of a user.
+    Assumes that such callbacks are functions of ``rclpy.executors``. Otherwise they keep a future alive, as
+    callbacks of a user do.
     """
     return isinstance(callback, FunctionType) and callback.__module__ == "rclpy.executors"
 
@@ -370,7 +323,7 @@ class HookedFuture(Future):
 
     Assumes that ``Future`` keeps its callbacks in the list ``_callbacks`` and its executor in the weak
     reference ``_executor``, both under ``_lock``, and calls them in ``_schedule_or_invoke_done_callbacks()``,
-    for which it does not hold the lock. Where it has no such attributes, it calls them in its own way.
+    for which it does not hold the lock. If it has no such attributes, it calls them in its own way.
 
     :param lock: used instead of rclpy's own, which a fork may find held.
     """
@@ -385,7 +338,7 @@ class HookedFuture(Future):
         self._tf2_completed()
 
     def _tf2_completed(self) -> None:
-        """The outcome is set: the callbacks are due."""
+        """Run the callbacks, because the outcome is set."""
         with self._lock:
             reference: Any = getattr(self, "_executor", None)
             callbacks: list[Callable[[Any], None]] | None = None
@@ -397,6 +350,6 @@ class HookedFuture(Future):
             self._tf2_run_callbacks(None if reference is None else reference(), callbacks)
 
     def _tf2_run_callbacks(self, executor: Executor | None, callbacks: list[Callable[[Any], None]]) -> None:
-        """Run the callbacks; those of a subclass may differ from rclpy's way."""
+        """Run the callbacks, in rclpy's way; a subclass may differ."""
         for callback in callbacks:
             callback(self) if executor is None else executor.create_task(callback, self)

@@ -1,4 +1,4 @@
-"""Owns which function transforms or converts which type."""
+"""Register the functions that transform and convert each type."""
 
 import importlib
 import importlib.util
@@ -8,19 +8,6 @@ from typing import Any, TypeVar
 
 from tf2_ros._arguments import is_a, refuse_swapped
 from tf2_ros._messages import TransformStamped
-
-__all__ = [
-    "ConvertRegistration",
-    "NotImplementedException",
-    "TransformFunctions",
-    "TransformRegistration",
-    "TypeException",
-    "convert",
-    "from_msg_msg",
-    "names_of",
-    "register_messages",
-    "to_msg_msg",
-]
 
 _Object = TypeVar("_Object")
 _New = TypeVar("_New")
@@ -35,6 +22,12 @@ _REGISTERED_BY = {
     "geometry_msgs": "tf2_geometry_msgs",
     "nav_msgs": "tf2_geometry_msgs",
     "sensor_msgs": "tf2_sensor_msgs",
+}
+
+# Types that users try to transform and that no transform applies to, and what to do instead.
+_INSTEAD = {
+    "sensor_msgs.msg.LaserScan": "a scan has ranges, which are distances from the origin of its own frame:"
+    " convert it to points, and transform these (docs/point-clouds.md has the function)",
 }
 
 
@@ -132,6 +125,8 @@ class _Functions(dict[Any, Callable[..., Any]]):
 
     def _missing(self, key: Any) -> str:
         names = " to ".join(map(_name, key)) if isinstance(key, tuple) else _name(key)
+        if names in _INSTEAD:
+            return f"Type {names} is not loaded or supported: {_INSTEAD[names]}"
         absent = [package for package in self._providers(key) if importlib.util.find_spec(package) is None]
         if absent:
             cure = f"install {' and '.join(absent)}, which knows the messages of its package"
@@ -141,7 +136,7 @@ class _Functions(dict[Any, Callable[..., Any]]):
         return f"Type {names} is not loaded or supported: {cure}"
 
     def _known(self, key: Any) -> str:
-        """What is known of the message packages of ``key``; if of none, who knows which packages."""
+        """List the known types of the message packages of ``key``; if there are none, the known packages."""
         types = key if isinstance(key, tuple) else (key,)
         known: dict[str, list[str]] = {}
         for one in self._defaults:
@@ -185,8 +180,8 @@ class TransformRegistration:
 
         :param key: the type.
         :param callback: takes the object and a ``TransformStamped``, returns the transformed object.
-        :param default: only where no program registers a function of its own for the type, before or after.
-        :raises TypeError: ``key`` is no type, or ``callback`` cannot be called.
+        :param default: use it only if the program registers no other function for the type, before or after.
+        :raises TypeError: ``key`` is not a type, or ``callback`` cannot be called.
         """
         call = "TransformRegistration.add"
         refuse_swapped(call, key=(is_a(type), key), callback=(callable, callback))
@@ -234,7 +229,7 @@ class ConvertRegistration:
 
         :param key: the type.
         :param callback: takes a message, returns an object of the type.
-        :param default: only where no program registers a function of its own for the type, before or after.
+        :param default: use it only if the program registers no other function for the type, before or after.
         """
         self.__from_msg_map.add(key, callback, default)
 
@@ -246,7 +241,7 @@ class ConvertRegistration:
 
         :param key: the type.
         :param callback: takes an object of the type, returns a message.
-        :param default: only where no program registers a function of its own for the type, before or after.
+        :param default: use it only if the program registers no other function for the type, before or after.
         """
         self.__to_msg_map.add(key, callback, default)
 
@@ -262,7 +257,7 @@ class ConvertRegistration:
 
         :param key: the type converted from, and the type converted to.
         :param callback: takes an object of the first type, returns one of the second.
-        :param default: only where no program registers a function of its own for the pair, before or after.
+        :param default: use it only if the program registers no other function for the pair, before or after.
         """
         self.__convert_map.add(key, callback, default)
 
@@ -291,17 +286,17 @@ class ConvertRegistration:
         return self.__convert_map.demand(key)
 
     def find_convert(self, key: tuple[type[_Object], type[_New]]) -> Callable[[_Object], _New] | None:
-        """As :meth:`get_convert`, but None where none is registered."""
+        """As :meth:`get_convert`, but return None if none is registered."""
         return self.__convert_map.find(key)
 
 
 def to_msg_msg(msg: _Object) -> _Object:
-    """Return ``msg``, which is a message already."""
+    """Return ``msg``, which already is a message."""
     return msg
 
 
 def from_msg_msg(msg: _Object) -> _Object:
-    """Return ``msg``, which is a message already."""
+    """Return ``msg``, which already is a message."""
     return msg
 
 

@@ -1,4 +1,4 @@
-"""Owns names that programs take from tf2's modules, where they are by accident: those modules import them."""
+"""Names that programs import from tf2's modules, which have them only because they import them."""
 
 import threading
 import warnings
@@ -22,8 +22,11 @@ import tf2_ros
 from tf2_ros_cython._presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:
+    import rclpy  # where it does not load, its own error says why
+
+    # isort: split
+
     import builtin_interfaces.msg
-    import rclpy
     import rclpy.clock
     import rclpy.logging
     import rclpy.time

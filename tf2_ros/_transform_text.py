@@ -1,13 +1,11 @@
-"""Owns how a transform is written in one line, for people."""
+"""Format a transform as one line of text."""
 
 import math
 from typing import Any
 
 from tf2_py._internal import printable, seconds, time_ns
 
-__all__ = ["format_transform"]
-
-GIMBAL_LOCK = 0.99999  # sine of the pitch, from which on roll and yaw turn about one axis; as tf2's
+GIMBAL_LOCK = 0.99999  # sine of the pitch from which on roll and yaw turn about one axis, as in tf2
 
 
 def format_transform(transform: Any) -> str:
@@ -19,7 +17,7 @@ def format_transform(transform: Any) -> str:
     :return: the stamp in seconds, to the nanosecond; x y z in metres, to the millimetre; roll, pitch and yaw
         in degrees, to a tenth. These turn about the fixed axes x, y and z, one after the other. At a pitch of
         +-90 degrees, where only their sum or difference is known, the roll is 0.
-    :raises TypeError: another type.
+    :raises TypeError: the type is wrong.
     :raises ValueError: the rotation has no finite length above zero.
 
     >>> from geometry_msgs.msg import TransformStamped
@@ -30,7 +28,7 @@ def format_transform(transform: Any) -> str:
     >>> format_transform(mount)
     'base_link -> camera at 0.000000000: xyz [0.300 0.000 0.000] m, rpy [0.0 0.0 0.0] deg'
     """
-    # Here, because tf2_ros is imported more often than this is called.
+    # Imported here, because tf2_ros is imported more often than this is called.
     from tf2_ros.numpy import to_arrays
 
     translations, rotations = to_arrays([transform])
@@ -54,7 +52,7 @@ def _fixed(numbers: Any, digits: int) -> str:
 
 
 def _roll_pitch_yaw(x: float, y: float, z: float, w: float) -> tuple[float, float, float]:
-    # Of a unit quaternion; J. Diebel, Representing Attitude, 2006.
+    # For a unit quaternion; J. Diebel, Representing Attitude, 2006.
     sine = 2 * (w * y - x * z)
     if abs(sine) >= GIMBAL_LOCK:
         yaw = math.remainder(-math.copysign(2, sine) * math.atan2(x, w), math.tau)

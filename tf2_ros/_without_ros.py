@@ -1,18 +1,9 @@
-"""Owns what tf2_ros is without ROS: what stands for ROS in a buffer, and what the other names say."""
+"""Replace what a buffer uses of ROS if there is no ROS, and explain the names that need it."""
 
 from collections.abc import Collection
 from typing import Any, NoReturn
 
 from tf2_ros_cython._presence import absence
-
-__all__ = [
-    "RecheckingFuture",
-    "Shutdown",
-    "TransformFuture",
-    "attribute_changed",
-    "jump_text",
-    "leave_out_ros",
-]
 
 
 def leave_out_ros(namespace: dict[str, Any], others: Collection[str] = ()) -> None:
@@ -20,7 +11,7 @@ def leave_out_ros(namespace: dict[str, Any], others: Collection[str] = ()) -> No
     Let a module offer what it has: ``import *`` gives that, and its other names say what to install.
 
     :param namespace: the globals of the module, with all the names that it has with ROS in ``__all__``.
-    :param others: more such names, which ``import *`` does not give.
+    :param others: more such names, which ``import *`` does not import.
     """
     module, offered = namespace["__name__"], namespace["__all__"]
     lacking = {name for name in (*offered, *others) if name not in namespace}
@@ -34,32 +25,28 @@ def leave_out_ros(namespace: dict[str, Any], others: Collection[str] = ()) -> No
     namespace["__all__"] = [name for name in offered if name not in lacking]
 
 
-# What a buffer uses of ROS, by the names that it has there.
+# What a buffer uses of ROS, by the same names.
 
 
 class Shutdown:
-    """The shutdown that ends a wait: there is none, only Ctrl-C."""
+    """The shutdown that ends a wait. Without ROS, only Ctrl-C ends one."""
 
     def __init__(self, core: object) -> None:
         pass
 
     def happened(self) -> bool:
-        """Whether it was: never."""
+        """Return False, because there is no shutdown."""
         return False
 
 
-def attribute_changed() -> None:
-    """No receiver calls a buffer's methods."""
+def attribute_changed(buffer: object) -> None:
+    """Do nothing, because no receiver calls a buffer's methods."""
+
+
+def insert_arrived(buffer: object) -> None:
+    """Do nothing, because nothing arrives."""
 
 
 def TransformFuture(*arguments: object) -> NoReturn:
-    """A future is rclpy's."""
+    """Refuse to make a future, which is a class of rclpy."""
     raise absence("a future of a transform")
-
-
-RecheckingFuture = TransformFuture
-
-
-def jump_text(time_jump: object) -> NoReturn:
-    """A clock that jumps is rclpy's."""
-    raise absence("a clock that jumps")

@@ -1,7 +1,18 @@
-"""Buffers from recordings, with ROS or without it."""
+"""Load recordings into buffers, with or without ROS."""
 
-from tf2_ros._recordings.fleet import MappedRecordings, map_recordings
-from tf2_ros._recordings.loading import load, stamps, transforms
-from tf2_ros._recordings.problems import BagError, BagWarning
+from tf2_ros_tools.datasets import Dataset, dataset
+from tf2_ros_tools.fleet import MappedRecordings, map_recordings
+from tf2_ros_tools.loading import load, stamps, transforms
+from tf2_ros_tools.reading import BagError, BagWarning
 
-__all__ = ["BagError", "BagWarning", "MappedRecordings", "load", "map_recordings", "stamps", "transforms"]
+__all__ = [
+    "BagError",
+    "BagWarning",
+    "Dataset",
+    "MappedRecordings",
+    "dataset",
+    "load",
+    "map_recordings",
+    "stamps",
+    "transforms",
+]

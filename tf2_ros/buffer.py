@@ -1,15 +1,16 @@
-"""Owns the buffer that a node uses: a BufferCore that can be waited for, with a service and a clock."""
+"""Look up and await transforms in a buffer with a clock and a service."""
 
-import sys
-from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, overload
+import warnings
+import weakref
+from types import MethodType
+from typing import TYPE_CHECKING, Any
 
 from tf2_py import BufferCore, TransformException
-from tf2_py._internal import log, timeout_ns
+from tf2_py._internal import FOR_EVER_NS, log, policy_of, timeout_ns
 from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros._arguments import has, is_duration, refuse_swapped
 from tf2_ros._messages import TransformStamped
-from tf2_ros._replaced import lookup_transform_full_via_can, lookup_transform_via_can
+from tf2_ros._shared.names import buffer_name, domain_of, require_linux
 from tf2_ros._tf2_names import (
     Callable,
     FrameGraphSrvRequest,
@@ -23,14 +24,16 @@ from tf2_ros._tf2_names import (
     tf2_ros,
     threading,
 )
-from tf2_ros._travel import without_node
-from tf2_ros._wait.blocking import BlockingWait
-from tf2_ros._wait.lookup import Lookup
-from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
+from tf2_ros._wait.lookup import BlockingWait, Lookup
+from tf2_ros.buffer_interface import NO_TIMEOUT, AnsweringInterface
 from tf2_ros_cython._presence import HAS_ROS, absence
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from tf2_py.typing import LookupPolicy
 if TYPE_CHECKING or HAS_ROS:
-    from rclpy.clock import Clock, JumpHandle, JumpThreshold, TimeJump
+    from rclpy.clock import Clock, ClockChange, JumpHandle, JumpThreshold, TimeJump
     from rclpy.duration import Duration
     from rclpy.node import Node
     from rclpy.service import Service
@@ -38,19 +41,21 @@ if TYPE_CHECKING or HAS_ROS:
     from rclpy.time import Time
 
     from tf2_msgs.srv import FrameGraph
-    from tf2_ros._clock_jumps import clear_at_jumps, jump_text
-    from tf2_ros._receive.receiver_thread import attribute_changed
+    from tf2_ros._nodes import WaitContexts, fills
+    from tf2_ros._receive.inboxes import attribute_changed, hold, insert_arrived, release
     from tf2_ros._tf2_names import rclpy
-    from tf2_ros._wait.contexts import WaitContexts, fills
-    from tf2_ros._wait.rechecking_future import RecheckingFuture
-    from tf2_ros._wait.transform_future import TransformFuture
-    from tf2_ros._wait.waking_future import WakingFuture
+    from tf2_ros._wait.futures import TransformFuture, WakingFuture
+
+    if TYPE_CHECKING:
+        from tf2_ros._receive.expiry import Expiry
+        from tf2_ros._shared.attachment import Attachment, Ring
+        from tf2_ros._shared.owner import Owner
+        from tf2_ros._wait.changes import Changes, ChangeSubscription
 else:
     from tf2_ros._without_ros import (
-        RecheckingFuture,
         TransformFuture,
         attribute_changed,
-        jump_text,
+        insert_arrived,
         leave_out_ros,
     )
 
@@ -80,49 +85,51 @@ __all__ = [
     "threading",
 ]
 
+JUMP_BACK_S = 1  # when its clock jumps back this far, a buffer is cleared
+
 # The methods that insert transforms.
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
 
-# Setting one of these may change who inserts what listeners receive.
+# What `Buffer.__init__` sets; a copy has its own.
+_OF_INIT = {"registration", "_wait_contexts", "srv", "clock", "jump_handle", "_sharing", "_expiry"}
+
+# Setting one of these may change what inserts the transforms that listeners receive.
 _DECIDING = SETTERS | {"__class__"}
 
 
-if TYPE_CHECKING or sys.platform == "linux":
-    from tf2_ros._shared.sharing import Sharing, attached_buffer, shared_buffer
-else:
-    from tf2_ros._shared.absence import attached_buffer, shared_buffer
-
-
-class Buffer(BufferCore, BufferInterface):
+class Buffer(BufferCore, AnsweringInterface):
     """
     A buffer of transforms that can be waited for.
 
     :param cache_time: how far each frame's history reaches back from its latest sample: a duration, or a
-        number, which is seconds. None: 10 s.
-    :param node: offer the service ``tf2_frames`` and follow the clock of this node. None: the buffer has a
-        clock of its own, and no service.
+        number of seconds. None: 10 s.
+    :param node: offer the service ``tf2_frames`` and follow the clock of this node. None: the buffer has its
+        own clock, and no service.
     :param max_frames: see :class:`tf2_py.BufferCore`, also for ``max_bytes`` and ``max_waiters``.
-    :param share: a name by which other processes of this user on this machine may attach to the buffer, until
-        it or this process ends; ``auto`` is the name that belongs to the ROS domain.
-    :param attach: the name of a buffer that another process shares: this one holds what that one holds, and
-        as much history. The first insert, ``clear()`` or loaded state makes it an ordinary buffer, with a
-        copy; so does the end of the other process, once something waits or a listener exists.
-    :raises TypeError: ``cache_time`` is neither, a limit no int, or a name no str.
-    :raises ValueError: ``cache_time`` is negative, a limit not above 0, a name invalid, or both ``share`` and
-        ``attach`` are given.
-    :raises SharedBufferError: another process shares a buffer of this name, or none does that could be
-        attached to. It is a ``RuntimeError``.
-    :raises NotImplementedError: buffers are shared on Linux alone.
+    :param share: the name under which other processes of this user on this machine may attach to the buffer,
+        until it or this process ends; ``auto`` is the name that belongs to the ROS domain.
+    :param attach: the name of a buffer that another process shares. This one is filled with what that one
+        receives, and keeps as much history if ``cache_time`` is None. When the other process ends, this one
+        keeps what it holds, and the next process that shares a buffer of that name fills it.
+    :param expire_after: a duration, or a number of seconds: every one or two seconds, forget the frames whose
+        newest dynamic transform is older than this by the buffer's clock; see
+        :meth:`tf2_py.BufferCore.forget`. None: keep all. A copy of the buffer keeps all.
+    :raises TypeError: ``cache_time`` is something else, a limit is not an int, or a name is not a str.
+    :raises ValueError: ``cache_time`` is negative, a limit is not above 0, a name is invalid, or both
+        ``share`` and ``attach`` are given.
+    :raises SharedBufferError: the buffer cannot be shared, because another process shares one of this name,
+        or it cannot be attached. This is a ``RuntimeError``.
+    :raises NotImplementedError: buffers can be shared only on Linux.
 
     It is cleared when its clock jumps back by 1 s or more, and when simulated time is switched on or off.
     Every ``time`` is an rclpy ``Time``, a time message, an object with their attributes, an integer, which is
     nanoseconds, or a ``numpy.datetime64``; 0 is the latest time for which all frames on the path have data.
     Every ``timeout`` is an rclpy ``Duration``, a duration message, or a number, which is seconds; it counts
-    steady time, also while time is simulated. NaT and NaN are a ``ValueError``. Translations are in metres,
+    steady time, also while time is simulated. NaT and NaN raise a ``ValueError``. Translations are in metres,
     rotations are unit quaternions.
 
-    With ``TF2_DEBUG=1`` in the environment when this module is imported, a wait for a transform logs
-    after one second, and after ten, what it lacks; not those by methods that a program has replaced.
+    With ``TF2_DEBUG=1`` in the environment when this module is imported, a wait for a transform logs what it
+    lacks after one second and after ten, unless the program has replaced the method that waits.
 
     >>> from rclpy.time import Time
     >>> from tf2_ros import Buffer
@@ -135,7 +142,8 @@ class Buffer(BufferCore, BufferInterface):
     0.3
     """
 
-    _sharing: "Sharing | None" = None  # what shares it, or has it attached
+    _sharing: "Owner | Attachment | None" = None  # what shares it, or fills it from another process
+    _expiry: "Expiry"
 
     def __init__(
         self,
@@ -147,22 +155,34 @@ class Buffer(BufferCore, BufferInterface):
         max_waiters: int | None = None,
         share: str | None = None,
         attach: str | None = None,
+        expire_after: TimeoutLike | None = None,
     ) -> None:
         refuse_swapped("Buffer", cache_time=(is_duration, cache_time), node=(has("create_service"), node))
+        if share is not None and attach is not None:
+            raise ValueError("a buffer either shares what it holds, or is attached to one that does")
+        ring = None if attach is None else _opened(attach, node)
+        if ring is not None and cache_time is None:
+            cache_time = ring.cache_time_s()
+        self.__end_sharing()
         BufferCore.__init__(
             self, cache_time, max_frames=max_frames, max_bytes=max_bytes, max_waiters=max_waiters
         )
-        self._sharing = None
-        if share is not None and attach is not None:
-            raise ValueError("a buffer either shares what it holds, or is attached to one that does")
         if share is not None:
-            self._sharing = shared_buffer(self, share, node)
-        if attach is not None:
-            self._sharing = attached_buffer(self, attach, node)
+            self._sharing = _shared(self, share, node)
+        if ring is not None:
+            self._sharing = ring.attach_to(self)
         self.__connect(node)
+        self.__dict__.pop("_expiry", None)  # __init__ was called again
+        if expire_after is not None:
+            self._expiry = _expiry(self, expire_after)
+
+    def __end_sharing(self) -> None:
+        sharing, self._sharing = self._sharing, None
+        if sharing is not None:
+            sharing.close()  # __init__ was called again
 
     def __connect(self, node: "Node | None") -> None:
-        BufferInterface.__init__(self)
+        AnsweringInterface.__init__(self)
         if HAS_ROS:
             self.__begin_in_ros(node)
         elif node is not None:
@@ -177,39 +197,52 @@ class Buffer(BufferCore, BufferInterface):
             self.srv = node.create_service(FrameGraph, "tf2_frames", self.__get_frames)
         if "jump_handle" in self.__dict__:
             self.jump_handle.unregister()  # __init__ was called again
-        self.jump_handle: JumpHandle = clear_at_jumps(self)
+        self.jump_handle: JumpHandle = _clear_at_jumps(self)
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         # A lookup calls what a subclass replaced. Decided here, and not at each lookup.
         if cls.__replaces(*_CAN) and cls.lookup_transform is Buffer.lookup_transform:
-            cls.lookup_transform = lookup_transform_via_can  # type: ignore[method-assign]
+            cls.lookup_transform = _lookup_transform_via_can  # type: ignore[method-assign]
         if cls.__replaces(*_CAN_FULL) and cls.lookup_transform_full is Buffer.lookup_transform_full:
-            cls.lookup_transform_full = lookup_transform_full_via_can  # type: ignore[method-assign]
+            cls.lookup_transform_full = _lookup_transform_full_via_can  # type: ignore[method-assign]
 
     def __setattr__(self, name: str, value: Any) -> None:
+        if name in _DECIDING:
+            insert_arrived(self)  # not by what is being set
         super().__setattr__(name, value)
         if name in _DECIDING:
-            attribute_changed()
+            attribute_changed(self)
+        elif name in _VIA_CAN:
+            # Lookups call it from now on. One without a timeout would be slowed down by a check.
+            lookup, via_can = _VIA_CAN[name]
+            if getattr(type(self), lookup) is getattr(Buffer, lookup):
+                self.__dict__.setdefault(lookup, MethodType(via_can, self))
 
     def __delattr__(self, name: str) -> None:
+        if name in _DECIDING:
+            insert_arrived(self)
         super().__delattr__(name)
         if name in _DECIDING:
-            attribute_changed()
+            attribute_changed(self)
+        elif name in _VIA_CAN:
+            lookup, via_can = _VIA_CAN[name]
+            if getattr(self.__dict__.get(lookup), "__func__", None) is via_can:
+                del self.__dict__[lookup]
 
     def __getstate__(self) -> dict[str, Any]:
         """
-        What a pickle or copy of this buffer is made of: as of ``BufferCore``, without what belongs to a node.
+        Return what a pickle or copy is made of: see ``BufferCore``, but without what belongs to a node.
 
-        The copy has a clock of its own, and no service. Attributes that are nodes or listeners do not travel.
-        Where there are any, or a service, a ``UserWarning`` says so.
+        The copy has its own clock, and no service. It lacks attributes that are nodes or listeners. If
+        there are any, or a service, a ``UserWarning`` says so.
         """
         state = super().__getstate__()
-        state["attributes"] = without_node(state["attributes"], type(self).__name__)
+        state["attributes"] = _without_node(state["attributes"], type(self).__name__)
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Become the buffer that such a state says, as of ``BufferCore``; a node of this one stays."""
+        """Replace the contents by a state, see ``BufferCore``; this buffer keeps its node."""
         super().__setstate__(state)
         if "registration" not in self.__dict__:
             self.__connect(None)
@@ -221,7 +254,12 @@ class Buffer(BufferCore, BufferInterface):
             handle.unregister()
 
     def lookup_transform(
-        self, target_frame: str, source_frame: str, time: TimeLike, timeout: TimeoutLike = NO_TIMEOUT
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        timeout: TimeoutLike = NO_TIMEOUT,
+        **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
         """
         Get the pose of ``source_frame`` in ``target_frame``: it carries data from the source to the target.
@@ -230,30 +268,38 @@ class Buffer(BufferCore, BufferInterface):
         translation returned. ``Time()``, which is 0, asks for the latest time for which all frames on the
         path have data. The default ``timeout`` does not wait.
 
-        :param target_frame: the frame that the data is wanted in.
+        :param target_frame: the frame into which the data is to be transformed.
         :param source_frame: the frame that the data is in.
         :param time: of the transform; 0 is the latest time for which all frames on the path have data. An int
             is nanoseconds.
-        :param timeout: how long to wait until there is an answer. A number is seconds. Ctrl-C ends the wait,
-            and so does the shutdown of the contexts of the buffer's node and listeners, also one before the
-            wait; without either, that of the default context during the wait. Zero or negative: do not wait.
+        :param timeout: how long to wait for an answer. A number is seconds. Ctrl-C ends the wait, and so does
+            the shutdown of the contexts of the buffer's node and listeners, even before the wait; without
+            these, the shutdown of the default context during the wait. Zero or negative: do not wait.
+        :param policy: what the lookup accepts beyond tf2's: ``tolerance``, ``extrapolate``, ``max_gap`` and
+            ``interpolation`` of :class:`tf2_py.typing.LookupPolicy`.
         :return: a ``TransformStamped`` from ``target_frame`` (its ``header.frame_id``) to ``source_frame``
             (its ``child_frame_id``), stamped with ``time``, or with the latest time if that is 0.
         :raises LookupException: a frame is unknown, or the tree contains a loop.
         :raises ConnectivityException: the frames are in different trees.
         :raises ExtrapolationException: a frame on the path has no data for the time.
         :raises InvalidArgumentException: a name is empty or begins with ``/``; this is not waited for.
-        :raises TypeError: a name is no str, ``time`` is no time, or ``timeout`` no timeout.
+        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a timeout.
 
-        After a wait, the text of an error also says how long was waited, or that the shutdown ended the wait.
+        After a wait, the text of an error also says how long it took, or that a shutdown ended it.
 
         >>> buffer.lookup_transform("base_link", "camera", 1_000_000_000, timeout=0.5).header.stamp.sec
         1
         """
-        if timeout is NO_TIMEOUT:
+        if policy:
+            accepted = policy_of(**policy)
+            if timeout is NO_TIMEOUT:
+                return self._lookup_under(target_frame, source_frame, time, accepted)
+            lookup = Lookup.simple(target_frame, source_frame, time, accepted)
+            return self.__begin_wait(timeout).for_answer(lookup)
+        if timeout is NO_TIMEOUT and Buffer.can_transform is _CAN_TRANSFORM:
             return self.lookup_transform_core(target_frame, source_frame, time)
         if self.__is_replaced(*_CAN, "lookup_transform_core"):
-            return lookup_transform_via_can(self, target_frame, source_frame, time, timeout)
+            return _lookup_transform_via_can(self, target_frame, source_frame, time, timeout)
         return self.__begin_wait(timeout).for_answer(Lookup.simple(target_frame, source_frame, time))
 
     def lookup_transform_full(
@@ -266,215 +312,67 @@ class Buffer(BufferCore, BufferInterface):
         timeout: TimeoutLike = NO_TIMEOUT,
     ) -> TransformStamped:
         """
-        Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``.
+        Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``. It carries
+        data from the source to the target. ``Time()``, which is 0, asks for the latest time. The default
+        ``timeout`` does not wait.
 
-        It carries data from the source to the target: a point at p in ``source_frame`` at the one time is at
-        R p + t in ``target_frame`` at the other, if ``fixed_frame`` does not move meanwhile. ``Time()``,
-        which is 0, asks for the latest time. The default ``timeout`` does not wait.
-
-        :param target_frame: the frame that the data is wanted in.
-        :param target_time: the time in ``target_frame``; 0 is the latest time for which all frames on the
-            path between it and ``fixed_frame`` have data.
-        :param source_frame: the frame that the data is in.
-        :param source_time: the time of the data; 0 likewise, for the path between it and ``fixed_frame``.
-        :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: as of :meth:`lookup_transform`.
-
-        It is stamped with the target's time, and raises what :meth:`lookup_transform` raises.
+        :param fixed_frame: a frame that does not move between the two times. For the other parameters, see
+            :meth:`tf2_ros.BufferInterface.lookup_transform_full`.
+        :raises TransformException: see :meth:`lookup_transform`.
         """
-        if timeout is NO_TIMEOUT:
+        if timeout is NO_TIMEOUT and Buffer.can_transform_full is _CAN_TRANSFORM_FULL:
             return self.lookup_transform_full_core(
                 target_frame, target_time, source_frame, source_time, fixed_frame
             )
         if self.__is_replaced(*_CAN_FULL, "lookup_transform_full_core"):
-            return lookup_transform_full_via_can(
+            return _lookup_transform_full_via_can(
                 self, target_frame, target_time, source_frame, source_time, fixed_frame, timeout
             )
         lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame)
         return self.__begin_wait(timeout).for_answer(lookup)
 
-    @overload
-    def can_transform(
-        self,
-        target_frame: str,
-        source_frame: str,
-        time: TimeLike,
-        timeout: TimeoutLike = ...,
-        return_debug_tuple: Literal[False] = ...,
-    ) -> bool: ...
-
-    @overload
-    def can_transform(
-        self,
-        target_frame: str,
-        source_frame: str,
-        time: TimeLike,
-        timeout: TimeoutLike = ...,
-        *,
-        return_debug_tuple: Literal[True],
-    ) -> tuple[bool, str]: ...
-
-    @overload
-    def can_transform(
-        self,
-        target_frame: str,
-        source_frame: str,
-        time: TimeLike,
-        timeout: TimeoutLike,
-        return_debug_tuple: Literal[True],
-    ) -> tuple[bool, str]: ...
-
-    @overload
-    def can_transform(
-        self,
-        target_frame: str,
-        source_frame: str,
-        time: TimeLike,
-        timeout: TimeoutLike = ...,
-        return_debug_tuple: bool = ...,
-    ) -> bool | tuple[bool, str]: ...
-
-    def can_transform(
-        self,
-        target_frame: str,
-        source_frame: str,
-        time: TimeLike,
-        timeout: TimeoutLike = NO_TIMEOUT,
-        return_debug_tuple: bool = False,
-    ) -> bool | tuple[bool, str]:
-        """
-        Tell whether :meth:`lookup_transform` would answer: with the pose of ``source_frame`` in
-        ``target_frame``. With ``Time()``: the latest one. The default ``timeout`` does not wait.
-
-        :param target_frame: as of that method, like ``source_frame`` and ``time``.
-        :param timeout: how long to wait until it would.
-        :param return_debug_tuple: return a tuple of the answer and the reason why not, which is empty where
-            it would.
-        :raises TypeError: as that method; it raises nothing else.
-        """
+    def _tf2_can(self, timeout: TimeoutLike, *arguments: Any) -> tuple[bool, str]:
+        is_simple = len(arguments) == 3
+        ask = self.can_transform_core if is_simple else self.can_transform_full_core
         wait = None
         if timeout is not NO_TIMEOUT:
             wait = self.__begin_wait(timeout)
-            if self.__is_replaced("can_transform_core"):
-                can_now = partial(self.can_transform_core, target_frame, source_frame, time)
-                wait.poll(lambda: can_now()[0])
-            elif self.__becomes_available(wait, Lookup.simple(target_frame, source_frame, time)):
-                return (True, "") if return_debug_tuple else True
-        can, reason = self.can_transform_core(target_frame, source_frame, time)
-        return _answer(can, reason, wait) if return_debug_tuple else bool(can)
-
-    @overload
-    def can_transform_full(
-        self,
-        target_frame: str,
-        target_time: TimeLike,
-        source_frame: str,
-        source_time: TimeLike,
-        fixed_frame: str,
-        timeout: TimeoutLike = ...,
-        return_debug_tuple: Literal[False] = ...,
-    ) -> bool: ...
-
-    @overload
-    def can_transform_full(
-        self,
-        target_frame: str,
-        target_time: TimeLike,
-        source_frame: str,
-        source_time: TimeLike,
-        fixed_frame: str,
-        timeout: TimeoutLike = ...,
-        *,
-        return_debug_tuple: Literal[True],
-    ) -> tuple[bool, str]: ...
-
-    @overload
-    def can_transform_full(
-        self,
-        target_frame: str,
-        target_time: TimeLike,
-        source_frame: str,
-        source_time: TimeLike,
-        fixed_frame: str,
-        timeout: TimeoutLike,
-        return_debug_tuple: Literal[True],
-    ) -> tuple[bool, str]: ...
-
-    @overload
-    def can_transform_full(
-        self,
-        target_frame: str,
-        target_time: TimeLike,
-        source_frame: str,
-        source_time: TimeLike,
-        fixed_frame: str,
-        timeout: TimeoutLike = ...,
-        return_debug_tuple: bool = ...,
-    ) -> bool | tuple[bool, str]: ...
-
-    def can_transform_full(
-        self,
-        target_frame: str,
-        target_time: TimeLike,
-        source_frame: str,
-        source_time: TimeLike,
-        fixed_frame: str,
-        timeout: TimeoutLike = NO_TIMEOUT,
-        return_debug_tuple: bool = False,
-    ) -> bool | tuple[bool, str]:
-        """
-        Tell whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
-
-        :param target_frame: as of that method, like all but the last two, which are those of
-            :meth:`can_transform`.
-        """
-        wait = None
-        if timeout is not NO_TIMEOUT:
-            wait = self.__begin_wait(timeout)
-            if self.__is_replaced("can_transform_full_core"):
-                can_now = partial(
-                    self.can_transform_full_core,
-                    target_frame,
-                    target_time,
-                    source_frame,
-                    source_time,
-                    fixed_frame,
-                )
-                wait.poll(lambda: can_now()[0])
-            elif self.__becomes_available(
-                wait, Lookup(target_frame, target_time, source_frame, source_time, fixed_frame)
-            ):
-                return (True, "") if return_debug_tuple else True
-        can, reason = self.can_transform_full_core(
-            target_frame, target_time, source_frame, source_time, fixed_frame
-        )
-        return _answer(can, reason, wait) if return_debug_tuple else bool(can)
+            if self.__is_replaced((_CAN if is_simple else _CAN_FULL)[1]):
+                wait.poll(lambda: ask(*arguments)[0])
+            elif self.__becomes_available(wait, Lookup.of(*arguments)):
+                return True, ""
+        can, reason = ask(*arguments)
+        return bool(can), reason if can or wait is None else wait.told(reason)
 
     def wait_for_transform_async(
-        self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: TimeoutLike | None = None
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        *,
+        timeout: TimeoutLike | None = None,
+        **policy: "Unpack[LookupPolicy]",
     ) -> "WakingFuture[TransformStamped]":
         """
         Get a future of what :meth:`lookup_transform` will return: the pose of ``source_frame`` in
-        ``target_frame``. Without ``timeout`` it waits for ever.
+        ``target_frame``. Without ``timeout`` it waits forever.
 
-        :param target_frame: as of that method, like ``source_frame`` and ``time``.
-        :param timeout: after which the future holds a ``TimeoutException`` with the reason. None: never.
-        :raises TypeError: as that method.
+        :param target_frame: see that method, also for ``source_frame`` and ``time``.
+        :param timeout: how long to wait; then the future holds a ``TimeoutException``. None: forever.
+        :param policy: see that method. With one, the future holds an ``ExtrapolationException`` as soon as
+            transforms of ``time`` would be refused.
+        :raises TypeError: see that method.
 
-        The thread that inserts the missing transform completes the future, and runs its callbacks. Callbacks
-        that a listener's thread would run, and those of a timeout, run in the executor that spins the
-        listener's node; where there is none, or it never had one, in a thread for callbacks. With an invalid
-        name the future holds an ``InvalidArgumentException`` at once.
+        The thread that inserts the missing transform completes the future, and runs its callbacks. If a
+        listener receives the transform, or the timeout passes, they run in the executor that spins the
+        listener's node, or in a thread for callbacks if there is no such executor. With an invalid name, the
+        future holds an ``InvalidArgumentException`` at once.
         """
-        if self.__is_replaced(*_CAN, *_LOOKUP):
-            arguments = (target_frame, source_frame, time)
-            return RecheckingFuture(
-                self,
-                partial(self.can_transform_core, *arguments),
-                partial(self.lookup_transform, *arguments),
-                timeout,
-            )
-        return TransformFuture(self, Lookup.simple(target_frame, source_frame, time), timeout)
+        arguments = (target_frame, source_frame, time)
+        asked = None
+        if not policy and self.__is_replaced(*_CAN, *_LOOKUP):
+            asked = (lambda: self.can_transform_core(*arguments), lambda: self.lookup_transform(*arguments))
+        return TransformFuture(self, Lookup.simple(*arguments, policy_of(**policy)), timeout, asked)
 
     def wait_for_transform_full_async(
         self,
@@ -487,39 +385,49 @@ class Buffer(BufferCore, BufferInterface):
         timeout: TimeoutLike | None = None,
     ) -> "WakingFuture[TransformStamped]":
         """
-        Get a future of what :meth:`lookup_transform_full` will return. Without ``timeout`` it waits for ever.
+        Get a future of what :meth:`lookup_transform_full` will return. Without ``timeout`` it waits forever.
 
-        :param target_frame: as of that method, like all but ``timeout``.
-        :param timeout: as of :meth:`wait_for_transform_async`, which is the same for a simple lookup.
+        :param target_frame: see that method, also for all others but ``timeout``.
+        :param timeout: see :meth:`wait_for_transform_async`, which does the same for a simple lookup.
         """
+        arguments = (target_frame, target_time, source_frame, source_time, fixed_frame)
+        asked = None
         if self.__is_replaced(*_CAN_FULL, *_LOOKUP_FULL):
-            arguments = (target_frame, target_time, source_frame, source_time, fixed_frame)
-            return RecheckingFuture(
-                self,
-                partial(self.can_transform_full_core, *arguments),
-                partial(self.lookup_transform_full_core, *arguments),
-                timeout,
+            asked = (
+                lambda: self.can_transform_full_core(*arguments),
+                lambda: self.lookup_transform_full_core(*arguments),
             )
-        lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame)
-        return TransformFuture(self, lookup, timeout)
+        return TransformFuture(self, Lookup(*arguments), timeout, asked)
 
     async def lookup_transform_async(
-        self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: TimeoutLike | None = None
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        *,
+        timeout: TimeoutLike | None = None,
+        **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
         """
         Await what :meth:`lookup_transform` returns: the pose of ``source_frame`` in ``target_frame``, which
-        carries data from the source to the target. Without ``timeout`` it waits for ever.
+        carries data from the source to the target. Without ``timeout`` it waits forever.
 
-        :param target_frame: as of :meth:`lookup_transform`, like ``source_frame`` and ``time``.
-        :param timeout: how long. None: until the context is shut down.
+        :param target_frame: see :meth:`lookup_transform`, also for ``source_frame`` and ``time``.
+        :param timeout: how long to wait. None: until the context is shut down.
+        :param policy: see :meth:`wait_for_transform_async`.
         :raises TimeoutException: it was not available in time, or not before the shutdown of the context; the
             text says which, and the reason.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
-        :raises TypeError: as :meth:`lookup_transform`.
+        :raises TypeError: see :meth:`lookup_transform`.
 
         A coroutine for asyncio and for rclpy's executors.
         """
-        answer = await self.wait_for_transform_async(target_frame, source_frame, time, timeout=timeout)
+        answer = await self.wait_for_transform_async(
+            target_frame, source_frame, time, timeout=timeout, **policy
+        )
+        if policy:
+            arguments = (target_frame, source_frame, time, policy_of(**policy))
+            return self.__renewed(answer, self._lookup_under, *arguments)
         return self.__renewed(answer, self.lookup_transform_core, target_frame, source_frame, time)
 
     async def lookup_transform_full_async(
@@ -533,10 +441,10 @@ class Buffer(BufferCore, BufferInterface):
         timeout: TimeoutLike | None = None,
     ) -> TransformStamped:
         """
-        Await what :meth:`lookup_transform_full` returns. Without ``timeout`` it waits for ever.
+        Await what :meth:`lookup_transform_full` returns. Without ``timeout`` it waits forever.
 
-        :param target_frame: as of that method, like all but ``timeout``.
-        :param timeout: as of :meth:`lookup_transform_async`, which raises the same.
+        :param target_frame: see that method, also for all others but ``timeout``.
+        :param timeout: see :meth:`lookup_transform_async`, which raises the same.
         """
         answer = await self.wait_for_transform_full_async(
             target_frame, target_time, source_frame, source_time, fixed_frame, timeout=timeout
@@ -551,15 +459,57 @@ class Buffer(BufferCore, BufferInterface):
             fixed_frame,
         )
 
+    def forget(self, frame: str) -> bool:
+        """Remove every transform of a frame; see :meth:`tf2_py.BufferCore.forget`."""
+        if self._sharing is None or not HAS_ROS:
+            return super().forget(frame)
+        # Readers must get what is received meanwhile in the same order.
+        hold(self)
+        try:
+            return super().forget(frame)
+        finally:
+            release(self, FOR_EVER_NS)
+
+    def changes(self, target_frame: str, source_frame: str) -> "Changes":
+        """
+        Iterate over the latest transforms of ``source_frame`` in ``target_frame``, with ``async for``.
+
+        :param target_frame: see :meth:`lookup_transform`, also for ``source_frame``.
+        :return: an asynchronous iterator for asyncio and for rclpy's executors. It yields the present
+            transform, if there is one, and then each that is new: at a later common time, along another path,
+            or with another static transform. If the program is slower than the changes, it gets the latest
+            one and misses those before. It ends with the shutdown of the context.
+
+        A transform that does not change costs nothing.
+
+        >>> async def follow(buffer):
+        ...     async for transform in buffer.changes("map", "base_link"):
+        ...         print(transform.header.stamp)
+        """
+        return _changes(self, target_frame, source_frame)
+
+    def on_change(
+        self, target_frame: str, source_frame: str, callback: "Callable[[TransformStamped], object]"
+    ) -> "ChangeSubscription":
+        """
+        Call a function with each transform that :meth:`changes` yields.
+
+        :param target_frame: see :meth:`lookup_transform`, also for ``source_frame``.
+        :param callback: called with the transform, in the thread in which callbacks of
+            :meth:`wait_for_transform_async` run; never by two threads at once.
+        :return: an object that ends this with ``cancel()``. Until then, the buffer exists.
+        """
+        return _changes(self, target_frame, source_frame).call(callback)
+
     def time_jump_callback(self, time_jump: "TimeJump | None") -> None:
         """
         Clear the buffer, and log a warning.
 
-        :param time_jump: of the clock. None: a jump back, for programs that call this themselves.
+        :param time_jump: how the clock jumped. None: back, for programs that call this themselves.
         """
-        happened = "Detected jump back in time" if time_jump is None else jump_text(time_jump)
-        if self._sharing is not None and self._sharing.clears_at_jumps(self.clock):
-            return
+        happened = "Detected jump back in time" if time_jump is None else _jump_text(time_jump)
+        if self._sharing is not None:
+            self._sharing.set_simulated(getattr(self.clock, "ros_time_is_active", False))
         log.logger("tf2_buffer").warning(f"{happened}. Clearing TF buffer.")
         self.clear()
 
@@ -586,7 +536,7 @@ class Buffer(BufferCore, BufferInterface):
     def __renewed(
         answer: TransformStamped, look_up: Callable[..., TransformStamped], *arguments: Any
     ) -> TransformStamped:
-        """The answer as of now: the latest time may have changed since the future was completed."""
+        """Look up again, because the latest time may have changed since the future was completed."""
         try:
             return look_up(*arguments)
         except TransformException:
@@ -607,8 +557,154 @@ class Buffer(BufferCore, BufferInterface):
             self._new_data_callbacks.remove(callback)
 
 
-def _answer(can: Any, reason: str, wait: BlockingWait | None) -> tuple[bool, str]:
-    return bool(can), reason if can or wait is None else wait.told(reason)
+# Few programs have frames expire, follow changes, or share a buffer; only they load the modules for it.
+
+
+def _expiry(buffer: Buffer, after: TimeoutLike) -> "Expiry":
+    if not HAS_ROS:
+        raise absence("a buffer whose frames expire")
+    from tf2_ros._receive.expiry import Expiry
+
+    return Expiry(buffer, timeout_ns(after, "expire_after"))
+
+
+def _changes(buffer: Buffer, target_frame: str, source_frame: str) -> "Changes":
+    if not HAS_ROS:
+        raise absence("waiting for changes of a transform")
+    from tf2_ros._wait.changes import Changes
+
+    return Changes(buffer, target_frame, source_frame)
+
+
+def _shared(buffer: Buffer, name: str, node: "Node | None") -> "Owner":
+    require_linux()
+    from tf2_ros._shared.owner import Owner
+
+    return Owner(buffer, buffer_name(name, domain_of(node)))
+
+
+def _opened(name: str, node: "Node | None") -> "Ring":
+    require_linux()
+    from tf2_ros._shared.attachment import open_ring
+
+    return open_ring(buffer_name(name, domain_of(node)))
+
+
+# The lookups of a buffer that has its own `can_transform*` call that method, as in tf2.
+
+
+def _lookup_transform_via_can(
+    self: Any,
+    target_frame: str,
+    source_frame: str,
+    time: TimeLike,
+    timeout: TimeoutLike = NO_TIMEOUT,
+    **policy: Any,
+) -> TransformStamped:
+    """The ``lookup_transform`` of a buffer that has its own ``can_transform*``."""
+    if policy:
+        return Buffer.lookup_transform(self, target_frame, source_frame, time, timeout, **policy)
+    arguments = (target_frame, source_frame, time)
+    return _look_up_via(self, self.can_transform, self.lookup_transform_core, timeout, arguments)
+
+
+def _lookup_transform_full_via_can(
+    self: Any,
+    target_frame: str,
+    target_time: TimeLike,
+    source_frame: str,
+    source_time: TimeLike,
+    fixed_frame: str,
+    timeout: TimeoutLike = NO_TIMEOUT,
+) -> TransformStamped:
+    """The same for ``lookup_transform_full``."""
+    arguments = (target_frame, target_time, source_frame, source_time, fixed_frame)
+    return _look_up_via(self, self.can_transform_full, self.lookup_transform_full_core, timeout, arguments)
+
+
+def _look_up_via(buffer: Any, can: Any, look_up: Any, timeout: Any, arguments: Any) -> TransformStamped:
+    try:
+        nanoseconds = timeout_ns(timeout)
+    except (TypeError, ValueError):
+        nanoseconds = 0  # a program's own `can_transform` may accept other objects as timeouts
+    wait = BlockingWait(buffer, nanoseconds)
+    can(*arguments, timeout)
+    try:
+        answer: TransformStamped = look_up(*arguments)
+        return answer
+    except TransformException as error:
+        told = wait.error(error)
+        if told is error:
+            raise
+        raise told from None
+
+
+def _without_node(attributes: dict[str, Any], class_name: str) -> dict[str, Any]:
+    """
+    Get the attributes that a copy of a buffer has. A UserWarning says what belongs to a node and is left out.
+
+    :param class_name: the class of the buffer, for the warning, which names the line of the caller's caller.
+    """
+    service = ["the service tf2_frames"] if attributes.get("srv") is not None else []
+    travelling = {name: value for name, value in attributes.items() if name not in _OF_INIT}
+    staying = {name for name, value in travelling.items() if _stays(value)}
+    if service or staying:
+        warnings.warn(
+            f"the node of a {class_name} is not copied: the copy has its own clock, and lacks "
+            + ", ".join(service + [f"its attribute {name!r}" for name in sorted(staying)]),
+            stacklevel=3,
+        )
+    return {name: value for name, value in travelling.items() if name not in staying}
+
+
+def _stays(value: Any) -> bool:
+    """Whether an attribute belongs to a node, so that a copy of its buffer lacks it."""
+    if getattr(type(value), "_tf2_stays", False):
+        return True
+    return HAS_ROS and isinstance(value, (Clock, JumpHandle, Node, Service))
+
+
+def _clear_at_jumps(buffer: Any) -> "JumpHandle":
+    """
+    Call a buffer's ``time_jump_callback`` when its clock jumps back, or when simulated time is switched.
+
+    :return: a handle that ends this; the end of the buffer does so, too.
+    """
+    # The clock has only the address of the handle, so that must be unregistered before it is destroyed,
+    # and the handle must not keep the buffer alive.
+    reference = weakref.ref(buffer)
+
+    def on_jump(time_jump: "TimeJump") -> None:
+        jumping = reference()
+        if jumping is None:
+            return
+        is_jump = time_jump.clock_change == ClockChange.ROS_TIME_NO_CHANGE
+        if is_jump:
+            # Transforms of a restarted recording may have arrived before the executor took its /clock.
+            hold(jumping)
+        try:
+            jumping.time_jump_callback(time_jump)
+        finally:
+            if is_jump:
+                release(jumping, jumping.clock.now().nanoseconds)
+
+    threshold = JumpThreshold(
+        min_forward=None, min_backward=Duration(seconds=-JUMP_BACK_S), on_clock_change=True
+    )
+    handle = buffer.clock.create_jump_callback(threshold, post_callback=on_jump)
+    weakref.finalize(buffer, handle.unregister).atexit = False
+    return handle
+
+
+def _jump_text(time_jump: "TimeJump") -> str:
+    """Say what happened to the clock."""
+    if not HAS_ROS:
+        raise absence("a clock that jumps")
+    if time_jump.clock_change == ClockChange.ROS_TIME_ACTIVATED:
+        return "Simulated time was switched on"
+    if time_jump.clock_change == ClockChange.ROS_TIME_DEACTIVATED:
+        return "Simulated time was switched off"
+    return f"Detected jump back in time by {-time_jump.delta.nanoseconds / 1e9:.3f} s"
 
 
 # What the waits call, in tf2's own order.
@@ -616,6 +712,12 @@ _CAN = ("can_transform", "can_transform_core")
 _LOOKUP = ("lookup_transform", "lookup_transform_core")
 _CAN_FULL = ("can_transform_full", "can_transform_full_core")
 _LOOKUP_FULL = ("lookup_transform_full", "lookup_transform_full_core")
+_CAN_TRANSFORM, _CAN_TRANSFORM_FULL = Buffer.can_transform, Buffer.can_transform_full
+# What a program may set in an instance, and by what the lookup that calls it is replaced then.
+_VIA_CAN: dict[str, tuple[str, Callable[..., Any]]] = {
+    "can_transform": ("lookup_transform", _lookup_transform_via_can),
+    "can_transform_full": ("lookup_transform_full", _lookup_transform_full_via_can),
+}
 _ORIGINALS = {name: getattr(Buffer, name) for name in (*_CAN, *_LOOKUP, *_CAN_FULL, *_LOOKUP_FULL)}
 
 

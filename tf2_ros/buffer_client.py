@@ -1,19 +1,25 @@
-"""Owns lookups in the buffer of another process, through its action."""
+"""Look up transforms in the buffer of another process, through an action."""
 
-# Before the imports below fail without a word of advice.
+# Imported first, because it explains what to install if the imports below fail.
 from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split
 
 import threading
+import time
 import weakref
-from typing import Any, Literal, overload
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import TransformStamped
 from rclpy.action.client import ActionClient
+from rclpy.clock import ClockType
 from rclpy.duration import Duration
+from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
+from rclpy.task import Future
 from rclpy.time import Time
 
 from tf2_msgs.action import LookupTransform
@@ -26,11 +32,14 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._internal import class_name, frame_name, printable, wait_texts
+from tf2_py._internal import class_name, counted, errors, frame_name, printable, timeout_ns
 from tf2_py.typing import TimeLike, TimeoutLike
-from tf2_ros._arguments import has, is_name, refuse_swapped
-from tf2_ros._goals import GoalSender, PendingGoal, send_directly
+from tf2_ros._arguments import has, is_name, optional_timeout_ns, refuse_swapped
+from tf2_ros._forking import keep_for_ever, register_for_fork
 from tf2_ros._messages import time_msg
+from tf2_ros._nodes import Spinner, hidden_node
+from tf2_ros._qos import lookup_qos
+from tf2_ros._rclpy import action_result, context_was_shut_down
 from tf2_ros._tf2_names import (
     Clock,
     LookupTransformGoal,
@@ -42,8 +51,10 @@ from tf2_ros._tf2_names import (
     tf2_ros,
     warnings,
 )
-from tf2_ros._times import FOR_EVER, duration_msg, optional_timeout_ns, timeout_ns
-from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
+from tf2_ros._wait.callbacks import CallbackQueue
+from tf2_ros._wait.futures import WakingFuture
+from tf2_ros._wait.timers import deadlines
+from tf2_ros.buffer_interface import NO_TIMEOUT, AnsweringInterface
 
 # What `import *` gives from tf2's module.
 __all__ = [
@@ -66,6 +77,13 @@ __all__ = [
     "warnings",
 ]
 
+FOR_EVER = Duration(seconds=2**31 - 1)  # the longest that a duration message can hold
+FIRST_RETRY_DELAY_NS = 500_000_000  # before a request is sent again; twice as long each time
+DONE_CHECK_S = 0.1  # how often to check a future that may not call back
+
+DESTROYED = "The buffer client was destroyed."
+GOAL_SERVICE = "/_action/send_goal"
+
 EXCEPTIONS = {
     TF2Error.LOOKUP_ERROR: LookupException,
     TF2Error.CONNECTIVITY_ERROR: ConnectivityException,
@@ -75,19 +93,282 @@ EXCEPTIONS = {
 }
 
 
-class BufferClient(BufferInterface):
+class PendingGoal:
+    """
+    One goal, until its outcome is known.
+
+    ``outcome`` is the future of the server's response, or of a TimeoutException that says what failed.
+    """
+
+    def __init__(self, sender: "GoalSender", goal: Any, timeout_ns: int | None, padding_ns: int) -> None:
+        self.goal = goal
+        self._begin_ns = time.monotonic_ns()
+        self.deadline_ns = None if timeout_ns is None else self._begin_ns + timeout_ns
+        self.padding_ns = padding_ns
+        self.outcome: WakingFuture[Any] = WakingFuture()
+        self.handle: Any = None  # of the goal that was accepted
+        self.request: Callable[[], None] | None = None  # sends the last request, which has no response yet
+        self.retry_ns = 0  # the steady time at which it is sent again
+        self.retry_delay_ns = 0
+        self._sender = sender
+
+    def waited_ns(self) -> int:
+        """How long the outcome has been waited for."""
+        return time.monotonic_ns() - self._begin_ns
+
+    def over(self) -> bool:
+        """Whether the outcome is known."""
+        return bool(self.outcome.done() or self.outcome.cancelled())
+
+    def expire(self) -> None:
+        """A deadline has passed; there may be a later one by now."""
+        self._sender.expire(self)
+
+    def abandon(self) -> None:
+        """Stop waiting for the outcome; without effect if it is known."""
+        self._sender.abandon(self)
+
+
+class GoalSender:
+    """
+    Sends goals to the action of a buffer server.
+
+    :param node: the node of the client. Goals do not depend on its executor: a hidden node in the same
+        context, which a separate thread spins, sends them.
+    :param ns: the name of the action, as this node resolves it.
+    :param period_s: how often to check whether the server is available.
+    """
+
+    client_class = ActionClient
+
+    def __init__(self, node: Node, ns: str, period_s: float) -> None:
+        self._name = _resolved(node, ns)
+        self._pending: set[PendingGoal] = set()
+        self._closed = self._ended = False
+        self._node = hidden = hidden_node(
+            "_buffer_client_impl",
+            self,
+            context=node.context,
+            namespace=node.get_namespace(),
+            use_global_arguments=False,
+        )
+        self.action_client = self.client_class(
+            hidden,
+            LookupTransform,
+            self._name,
+            goal_service_qos_profile=lookup_qos(),
+            result_service_qos_profile=lookup_qos(),
+            cancel_service_qos_profile=lookup_qos(),
+        )
+        # All else happens in the thread of the hidden node, because rclpy's action client loses a response
+        # that arrives before the thread that sent the request has returned.
+        self._steps = CallbackQueue(hidden, by_thread=False)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = hidden.create_timer(period_s, partial(self._run_step, self._advance_all), clock=steady)
+        self._timer.cancel()
+        self._spinner = Spinner(hidden, daemon=True, at_end=self._end)
+        self._spinner.thread.name = "tf2_ros buffer client"
+        register_for_fork(self)
+
+    def send(self, goal: Any, timeout_ns: int | None, padding_ns: int) -> PendingGoal:
+        """
+        Send a goal, as soon as a server is available.
+
+        :param timeout_ns: nanoseconds of steady time, for finding a server and for the lookup. None: no end.
+        :param padding_ns: how much longer to wait for the response of a server that was found.
+        """
+        pending = PendingGoal(self, goal, timeout_ns, padding_ns)
+        self._pending.add(pending)
+        self._put(self._begin, pending)
+        if pending.deadline_ns is not None:
+            deadlines.add(pending.deadline_ns, pending)
+        if not self.alive():
+            self._fail_at_end(pending)
+        return pending
+
+    def alive(self) -> bool:
+        """Whether pending goals will still get an outcome."""
+        return not self._closed and not self._ended
+
+    def state(self) -> str:
+        """Describe the action, and how many goals have no outcome yet."""
+        goals = counted(len(self._pending), "pending lookup") if self.alive() else "ended"
+        return f"action {printable(self._name)}, {goals}"
+
+    def expire(self, pending: PendingGoal) -> None:
+        """Fail this goal if its deadline has passed; from any thread."""
+        self._put(self._expire, pending)
+
+    def abandon(self, pending: PendingGoal) -> None:
+        """Cancel this goal, unless its outcome is known; from any thread."""
+        if not pending.over():
+            self._put(self._abandon, pending)
+
+    def close(self, *, wait: bool = True) -> None:
+        """
+        End; pending goals fail with a TimeoutException.
+
+        :param wait: until the thread has ended. Not from a finalizer, see ``Spinner.stop``.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        self._spinner.stop(wait=wait)
+        for pending in list(self._pending):
+            self._fail_at_end(pending)
+
+    def after_fork(self) -> None:
+        """End in a forked child; goals that are sent there fail."""
+        self._closed = True
+        self._pending.clear()
+        keep_for_ever(self.action_client)
+
+    def _end(self) -> None:
+        self._ended = True
+        for pending in list(self._pending):
+            self._fail_at_end(pending)
+        self._steps.close()
+        self.action_client.destroy()
+        self._node.destroy_node()
+
+    def _put(self, step: Callable[[PendingGoal], None], pending: PendingGoal) -> None:
+        self._steps.put(partial(self._run_step, partial(step, pending)))
+
+    def _run_step(self, step: Callable[[], None]) -> None:
+        if self._ended:
+            return
+        try:
+            step()
+        except RuntimeError:
+            # Without a context nothing can be sent; after its shutdown no outcome is expected.
+            if self._node.context.ok():
+                raise
+
+    def _begin(self, pending: PendingGoal) -> None:
+        self._advance(pending)
+        if self._pending and self._timer.is_canceled():
+            self._timer.reset()
+
+    def _advance_all(self) -> None:
+        for pending in list(self._pending):
+            self._advance(pending)
+        if not self._pending:
+            self._timer.cancel()
+
+    def _advance(self, pending: PendingGoal) -> None:
+        available = self.action_client.server_is_ready()
+        if pending.request is None:
+            if available:
+                self._send_request(pending, partial(self._request_goal, pending))
+        elif not available:
+            self._fail(pending, f"The buffer server [{self._name}] went away before it answered.")
+        elif time.monotonic_ns() >= pending.retry_ns:
+            # A server may receive a request before it has discovered this client: its response is then lost.
+            pending.request()
+            pending.retry_delay_ns *= 2
+            pending.retry_ns += pending.retry_delay_ns
+
+    def _send_request(self, pending: PendingGoal, request: Callable[[], None]) -> None:
+        pending.request = request
+        pending.retry_delay_ns = FIRST_RETRY_DELAY_NS
+        pending.retry_ns = time.monotonic_ns() + FIRST_RETRY_DELAY_NS
+        request()
+
+    def _request_goal(self, pending: PendingGoal) -> None:
+        timeout = FOR_EVER
+        if pending.deadline_ns is not None:
+            left_ns = pending.deadline_ns - time.monotonic_ns()
+            timeout = Duration(nanoseconds=min(max(left_ns, 0), FOR_EVER.nanoseconds))
+        pending.goal.timeout = timeout.to_msg()
+        response = self.action_client.send_goal_async(pending.goal)
+        response.add_done_callback(partial(self._goal_responded, pending))
+
+    def _goal_responded(self, pending: PendingGoal, response: Future) -> None:
+        handle: Any = response.result()
+        if pending.over() or pending.handle is not None:
+            if handle.accepted:
+                handle.cancel_goal_async()
+        elif not handle.accepted:
+            self._fail(pending, "The buffer server refused the goal. Something is likely wrong with it.")
+        else:
+            pending.handle = handle
+            self._send_request(pending, partial(self._request_result, pending))
+
+    def _request_result(self, pending: PendingGoal) -> None:
+        handle = pending.handle
+        handle.get_result_async().add_done_callback(partial(self._result_responded, pending, handle))
+
+    def _result_responded(self, pending: PendingGoal, handle: Any, response: Future) -> None:
+        if pending.over():
+            return
+        result: Any = response.result()
+        if result.status == GoalStatus.STATUS_UNKNOWN:
+            if handle is pending.handle:
+                self._send_anew(pending)
+        else:
+            self._pending.discard(pending)
+            pending.outcome.set_result(response.result())
+
+    def _send_anew(self, pending: PendingGoal) -> None:
+        # The server no longer knows the goal: it was restarted, or a slow network delayed the request of the
+        # result for longer than the server keeps one. Not at once, because it may forget each goal at once.
+        pending.handle = None
+        pending.request = partial(self._request_goal, pending)
+        pending.retry_ns = time.monotonic_ns() + pending.retry_delay_ns
+
+    def _expire(self, pending: PendingGoal) -> None:
+        if pending.over() or pending.deadline_ns is None:
+            return
+        if pending.request is None:
+            self._fail(pending, f"The buffer server is not ready: no server of [{self._name}] was found.")
+        elif time.monotonic_ns() < pending.deadline_ns + pending.padding_ns:
+            deadlines.add(pending.deadline_ns + pending.padding_ns, pending)
+        else:
+            self._fail(
+                pending,
+                f"The buffer server [{self._name}] did not answer in time. Something is likely wrong there.",
+            )
+            self._cancel(pending)
+
+    def _abandon(self, pending: PendingGoal) -> None:
+        if not pending.over():
+            self._pending.discard(pending)
+            pending.outcome.cancel()
+            self._cancel(pending)
+
+    def _cancel(self, pending: PendingGoal) -> None:
+        # A goal that is accepted later is cancelled then.
+        if pending.handle is not None:
+            pending.handle.cancel_goal_async()
+
+    def _fail(self, pending: PendingGoal, text: str) -> None:
+        self._end_with_text(pending, errors.after_wait(text, pending.waited_ns()))
+
+    def _fail_at_end(self, pending: PendingGoal) -> None:
+        if context_was_shut_down(self._node.context):
+            self._end_with_text(pending, errors.shut_down(pending.waited_ns()))
+        else:
+            self._fail(pending, DESTROYED)
+
+    def _end_with_text(self, pending: PendingGoal, text: str) -> None:
+        self._pending.discard(pending)
+        if not pending.over():
+            pending.outcome.set_exception(TimeoutException(text))
+
+
+class BufferClient(AnsweringInterface):
     """
     Looks transforms up in the buffer of a buffer server.
 
-    :param node: whose context and namespace are used. It need not be spun: a hidden node with a thread of its
-        own sends the goals, so that blocking lookups work in callbacks of any executor, too.
+    :param node: the node whose context and namespace are used. It need not be spun: a hidden node with a
+        separate thread sends the goals, so blocking lookups also work in callbacks of any executor.
     :param ns: the name of the server's action.
-    :param check_frequency: how often to check for the server while there is none, in Hz.
-    :param timeout_padding: how much longer than a lookup's own timeout to wait for the server's response.
+    :param check_frequency: how often to check whether a server is available, in Hz.
+    :param timeout_padding: how much longer than the timeout of a lookup to wait for the server's response.
     :raises ValueError: ``check_frequency`` is not above 0.
 
     Where a program replaced this module's ``ActionClient``, or the attribute ``action_client``, goals are
-    sent with the replacement, by the thread that calls the lookup. Every ``time`` and ``timeout`` is as of
+    sent with the replacement, by the thread that calls the lookup. For every ``time`` and ``timeout``, see
     :class:`tf2_ros.Buffer`.
 
     >>> from rclpy.time import Time
@@ -145,18 +426,18 @@ class BufferClient(BufferInterface):
         translation returned. ``Time()``, which is 0, asks for the latest time for which all frames on the
         path have data. The default ``timeout`` does not wait.
 
-        :param target_frame: the frame that the data is wanted in.
+        :param target_frame: the frame into which the data is to be transformed.
         :param source_frame: the frame that the data is in.
         :param time: of the transform; 0 is the latest time for which all frames on the path have data.
         :param timeout: how long to wait, for a server and then in it for the transform, in steady time.
-        :return: a ``TransformStamped``, as of :meth:`tf2_ros.Buffer.lookup_transform`.
-        :raises TimeoutException: there is no server, it did not answer, the transform was not available in
-            time, or the context was shut down before. The text says which, and how long was waited.
+        :return: a ``TransformStamped``, see :meth:`tf2_ros.Buffer.lookup_transform`.
+        :raises TimeoutException: no server was found, it did not answer, the transform was not available in
+            time, or the context was shut down before. The text says which, and how long the wait took.
         :raises TransformException: what the lookup in the server raised.
-        :raises TypeError: a frame name is no ``str``, ``time`` no time, or ``timeout`` no timeout.
+        :raises TypeError: a name is not a ``str``, ``time`` is not a time, or ``timeout`` is not a timeout.
         """
         goal = _simple_goal(target_frame, source_frame, time)
-        goal.timeout = duration_msg(timeout)
+        goal.timeout = _duration_msg(timeout)
         return self.__process_goal(goal)
 
     def lookup_transform_full(
@@ -169,168 +450,27 @@ class BufferClient(BufferInterface):
         timeout: TimeoutLike = NO_TIMEOUT,
     ) -> TransformStamped:
         """
-        Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``.
+        Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``. It carries
+        data from the source to the target. ``Time()``, which is 0, asks for the latest time. The default
+        ``timeout`` does not wait.
 
-        It carries data from the source to the target: a point at p in ``source_frame`` at the one time is at
-        R p + t in ``target_frame`` at the other, if ``fixed_frame`` does not move meanwhile. ``Time()``,
-        which is 0, asks for the latest time. The default ``timeout`` does not wait.
-
-        :param target_frame: the frame that the data is wanted in.
-        :param target_time: the time in ``target_frame``; 0 is the latest one.
-        :param source_frame: the frame that the data is in.
-        :param source_time: the time of the data; 0 is the latest one.
-        :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: as of :meth:`lookup_transform`, which raises the same.
+        :param fixed_frame: a frame that does not move between the two times. For the other parameters, see
+            :meth:`tf2_ros.BufferInterface.lookup_transform_full`.
+        :raises TransformException: see :meth:`lookup_transform`.
         """
         goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame)
-        goal.timeout = duration_msg(timeout)
+        goal.timeout = _duration_msg(timeout)
         return self.__process_goal(goal)
-
-    @overload
-    def can_transform(
-        self,
-        target_frame: str,
-        source_frame: str,
-        time: TimeLike,
-        timeout: TimeoutLike = ...,
-        return_debug_tuple: Literal[False] = ...,
-    ) -> bool: ...
-
-    @overload
-    def can_transform(
-        self,
-        target_frame: str,
-        source_frame: str,
-        time: TimeLike,
-        timeout: TimeoutLike = ...,
-        *,
-        return_debug_tuple: Literal[True],
-    ) -> tuple[bool, str]: ...
-
-    @overload
-    def can_transform(
-        self,
-        target_frame: str,
-        source_frame: str,
-        time: TimeLike,
-        timeout: TimeoutLike,
-        return_debug_tuple: Literal[True],
-    ) -> tuple[bool, str]: ...
-
-    @overload
-    def can_transform(
-        self,
-        target_frame: str,
-        source_frame: str,
-        time: TimeLike,
-        timeout: TimeoutLike = ...,
-        return_debug_tuple: bool = ...,
-    ) -> bool | tuple[bool, str]: ...
-
-    def can_transform(
-        self,
-        target_frame: str,
-        source_frame: str,
-        time: TimeLike,
-        timeout: TimeoutLike = NO_TIMEOUT,
-        return_debug_tuple: bool = False,
-    ) -> bool | tuple[bool, str]:
-        """
-        Tell whether :meth:`lookup_transform` would answer: with the pose of ``source_frame`` in
-        ``target_frame``. With ``Time()``: the latest one. The default ``timeout`` does not wait.
-
-        :param target_frame: as of that method, like all but the last.
-        :param return_debug_tuple: return a tuple of the answer and the reason why not, which is empty where
-            it would.
-        :raises TypeError: as that method; it raises nothing else.
-        """
-        try:
-            self.lookup_transform(target_frame, source_frame, time, timeout)
-        except TransformException as error:
-            return (False, str(error)) if return_debug_tuple else False
-        return (True, "") if return_debug_tuple else True
-
-    @overload
-    def can_transform_full(
-        self,
-        target_frame: str,
-        target_time: TimeLike,
-        source_frame: str,
-        source_time: TimeLike,
-        fixed_frame: str,
-        timeout: TimeoutLike = ...,
-        return_debug_tuple: Literal[False] = ...,
-    ) -> bool: ...
-
-    @overload
-    def can_transform_full(
-        self,
-        target_frame: str,
-        target_time: TimeLike,
-        source_frame: str,
-        source_time: TimeLike,
-        fixed_frame: str,
-        timeout: TimeoutLike = ...,
-        *,
-        return_debug_tuple: Literal[True],
-    ) -> tuple[bool, str]: ...
-
-    @overload
-    def can_transform_full(
-        self,
-        target_frame: str,
-        target_time: TimeLike,
-        source_frame: str,
-        source_time: TimeLike,
-        fixed_frame: str,
-        timeout: TimeoutLike,
-        return_debug_tuple: Literal[True],
-    ) -> tuple[bool, str]: ...
-
-    @overload
-    def can_transform_full(
-        self,
-        target_frame: str,
-        target_time: TimeLike,
-        source_frame: str,
-        source_time: TimeLike,
-        fixed_frame: str,
-        timeout: TimeoutLike = ...,
-        return_debug_tuple: bool = ...,
-    ) -> bool | tuple[bool, str]: ...
-
-    def can_transform_full(
-        self,
-        target_frame: str,
-        target_time: TimeLike,
-        source_frame: str,
-        source_time: TimeLike,
-        fixed_frame: str,
-        timeout: TimeoutLike = NO_TIMEOUT,
-        return_debug_tuple: bool = False,
-    ) -> bool | tuple[bool, str]:
-        """
-        Tell whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
-
-        :param target_frame: as of that method, like all but the last, which is that of :meth:`can_transform`.
-        """
-        try:
-            self.lookup_transform_full(
-                target_frame, target_time, source_frame, source_time, fixed_frame, timeout
-            )
-        except TransformException as error:
-            return (False, str(error)) if return_debug_tuple else False
-        return (True, "") if return_debug_tuple else True
 
     async def lookup_transform_async(
         self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: TimeoutLike | None = None
     ) -> TransformStamped:
         """
         Await what :meth:`lookup_transform` returns: the pose of ``source_frame`` in ``target_frame``, which
-        carries data from the source to the target. Without ``timeout`` it waits for ever.
+        carries data from the source to the target. Without ``timeout`` it waits forever.
 
-        :param target_frame: as of that method, which raises the same.
-        :param timeout: how long. None: until the server is destroyed, or the context is shut down.
+        :param target_frame: see that method, which raises the same.
+        :param timeout: how long to wait. None: until the server is destroyed, or the context is shut down.
         """
         return await self._await(_simple_goal(target_frame, source_frame, time), timeout)
 
@@ -345,15 +485,15 @@ class BufferClient(BufferInterface):
         timeout: TimeoutLike | None = None,
     ) -> TransformStamped:
         """
-        Await what :meth:`lookup_transform_full` returns. Without ``timeout`` it waits for ever.
+        Await what :meth:`lookup_transform_full` returns. Without ``timeout`` it waits forever.
 
-        :param target_frame: as of that method, like all but ``timeout``.
-        :param timeout: as of :meth:`lookup_transform_async`.
+        :param target_frame: see that method, also for all others but ``timeout``.
+        :param timeout: see :meth:`lookup_transform_async`.
         """
         goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame)
         return await self._await(goal, timeout)
 
-    # The two that follow have the names that programs patch in tf2's class.
+    # Programs patch the next two methods by the names that they have in tf2's class.
 
     def __process_goal(self, goal: Any) -> TransformStamped:
         sender = self._goal_sender
@@ -378,7 +518,7 @@ class BufferClient(BufferInterface):
     async def _await(self, goal: Any, timeout: TimeoutLike | None) -> TransformStamped:
         sender = self._goal_sender
         if sender is None or self.action_client is not sender.action_client:
-            goal.timeout = duration_msg(FOR_EVER if timeout is None else timeout)
+            goal.timeout = _duration_msg(FOR_EVER if timeout is None else timeout)
             return self.__process_goal(goal)
         pending = self._send(sender, goal, optional_timeout_ns(timeout))
         try:
@@ -390,7 +530,7 @@ class BufferClient(BufferInterface):
         return sender.send(goal, lookup_ns, timeout_ns(self.timeout_padding, "timeout_padding"))
 
 
-# A message takes any object as a name, until the thread of the sender serialises it.
+# The names are checked here, because a message accepts any object until the sender's thread serialises it.
 
 
 def _simple_goal(target_frame: str, source_frame: str, time: Any) -> Any:
@@ -424,5 +564,48 @@ def _result_of(pending: PendingGoal, response: Any) -> Any:
             f"The buffer server did not get the transform from [{printable(goal.source_frame)}] to "
             f"[{printable(goal.target_frame)}] in time."
         )
-        raise TimeoutException(wait_texts.waited(text, pending.waited_ns()))
+        raise TimeoutException(errors.after_wait(text, pending.waited_ns()))
     return result
+
+
+def _duration_msg(timeout: Any) -> Any:
+    """The duration message of a timeout; at most FOR_EVER, with either sign."""
+    longest_ns: int = FOR_EVER.nanoseconds
+    return Duration(nanoseconds=max(-longest_ns, min(timeout_ns(timeout), longest_ns))).to_msg()
+
+
+def send_directly(client: Any, goal: Any, padding_ns: int) -> Any:
+    """
+    Send a goal with any action client, as tf2 does. Another thread must spin the client's node.
+
+    :param goal: with its timeout.
+    :param padding_ns: how much longer than that to wait until the goal is accepted.
+    :return: the result.
+    """
+    if not client.server_is_ready():
+        raise TimeoutException("The buffer server is not ready.")
+    begin_ns = time.monotonic_ns()
+    deadline_ns = begin_ns + Duration.from_msg(goal.timeout).nanoseconds + padding_ns
+    sent = client.send_goal_async(goal)
+    done = threading.Event()
+    sent.add_done_callback(lambda _: done.set())
+    # The client may be a stand-in, whose future calls nothing back.
+    while not sent.done():
+        left_ns = deadline_ns - time.monotonic_ns()
+        if left_ns <= 0:
+            text = "The buffer server did not answer in time."
+            raise TimeoutException(errors.after_wait(text, deadline_ns - begin_ns))
+        done.wait(min(left_ns / 1e9, DONE_CHECK_S))
+    handle = sent.result()
+    if not handle.accepted:
+        raise TimeoutException("The buffer server refused the goal.")
+    return action_result(client, handle)
+
+
+def _resolved(node: Node, ns: str) -> str:
+    # As a client of the node itself would have it, remapping included.
+    service: str = node.resolve_service_name(ns + GOAL_SERVICE)
+    if service.endswith(GOAL_SERVICE):
+        return service.removesuffix(GOAL_SERVICE)
+    name: str = expand_topic_name(ns, node.get_name(), node.get_namespace())
+    return name

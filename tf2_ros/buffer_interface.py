@@ -1,6 +1,6 @@
-"""Owns what every buffer offers: transforming objects on top of a lookup."""
+"""Transform objects with the lookups of any buffer."""
 
-from typing import TYPE_CHECKING, Any, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 from tf2_py import TransformException
 from tf2_py.typing import TimeLike, TimeoutLike
@@ -79,7 +79,7 @@ if TYPE_CHECKING or HAS_ROS:
 _Object = TypeVar("_Object")
 _New = TypeVar("_New")
 
-# The default of every `timeout`: one object, so that "none" is an identity, not a comparison of Durations.
+# The default of every `timeout`. It is one object, so that a check for it need not compare Durations.
 NO_TIMEOUT: TimeoutLike = Duration() if TYPE_CHECKING or HAS_ROS else 0.0
 
 
@@ -88,8 +88,8 @@ class BufferInterface:
     What :class:`tf2_ros.Buffer` and :class:`tf2_ros.BufferClient` share.
 
     A subclass implements the lookups; ``transform``, ``transform_full`` and ``transform_async`` use them. The
-    attribute ``registration`` is the table of functions that transform objects. Every ``time`` and
-    ``timeout`` is as of :class:`tf2_ros.Buffer`.
+    attribute ``registration`` is the table of functions that transform objects. For every ``time`` and
+    ``timeout``, see :class:`tf2_ros.Buffer`.
 
     >>> from geometry_msgs.msg import PointStamped, TransformStamped
     >>> from tf2_ros import BufferInterface
@@ -120,17 +120,7 @@ class BufferInterface:
         object_stamped: Any,
         target_frame: str,
         timeout: TimeoutLike = ...,
-        *,
-        new_type: type[_New],
-    ) -> _New: ...
-
-    @overload
-    def transform(
-        self,
-        object_stamped: Any,
-        target_frame: str,
-        timeout: TimeoutLike,
-        new_type: type[_New],
+        new_type: type[_New] = ...,  # pyright: ignore[reportInvalidTypeVarUse]
     ) -> _New: ...
 
     def transform(
@@ -141,18 +131,18 @@ class BufferInterface:
         new_type: type | None = None,
     ) -> Any:
         """
-        Transform an object into another frame, at the object's own time: the same place, as it is seen from
-        there. The default ``timeout`` does not wait.
+        Transform an object into another frame, at the object's own time. The result describes the same place,
+        as seen from that frame. The default ``timeout`` does not wait.
 
         :param object_stamped: an object with a ``header``, of a registered type. If its stamp is 0, the
             latest transform is used.
-        :param target_frame: the frame that the object is wanted in.
+        :param target_frame: the frame into which the object is to be transformed.
         :param timeout: how long to wait for the transform, in steady time. Zero: do not wait.
         :param new_type: convert the result to this type. None: no conversion.
         :return: a new object; the one given is not changed.
         :raises TypeException: the type is not registered, or no conversion to ``new_type`` is.
         :raises TransformException: what the lookup raises.
-        :raises TypeError: ``target_frame`` is no str, or ``timeout`` no timeout.
+        :raises TypeError: ``target_frame`` is not a str, or ``timeout`` is not a timeout.
         :raises AttributeError: the object has no header, or its header no ``frame_id`` or ``stamp``.
         """
         do_transform = _function_for(self.registration, "transform", object_stamped, target_frame)
@@ -184,19 +174,7 @@ class BufferInterface:
         target_time: TimeLike,
         fixed_frame: str,
         timeout: TimeoutLike = ...,
-        *,
-        new_type: type[_New],
-    ) -> _New: ...
-
-    @overload
-    def transform_full(
-        self,
-        object_stamped: Any,
-        target_frame: str,
-        target_time: TimeLike,
-        fixed_frame: str,
-        timeout: TimeoutLike,
-        new_type: type[_New],
+        new_type: type[_New] = ...,  # pyright: ignore[reportInvalidTypeVarUse]
     ) -> _New: ...
 
     def transform_full(
@@ -212,12 +190,12 @@ class BufferInterface:
         Transform an object from its own time into another frame at another time. ``Time()`` as target time
         asks for the latest. The default ``timeout`` does not wait.
 
-        :param object_stamped: as of :meth:`transform`, which raises the same.
-        :param target_frame: the frame that the object is wanted in.
+        :param object_stamped: see :meth:`transform`, which raises the same.
+        :param target_frame: the frame into which the object is to be transformed.
         :param target_time: the time of the result; 0 is the latest time for which the frames between
             ``target_frame`` and ``fixed_frame`` have data.
         :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: as of :meth:`transform`, like ``new_type``.
+        :param timeout: see :meth:`transform`, also for ``new_type``.
         :return: a new object, stamped with the target time.
         """
         do_transform = _function_for(self.registration, "transform_full", object_stamped, target_frame)
@@ -247,17 +225,7 @@ class BufferInterface:
         object_stamped: Any,
         target_frame: str,
         timeout: TimeoutLike | None = ...,
-        *,
-        new_type: type[_New],
-    ) -> _New: ...
-
-    @overload
-    async def transform_async(
-        self,
-        object_stamped: Any,
-        target_frame: str,
-        timeout: TimeoutLike | None,
-        new_type: type[_New],
+        new_type: type[_New] = ...,  # pyright: ignore[reportInvalidTypeVarUse]
     ) -> _New: ...
 
     async def transform_async(
@@ -269,12 +237,12 @@ class BufferInterface:
     ) -> Any:
         """
         Transform an object into another frame as soon as the transform is available. Without ``timeout`` it
-        waits for ever.
+        waits forever.
 
-        :param object_stamped: as of :meth:`transform`, which raises the same.
-        :param target_frame: the frame that the object is wanted in.
-        :param timeout: how long to wait for the transform, in steady time. None: for ever.
-        :param new_type: as of :meth:`transform`.
+        :param object_stamped: see :meth:`transform`, which raises the same.
+        :param target_frame: the frame into which the object is to be transformed.
+        :param timeout: how long to wait for the transform, in steady time. None: forever.
+        :param new_type: see :meth:`transform`.
         :return: a new object.
         :raises TimeoutException: the transform was not available in time.
         """
@@ -322,9 +290,16 @@ class BufferInterface:
         R p + t in ``target_frame`` at the other, if ``fixed_frame`` does not move meanwhile. ``Time()``,
         which is 0, asks for the latest time. The default ``timeout`` does not wait.
 
+        :param target_frame: the frame into which the data is to be transformed.
+        :param target_time: the time in ``target_frame``; 0 is the latest time for which all frames on the
+            path between it and ``fixed_frame`` have data.
+        :param source_frame: the frame that the data is in.
+        :param source_time: the time of the data; 0 as above, for the path between it and ``fixed_frame``.
         :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: as of :meth:`lookup_transform`.
+        :param timeout: see :meth:`lookup_transform`.
         :raises NotImplementedException: a subclass must implement it.
+
+        It is stamped with the target's time, and raises what :meth:`lookup_transform` raises.
         """
         raise NotImplementedException()
 
@@ -333,9 +308,9 @@ class BufferInterface:
     ) -> TransformStamped:
         """
         Await what :meth:`lookup_transform` returns: the pose of ``source_frame`` in ``target_frame``, which
-        carries data from the source to the target. Without ``timeout`` it waits for ever.
+        carries data from the source to the target. Without ``timeout`` it waits forever.
 
-        :param timeout: how long, in steady time. None: for ever.
+        :param timeout: how long to wait, in steady time. None: forever.
         :raises NotImplementedException: a subclass must implement it.
         """
         raise NotImplementedException()
@@ -344,10 +319,10 @@ class BufferInterface:
         self, target_frame: str, source_frame: str, time: TimeLike, timeout: TimeoutLike = NO_TIMEOUT
     ) -> bool:
         """
-        Tell whether :meth:`lookup_transform` would answer: with the pose of ``source_frame`` in
-        ``target_frame``. With ``Time()``: the latest one. The default ``timeout`` does not wait.
+        Return whether :meth:`lookup_transform` would return the pose of ``source_frame`` in ``target_frame``.
+        ``Time()`` asks for the latest one. The default ``timeout`` does not wait.
 
-        :param timeout: how long to wait until it would, in steady time.
+        :param timeout: how long to wait for it, in steady time.
         :raises NotImplementedException: a subclass must implement it.
         """
         raise NotImplementedException()
@@ -362,12 +337,111 @@ class BufferInterface:
         timeout: TimeoutLike = NO_TIMEOUT,
     ) -> bool:
         """
-        Tell whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
+        Return whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
 
-        :param timeout: how long to wait until it would, in steady time.
+        :param timeout: how long to wait for it, in steady time.
         :raises NotImplementedException: a subclass must implement it.
         """
         raise NotImplementedException()
+
+
+class AnsweringInterface(BufferInterface):
+    """What :class:`tf2_ros.Buffer` and :class:`tf2_ros.BufferClient` share beyond the interface of tf2."""
+
+    @overload
+    def can_transform(  # pyright: ignore[reportOverlappingOverload]  # the flag differs
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        timeout: TimeoutLike = ...,
+        return_debug_tuple: Literal[False] = ...,
+    ) -> bool: ...
+
+    @overload
+    def can_transform(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        timeout: TimeoutLike = ...,
+        return_debug_tuple: Literal[True] = ...,
+    ) -> tuple[bool, str]: ...
+
+    def can_transform(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        timeout: TimeoutLike = NO_TIMEOUT,
+        return_debug_tuple: bool = False,
+    ) -> bool | tuple[bool, str]:
+        """
+        Return whether :meth:`lookup_transform` would return the pose of ``source_frame`` in ``target_frame``.
+        ``Time()`` asks for the latest one. The default ``timeout`` does not wait.
+
+        :param target_frame: see that method, also for ``source_frame`` and ``time``.
+        :param timeout: how long to wait until it would.
+        :param return_debug_tuple: return a tuple of the answer and the reason why not, which is empty if the
+            answer is yes.
+        :raises TypeError: see that method. Nothing else is raised.
+        """
+        can, reason = self._tf2_can(timeout, target_frame, source_frame, time)
+        return (can, reason) if return_debug_tuple else can
+
+    @overload
+    def can_transform_full(  # pyright: ignore[reportOverlappingOverload]  # the flag differs
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike = ...,
+        return_debug_tuple: Literal[False] = ...,
+    ) -> bool: ...
+
+    @overload
+    def can_transform_full(
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike = ...,
+        return_debug_tuple: Literal[True] = ...,
+    ) -> tuple[bool, str]: ...
+
+    def can_transform_full(
+        self,
+        target_frame: str,
+        target_time: TimeLike,
+        source_frame: str,
+        source_time: TimeLike,
+        fixed_frame: str,
+        timeout: TimeoutLike = NO_TIMEOUT,
+        return_debug_tuple: bool = False,
+    ) -> bool | tuple[bool, str]:
+        """
+        Return whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
+
+        :param target_frame: see that method, also for all but the last two, which are those of
+            :meth:`can_transform`.
+        """
+        can, reason = self._tf2_can(
+            timeout, target_frame, target_time, source_frame, source_time, fixed_frame
+        )
+        return (can, reason) if return_debug_tuple else can
+
+    def _tf2_can(self, timeout: TimeoutLike, *arguments: Any) -> tuple[bool, str]:
+        """Whether a lookup would answer, and why not; it is a full one if there are five arguments."""
+        look_up: Any = self.lookup_transform if len(arguments) == 3 else self.lookup_transform_full
+        try:
+            look_up(*arguments, timeout)
+        except TransformException as error:
+            return False, str(error)
+        return True, ""
 
 
 def _function_for(registration: Any, call: str, object_stamped: Any, target_frame: Any) -> Any:
@@ -389,7 +463,7 @@ def _header_of(object_stamped: Any) -> Any:
         # Types that tf2 does not register in Python.
         if TransformRegistration().is_default(type(object_stamped)):
             raise TypeException(
-                f"Type {type(object_stamped).__name__} is not supported here: it has no header that tells "
+                f"Type {type(object_stamped).__name__} is not supported here: it has no header that says "
                 f"where it is, and when"
             ) from None
         raise AttributeError(
@@ -401,7 +475,7 @@ def _header_of(object_stamped: Any) -> Any:
 
 
 def _add_if_frame_is_empty(error: TransformException, object_stamped: Any) -> None:
-    """Say in the text of a lookup's error, after what programs parse, that the object names no frame."""
+    """Add to the text of a lookup's error, behind what programs parse, that the object names no frame."""
     if object_stamped.header.frame_id == "":
         error.args = (f"{error}. The header.frame_id of the {type(object_stamped).__name__} is empty",)
 
@@ -411,11 +485,11 @@ def Stamped(obj: _Object, stamp: TimeLike, frame_id: str) -> _Object:
     Give an object a header.
 
     :param obj: the object; it gets the attribute ``header``.
-    :param stamp: a time as of :class:`tf2_ros.Buffer`; 0 stands for the latest transform.
+    :param stamp: a time, see :class:`tf2_ros.Buffer`; 0 stands for the latest transform.
     :param frame_id: the frame of the object.
     :return: the same object.
     :raises AttributeError: the object can have no attribute ``header``.
-    :raises TypeError: ``stamp`` is no time.
+    :raises TypeError: ``stamp`` is not a time.
     """
     message = stamp if isinstance(stamp, TimeMsg) else time_msg(stamp, "stamp")
     stamped: Any = obj

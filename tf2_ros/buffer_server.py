@@ -1,6 +1,6 @@
-"""Owns the buffer server: it answers the lookups of other processes, through an action."""
+"""Answer the lookups of other processes through an action."""
 
-# Before the imports below fail without a word of advice.
+# Imported first, because it explains what to install if the imports below fail.
 from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split
@@ -24,13 +24,12 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._internal import bad_name, is_invalid_name
+from tf2_py._internal import bad_name, is_invalid_name, timeout_ns
 from tf2_ros._arguments import has, is_a, is_name, refuse_swapped
 from tf2_ros._qos import lookup_qos
-from tf2_ros._times import timeout_ns
-from tf2_ros._wait.handoff import Handoff
+from tf2_ros._wait.callbacks import CallbackQueue
+from tf2_ros._wait.futures import TransformFuture
 from tf2_ros._wait.lookup import Lookup
-from tf2_ros._wait.transform_future import TransformFuture
 
 __all__ = ["BufferServer"]
 
@@ -55,13 +54,13 @@ class BufferServer:
     :param buffer: the buffer; a listener, or the program, fills it.
     :param node: offers the action; its executor answers.
     :param ns: the name of the action.
-    :param check_period: in seconds; accepted because tf2 has it, and without effect: a goal that waits
-        is answered when its transform is inserted.
-    :raises TypeError: ``buffer`` is no buffer.
+    :param check_period: has no effect, and exists because tf2 has it: a waiting goal is answered when its
+        transform is inserted.
+    :raises TypeError: ``buffer`` is not a buffer.
 
-    A goal that waits occupies no thread. A goal whose timeout passes gets ``TIMEOUT_ERROR`` with the reason
-    of the last attempt; one without a timeout the error of its only attempt. The node keeps the server alive;
-    ``destroy()`` ends it.
+    A waiting goal does not occupy a thread. A goal whose timeout passes gets ``TIMEOUT_ERROR`` with the
+    reason of the last attempt; a goal without a timeout gets the error of its only attempt. The node keeps
+    the server alive; ``destroy()`` ends it.
 
     >>> from rclpy.duration import Duration
     >>> from rclpy.time import Time
@@ -91,9 +90,10 @@ class BufferServer:
             raise TypeError(f"buffer must be a tf2_ros.Buffer, not {type(buffer).__name__}")
         self._buffer = buffer
         self._lookups: dict[bytes, Future] = {}
-        # One group: no other thread may end a goal while its cancellation is decided.
+        # Both are in one group, so that no other thread ends a goal while its cancellation is decided. The
+        # queue is a separate one.
         group = MutuallyExclusiveCallbackGroup()
-        self._ended = Handoff(node, _execute, group)
+        self._ended = CallbackQueue(node, group, by_thread=False)
         self._server = ActionServer(
             node,
             LookupTransform,
@@ -109,7 +109,7 @@ class BufferServer:
         )
 
     def destroy(self) -> None:
-        """End the server; goals that still wait get no result."""
+        """End the server; waiting goals get no result."""
         self._ended.close()
         for lookup in list(self._lookups.values()):
             lookup.cancel()
@@ -121,8 +121,8 @@ class BufferServer:
         if lookup.done():
             handle.execute()
         else:
-            # The executor answers, and not the thread that inserts the transform.
-            lookup.add_done_callback(lambda _: self._ended.put(handle))
+            # The executor answers, not the thread that inserts the transform.
+            lookup.add_done_callback(lambda _: self._ended.put(handle.execute))
 
     def _look_up(self, goal: Any) -> Future:
         names = {"target_frame": goal.target_frame, "source_frame": goal.source_frame}
@@ -131,7 +131,7 @@ class BufferServer:
             names["fixed_frame"] = goal.fixed_frame
             lookup = lookup._replace(target_time=goal.target_time, fixed_frame=goal.fixed_frame)
         for argument, name in names.items():
-            # Here, because a lookup between equal names does not check them.
+            # Checked here, because a lookup between equal names does not check them.
             if is_invalid_name(name):
                 refused = Future()
                 refused.set_exception(bad_name(name, argument))
@@ -169,7 +169,7 @@ class BufferServer:
         result = LookupTransform.Result()
         if lookup.cancelled():
             handle.canceled()
-            # A client that reads the error alone must not take the empty transform for an answer.
+            # A client that reads only the error must not mistake the empty transform for an answer.
             result.error.error = TF2Error.TRANSFORM_ERROR
             result.error.error_string = "The goal was cancelled"
             return result
@@ -182,7 +182,3 @@ class BufferServer:
         # An error is a result, too: clients in C++ do not read the result of a goal that was aborted.
         handle.succeed()
         return result
-
-
-def _execute(handle: Any) -> None:
-    handle.execute()

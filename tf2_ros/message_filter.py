@@ -1,6 +1,6 @@
-"""Owns message filters: their input, and the callbacks for messages that pass or are dropped."""
+"""Call back when a message can be transformed, or was dropped."""
 
-# Before the imports below fail without a word of advice.
+# Imported first, because it explains what to install if the imports below fail.
 from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split
@@ -9,8 +9,9 @@ import inspect
 import itertools
 import threading
 import time
-import weakref
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Any, Generic, Protocol, TypedDict, TypeVar, overload
 
@@ -21,17 +22,14 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from tf2_py._internal import class_name, frame_name, printable
+from tf2_py._internal import FOR_EVER_NS, class_name, duration_ns, frame_name, printable
 from tf2_py.typing import DurationLike, TimeoutLike
-from tf2_ros._arguments import has, is_a, is_names, refuse_swapped
-from tf2_ros._forking import register_for_fork
-from tf2_ros._times import FOR_EVER_NS, duration_ns, optional_timeout_ns
-from tf2_ros._wait.contexts import node_has_ended
-from tf2_ros._wait.delivery import Delivery
-from tf2_ros._wait.message_stream import MessageStream
-from tf2_ros._wait.noticing_group import patience_ns
-from tf2_ros._wait.pending_messages import FilterFailureReason, PendingMessages
-from tf2_ros._wait.unspun import UnspunWarning
+from tf2_ros._arguments import has, is_a, is_names, kind_of, optional_timeout_ns, refuse_swapped
+from tf2_ros._forking import FORKED, LiveObjects, register_for_fork
+from tf2_ros._nodes import node_has_ended
+from tf2_ros._wait.callbacks import CallbackQueue, callback_queue, patience_ns
+from tf2_ros._wait.filter_queue import FilterFailureReason, MessageStream, PendingMessages
+from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer import Buffer
 
 __all__ = ["FilterFailureReason", "MessageFilter"]
@@ -66,31 +64,31 @@ class MessageFilter(Generic[_Message]):
 
     :param input: ``(message type, topic, qos)`` to subscribe to; or a filter of ``message_filters``, or any
         other object with a ``registerCallback``; or a subscription of rclpy, whose own callback remains; or
-        None: then the program calls :meth:`add`. The messages have a ``header``.
+        None, if the program calls :meth:`add`. The messages must have a ``header``.
     :param buffer: the transforms.
     :param target_frames: a name, or several; a message passes when its frame can be transformed into all of
         them.
     :param queue_size: how many messages may wait; one more drops the oldest. 0: any number.
-    :param node: whoever spins it runs the callbacks. Until somebody does, and again when nobody has for 5 s,
-        a thread for callbacks does.
-    :param buffer_timeout: how long a message may wait, in steady time. Zero: not at all. None: for ever.
-    :param tolerance: a finite duration; transforms must be available for the message's stamp and for so much
-        later. None: zero.
-    :raises TypeError: ``buffer`` is not a Buffer, ``input`` is none of the above, its messages have no
-        header, or a duration is something else.
-    :raises ValueError: there is no target frame, ``queue_size`` or ``tolerance`` is negative, or
+    :param node: the executor that spins it runs the callbacks. Before it is spun, and when it was not for
+        5 s, a thread for callbacks runs them.
+    :param buffer_timeout: how long a message may wait, in steady time. Zero: not at all. None: forever.
+    :param tolerance: a finite duration; transforms must be available for the message's stamp and for this
+        much later. None: zero.
+    :raises TypeError: ``buffer`` is not a Buffer, ``input`` is something else, its messages have no header,
+        or a duration is something else.
+    :raises ValueError: ``target_frames`` is empty, ``queue_size`` or ``tolerance`` is negative, or
         ``tolerance`` is infinite.
 
     A message whose stamp is 0 needs the latest time for which its transforms are available; ``tolerance``
     then has no effect. Each message passes once or is dropped once, in the order in which its transforms
     become available, or in which it is dropped. Callbacks run one after the other in the node's executor,
-    also where another thread adds messages or inserts transforms. Only a subscription needs that executor:
-    if callbacks or iterations rely on one and nobody spins the node for 5 s, that is logged once, as a
-    warning, and the representation tells it at once.
-    Where nobody spins it, what a callback raises is logged. ``async for message, transform in filter``
-    gives the same messages, from the start of the iteration to :meth:`close`, or to the end of the node or
-    its context, each with its transform into the first target frame. What has passed and was not taken yet
-    is kept, without a limit.
+    even if another thread adds messages or inserts transforms. Only a subscription needs that executor. If
+    callbacks or iterations rely on a subscription and nobody spins the node for 5 s, a warning is logged
+    once; the representation shows it at once. If nobody spins the node, what a callback raises is logged.
+
+    ``async for message, transform in filter`` gives the same messages, from the start of the iteration to
+    :meth:`close`, or to the end of the node or its context, each with its transform into the first target
+    frame. Messages that have passed are kept until they are taken, without a limit.
 
     It has the methods of a filter of ``message_filters`` and can be the input of one. The end of a ``with``
     block closes it.
@@ -168,16 +166,18 @@ class MessageFilter(Generic[_Message]):
         self._tolerance_ns = _tolerance_ns(tolerance)
         self._failure_callbacks: dict[int, tuple[Callable[..., object], tuple[Any, ...]]] = {}
         self._connections = itertools.count()
-        self._streams: weakref.WeakSet[MessageStream[tuple[_Message, TransformStamped]]] = weakref.WeakSet()
+        self._streams: LiveObjects[MessageStream[tuple[_Message, TransformStamped]]] = LiveObjects()
         self._disconnect: Callable[[], None] | None = None
-        self._closed = False
+        self._closed = self._forked = False
         self._counts_lock = threading.RLock()
-        self._received = self._passed = self._cleared = 0
+        self._passed = self._cleared = 0
         self._dropped = dict.fromkeys(FilterFailureReason, 0)
         self._sampled = self._sampled_dropped = 0
         self._warn_again_at = 0.0
-        self._outcomes = Delivery(node, self._deliver)
-        self._unspun: UnspunWarning | None = None
+        self._queue = callback_queue(node)
+        # For each message, in order: it, its transform, the reason if it is dropped, and the lookup's error.
+        self._outcomes: deque[tuple[Any, Any, FilterFailureReason | None, str]] = deque()
+        self._unspun: _UnspunWarning | None = None
         self._pending = PendingMessages(buffer, self._on_pass, self._on_drop)
         self._configure()
         register_for_fork(self)
@@ -193,14 +193,13 @@ class MessageFilter(Generic[_Message]):
         Add a message, from any thread; without effect after :meth:`close`.
 
         :param message: of any type with a ``header``.
-        :raises TypeError: it has no header.
+        :raises TypeError: it has no header, or one without a frame and a time.
         """
         if self._closed:
             return
-        if not hasattr(message, "header"):
-            raise TypeError(f"a {type(message).__name__} has no header that tells its frame and time")
-        with self._counts_lock:
-            self._received += 1
+        header = getattr(message, "header", None)
+        if not hasattr(header, "frame_id") or not hasattr(header, "stamp"):
+            raise TypeError(f"{kind_of(message)} has no header with a frame and a time")
         self._pending.add(message)
 
     @overload
@@ -216,6 +215,7 @@ class MessageFilter(Generic[_Message]):
         :return: the key of the callback in the dictionary ``callbacks``; removing the entry removes the
             callback.
         """
+        _require_callable("registerCallback", callback)
         connection = next(self._connections)
         self.callbacks = {**self.callbacks, connection: (callback, arguments)}
         self._warn_if_unspun()
@@ -236,6 +236,7 @@ class MessageFilter(Generic[_Message]):
         :param callback: ``reason`` is a :class:`FilterFailureReason`.
         :return: a number, which no other callback of this filter has.
         """
+        _require_callable("registerFailureCallback", callback)
         connection = next(self._connections)
         self._failure_callbacks = {**self._failure_callbacks, connection: (callback, arguments)}
         self._warn_if_unspun()
@@ -246,10 +247,10 @@ class MessageFilter(Generic[_Message]):
         input: "_Topic[_Message] | MessageFilter[_Message] | Subscription | _Filter",
     ) -> None:
         """
-        Take messages from another input, and no longer from the one before.
+        Take messages from another input instead of the previous one.
 
-        :param input: as of the constructor, but not None.
-        :raises TypeError: it is none of these, or its messages have no header.
+        :param input: see the constructor; not None.
+        :raises TypeError: it is something else, or its messages have no header.
         """
         connect = self._connector(input)
         if self._disconnect is not None:
@@ -262,18 +263,18 @@ class MessageFilter(Generic[_Message]):
         Set the target frames, also for messages that wait already.
 
         :param target_frames: a name, or several.
-        :raises TypeError: one of them is no ``str``.
-        :raises ValueError: there is none, or one without a name.
+        :raises TypeError: one of them is not a ``str``.
+        :raises ValueError: there are no names, or one is empty.
         """
         self._target_frames = _names(target_frames)
         self._configure()
 
     def setTolerance(self, tolerance: DurationLike) -> None:
         """
-        Set for how much later than its stamp a message needs transforms, also for messages that wait already.
+        Set how much later than its stamp a message needs transforms, also for messages that wait already.
 
         :param tolerance: a finite duration.
-        :raises TypeError: it is no duration.
+        :raises TypeError: it is not a duration.
         :raises ValueError: it is negative or infinite.
         """
         self._tolerance_ns = _tolerance_ns(tolerance)
@@ -290,20 +291,22 @@ class MessageFilter(Generic[_Message]):
         self._configure()
 
     def clear(self) -> None:
-        """Remove the messages that wait, and those that no callback was called with yet."""
-        cleared = self._pending.clear() + sum(reason is None for _, _, reason, _ in self._outcomes.clear())
+        """Remove the messages that wait, and those for which no callback was called yet."""
+        cleared = self._pending.clear()
+        with suppress(IndexError):
+            while True:
+                cleared += self._outcomes.popleft()[2] is None
         with self._counts_lock:
             self._cleared += cleared
 
     def close(self) -> None:
-        """End: take no more messages, remove those that wait, end the iterations. It may be called again."""
+        """Take no more messages, remove those that wait, and end the iterations; may be called again."""
         self._closed = True
         if self._disconnect is not None:
             self._disconnect()
             self._disconnect = None
         self.clear()
-        self._outcomes.close()
-        for stream in list(self._streams):
+        for stream in self._streams:
             stream.close()
 
     def __enter__(self) -> "MessageFilter[_Message]":
@@ -319,15 +322,22 @@ class MessageFilter(Generic[_Message]):
         counts = self.statistics()
         facts = [f"{counts[key]} {key}" for key in ("waiting", "passed")]
         facts.append(f"{sum(counts['dropped'].values())} dropped")
-        if self._closed:
+        if self._forked:
+            facts.append(FORKED)
+        elif self._closed:
             facts.append("closed")
-        elif not self._outcomes.group.is_spun(within_ns=patience_ns()):
+        elif not self._queue.is_spun():
             facts.append("node not spun")
         return f"<{name}: into {printable(' and '.join(self._target_frames))}: {', '.join(facts)}>"
 
     def after_fork(self) -> None:
-        """Make the lock anew: in a forked child it must be free."""
+        """End in a forked child, where no executor takes messages and no callback is due."""
         self._counts_lock = threading.RLock()
+        self._forked = self._closed = True
+        self._disconnect = None
+        self._outcomes.clear()
+        for stream in self._streams:
+            stream.after_fork()
 
     def statistics(self) -> _Statistics:
         """
@@ -339,12 +349,13 @@ class MessageFilter(Generic[_Message]):
         with self._counts_lock:
             dropped = {reason.value: count for reason, count in self._dropped.items()}
             done = self._passed + sum(dropped.values()) + self._cleared
+            received = self._pending.count
             return {
-                "received": self._received,
+                "received": received,
                 "passed": self._passed,
                 "dropped": dropped,
                 "cleared": self._cleared,
-                "waiting": self._received - done,
+                "waiting": received - done,
             }
 
     def __aiter__(self) -> MessageStream[tuple[_Message, TransformStamped]]:
@@ -366,8 +377,10 @@ class MessageFilter(Generic[_Message]):
 
     def _connector(self, input: Any) -> Callable[[], Callable[[], None]]:
         if isinstance(input, tuple) and len(input) == 3:
+            if not isinstance(input[0], type):
+                raise TypeError(f"input must be (message type, topic, qos), in this order, not {input!r}")
             if not hasattr(input[0], "header"):
-                raise TypeError(f"messages of the type {input[0]!r} have no header that tells frame and time")
+                raise TypeError(f"messages of the type {input[0]!r} have no header with a frame and a time")
             return lambda: self._subscribe(*input)
         if hasattr(input, "registerCallback"):
             return lambda: self._follow_filter(input)
@@ -379,12 +392,12 @@ class MessageFilter(Generic[_Message]):
         )
 
     def _subscribe(self, message_type: Any, topic: str, qos: Any) -> Callable[[], None]:
-        # A group of its own: messages must be counted while a callback runs for long.
+        # In a separate group, because messages must be counted even during a long callback.
         subscription = self._node.create_subscription(
             message_type, topic, self.add, qos, callback_group=MutuallyExclusiveCallbackGroup()
         )
 
-        self._unspun = UnspunWarning(self._node, subscription.topic_name, self._outcomes.group)
+        self._unspun = _UnspunWarning(self._node, subscription.topic_name, self._queue)
 
         def disconnect() -> None:
             self._unspun = None
@@ -408,7 +421,7 @@ class MessageFilter(Generic[_Message]):
         extended = _then_add(own, self.add)
         subscription.callback = extended
         if subscription in self._node.subscriptions:
-            self._unspun = UnspunWarning(self._node, subscription.topic_name, self._outcomes.group)
+            self._unspun = _UnspunWarning(self._node, subscription.topic_name, self._queue)
 
         def disconnect() -> None:
             self._unspun = None
@@ -418,15 +431,24 @@ class MessageFilter(Generic[_Message]):
         return disconnect
 
     def _on_pass(self, message: Any, transform: Any) -> None:
-        self._outcomes.put((message, transform, None, ""))
+        self._put((message, transform, None, ""))
 
     def _on_drop(self, message: Any, reason: FilterFailureReason, text: str) -> None:
         with self._counts_lock:
             self._dropped[reason] += 1
-        self._outcomes.put((message, None, reason, text))
+        self._put((message, None, reason, text))
 
-    def _deliver(self, outcome: tuple[Any, Any, FilterFailureReason | None, str]) -> None:
-        message, transform, reason, text = outcome
+    def _put(self, outcome: tuple[Any, Any, FilterFailureReason | None, str]) -> None:
+        if not self._closed and not node_has_ended(self._node):
+            self._outcomes.append(outcome)
+            self._queue.put(self._deliver)
+
+    def _deliver(self) -> None:
+        """Call back with the next outcome."""
+        try:
+            message, transform, reason, text = self._outcomes.popleft()
+        except IndexError:
+            return  # removed by `clear`
         self._warn_of_drops(message, reason, text)
         if reason is not None:
             for callback, arguments in self._failure_callbacks.values():
@@ -434,7 +456,7 @@ class MessageFilter(Generic[_Message]):
             return
         with self._counts_lock:
             self._passed += 1
-        for stream in list(self._streams):
+        for stream in self._streams:
             stream.put((message, transform))
         for callback, arguments in list(self.callbacks.values()):
             callback(message, *arguments)
@@ -453,6 +475,47 @@ class MessageFilter(Generic[_Message]):
             f"MessageFilter [target={frames}]: {dropped} of the last {SAMPLE} messages were dropped; the "
             f"last, from frame [{printable(message.header.frame_id)}], for {reason.value}. {text}".rstrip()
         )
+
+
+class _UnspunWarning:
+    """
+    Logs one warning if nobody has spun the node for some seconds.
+
+    It begins when something relies on the subscription, and must be kept as long as the subscription exists.
+    """
+
+    def __init__(self, node: Node, topic: str, queue: CallbackQueue) -> None:
+        self._node = node
+        self._names = (topic, node.get_fully_qualified_name())
+        self._queue = queue
+        self._spun_ns = 0  # steady time at which the node was last seen spun, or first relied on
+
+    def rely(self) -> None:
+        """Note that something relies on the messages from now on."""
+        if not self._spun_ns:
+            self._spun_ns = time.monotonic_ns()
+            self._check_later()
+
+    def over(self) -> bool:
+        """Whether there is nothing to warn of any more, for ``deadlines``."""
+        return node_has_ended(self._node)
+
+    def expire(self) -> None:
+        """Warn if nobody has spun the node for long; otherwise check again."""
+        now_ns = time.monotonic_ns()
+        if self._queue.is_spun():
+            self._spun_ns = now_ns
+        if now_ns - self._spun_ns < patience_ns():
+            self._check_later()
+            return
+        topic, node = self._names
+        self._node.get_logger().warning(
+            f"A MessageFilter gets no messages of [{topic}], because nobody spins the node [{node}]. "
+            f"Spin it in a thread, for example with rclpy.spin(node)."
+        )
+
+    def _check_later(self) -> None:
+        deadlines.add(self._spun_ns + patience_ns(), self)
 
 
 def _is_input(value: Any) -> bool:
@@ -475,6 +538,11 @@ def _names(target_frames: str | Sequence[str]) -> tuple[str, ...]:
     return names
 
 
+def _require_callable(method: str, callback: object) -> None:
+    if not callable(callback):
+        raise TypeError(f"{method} needs a function to call, not {kind_of(callback)}")
+
+
 def _size(queue_size: int) -> int:
     if queue_size < 0:
         raise ValueError(f"queue_size must not be negative, it is {queue_size}")
@@ -486,7 +554,7 @@ def _tolerance_ns(tolerance: DurationLike | None) -> int:
     if tolerance_ns < 0:
         raise ValueError(f"tolerance must not be negative, it is {tolerance_ns / 1e9} s")
     if tolerance_ns >= FOR_EVER_NS:
-        raise ValueError("tolerance must be finite: no transform is available for ever after a stamp")
+        raise ValueError("tolerance must be finite: no transform is available forever after a stamp")
     return tolerance_ns
 
 
@@ -499,7 +567,7 @@ def _then_add(callback: Callable[..., Any], add: Callable[[Any], None]) -> Calla
         await await_or_execute(callback, message, info)
         add(message)
 
-    # As rclpy finds out how many arguments a callback takes.
+    # rclpy finds out in the same way how many arguments a callback takes.
     try:
         inspect.signature(callback).bind(object())
     except TypeError:

@@ -1,4 +1,4 @@
-"""Owns the conversion between messages and NumPy, SciPy and data frames: matrices, arrays, columns."""
+"""Convert between messages and NumPy, SciPy and data frames: matrices, arrays, columns."""
 
 from __future__ import annotations
 
@@ -31,39 +31,57 @@ from tf2_ros._messages import (
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-__all__ = ["from_matrix", "from_rotation", "to_arrays", "to_columns", "to_matrix", "to_rotation"]
+    from tf2_py.typing import TimesLike
+
+__all__ = [
+    "from_matrix",
+    "from_rotation",
+    "propagate",
+    "to_arrays",
+    "to_columns",
+    "to_matrix",
+    "to_nanoseconds",
+    "to_rotation",
+]
 
 Array: TypeAlias = npt.NDArray[np.float64]
 Pair: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike]  # translations, shape (..., 3); rotations, (..., 4)
 Message: TypeAlias = Transform | TransformStamped | Pose | PoseStamped
+_Float = TypeVar("_Float", np.float32, np.float64)
 _Unstamped = TypeVar("_Unstamped", Transform, Pose)
 
-# How far a matrix may differ from a rotation; a product of a few that were rounded to float32 differs less.
+# How far a matrix may differ from a rotation; a product of a few float32 matrices differs less.
 TOLERANCE = 1e-5
 A_MESSAGE = "a TransformStamped, Transform, PoseStamped or Pose"
 OF_ARRAYS = "translations and rotations must be numbers"
 
 
-def to_matrix(transforms: Message | Pair) -> Array:
+@overload
+def to_matrix(transforms: Message | Pair, *, dtype: type[float] = ...) -> Array: ...
+@overload
+def to_matrix(transforms: Message | Pair, *, dtype: type[_Float]) -> npt.NDArray[_Float]: ...
+def to_matrix(transforms: Message | Pair, *, dtype: npt.DTypeLike = np.float64) -> npt.NDArray[Any]:
     """
-    Make the homogeneous matrix of a transform or a pose, or those of arrays of transforms.
+    Make the homogeneous matrix of a transform or a pose, or the matrices of arrays of transforms.
 
     :param transforms: a ``TransformStamped``, ``Transform``, ``PoseStamped`` or ``Pose``, or an object with
         the fields of one; or a tuple ``(translations, rotations)`` of arrays of shape (N, 3), metres, and
-        (N, 4), x y z w, as :func:`to_arrays` and ``Buffer.lookup_transforms`` return it. Any shape may stand
-        in the place of N, also none.
-    :return: float64, shape (4, 4) or (N, 4, 4): ``to_matrix(t) @ [x, y, z, 1]`` is the point (x, y, z), in
-        metres, transformed by ``t``. Where a row of ``rotations`` is NaN, the matrix is.
-    :raises TypeError: another type, or no numbers.
-    :raises ValueError: arrays of other shapes; or a rotation has no finite length above zero.
+        (N, 4), x y z w, as :func:`to_arrays` and ``Buffer.lookup_transforms`` return it. N may be any
+        shape, or be absent for a single transform.
+    :param dtype: ``numpy.float64`` or ``numpy.float32``, to which the results are rounded.
+    :return: shape (4, 4) or (N, 4, 4): ``to_matrix(t) @ [x, y, z, 1]`` is the point (x, y, z), in metres,
+        transformed by ``t``. Where a row of ``rotations`` is NaN, the matrix is.
+    :raises TypeError: the type is wrong, or what must be numbers is something else.
+    :raises ValueError: a shape is wrong, or a rotation has no finite length above zero.
     """
-    translations, rotations = _pair(transforms) if isinstance(transforms, tuple) else _one(transforms)
-    shape = rotations.shape[:-1]
-    matrices = np.zeros((*shape, 4, 4))
-    matrices[..., :3, :3] = matrices_from_rotations(rotations.reshape(-1, 4)).reshape(*shape, 3, 3)
+    if np.dtype(dtype) not in (np.float64, np.float32):
+        raise TypeError(f"dtype must be numpy.float64 or numpy.float32, not {dtype!r}")
+    translations, turns = _translations_and_turns(transforms)
+    matrices = np.zeros((*turns.shape[:-2], 4, 4), dtype)
+    matrices[..., :3, :3] = turns
     matrices[..., :3, 3] = translations
     matrices[..., 3, 3] = 1
-    matrices[np.isnan(rotations[..., 0])] = np.nan
+    matrices[np.isnan(turns[..., 0, 0])] = np.nan
     return matrices
 
 
@@ -103,8 +121,9 @@ def from_matrix(
     :param header: of a stamped message, which gets a copy; without it, an empty one.
     :param child_frame_id: of a ``TransformStamped``; without it, empty.
     :return: a new message; its quaternion has length one and w >= 0.
-    :raises TypeError: another class, one that lacks what is given, or no numbers.
-    :raises ValueError: another shape, or a matrix that is no rigid transform; the text says how far from one.
+    :raises TypeError: the class is wrong or lacks an attribute that is given, or what must be numbers is
+        something else.
+    :raises ValueError: the shape is wrong, or a matrix is not a rigid transform; the text says by how much.
     """
     if message_class is None:
         message_class = Transform if child_frame_id is None else TransformStamped
@@ -137,12 +156,12 @@ def to_arrays(transforms: Iterable[Message] | npt.NDArray[Any]) -> tuple[Array, 
     Make arrays of transforms or poses, or of homogeneous matrices.
 
     :param transforms: N messages, each as for :func:`to_matrix`, also an array of objects; or an array of
-        matrices of shape (N, 4, 4), each as for :func:`from_matrix`, or NaN or masked throughout. Any shape
-        may stand in the place of N of the matrices, also none.
+        matrices of shape (N, 4, 4), each as for :func:`from_matrix`, or NaN or masked throughout. For
+        matrices, N may be any shape, or be absent for a single one.
     :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), metres, and (N, 4), x y z w of
-        length one; NaN for a matrix of NaN. Those of matrices have w >= 0.
-    :raises TypeError: another type.
-    :raises ValueError: a rotation has no finite length above zero; or as :func:`from_matrix`.
+        length one; NaN for a matrix of NaN. Rotations of matrices have w >= 0.
+    :raises TypeError: the type is wrong.
+    :raises ValueError: a rotation has no finite length above zero; see also :func:`from_matrix`.
     """
     if isinstance(transforms, np.ndarray) and (transforms.ndim != 1 or transforms.dtype != object):
         return _translations_and_rotations(_matrices(transforms))
@@ -156,10 +175,10 @@ def to_rotation(rotations: Message | Quaternion | Pair | npt.ArrayLike) -> Rotat
     :param rotations: a message as for :func:`to_matrix`, a ``Quaternion`` or a ``QuaternionStamped``, or an
         object with the fields of one; an array of shape (4,) or (N, 4), x y z w; or a tuple
         ``(translations, rotations)`` of arrays.
-    :return: one rotation, or N. A row of NaN becomes a rotation that makes NaN of what it is applied to.
+    :return: one rotation, or N. A row of NaN becomes a rotation that turns everything into NaN.
     :raises ImportError: SciPy is not installed.
-    :raises TypeError: another type, or no numbers.
-    :raises ValueError: another shape; or a rotation has no finite length above zero.
+    :raises TypeError: the type is wrong, or what must be numbers is something else.
+    :raises ValueError: the shape is wrong, or a rotation has no finite length above zero.
     """
     try:
         from scipy.spatial.transform import Rotation
@@ -167,7 +186,7 @@ def to_rotation(rotations: Message | Quaternion | Pair | npt.ArrayLike) -> Rotat
         if missing.name != "scipy":
             raise
         raise ModuleNotFoundError("to_rotation needs SciPy: pip install scipy", name="scipy") from None
-    # Not by from_quat: it refuses NaN. The rows have the length one already.
+    # Not by from_quat, which refuses NaN. The rows already have the length one.
     return Rotation(_rotations(rotations), normalize=False)
 
 
@@ -176,8 +195,8 @@ def from_rotation(rotation: Rotation) -> Quaternion:
     Make a message of one of SciPy's rotations.
 
     :return: a new ``Quaternion``, of length one and with w >= 0.
-    :raises TypeError: another type.
-    :raises ValueError: more than one rotation, for which ``rotation.as_quat()`` makes an array; or NaN.
+    :raises TypeError: the type is wrong.
+    :raises ValueError: there are several rotations, for which ``rotation.as_quat()`` makes an array; or NaN.
     """
     if not hasattr(rotation, "as_quat"):
         raise TypeError(f"expected a Rotation of SciPy, got {type(rotation).__name__}")
@@ -199,11 +218,12 @@ def to_columns(
 
     :param transforms: a tuple ``(translations, rotations)`` of arrays of shape (N, 3), metres, and (N, 4),
         x y z w; or N stamped messages, each as for :func:`to_matrix`.
-    :param times: N times, as for ``Buffer.lookup_transforms``; of messages, their stamps are taken.
+    :param times: N times, as for ``Buffer.lookup_transforms``; not for messages, which have stamps.
     :return: new arrays of shape (N,): ``stamp_ns``, int64, nanoseconds; ``x``, ``y``, ``z``, float64, metres;
         ``qx``, ``qy``, ``qz``, ``qw``, float64, of length one. NaN where the rotation is NaN.
-    :raises TypeError: another type; arrays without times, or messages with times.
-    :raises ValueError: other shapes, other numbers of times and transforms; or as :func:`to_matrix`.
+    :raises TypeError: the type is wrong, arrays have no times, or messages have times.
+    :raises ValueError: shapes are wrong, or the numbers of times and transforms differ; see also
+        :func:`to_matrix`.
     """
     if isinstance(transforms, tuple) and not any(hasattr(part, "header") for part in transforms):
         if times is None:
@@ -212,7 +232,7 @@ def to_columns(
         translations, rotations = _pair(transforms)
     else:
         if times is not None:
-            raise TypeError("messages have stamps of their own: pass no times")
+            raise TypeError("messages contain their own stamps: pass no times")
         msgs: list[Any] = list(transforms)
         stamps_ns = np.array([_stamp_ns(msg) for msg in msgs], dtype=np.int64)
         translations, rotations = to_arrays(msgs)
@@ -223,6 +243,56 @@ def to_columns(
         **{name: translations[:, i].copy() for i, name in enumerate(("x", "y", "z"))},
         **{name: rotations[:, i].copy() for i, name in enumerate(("qx", "qy", "qz", "qw"))},
     }
+
+
+def propagate(covariances: npt.ArrayLike, transforms: Message | Pair, *, lever_arm: bool = False) -> Array:
+    """
+    Propagate covariances of poses or of twists through transforms.
+
+    :param covariances: shape (N, 6, 6), or (6, 6), which serves all transforms: of x y z, in metres, and of
+        the rotations about the axes x y z, in radians, in the order of a ``PoseWithCovariance``; or of a
+        twist, in m/s and rad/s. They are given in the axes of the source frame. Any shape may stand in the
+        place of N.
+    :param transforms: as for :func:`to_matrix`, N or one, which serves all covariances.
+    :param lever_arm: False: the covariances are those of poses in the source frame, which rotate about their
+        own origins; the results are those of ``tf2_geometry_msgs.do_transform_pose_with_covariance``, and the
+        translation has no effect. True: they are those of the source frame itself; the results are those of
+        the target frame, which is rigidly connected with it: a rotation about the origin of the one moves the
+        origin of the other.
+    :return: float64, shape (N, 6, 6): in the axes of the target frame. NaN where the transform is NaN.
+    :raises TypeError: the type is wrong, or there are no numbers.
+    :raises ValueError: a shape is wrong, the numbers of covariances and transforms differ, or a rotation has
+        no finite length above zero.
+
+    A C A^T, where A has the blocks R, [t]x R / 0, R: the adjoint of the transform (R, t). T. D. Barfoot and
+    P. T. Furgale, Associating Uncertainty with Three-Dimensional Poses for Use in Estimation Problems, IEEE
+    Transactions on Robotics 30(3), 2014. Without ``lever_arm``, t is 0.
+    """
+    values = _floats(covariances, "covariances must be numbers")
+    if values.shape[-2:] != (6, 6):
+        raise ValueError(f"covariances must have the shape (N, 6, 6), not {values.shape}")
+    translations, turns = _translations_and_turns(transforms)
+    many, others = values.shape[:-2], turns.shape[:-2]
+    if many and others and many != others:
+        raise ValueError(f"covariances of shape {values.shape}, but rotations of shape {(*others, 4)}")
+    adjoint = np.zeros((*others, 6, 6))
+    adjoint[..., :3, :3] = adjoint[..., 3:, 3:] = turns
+    if lever_arm:
+        adjoint[..., :3, 3:] = np.cross(translations[..., None], turns, axis=-2)
+    propagated: Array = adjoint @ values @ np.swapaxes(adjoint, -1, -2)
+    return propagated
+
+
+def to_nanoseconds(times: TimesLike) -> npt.NDArray[np.int64]:
+    """
+    Make nanoseconds of times of any kind.
+
+    :param times: N times, as for ``Buffer.lookup_transforms``.
+    :return: int64, shape (N,).
+    :raises TypeError: these are not times; a float cannot represent current times to the nanosecond.
+    :raises ValueError: the shape is wrong, or times do not fit into 64 bits.
+    """
+    return as_times_ns(times)
 
 
 def _row(msg: Any) -> tuple[float, ...]:
@@ -265,8 +335,15 @@ def _stamp_ns(msg: Any) -> int:
     return time_ns(stamp, "header.stamp")
 
 
+def _translations_and_turns(transforms: Message | Pair) -> tuple[Array, Array]:
+    """Read what :func:`to_matrix` takes: shapes (..., 3) and, matrices of rotations, (..., 3, 3)."""
+    translations, rotations = _pair(transforms) if isinstance(transforms, tuple) else _one(transforms)
+    turns = matrices_from_rotations(rotations.reshape(-1, 4))
+    return translations, turns.reshape(*rotations.shape[:-1], 3, 3)
+
+
 def _floats(values: Any, wanted: str) -> Array:
-    """Numbers as float64, NaN where they are masked; not necessarily a copy."""
+    """Convert numbers to float64, with NaN where they are masked; not necessarily a copy."""
     try:
         numbers = np.asarray(values)
         if numbers.dtype.kind == "c":
@@ -307,7 +384,7 @@ def _rotations(value: Any) -> Array:
 
 
 def _unit(rotations: Array) -> Array:
-    """Quaternions of length one; a row of NaN, a missing transform, stays NaN."""
+    """Normalise quaternions; a row of NaN, which is a missing transform, remains NaN."""
     units = rotations.reshape(-1, 4).copy()
     bad = normalise(units, nan_missing=True)
     if bad >= 0:
@@ -317,7 +394,7 @@ def _unit(rotations: Array) -> Array:
 
 
 def _which(name: str, shape: tuple[int, ...], flat: int) -> str:
-    """How to index one of many, by its index among the flattened; empty where there is only one."""
+    """Write the index of one of many, from its flat index; empty if there is only one."""
     return f"{name}[{', '.join(str(i) for i in np.unravel_index(flat, shape))}]" if shape else ""
 
 

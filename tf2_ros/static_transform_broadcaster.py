@@ -1,6 +1,6 @@
-"""Owns sending transforms on /tf_static."""
+"""Broadcast static transforms on /tf_static."""
 
-# Before the imports below fail without a word of advice.
+# Imported first, because it explains what to install if the imports below fail.
 from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split
@@ -16,8 +16,7 @@ from rclpy.qos import QoSProfile
 from tf2_msgs.msg import TFMessage
 from tf2_ros._arguments import require_node
 from tf2_ros._forking import register_for_fork
-from tf2_ros._qos import static_broadcaster_qos, static_overrides
-from tf2_ros._refused import RefusedTransforms, require_transforms
+from tf2_ros._qos import chosen_qos
 from tf2_ros._tf2_names import (
     DurabilityPolicy,
     HistoryPolicy,
@@ -25,7 +24,12 @@ from tf2_ros._tf2_names import (
     Optional,
     Union,
 )
-from tf2_ros.transform_broadcaster import publish_transforms, transforms_of
+from tf2_ros.transform_broadcaster import (
+    RefusedTransforms,
+    publish_transforms,
+    require_transforms,
+    transforms_of,
+)
 
 # What `import *` gives from tf2's module.
 __all__ = [
@@ -44,12 +48,12 @@ __all__ = [
 
 class StaticTransformBroadcaster:
     """
-    Sends transforms on ``/tf_static``, where late subscribers receive them, too.
+    Sends transforms on ``/tf_static``, where late subscribers also receive them.
 
     :param node: publishes them; the attribute ``pub_tf`` is the publisher.
     :param qos: a profile, or the depth of its queue. None: transient local, depth 1, which parameters of the
         node may override.
-    :param strict: as of :class:`tf2_ros.TransformBroadcaster`.
+    :param strict: see :class:`tf2_ros.TransformBroadcaster`.
 
     Every message contains all transforms sent so far (the attribute ``net_message``), one for each child
     frame. Several threads may send.
@@ -68,24 +72,23 @@ class StaticTransformBroadcaster:
         require_node("StaticTransformBroadcaster", node, "create_publisher")
         self._refused = RefusedTransforms(strict)
         self.net_message = TFMessage()
-        # Held until a message is published: the last message must contain all.
+        # Held until a message is published, because the last message must contain all transforms.
         self._sending = threading.RLock()
         register_for_fork(self)
-        overrides = {}
-        if qos is None:
-            qos = static_broadcaster_qos()
-            overrides = static_overrides(node, "/tf_static", "publisher")
-        self.pub_tf = node.create_publisher(TFMessage, "/tf_static", qos, **overrides)
+        profile, overrides = chosen_qos(node, "/tf_static", "publisher", qos, is_static=True)
+        self.pub_tf = node.create_publisher(TFMessage, "/tf_static", profile, **overrides)
 
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
         """
         Send one transform, or several; each replaces what was sent before for its child frame.
 
-        :param transform: a ``TransformStamped``, or an iterable of them. Static transforms hold for all
-            times, whatever their stamps are.
+        :param transform: a ``TransformStamped``, or an iterable of them. Static transforms are valid
+            at all times, regardless of their stamps.
         :raises AttributeError: it is something else.
-        :raises TypeError: a name is no ``str``. Whatever is raised, nothing of it is kept.
-        :raises ValueError: ``strict``, and a listener would refuse one of them; none of them is sent or kept.
+        :raises TypeError: a name is not a ``str``.
+        :raises ValueError: ``strict`` is true, and a listener would refuse one of them.
+
+        If an exception is raised, none of them is sent or kept.
         """
         new_transforms = transforms_of(transform)
         require_transforms(new_transforms)  # before any is kept
@@ -93,14 +96,14 @@ class StaticTransformBroadcaster:
         with self._sending:
             transforms = {sent.child_frame_id: sent for sent in self.net_message.transforms}
             for new in new_transforms:
-                # A copy: programs reuse one message.
+                # Copied, because programs reuse one message.
                 transforms[new.child_frame_id] = deepcopy(new)
             merged = list(transforms.values())
-            # Only then is it kept: what cannot be sent would keep every later message from being sent.
+            # Kept only afterwards: what cannot be sent would prevent all later messages.
             refused = publish_transforms(self.pub_tf, merged)
             self.net_message.transforms = merged
         self._refused.after_sending(refused)
 
     def after_fork(self) -> None:
-        """Make the lock anew: in a forked child it must be free."""
+        """Make the lock anew, because it must be free in a forked child."""
         self._sending = threading.RLock()

@@ -1,6 +1,6 @@
-"""Owns nothing: the module from which tf2's StaticTransformListener is imported."""
+"""The module from which programs for tf2 import StaticTransformListener."""
 
-# Before the imports below fail without a word of advice.
+# Imported first, because it explains what to install if the imports below fail.
 from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split

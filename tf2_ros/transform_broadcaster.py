@@ -1,6 +1,6 @@
-"""Owns sending transforms on /tf."""
+"""Broadcast transforms on /tf."""
 
-# Before the imports below fail without a word of advice.
+# Imported first, because it explains what to install if the imports below fail.
 from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split
@@ -8,15 +8,15 @@ from tf2_ros_cython import _requirement  # noqa: F401
 from collections.abc import Iterable
 
 from geometry_msgs.msg import TransformStamped
+from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
-from tf2_py._internal import refused, serialize_transforms
-from tf2_ros._arguments import require_node
-from tf2_ros._qos import dynamic_broadcaster_qos, dynamic_overrides
-from tf2_ros._refused import RefusedTransforms, require_transforms
+from tf2_py._internal import MalformedObjectError, raise_refused, refused, serialize_transforms
+from tf2_ros._arguments import kind_of, require_node
+from tf2_ros._qos import chosen_qos
 from tf2_ros._tf2_names import (
     List,
     Optional,
@@ -35,6 +35,35 @@ __all__ = [
     "Union",
 ]
 
+MOST_WARNINGS = 100
+
+
+class RefusedTransforms:
+    """
+    Raises, or warns once for each child frame, about transforms that every listener would refuse.
+
+    :param strict: raise.
+    """
+
+    def __init__(self, strict: bool) -> None:
+        self._strict = strict
+        self._warned: set[str] = set()
+
+    def before_sending(self, transforms: list[TransformStamped]) -> None:
+        """Raise a ValueError about one that would be refused, if this is strict."""
+        if self._strict:
+            require_transforms(transforms)
+            raise_refused(transforms)
+
+    def after_sending(self, refused: Iterable[tuple[str, str]]) -> None:
+        """Warn about those that no listener accepts: pairs of a ``child_frame_id`` and the reason."""
+        if self._strict:
+            return
+        for child, why in refused:
+            if child not in self._warned and len(self._warned) < MOST_WARNINGS:
+                self._warned.add(child)
+                get_logger("tf2_ros").warning(f"Sent anyway (strict=True would raise): {why}")
+
 
 class TransformBroadcaster:
     """
@@ -44,7 +73,7 @@ class TransformBroadcaster:
     :param qos: a profile, or the depth of its queue. None: volatile, depth 100, which parameters of the node
         may override.
     :param strict: raise instead of sending what every listener would refuse: for example, a transform without
-        names, or with a rotation of no length. False: send it, and warn once for each child frame.
+        names, or with a rotation of zero length. False: send it, and warn once for each child frame.
 
     >>> from geometry_msgs.msg import TransformStamped
     >>> from tf2_ros import TransformBroadcaster
@@ -54,16 +83,13 @@ class TransformBroadcaster:
     >>> TransformBroadcaster(node).sendTransform(pose)
     """
 
-    _refused = RefusedTransforms(strict=False)  # where a subclass does not call __init__
+    _refused = RefusedTransforms(strict=False)  # if a subclass does not call __init__
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None, *, strict: bool = False) -> None:
         require_node("TransformBroadcaster", node, "create_publisher")
         self._refused = RefusedTransforms(strict)
-        overrides = {}
-        if qos is None:
-            qos = dynamic_broadcaster_qos()
-            overrides = dynamic_overrides(node, "/tf", "publisher")
-        self.pub_tf = node.create_publisher(TFMessage, "/tf", qos, **overrides)
+        profile, overrides = chosen_qos(node, "/tf", "publisher", qos, is_static=False)
+        self.pub_tf = node.create_publisher(TFMessage, "/tf", profile, **overrides)
 
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
         """
@@ -72,28 +98,37 @@ class TransformBroadcaster:
         :param transform: a ``TransformStamped``, or an iterable of them: translations in metres, rotations as
             unit quaternions. A receiver takes a stamp of 0 as a time like any other.
         :raises AttributeError: it is something else.
-        :raises ValueError: ``strict``, and a listener would refuse one of them; nothing is sent.
+        :raises ValueError: ``strict`` is true, and a listener would refuse one of them; nothing is sent.
         """
         transforms = transforms_of(transform)
         self._refused.before_sending(transforms)
         self._refused.after_sending(publish_transforms(self.pub_tf, transforms))
 
 
+def require_transforms(transforms: list[TransformStamped]) -> None:
+    """Raise a TypeError, which is also an AttributeError as in tf2, if one is something else."""
+    for one in transforms:
+        if not isinstance(one, TransformStamped):
+            raise MalformedObjectError(
+                f"sendTransform takes a TransformStamped, or several, not {kind_of(one)}"
+            )
+
+
 def transforms_of(transform: TransformStamped | Iterable[TransformStamped]) -> list[TransformStamped]:
-    """Make a list of what a broadcaster was given."""
+    """Make a list of the argument of a broadcaster."""
     return list(transform) if isinstance(transform, Iterable) else [transform]
 
 
 def publish_transforms(publisher: Publisher, transforms: list[TransformStamped]) -> list[tuple[str, str]]:
     """
-    Publish one TFMessage, serialised by tf2_py where that certainly gives the same bytes as ROS.
+    Publish one TFMessage, serialised by tf2_py if that gives the same bytes as ROS.
 
-    :raises AttributeError: one is no TransformStamped; nothing is published.
+    :raises AttributeError: one is not a TransformStamped; nothing is published.
     :return: those that every buffer refuses, as pairs: the ``child_frame_id`` and the reason.
     """
     serialized = serialize_transforms(transforms) if _takes_bytes(publisher) else None
     if serialized is None:
-        require_transforms(transforms)  # what was serialised are such
+        require_transforms(transforms)  # serialising checks this, too
         publisher.publish(TFMessage(transforms=transforms))
         return refused(transforms)
     data, sent_for_nothing = serialized

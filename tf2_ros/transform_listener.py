@@ -1,32 +1,32 @@
-"""Owns listeners: the subscriptions by which a buffer receives transforms, and what inserts them."""
+"""Receive transforms from topics, and insert them into a buffer."""
 
-# Before the imports below fail without a word of advice.
+# Imported first, because it explains what to install if the imports below fail.
 from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split
 
-import sys
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
+from std_msgs.msg import Header
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_py._internal import class_name
 from tf2_ros._arguments import has, refuse_swapped, require_node
-from tf2_ros._hidden_node import hidden_node
-from tf2_ros._node_use import NodeUse
-from tf2_ros._qos import dynamic_overrides, listener_qos, static_listener_qos, static_overrides
-from tf2_ros._receive.receiver_thread import ReceiverThread, can_receive
+from tf2_ros._forking import FORKED
+from tf2_ros._nodes import END_WAIT_S, NodeUse, Spinner, fills, hidden_node
+from tf2_ros._qos import chosen_qos
+from tf2_ros._rcl import problem
+from tf2_ros._rclpy import RCLError, context_was_shut_down, has_callback_groups
+from tf2_ros._receive.receiver import ListenerGroup, Receiver, can_receive, wake_executor
 from tf2_ros._receive.reception import ReceivedTopic, Reception
-from tf2_ros._receive.recording import Recording
-from tf2_ros._receive.subscriptions import ListenerGroup, wake_executor
-from tf2_ros._spinner import END_WAIT_S, Spinner
+from tf2_ros._shared.names import is_wanted
 from tf2_ros._tf2_names import (
     DurabilityPolicy,
     HistoryPolicy,
@@ -37,13 +37,12 @@ from tf2_ros._tf2_names import (
     Union,
     tf2_ros,
 )
-from tf2_ros._travel import stays
+from tf2_ros._wait.callbacks import callback_queue
 from tf2_ros.buffer import SETTERS, Buffer
+from tf2_ros.records import Recording
 
-if TYPE_CHECKING or sys.platform == "linux":
-    from tf2_ros._shared.attachment import Attachment, attach_listener, detach_listener
-else:
-    from tf2_ros._shared.absence import attach_listener, detach_listener
+if TYPE_CHECKING:
+    from tf2_ros._shared.attachment import AttachedListener
 
 # What `import *` gives from tf2's module.
 __all__ = [
@@ -70,7 +69,7 @@ DEFAULT_STATIC_TF_TOPIC = "/tf_static"
 AUTHORITY = "default_authority"  # messages do not name their publisher
 
 # Setting one of these redirects what arrives.
-REDIRECTING = frozenset({"buffer", "callback", "static_callback", "__class__"})
+REDIRECTING = frozenset({"buffer", "__class__"})
 
 
 _Listener = TypeVar("_Listener", bound="TransformListener")
@@ -83,39 +82,44 @@ class TransformSink(Protocol):
     def set_transform_static(self, transform: TransformStamped, authority: str, /) -> object: ...
 
 
-@stays
 class TransformListener:
     """
     Fills a buffer from the topics of tf2.
 
     :param buffer: a :class:`tf2_ros.Buffer`, or any object with its ``set_transform`` and
         ``set_transform_static``.
-    :param node: gets the subscriptions. None: a hidden node that a thread of its own spins.
-    :param spin_thread: spin the node in a thread, until its context ends. Once another executor has taken the
-        node over, the thread serves it no more, as in tf2. Until the end the program does not exit.
+    :param node: gets the subscriptions; also an ``AsyncNode``. None: a hidden node, which a thread spins.
+    :param spin_thread: spin the node in a thread, until its context ends. If another executor takes the node
+        over, the thread no longer serves it, as in tf2. The program does not exit before the thread ends.
     :param qos: a profile, or the depth of the queue, for dynamic transforms. None: volatile, depth 100, which
         parameters of the node may override.
     :param static_qos: the same for static transforms. None: transient local, depth 100.
     :param tf_topic: the topic of dynamic transforms.
     :param tf_static_topic: the topic of static transforms.
     :param static_only: do not subscribe to dynamic transforms.
+    :param prefix: put before the names of all frames that arrive, as in ``"robot1/"``. Several listeners may
+        fill one buffer with the transforms of several robots.
+    :param recording: a :class:`tf2_ros.records.Recording`, which records the sender and time of each
+        transform.
+    :raises NotImplementedError: ``recording`` is given, but an executor would take the messages, see below.
 
-    A thread of its own inserts the transforms, whether the node is spun or not, and while callbacks block. In
-    some cases the executor that spins the node inserts them instead: where a program replaces ``callback``,
-    ``static_callback``, the callback of a subscription or a ``set_transform*`` of the buffer, now or later;
-    where the buffer is not a :class:`tf2_ros.Buffer`; where the node makes subscriptions of another class
-    than rclpy's; and where the thread's code could not be built. The property ``receives`` says which it is.
+    What has arrived is inserted before the buffer is read, whether the node is spun or not, and while
+    callbacks block. In some cases the executor that spins the node inserts it instead: if a subclass
+    overrides ``callback`` or ``static_callback``; if a program replaces the callback of a subscription or a
+    ``set_transform*`` of the buffer, now or later; if the buffer is not a :class:`tf2_ros.Buffer`; if the
+    node makes subscriptions of another class than rclpy's; and if this version of rcl is not known. The
+    property ``receives`` names the topics that need no executor.
 
-    On a buffer that is attached to another process's it subscribes to nothing, until the buffer leaves. With
-    ``TF2_SHARED_BUFFER`` in the environment it attaches its buffer itself, where it would receive the same;
-    see docs/sharing.md.
+    If its buffer is attached to the buffer of another process, it subscribes to nothing. With
+    ``TF2_SHARED_BUFFER`` in the environment, it attaches its buffer, if it would receive the same messages,
+    and subscribes while no process shares one; see docs/sharing.md.
 
     Another buffer may be assigned to ``buffer`` at any time. The node keeps the listener alive.
     ``unregister()`` ends its subscriptions; the end of a ``with`` block also ends the thread that spins the
     node.
 
     Attributes: ``buffer``, ``node``, ``group`` (the callback group of the subscriptions), ``tf_sub``,
-    ``tf_static_sub``; where a thread spins the node, ``executor`` and ``dedicated_listener_thread``.
+    ``tf_static_sub``; if a thread spins the node, also ``executor`` and ``dedicated_listener_thread``.
 
     >>> from rclpy.duration import Duration
     >>> from rclpy.time import Time
@@ -131,19 +135,22 @@ class TransformListener:
     0.3
     """
 
+    _tf2_stays = True  # a copy of a buffer whose attribute this is does not have it
+
     # Where a subclass does not call __init__.
     _owns_node = False
     _spinner: Spinner | None = None
-    _receiver_thread: ReceiverThread | None = None
+    _receiver: Receiver | None = None
     _node_use: NodeUse | None = None
     _reception: Reception | None = None
-    _attachment: "Attachment | None" = None
+    _attachment: "AttachedListener | None" = None
     _recording: Recording | None = None
+    _prefix = ""
 
     def __init__(
         self,
         buffer: TransformSink,
-        node: Node | None,
+        node: Node | None = None,
         *,
         spin_thread: bool = False,
         qos: QoSProfile | int | None = None,
@@ -151,6 +158,8 @@ class TransformListener:
         tf_topic: str = DEFAULT_TF_TOPIC,
         tf_static_topic: str = DEFAULT_STATIC_TF_TOPIC,
         static_only: bool = False,
+        prefix: str = "",
+        recording: Recording | None = None,
     ) -> None:
         refuse_swapped(
             type(self).__name__,
@@ -160,44 +169,63 @@ class TransformListener:
         if node is not None:
             require_node(type(self).__name__, node, "create_subscription")
         self.buffer: Any = buffer
+        self._prefix = _valid_prefix(prefix)
+        self._recording = recording
         self._owns_node = node is None
         self.node = node = hidden_node("transform_listener_impl", self) if node is None else node
         self._node_use = NodeUse(node)
+        fills(node, buffer, listener=True)
         self.group = ListenerGroup()
         try:
             self.__subscription = (qos, static_qos, None if static_only else tf_topic, tf_static_topic)
-            is_usual = qos is None and static_qos is None and not static_only and self._is_direct()
-            self._attachment = attach_listener(self, is_usual, (tf_topic, tf_static_topic))
+            if isinstance(buffer, Buffer) and (buffer._sharing is not None or is_wanted()):
+                # Few programs share a buffer; only they load this.
+                from tf2_ros._shared.attachment import attach_listener
+
+                is_usual = qos is None and static_qos is None and not static_only and self._is_direct()
+                self._attachment = attach_listener(self, is_usual, (tf_topic, tf_static_topic))
+                if prefix and self._attachment is not None:
+                    raise ValueError(
+                        "a listener of an attached buffer takes no prefix: its owner names frames"
+                    )
             if self._attachment is None:
                 self._listen_itself()
             else:
-                self.group.decide()  # a program's own subscriptions may be in it
+                self.group.decide()  # it may contain the program's own subscriptions
                 self._reception = Reception(self, ())
             if spin_thread or self._owns_node:
                 self.__spin()
-        except BaseException:
+        except BaseException as error:
             self.__del__()
+            if isinstance(error, RCLError) and context_was_shut_down(node.context):
+                name = f"{type(self).__name__} of {node.get_name()}"
+                raise RCLError(f"{name} cannot subscribe: the context of its node was shut down") from error
             raise
 
     def __setattr__(self, name: str, value: Any) -> None:
+        if name in REDIRECTING:
+            self.__insert_arrived()
         super().__setattr__(name, value)
         if name in REDIRECTING:
-            self.__decide_again()
+            self.__decide()
         if name == "buffer" and self._reception is not None:
+            fills(self.node, value, listener=True)
             self._reception.fill(value)
 
     def __delattr__(self, name: str) -> None:
+        if name in REDIRECTING:
+            self.__insert_arrived()
         super().__delattr__(name)
         if name in REDIRECTING:
-            self.__decide_again()
+            self.__decide()
 
     @property
     def tf_sub(self) -> Subscription | None:
         """
         The subscription to dynamic transforms.
 
-        None where there is none, and for a buffer that was attached by its maker. Where the environment had
-        it attached, a program that reads or sets this makes the listener listen itself.
+        None if it does not exist, for example because the program attached the buffer. If the environment
+        variable attached the buffer, reading or setting this makes the listener subscribe on its own.
         """
         return self.__subscription_of("tf_sub")
 
@@ -208,7 +236,7 @@ class TransformListener:
 
     @property
     def tf_static_sub(self) -> Subscription | None:
-        """The subscription to static transforms, otherwise as :attr:`tf_sub`."""
+        """The subscription to static transforms; see :attr:`tf_sub`."""
         return self.__subscription_of("tf_static_sub")
 
     @tf_static_sub.setter
@@ -224,17 +252,29 @@ class TransformListener:
         if self._attachment is not None:
             self._attachment.use_subscriptions()
 
-    def __decide_again(self) -> None:
-        for source in (self._attachment, self._receiver_thread):
+    def __insert_arrived(self) -> None:
+        # What arrived before a change goes where it belonged.
+        if self._receiver is not None:
+            self._receiver.catch_up()
+
+    def __decide(self) -> None:
+        for source in (self._attachment, self._receiver):
             if source is not None:
-                source.decide_again()
+                source.decide()
 
     @property
-    def receives(self) -> bool:
-        """Whether transforms arrive beside all executors; False after its end, and in a forked child."""
-        return any(
-            source is not None and source.alive for source in (self._attachment, self._receiver_thread)
-        )
+    def receives(self) -> tuple[str, ...]:
+        """
+        The topics whose transforms arrive without an executor.
+
+        The executor that spins the node inserts the transforms of other topics. Empty after the end of the
+        listener, and in a forked child.
+        """
+        if self._attachment is not None and self._attachment.alive:
+            return self._attachment.topics
+        if self._reception is None or self._receiver is None or not self._receiver.alive:
+            return ()
+        return tuple(topic.name for topic in self._reception.topics if not topic.is_left_to_executors())
 
     def unregister(self) -> None:
         """End the subscriptions and the hidden node; the buffer keeps its transforms."""
@@ -242,12 +282,14 @@ class TransformListener:
             return
         if self._attachment is not None:
             self._attachment.close()
-        detach_listener(self)
+        buffer = self.__dict__.get("buffer")
+        if isinstance(buffer, Buffer) and buffer._sharing is not None:
+            buffer._sharing.forget_listener(self)
         if not self._owns_node:
             for name in ("tf_sub", "tf_static_sub"):
                 subscription = self.__dict__.get(name)
                 if subscription is not None:
-                    self.node.destroy_subscription(subscription)
+                    self.__unsubscribe(subscription)
         elif self._spinner is not None:
             self._spinner.stop()  # whose thread destroys the node
         else:
@@ -259,8 +301,8 @@ class TransformListener:
             return
         attributes = self.__dict__
         # The collector runs in any thread, inside any function, so it must not wait.
-        if self._receiver_thread is not None:
-            self._receiver_thread.stop(wait=False)
+        if self._receiver is not None:
+            self._receiver.stop()
         if self._attachment is not None:
             self._attachment.close()
         if self._spinner is not None:
@@ -273,16 +315,19 @@ class TransformListener:
             self.unregister()
 
     def __repr__(self) -> str:
-        """Tell the topics, how many messages were received, when the last one was, and what receives them."""
+        """Describe the topics: how many messages were received, when the last one, and what receives them."""
         name = class_name(type(self))
         if self._reception is None:
             return f"<{name}, not initialised>"
+        if self._is_forked():
+            source = self._reception.names() if self._attachment is None else self._attachment.describe()
+            return f"<{name} of {source}, {FORKED}>"
         if self._attachment is not None and not self._reception.topics:
             state = "" if self._attachment.alive else ", ended"
             return f"<{name} of {self._attachment.describe()}{state}>"
         if not self._reception.topics:
             return f"<{name} with subscriptions of another class than rclpy's>"
-        return f"<{name} of {self._reception.describe()}, {self.__state()}>"
+        return f"<{name} of {self._reception.describe()}>"
 
     def __enter__(self: _Listener) -> _Listener:
         return self
@@ -295,29 +340,24 @@ class TransformListener:
     def callback(self, data: TFMessage) -> None:
         """Insert the transforms of a message into the buffer; a subclass may do something else."""
         self.__count_call(static=False)
-        for transform in data.transforms:
+        for transform in self.__prefixed(data):
             self.buffer.set_transform(transform, AUTHORITY)
 
     def static_callback(self, data: TFMessage) -> None:
         """Insert the static transforms of a message into the buffer; a subclass may do something else."""
         self.__count_call(static=True)
-        for transform in data.transforms:
+        for transform in self.__prefixed(data):
             self.buffer.set_transform_static(transform, AUTHORITY)
 
-    def _is_forked(self) -> bool:
-        # The listener is then the parent's: nothing of it is to be ended here.
-        return self._node_use is not None and self._node_use.forked
+    def __prefixed(self, data: TFMessage) -> Iterable[TransformStamped]:
+        transforms: Iterable[TransformStamped] = data.transforms
+        if not self._prefix:
+            return transforms
+        return [_with_prefix(self._prefix, transform) for transform in transforms]
 
-    def __state(self) -> str:
-        """What receives the messages."""
-        assert self._reception is not None
-        if self._is_forked():
-            return "dead in this forked process"
-        if not self._reception.is_open():
-            return "ended"
-        if self._reception.is_left_to_executors():
-            return "received by the executor of its node"
-        return "thread running" if self.receives else "thread ended"
+    def _is_forked(self) -> bool:
+        # The listener belongs to the parent process, so nothing must be ended here.
+        return self._node_use is not None and self._node_use.forked
 
     def __count_call(self, static: bool) -> None:
         for topic in self._reception.topics if self._reception is not None else ():
@@ -325,71 +365,91 @@ class TransformListener:
                 topic.count_call()
 
     def _is_direct(self) -> bool:
-        """Whether all that it receives goes into its buffer, and through no code of a program."""
+        """Whether everything it receives goes into its buffer, without code of a program."""
         return (
             self._recording is None
+            and not self._prefix
             and getattr(type(self.node), "create_subscription", None) is Node.create_subscription
             and _direct(self) is not None
-            and all(_inserts(self, function) for function in _CALLBACKS.values())
+            and all(
+                _is_ours(self, getattr(self, ours.__name__), static) for static, ours in _CALLBACKS.items()
+            )
         )
 
     def _listen_itself(self) -> None:
         """Subscribe, as this listener was asked to."""
         qos, static_qos, tf_topic, tf_static_topic = self.__subscription
-        node = self.node
+        topics = [("tf_static_sub", tf_static_topic, static_qos, self.static_callback)]
         if tf_topic is not None:
-            overrides = {}
-            if qos is None:
-                qos, overrides = listener_qos(), dynamic_overrides(node, tf_topic, "subscription")
-            self.tf_sub = node.create_subscription(
-                TFMessage, tf_topic, self.callback, qos, callback_group=self.group, **overrides
+            topics.insert(0, ("tf_sub", tf_topic, qos, self.callback))
+        for name, topic, given, callback in topics:
+            profile, overrides = chosen_qos(
+                self.node, topic, "subscription", given, is_static=name == "tf_static_sub"
             )
-        overrides = {}
-        if static_qos is None:
-            static_qos = static_listener_qos()
-            overrides = static_overrides(node, tf_static_topic, "subscription")
-        self.tf_static_sub = node.create_subscription(
-            TFMessage,
-            tf_static_topic,
-            self.static_callback,
-            static_qos,
-            callback_group=self.group,
-            **overrides,
-        )
+            self.__dict__[name] = self.__subscribe(topic, callback, profile, overrides)
         self.__receive()
 
+    def __subscribe(
+        self, topic: str, callback: Any, qos: QoSProfile | int, overrides: dict[str, Any]
+    ) -> Subscription:
+        if not has_callback_groups(self.node):
+            return self.node.create_subscription(TFMessage, topic, callback, qos)
+        return self.node.create_subscription(
+            TFMessage, topic, callback, qos, callback_group=self.group, **overrides
+        )
+
+    def __unsubscribe(self, subscription: Any) -> None:
+        if has_callback_groups(self.node):
+            self.node.destroy_subscription(subscription)
+        else:
+            subscription.destroy()
+
+    def _stop_listening(self) -> None:
+        """Destroy the subscriptions: another process receives."""
+        self._receiver = None
+        for name in ("tf_sub", "tf_static_sub"):
+            subscription = self.__dict__.pop(name, None)
+            if subscription is not None:
+                self.__unsubscribe(subscription)
+        self._reception = Reception(self, ())
+
     def __receive(self) -> None:
-        # A thread takes from the subscriptions where a program cannot observe the difference.
-        reference: weakref.ref[TransformListener] = weakref.ref(self)
+        # A receiver takes from the subscriptions if a program cannot observe the difference.
+        choice = _Choice(self)
+        dynamic_sub, static_sub = (self.__dict__.get(name) for name in ("tf_sub", "tf_static_sub"))
         topics = [
-            ReceivedTopic(subscription, static, _counter(reference))
-            for subscription, static in ((self.tf_sub, False), (self.tf_static_sub, True))
+            ReceivedTopic(subscription, static, choice.is_ours)
+            for subscription, static in ((dynamic_sub, False), (static_sub, True))
             if isinstance(subscription, Subscription)
         ]
         subscriptions = [
             (subscription, static)
-            for subscription, static in ((self.tf_static_sub, True), (self.tf_sub, False))
-            if type(subscription) is Subscription and _direct_buffer(self, subscription, static)
+            for subscription, static in ((static_sub, True), (dynamic_sub, False))
+            if type(subscription) is Subscription and choice.is_ours(subscription, static)
         ]
-        if subscriptions and can_receive() and isinstance(self.node, Node):
-            self._receiver_thread = ReceiverThread(
+        if subscriptions and choice.buffer() is not None and can_receive() and isinstance(self.node, Node):
+            self._receiver = Receiver(
                 self.node,
                 AUTHORITY,
                 self.group,
                 subscriptions,
-                _chooser(reference),
-                _types_of(reference),
+                callback_queue(self.node),
+                choice,
                 self._recording,
+                self._prefix,
             )
             for topic in topics:
-                topic.count_taken(self._receiver_thread)
+                topic.count_taken(self._receiver)
+        elif self._recording is not None:
+            reason = problem() or "code of this program handles what is received"
+            raise NotImplementedError(f"who sends transforms cannot be recorded here: {reason}")
         else:
             self.group.decide()
             wake_executor(self.node)
         self._reception = Reception(self, topics)
 
     def __spin(self) -> None:
-        # A hidden node is used by the listener alone; a program's own is spun also after the listener's end.
+        # Only the listener uses a hidden node; a program's own is spun also after the listener's end.
         if self._owns_node:
             spinner = Spinner(self.node, daemon=True, at_end=self.node.destroy_node)
         else:
@@ -405,80 +465,64 @@ _CALLBACKS: dict[bool, Callable[..., None]] = {
 }
 
 
-def _direct_buffer(
-    listener: TransformListener, subscription: Subscription, static: bool
-) -> BufferCore | None:
-    """The buffer that gets the messages of the subscription; None where code of a program handles them."""
-    return _direct(listener) if _calls_ours(listener, subscription, static) else None
-
-
 def _direct(listener: TransformListener) -> BufferCore | None:
-    """The listener's buffer; None where code of a program would handle what is inserted."""
+    """The listener's buffer; None if code of a program would handle what is inserted."""
     buffer = listener.__dict__.get("buffer")
     # A property of a subclass, or one that was added later, comes before what the instance holds.
     is_property = hasattr(type(getattr(type(listener), "buffer", None)), "__set__")
     if is_property or not isinstance(buffer, BufferCore):
         return None
     kind, own = type(buffer), getattr(buffer, "__dict__", {})
-    if _hides(kind, Buffer) or _hides(type(listener), TransformListener):
-        return None
     if any(name in own or getattr(kind, name) is not getattr(BufferCore, name) for name in SETTERS):
         return None
     return buffer
 
 
-def _calls_ours(listener: TransformListener, subscription: Subscription, static: bool) -> bool:
-    """Whether messages of the subscription are handled by the method of this class, and no other code."""
-    method, function = subscription.callback, _CALLBACKS[static]
-    if getattr(method, "__func__", None) is not function or method.__self__ is not listener:
-        return False
-    # What replaces the method later is called, too.
-    return _inserts(listener, function)
+def _is_ours(listener: TransformListener, method: Any, static: bool) -> bool:
+    """Whether this is the listener's own method of this class, and no other code."""
+    return getattr(method, "__func__", None) is _CALLBACKS[static] and method.__self__ is listener
 
 
-def _inserts(listener: TransformListener, function: Callable[..., None]) -> bool:
-    """Whether the listener's method of this name is that of this class."""
-    name = function.__name__
-    return getattr(type(listener), name) is function and name not in listener.__dict__
+def _valid_prefix(prefix: str) -> str:
+    if not isinstance(prefix, str):
+        raise TypeError(f"prefix must be a str, not {type(prefix).__name__}")
+    if prefix.startswith("/") or "\0" in prefix:
+        raise ValueError(f"prefix must not start with '/' or contain NUL, it is {prefix!r}")
+    return prefix
 
 
-def _hides(kind: type, ours: type) -> bool:
-    # Whether attributes may be set, or found, in a way of its own, which would not be noticed here.
-    names = ("__setattr__", "__delattr__", "__getattribute__")
-    return issubclass(kind, ours) and any(getattr(kind, name) is not getattr(ours, name) for name in names)
+def _with_prefix(prefix: str, transform: TransformStamped) -> TransformStamped:
+    """The same transform between frames with a prefix; as `parcel_prefix` in `inbox.pyx`."""
+    parent, child = (
+        prefix + name.removeprefix("/") if name not in ("", "/") else ""
+        for name in (transform.header.frame_id, transform.child_frame_id)
+    )
+    header = Header(stamp=transform.header.stamp, frame_id=parent)
+    return TransformStamped(header=header, child_frame_id=child, transform=transform.transform)
 
 
-def _chooser(
-    reference: "weakref.ref[TransformListener]",
-) -> Callable[[Subscription, bool], BufferCore | None]:
-    def choose(subscription: Subscription, static: bool) -> BufferCore | None:
-        listener = reference()
-        return None if listener is None else _direct_buffer(listener, subscription, static)
+class _Choice:
+    """Who gets the messages of a listener, which this does not keep alive. It runs no code of a program."""
 
-    return choose
+    def __init__(self, listener: TransformListener) -> None:
+        self._listener = weakref.ref(listener)
 
+    def buffer(self) -> BufferCore | None:
+        """The buffer that they go to; None if code of a program inserts them."""
+        listener = self._listener()
+        return None if listener is None else _direct(listener)
 
-def _counter(reference: "weakref.ref[TransformListener]") -> Callable[[Subscription, bool], bool]:
-    def is_counted(subscription: Subscription, static: bool) -> bool:
-        listener = reference()
-        return listener is not None and _calls_ours(listener, subscription, static)
-
-    return is_counted
-
-
-def _types_of(reference: "weakref.ref[TransformListener]") -> Callable[[], list[type]]:
-    def types() -> list[type]:
-        listener = reference()
-        return [] if listener is None else [type(listener), type(listener.__dict__.get("buffer"))]
-
-    return types
+    def is_ours(self, subscription: Subscription, is_static: bool) -> bool:
+        """Whether the listener's own method, not code of a program, handles a subscription's messages."""
+        listener = self._listener()
+        return listener is not None and _is_ours(listener, subscription.callback, is_static)
 
 
 class StaticTransformListener(TransformListener):
     """
-    Fills a buffer with static transforms alone; otherwise a :class:`TransformListener`.
+    Fills a buffer with static transforms only; otherwise like a :class:`TransformListener`.
 
-    :param buffer: as of that class, like all parameters.
+    :param buffer: see that class, also for all other parameters.
 
     >>> from rclpy.duration import Duration
     >>> from rclpy.time import Time
@@ -497,11 +541,12 @@ class StaticTransformListener(TransformListener):
     def __init__(
         self,
         buffer: TransformSink,
-        node: Node | None,
+        node: Node | None = None,
         *,
         spin_thread: bool = False,
         static_qos: QoSProfile | int | None = None,
         tf_static_topic: str = DEFAULT_STATIC_TF_TOPIC,
+        prefix: str = "",
     ) -> None:
         super().__init__(
             buffer,
@@ -510,4 +555,5 @@ class StaticTransformListener(TransformListener):
             static_qos=static_qos,
             tf_static_topic=tf_static_topic,
             static_only=True,
+            prefix=prefix,
         )

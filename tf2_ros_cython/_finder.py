@@ -1,8 +1,8 @@
 """
-Owns the precedence over the tf2 of a sourced ROS 2, whose folder precedes site-packages on the path.
+Give our packages precedence over the tf2 of a sourced ROS 2, whose folder precedes site-packages on the path.
 
-The installation's .pth file imports this module at Python's start wherever AMENT_PREFIX_PATH is set. So it
-imports nothing that Python has not loaded by then, and looks at the disk only when one of ours is imported.
+The .pth file of the installation imports this module when Python starts, if AMENT_PREFIX_PATH is set. So it
+imports only what Python has already loaded, and reads the disk only when one of our packages is imported.
 """
 
 import os
@@ -23,7 +23,7 @@ _RCLPY_MARKER = os.path.join("share", "ament_index", "resource_index", "packages
 
 
 class Finder:
-    """Answers for our packages where the answer of the path is the ROS 2 distribution's."""
+    """Finds our packages if the path leads to those of the ROS 2 distribution."""
 
     @staticmethod
     def find_spec(
@@ -35,7 +35,7 @@ class Finder:
 
 
 def install() -> None:
-    """Put the finder before those of Python, once."""
+    """Put the finder before Python's, once."""
     if Finder not in sys.meta_path:
         sys.meta_path.insert(0, Finder)
 
@@ -44,8 +44,8 @@ def precedes(name: str) -> bool:
     """
     Whether ours takes precedence over the package ``name`` that the path offers.
 
-    It does where that is the distribution's, and no layer below it is of a workspace: a workspace with a fork
-    of one package keeps it, together with the distribution's packages that stand on it.
+    It does if that is the distribution's, and no layer below it is from a workspace: a workspace with a fork
+    of one package keeps it, together with the distribution's packages that build on it.
     """
     prefix = distribution_prefix()
     if prefix is None or not _lies_in(found_on_path(name), prefix):
@@ -65,10 +65,10 @@ def found_on_path(name: str) -> str | None:
 
 def distribution_prefix(environ: "Mapping[str, str]" = os.environ) -> str | None:
     """
-    The folder in which the ROS 2 distribution is installed: the undermost one that holds rclpy.
+    The folder in which the ROS 2 distribution is installed: the lowest one that holds rclpy.
 
-    So a workspace over it that has an rclpy of its own is a workspace still. A distribution that colcon built
-    may have a folder for each package: then it is the folder of all of them.
+    So a workspace above it with an rclpy of its own still counts as a workspace. A distribution built with
+    colcon may have a folder for each package; then this is the folder that contains them.
     """
     for prefix in reversed(environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
         if prefix and os.path.isfile(os.path.join(prefix, _RCLPY_MARKER)):

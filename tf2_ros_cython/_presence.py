@@ -1,14 +1,14 @@
 """
-Owns whether this process has a ROS 2. Without one, tf2_ros is a library of buffers and recordings.
+Find out whether this process has ROS 2. Without it, tf2_ros is a library of buffers and recordings.
 
-Importing this module raises ImportError, naming what to do, where there is a ROS 2 without its tf2_msgs.
+Importing this module raises an ImportError with advice if there is a ROS 2 without its tf2_msgs.
 """
 
 from tf2_ros_cython._ros import absence, has_rclpy, require_messages
 
 __all__ = ["HAS_ROS", "absence"]
 
-# Found once, for all modules must agree. An rclpy that is found and does not load is an error, no absence.
+# Determined once, because all modules must agree. An rclpy that is found but does not load is an error.
 HAS_ROS = has_rclpy()
 
 if HAS_ROS:

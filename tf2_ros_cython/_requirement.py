@@ -1,4 +1,4 @@
-"""Importing this module raises ImportError, naming what to do, where what needs ROS 2 cannot run."""
+"""Raise an ImportError with advice if there is no ROS 2. Modules that need it import this module first."""
 
 from tf2_ros_cython._presence import HAS_ROS, absence
 

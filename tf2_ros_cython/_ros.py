@@ -1,4 +1,4 @@
-"""Owns what is known of the ROS 2 that runs: where it is, which release, what it lacks."""
+"""Find the ROS 2 in use: its folder, its release, and what it lacks."""
 
 import importlib
 import importlib.util
@@ -7,51 +7,50 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-# By the first number of rclpy's version, which every release raises.
+# By the first number of rclpy's version, which increases with every release.
 _RELEASES = {7: "Jazzy", 9: "Kilted"}
-_EXTRAS = {"Jazzy": "ros", "Kilted": "ros-kilted"}
 _DEFAULT = "Jazzy"
 
 
 def has_rclpy() -> bool:
-    """Whether an rclpy is found, or a program has put a module of its own in its place."""
+    """Whether an rclpy is found, or a program has replaced it by its own module."""
     return _is_made_by_program() or running_prefix() is not None
 
 
 def absence(what: str = "tf2_ros") -> ModuleNotFoundError:
-    """What to raise where ``what`` is asked for and no rclpy is found; the text says what to do."""
+    """Make the error for a use of ``what`` without rclpy; its text says what to do."""
     return ModuleNotFoundError(_without_rclpy(what), name="rclpy")
 
 
 def require_messages() -> None:
-    """Raise ImportError, naming what to do, where tf2_msgs is lacking, or is made for another ROS 2."""
+    """Raise an ImportError with advice if tf2_msgs is missing, or was made for another ROS 2."""
     prefix = running_prefix()
     running = None if prefix is None else rclpy_version(prefix)
     if prefix is None or running is None:
-        return  # what is wrong with such an rclpy its import tells
+        return  # importing such an rclpy shows what is wrong with it
     spec = importlib.util.find_spec("tf2_msgs")
     at = _describe_at(running, prefix)
     name = _release(running) or _DEFAULT
     if spec is None or spec.origin is None or not spec.submodule_search_locations:
         raise ModuleNotFoundError(
-            f"tf2_ros needs tf2_msgs, which is not found beside the ROS 2 {at}: where that is sourced,"
-            f" install its tf2_msgs, on Ubuntu by apt install ros-{name.lower()}-tf2-msgs; with the wheels of"
-            f" PyPI: {_install_messages(name)}",
+            f"tf2_ros needs tf2_msgs, which the ROS 2 {at} lacks. If you source this ROS 2, install its"
+            f" tf2_msgs, on Ubuntu with apt install ros-{name.lower()}-tf2-msgs. If it is from PyPI,"
+            f" {_install_messages(name)}",
             name="tf2_msgs",
         )
     folder = Path(next(iter(spec.submodule_search_locations)))
     made_for = messages_release(folder)
     if made_for not in (None, _release(running)):
         raise ImportError(
-            f"the tf2_msgs in {folder} is made for ROS 2 {made_for}, and the one that runs is {at}: run it"
-            " with the former, or, with the wheels of PyPI: pip uninstall"
-            f" tf2-ros-cython-msgs-{made_for.lower()}, then {_install_messages(name)}",
+            f"the tf2_msgs in {folder} is made for ROS 2 {made_for}, but this is ROS 2 {at}. Use the former,"
+            f" or, if the latter is from PyPI, pip uninstall tf2-ros-cython-msgs-{made_for.lower()}, then"
+            f" {_install_messages(name)}",
             name="tf2_msgs",
         )
 
 
 def messages_release(folder: Path) -> str | None:
-    """For which ROS 2 this project's tf2_msgs in the folder is made; None: it is another one."""
+    """Get the ROS 2 for which this project made the tf2_msgs in the folder, or None."""
     try:
         text = (folder / "_release.py").read_text(encoding="utf-8")
     except OSError:
@@ -61,16 +60,16 @@ def messages_release(folder: Path) -> str | None:
 
 
 def running_release() -> str | None:
-    """The name of the ROS 2 whose rclpy this Python imports; None: there is none, or an unknown one."""
+    """Get the name of the ROS 2 whose rclpy this Python imports; None: no ROS 2, or an unknown one."""
     prefix = running_prefix()
     return None if prefix is None else _release(rclpy_version(prefix))
 
 
 def unknown_release() -> str | None:
-    """Why functions of the ROS 2 that runs cannot be called without rclpy, or None."""
+    """Why C functions of the ROS 2 in use cannot be called directly, or None."""
     prefix = running_prefix()
     if prefix is None:
-        return "rclpy is a module of this program's own"
+        return "this program has replaced rclpy by its own module"
     running = rclpy_version(prefix)
     if _release(running) is not None:
         return None
@@ -79,7 +78,7 @@ def unknown_release() -> str | None:
 
 
 def built() -> ModuleType | None:
-    """What the build noted; None where there was no build, as in a fresh checkout."""
+    """What the build recorded; None if there was no build, as in a fresh checkout."""
     try:
         return importlib.import_module("tf2_ros_cython._built")
     except ModuleNotFoundError:
@@ -107,7 +106,7 @@ def rclpy_version(prefix: Path) -> str | None:
 
 
 def describe(version: str) -> str:
-    """A release by its name, where it is one that this knows, and its rclpy."""
+    """A release by its name, if it is known, and its rclpy."""
     name = _release(version)
     return f"{name} (rclpy {version})" if name else f"of rclpy {version}"
 
@@ -127,12 +126,17 @@ def _describe_at(version: str | None, prefix: Path) -> str:
 
 
 def _install_messages(name: str) -> str:
-    return f"pip install 'tf2-ros-cython[{_EXTRAS[name]}]', in its sources: pip install ./messages"
+    release = "" if name == _DEFAULT else f" -C ros={name.lower()}"
+    return f"in a clone of tf2-ros-cython, pip install ./messages{release}"
 
 
 def _without_rclpy(what: str) -> str:
-    extra = _EXTRAS[_DEFAULT]
     return (
-        f"{what} needs ROS 2, and no rclpy is found by {sys.executable}: source a ROS 2, or:"
-        f" pip install 'tf2-ros-cython[{extra}]', in its sources: pip install ./messages '.[{extra}]'"
+        f"{what} needs ROS 2, and no rclpy is found by {sys.executable}: source a ROS 2, or, in a"
+        " clone of tf2-ros-cython, pip install ./messages '.[ros]'"
     )
+
+
+_record = built()
+# As in pyproject.toml; unknown if nothing was built, as in a fresh checkout.
+__version__: str = "unknown" if _record is None else _record.VERSION

@@ -1,4 +1,4 @@
-"""Owns the program that prints which tf2 a program started like this one imports, and why."""
+"""Print which tf2 a program started like this one imports, and why."""
 
 import importlib
 import importlib.metadata
@@ -7,14 +7,13 @@ import os
 import platform
 import signal
 import sys
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from importlib.machinery import PathFinder
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from tf2_ros_cython import _finder, _ros
-from tf2_ros_cython._version import __version__
-
-__all__ = ["main"]
+from tf2_ros_cython._ros import __version__
 
 _SHARED_BUFFER = "TF2_SHARED_BUFFER"
 _WITHOUT_ROS = ("tf2_py", "tf2_ros")  # what works without one, but for nodes
@@ -22,12 +21,23 @@ _WITHOUT_ROS = ("tf2_py", "tf2_ros")  # what works without one, but for nodes
 
 def main(args: list[str] | None = None) -> int:
     """
-    Print which tf2 is imported, from where, and what it took precedence over.
+    Print which tf2 is imported, from where, and what it takes precedence over.
 
-    :param args: accepted because other programs have it, and without effect.
-    :return: 0 where all of our packages are in use, and those load that the installation is for; otherwise 1.
-        128 and the signal's number where the reader of the output left before its end.
+    :param args: the command line, including the name of the program. None: that of the process.
+    :return: 0 if all of our packages are in use, and those that the installation supports load; otherwise 1.
+        128 plus the number of the signal if the reader of the output left before its end.
     """
+    parser = ArgumentParser(
+        "tf2_which",
+        description="Print which tf2 a Python program that is started like this one imports, from\n"
+        "where, and whether it loads. Exit status: 0 if the packages are\n"
+        "tf2-ros-cython's and load, otherwise 1.",
+        epilog="example:\n  tf2_which",
+        formatter_class=RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.error = _refuse  # type: ignore[method-assign]
+    parser.parse_args((sys.argv if args is None else args)[1:])
     lines, status = _answer()
     try:
         print(*lines, sep="\n", flush=True)
@@ -38,13 +48,19 @@ def main(args: list[str] | None = None) -> int:
         status = 1
     else:
         return status
-    # What is left the interpreter would try to write once more.
+    # Otherwise the interpreter would try to write the rest once more.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return status
 
 
+def _refuse(message: str) -> NoReturn:
+    # As in all other programs: one line, and status 2.
+    print(f"tf2_which: {message} (see tf2_which --help)", file=sys.stderr)
+    raise SystemExit(2)
+
+
 def _answer() -> tuple[list[str], int]:
-    """What is printed, and the exit status."""
+    """The lines to print, and the exit status."""
     lines = []
     folders = {name: _imported_from(name) for name in (*_finder.PACKAGES, "tf2_msgs")}
     for name, folder in folders.items():
@@ -64,7 +80,7 @@ def _answer() -> tuple[list[str], int]:
 
 
 def _imported_from(name: str) -> Path | None:
-    """The folder that holds the package that ``import name`` gives; nothing is imported for that."""
+    """The folder of the package that ``import name`` would import; this imports nothing."""
     spec = importlib.util.find_spec(name)
     if spec is None or spec.origin is None or not spec.submodule_search_locations:
         return None
@@ -76,7 +92,7 @@ def _is_ours(folder: Path | None) -> bool:
 
 
 def _import_failure() -> str | None:
-    """Why one of our packages does not load, or None. Without a ROS 2, two of them do."""
+    """Why one of our packages does not load, or None. Without ROS 2, two of them load."""
     for name in _finder.PACKAGES if _ros.has_rclpy() else _WITHOUT_ROS:
         try:
             importlib.import_module(name)
@@ -107,7 +123,7 @@ def _why_not(name: str, folder: Path) -> str:
         return "TF2_ROS_CYTHON=0 is set"
     if not _finder_is_active():
         return "no finder of tf2-ros-cython is active; install it into this Python with pip"
-    return "a package that it stands on is a workspace's own"
+    return "a package that it builds on is from a workspace"
 
 
 def _others(name: str, folder: Path | None) -> list[Path]:
@@ -140,42 +156,41 @@ def _precedence() -> str:
 
 def _receiver(folder: Path | None) -> str:
     if not _is_ours(folder):
-        return "not in use, for tf2_ros is not tf2-ros-cython's"
+        return "not in use, because tf2_ros is not tf2-ros-cython's"
     if not _ros.has_rclpy():
         return "not in use without ROS 2"
     try:
         importlib.import_module("tf2_ros_cython._requirement")
-        problem = importlib.import_module("tf2_ros._receive.rcl").problem()
+        problem = importlib.import_module("tf2_ros._rcl").problem()
     except ImportError as error:
         return f"does not load: {error}"
     if problem is not None:
         return f"not in use, listeners need an executor that spins: {problem}"
-    return "in use; listeners receive in a thread of their own"
+    return "in use; listeners need no executor"
 
 
 def _shared_buffer(folder: Path | None) -> str:
-    """What a listener of this environment would find instead of subscribing."""
+    """The shared buffer that a listener of this environment would use instead of subscribing."""
     if not os.environ.get(_SHARED_BUFFER):
         return f"none wanted; {_SHARED_BUFFER} is not set"
     wanted = f"{_SHARED_BUFFER}={os.environ[_SHARED_BUFFER]}"
     if not _is_ours(folder):
-        return f"{wanted} has no effect, for tf2_ros is not tf2-ros-cython's"
+        return f"{wanted} has no effect, because tf2_ros is not tf2-ros-cython's"
     if sys.platform != "linux":
-        return f"{wanted} has no effect: buffers are shared on Linux alone"
+        return f"{wanted} has no effect: buffers are shared only on Linux"
     try:
-        # Only now: a program that wants none does without.
+        # Imported only now, because most programs do not need them.
         names = importlib.import_module("tf2_ros._shared.names")
-        following = importlib.import_module("tf2_ros._shared.following")
-        description = importlib.import_module("tf2_ros._shared.description")
+        attachment = importlib.import_module("tf2_ros._shared.attachment")
     except ImportError as error:
         return f"{wanted} is not looked for, because tf2_ros does not load: {error}"
     try:
         name = names.buffer_name(os.environ[_SHARED_BUFFER])
-        segment = following.open_segment(name)
+        ring = attachment.open_ring(name)
     except (ValueError, names.SharedBufferError) as reason:
         return f"none: {reason}"
-    owner = description.read_description(segment.description())
-    return f"{name!r} {'that tells nothing of itself' if owner is None else _describe_owner(owner)}"
+    owner = ring.describe_owner()
+    return f"{name!r} {'without a description' if owner is None else _describe_owner(owner)}"
 
 
 def _describe_owner(owner: Any) -> str:
@@ -190,16 +205,16 @@ def _describe_owner(owner: Any) -> str:
 
 def _running_ros() -> str:
     if not _ros.has_rclpy():
-        return "none found; buffers and recordings do without"
+        return "none found; buffers and recordings work without it"
     prefix = _ros.running_prefix()
     if prefix is None:
-        return "a module of this program's own in its place"
+        return "replaced by a module of this program"
     version = _ros.rclpy_version(prefix)
     return f"{_ros.describe(version) if version else 'of unknown version'} in {prefix}"
 
 
 def _versions(messages: Path | None) -> str:
-    """What a report of a fault names."""
+    """The versions that a bug report should contain."""
     named = [f"tf2-ros-cython {__version__}"]
     release = None if messages is None else _ros.messages_release(messages / "tf2_msgs")
     if release is not None:
@@ -207,7 +222,7 @@ def _versions(messages: Path | None) -> str:
         try:
             named.append(f"{name} {importlib.metadata.version(name)}")
         except importlib.metadata.PackageNotFoundError:
-            named.append(f"{name} that no pip installed")
+            named.append(f"{name} not installed by pip")
     return ", ".join([*named, f"Python {platform.python_version()}"])
 
 

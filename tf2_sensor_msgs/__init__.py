@@ -1,6 +1,6 @@
-"""The types of sensor_msgs transformed from frame to frame."""
+"""Transform messages of sensor_msgs from frame to frame."""
 
-# Before the imports below fail without a word of advice.
+# First, because the imports below would fail without advice.
 from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split
@@ -20,5 +20,5 @@ if TYPE_CHECKING:  # the table's functions, as their stubs declare them
 # Types that tf2 lacks, and message classes, which public programs take from here, stay outside __all__.
 globals().update(_names_of(_TYPES))
 
-# What `import *` gives from tf2's package.
+# What `import *` imports from tf2's package.
 __all__ = ["do_transform_cloud", "transform_points"]

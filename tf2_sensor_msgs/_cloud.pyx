@@ -1,32 +1,241 @@
-"""Owns transforming sensor_msgs/PointCloud2, in place on one copy of its bytes."""
+"""Transform point clouds, in place on one copy of their bytes, and arrays of points."""
 
 from cpython cimport array
+from cpython.buffer cimport PyBUF_C_CONTIGUOUS, PyBUF_FORMAT, PyBuffer_Release, PyObject_GetBuffer
 from libc.stdint cimport uint32_t
 from libc.string cimport memcpy
 
-from tf2_geometry_msgs._parts cimport copy_shallow, get_field, set_field, target_frame
+cimport numpy as cnp
+
+from tf2_geometry_msgs._geometry cimport copy_shallow, get_field, set_field, target_frame
 from tf2_py._internal cimport Layout, Transform, header_layout, nanoseconds, new_header, read_any_rotation
-from tf2_sensor_msgs._numbers cimport FLOAT32, FLOAT64, OTHER_ORDER, number_size
-from tf2_sensor_msgs._points cimport (
-    Rigid,
-    Triples,
-    rigid_from_transform,
-    triples_fill_points,
-    triples_transform,
-    triples_transform_wide,
-)
+from tf2_sensor_msgs._numbers cimport FLOAT32, FLOAT64, OTHER_ORDER, number_load, number_size, number_store
+from tf2_sensor_msgs._wide cimport wide_transform_doubles, wide_transform_floats
 
 import operator
 import sys
 from array import array as byte_array
 
+import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField
 
 from tf2_sensor_msgs._errors import FieldError, SizeError
 
+cnp.import_array()
+
+# Transform coordinates in any arrangement in memory.
+
+cdef struct Rigid:
+    double matrix[9]        # row by row
+    double translation[3]   # metres; zero for directions
+
+
+cdef struct Triples:
+    # Where x, y and z of each point lie; any alignment.
+    Py_ssize_t offsets[3]   # bytes from the start of a point
+    Py_ssize_t step         # bytes from one point's start to the next one's
+    int numbers[3]          # their types, see Number
+
+
+cdef enum:
+    OTHER_FLOAT32 = FLOAT32 | OTHER_ORDER
+    OTHER_FLOAT64 = FLOAT64 | OTHER_ORDER
+
+
+# For a rotation of any length, in the order in which tf2 computes it with NumPy, so that truncated integers
+# are the same. With `moves` False the translation is zero.
+cdef void rigid_from_transform(const Transform* transform, bint moves, Rigid* out) noexcept nogil:
+    cdef const double* q = transform.rotation
+    cdef double squared = q[3] * q[3] + q[0] * q[0] + q[1] * q[1] + q[2] * q[2]
+    cdef double x = q[0] * 2.0 / squared
+    cdef double y = q[1] * 2.0 / squared
+    cdef double z = q[2] * 2.0 / squared
+    cdef int i
+    out.matrix[0] = 1.0 - (y * q[1] + z * q[2])
+    out.matrix[1] = y * q[0] - z * q[3]
+    out.matrix[2] = z * q[0] + y * q[3]
+    out.matrix[3] = y * q[0] + z * q[3]
+    out.matrix[4] = 1.0 - (x * q[0] + z * q[2])
+    out.matrix[5] = z * q[1] - x * q[3]
+    out.matrix[6] = z * q[0] - y * q[3]
+    out.matrix[7] = z * q[1] + x * q[3]
+    out.matrix[8] = 1.0 - (x * q[0] + y * q[1])
+    for i in range(3):
+        out.translation[i] = transform.translation[i] if moves else 0.0
+
+
+cdef inline void _transform_each(const char* source, const Triples* source_at, char* target,
+                                 const Triples* target_at, Py_ssize_t count, const Rigid* rigid, int number_x,
+                                 int number_y, int number_z) noexcept nogil:
+    # Called with constant numbers for the common types, so that the loop has no branches. It works on copies,
+    # because a store through a char* might change what a pointer leads to.
+    cdef Triples a = source_at[0]
+    cdef Triples b = target_at[0]
+    cdef Rigid r = rigid[0]
+    cdef double x, y, z
+    cdef Py_ssize_t _
+    for _ in range(count):
+        x = number_load(source + a.offsets[0], number_x)
+        y = number_load(source + a.offsets[1], number_y)
+        z = number_load(source + a.offsets[2], number_z)
+        number_store(target + b.offsets[0], number_x, _row(&r, 0, x, y, z))
+        number_store(target + b.offsets[1], number_y, _row(&r, 1, x, y, z))
+        number_store(target + b.offsets[2], number_z, _row(&r, 2, x, y, z))
+        source += a.step
+        target += b.step
+
+
+cdef inline double _row(const Rigid* r, int row, double x, double y, double z) noexcept nogil:
+    return r.matrix[3 * row] * x + r.matrix[3 * row + 1] * y + r.matrix[3 * row + 2] * z + r.translation[row]
+
+
+cdef int _common_number(const Triples* triples) noexcept nogil:
+    # The type of all three coordinates, or 0.
+    cdef int number = triples.numbers[0]
+    return number if triples.numbers[1] == number and triples.numbers[2] == number else 0
+
+
+cdef Py_ssize_t _wide_size(const Triples* triples) noexcept nogil:
+    # The bytes of a number if x y z lie beside each other, in this order and this machine's byte order;
+    # otherwise 0.
+    cdef int number = _common_number(triples)
+    cdef Py_ssize_t size = number_size(number) if number in (FLOAT32, FLOAT64) else 0
+    if (
+        triples.offsets[1] == triples.offsets[0] + size
+        and triples.offsets[2] == triples.offsets[1] + size
+        and triples.step >= 3 * size
+    ):
+        return size
+    return 0
+
+
+cdef bint triples_fill_points(const Triples* triples, Py_ssize_t source_step) noexcept nogil:
+    cdef Py_ssize_t size = _wide_size(triples)
+    if triples.offsets[0] != 0 or size == 0:
+        return False
+    return triples.step == 3 * size or (triples.step == 4 * size and source_step == triples.step)
+
+
+# Transforms as many points, from the first on, as can be done quickly, and returns their number. `triples`
+# describes the target, and also the source, except that the step of the source may differ if
+# triples_fill_points. In that case all bytes of the target's points are written, so `target` need not be a
+# copy of `source`.
+cdef Py_ssize_t triples_transform_wide(const char* source, Py_ssize_t source_step, char* target,
+                                       const Triples* triples, Py_ssize_t count, Py_ssize_t bytes_after,
+                                       const Rigid* rigid) noexcept nogil:
+    cdef Py_ssize_t size = _wide_size(triples)
+    cdef Py_ssize_t step = triples.step
+    if bytes_after < size:
+        count -= 1
+    if count <= 0:
+        return 0
+    source += triples.offsets[0]
+    target += triples.offsets[0]
+    if size == 4:
+        return wide_transform_floats(
+            source, source_step, target, step, count, rigid.matrix, rigid.translation
+        )
+    if size == 8:
+        return wide_transform_doubles(
+            source, source_step, target, step, count, rigid.matrix, rigid.translation
+        )
+    return 0
+
+
+cdef bint _same_arrangement(const Triples* a, const Triples* b) noexcept nogil:
+    cdef int i
+    for i in range(3):
+        if a.offsets[i] != b.offsets[i]:
+            return False
+        if a.numbers[i] != b.numbers[i]:
+            return False
+    return a.step == b.step
+
+
+# Computes p' = R p + t for `count` points, in double precision. `source` and `target` may be the same if
+# their arrangements are equal. `bytes_after` is how many bytes behind the last coordinate of the last point
+# may be read from `source` and written to `target`, unchanged, as may the bytes between points.
+cdef void triples_transform(const char* source, const Triples* source_at, char* target,
+                            const Triples* target_at, Py_ssize_t count, Py_ssize_t bytes_after,
+                            const Rigid* rigid) noexcept nogil:
+    cdef Py_ssize_t done = 0
+    cdef int number, x, y, z
+    if _same_arrangement(source_at, target_at):
+        done = triples_transform_wide(source, source_at.step, target, source_at, count, bytes_after, rigid)
+    source += done * source_at.step
+    target += done * target_at.step
+    count -= done
+    number = _common_number(source_at)
+    if number == FLOAT32:
+        _transform_each(source, source_at, target, target_at, count, rigid, FLOAT32, FLOAT32, FLOAT32)
+    elif number == FLOAT64:
+        _transform_each(source, source_at, target, target_at, count, rigid, FLOAT64, FLOAT64, FLOAT64)
+    elif number == OTHER_FLOAT32:
+        _transform_each(
+            source, source_at, target, target_at, count, rigid, OTHER_FLOAT32, OTHER_FLOAT32, OTHER_FLOAT32
+        )
+    elif number == OTHER_FLOAT64:
+        _transform_each(
+            source, source_at, target, target_at, count, rigid, OTHER_FLOAT64, OTHER_FLOAT64, OTHER_FLOAT64
+        )
+    else:
+        x, y, z = source_at.numbers[0], source_at.numbers[1], source_at.numbers[2]
+        _transform_each(source, source_at, target, target_at, count, rigid, x, y, z)
+
+
+def transform_points(point_cloud: ArrayLike, transform: TransformStamped | Transform) -> NDArray[Any]:
+    """
+    Transform points from the child frame of ``transform`` to its parent frame: p' = R p + t.
+
+    In double precision, without the GIL.
+
+    :param point_cloud: an array of shape (n, 3), x y z in metres, with any strides; or array-like.
+    :param transform: a TransformStamped or Transform, metres.
+    :return: a new array of shape (n, 3): float32 for float32, otherwise float64.
+    :raises TypeError: ``transform`` is of another type, or the points are not real numbers.
+    :raises ValueError: the points have another shape, or the transform's rotation is not finite.
+    """
+    cdef Transform tf
+    cdef Rigid rigid
+    cdef Triples source_at, target_at
+    cdef cnp.ndarray points, result
+    cdef Py_ssize_t count, size
+    cdef int i
+    read_any_rotation(transform, &tf)
+    rigid_from_transform(&tf, True, &rigid)
+    points = _real_points(point_cloud)
+    count = cnp.PyArray_DIM(points, 0)
+    result = np.empty((count, 3), dtype=points.dtype)
+    size = cnp.PyArray_ITEMSIZE(points)
+    source_at.step = cnp.PyArray_STRIDE(points, 0)
+    target_at.step = 3 * size
+    for i in range(3):
+        source_at.offsets[i] = i * cnp.PyArray_STRIDE(points, 1)
+        target_at.offsets[i] = i * size
+        source_at.numbers[i] = target_at.numbers[i] = FLOAT32 if size == 4 else FLOAT64
+    with nogil:
+        triples_transform(
+            cnp.PyArray_BYTES(points), &source_at, cnp.PyArray_BYTES(result), &target_at, count, 0, &rigid
+        )
+    return result
+
+
+cdef cnp.ndarray _real_points(object points):
+    numbers = np.asarray(points)
+    if numbers.dtype.kind not in "fiub":
+        raise TypeError(f"points must be real numbers, not {numbers.dtype}")
+    if numbers.ndim != 2 or numbers.shape[1] != 3:
+        raise ValueError(f"points must have the shape (n, 3), not {numbers.shape}")
+    single = numbers.dtype.kind == "f" and numbers.dtype.itemsize == 4
+    # Copies only if the type or its byte order differs.
+    return numbers.astype(np.float32 if single else np.float64, copy=False)
+
+
+# Clouds.
+
 cdef enum:
     MAX_TRIPLES = 3
-    COPY_BYTES = 8192   # bytes that are copied, then changed while they are in the nearest cache
+    COPY_BYTES = 8192   # copied at once, and then changed while they are in the nearest cache
 
 cdef Layout cloud_layout = Layout(
     PointCloud2,
@@ -51,7 +260,7 @@ cdef bint IS_BIG_MACHINE = sys.byteorder == "big"
 
 
 cdef struct Grid:
-    # The arrangement of a cloud's bytes; checked, so that nothing in it leads out of them.
+    # The arrangement of a cloud's bytes, checked so that no offset leads out of them.
     Py_ssize_t rows
     Py_ssize_t columns
     Py_ssize_t point_step       # bytes, of the cloud given
@@ -66,7 +275,7 @@ cdef struct Grid:
 
 
 cdef uint32_t _whole(object message, Layout layout, str name) except? 0:
-    # A uint32 of a message, whose class may not have checked it.
+    # A uint32 of a message. The class of the message may not have checked it.
     value = get_field(layout, message, name)
     try:
         value = operator.index(value)
@@ -77,17 +286,23 @@ cdef uint32_t _whole(object message, Layout layout, str name) except? 0:
     return value
 
 
-cdef const unsigned char[::1] _bytes_of(object data):
+cdef int _get_bytes(object data, Py_buffer* view) except -1:
+    # Valid until the view is released. Cython's code for a typed memoryview would be larger than this module.
     try:
-        return data
-    except (TypeError, ValueError):     # no buffer, or not one of bytes in a row
-        return byte_array("B", data)
+        PyObject_GetBuffer(data, view, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT)
+        if view.ndim == 1 and view.format[0] == b"B" and view.format[1] == 0:
+            return 0
+        PyBuffer_Release(view)
+    except (BufferError, TypeError, ValueError):    # not a buffer, or not of contiguous bytes
+        pass
+    PyObject_GetBuffer(byte_array("B", data), view, PyBUF_C_CONTIGUOUS)
+    return 0
 
 
 cdef dict _fields_by_name(object cloud):
     fields = {}
     for field in get_field(cloud_layout, cloud, "fields"):
-        # Of two with one name, the first, as in tf2.
+        # Of two fields with the same name, the first, as in tf2.
         fields.setdefault(get_field(field_layout, field, "name"), field)
     return fields
 
@@ -99,7 +314,7 @@ cdef int _read_coordinate(object field, str name, Py_ssize_t point_step, Triples
     datatype = get_field(field_layout, field, "datatype")
     size = number_size(datatype) if isinstance(datatype, int) and 0 < datatype < <int>OTHER_ORDER else 0
     if size == 0:
-        raise FieldError(f"field {name!r} is of datatype {datatype}, which is no number")
+        raise FieldError(f"field {name!r} is of datatype {datatype}, which is not a number")
     count = get_field(field_layout, field, "count")
     if count > 1:
         raise FieldError(f"field {name!r} holds {count} numbers, not one")
@@ -128,7 +343,7 @@ cdef int _read_grid(object cloud, Py_ssize_t size, Grid* out) except -1:
     out.point_step = _whole(cloud, cloud_layout, "point_step")
     out.row_step = _whole(cloud, cloud_layout, "row_step")
     out.size = size
-    # As Python numbers: the products may not fit into 64 bits with a sign.
+    # As Python numbers, because the products may not fit into signed 64 bits.
     used = <object>out.columns * out.point_step
     if size < <object>out.rows * used:
         raise SizeError(
@@ -139,8 +354,8 @@ cdef int _read_grid(object cloud, Py_ssize_t size, Grid* out) except -1:
     out.new_row_step = out.row_step
     out.new_size = size
     if out.rows > 0 and (out.row_step < used or size < <object>out.rows * out.row_step):
-        # Where the bytes contradict row_step, row follows row, as in tf2, which never reads it. The padding
-        # of the last row may be left out. Either way the result has none.
+        # If the bytes contradict row_step, the rows are contiguous, as in tf2, which never reads it. The last
+        # row may lack its padding. In both cases the result has no padding.
         if out.row_step < used or size < (<object>out.rows - 1) * out.row_step + used:
             out.row_step = used
         out.new_row_step = used
@@ -149,7 +364,7 @@ cdef int _read_grid(object cloud, Py_ssize_t size, Grid* out) except -1:
 
 
 cdef int _drop_padding(const Triples* triples, Grid* out) except -1:
-    # As tf2 makes a cloud of coordinates alone anew: a point ends with its last coordinate.
+    # As in tf2, which creates a cloud of only coordinates anew: a point ends with its last coordinate.
     cdef Py_ssize_t end = 0
     cdef int axis
     for axis in range(3):
@@ -162,7 +377,7 @@ cdef int _drop_padding(const Triples* triples, Grid* out) except -1:
 
 
 cdef bint _has_directions(dict fields, tuple names):
-    # Whole numbers stand for something else than a direction or a place.
+    # Integers do not hold a direction or a position.
     for name in names:
         if name not in fields:
             return False
@@ -199,7 +414,7 @@ cdef void _copy_points(const char* source, char* target, Py_ssize_t count, const
 
 cdef void _transform_points(const char* source, char* target, Py_ssize_t count, Py_ssize_t bytes_after,
                             const Grid* grid) noexcept nogil:
-    # `count` points without a gap; `bytes_after` bytes follow the last, in the source as in the target.
+    # `count` points without a gap; `bytes_after` bytes follow the last one, in both source and target.
     cdef Py_ssize_t step = grid.new_point_step
     cdef Py_ssize_t done = 0
     cdef Py_ssize_t batch, left, after
@@ -215,7 +430,7 @@ cdef void _transform_points(const char* source, char* target, Py_ssize_t count, 
         _copy_points(source + done * grid.point_step, target + done * step, batch, grid)
         for i in range(grid.triple_count):
             triples = &grid.triples[i]
-            # Counted as if each coordinate had 8 bytes: never more than there are.
+            # Counted as if each coordinate had 8 bytes, so never more than there are.
             after = (left - batch) * step + bytes_after + step - triples.offsets[2] - 8
             triples_transform(
                 target + done * step,
@@ -266,25 +481,25 @@ def do_transform_cloud(
 
     Fields may be in any order, at any offset, with any padding, in either byte order; x, y and z may be of
     any type, even of different ones; integers are truncated, as in tf2. Everything else stays as it is: other
-    fields, padding, rows, ``is_dense``; a point with one NaN has three in the result. But a cloud of x, y and
-    z alone loses the padding after them, as in tf2, and a ``row_step`` that contradicts the data is
-    corrected. Normals (``normal_x/y/z``) are rotated, viewpoints (``vp_x/y/z``) rotated and translated, where
-    a cloud has all three as float32 or float64. tf2's C++ also rotates normals, and leaves viewpoints; its
-    Python transforms x, y and z alone.
+    fields, padding, rows, ``is_dense``; a point with one NaN has three in the result. However, a cloud with
+    only x, y and z loses the padding after them, as in tf2, and a ``row_step`` that contradicts the data is
+    corrected. Normals (``normal_x/y/z``) are rotated, and viewpoints (``vp_x/y/z``) rotated and translated,
+    if a cloud has all three as float32 or float64. tf2's C++ also rotates normals, but not viewpoints; its
+    Python transforms only x, y and z.
 
     :param cloud: a PointCloud2, coordinates in metres.
-    :param transform: a TransformStamped, or a Transform, with which the cloud's frame stays; metres.
-    :param only_xyz: leave normals and viewpoints as they are.
+    :param transform: a TransformStamped, or a Transform, which leaves the cloud's frame unchanged; metres.
+    :param only_xyz: leave normals and viewpoints unchanged.
     :return: a new PointCloud2 with the transform's frame and the cloud's own stamp.
     :raises TypeError: an argument is of another type; where it lacks a field, also an AttributeError.
-    :raises ValueError: x, y or z is missing, no number or beyond ``point_step`` (as in tf2 also an
+    :raises ValueError: x, y or z is missing, not a number or beyond ``point_step`` (as in tf2 also an
         AssertionError), ``data`` is too short for the points (also a TypeError), or the transform's rotation
         is not finite.
     """
     cdef Transform tf
     cdef Grid grid
     cdef array.array new_data
-    cdef const unsigned char[::1] source
+    cdef Py_buffer source
     cdef int i
     read_any_rotation(transform, &tf)
     old_header = get_field(cloud_layout, cloud, "header")
@@ -293,24 +508,27 @@ def do_transform_cloud(
     else:
         frame = get_field(header_layout, old_header, "frame_id")
     header = new_header(nanoseconds(get_field(header_layout, old_header, "stamp"), "header.stamp"), frame)
-    source = _bytes_of(get_field(cloud_layout, cloud, "data"))
-    _read_grid(cloud, source.shape[0], &grid)
-    fields = _fields_by_name(cloud)
-    grid.triple_count = 0
-    _add_triples(cloud, fields, COORDINATES, &tf, True, &grid)
-    if len(fields) == 3:
-        _drop_padding(&grid.triples[0], &grid)
-    elif not only_xyz:
-        if _has_directions(fields, NORMAL):
-            _add_triples(cloud, fields, NORMAL, &tf, False, &grid)
-        if _has_directions(fields, VIEWPOINT):
-            _add_triples(cloud, fields, VIEWPOINT, &tf, True, &grid)
-    for i in range(grid.triple_count):
-        grid.triples[i].step = grid.new_point_step
-    new_data = array.clone(NO_BYTES, grid.new_size, False)
-    if grid.new_size > 0:
-        with nogil:
-            _transform_grid(<const char*>&source[0], new_data.data.as_chars, &grid)
+    _get_bytes(get_field(cloud_layout, cloud, "data"), &source)
+    try:
+        _read_grid(cloud, source.len, &grid)
+        fields = _fields_by_name(cloud)
+        grid.triple_count = 0
+        _add_triples(cloud, fields, COORDINATES, &tf, True, &grid)
+        if len(fields) == 3:
+            _drop_padding(&grid.triples[0], &grid)
+        elif not only_xyz:
+            if _has_directions(fields, NORMAL):
+                _add_triples(cloud, fields, NORMAL, &tf, False, &grid)
+            if _has_directions(fields, VIEWPOINT):
+                _add_triples(cloud, fields, VIEWPOINT, &tf, True, &grid)
+        for i in range(grid.triple_count):
+            grid.triples[i].step = grid.new_point_step
+        new_data = array.clone(NO_BYTES, grid.new_size, False)
+        if grid.new_size > 0:
+            with nogil:
+                _transform_grid(<const char*>source.buf, new_data.data.as_chars, &grid)
+    finally:
+        PyBuffer_Release(&source)
     message = cloud_layout.new()
     set_field(cloud_layout, message, "header", header)
     for name in ("height", "width", "is_bigendian", "is_dense"):

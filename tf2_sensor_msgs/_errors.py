@@ -1,11 +1,9 @@
-"""Owns the errors of inconsistent clouds."""
-
-__all__ = ["FieldError", "SizeError"]
+"""The errors of inconsistent clouds."""
 
 
 class FieldError(ValueError, AssertionError):
-    """A coordinate is missing or makes no sense. tf2 asserts that they are there."""
+    """A coordinate is missing or invalid. tf2 asserts that it exists."""
 
 
 class SizeError(ValueError, TypeError):
-    """There are fewer bytes than points. NumPy, which tf2 reads clouds with, makes a TypeError of it."""
+    """There are too few bytes for the points. In tf2, NumPy raises a TypeError."""

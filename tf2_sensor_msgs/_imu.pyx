@@ -1,10 +1,10 @@
-"""Owns transforming what an IMU and a magnetometer measure."""
+"""Transform what an IMU and a magnetometer measure."""
 
 from libc.string cimport memcpy
 
-from tf2_geometry_msgs._matrix cimport covariance_rotate
-from tf2_geometry_msgs._parts cimport (
+from tf2_geometry_msgs._geometry cimport (
     copied_covariance,
+    covariance_rotate,
     get_field,
     new_covariance,
     new_orientation,
@@ -12,10 +12,10 @@ from tf2_geometry_msgs._parts cimport (
     read_covariance,
     read_doubles,
     read_orientation,
+    rotated_vector,
     set_field,
     target_header,
 )
-from tf2_geometry_msgs._transform cimport rotated_vector
 from tf2_py._internal cimport (
     Layout,
     Transform,
@@ -58,7 +58,7 @@ cdef object _rotated_covariance(object covariance, const Transform* transform, b
 
 
 cdef object _transformed_attitude(object quaternion, const Transform* transform):
-    # The attitude of the new frame, instead of the old one's, in the same world: q' = q r^-1.
+    # The attitude of the new frame in the same world: q' = q r^-1.
     cdef double q[4]
     cdef double back[4]
     read_doubles(quaternion_layout, quaternion, q, 4)
@@ -74,10 +74,10 @@ def do_transform_imu(imu: Imu, transform: TransformStamped) -> Imu:
     """
     Rotate what an IMU measured from the child frame of ``transform`` to its parent frame: w' = R w, a' = R a.
 
-    Both frames are fixed to the IMU. Both vectors and their covariances (R C R^T) are rotated; the lever arm
-    does not count: the acceleration is still that of the IMU's place. The orientation becomes that of the new
-    frame in the same world, q' = q r^-1, with the covariance it had, as in tf2's C++. A covariance that
-    begins with -1 marks an estimate as absent and stays as it is, and so does an orientation of zero length.
+    Both frames are fixed to the IMU. Both vectors and their covariances (R C R^T) are rotated. The reference
+    point does not move: the acceleration is still that at the IMU. The orientation becomes that of the new
+    frame in the same world, q' = q r^-1, with its old covariance, as in tf2's C++. A covariance that begins
+    with -1 marks a missing estimate and stays unchanged, as does an orientation of zero length.
 
     :param imu: an Imu, radians per second and metres per second squared.
     :param transform: a TransformStamped.
@@ -110,7 +110,7 @@ def do_transform_magnetic_field(magnetic_field: MagneticField, transform: Transf
     """
     Rotate a magnetic field from the child frame of ``transform`` to its parent frame: b' = R b.
 
-    Its covariance becomes R C R^T. The translation does not count.
+    Its covariance becomes R C R^T. The translation has no effect.
 
     :param magnetic_field: a MagneticField, tesla.
     :param transform: a TransformStamped.

@@ -21,7 +21,7 @@ cdef extern from *:
 
 
 cdef enum Number:
-    # The values of PointField.datatype; with OTHER_ORDER for the byte order that is not this machine's.
+    # The values of PointField.datatype, with OTHER_ORDER if the byte order is not that of this machine.
     INT8 = 1
     UINT8 = 2
     INT16 = 3
@@ -34,7 +34,7 @@ cdef enum Number:
 
 
 cdef inline Py_ssize_t number_size(int number) noexcept nogil:
-    # In bytes; 0 for what is no number.
+    # In bytes; 0 if it is not a number.
     number &= ~<int>OTHER_ORDER
     if number < INT8 or number > FLOAT64:
         return 0
@@ -103,7 +103,7 @@ cdef inline double number_load(const char* place, int number) noexcept nogil:
 
 
 cdef inline int64_t _whole(double value, bint is_wide) noexcept nogil:
-    # Rounded towards zero. Out of range, which C leaves undefined: what x86 gives, and so NumPy there.
+    # Rounded towards zero. Out of range, where C is undefined, as on x86, and so as NumPy there.
     if is_wide:
         return <int64_t>value if -9223372036854775808.0 <= value < 9223372036854775808.0 else INT64_MIN
     return <int64_t>value if -2147483649.0 < value < 2147483648.0 else INT32_MIN

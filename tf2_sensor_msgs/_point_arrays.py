@@ -1,4 +1,4 @@
-"""Owns reading clouds into NumPy arrays and creating clouds from them, where sensor_msgs_py is absent."""
+"""Read clouds into NumPy arrays and create clouds from them, if sensor_msgs_py is missing."""
 
 import sys
 from array import array
@@ -10,8 +10,6 @@ from numpy.lib.recfunctions import unstructured_to_structured
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
-
-__all__ = ["create_cloud", "read_points"]
 
 _KINDS = {
     PointField.INT8: "i1",
@@ -26,7 +24,7 @@ _KINDS = {
 
 
 def _dtype(fields: Iterable[Any], point_step: int | None, order: str) -> "np.dtype[Any]":
-    # A field of several numbers becomes as many fields: name_0, name_1, ...
+    # A field of several numbers becomes several fields: name_0, name_1, ...
     names: list[str] = []
     formats: list[str] = []
     offsets: list[int] = []
@@ -55,9 +53,9 @@ def read_points(
 
     :param cloud: the cloud; its rows must follow each other without padding.
     :param field_names: the fields to read; None: all.
-    :param skip_nans: leave out points with a NaN, where the cloud may have some.
+    :param skip_nans: leave out points with a NaN, unless the cloud is dense.
     :param uvs: indices of the points to read; None: all.
-    :param reshape_organized_cloud: of several rows, return an array of shape (width, height).
+    :param reshape_organized_cloud: return an array of shape (width, height) if there are several rows.
     :return: the points, in this machine's byte order.
     """
     assert isinstance(cloud, PointCloud2), "a sensor_msgs/PointCloud2 is wanted"
@@ -89,7 +87,7 @@ def create_cloud(
 
     :param fields: its PointFields.
     :param points: a structured array, an array with a column for each field, or one iterable for each point.
-    :param point_step: bytes from point to point; None: no more than the fields need.
+    :param point_step: bytes from one point to the next; None: as many as the fields need.
     """
     dtype = _dtype(fields, point_step, "=")
     if not isinstance(points, np.ndarray):

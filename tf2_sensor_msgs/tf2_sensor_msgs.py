@@ -1,4 +1,4 @@
-"""Owns what tf2's module of this name offers, and registers the types of the table."""
+"""The names of tf2's module of this name; importing it registers the types of the table."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -13,14 +13,13 @@ from std_msgs.msg import Header
 from tf2_geometry_msgs._affine import _get_mat_from_quat  # noqa: F401  used by programs
 from tf2_ros._registration import from_msg_msg, names_of, register_messages, to_msg_msg
 from tf2_ros._tf2_names import Union, tf2_ros
-from tf2_sensor_msgs._cloud import do_transform_cloud
-from tf2_sensor_msgs._points import transform_points
+from tf2_sensor_msgs._cloud import do_transform_cloud, transform_points
 from tf2_sensor_msgs._types import TYPES
 
 if TYPE_CHECKING:
     from tf2_sensor_msgs._point_arrays import create_cloud, read_points
 
-# What `import *` gives from tf2's module, and nothing more: a name of ours could hide one of a program's.
+# What `import *` imports from tf2's module, and nothing more: our own names could hide those of a program.
 __all__ = [
     "Header",
     "PointCloud2",
@@ -45,7 +44,7 @@ register_messages(TYPES)
 
 
 def __getattr__(name: str) -> Any:
-    # Nothing here needs them, and sensor_msgs_py is slow to import.
+    # Imported on demand, because sensor_msgs_py is slow to import.
     if name not in ("create_cloud", "read_points"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:

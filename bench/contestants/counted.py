@@ -1,6 +1,7 @@
-"""Owns the calls whose instructions are counted; `python counted.py CASE...` runs them between marks."""
+"""Count the instructions of calls; `python counted.py CASE...` runs them between marks."""
 
 import functools
+import gc
 import os
 import sys
 
@@ -133,6 +134,9 @@ def mark():
 
 
 def main(names):
+    # A collection within a run would add hundreds of instructions to each call, and where it falls depends
+    # on what was allocated before.
+    gc.disable()
     for name in names:
         # bench/guard.py distinguishes them by the same two prefixes.
         short = BATCHED if name.startswith(("lookup_transforms", "set_transforms")) else SINGLE

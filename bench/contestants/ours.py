@@ -1,22 +1,19 @@
-"""Owns what only this project is measured for: vector lookups, batches, waiters, threads, memory."""
+"""Measure what only this project offers: vector lookups, batches, waiters, threads, memory, recordings."""
 
 import importlib.metadata
 import pickle
 import threading
-import time
 from time import perf_counter_ns
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
 from rclpy.duration import Duration
-from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
 from ros2_tf2 import Ros2, fill
 from serving import AUTHORITY, STEP_NS, by_pair, rss_bytes, serve
 
 from tf2_msgs.msg import TFMessage
-from tf2_py import TransformException
 from tf2_ros import Buffer, bag
 
 BATCH = 50
@@ -26,22 +23,8 @@ START_NS = 1_700_000_000 * 10**9
 ENDLESS = Duration(seconds=1e6)
 POSE = (1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0)
 
-READ_TIMES = 1_000_000  # in one vector lookup of a reader
-READ_NS = 90 * STEP_NS  # before the newest stamp
-SLEEP_NS = 1_000_000
-PAUSE_S = {"set_transform": 0.002, "lookup_transform": 0.0002}
-QUIET_S = 0.5  # without a message, before no more are expected
-
 
 class Ours(Ros2):
-    def __init__(self):
-        super().__init__()
-        self.buffers = {}
-        self.ending = threading.Event()
-        self.threads = []
-        self.read = 0
-        self.late = []
-
     def about(self):
         version = importlib.metadata.version("tf2-ros-cython")
         return {"version": version, "returns": "geometry_msgs/TransformStamped"}
@@ -55,12 +38,6 @@ class Ours(Ros2):
                 (np.random.default_rng(1).uniform(-50, 50, (len(times), 3)), np.array(times), target, source)
                 for target, source, times in by_pair(queries)
             ]
-        if way == "can_transform_core":  # it returns why it is false
-            function, calls = super().calls("core", queries)
-            return self.buffer.can_transform_core, calls
-        if way == "lookup_transform_core":
-            function, calls = super().calls("core", queries)
-            return failing(function), calls
         return super().calls(way, queries)
 
     def numbers(self, answer):
@@ -104,32 +81,22 @@ class Ours(Ros2):
     def order_threads(self, way, name, thread_count, call_count):
         """Wall time of so many calls in each of several threads."""
         began, ends = [], []
-        work = [self.thread_calls(way, name, i, call_count) for i in range(thread_count)]
+        function, calls = self.sets[way, name]
+        work = [[calls[(i + k) % len(calls)] for k in range(call_count)] for i in range(thread_count)]
         begin = threading.Barrier(len(work), lambda: began.append(perf_counter_ns()))
 
-        def run(function, calls):
+        def run(own):
             begin.wait()
-            for arguments in calls:
+            for arguments in own:
                 function(*arguments)
             ends.append(perf_counter_ns())
 
-        threads = [threading.Thread(target=run, args=own) for own in work]
+        threads = [threading.Thread(target=run, args=(own,)) for own in work]
         for thread in threads:
             thread.start()
         for thread in threads:
             thread.join()
         return {"ns": max(ends) - began[0]}
-
-    def thread_calls(self, way, name, thread, count):
-        if way == "set_transform":
-            messages = [self.next_message(f"moving_{thread}") for _ in range(count)]
-            return self.buffer.set_transform, [(message, AUTHORITY) for message in messages]
-        function, calls = self.sets[way, name]
-        return function, [calls[(thread + i) % len(calls)] for i in range(count)]
-
-    def next_message(self, child):
-        self.next_ns += STEP_NS
-        return fill(TransformStamped(), child, "world", self.next_ns, POSE)
 
     def order_wait(self, what, count):
         """Make `count` futures that wait: for unknown frames, or for known ones later than any insert."""
@@ -148,89 +115,6 @@ class Ours(Ros2):
             future.cancel()
         self.waiting = []
         return {}
-
-    def order_load_other(self):
-        """Load the tree again: calls are timed on buffer `this`, the load is on this one or `other`."""
-        self.buffers["other"] = self.buffer
-        self.load(self.tree)
-        self.buffers["this"] = self.buffer
-        return {}
-
-    def order_read(self, which, count):
-        """Start threads in vector lookups that never pause."""
-        buffer, names = self.buffers[which], self.tree.names
-        times = self.tree.newest_ns - np.linspace(READ_NS, 0, READ_TIMES).astype(np.int64)
-        begin = threading.Barrier(count + 1)
-
-        def read():
-            begin.wait()
-            while not self.ending.is_set():
-                buffer.lookup_transforms(names[0], names[-1], times)
-                self.read += 1
-
-        for _ in range(count):
-            self.start(read)
-        begin.wait()
-        return {}
-
-    def order_sleep(self):
-        """Start a thread that sleeps again and again."""
-
-        def sleep():
-            while not self.ending.is_set():
-                start = perf_counter_ns()
-                time.sleep(SLEEP_NS / 1e9)
-                self.late.append(perf_counter_ns() - start - SLEEP_NS)
-
-        self.start(sleep)
-        return {}
-
-    def start(self, target):
-        self.threads.append(threading.Thread(target=target))
-        self.threads[-1].start()
-
-    def order_stop(self):
-        """End these threads; how many vector lookups they did, and by how many ns each sleep was late."""
-        self.ending.set()
-        for thread in self.threads:
-            thread.join()
-        answer = {"read": self.read, "late": self.late}
-        self.ending, self.threads, self.read, self.late = threading.Event(), [], 0, []
-        return answer
-
-    def order_probe(self, way, seconds):
-        """
-        ns of each call, with pauses between them.
-
-        Without pauses, a lock that is held for long would delay one call of very many.
-        """
-        names, stamp = self.tree.names, Time(nanoseconds=self.tree.newest_ns - READ_NS)
-        function = getattr(self.buffer, way)
-        times = []
-        end_ns = perf_counter_ns() + int(seconds * 1e9)
-        while perf_counter_ns() < end_ns:
-            time.sleep(PAUSE_S[way])
-            if way == "set_transform":
-                arguments = self.next_message("moving"), AUTHORITY
-            else:
-                arguments = names[0], names[4], stamp
-            start = perf_counter_ns()
-            function(*arguments)
-            times.append(perf_counter_ns() - start)
-        return {"ns": times}
-
-    def order_receive(self, which, depth):
-        """Receive into a buffer, with a queue of that depth; how many transforms it has received before."""
-        self.listen(self.buffers[which], qos=QoSProfile(depth=depth))
-        return {"received": self.buffers[which].statistics()["taken"]}
-
-    def order_received(self, which):
-        """How many transforms a buffer has received when no more arrive."""
-        received, before = self.buffers[which].statistics()["taken"], None
-        while received != before:
-            threading.Event().wait(QUIET_S)
-            received, before = self.buffers[which].statistics()["taken"], received
-        return {"received": received}
 
     def order_ring(self, count):
         """Bytes per sample that one ring accounts for while it fills, one by one: at worst and at best."""
@@ -268,18 +152,6 @@ class Ours(Ros2):
                 fill(transform, "ring", "world", next(stamps), POSE)
             messages.append(bytes(serialize_message(message)))
         return messages
-
-
-def failing(function):
-    """The same function, returning its exception."""
-
-    def fail(*arguments):
-        try:
-            return function(*arguments)
-        except TransformException as error:
-            return error
-
-    return fail
 
 
 def highest_rss_bytes():

@@ -1,5 +1,6 @@
-"""A node that publishes on order: a tree's frames as a robot would, or serialised transforms at a rate."""
+"""`publishing.py [DEPTH]`: a node that publishes on order a tree's frames, or transforms at a rate."""
 
+import sys
 import threading
 import time
 
@@ -14,7 +15,8 @@ from tf2_msgs.msg import TFMessage
 
 START_NS = 10**12
 STEP_NS = 20 * 10**6  # from message to message, whatever the rate
-TREE_PERIOD_S = 0.01
+TREE_PERIOD_S = 0.02
+DEPTH = 100  # of the queue, where nothing else is wanted
 
 
 class Sending:
@@ -34,6 +36,7 @@ class Sending:
         self._send = send
         self._thread = None
         self._next = 0
+        self._seconds = 0.0
         self._ending = threading.Event()
 
     def order_start(self, rate, transforms, messages):
@@ -46,9 +49,9 @@ class Sending:
         return {"next": first}
 
     def order_finish(self):
-        """Wait until they are sent."""
+        """Wait until they are sent; the seconds that this has taken since the start."""
         self._thread.join()
-        return {}
+        return {"seconds": self._seconds}
 
     def order_break_off(self):
         """Send no more of them."""
@@ -69,13 +72,14 @@ class Sending:
             if self._ending.is_set():
                 break
             self._send(template.message(self.start_ns + n * self.step_ns, time.monotonic()))
+        self._seconds = time.monotonic() - began
 
 
 class Publishing(Sending):
-    def __init__(self):
+    def __init__(self, depth=DEPTH):
         rclpy.init()
         self._node = rclpy.create_node("bench_publishing")
-        self._publisher = self._node.create_publisher(TFMessage, "/tf", QoSProfile(depth=100))
+        self._publisher = self._node.create_publisher(TFMessage, "/tf", QoSProfile(depth=int(depth)))
         super().__init__(self._publisher.publish)
 
     def end(self):
@@ -91,7 +95,7 @@ class Publishing(Sending):
         return {"next": self._next}
 
     def order_tree(self, path):
-        """Publish a tree's static frames once, and its dynamic frames at 100 Hz until the end."""
+        """Publish a tree's static frames once, and its dynamic frames at 50 Hz until the end."""
         frames = {child: (static, parent, pose) for child, parent, static, _, pose in Tree(path).records()}
         still, moving = (
             [
@@ -119,5 +123,5 @@ class Publishing(Sending):
 
 
 if __name__ == "__main__":
-    publishing = Publishing()
+    publishing = Publishing(*sys.argv[1:])
     serve(publishing, publishing.end)

@@ -1,4 +1,4 @@
-"""Owns the calls of ROS 1's tf2 for C++, as Debian packages it: the loops run in C++ (ros1_cpp.cpp)."""
+"""Call ROS 1's tf2 for C++ as Debian packages it; the loops run in C++ (ros1_cpp.cpp)."""
 
 import os
 import sys

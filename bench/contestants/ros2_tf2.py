@@ -1,5 +1,6 @@
-"""Owns the calls of tf2_ros by the names that ROS 2 gives them: a sourced ROS 2's, or this project's."""
+"""Call tf2_ros by the names that ROS 2 gives it: a sourced ROS 2's, or this project's."""
 
+import itertools
 import os
 import threading
 import time
@@ -11,7 +12,7 @@ from builtin_interfaces.msg import Time as TimeMessage
 from geometry_msgs.msg import TransformStamped
 from rclpy.duration import Duration
 from rclpy.time import Time
-from serving import Tf2, serve, time_calls
+from serving import Tf2, serve, time_paced
 
 from tf2_ros import Buffer, TransformListener
 
@@ -82,13 +83,17 @@ class Ros2(Tf2):
             self.node.destroy_node()
             rclpy.shutdown()
 
-    def order_online(self, way, pairs, age_s, count, budget_s):
-        """Time lookups while transforms arrive; `age_s` ago, or 0 for the latest."""
-        age_ns = int(age_s * S)
-        time_ns = time.time_ns() - age_ns if age_ns else 0
-        function, calls = self.calls(way, [(target, source, time_ns) for target, source in pairs])
-        times, failed, empty = time_calls(function, calls, count, budget_s)
-        return {"ns": times, "failed": failed, "empty_ns": empty}
+    def order_online(self, pairs, age_s, batch, pause_s, seconds):
+        """Time lookups, `age_s` ago, in batches with pauses between them, while transforms arrive."""
+        round_and_round = itertools.cycle(pairs)
+        times = []
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            time.sleep(pause_s)
+            past = self.time_of(time.time_ns() - int(age_s * S))
+            calls = [(*pair, past) for pair in itertools.islice(round_and_round, batch)]
+            times += time_paced(self.buffer.lookup_transform, calls)
+        return {"ns": times}
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Owns messages of many transforms that are serialised once, and only their stamp and their x set anew."""
+"""Serialise messages of many transforms once, and then change only their stamp and their x."""
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped

@@ -1,4 +1,4 @@
-"""Owns the process that is measured: its orders, the trees it loads and the loop that times each call.
+"""Obey orders in the measured process: load trees and time each call in a loop.
 
 Standard library only, and no newer Python than a distribution's: other interpreters run this file, too.
 """
@@ -9,6 +9,7 @@ import json
 import os
 import struct
 import sys
+import time
 import traceback
 from time import perf_counter_ns
 
@@ -63,6 +64,18 @@ def time_calls(function, calls, count, budget_s, must_answer=True):
     loop = make_loop(arity, must_answer=must_answer)
     failed = loop(function, round_and_round, stop_ns, perf_counter_ns, times.append)
     return times, failed, sorted(empty)[len(empty) // 2]
+
+
+def time_paced(function, calls, pause_s=0.0):
+    """ns of each call, after a pause: others use the machine's caches, and insert, meanwhile."""
+    times = []
+    for arguments in calls:
+        if pause_s:
+            time.sleep(pause_s)
+        start = perf_counter_ns()
+        function(*arguments)
+        times.append(perf_counter_ns() - start)
+    return times
 
 
 class Tree:

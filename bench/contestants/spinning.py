@@ -4,6 +4,7 @@ A node that is spun, as one of many on a machine. What it has beside, and the na
 `idle`: nothing.
 `listening`: a buffer and a TransformListener.
 `attached`: the same; the environment has it attach the shared buffer.
+`looking`: the same, and it looks a transform up ten times a second.
 `owner`: a buffer that it shares, and a TransformListener.
 """
 
@@ -32,6 +33,16 @@ class Spinning:
             self._listener = TransformListener(self._buffer, self._node)
         self._thread = threading.Thread(target=self._spin)
         self._thread.start()
+        self._ended = threading.Event()
+        if what == "looking":
+            threading.Thread(target=self._look, daemon=True).start()
+
+    def _look(self):
+        names = []
+        while not self._ended.wait(0.1):
+            names = names or self._buffer._getFrameStrings()
+            if names:
+                self._buffer.can_transform_core(names[0], names[-1], 0)
 
     def _spin(self):
         with contextlib.suppress(ExternalShutdownException):
@@ -44,12 +55,14 @@ class Spinning:
             if time.monotonic() > deadline:
                 return {"error": f"only {len(self._buffer._getFrameStrings())} frames arrived"}
             threading.Event().wait(0.05)
-        if self._buffer is not None and self._buffer._is_attached != (self._what == "attached"):
+        sharing = None if self._buffer is None else self._buffer._sharing
+        if (sharing is not None and sharing.is_attached) != (self._what in ("attached", "looking")):
             return {"error": f"a node that is meant to be {self._what} is not"}
         return {}
 
     def end(self):
         """Leave the network."""
+        self._ended.set()
         rclpy.shutdown()
         self._thread.join()
 

@@ -1,4 +1,4 @@
-"""Owns the build's hooks: setuptools' own, for the ROS release that is chosen."""
+"""Build hooks: setuptools' own, for the chosen ROS release."""
 
 import shutil
 from pathlib import Path

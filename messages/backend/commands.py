@@ -1,4 +1,4 @@
-"""Owns the ``build_ext`` that generates and compiles."""
+"""Generate and compile the messages in ``build_ext``."""
 
 import fcntl
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Owns what the build asks of the machine: for which ROS 2 it is, where that is installed, the tools."""
+"""Find the ROS 2 to build for, where it is installed, and the tools that the build needs."""
 
 import importlib.metadata
 import os

@@ -1,4 +1,4 @@
-"""Owns the generating: the interface files of a ROS package become C, C++ and Python, without CMake."""
+"""Generate C, C++ and Python from the interface files of a ROS package, without CMake."""
 
 import importlib
 import json

@@ -1,4 +1,4 @@
-"""Owns the making of ``tf2_msgs``: three shared libraries, an extension on them, the generated Python."""
+"""Make ``tf2_msgs``: three shared libraries, an extension on them, the generated Python."""
 
 import os
 import shutil

@@ -1,4 +1,4 @@
-"""Owns the command line of fuzzing."""
+"""Command line of fuzzing."""
 
 import argparse
 import hashlib
@@ -127,14 +127,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         prog="python -m reliability.fuzz",
         description="Search for inputs that crash this package, or make it answer wrongly. What is found is"
-        " written to reliability/fuzz/crashes; tests/test_fuzz.py runs it, and the corpus, ever after.",
+        " written to reliability/fuzz/crashes; tests/packaging/test_fuzz.py runs it from then on.",
     )
     parser.add_argument("target", nargs="*", help=f"of {', '.join(PACKAGES)}; none: all")
     parser.add_argument("--seconds", type=int, default=600, help="for each (default: %(default)s)")
     parser.add_argument(
         "--minimise",
         action="store_true",
-        help="renew the corpus in the repository instead, from what was found",
+        help="instead, update the corpus in the repository with what was found",
     )
     arguments = parser.parse_args()
     names = arguments.target or list(PACKAGES)

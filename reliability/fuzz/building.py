@@ -1,4 +1,4 @@
-"""Owns what fuzzing needs beside the checkout: the extensions with coverage and sanitizers, and atheris."""
+"""Build what fuzzing needs: the extensions with coverage and sanitizers, and atheris."""
 
 import os
 import shutil

@@ -1,4 +1,4 @@
-"""Owns what all targets check, and what a fault is."""
+"""Checks that all targets share, and the class of a fault."""
 
 import itertools
 from collections.abc import Callable

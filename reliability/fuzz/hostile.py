@@ -1,4 +1,4 @@
-"""Owns objects that nobody should pass: they lie, raise, or change the buffer while they are read."""
+"""Hostile objects: they lie, raise, or change the buffer while it reads them."""
 
 import datetime
 import importlib

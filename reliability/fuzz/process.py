@@ -1,4 +1,4 @@
-"""Owns the process that fuzzes: `python -m reliability.fuzz.process <target> <options of libFuzzer>`."""
+"""Fuzz one target: `python -m reliability.fuzz.process <target> <options of libFuzzer>`."""
 
 import hashlib
 import sys

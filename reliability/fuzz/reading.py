@@ -1,4 +1,4 @@
-"""Owns turning the bytes of a fuzzer into numbers and choices; beyond their end there are zeros."""
+"""Turn the bytes of a fuzzer into numbers and choices; beyond their end there are zeros."""
 
 import struct
 from collections.abc import Sequence

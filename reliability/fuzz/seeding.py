@@ -1,4 +1,4 @@
-"""Owns writing the seeds of a target: `python -m reliability.fuzz.seeding <target> <folder>`."""
+"""Write the seeds of a target: `python -m reliability.fuzz.seeding <target> <folder>`."""
 
 import sys
 from pathlib import Path

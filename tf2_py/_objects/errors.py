@@ -1,18 +1,17 @@
-"""Owns the exceptions and their texts."""
+"""The exceptions of lookups, and the texts of errors and waits."""
 
-from tf2_py._objects.frame_names import is_invalid_name
-from tf2_py._objects.printable import printable
-
-__all__ = [
-    "ConnectivityException",
-    "ExtrapolationException",
-    "InvalidArgumentException",
-    "LookupException",
-    "TimeoutException",
-    "TransformException",
-]
+import heapq
+from collections.abc import Iterable
 
 NS_PER_S = 1_000_000_000
+YEAR_NS = 365 * 86400 * NS_PER_S
+SHORTEST_WAIT_NS = 1_000_000  # texts do not mention a shorter wait
+
+MOST_SUGGESTED = 3
+MOST_COMPARED = 16  # in full, at a cost that grows with the square of a length; the others by their letters
+LONGEST = 100  # characters; longer names, which any sender may choose, are not compared
+CUTOFF = 0.6  # as in difflib: how similar two names must be, from 0 to 1
+QUOTES = frozenset('"[]')  # programs search error texts for the names between these
 
 
 class TransformException(Exception):
@@ -30,15 +29,15 @@ class TransformException(Exception):
 
 
 class LookupException(TransformException):
-    """A frame is not known, or the tree contains a loop."""
+    """A frame is unknown, or the tree contains a loop."""
 
 
 class ConnectivityException(TransformException):
-    """Both frames are known, and no path leads from one to the other."""
+    """Both frames are known, but no path connects them."""
 
 
 class ExtrapolationException(TransformException):
-    """A frame on the path has no data for the time asked for."""
+    """A frame on the path has no data for the requested time."""
 
 
 class InvalidArgumentException(TransformException):
@@ -50,26 +49,58 @@ class TimeoutException(TransformException):
 
 
 class MalformedObjectError(AttributeError, TypeError):
-    """An object lacks what its role needs: tf2 raises the AttributeError; it is of a wrong type as well."""
+    """An object lacks a required field: an AttributeError, as in tf2, and also a TypeError."""
 
 
 for _exception in (TransformException, *TransformException.__subclasses__()):
     _exception.__module__ = "tf2_py"
 
 
+# Text from messages, which may hold anything.
+
+
+def printable(text: str) -> str:
+    r"""
+    Escape every character that does not print, as in ``\x1b``, ``\n``, ``\u202e``.
+
+    Letters of every script stay as they are. The escapes are valid in Python and in YAML.
+    """
+    if text.isprintable():
+        return text
+    # repr() escapes these characters without a Python loop. It also escapes backslashes and, in a text with
+    # both kinds of quotes, single quotes; both are undone here. Its result contains no NUL.
+    escaped = repr(text + '"')[1:-2]
+    return escaped.replace("\\\\", "\0").replace("\\'", "'").replace("\0", "\\")
+
+
+def class_name(kind: type) -> str:
+    """Get the name of a class with its package, as in ``tf2_ros.Buffer``."""
+    return f"{kind.__module__.partition('.')[0]}.{kind.__qualname__}"
+
+
+def counted(number: int, what: str) -> str:
+    """``1 frame``, ``2 frames``."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
 def seconds(ns: int) -> str:
-    """Nanoseconds as decimal seconds, every digit kept."""
+    """Nanoseconds as decimal seconds, with all digits."""
     sign = "-" if ns < 0 else ""
     whole, rest = divmod(abs(ns), NS_PER_S)
     return f"{sign}{whole}.{rest:09d}"
 
 
-# Programs take these texts apart with regular expressions that were written for tf2's; see
-# tests/test_error_texts.py. What tf2 does not say stands at the end, in words that they do not search for.
+def is_invalid_name(name: str) -> bool:
+    """Whether every lookup refuses this name, because it is empty or begins with a ``/``."""
+    return not name or name[0] == "/"
+
+
+# Programs parse these texts with regular expressions that were written for tf2; see
+# tests/core/test_error_texts.py. So additions come last, in words that no program searches for.
 
 
 def bad_name(name: str, argument: str, call: str = "lookupTransform") -> TransformException:
-    """What is wrong with the name of a frame that no lookup accepts; ``call`` is who was given it."""
+    """The error for a frame name that is unknown or invalid; ``call`` is the function that received it."""
     is_question = call == "canTransform"
     given = f'"{printable(name)}" passed to {call} argument {argument}'
     if not is_invalid_name(name):
@@ -82,12 +113,12 @@ def bad_name(name: str, argument: str, call: str = "lookupTransform") -> Transfo
 
 
 def too_many_waiters(most: int) -> TransformException:
-    """The buffer's limit of waits is reached."""
+    """The error for a wait beyond the limit of the buffer."""
     return TransformException(f"{most} lookups wait in this buffer already: its max_waiters")
 
 
 def loop(target: str, source: str) -> LookupException:
-    """A walk that never reached a root."""
+    """The error for a walk that never reached a root."""
     target, source = printable(target), printable(source)
     return LookupException(
         f"The tf tree is invalid because it contains a loop, or more than 1000 hops in a row, "
@@ -96,7 +127,7 @@ def loop(target: str, source: str) -> LookupException:
 
 
 def unconnected(target: str, source: str) -> ConnectivityException:
-    """Two frames in different trees."""
+    """The error for two frames in different trees."""
     target, source = printable(target), printable(source)
     return ConnectivityException(
         f"Could not find a connection between '{target}' and '{source}' because they are "
@@ -107,7 +138,7 @@ def unconnected(target: str, source: str) -> ConnectivityException:
 def extrapolation(
     gap: str, child: str, parent: str, requested_ns: int, edge_ns: int, target: str, source: str
 ) -> ExtrapolationException:
-    """A history that does not reach the time asked for; ``gap`` is 'empty', 'single', 'future' or 'past'."""
+    """The error for a history without data for a time; ``gap`` is 'empty', 'single', 'future' or 'past'."""
     child, parent, target, source = map(printable, (child, parent, target, source))
     requested = seconds(requested_ns)
     edge = seconds(edge_ns)
@@ -124,7 +155,151 @@ def extrapolation(
     else:
         fact = f"at time {requested}"
         lack = f"no sample of {child} is held"
+    if 0 < requested_ns < YEAR_NS and edge_ns > 30 * YEAR_NS:
+        lack += ". The requested time is in 1970: an integer that is not nanoseconds, or simulated time?"
     return ExtrapolationException(
         f"Lookup would require extrapolation {fact}, when looking up transform from frame [{source}] to "
         f"frame [{target}]; {lack}"
     )
+
+
+def long_gap(
+    child: str,
+    parent: str,
+    requested_ns: int,
+    older_ns: int,
+    newer_ns: int,
+    max_gap_ns: int,
+    target: str,
+    source: str,
+) -> ExtrapolationException:
+    """The error for a time between two samples that are further apart than ``max_gap`` allows."""
+    child, parent, target, source = map(printable, (child, parent, target, source))
+    gap = seconds(newer_ns - older_ns)
+    return ExtrapolationException(
+        f"Lookup at time {seconds(requested_ns)} would require interpolation across {gap} s, when looking up "
+        f"transform from frame [{source}] to frame [{target}]; the samples of {child} in {parent} at "
+        f"{seconds(older_ns)} and {seconds(newer_ns)} are further apart than max_gap, {seconds(max_gap_ns)} s"
+    )
+
+
+# Which known frame names resemble an unknown one.
+
+
+def closest(name: str, known: Iterable[str]) -> list[str]:
+    """
+    The known names that resemble ``name`` most, best first, at most MOST_SUGGESTED of them.
+
+    Case is ignored. Names that differ only in their namespace, as ``robot1/base_link`` and ``base_link``, are
+    similar.
+    """
+    # Loaded only when a lookup fails, because importing it takes longer than most of our modules.
+    from difflib import SequenceMatcher
+
+    if len(name) > LONGEST:
+        return []
+    wanted = name.casefold()
+    wanted_part = _last_part(wanted)
+    matcher = SequenceMatcher(autojunk=False)
+    matcher.set_seq2(wanted)
+    rated = []
+    for one in known:
+        if len(one) > LONGEST or not QUOTES.isdisjoint(one):
+            continue
+        folded = one.casefold()
+        is_moved = _last_part(folded) == wanted_part
+        matcher.set_seq1(folded)
+        # Each ratio is an upper bound of the next one, and faster to compute.
+        if is_moved or matcher.real_quick_ratio() >= CUTOFF:
+            rating = matcher.quick_ratio()
+            if is_moved or rating >= CUTOFF:
+                rated.append((is_moved, rating, folded, one))
+    found = []
+    for is_moved, _, folded, one in heapq.nlargest(MOST_COMPARED, rated):
+        matcher.set_seq1(folded)
+        ratio = matcher.ratio()
+        if is_moved or ratio >= CUTOFF:
+            found.append((is_moved, ratio, one))
+    return [one for _, _, one in heapq.nlargest(MOST_SUGGESTED, found)]
+
+
+def _last_part(name: str) -> str:
+    return name.rpartition("/")[2]
+
+
+# What a wait waits for, what it lacks, and how it ended without an answer.
+
+
+def _duration(waited_ns: int) -> str:
+    return f"{max(waited_ns, 0) / NS_PER_S:.3f}".rstrip("0").rstrip(".")
+
+
+def after_wait(reason: str, waited_ns: int) -> str:
+    """The error text of a lookup after a wait. Programs parse the reason, so the duration follows it."""
+    if waited_ns < SHORTEST_WAIT_NS:
+        return reason
+    return f"{reason}{'' if reason.endswith(('.', '?')) else '.'} Waited {_duration(waited_ns)} s"
+
+
+def timed_out(reason: object, waited_ns: int) -> str:
+    """The error text of a future after its timeout."""
+    return f"Waited {_duration(waited_ns)} s for the transform: {reason}"
+
+
+def shut_down(waited_ns: int) -> str:
+    """The error text of a wait that the shutdown ended, even if the wait began afterwards."""
+    return f"The context was shut down, which ended the wait for the transform after {_duration(waited_ns)} s"
+
+
+def no_longer(reason: str, cache_time_ns: int) -> str:
+    """The error text of a wait for a time that has become too old to be received."""
+    return f"{reason}; transforms of that time are refused by now (cache time {seconds(cache_time_ns)} s)"
+
+
+def _at(time_ns: int) -> str:
+    return f"at {seconds(time_ns)} s" if time_ns else "at the latest common time"
+
+
+def waits_for(
+    target: str, target_ns: int, source: str, source_ns: int, fixed: str | None, lack: str | None
+) -> str:
+    """One line about a wait. ``target_ns`` is used with a fixed frame only; ``lack`` may be None: nothing."""
+    target, source = printable(target), printable(source)
+    if fixed is None:
+        lookup = f"from frame [{source}] to frame [{target}] {_at(source_ns)}"
+    else:
+        lookup = (
+            f"from frame [{source}] {_at(source_ns)} to frame [{target}] {_at(target_ns)}, "
+            f"fixed in frame [{printable(fixed)}]"
+        )
+    return f"waits for the transform {lookup}: {lack or 'the answer is available and is being delivered'}"
+
+
+def lacks_frame(name: str) -> str:
+    """A wait for a frame that no transform has named."""
+    return f"needs a frame [{printable(name)}], which is unknown"
+
+
+def lacks_connection(target: str, source: str) -> str:
+    """A wait for two frames in different trees."""
+    return f"needs transforms that connect frame [{printable(source)}] and frame [{printable(target)}]"
+
+
+def lacks_no_loop(target: str, source: str) -> str:
+    """A wait for two frames whose path contains a loop."""
+    return f"needs the loop between frame [{printable(source)}] and frame [{printable(target)}] to be opened"
+
+
+LACKS_CHANGE = "needs another transform than the present one"
+
+
+def lacks_data(gap: str, child: str, requested_ns: int, edge_ns: int) -> str:
+    """A wait for a history without data for a time; ``gap`` as in :func:`extrapolation`."""
+    needs = f"needs data of frame [{printable(child)}]"
+    if gap == "empty":
+        return f"{needs} (it has none)"
+    if gap == "long":
+        return f"{needs} closer to {seconds(requested_ns)} s"
+    side = "or later" if requested_ns > edge_ns else "or earlier"
+    edge = {"future": "newest", "past": "oldest"}.get(gap, "only")
+    return f"{needs} at {seconds(requested_ns)} s {side} (its {edge} stamp is {seconds(edge_ns)} s)"

@@ -1,24 +1,37 @@
-"""Owns the listings of the frames of a buffer: as objects, and as YAML, sentences and Graphviz."""
+"""List the frames of a buffer as objects, arrays of samples, a tree of text, YAML, sentences and Graphviz."""
+
+from __future__ import annotations
 
 import re
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from tf2_py._objects.errors import NS_PER_S
-from tf2_py._objects.printable import class_name, counted, printable
+from tf2_py._objects.errors import NS_PER_S, class_name, counted, printable, seconds
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+FRAME_COLUMNS, KIND, COUNT = 6, 0, 1  # of a state's `frames`: how many, and two of them
+STATIC_KIND = 2  # of the kinds of a history: HISTORY_STATIC
 
 SHORTEST_SPAN_NS = 100_000  # a shorter history counts as this long when its rate is worked out
 UNQUOTED_KEY = re.compile(r"[^\W\d][\w.-]*")
 LONGEST_SIMPLE_KEY = 1000  # YAML looks for the colon within 1024 characters
+INDENT = "  "  # of the tree
+# Deeper frames begin again at the margin, so that the text of a long chain of frames stays short.
+MAX_DEPTH = 40
 YAML_WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
 
 
 class FrameInfo(NamedTuple):
     """
-    What a buffer holds of one frame; see :meth:`tf2_py.BufferCore.frames`.
+    One frame of a buffer; see :meth:`tf2_py.BufferCore.frames`.
 
-    Fields: ``parent``, a name, that of the newest sample; None where the buffer holds no sample of the frame:
-    a root. ``static``: whether its transform holds at all times. ``count``: how many samples. ``oldest_ns``
-    and ``newest_ns``: their stamps in nanoseconds; None for a static frame and for one without samples.
+    Fields: ``parent``: the name in the newest sample; None if the buffer has no sample of the frame, which is
+    then a root. ``static``: whether its transform is valid at all times. ``count``: the number of samples.
+    ``oldest_ns`` and ``newest_ns``: their stamps in nanoseconds; None for a static frame and for a frame
+    without samples.
 
     >>> from tf2_py import BufferCore, FrameInfo
     >>> FrameInfo(parent="map", static=False, count=2, oldest_ns=1_000, newest_ns=3_000).parent
@@ -33,6 +46,36 @@ class FrameInfo(NamedTuple):
 
 
 FrameInfo.__module__ = "tf2_py"
+
+
+class History(NamedTuple):
+    """
+    The N samples of one frame, oldest first; a static frame has one. See :meth:`tf2_py.BufferCore.histories`.
+
+    Fields: ``frame``, its name; ``static``: whether its transform is valid at all times; ``parents``, names,
+    shape (N,), because samples may have different parents; ``stamps_ns``, nanoseconds, int64, shape (N,);
+    ``translations``, metres, float64, shape (N, 3); ``rotations``, x y z w, float64, shape (N, 4).
+
+    >>> from tf2_py import BufferCore
+    >>> from geometry_msgs.msg import TransformStamped
+    >>> mount = TransformStamped(child_frame_id="camera")
+    >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+    >>> buffer = BufferCore()
+    >>> buffer.set_transform(mount, "example")
+    >>> history = buffer.histories()["camera"]
+    >>> history.parents[0], history.translations[0, 0].item()
+    ('base_link', 0.3)
+    """
+
+    frame: str
+    static: bool
+    parents: NDArray[np.object_]
+    stamps_ns: NDArray[np.int64]
+    translations: NDArray[np.float64]
+    rotations: NDArray[np.float64]
+
+
+History.__module__ = "tf2_py"
 
 
 class FrameFacts(NamedTuple):
@@ -56,7 +99,7 @@ class FrameFacts(NamedTuple):
 
 
 def as_frames(frames: list[FrameFacts]) -> dict[str, FrameInfo]:
-    """What programs get."""
+    """The frames as programs see them."""
     infos = {}
     for f in frames:
         times = (f.oldest_ns, f.newest_ns) if f.samples and not f.is_static else (None, None)
@@ -64,11 +107,34 @@ def as_frames(frames: list[FrameFacts]) -> dict[str, FrameInfo]:
     return infos
 
 
+def histories(state: Mapping[str, Any]) -> dict[str, History]:
+    """
+    The histories that are not empty, from a state that ``BufferCore.__getstate__`` returned.
+
+    The numbers are views of the arrays in the state.
+    """
+    return {one.frame: one for one in _histories(state)}
+
+
+def _histories(state: Mapping[str, Any]) -> Iterator[History]:
+    import numpy as np
+
+    names = np.array(state["names"].decode("utf-8").split("\0")[:-1], object)
+    end = 0
+    for name, (kind, count) in zip(names, state["frames"][:, [KIND, COUNT]].tolist(), strict=True):
+        begin, end = end, end + count
+        if count:
+            transforms = state["transforms"][begin:end]
+            parents = names[state["parents"][begin:end] - 1]
+            stamps_ns = state["stamps"][begin:end]
+            yield History(name, kind == STATIC_KIND, parents, stamps_ns, transforms[:, :3], transforms[:, 3:])
+
+
 def as_line(kind: type, counts: dict[str, Any], span_ns: int | None) -> str:
     """
     What ``repr`` shows of a buffer.
 
-    ``counts`` as of ``BufferCore.statistics``; ``span_ns``: from its oldest to its newest sample, or None.
+    ``counts`` as in ``BufferCore.statistics``; ``span_ns``: from its oldest to its newest sample, or None.
     """
     frames, samples, waiters = (counted(counts[f"{what}s"], what) for what in ("frame", "sample", "waiter"))
     span = "" if span_ns is None else f" over {span_ns / NS_PER_S:.1f} s"
@@ -76,7 +142,7 @@ def as_line(kind: type, counts: dict[str, Any], span_ns: int | None) -> str:
 
 
 def _microseconds(ns: int) -> str:
-    # Rounded in tf2's order: at the times of today a double holds little more than six decimals.
+    # Rounded in the same steps as in tf2: at present times a double holds little more than six decimals.
     whole, rest = divmod(ns, NS_PER_S)
     return f"{whole + 1e-9 * rest:.6f}"
 
@@ -90,7 +156,7 @@ def _yaml_entry(name: str) -> str:
 def _yaml_quoted(text: str) -> str:
     if text.isprintable():
         return "'" + text.replace("'", "''") + "'"
-    # Only double quotes can escape; all that printable() makes is an escape there.
+    # Only double quotes allow escapes; all escapes of printable() are valid there.
     return '"' + printable(_escaped(text)) + '"'
 
 
@@ -99,7 +165,7 @@ def _escaped(text: str) -> str:
 
 
 def as_yaml(frames: list[FrameFacts]) -> str:
-    """One mapping per frame that holds data, ``[]`` where none does."""
+    """Write one mapping per frame with data; ``[]`` if there are none."""
     lines = []
     for f in frames:
         if f.parent is None:
@@ -117,18 +183,18 @@ def as_yaml(frames: list[FrameFacts]) -> str:
 
 
 def as_string(frames: list[FrameFacts]) -> str:
-    """One sentence per frame that was ever a child."""
+    """Write one sentence per frame that was ever a child."""
     pairs = ((printable(f.name), printable(f.parent or "NO_PARENT")) for f in frames)
     return "".join(f"Frame {name} exists with parent {parent}.\n" for name, parent in pairs)
 
 
 def _dot_quoted(text: str) -> str:
-    # Graphviz knows no escapes but these, and would drop the backslash of another one.
+    # Graphviz knows only these escapes and drops the backslash of any other.
     return '"' + _escaped(printable(text)) + '"'
 
 
 def as_dot(frames: list[FrameFacts], time_ns: int) -> str:
-    """A Graphviz digraph: an edge per frame that holds data, from its parent; ages as of time_ns unless 0."""
+    """Write a Graphviz digraph with an edge to each frame with data; ages at ``time_ns`` unless 0."""
     lines = ["digraph G {"]
     if not any(f.parent is not None for f in frames):
         lines.append('"no tf data received"')
@@ -151,3 +217,77 @@ def as_dot(frames: list[FrameFacts], time_ns: int) -> str:
         ]
     lines.append("}")
     return "\n".join(lines)
+
+
+def tree_text(frames: Mapping[str, FrameInfo]) -> str:
+    """
+    Write one line per frame, indented by two spaces more than its parent, in alphabetical order.
+
+    :param frames: by name; a parent without an entry is a root.
+    :return: each line states the number of samples of a frame, or that it is static; "no frames" if there
+        are none.
+
+    Frames whose parents form a loop follow the trees. The loop begins at the frame whose name comes first in
+    the alphabet, which is marked.
+    """
+    children: dict[str, list[str]] = {}
+    for name in sorted(frames):
+        parent = frames[name].parent
+        if parent is not None:
+            children.setdefault(parent, []).append(name)
+    roots = {name for name, info in frames.items() if info.parent is None} | (children.keys() - frames.keys())
+    lines: list[str] = []
+    shown: set[str] = set()
+    for name in sorted(roots):
+        lines += _subtree(name, "", frames, children, shown)
+    for name in sorted(frames.keys() - shown):
+        if name not in shown:
+            lines += _subtree(_first_of_loop(name, frames), " (loop)", frames, children, shown)
+    return "\n".join(lines) or "no frames"
+
+
+def _subtree(
+    root: str,
+    mark: str,
+    frames: Mapping[str, FrameInfo],
+    children: Mapping[str, list[str]],
+    shown: set[str],
+) -> Iterator[str]:
+    # No recursion: a tree may be deeper than Python's stack.
+    waiting = [(root, 0, mark)]
+    continued: list[str] = []
+    while waiting:
+        name, depth, mark = waiting.pop()
+        again = name in shown and not mark
+        shown.add(name)
+        below = [] if again else children.get(name, [])
+        if below and depth == MAX_DEPTH:
+            continued.append(name)
+            below, mark = [], " ..."
+        yield INDENT * depth + printable(name) + _facts(frames.get(name)) + (" (loop)" if again else mark)
+        waiting += [(child, depth + 1, "") for child in reversed(below)]
+        if not waiting and continued:
+            waiting.append((continued.pop(0), 0, " (continued)"))
+
+
+def _facts(info: FrameInfo | None) -> str:
+    if info is None or info.count == 0:
+        return ""
+    if info.oldest_ns is None or info.newest_ns is None:
+        return " (static)"
+    if info.count == 1:
+        return f" (1 sample, at {seconds(info.newest_ns)})"
+    span_s = (info.newest_ns - info.oldest_ns) / NS_PER_S
+    return f" ({info.count} samples over {span_s:.3f} s, newest at {seconds(info.newest_ns)})"
+
+
+def _first_of_loop(name: str, frames: Mapping[str, FrameInfo]) -> str:
+    """The frame whose name comes first in the loop that the ancestors of a frame lead to."""
+    path: dict[str, None] = {}
+    while name not in path:
+        path[name] = None
+        parent = frames[name].parent
+        assert parent is not None  # otherwise a root would have led here
+        name = parent
+    names = list(path)
+    return min(names[names.index(name) :])

@@ -1,25 +1,12 @@
-"""Owns the log lines about what a buffer refused or could not read."""
+"""Log lines about what a buffer refused or could not read."""
+
+from __future__ import annotations
 
 import logging
-from typing import Any
+from collections.abc import Hashable
+from typing import Any, Protocol
 
-from tf2_py._objects.errors import seconds
-from tf2_py._objects.printable import printable
-from tf2_py._objects.throttle import Throttle
-
-__all__ = [
-    "OLD_DATA",
-    "REFUSALS",
-    "Throttle",
-    "because",
-    "logger",
-    "malformed",
-    "not_logged",
-    "receiving_failed",
-    "refusal",
-    "refused",
-    "too_many_waiters",
-]
+from tf2_py._objects.errors import printable, seconds
 
 # By bit of the engine's REFUSED_*: the tag that users search for, the key in statistics(), the reason.
 REFUSALS = (
@@ -39,8 +26,14 @@ REFUSALS = (
 OLD_DATA = 1 << 8
 
 
+class Throttle(Protocol):
+    """The throttle of an engine, which limits how often something is logged."""
+
+    def passes(self, what: Hashable) -> bool: ...
+
+
 def logger(name: str) -> Any:
-    """The logger of this name: rclpy's, or Python's where there is no ROS."""
+    """The logger of this name: rclpy's, or Python's if there is no ROS."""
     try:
         from rclpy.logging import get_logger
     except ModuleNotFoundError:
@@ -53,7 +46,7 @@ def _logger() -> Any:
 
 
 def because(reasons: int) -> str:
-    """What is wrong with a transform that is refused for these reasons."""
+    """The reasons for which a transform is refused, as text."""
     return " and ".join(reason for _, _, reason in _named(reasons))
 
 
@@ -62,7 +55,7 @@ def _named(reasons: int) -> list[tuple[str, str, str]]:
 
 
 def refusal(reasons: int, happens: str, parent: str, child: str, details: str = "") -> str:
-    """Say why a transform is refused; ``happens`` is what happens to "the transform ..."."""
+    """A sentence about why a transform is refused; ``happens`` is the verb before "the transform ..."."""
     tags = ", ".join(tag for tag, _, _ in _named(reasons))
     return printable(
         f"{tags}: {happens} the transform from frame_id '{parent}' to child_frame_id '{child}'{details}"
@@ -81,7 +74,7 @@ def refused(reasons: int, parent: str, child: str, authority: str, stamp_ns: int
 
 
 def not_logged(count: int) -> None:
-    """Log that more transforms were refused than there are lines about."""
+    """Log how many more transforms were refused than logged."""
     _logger().warning(f"{count} more transforms were refused and not logged; statistics() counts them all")
 
 
@@ -92,7 +85,7 @@ def malformed(throttle: Throttle, what: str, error: str) -> None:
 
 
 def receiving_failed(throttle: Throttle, error: str) -> None:
-    """Log what a receiver's thread could not raise; ``error`` is a traceback."""
+    """Log an error in the thread of a receiver; ``error`` is a traceback."""
     if throttle.passes("receiver"):
         _logger().error(f"Receiving transforms failed: {error}")
 

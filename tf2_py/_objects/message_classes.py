@@ -1,6 +1,6 @@
-"""Owns which classes transforms are made of: those of ROS, or stand-ins where ROS is not installed."""
+"""Provide the message classes of transforms: from ROS, or stand-ins without ROS."""
 
-# Imported with the first message that is read or made, not before.
+# This module is imported when the first message is read or made, not earlier.
 try:
     from builtin_interfaces.msg import Time
     from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3

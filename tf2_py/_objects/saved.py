@@ -1,7 +1,7 @@
 """
-Owns buffers as files: recordings in mcap of ``/tf`` and ``/tf_static``, with the rest as metadata.
+Write and read buffers as files: recordings in mcap of ``/tf`` and ``/tf_static``, with the rest as metadata.
 
-Any tool reads the transforms. Only this module reads the metadata; it stands before the messages.
+Any tool can read the transforms. Only this module reads the metadata, which precedes the messages.
 """
 
 from __future__ import annotations
@@ -10,27 +10,23 @@ import json
 import os
 import stat
 import sys
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, BinaryIO, NoReturn
+from collections.abc import Callable, Iterator
+from typing import Any, BinaryIO
 
-from tf2_py._objects.histories import COUNT, FRAME_COLUMNS, KIND, STATIC_KIND
-from tf2_py._objects.printable import printable
-from tf2_py._objects.sample_messages import SampleReader, serialize_samples
+from tf2_py._objects.errors import printable
+from tf2_py._objects.listings import COUNT, FRAME_COLUMNS, KIND, STATIC_KIND
 from tf2_py._objects.whole_file import whole_file
 
-if TYPE_CHECKING:
-    import numpy as np
-
-# NumPy and mcap are imported with the first call that needs them: the engine itself does without.
-
-__all__ = ["load_state", "save_state"]
+# NumPy and mcap are imported by the first call that needs them, because the engine does not need them.
 
 METADATA = "tf2_ros_cython.buffer"
 DYNAMIC, STATIC = "/tf", "/tf_static"
-# The transforms of so long a time share a message: players and readers work message by message.
+# The transforms within this time share a message, because players and readers work message by message.
 MESSAGE_NS = 10_000_000
-MOST_PER_MESSAGE = 1000  # dynamic transforms; all static ones are one message: late subscribers get the last
-# What a state says in arrays of samples, which messages hold.
+# Before compression. A file without its end can be read up to its last whole chunk.
+CHUNK_BYTES = 1 << 15
+MOST_PER_MESSAGE = 1000  # dynamic ones; one message has all static ones: late subscribers get only the last
+# The arrays of samples in a state; the messages hold these.
 SAMPLES = {"stamps", "transforms", "parents"}
 
 # As rosbag2 writes it.
@@ -90,16 +86,17 @@ float64 w 1
 """
 
 
-def save_state(state: dict[str, Any], path: str | os.PathLike[str]) -> None:
+def save_state(state: dict[str, Any], path: str | os.PathLike[str], serialize: Callable[..., bytes]) -> None:
     """
-    Write a state of ``tf2_py._engine.travel``.
+    Write a state of ``tf2_py/engine/state.pyx``.
 
+    :param serialize: ``serialize_samples`` of the engine, which imports this module.
     :raises ModuleNotFoundError: the library mcap is missing.
     :raises OSError: the file cannot be written; what was there before stays.
     """
     writer_module = _mcap("writer")
     with whole_file(path) as file:
-        writer = writer_module.Writer(file, enable_data_crcs=True)
+        writer = writer_module.Writer(file, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
         writer.start(profile="ros2", library="tf2-ros-cython")
         writer.add_metadata(METADATA, _metadata_of(state))
         schema = writer.register_schema(TYPE, "ros2msg", DEFINITION.encode())
@@ -107,23 +104,24 @@ def save_state(state: dict[str, Any], path: str | os.PathLike[str]) -> None:
             topic: writer.register_channel(topic, "cdr", schema, {"offered_qos_profiles": qos})
             for topic, qos in QOS.items()
         }
-        for sequence, (topic, log_time_ns, data) in enumerate(_messages(state)):
+        for sequence, (topic, log_time_ns, data) in enumerate(_messages(state, serialize)):
             writer.add_message(channels[topic], log_time_ns, data, log_time_ns, sequence)
         writer.finish()
 
 
-def load_state(path: str | os.PathLike[str]) -> dict[str, Any]:
+def load_state(path: str | os.PathLike[str], scratch: Any) -> dict[str, Any]:
     """
     Read what :func:`save_state` wrote. The state that it returns is still to be checked.
 
+    :param scratch: an empty BufferCore without limits, which reads the messages.
     :raises ModuleNotFoundError: the library mcap is missing.
     :raises FileNotFoundError, OSError: the file cannot be opened or read.
-    :raises ValueError: it is no mcap file, not whole, or does not hold a buffer; the text names the file.
+    :raises ValueError: it is not an mcap file, not whole, or does not hold a buffer; the text names the file.
     """
     stream_reader = _mcap("stream_reader")
     with open(path, "rb") as file:
         try:
-            return _read(stream_reader.StreamReader(_Bounded(file), validate_crcs=True).records)
+            return _read(stream_reader.StreamReader(_Bounded(file), validate_crcs=True).records, scratch)
         except (MemoryError, OSError):
             raise
         # The library raises what its own parts and those for compression happen to raise.
@@ -133,7 +131,7 @@ def load_state(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 class _Bounded:
-    """A file that is never asked for more than it holds: a damaged length would be a matter of memory."""
+    """Reads no more than a file holds, because a damaged length could allocate any amount of memory."""
 
     def __init__(self, file: BinaryIO) -> None:
         facts = os.fstat(file.fileno())
@@ -168,8 +166,8 @@ def _metadata_of(state: dict[str, Any]) -> dict[str, str]:
     return {key: json.dumps(value, ensure_ascii=False) for key, value in plain.items()}
 
 
-def _messages(state: dict[str, Any]) -> Iterator[tuple[str, int, bytes]]:
-    """Topic, log time in ns, and the serialised message: static ones first, the others by stamp."""
+def _messages(state: dict[str, Any], serialize: Callable[..., bytes]) -> Iterator[tuple[str, int, bytes]]:
+    """Topic, log time in ns, and serialised message: the static transforms first, the others by stamp."""
     import numpy as np
 
     names = _names_by_id(state)
@@ -179,56 +177,49 @@ def _messages(state: dict[str, Any]) -> Iterator[tuple[str, int, bytes]]:
     is_static = np.repeat(frames[:, KIND] == STATIC_KIND, frames[:, COUNT])
     samples = (children, state["parents"], stamps, state["transforms"])
     static_rows = np.flatnonzero(is_static)
-    # Stable: of equal stamps, each frame's remain in order of arrival.
+    # Stable, so that samples of a frame with equal stamps remain in order of arrival.
     rows = np.flatnonzero(~is_static)
     rows = rows[np.argsort(stamps[rows], kind="stable")]
     times = stamps[rows]
     if len(static_rows):
         first_ns = times[0] if len(times) else stamps[static_rows].max()
-        yield STATIC, int(first_ns), serialize_samples(names, static_rows, *samples)
+        yield STATIC, int(first_ns), serialize(names, static_rows, *samples)
     ends = np.append(np.flatnonzero(np.diff(times // MESSAGE_NS)) + 1, len(rows))
     start = 0
     for end in ends.tolist():
         while start < end:
             next_start = min(end, start + MOST_PER_MESSAGE)
-            data = serialize_samples(names, rows[start:next_start], *samples)
-            # A sender knows a transform at its stamp, not before.
+            data = serialize(names, rows[start:next_start], *samples)
+            # A sender knows a transform at its stamp, not earlier.
             yield DYNAMIC, int(times[next_start - 1]), data
             start = next_start
 
 
 def _names_by_id(state: dict[str, Any]) -> list[bytes]:
-    # As sample_messages takes them.
+    # As serialize_samples takes them.
     return [b"", *state["names"].split(b"\0")[:-1]]
 
 
-def _read(records: Iterator[Any]) -> dict[str, Any]:
+def _read(records: Iterator[Any], scratch: Any) -> dict[str, Any]:
     state: dict[str, Any] | None = None
-    reader: SampleReader | None = None
     topics: dict[int, str] = {}
     for record in records:
         match type(record).__name__:
             case "Metadata" if record.name == METADATA:
                 state = _state_of(record.metadata)
-                reader = SampleReader(_names_by_id(state))
             case "Channel":
                 topics[record.id] = record.topic
-            case "Message":
-                if reader is None:
-                    _refuse_recording()
-                if topics[record.channel_id] in QOS:
-                    reader.read(record.data)
-    if state is None or reader is None:
-        _refuse_recording()
-    return state | _samples(state["frames"], *reader.arrays())
-
-
-def _refuse_recording() -> NoReturn:
-    raise ValueError("it holds no buffer that save() wrote; tf2_ros.bag.load reads recordings")
+            case "Message" if state is None:
+                break
+            case "Message" if topics[record.channel_id] in QOS:
+                scratch.set_transforms_cdr(record.data, "", topics[record.channel_id] == STATIC)
+    if state is None:
+        raise ValueError("it holds no buffer that save() wrote; tf2_ros.bag.load reads recordings")
+    return state | _samples_of(scratch.__getstate__(), state)
 
 
 def _state_of(metadata: dict[str, str]) -> dict[str, Any]:
-    """The state without samples. Only what this needs is checked."""
+    """The state without samples. Checks only what this function needs."""
     import numpy as np
 
     state = {key: json.loads(text) for key, text in metadata.items()}
@@ -237,24 +228,36 @@ def _state_of(metadata: dict[str, str]) -> dict[str, Any]:
         raise ValueError(f"its metadata {METADATA} lack {', '.join(sorted(missing))}")
     for key in ("names", "authorities"):
         if not isinstance(state[key], list) or not all(isinstance(name, str) for name in state[key]):
-            raise ValueError(f"its metadata {METADATA} hold {key} that are no list of names")
+            raise ValueError(f"its metadata {METADATA} hold {key} that are not a list of names")
         state[key] = "".join(f"{name}\0" for name in state[key]).encode()
     state["refused"] = tuple(state["refused"])
     state["frames"] = np.array(state["frames"], dtype=np.uint32).reshape(-1, FRAME_COLUMNS)
     return state
 
 
-def _samples(
-    frames: np.ndarray, children: np.ndarray, parents: np.ndarray, stamps: np.ndarray, transforms: np.ndarray
-) -> dict[str, Any]:
-    """In the order of the frames, those of each in the order of the messages."""
+def _samples_of(read: dict[str, Any], wanted: dict[str, Any]) -> dict[str, Any]:
+    """The samples of the first state, in the order of the frames of the second, and with its ids."""
     import numpy as np
 
-    counts = np.bincount(children, minlength=len(frames) + 1)[1:]
-    if not np.array_equal(counts, frames[:, COUNT]):
+    names = _names_by_id(read)
+    ids = {name: id for id, name in enumerate(_names_by_id(wanted))}
+    ends = np.cumsum(read["frames"][:, COUNT], dtype=np.int64)
+    counts = np.zeros(len(wanted["frames"]) + 1, np.int64)
+    rows: list[Any] = [()] * len(counts)
+    for name, end, count in zip(names[1:], ends.tolist(), read["frames"][:, COUNT].tolist(), strict=True):
+        if name not in ids:
+            raise ValueError(f"a frame that is not among the names: {printable(name.decode())}")
+        rows[ids[name]] = range(end - count, end)
+        counts[ids[name]] = count
+    if not np.array_equal(counts[1:], wanted["frames"][:, COUNT]):
         raise ValueError(
-            f"its messages hold {len(children)} transforms of frames that have {frames[:, COUNT].sum()}, "
-            "or not those of the same frames"
+            f"its messages hold {counts.sum()} transforms of frames that have "
+            f"{wanted['frames'][:, COUNT].sum()}, or not those of the same frames"
         )
-    order = np.argsort(children, kind="stable")
-    return {"stamps": stamps[order], "transforms": transforms[order], "parents": parents[order]}
+    order = np.concatenate([np.array(one, np.int64) for one in rows])
+    places = np.array([ids[name] for name in names], np.uint32)
+    return {
+        "stamps": read["stamps"][order],
+        "transforms": read["transforms"][order],
+        "parents": places[read["parents"][order]],
+    }

@@ -1,20 +1,8 @@
-"""Owns stand-ins for the message classes, with their fields and defaults, for environments without ROS."""
+"""Stand-ins for the message classes, with their fields and defaults, for environments without ROS."""
 
 from dataclasses import dataclass, field
 
 from tf2_py._objects.errors import NS_PER_S
-
-__all__ = [
-    "Header",
-    "Point",
-    "Pose",
-    "PoseStamped",
-    "Quaternion",
-    "Time",
-    "Transform",
-    "TransformStamped",
-    "Vector3",
-]
 
 
 @dataclass(slots=True)
@@ -22,7 +10,7 @@ class Time:
     sec: int = 0
     nanosec: int = 0
 
-    # Not of the message: this class also stands for rclpy.time.Time.
+    # The message lacks this: the class also replaces rclpy.time.Time.
     @property
     def nanoseconds(self) -> int:
         return self.sec * NS_PER_S + self.nanosec

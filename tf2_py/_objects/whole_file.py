@@ -1,4 +1,4 @@
-"""Owns writing a file so that nobody sees half of it."""
+"""Write a file in one step, so that no reader sees half of it."""
 
 import os
 import uuid
@@ -6,22 +6,20 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import IO
 
-__all__ = ["UNFINISHED", "whole_file"]
-
-UNFINISHED = ".unfinished"  # how the name of a file ends that is not whole yet; it begins with a dot
+UNFINISHED = ".unfinished"  # the names of unfinished files end with this, and begin with a dot
 
 
 @contextmanager
 def whole_file(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
     """
-    Open a file for writing under another name beside it, which becomes ``path`` where all went well.
+    Open a file for writing under another name beside ``path``, and rename it to ``path`` on success.
 
-    What is no file, such as a pipe or a device, is written to as it is: another one could not replace it.
+    Anything else, such as a pipe or a device, is opened directly, because a file could not replace it.
 
-    :raises OSError: it cannot be written. As with any other error, what was there before stays.
+    :raises OSError: it cannot be written. As after any other error, the previous file stays.
     """
     target = os.path.realpath(os.fsdecode(path))  # a link stays one
-    # Unlike a process id, this is not taken twice where machines share a folder. The name may be the longest.
+    # Unlike a process id, this is unique even if machines share a folder. `path` may have the longest name.
     unfinished = os.path.join(os.path.dirname(target), f".{uuid.uuid4().hex}{UNFINISHED}")
     try:
         if _is_special(path):
@@ -32,7 +30,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
             with open(unfinished, "wb") as file:
                 yield file
                 file.flush()
-                os.fsync(file.fileno())  # or a power cut may leave an empty file of that name
+                os.fsync(file.fileno())  # otherwise a power cut may leave an empty file of that name
             os.replace(unfinished, target)
         except BaseException:
             with suppress(FileNotFoundError):

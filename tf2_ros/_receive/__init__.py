@@ -1,1 +1,1 @@
-"""What a listener's subscriptions receive: a loop on rcl, and its thread."""
+"""Receive what arrives on a listener's subscriptions, in a loop on rcl and its thread."""

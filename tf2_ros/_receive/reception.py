@@ -1,11 +1,10 @@
-"""Owns what each listener has received by topic, and what errors and warnings say of it."""
+"""Count what each listener has received by topic, for errors, warnings and representations."""
 
 import itertools
 import os
 import time
 import weakref
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
 from typing import Any
 
 from rclpy.logging import get_logger
@@ -14,26 +13,23 @@ from rclpy.subscription import Subscription
 
 from tf2_py import BufferCore
 from tf2_py._internal import counted
-from tf2_ros._rclpy import context_was_shut_down, enter_handle
-from tf2_ros._receive.receiver_thread import ReceiverThread
-from tf2_ros._wait.contexts import fills
+from tf2_ros._forking import LiveObjects
+from tf2_ros._rclpy import context_was_shut_down
+from tf2_ros._receive.receiver import Receiver, exists
 
-__all__ = ["ReceivedTopic", "Reception"]
-
-# A topic of dynamic transforms on which nothing has been received for so long is called silent. Most are
-# sent ten times a second or more.
+# A topic of dynamic transforms is called silent if nothing was received on it for this long. Most are sent
+# ten times a second or more.
 SILENT_S = 3
 
-# By their addresses. A dict, for a WeakSet cannot be listed while another thread adds to it.
-_receptions: "dict[int, weakref.ref[Reception]]" = {}
+_receptions: "LiveObjects[Reception]" = LiveObjects()
 
 
 class ReceivedTopic:
     """
     What was received on one subscription of a listener.
 
-    :param is_counted: given the subscription and ``is_static``, whether every message is counted: whether the
-        listener's own methods handle them, and no code of a program. It must not refer to the listener.
+    :param is_counted: called with the subscription and ``is_static``; returns whether every message is
+        counted, because the listener's own methods handle them. It must not refer to the listener.
     """
 
     def __init__(
@@ -49,19 +45,19 @@ class ReceivedTopic:
         self._called_at_ns = 0
         self._taken: Callable[[], tuple[int, int]] = _nothing
 
-    def count_taken(self, thread: ReceiverThread) -> None:
-        """Count also what a receiver's thread takes, if it takes from this subscription."""
+    def count_taken(self, receiver: Receiver) -> None:
+        """Also count what a receiver takes, if it takes from this subscription."""
         subscription = self._subscription()
         if subscription is not None:
-            self._taken = thread.taken_from(subscription) or _nothing
+            self._taken = receiver.takes_from(subscription) or _nothing
 
     def count_call(self) -> None:
-        """An executor has called the listener with a message."""
+        """Count a message with which an executor has called the listener."""
         self._called = next(self._counter)
         self._called_at_ns = time.monotonic_ns()
 
     def received(self) -> tuple[int, int]:
-        """How many messages, and the steady time of the last one in nanoseconds."""
+        """Return how many messages there were, and the steady time of the last one in nanoseconds."""
         taken, taken_at_ns = self._taken()
         return taken + self._called, max(taken_at_ns, self._called_at_ns)
 
@@ -73,19 +69,32 @@ class ReceivedTopic:
     def is_open(self) -> bool:
         """Whether the subscription still exists."""
         subscription = self._subscription()
-        if subscription is None:
-            return False
-        with ExitStack() as uses:
-            return enter_handle(subscription.handle, uses)
+        return subscription is not None and exists(subscription)
 
     def is_left_to_executors(self) -> bool:
-        """Whether no receiver's thread takes its messages."""
-        return getattr(self._subscription(), "tf2_receiver_thread", None) is None
+        """Whether no receiver takes its messages."""
+        return getattr(self._subscription(), "tf2_receiver", None) is None
+
+    def describe(self) -> str:
+        """Describe its name, how many messages there were, when the last one was, and what takes them."""
+        count, last_ns = self.received()
+        if count == 0 and not self.is_counted():
+            facts = "messages not counted"
+        else:
+            facts = counted(count, "message")
+            if count:
+                facts += f", last {(time.monotonic_ns() - last_ns) / 1e9:.2f} s ago"
+        receiver = getattr(self._subscription(), "tf2_receiver", None)
+        if not self.is_open() or (receiver is not None and not receiver.alive):
+            facts += ", ended"
+        elif receiver is None:
+            facts += ", taken by an executor"
+        return f"{self.name}: {facts}"
 
 
 class Reception:
     """
-    What a listener has received, as long as the listener refers to this.
+    What a listener has received. It exists as long as the listener refers to it.
 
     :param listener: has the attributes ``buffer`` and ``node``.
     :param topics: of its subscriptions.
@@ -98,19 +107,16 @@ class Reception:
         self._context = node.context if isinstance(node, Node) else None
         self._domain = None if self._context is None else self._context.get_domain_id()
         self._node_name = node.get_fully_qualified_name() if isinstance(node, Node) else "?"
-        self._warned_of: weakref.WeakSet[Reception] = weakref.WeakSet()  # that fill, or filled, the same
-        address, forget = id(self), _receptions.pop
-        _receptions[address] = weakref.ref(self, lambda _: forget(address, None))
+        self._warned_of: weakref.WeakSet[Reception] = weakref.WeakSet()  # they fill the same buffer, or did
+        _receptions.add(self)
         self.fill(listener.buffer)
 
     def fill(self, buffer: object) -> None:
-        """The listener fills this buffer from now on: warn if another one does, too, from the same topics."""
-        if (listener := self._listener()) is not None:
-            fills(listener.node, buffer)
+        """Note the buffer that it fills from now on; warn if another one does so from the same topics."""
         if isinstance(buffer, BufferCore):
             BufferCore._ask_for_silence(buffer, _silence)
         others = [one for one in _receptions_of(buffer) if one is not self and one._domain == self._domain]
-        # Of more listeners than two nothing else is to be said.
+        # More than two listeners get no further warning.
         shared = [
             (topic.name, doubles[0])
             for topic in self.topics
@@ -128,28 +134,18 @@ class Reception:
                 f"Two listeners of {nodes} fill {filled} from {names}: one is enough"
             )
 
-    def is_open(self) -> bool:
-        """Whether any of its subscriptions still exists."""
-        return any(topic.is_open() for topic in self.topics)
-
-    def is_left_to_executors(self) -> bool:
-        """Whether no receiver's thread takes any of its messages."""
-        return all(topic.is_left_to_executors() for topic in self.topics)
-
     def fills(self, buffer: object) -> bool:
         """Whether the transforms are for this buffer."""
         listener = self._listener()
         return listener is not None and listener.__dict__.get("buffer") is buffer
 
+    def names(self) -> str:
+        """The topics."""
+        return ", ".join(topic.name for topic in self.topics)
+
     def describe(self) -> str:
-        """The topics, how many messages there were, and when the last one was."""
-        names = ", ".join(topic.name for topic in self.topics)
-        facts = [topic.received() for topic in self.topics]
-        count, last_ns = sum(number for number, _ in facts), max((at_ns for _, at_ns in facts), default=0)
-        if count == 0 and not all(topic.is_counted() for topic in self.topics):
-            return f"{names}: messages not counted"
-        last = f", last {(time.monotonic_ns() - last_ns) / 1e9:.2f} s ago" if count else ""
-        return f"{names}: {counted(count, 'message')}{last}"
+        """What was received on each topic."""
+        return "; ".join(topic.describe() for topic in self.topics)
 
     def receiving(self) -> list[ReceivedTopic]:
         """The topics that it can receive anything on."""
@@ -162,18 +158,17 @@ class Reception:
 
 
 def _receptions_of(buffer: object) -> list[Reception]:
-    existing = (reference() for reference in list(_receptions.values()))
-    return [reception for reception in existing if reception is not None and reception.fills(buffer)]
+    return [reception for reception in _receptions if reception.fills(buffer)]
 
 
 def _silence(buffer: object) -> tuple[str, str]:
-    # As BufferCore._ask_for_silence wants it.
+    # What BufferCore._ask_for_silence expects.
     topics = [topic for one in _receptions_of(buffer) for topic in one.receiving() if topic.is_counted()]
     return _silent(topics), _silent([topic for topic in topics if not topic.is_static])
 
 
 def _silent(topics: Sequence[ReceivedTopic]) -> str:
-    """Which of these topics are silent, as a clause without commas; ``""``: none."""
+    """Describe the silent ones of these topics in a clause without commas; ``""`` if there are none."""
     # Several listeners may receive on one topic.
     lasts: dict[str, int] = {}
     static = {topic.name for topic in topics if topic.is_static}
@@ -198,5 +193,5 @@ def _joined(names: Sequence[str]) -> str:
     return " and ".join(names)
 
 
-# A forked child receives nothing by its parent's listeners, and may make its own for the same buffers.
+# A forked child receives nothing through its parent's listeners, and may make its own for the same buffers.
 os.register_at_fork(after_in_child=_receptions.clear)

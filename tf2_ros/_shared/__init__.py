@@ -1,1 +1,1 @@
-"""Buffers that the processes of a machine share: the memory, who owns it, and following it."""
+"""Share what one process receives with others: the ring, its owner, and the buffers attached to it."""

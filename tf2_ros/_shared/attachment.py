@@ -1,164 +1,387 @@
-"""Owns what a listener has instead of subscriptions where its buffer is another process's."""
+"""Fill buffers, and stand in for their listeners, from the ring of the process that owns a name."""
 
 import threading
+import traceback
 import weakref
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
 
-from rclpy.callback_groups import CallbackGroup
-from rclpy.logging import get_logger
-from rclpy.node import Node
-
-from tf2_py import BufferCore
-from tf2_ros._rclpy import context_was_shut_down, has_tasks
-from tf2_ros._receive.arrivals import Arrivals, Completion
-from tf2_ros._receive.callback_thread import callback_thread
-from tf2_ros._receive.rcl import problem
-from tf2_ros._receive.receiver_thread import add_filler, can_receive
-from tf2_ros._shared.description import Description, read_description
-from tf2_ros._shared.following import Follower, attach, open_segment
+from tf2_py._internal import log
+from tf2_ros._forking import register_for_fork
+from tf2_ros._receive.inboxes import add_inbox, check_regularly, threads
+from tf2_ros._shared.files import Description, describe_owner, is_owned, open_file
 from tf2_ros._shared.names import SharedBufferError, wanted_name
-from tf2_ros._shared.owning import Owner
+from tf2_ros._shared.owner import Owner
+from tf2_ros._shared.ring import RingInbox
+from tf2_ros_cython._presence import HAS_ROS
 
-__all__ = ["Attachment", "attach_listener", "detach_listener"]
+if TYPE_CHECKING or HAS_ROS:
+    from rclpy.logging import get_logger
+    from rclpy.node import Node
 
-QUEUE_DEPTH = 100  # of a listener's subscription: more messages an executor would not have found there
+    from tf2_ros._rcl import problem
+    from tf2_ros._rclpy import context_was_shut_down, has_tasks
+    from tf2_ros._wait.callbacks import CallbackQueue, callback_queue, queue_of
+
+__all__ = ["AttachedListener", "Attachment", "Ring", "attach_listener", "open_ring"]
+
+AUTHORITY = "default_authority"  # of messages that have none
+END_WAIT_S = 5.0
+
+Call = Callable[[], object]
+
+
+class Ring(RingInbox):
+    """
+    The ring of one owner, which fills a buffer.
+
+    :param descriptor: of its file; it is closed with this object.
+    :param name: of the shared buffer.
+    """
+
+    survives_fork = True
+
+    def __init__(self, descriptor: int, name: str) -> None:
+        super().__init__(descriptor, AUTHORITY)
+        self.name = name
+        found = self.describe_owner()
+        self.process = 0 if found is None else found.process
+        self._threads: list[threading.Thread] = []
+        self._attachment: weakref.ref[Attachment] | None = None
+
+    def describe_owner(self) -> Description | None:
+        """Read the owner's description; None if it cannot be read."""
+        return describe_owner(self.descriptor)
+
+    def cache_time_s(self) -> float:
+        """For how long the owner keeps transforms; 10 s if its description cannot be read."""
+        found = self.describe_owner()
+        return 10.0 if found is None else max(0, found.cache_time_ns) / 1e9
+
+    def attach_to(self, buffer: Any) -> "Attachment":
+        """Fill a buffer, as long as it exists."""
+        return Attachment(buffer, self)
+
+    def fill_for(self, attachment: "Attachment", buffer: Any) -> None:
+        """Fill the buffer of an attachment from now on."""
+        self._attachment = weakref.ref(attachment)
+        self.fill(buffer)
+        add_inbox(self)
+        if self.is_wanted:
+            self.begin()
+
+    def begin(self) -> None:
+        """Have a thread follow the ring, because something looks or waits."""
+        # At the end of the interpreter, no thread can be started; reads see everything nevertheless.
+        with suppress(RuntimeError):
+            threads.start_reports()
+            thread = threading.Thread(target=self.follow, name="tf2_ros ring", daemon=True)
+            # One may still be ending.
+            self._threads = [*(one for one in self._threads if one.is_alive()), thread]
+            thread.start()
+
+    def why_over(self) -> str | None:
+        """Why nothing arrives any more; None while messages may arrive."""
+        if self.problem is not None:
+            return self.problem
+        if self.is_over or not is_owned(self.descriptor):
+            return f"process {self.process} has ended"
+        return None
+
+    def hand_over(self, calls: list[Call]) -> None:
+        """Put these into the queue that runs the callbacks of the buffer."""
+        attachment = None if self._attachment is None else self._attachment()
+        buffer = None if attachment is None else attachment.buffer()
+        if HAS_ROS and buffer is not None:
+            queue_of(buffer).put_all(calls)
+            return
+        for call in calls:
+            try:
+                call()
+            except Exception:
+                log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
+
+    def decide(self) -> bool:
+        """Find out whether the listeners of the buffer still need no subscriptions."""
+        attachment = None if self._attachment is None else self._attachment()
+        if attachment is not None:
+            attachment.decide()
+        return True
+
+    def stop(self) -> None:
+        """End for good."""
+        super().stop()
+        for thread in self._threads:
+            if thread.is_alive() and thread is not threading.current_thread():
+                thread.join(END_WAIT_S)
+
+    def end(self) -> None:
+        """Insert what has arrived, and receive nothing more."""
+        self.catch_up()
+        self.close()
+        self.stop()
 
 
 class Attachment:
     """
-    What a listener has instead of subscriptions.
+    Fills a buffer from the ring of the process that owns a name, one owner after the other.
 
-    :param listener: with ``buffer``, ``node``, ``group``; when the buffer is no longer attached, its
-        ``_listen_itself()`` is called. The node keeps it alive, until :meth:`close`.
-    :param follower: of its buffer.
+    :param buffer: not kept alive.
+    :param ring: of the present owner.
+    :param is_by_environment: whether the environment variable attached the buffer, and not the program.
     """
 
-    def __init__(self, listener: Any, follower: Follower) -> None:
+    def __init__(self, buffer: Any, ring: Ring, is_by_environment: bool = False) -> None:
+        self.name = ring.name
+        self.is_by_environment = is_by_environment
+        self.ring: Ring | None = ring
+        self._buffer = weakref.ref(buffer)
+        self.listeners: list[AttachedListener] = []  # each is informed of changes
+        self._changing = threading.RLock()
+        self._descriptions = ring.descriptions
+        ring.fill_for(self, buffer)
+        check_regularly(self)
+        register_for_fork(self)
+
+    def after_fork(self) -> None:
+        """Leave the listeners to the parent, in a forked child, which continues to read the buffer."""
+        self._changing = threading.RLock()  # a thread of the parent may have held it
+        for listener in self.listeners:
+            listener.after_fork()
+        self.listeners = []
+
+    @property
+    def is_attached(self) -> bool:
+        """Whether there is an owner."""
+        return self.ring is not None
+
+    def buffer(self) -> Any:
+        """The buffer, if it exists."""
+        return self._buffer()
+
+    def set_simulated(self, is_simulated: bool) -> None:
+        """Do nothing, because this buffer follows its own clock."""
+
+    def forget_listener(self, listener: object) -> None:
+        """Do nothing, because the listener closes its :class:`AttachedListener`."""
+
+    def decide(self) -> None:
+        """Find out whether the listeners still need no subscriptions."""
+        for listener in list(self.listeners):
+            listener.decide()
+
+    def check(self) -> None:
+        """Find out whether the owner has ended, and follow the next one if there is one."""
+        with self._changing:
+            buffer = self._buffer()
+            if buffer is None:
+                self.close()
+                return
+            ring = self.ring
+            if ring is None:
+                self._find_owner(buffer)
+            elif (why := ring.why_over()) is not None:
+                self._lose(ring, why)
+                self._find_owner(buffer)
+            elif ring.short_ns or ring.missing or ring.descriptions != self._descriptions:
+                self._descriptions = ring.descriptions
+                for listener in list(self.listeners):
+                    if lack := listener.lack(ring):
+                        self._lose(ring, f"it {lack}")
+                        break
+
+    def close(self) -> None:
+        """End; the buffer keeps what it holds."""
+        with self._changing:
+            ring, self.ring = self.ring, None
+        if ring is not None:
+            ring.end()
+
+    def _lose(self, ring: Ring, why: str) -> None:
+        self.ring = None
+        ring.end()
+        log.logger("tf2_ros").info(f"The shared buffer {self.name!r} is not filled any more: {why}")
+        for listener in list(self.listeners):
+            listener.lost(why)
+
+    def _find_owner(self, buffer: Any) -> None:
+        try:
+            ring = open_ring(self.name)
+            for listener in list(self.listeners):
+                if lack := listener.lack(ring):
+                    raise SharedBufferError(lack)
+        except SharedBufferError:
+            return  # the next `check` tries again
+        self.ring = ring
+        self._descriptions = ring.descriptions
+        ring.fill_for(self, buffer)
+        log.logger("tf2_ros").info(f"The shared buffer {self.name!r} is process {ring.process}'s now")
+        for listener in list(self.listeners):
+            listener.found(ring)
+
+
+def open_ring(name: str) -> Ring:
+    """
+    Open a shared buffer.
+
+    :raises SharedBufferError: there is no buffer of this name, or it cannot be read.
+    """
+    descriptor = open_file(name)
+    try:
+        return Ring(descriptor, name)
+    except (OSError, ValueError) as error:
+        raise SharedBufferError(f"cannot attach to the shared buffer {name!r}: {error}") from None
+
+
+class AttachedListener:
+    """
+    What a listener has instead of subscriptions.
+
+    :param listener: has ``buffer``, ``node`` and ``group``. The node keeps it alive until :meth:`close`.
+        Its ``_listen_itself()`` makes its subscriptions, ``_stop_listening()`` destroys them.
+    :param attachment: of its buffer.
+    :param topics: those that it would subscribe to.
+    """
+
+    def __init__(self, listener: Any, attachment: Attachment, topics: Sequence[str]) -> None:
+        self.topics = tuple(topics)
         self._listener = weakref.ref(listener)
         self._buffer = weakref.ref(listener.buffer)
         self._node = weakref.ref(listener.node)
+        self._attachment = attachment
+        self._listens = False  # whether it has subscriptions
         self._ended = False
-        self._leaving = threading.RLock()
-        self.follower = follower
-        self.arrivals: _Changes | None = None
-        if can_receive() and isinstance(listener.node, Node):
-            self.arrivals = arrivals = _Changes(listener, self._buffer, follower)
-            listener.node.add_waitable(arrivals)
-            add_filler(self)
-        follower.notify(self._changed, self._left, self.hand_over)
+        self._changing = threading.RLock()
+        self._queue: CallbackQueue | None = None
+        self._kept: Any = None
+        attachment.listeners.append(self)
+        if problem() is None and isinstance(listener.node, Node):
+            self._kept = listener  # by the node, as a listener is by its subscriptions
+            self._queue = callback_queue(listener.node)
+            self._queue.inform(self._before_sleep)
+            self._inform()
 
     @property
     def alive(self) -> bool:
-        """Whether the buffer is still attached, and this listener has not ended."""
-        return not self._ended and self.follower.alive
+        """Whether transforms come from another process now."""
+        return not self._ended and not self._listens and self._attachment.is_attached
 
     def describe(self) -> str:
         """Where transforms come from."""
-        return f"the shared buffer {self.follower.name!r} of process {self.follower.process}"
+        ring = self._attachment.ring
+        process = "" if ring is None else f" of process {ring.process}"
+        return f"the shared buffer {self._attachment.name!r}{process}"
 
-    def fills(self, buffer: BufferCore) -> bool:
-        """Whether it is this buffer's."""
-        return self.arrivals is not None and not self._ended and self._buffer() is buffer
-
-    def decide_again(self) -> None:
-        """The program may have redirected what is received: then the listener listens itself."""
+    def decide(self) -> None:
+        """Let the listener subscribe on its own if the program has redirected what is received."""
         listener, buffer = self._listener(), self._buffer()
         if self._ended or listener is None:
             return
         if listener.__dict__.get("buffer") is not buffer:
-            self._left("this program gives the listener another buffer")
-        elif buffer is not None and not listener._is_direct():
-            buffer._leave()
+            self.leave("this program gives the listener another buffer")
+        elif self._attachment.is_by_environment and not listener._is_direct():
+            self.leave("this program handles what is received")
 
     def use_subscriptions(self) -> None:
-        """The program wants the subscriptions: if it did not attach the buffer, the listener makes them."""
-        buffer = self._buffer()
-        if buffer is None or not self.follower.is_by_environment:
-            return
-        with self._leaving:
-            if not self._ended:
-                self._left("this program uses the listener's subscriptions")
-                buffer._leave()
+        """Make the subscriptions, which the program uses, unless it attached the buffer."""
+        if self._attachment.is_by_environment:
+            self.leave("this program uses the listener's subscriptions")
 
-    def reinsert_recent(self, until_ns: int) -> None:
-        """Nothing was inserted here."""
+    def lack(self, ring: Ring) -> str:
+        """Why a ring cannot replace the subscriptions; ``""`` if it can, or if the program has chosen it."""
+        buffer, node = self._buffer(), self._node()
+        if not self._attachment.is_by_environment or buffer is None or node is None:
+            return ""
+        return _lack(ring, buffer, node, self.topics)
 
-    def stop(self) -> None:
-        """The follower has a thread, not this."""
+    def leave(self, reason: str) -> None:
+        """Subscribe for good."""
+        with self._changing:
+            if self._ended:
+                return
+            listens, buffer = self._listens, self._buffer()
+            self.close()
+            attachment = self._attachment
+            if attachment.is_by_environment and not attachment.listeners:
+                attachment.close()
+                if buffer is not None and buffer._sharing is attachment:
+                    buffer._sharing = None
+            self._listens = listens or self._subscribe(reason)
 
-    def after_fork(self) -> bool:
-        """End in a forked child, where the buffer is still attached; nothing is lost."""
-        self._ended = True
-        if self.arrivals is not None:
-            self.arrivals.after_fork()
-        return False
+    def lost(self, reason: str) -> None:
+        """Subscribe, because the owner has ended, until there is another one."""
+        with self._changing:
+            if self._ended or self._listens or not self._attachment.is_by_environment:
+                return
+            self._listens = self._subscribe(reason)
+
+    def found(self, ring: Ring) -> None:
+        """Unsubscribe, because there is an owner again."""
+        with self._changing:
+            listener, node = self._listener(), self._node()
+            if self._ended or listener is None or node is None:
+                return
+            self._inform()
+            if self._listens and not context_was_shut_down(node.context):
+                self._listens = False
+                listener._stop_listening()
+                _log_use(node, ring)
 
     def close(self) -> None:
-        """End, and do not keep the listener alive any more."""
+        """End, and no longer keep the listener alive."""
         self._ended = True
-        if self.arrivals is not None:
-            self.arrivals.close()
-            self.arrivals.listener = None
+        self._kept = None
+        if self in self._attachment.listeners:
+            self._attachment.listeners.remove(self)
+        if self._queue is not None:
+            self._queue.inform_no_more(self._before_sleep)
+        ring = self._attachment.ring
+        if ring is not None and self._queue is not None:
+            ring.inform(None)
+        for other in self._attachment.listeners:
+            other._inform()
 
-    def _changed(self) -> None:
-        if self.arrivals is not None and not self._ended:
-            self.arrivals.count(0)
+    def after_fork(self) -> None:
+        """End in a forked child, which must not subscribe with the parent's node."""
+        self._ended = True
 
-    def hand_over(self, completions: list[Completion]) -> None:
-        """Have them called in the executor of the listener's node, or in a thread for callbacks."""
-        if self.arrivals is not None and not self._ended:
-            self.arrivals.hand_over(completions)
-        else:
-            for completion in completions:
-                callback_thread.put(completion)
+    def _inform(self) -> None:
+        ring = self._attachment.ring
+        if ring is not None and self._queue is not None:
+            ring.inform(self._queue)
 
-    def _left(self, reason: str) -> None:
-        # In the thread of the follower, or of the program, which then finds the subscriptions.
-        with self._leaving:
-            listener, node, ended = self._listener(), self._node(), self._ended
-            if ended:
-                return
-            self.close()
-            if listener is None or node is None or context_was_shut_down(node.context):
-                return
-            get_logger("tf2_ros").info(
-                f"A listener of {node.get_fully_qualified_name()} listens itself from now on, and leaves the "
-                f"shared buffer {self.follower.name!r}: {reason}"
-            )
-            listener._listen_itself()
-
-
-class _Changes(Arrivals):
-    """Tells an executor, as a receiver would of messages, that something has changed in another process."""
-
-    def __init__(self, listener: Any, buffer: "weakref.ref[Any]", follower: Follower) -> None:
-        group: CallbackGroup = listener.group
-        super().__init__(listener.node, group, [QUEUE_DEPTH])
-        self.listener = listener  # which the node keeps alive by this, as by its subscriptions
-        self._attached = buffer
-        self._follower = follower
-
-    def before_sleep(self, in_user_code: bool) -> None:
-        """Have the executor woken as often as messages would wake it, where somebody can tell."""
-        buffer, node = self._attached(), self._node()
-        if buffer is None or node is None or not buffer._is_attached:
+    def _before_sleep(self, in_user_code: bool) -> None:
+        ring, node = self._attachment.ring, self._node()
+        if ring is None or node is None or self._queue is None or self._ended:
             return
         if in_user_code:
-            # `spin_once` must come back when something changes, also if it just has.
-            if not buffer._expect():
-                self.count(0)
-        else:
-            self._follower.set_pace(has_tasks(node.executor))
+            ring.catch_up()  # this informs the executor, and wakes it for what arrives later
+            return
+        polls = has_tasks(node.executor)
+        ring.set_pace(polls)
+        if not polls:
+            self._queue.sleep_on()
+
+    def _subscribe(self, reason: str) -> bool:
+        listener, node = self._listener(), self._node()
+        if listener is None or node is None or context_was_shut_down(node.context):
+            return False
+        get_logger("tf2_ros").info(
+            f"A listener of {node.get_fully_qualified_name()} subscribes on its own from now on, and leaves "
+            f"the shared buffer {self._attachment.name!r}: {reason}"
+        )
+        listener._listen_itself()
+        return True
 
 
-def attach_listener(listener: Any, is_usual: bool, topics: Sequence[str]) -> Attachment | None:
+def attach_listener(listener: Any, is_usual: bool, topics: Sequence[str]) -> AttachedListener | None:
     """
-    Let a listener use the buffer of another process, where its own is attached, or the environment wants it.
+    Let a listener use what another process receives, if its buffer is attached or the environment asks to.
 
     :param is_usual: whether it receives what any listener does, and its buffer gets that unchanged.
-    :param topics: that it would subscribe to.
-    :return: None: it must listen itself.
+    :param topics: those that it would subscribe to.
+    :return: None if the listener must subscribe on its own.
     """
     buffer: Any = listener.buffer
     node: Any = listener.node
@@ -167,61 +390,55 @@ def attach_listener(listener: Any, is_usual: bool, topics: Sequence[str]) -> Att
     sharing = buffer._sharing
     if isinstance(sharing, Owner):
         resolved = [node.resolve_topic_name(name) for name in topics]
-        sharing.tell_of_listener(listener, node.context.get_domain_id(), resolved)
+        sharing.add_listener(listener, node.context.get_domain_id(), resolved)
         clock: Any = node.get_clock()
-        sharing.tell_of_time(clock.ros_time_is_active)
+        sharing.set_simulated(clock.ros_time_is_active)
         return None
     if sharing is None:
         sharing = _by_environment(buffer, node, is_usual, topics)
-    if sharing is None or not sharing.alive:
+    if sharing is None:
         return None
-    return Attachment(listener, sharing)
+    return AttachedListener(listener, sharing, topics)
 
 
-def detach_listener(listener: Any) -> None:
-    """The listener ends: nobody is to rely on what it receives."""
-    sharing = getattr(listener.__dict__.get("buffer"), "_sharing", None)
-    if isinstance(sharing, Owner):
-        sharing.tell_of_listener(listener, 0, [])
-
-
-def _by_environment(buffer: Any, node: Node, is_usual: bool, topics: Sequence[str]) -> Follower | None:
-    """The follower of the buffer that the environment names, if that can replace this listener's work."""
-    domain = node.context.get_domain_id()
-    name = None
+def _by_environment(buffer: Any, node: "Node", is_usual: bool, topics: Sequence[str]) -> Attachment | None:
+    """Attach a buffer as the environment asks, if that can replace this listener's subscriptions."""
     try:
-        name = wanted_name(domain)
+        name = wanted_name(node.context.get_domain_id())
         if name is None:
             return None
         if not is_usual:
             raise SharedBufferError("it, or its buffer, is of another kind than tf2's")
-        if not can_receive():
-            raise SharedBufferError(f"nothing is received here: {problem()}")
+        if (why := problem()) is not None:
+            raise SharedBufferError(f"nothing is received here: {why}")
         if buffer._known_names():
             raise SharedBufferError("its buffer holds frames already")
-        segment = open_segment(name)
-        lack = _lack(read_description(segment.description()), buffer, node, domain, topics)
-        if lack:
+        ring = open_ring(name)
+        if lack := _lack(ring, buffer, node, topics):
             raise SharedBufferError(f"the shared buffer {name!r} {lack}")
-        buffer._sharing = attach(buffer, segment, name)
-        buffer._sharing.is_by_environment = True
     except (SharedBufferError, ValueError) as reason:
         get_logger("tf2_ros").info(
-            f"A listener of {node.get_fully_qualified_name()} listens itself: {reason}"
+            f"A listener of {node.get_fully_qualified_name()} subscribes on its own: {reason}"
         )
         return None
-    get_logger("tf2_ros").info(
-        f"A listener of {node.get_fully_qualified_name()} uses the shared buffer {name!r} of process "
-        f"{buffer._sharing.process}, and subscribes to nothing"
-    )
-    found: Follower = buffer._sharing
+    buffer._sharing = found = Attachment(buffer, ring, is_by_environment=True)
+    _log_use(node, ring)
     return found
 
 
-def _lack(owner: Description | None, buffer: Any, node: Node, domain: int, topics: Sequence[str]) -> str:
-    """Why an owner's buffer cannot stand for that of a listener; ``""``: it can."""
+def _log_use(node: "Node", ring: Ring) -> None:
+    get_logger("tf2_ros").info(
+        f"A listener of {node.get_fully_qualified_name()} uses the shared buffer {ring.name!r} of process "
+        f"{ring.process}, and subscribes to nothing"
+    )
+
+
+def _lack(ring: Ring, buffer: Any, node: "Node", topics: Sequence[str]) -> str:
+    """Why what an owner shares cannot replace subscriptions; ``""`` if it can."""
+    owner: Description | None = ring.describe_owner()
     if owner is None or owner.domain is None:
         return "has no listener"
+    domain = node.context.get_domain_id()
     if owner.domain != domain:
         return f"is filled from ROS domain {owner.domain}, this is {domain}"
     missing = [name for name in map(node.resolve_topic_name, topics) if name not in owner.topics]
@@ -229,6 +446,10 @@ def _lack(owner: Description | None, buffer: Any, node: Node, domain: int, topic
         return f"is not filled from {' and '.join(missing)}"
     if owner.cache_time_ns < buffer.cache_time_ns:
         return f"keeps {owner.cache_time_ns / 1e9:g} s, this one {buffer.cache_time_ns / 1e9:g} s"
+    if 0 < ring.short_ns < buffer.cache_time_ns:
+        return f"has memory for {ring.short_ns / 1e9:.3g} s, this one keeps {buffer.cache_time_ns / 1e9:g} s"
+    if ring.missing:
+        return "has no memory for all messages"
     clock: Any = node.get_clock()
     if clock.ros_time_is_active and not owner.simulated:
         return "does not follow simulated time"

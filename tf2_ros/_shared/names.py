@@ -1,11 +1,23 @@
-"""Owns the names of shared buffers, and which one the environment wants."""
+"""Names of shared buffers, and the one that the environment names."""
 
 import os
 import re
+import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-__all__ = ["AUTO", "SharedBufferError", "VARIABLE", "buffer_name", "segment_path", "wanted_name"]
+__all__ = [
+    "AUTO",
+    "VARIABLE",
+    "SharedBufferError",
+    "buffer_name",
+    "domain_of",
+    "is_wanted",
+    "require_linux",
+    "segment_path",
+    "wanted_name",
+]
 
 VARIABLE = "TF2_SHARED_BUFFER"
 AUTO = "auto"  # the name that belongs to the ROS domain
@@ -16,7 +28,7 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
 class SharedBufferError(RuntimeError):
     """
-    A buffer cannot be shared, or not be attached; the text says why.
+    A buffer cannot be shared or attached; the text says why.
 
     >>> from tf2_ros import Buffer, SharedBufferError
     >>> try:
@@ -27,39 +39,55 @@ class SharedBufferError(RuntimeError):
     """
 
 
+def require_linux() -> None:
+    if sys.platform != "linux":
+        raise NotImplementedError("buffers can be shared, and attached to, only on Linux")
+
+
 def buffer_name(name: str, domain: int | None = None) -> str:
     """
     Get the name of a shared buffer.
 
     :param name: letters, digits, ``.``, ``_`` and ``-``, at most 100; or ``auto``.
     :param domain: for ``auto``, the ROS domain. None: that of the environment.
-    :raises TypeError: ``name`` is no str.
-    :raises ValueError: it is no name.
+    :raises TypeError: ``name`` is not a str.
+    :raises ValueError: it is not a valid name.
     """
     if not isinstance(name, str):
         raise TypeError(f"the name of a shared buffer must be a str, not {type(name).__name__}")
     if not _NAME.fullmatch(name):
         raise ValueError(
-            f"{name!r} is no name of a shared buffer: letters, digits, '.', '_' and '-', at most 100, "
+            f"{name!r} is not a name of a shared buffer: letters, digits, '.', '_' and '-', at most 100, "
             "beginning with a letter or digit"
         )
     if name != AUTO:
         return name
-    return f"domain-{_domain_of(os.environ) if domain is None else domain}"
+    return f"domain-{_environment_domain(os.environ) if domain is None else domain}"
 
 
-def _domain_of(environ: Mapping[str, str]) -> int:
-    """The ROS domain, as ROS reads its number: as C does."""
+def domain_of(node: Any) -> int | None:
+    """The ROS domain of a node; None, which stands for that of the environment, without a node."""
+    domain: int | None = None if node is None else node.context.get_domain_id()
+    return domain
+
+
+def _environment_domain(environ: Mapping[str, str]) -> int:
+    """The ROS domain. ROS reads the number as C does, with a base."""
     text = environ.get("ROS_DOMAIN_ID", "").strip()
     base = 16 if text.lower().startswith("0x") else 8 if text.startswith("0") else 10
     try:
         return int(text, base) if text else 0
     except ValueError:
-        raise ValueError(f"ROS_DOMAIN_ID is no number: {text!r}") from None
+        raise ValueError(f"ROS_DOMAIN_ID is not a number: {text!r}") from None
+
+
+def is_wanted() -> bool:
+    """Whether the environment asks programs to attach to a shared buffer."""
+    return bool(os.environ.get(VARIABLE)) and sys.platform == "linux"
 
 
 def wanted_name(domain: int, environ: Mapping[str, str] = os.environ) -> str | None:
-    """The name that the environment asks programs of this ROS domain to attach to, or None."""
+    """The name of the buffer that programs of this ROS domain are asked to attach to, or None."""
     name = environ.get(VARIABLE)
     return buffer_name(name, domain) if name else None
 

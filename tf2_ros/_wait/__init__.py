@@ -1,1 +1,1 @@
-"""Waiting for transforms: threads that block, futures, deadlines, streams."""
+"""Wait for transforms: in threads that block, and with futures, deadlines and streams."""

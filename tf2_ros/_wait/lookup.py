@@ -1,18 +1,34 @@
-"""Owns what a wait is about: one lookup, with its arguments by name."""
+"""Wait for a lookup in the calling thread, and log waits that last long."""
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+import os
+import threading
+import time
+from collections.abc import Callable, Collection
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from tf2_py import BufferCore
+from tf2_py import BufferCore, InvalidArgumentException, TransformException
+from tf2_py._internal import errors, log
+from tf2_ros._wait.timers import deadlines
+from tf2_ros_cython._presence import HAS_ROS
 
-__all__ = ["Lookup"]
+if TYPE_CHECKING or HAS_ROS:
+    from tf2_ros._nodes import Shutdown
+else:
+    from tf2_ros._without_ros import Shutdown
+
+POLL_PERIOD_S = 0.02  # for methods that a program has replaced: their answers may depend on anything
+
+DEBUG = os.environ.get("TF2_DEBUG") == "1"
+# Soon, and again when all publishers must have been discovered, because the first time is often before that.
+AFTER_S = (1, 10)
 
 
 class Lookup(NamedTuple):
     """
     The arguments of a lookup, in the order of ``lookup_transform_full``.
 
-    A simple lookup has one time, its ``source_time``; its ``target_time`` and ``fixed_frame`` are None.
+    A simple lookup has one time, its ``source_time``; its ``target_time`` and ``fixed_frame`` are None. Only
+    a simple lookup may have a ``policy``, see ``policy_of``.
     """
 
     target_frame: str
@@ -20,14 +36,24 @@ class Lookup(NamedTuple):
     source_frame: str
     source_time: Any
     fixed_frame: str | None
+    policy: Any = None
 
     @classmethod
-    def simple(cls, target_frame: str, source_frame: str, time: Any) -> "Lookup":
+    def simple(cls, target_frame: str, source_frame: str, time: Any, policy: Any = None) -> "Lookup":
         """The lookup of ``lookup_transform``."""
-        return cls(target_frame, None, source_frame, time, None)
+        return cls(target_frame, None, source_frame, time, None, policy)
+
+    @classmethod
+    def of(cls, *arguments: Any) -> "Lookup":
+        """The lookup of ``lookup_transform`` with three arguments, of ``lookup_transform_full`` with five."""
+        return cls.simple(*arguments) if len(arguments) == 3 else cls(*arguments)
 
     def now(self, core: BufferCore) -> Any:
-        """What it gives without a wait: the answer, or the error."""
+        """Look up without a wait: return the answer or raise the error."""
+        if self.policy is not None:
+            return BufferCore._lookup_under(
+                core, self.target_frame, self.source_frame, self.source_time, self.policy
+            )
         if self.fixed_frame is None:
             return BufferCore.lookup_transform_core(
                 core, self.target_frame, self.source_frame, self.source_time
@@ -38,10 +64,9 @@ class Lookup(NamedTuple):
 
     def wait(self, core: BufferCore, notify: Callable[[Any], Any] | None = None) -> Any:
         """
-        Begin to wait for it; see ``BufferCore._wait``, which a program's method of that name does not
-        replace.
+        Begin to wait; see ``BufferCore._wait``. A program's method of that name does not replace it.
 
-        :param notify: called with the answer. None: a thread is going to block.
+        :param notify: called with the answer. None: a thread is about to block.
         """
         return BufferCore._wait(
             core,
@@ -51,4 +76,117 @@ class Lookup(NamedTuple):
             self.fixed_frame,
             self.target_time,
             notify=notify,
+            policy=self.policy,
         )
+
+
+class BlockingWait:
+    """
+    A wait of the calling thread, which begins when this is made.
+
+    :param core: the buffer, whose :class:`Shutdown` ends the wait.
+    :param timeout_ns: nanoseconds of steady time, at most FOR_EVER_NS. 0 or less: there is no wait.
+    """
+
+    def __init__(self, core: BufferCore, timeout_ns: int) -> None:
+        self._core = core
+        self._shutdown = Shutdown(core)
+        self._timeout_ns = timeout_ns
+        self._begin_ns = time.monotonic_ns()
+        self._waits = timeout_ns > 0
+
+    def for_answer(self, lookup: Lookup) -> Any:
+        """
+        Wait, without the GIL, until there is an answer, and return it.
+
+        When the wait has ended, raise what the lookup raises, with the text of :meth:`told`. For an invalid
+        name, raise at once.
+        """
+        if not self._waits:
+            return lookup.now(self._core)
+        while True:
+            try:
+                wait = lookup.wait(self._core)
+            except TransformException:
+                self._waits = False
+                raise
+            answer = wait.answer
+            if answer is not None:
+                return answer
+            report = report_if_long([wait])
+            if wait.wait_for(self._timeout_ns, self._alive):
+                return wait.answer
+            del report
+            reason = wait.reason()
+            if reason is not None:
+                raise self.error(reason)
+            # It has arrived between the two, and the next lookup finds it.
+
+    def poll(self, can: Callable[[], Any]) -> None:
+        """Poll until ``can()`` is true, or the wait has ended."""
+        deadline_ns = self._begin_ns + self._timeout_ns
+        while time.monotonic_ns() < deadline_ns and not can():
+            if not self._alive():
+                return
+            threading.Event().wait(POLL_PERIOD_S)
+
+    def told(self, reason: str) -> str:
+        """Add to the reason of the lookup how long the wait took; or say what ended it."""
+        if not self._waits:
+            return reason
+        waited_ns = min(time.monotonic_ns() - self._begin_ns, self._timeout_ns)
+        return errors.after_wait(reason, waited_ns) if self._alive() else errors.shut_down(waited_ns)
+
+    def error(self, error: TransformException) -> TransformException:
+        """
+        Add the same to an error of the lookup. Its class remains, because programs catch it.
+
+        The error of an invalid argument remains as it is, because no wait would have helped.
+        """
+        if isinstance(error, InvalidArgumentException):
+            return error
+        text = str(error)
+        told = self.told(text)
+        # A program's own class may not accept a text.
+        return error if told == text or type(error).__module__ != "tf2_py" else type(error)(told)
+
+    def _alive(self) -> bool:
+        return not self._shutdown.happened()
+
+
+class LongWait:
+    """Logs if the waits of one lookup or one message last longer than AFTER_S."""
+
+    def __init__(self, waits: Collection[Any]) -> None:
+        self._waits = waits
+        self._begin_ns = time.monotonic_ns()
+        self._logged = 0
+        self._wait_on()
+
+    def over(self) -> bool:
+        """Whether none of them is pending."""
+        return not self._waits
+
+    def expire(self) -> None:
+        """Log what the waits lack."""
+        after_s = AFTER_S[self._logged]
+        for wait in list(self._waits):
+            # A wait that is about to be answered lacks nothing.
+            if wait.reason() is not None:
+                log.logger("tf2_ros").warning(f"After {after_s} s, a lookup still {wait.lacks()}")
+        self._logged += 1
+        if self._logged < len(AFTER_S):
+            self._wait_on()
+
+    def _wait_on(self) -> None:
+        deadlines.add(self._begin_ns + AFTER_S[self._logged] * 10**9, self)
+
+
+def report_if_long(waits: Collection[Any]) -> LongWait | None:
+    """
+    Log what waits lack, if they are pending for long; without effect if TF2_DEBUG is not set.
+
+    :param waits: those of one lookup or one message; may change, and is empty when none is pending.
+    :return: an object to keep as long as one of them may be pending.
+    """
+    return LongWait(waits) if DEBUG else None

@@ -1,4 +1,4 @@
-"""Owns the name by which tf2's users find the program that prints which tf2 is imported."""
+"""Print which tf2 is imported, and why."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Owns the loading of the type support libraries that the build puts beside this file."""
+"""Load the type support libraries that the build puts beside this file."""
 
 import ctypes
 import os

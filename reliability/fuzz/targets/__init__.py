@@ -7,11 +7,11 @@ __all__ = ["IN_PYTHON", "MOST_BYTES", "PACKAGES", "target"]
 
 # The Python packages whose branches guide the search in each target; those of the extensions always do.
 PACKAGES = {
-    "cdr": ["tf2_py._wire"],
+    "cdr": ["tf2_py._core"],
     "cdr_ros": ["tf2_py"],
     "objects": ["tf2_py", "tf2_geometry_msgs", "tf2_sensor_msgs"],
     "clouds": ["tf2_sensor_msgs"],
-    "recordings": ["tf2_ros._recordings", "rosbags", "mcap"],
+    "recordings": ["tf2_ros_tools", "rosbags", "mcap"],
     "saved": ["tf2_py", "mcap"],
     "states": ["tf2_py"],
     "segments": ["tf2_py", "tf2_ros._shared"],

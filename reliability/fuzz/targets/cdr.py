@@ -1,4 +1,4 @@
-"""Owns fuzzing the parser of serialised TFMessage alone: as many messages per second as there can be."""
+"""Fuzz the parser of serialised TFMessage at as many messages per second as possible."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from reliability.fuzz.faults import Fault
 from reliability.fuzz.targets import cdr_ros
 from tf2_py import BufferCore
-from tf2_ros._recordings.fill import Source, read_transforms
+from tf2_ros.records import MessageSource, read_transforms
 
-_SOURCE = Source("/tf", False)
+_SOURCE = MessageSource("/tf", False)
 _untouched = BufferCore()
 
 

@@ -1,4 +1,4 @@
-"""Owns fuzzing the parser of serialised TFMessage: what it accepts must be what ROS itself reads."""
+"""Fuzz the parser of serialised TFMessage: it must accept what ROS itself reads, and nothing else."""
 
 import struct
 from collections.abc import Iterator
@@ -11,12 +11,12 @@ from rclpy.serialization import deserialize_message, serialize_message
 from reliability.fuzz.faults import Fault, is_same_state
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
-from tf2_py._objects.serialize import serialize_transforms
-from tf2_ros._recordings.fill import Source, fill, read_transforms
+from tf2_py._tf2_py import serialize_transforms
+from tf2_ros.records import MessageSource, insert_messages, read_transforms
 from tf2_ros_cython._ros import running_release
 
-_TF = Source("/tf", False)
-_PREFIXED = Source("/robot/tf", False, "robot/")
+_TF = MessageSource("/tf", False)
+_PREFIXED = MessageSource("/robot/tf", False, "robot/")
 _EMPTY = BufferCore().__getstate__()
 
 
@@ -64,14 +64,12 @@ def _check_refused(core: BufferCore, exact: NDArray[Any]) -> None:
         raise Fault("read_transforms takes what set_transforms_cdr refuses")
     skipped: list[ValueError] = []
     good = TWO_TRANSFORMS
-    messages = [(_Connection, 1, good), (_Connection, 2, exact), (_Connection, 3, good)]
-    read = fill(core, messages, [_TF], lambda topic, log_ns, error: skipped.append(error))
+    messages = [("/tf", 1, good), ("/tf", 2, exact), ("/tf", 3, good)]
+    read = insert_messages(
+        core, messages, [_TF], on_malformed=lambda topic, log_ns, error: skipped.append(error)
+    )
     if read != 3 or len(skipped) != 1 or core.statistics()["taken"] != 4:
         raise Fault(f"of three messages, one of them malformed, {core.statistics()} {skipped}")
-
-
-class _Connection:
-    topic = "/tf"
 
 
 def _check_prefix(exact: NDArray[Any], ours: list[Any]) -> None:

@@ -1,4 +1,4 @@
-"""Owns fuzzing the layouts of PointCloud2, beside a slow transform of one point after the other."""
+"""Fuzz the layouts of PointCloud2, beside a slow transform of one point after the other."""
 
 import struct
 from array import array
@@ -138,7 +138,7 @@ def _transformed(cloud: PointCloud2, data: bytes, transform: Transform, only_xyz
         for names, moves in ((NAMES[3:6], False), (NAMES[6:9], True)):
             if all(name in fields and fields[name]._datatype in (7, 8) for name in names):
                 triples.append((_triple(fields, names, step, order), moves))
-    # A cloud without columns may tell of any number of rows.
+    # A cloud without columns may claim any number of rows.
     if max(rows, rows * columns) > MOST_COMPARED:
         return None
     made = bytearray(size)

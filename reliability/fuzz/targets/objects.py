@@ -1,4 +1,4 @@
-"""Owns fuzzing all that reads objects: whatever they do, an error of its kind, and a buffer that is sound."""
+"""Fuzz what reads objects: whatever they do, the error is of the right class and the buffer is sound."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -10,7 +10,7 @@ from reliability.fuzz.reading import Input
 from reliability.fuzz.targets import cdr_ros
 from tf2_geometry_msgs import _types as of_geometry
 from tf2_py import BufferCore, TransformException
-from tf2_py._objects.serialize import serialize_transforms
+from tf2_py._tf2_py import serialize_transforms
 from tf2_sensor_msgs import _types as of_sensors
 
 # What callers of tf2 expect, and what the objects themselves raise; MemoryError where one says it is huge.

@@ -1,4 +1,4 @@
-"""Owns fuzzing files that buffers were saved to: a ValueError, or a buffer that is sound."""
+"""Fuzz files of saved buffers: a ValueError, or a buffer that is sound."""
 
 import tempfile
 from collections.abc import Iterator

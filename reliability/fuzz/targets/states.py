@@ -1,4 +1,4 @@
-"""Owns fuzzing what pickles of buffers hold: a state that is refused, or a buffer that is sound."""
+"""Fuzz what pickles of buffers hold: a refused state, or a buffer that is sound."""
 
 import pickle
 import struct
@@ -59,7 +59,7 @@ def run(data: bytes) -> None:
         buffer._self_check()
         return
     except MemoryError:
-        # As large as a state may tell that a history is.
+        # As large as a state may say that a history is.
         buffer._self_check()
         return
     _check(buffer, state)

@@ -1,0 +1,220 @@
+"""
+Compile for machines that this one is not: `python -m release.cross`, behind `make cross`.
+
+Compiles every extension for each target. For Linux on ARM, it also runs the tests that need no ROS, under
+qemu. Compilers, libraries and a Python of the target are unpacked into .cross; nothing is installed.
+"""
+
+import argparse
+import fcntl
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from Cython.Build import cythonize
+from setuptools import find_packages
+
+from build_backend import extensions
+
+from . import debian
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDER = ROOT / ".cross"
+PACKAGES = ["tf2_py*", "tf2_ros*", "tf2_geometry_msgs*", "tf2_sensor_msgs*"]
+
+# Tests of the engine that need no ROS, start no second Python, and map little memory: qemu emulates one
+# process, and slowly what maps many pages.
+TESTS = """
+test_advice test_conformance test_error_texts test_frame_tree test_histories test_history test_pending_waits
+test_pinned test_plain_buffer test_printable test_series test_threads test_velocity test_waiters
+""".split()
+OF_TESTS = ["pytest>=9", "pytest-timeout", "hypothesis", "PyYAML", "scipy"]
+
+
+@dataclass(frozen=True)
+class Target:
+    """What extensions are compiled for."""
+
+    platforms: tuple[str, ...]  # of NumPy's wheels, whose headers are used
+    suffix: str  # of an extension's file; {} is the version of Python
+    zig: str | None = None  # what zig calls it; None: Debian's gcc, and its Python to run them with
+    link: tuple[str, ...] = ("-shared",)
+
+
+TARGETS = {
+    "linux-aarch64": Target(
+        ("manylinux2014_aarch64", "manylinux_2_27_aarch64", "manylinux_2_28_aarch64"),
+        ".cpython-{}-aarch64-linux-gnu.so",
+    ),
+    "macos-arm64": Target(
+        ("macosx_11_0_arm64", "macosx_14_0_arm64"),
+        ".cpython-{}-darwin.so",
+        "aarch64-macos",
+        ("-shared", "-undefined", "dynamic_lookup"),
+    ),
+}
+
+
+class Unavailable(Exception):
+    """What compiles for a target cannot be had here."""
+
+
+@dataclass(frozen=True)
+class Tools:
+    """How to compile for a target, and how to run Python there."""
+
+    compiler: list[str]
+    environment: dict[str, str]  # of the compiler
+    suffix: str  # of an extension's file
+    headers: list[Path]
+    site: Path  # the wheels of the target
+    python: list[str] | None  # None: it cannot be run
+
+
+def main(arguments=None):
+    parser = argparse.ArgumentParser(prog="python -m release.cross", description=__doc__.split("\n\n")[1])
+    parser.add_argument("targets", nargs="*", metavar="target", help=f"of {', '.join(TARGETS)}; default: all")
+    parser.add_argument("--untested", action="store_true", help="compile, and run no tests")
+    options, of_pytest = parser.parse_known_args(arguments)
+    if unknown := set(options.targets) - set(TARGETS):
+        parser.error(f"unknown: {', '.join(sorted(unknown))}")
+    results = {}
+    for name in options.targets or TARGETS:
+        try:
+            tools = tools_for(name)
+        except Unavailable as error:
+            results[name] = f"unavailable: {error}"
+            continue
+        checkout, refused = build(name, tools)
+        for module, errors in refused.items():
+            print(f"{name}: {module}\n{errors}")
+        if refused:
+            results[name] = f"failed: {', '.join(refused)}"
+        elif tools.python is None or options.untested:
+            results[name] = "compiled"
+        else:
+            results[name] = "failed" if test(tools, checkout, of_pytest) else "passed"
+    for name, result in results.items():
+        print(f"{name}: {result}")
+    return 0 if set(results.values()) <= {"compiled", "passed"} else 1
+
+
+def tools_for(name):
+    """Fetch what compiles for a target into .cross, once; raises Unavailable."""
+    FOLDER.mkdir(exist_ok=True)
+    with open(FOLDER / "lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        try:
+            return _zig(name) if TARGETS[name].zig else _debian(name)
+        except (OSError, subprocess.CalledProcessError) as error:
+            raise Unavailable(f"{error} {getattr(error, 'stderr', None) or ''}".strip()) from error
+
+
+def _zig(name):
+    if importlib.util.find_spec("ziglang") is None:
+        raise Unavailable("needs ziglang from PyPI")
+    target = TARGETS[name]
+    version = "{}.{}".format(*sys.version_info)
+    compiler = [sys.executable, "-m", "ziglang", "cc", "-target", target.zig]
+    # This Python's headers, as those of the target are not to be had without its installer.
+    headers = [Path(sysconfig.get_path("include"))]
+    site = _install(name, version, "numpy")
+    return Tools(compiler, {}, target.suffix.format(version.replace(".", "")), headers, site, None)
+
+
+def _debian(name):
+    target = debian.unpack(FOLDER / "debian-arm64", ["python3", "libpython3-dev", "libstdc++6"], "arm64")
+    here = debian.unpack(FOLDER / "debian-amd64", ["gcc-aarch64-linux-gnu", "qemu-user-static"], "amd64")
+    compiler = [str(here / "usr/bin/aarch64-linux-gnu-gcc"), f"--sysroot={target}", "-pthread"]
+    environment = {"LD_LIBRARY_PATH": str(here / "usr/lib/x86_64-linux-gnu")}
+    [python] = target.glob("usr/bin/python3.[0-9]*[0-9]")
+    headers = [target / "usr/include" / python.name, target / "usr/include"]
+    version = python.name.removeprefix("python")
+    suffix = TARGETS[name].suffix.format(version.replace(".", ""))
+    site = _install(name, version, "numpy", *OF_TESTS)
+    run = [str(here / "usr/bin/qemu-aarch64-static"), "-L", str(target), str(python)]
+    return Tools(compiler, environment, suffix, headers, site, run)
+
+
+def _install(name, version, *requirements):
+    """Install wheels for a target and a version of Python into a folder of their own, once."""
+    folder = FOLDER / name / f"site-{version}"
+    done = folder / "installed"
+    if not done.exists():
+        command = [sys.executable, "-m", "pip", "install", "--quiet", "--only-binary", ":all:"]
+        command += ["--target", str(folder), "--python-version", version]
+        command += [word for platform in TARGETS[name].platforms for word in ("--platform", platform)]
+        subprocess.run([*command, *requirements], check=True, capture_output=True, text=True)
+        done.touch()
+    return folder
+
+
+def build(name, tools):
+    """Compile all extensions into a copy of the sources; return it, and the errors of each that failed."""
+    checkout = FOLDER / name / "checkout"
+    _copy_sources(checkout)
+    modules = extensions.cython_extensions(ROOT, find_packages(str(ROOT), include=PACKAGES))
+    if not name.startswith("linux"):
+        modules = [one for one in modules if not one.name.startswith(f"{extensions.OF_LINUX}.")]
+    sources = {one.name: _generate(one) for one in modules}
+    [of_numpy] = tools.site.glob("numpy/_core/include")
+    command = [*tools.compiler, *extensions.COMPILE_ARGS, *extensions.NO_DEBUG_ARGS, "-DNDEBUG", "-fPIC"]
+    command += ["-Werror=implicit-function-declaration", *TARGETS[name].link]
+    command += [f"-I{folder}" for folder in (*tools.headers, of_numpy)]
+
+    def compile_one(module):
+        made = checkout / f"{module.replace('.', '/')}{tools.suffix}"
+        ended = subprocess.run(
+            [*command, str(sources[module]), "-o", str(made), "-lm"],
+            capture_output=True,
+            text=True,
+            env={**os.environ, **tools.environment},
+        )
+        return ended.stderr if ended.returncode else ""
+
+    with ThreadPoolExecutor(os.cpu_count()) as several:
+        errors = dict(zip(sources, several.map(compile_one, sources), strict=True))
+    print(f"{name}: {len(errors)} extensions", flush=True)
+    return checkout, {module: text for module, text in errors.items() if text}
+
+
+def _copy_sources(folder):
+    shutil.rmtree(folder, ignore_errors=True)
+    # Also what is not committed yet.
+    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    for name in filter(None, listed.stdout.split("\0")):
+        if (ROOT / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, folder / name)
+
+
+def _generate(module):
+    """The C of an extension, which is the same for all targets."""
+    [done] = cythonize(
+        module, build_dir=str(FOLDER / "c"), compiler_directives=extensions.DIRECTIVES, quiet=True
+    )
+    return Path(done.sources[0]).absolute()
+
+
+def test(tools, checkout, of_pytest=()):
+    """Run the tests that need no ROS with the Python of the target; the exit status of pytest."""
+    environment = {key: value for key, value in os.environ.items() if not key.startswith(("ROS_", "AMENT_"))}
+    environment |= {
+        "PYTHONPATH": str(tools.site),
+        "PYTHONDONTWRITEBYTECODE": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
+    command = [*tools.python, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+    command += of_pytest or [f"tests/core/{name}.py" for name in TESTS]
+    return subprocess.run(command, cwd=checkout, env=environment).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,159 @@
+"""What the error about an unknown frame says beyond that: which known name may have been meant."""
+
+import pytest
+from making import at, transform
+
+pytestmark = pytest.mark.ours
+
+LATEST = at(0)
+
+
+@pytest.fixture
+def new_buffer(tf2_py):
+    """Makes buffers that know `map` and these frames."""
+
+    def new(*children):
+        buffer = tf2_py.BufferCore()
+        buffer.set_transforms([transform("map", child) for child in children], "test", True)
+        return buffer
+
+    return new
+
+
+def reason(buffer, name, other="map"):
+    """Why a frame cannot be looked up."""
+    return buffer.can_transform_core(name, other, LATEST)[1]
+
+
+def advice(buffer, name):
+    """What is said after the error."""
+    return reason(buffer, name).partition("frame does not exist")[2].removeprefix(". ")
+
+
+@pytest.mark.parametrize(
+    ("known", "name", "meant"),
+    [
+        (["base_link", "odom"], "bas_link", "[base_link]"),
+        (["base_link", "odom"], "BASE_LINK", "[base_link]"),
+        (["robot1/base_link", "odom"], "base_link", "[robot1/base_link]"),
+        (["base_link"], "a_rather_long_namespace/base_link", "[base_link]"),
+        (["left_camera", "right_camera", "lidar"], "camera", "[left_camera] or [right_camera]"),
+        (["link_1", "link_2", "link_3", "link_4"], "link_22", "[link_2] or [link_4] or [link_3]"),
+        (["机器人/激光"], "激光", "[机器人/激光]"),
+    ],
+)
+def test_the_closest_known_names_are_asked_for(new_buffer, known, name, meant):
+    assert advice(new_buffer(*known), name) == f"Did you mean {meant}?"
+
+
+def test_nothing_is_asked_for_where_no_name_is_alike(new_buffer):
+    assert advice(new_buffer("base_link", "odom"), "zebra") == ""
+
+
+def test_the_reserved_name_is_never_meant(new_buffer):
+    assert advice(new_buffer("odom"), "NO_PARENTS") == ""
+
+
+@pytest.mark.parametrize("argument", ["target_frame", "source_frame", "fixed_frame"])
+def test_it_follows_the_text_of_tf2_in_every_error(tf2_py, new_buffer, argument):
+    buffer = new_buffer("base_link")
+    names = {"target_frame": "map", "source_frame": "map", "fixed_frame": "map"} | {argument: "bas_link"}
+    arguments = (names["target_frame"], LATEST, names["source_frame"], LATEST, names["fixed_frame"])
+    with pytest.raises(tf2_py.LookupException) as caught:
+        buffer.lookup_transform_full_core(*arguments)
+    assert str(caught.value) == (
+        f'"bas_link" passed to lookupTransform argument {argument} does not exist. Did you mean [base_link]?'
+    )
+    assert buffer.can_transform_full_core(*arguments) == (
+        0,
+        f'Invalid frame ID "bas_link" passed to canTransform argument {argument} - frame does not exist. '
+        "Did you mean [base_link]?",
+    )
+
+
+def test_it_is_in_the_errors_of_lookups_at_many_times_and_of_common_times(tf2_py, new_buffer):
+    buffer = new_buffer("base_link")
+    for call in (
+        lambda: buffer.lookup_transforms("map", "bas_link", [1, 2]),
+        lambda: buffer.get_latest_common_time("map", "bas_link"),
+        lambda: buffer._chain("map", LATEST, "bas_link", LATEST, "map"),
+    ):
+        with pytest.raises(tf2_py.LookupException) as caught:
+            call()
+        assert str(caught.value).endswith("does not exist. Did you mean [base_link]?")
+
+
+def test_a_pending_wait_asks_too(new_buffer):
+    buffer = new_buffer("base_link")
+    wait = buffer._wait("map", "bas_link", LATEST)
+    [line] = buffer._pending_waits()
+    assert line.endswith("needs a frame [bas_link], which is unknown. Did you mean [base_link]?")
+    assert wait.cancel()
+
+
+def test_an_invalid_name_gets_the_text_of_tf2_alone(new_buffer):
+    assert reason(new_buffer("base_link"), "/base_link").endswith("cannot start with a '/'")
+
+
+def test_an_empty_buffer_is_called_empty(tf2_py):
+    assert advice(tf2_py.BufferCore(), "base_link") == "The buffer is empty"
+
+
+def test_it_is_as_new_as_the_frames(new_buffer):
+    buffer = new_buffer("odom")
+    assert advice(buffer, "bas_link") == ""
+    buffer.set_transform(transform("map", "base_link", 1), "test")
+    assert advice(buffer, "bas_link") == "Did you mean [base_link]?"
+    buffer.__init__()
+    assert advice(buffer, "bas_link") == "The buffer is empty"
+    buffer.set_transforms([transform("map", "bas_lin", 1), transform("map", "link", 1)], "test")
+    assert advice(buffer, "bas_link") == "Did you mean [bas_lin] or [link]?", "as many frames, others"
+
+
+@pytest.mark.parametrize("name", ["base_\x1b[31mlink", 'base"link', "base[link", "base]link"])
+def test_names_that_programs_would_misread_are_not_shown_as_they_are(new_buffer, name):
+    text = reason(new_buffer(name), "base_link")
+    assert text.endswith("frame does not exist")
+    text = reason(new_buffer("base_\nlink"), "base_link")
+    assert text.endswith(r"Did you mean [base_\nlink]?")
+
+
+def test_long_names_are_not_compared(new_buffer):
+    known, wanted = "x" * 101, "x" * 100
+    assert advice(new_buffer(known), wanted) == ""
+    assert advice(new_buffer(wanted), known) == ""
+    assert advice(new_buffer(wanted), "x" * 99) == f"Did you mean [{wanted}]?"
+
+
+def test_in_a_big_tree_nothing_is_compared(new_buffer):
+    frames = [f"link_{i}" for i in range(499)]  # and the map
+    buffer = new_buffer(*frames)
+    assert advice(buffer, "lnk_17").startswith("Did you mean [link_17]")
+    buffer.set_transform(transform("map", "one_more", 1), "test")
+    assert advice(buffer, "lnk_17") == ""
+
+
+@pytest.fixture
+def compared(monkeypatch):
+    """For which names others were compared with them."""
+    from tf2_py._objects import errors
+
+    names, closest = [], errors.closest
+    monkeypatch.setattr(errors, "closest", lambda name, known: names.append(name) or closest(name, known))
+    return names
+
+
+def test_a_lookup_that_is_repeated_compares_once(new_buffer, compared):
+    buffer = new_buffer("base_link")
+    assert {advice(buffer, "bas_link") for _ in range(100)} == {"Did you mean [base_link]?"}
+    assert compared == ["bas_link"]
+
+
+def test_what_is_remembered_is_limited(new_buffer, compared):
+    buffer = new_buffer("base_link")
+    names = [f"bas_link{i}" for i in range(65)]
+    for name in (*names, *names[-1:]):
+        assert advice(buffer, name) == "Did you mean [base_link]?"
+    assert len(compared) == 65
+    advice(buffer, names[0])
+    assert compared[-1] == names[0]

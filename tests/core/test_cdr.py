@@ -1,0 +1,178 @@
+"""Serialised TFMessages, as a publisher sends them."""
+
+import struct
+import threading
+
+import numpy as np
+import pytest
+from encoding import encode
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from making import at, rotation, transform, translation
+from rclpy.serialization import deserialize_message, serialize_message
+
+from tf2_msgs.msg import TFMessage
+
+pytestmark = pytest.mark.ours
+
+
+@pytest.fixture
+def buffer(tf2_py):
+    return tf2_py.BufferCore()
+
+
+MESSAGES = [
+    transform("map", "odom", 1.25, (1, 2, 3)),
+    transform("λ-frame", "", 1, (4, 5, 6)),  # refused, but well-formed
+    transform("odom", "base_link", 1.25, (-1e300, 1e-300, 0.1), (0.5, -0.5, 0.5, 0.5)),
+]
+
+
+def test_the_encoder_of_these_tests_agrees_with_ros():
+    # Not byte for byte: what ROS leaves in the padding is arbitrary.
+    message = TFMessage(transforms=MESSAGES)
+    assert deserialize_message(encode(MESSAGES), TFMessage) == message
+    assert len(encode(MESSAGES)) == len(serialize_message(message))
+
+
+def test_what_ros_serialises_is_read(buffer):
+    assert buffer.set_transforms_cdr(serialize_message(TFMessage(transforms=MESSAGES)), "x") == 2
+    assert translation(buffer.lookup_transform_core("map", "odom", at(1.25))) == (1, 2, 3)
+
+
+@pytest.mark.parametrize("order", "<>")
+@pytest.mark.parametrize("wrap", [bytes, bytearray, memoryview])
+def test_both_byte_orders_of_any_bytes_like_object_are_read(buffer, order, wrap):
+    assert buffer.set_transforms_cdr(wrap(encode(MESSAGES, order)), "x") == 2
+    m = buffer.lookup_transform_core("map", "base_link", at(1.25))
+    assert translation(m) == (-1e300, 2, 3.1)
+    assert rotation(m) == (0.5, -0.5, 0.5, 0.5)
+    buffer._self_check()
+
+
+def test_static_data_holds_at_every_time(buffer):
+    assert buffer.set_transforms_cdr(encode(MESSAGES[:1]), "x", static=True) == 1
+    assert buffer.can_transform_core("map", "odom", at(9)) == (1, "")
+
+
+def test_an_empty_message_is_well_formed(buffer):
+    assert buffer.set_transforms_cdr(encode([]), "x") == 0
+
+
+def test_a_string_of_length_zero_is_an_empty_name(buffer):
+    # Some writers leave the terminating NUL of an empty string out.
+    data = encode([transform("", "", 2)]).replace(struct.pack("<I", 1) + b"\0\0\0\0", b"\0\0\0\0")
+    assert len(data) < len(encode([transform("", "", 2)]))
+    assert buffer.set_transforms_cdr(data, "x") == 0
+    assert buffer.statistics()["refused"]["no_child_frame_id"] == 1
+
+
+GOOD = encode(MESSAGES)
+AT_COUNT, AT_NAME = 4, 16  # byte offsets of the count and of the first frame_id's length
+
+MALFORMED = {
+    "nothing": b"",
+    "half a header": b"\0\1",
+    "another representation": b"\0\7" + GOOD[2:],
+    "parameter list": b"\0\3" + GOOD[2:],
+    "no count": GOOD[:6],
+    "a huge count": GOOD[:AT_COUNT] + b"\xff\xff\xff\xff" + GOOD[8:],
+    "a count above what is there": GOOD[:AT_COUNT] + struct.pack("<I", 4) + GOOD[8:],
+    "a count below what is there": GOOD[:AT_COUNT] + struct.pack("<I", 2) + GOOD[8:],
+    "a huge string": GOOD[:AT_NAME] + b"\xff\xff\xff\xff" + GOOD[AT_NAME + 4 :],
+    "a string without its NUL": GOOD.replace(b"map\0", b"maps"),
+    "a NUL inside a string": GOOD.replace(b"map\0", b"m\0p\0"),
+    "no UTF-8": GOOD.replace(b"map\0", b"m\xffp\0"),
+    "an overlong UTF-8 form": GOOD.replace(b"map\0", b"\xc0\xafp\0"),
+    "a surrogate in UTF-8": GOOD.replace(b"map\0", b"\xed\xa0\x80\0"),
+    "bytes behind the end": GOOD + b"\0",
+}
+
+
+@pytest.mark.parametrize("data", MALFORMED.values(), ids=MALFORMED)
+def test_malformed_data_raises_and_changes_nothing(buffer, data):
+    with pytest.raises(ValueError, match="malformed TFMessage: .* at byte"):
+        buffer.set_transforms_cdr(data, "x")
+    statistics = buffer.statistics()
+    assert (statistics["frames"], statistics["samples"], statistics["malformed_messages"]) == (0, 0, 1)
+
+
+def test_every_truncation_is_malformed(buffer):
+    for size in range(len(GOOD)):
+        with pytest.raises(ValueError):
+            buffer.set_transforms_cdr(GOOD[:size], "x")
+    assert buffer.statistics()["frames"] == 0
+    assert buffer.statistics()["malformed_messages"] == len(GOOD)
+
+
+@settings(max_examples=500, deadline=None)
+@given(
+    data=st.binary(max_size=200),
+    flips=st.lists(st.tuples(st.integers(4, len(GOOD) - 1), st.integers(0, 255))),
+)
+def test_any_bytes_are_read_or_refused_whole(tf2_py, data, flips):
+    spoiled = bytearray(GOOD)
+    for place, value in flips:
+        spoiled[place] = value
+    for candidate in (data, b"\0\1\0\0" + data, b"\0\0\0\0" + data, spoiled):
+        buffer = tf2_py.BufferCore()
+        try:
+            buffer.set_transforms_cdr(candidate, "x")
+        except ValueError:
+            assert buffer.statistics()["frames"] == 0
+        buffer._self_check()
+
+
+@pytest.mark.parametrize("data", [None, "text", 3, [1, 2]])
+def test_what_is_not_bytes_like_is_a_type_error(buffer, data):
+    with pytest.raises(TypeError):
+        buffer.set_transforms_cdr(data, "x")
+
+
+@pytest.mark.parametrize("wrap", [bytearray, lambda data: np.frombuffer(data, np.uint8).copy()])
+def test_what_another_thread_does_to_the_bytes_meanwhile_changes_nothing(buffer, wrap):
+    # So many that it can run while they are inserted.
+    data = wrap(encode([transform(f"parent{i:06}", f"child{i:06}", 1) for i in range(20_000)]))
+    spoiled = bytes([255]) * len(data)
+    over = threading.Event()
+
+    def spoil():
+        while not buffer.statistics()["taken"] and not over.is_set():
+            pass
+        memoryview(data)[:] = spoiled
+
+    thread = threading.Thread(target=spoil)
+    thread.start()
+    try:
+        assert buffer.set_transforms_cdr(data, "x") == 20_000
+    finally:
+        over.set()
+        thread.join()
+    buffer._self_check()
+    assert len(buffer.frames()) == 40_000
+
+
+def test_bytes_with_gaps_are_a_buffer_error(buffer):
+    with pytest.raises(BufferError, match="not C-contiguous"):
+        buffer.set_transforms_cdr(memoryview(bytes(16))[::2], "x")
+
+
+text = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=12)
+finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.lists(st.tuples(text, text, st.integers(0, 2**62), st.tuples(finite, finite, finite)), max_size=5),
+    st.sampled_from("<>"),
+)
+def test_the_wire_and_the_message_objects_say_the_same(tf2_py, rows, order):
+    messages = [transform(p, c, ns=ns % (2**31 * 10**9), xyz=xyz) for p, c, ns, xyz in rows]
+    by_wire, by_object = tf2_py.BufferCore(), tf2_py.BufferCore()
+    taken = by_wire.set_transforms_cdr(encode(messages, order), "x")
+    assert taken == by_object.set_transforms(messages, "x")
+    assert by_wire.all_frames_as_yaml() == by_object.all_frames_as_yaml()
+    for m in messages:
+        if by_object.can_transform_core(m.header.frame_id, m.child_frame_id, at(0))[0]:
+            ends = (m.header.frame_id, m.child_frame_id, at(0))
+            assert by_wire.lookup_transform_core(*ends) == by_object.lookup_transform_core(*ends)

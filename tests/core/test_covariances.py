@@ -1,0 +1,163 @@
+"""Covariances through transforms: those of messages, and of motions that are sampled and differentiated."""
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseWithCovariance, Transform
+from hypothesis import given
+from making import transform
+from numpy.testing import assert_allclose
+from random_messages import transforms
+from scipy.spatial.transform import Rotation
+
+from tf2_geometry_msgs import do_transform_pose_with_covariance
+from tf2_ros.numpy import propagate, to_arrays, to_matrix
+
+pytestmark = pytest.mark.ours
+
+
+def covariances(count, scale=1.0, seed=3):
+    roots = scale * np.random.default_rng(seed).normal(size=(count, 6, 6))
+    return roots @ roots.transpose(0, 2, 1)
+
+
+def poses(count, seed=4):
+    random = np.random.default_rng(seed)
+    return random.normal(size=(count, 3)), Rotation.random(count, random_state=seed).as_quat()
+
+
+def erred(pose, error):
+    """A pose after an error as in a PoseWithCovariance: x y z, then a turn of the body about fixed axes."""
+    moved = pose.copy()
+    moved[:3, 3] += error[:3]
+    moved[:3, :3] = Rotation.from_rotvec(error[3:]).as_matrix() @ pose[:3, :3]
+    return moved
+
+
+def error_between(pose, moved):
+    turn = Rotation.from_matrix(moved[:3, :3] @ pose[:3, :3].T).as_rotvec()
+    return np.concatenate([moved[:3, 3] - pose[:3, 3], turn])
+
+
+def jacobian(function, step=1e-6):
+    """Of six numbers, at zero; by central differences."""
+    columns = [(function(step * e) - function(-step * e)) / (2 * step) for e in np.eye(6)]
+    return np.stack(columns, axis=1)
+
+
+@given(transforms)
+def test_by_default_covariances_are_those_of_the_messages(t):
+    many = covariances(5)
+    got = propagate(many, t)
+    for covariance, result in zip(many, got, strict=True):
+        message = do_transform_pose_with_covariance(PoseWithCovariance(covariance=covariance.ravel()), t)
+        assert_allclose(result.ravel(), message.covariance, rtol=1e-12, atol=1e-12)
+
+
+def test_each_covariance_is_propagated_by_its_own_transform():
+    many, (translations, rotations) = covariances(20), poses(20)
+    for lever_arm in (False, True):
+        got = propagate(many, (translations, rotations), lever_arm=lever_arm)
+        assert got.dtype == np.float64 and got.shape == (20, 6, 6)
+        for i in range(20):
+            one = (translations[i], rotations[i])
+            assert_allclose(got[i], propagate(many[i], one, lever_arm=lever_arm), rtol=1e-13)
+            assert_allclose(got[i], got[i].T, rtol=1e-12, atol=1e-12)
+
+
+def test_of_a_pose_in_the_source_frame_it_is_the_linearised_propagation():
+    covariance = covariances(1)[0]
+    for t, pose in zip(to_matrix(poses(10)), to_matrix(poses(10, seed=5)), strict=True):
+        j = jacobian(lambda error, t=t, pose=pose: error_between(t @ pose, t @ erred(pose, error)))
+        got = propagate(covariance, to_one(t))
+        assert_allclose(got, j @ covariance @ j.T, rtol=1e-6, atol=1e-6)
+
+
+def test_with_a_lever_arm_it_is_the_linearised_motion_of_the_other_frame():
+    covariance = covariances(1)[0]
+    for target_from_source, pose in zip(to_matrix(poses(10)), to_matrix(poses(10, seed=5)), strict=True):
+        # Both frames are those of one body, each with its error in its own axes.
+        source_from_target = np.linalg.inv(target_from_source)
+
+        def target_error(error, pose=pose, mount=source_from_target):
+            moved = pose @ erred(np.eye(4), error)
+            return error_between(np.eye(4), np.linalg.inv(pose @ mount) @ moved @ mount)
+
+        j = jacobian(target_error)
+        got = propagate(covariance, to_one(target_from_source), lever_arm=True)
+        assert_allclose(got, j @ covariance @ j.T, rtol=1e-6, atol=1e-6)
+
+
+def test_the_covariance_of_a_mounted_sensor_is_that_of_sampled_robots():
+    robot, mount = to_matrix(poses(1))[0], to_matrix(poses(1, seed=6))[0]
+    covariance = covariances(1, scale=1e-3)[0]
+    errors = np.random.default_rng(8).multivariate_normal(np.zeros(6), covariance, 5_000)
+    sampled = np.array([error_between(robot @ mount, erred(robot, error) @ mount) for error in errors])
+    own = propagate(covariance, to_one(np.linalg.inv(robot)))  # in the axes of the robot
+    sensor = propagate(own, to_one(np.linalg.inv(mount)), lever_arm=True)
+    got = propagate(sensor, to_one(robot @ mount))
+    assert_allclose(got, np.cov(sampled.T), atol=0.05 * np.abs(got).max())
+    assert np.abs(got - propagate(covariance, (np.zeros(3), (0, 0, 0, 1)))).max() > 0.5 * np.abs(got).max()
+
+
+def test_a_twist_is_that_of_another_point_of_the_body():
+    # The covariance of one twist is its outer product.
+    twist = np.array([0.4, 0.1, -0.7, 0.3, -0.2, 0.5])
+    mount = to_matrix(poses(1))[0]
+    velocity = mount[:3, :3].T @ (twist[:3] + np.cross(twist[3:], mount[:3, 3]))
+    expected = np.concatenate([velocity, mount[:3, :3].T @ twist[3:]])
+    got = propagate(np.outer(twist, twist), to_one(np.linalg.inv(mount)), lever_arm=True)
+    assert_allclose(got, np.outer(expected, expected), rtol=1e-12, atol=1e-14)
+
+
+def to_one(matrix):
+    """The pair of arrays of one matrix."""
+    translations, rotations = to_arrays(matrix[None])
+    return translations[0], rotations[0]
+
+
+def test_one_transform_serves_all_covariances_and_one_covariance_all_transforms():
+    many, (translations, rotations) = covariances(6), poses(6)
+    t = transform("map", "base", 0, translations[0], rotations[0])
+    assert_allclose(
+        propagate(many, t), propagate(many, (np.tile(translations[0], (6, 1)), np.tile(rotations[0], (6, 1))))
+    )
+    assert propagate(many[0], (translations, rotations)).shape == (6, 6, 6)
+    assert propagate(many[0], t).shape == (6, 6)
+    shaped = translations.reshape(2, 3, 3), rotations.reshape(2, 3, 4)
+    assert propagate(many.reshape(2, 3, 6, 6), shaped).shape == (2, 3, 6, 6)
+
+
+def test_what_is_missing_is_nan():
+    many, (translations, rotations) = covariances(3), poses(3)
+    translations[1] = rotations[1] = np.nan
+    for lever_arm in (False, True):
+        got = propagate(many, (translations, rotations), lever_arm=lever_arm)
+        assert np.isnan(got[1]).all()
+        assert np.isfinite(got[[0, 2]]).all()
+
+
+def test_arguments_are_not_changed():
+    many, (translations, rotations) = covariances(3), poses(3)
+    rotations *= 2
+    before = [array.copy() for array in (many, translations, rotations)]
+    propagate(many, (translations, rotations), lever_arm=True)
+    for array, copy in zip((many, translations, rotations), before, strict=True):
+        np.testing.assert_array_equal(array, copy)
+
+
+@pytest.mark.parametrize(
+    ("covariances", "transforms", "error", "text"),
+    [
+        (np.eye(3), Transform(), ValueError, r"shape \(N, 6, 6\), not \(3, 3\)"),
+        (np.zeros(36), Transform(), ValueError, r"shape \(N, 6, 6\), not \(36,\)"),
+        ("no numbers", Transform(), TypeError, "covariances must be numbers"),
+        (np.eye(6) * 1j, Transform(), TypeError, "covariances must be numbers: they are complex"),
+        (np.zeros((2, 6, 6)), poses(3), ValueError, r"shape \(2, 6, 6\), but rotations of shape \(3, 4\)"),
+        (np.zeros((1, 6, 6)), poses(3), ValueError, r"shape \(1, 6, 6\), but rotations of shape \(3, 4\)"),
+        (np.eye(6), np.eye(4), TypeError, "expected a TransformStamped"),
+        (np.eye(6), (np.zeros(3), np.zeros(4)), ValueError, "finite length above zero"),
+    ],
+)
+def test_wrong_arguments(covariances, transforms, error, text):
+    with pytest.raises(error, match=text):
+        propagate(covariances, transforms)

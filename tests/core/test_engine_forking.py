@@ -1,0 +1,257 @@
+"""A forked child of a process whose other threads are in the middle of something with a buffer."""
+
+import gc
+import os
+import threading
+
+import numpy as np
+import pytest
+from forking import fork, in_a_child, status_of
+from making import at, transform
+from processes import until
+from repetitions import times
+
+pytestmark = pytest.mark.ours
+
+FORKS = times(10, 30)
+S = 10**9
+SAMPLES = 100
+TIMES_NS = np.linspace(1 * S, 2 * S, 500_000).astype(np.int64)
+
+
+@pytest.fixture
+def core(tf2_py):
+    core = tf2_py.BufferCore()
+    fill(core)
+    return core
+
+
+def fill(core):
+    for i in range(SAMPLES + 1):
+        core.set_transform(transform("map", "robot", ns=1 * S + i * S // SAMPLES), "me")
+
+
+def look_up_many(core, _):
+    core.lookup_transforms("map", "robot", TIMES_NS)
+
+
+def transform_points(core, _):
+    core.transform_points(np.zeros((len(TIMES_NS), 3)), TIMES_NS, "map", "robot")
+
+
+def insert(core, n):
+    core.set_transform(transform("map", "other", ns=1 * S + n), "me")
+
+
+def insert_many(core, n):
+    core.set_transforms([transform("map", f"other{i}", ns=1 * S + n) for i in range(300)], "me")
+
+
+def list_frames(core, _):
+    core.all_frames_as_yaml()
+
+
+def wait_in_vain(core, _):
+    core._wait("map", "nowhere", at(1), None, None).wait_for(1_000_000, lambda: True)
+
+
+def make_another(core, _):
+    type(core)().set_transform(transform("a", "b", 1), "me")
+
+
+def collect_and_fork(core, _):
+    gc.collect()
+    os.waitpid(fork(lambda: None), 0)
+
+
+def use(core):
+    """All that a child may do with a buffer."""
+    core._self_check()
+    assert core.lookup_transform_core("map", "robot", at(1.5)).child_frame_id == "robot"
+    assert len(core.lookup_transforms("map", "robot", TIMES_NS[:5000])[0]) == 5000
+    assert "robot" in core.all_frames_as_yaml()
+    answers = []
+    wait = core._wait("map", "child", at(1), None, None, notify=answers.append)
+    assert not core._wait("map", "nowhere", at(1), None, None).wait_for(1_000_000, lambda: True)
+    core.set_transform_static(transform("map", "child"), "child")
+    assert answers[0].child_frame_id == "child"
+    assert not wait.cancel()
+    core.clear()
+    core._self_check()
+    other = type(core)()
+    other.set_transform(transform("map", "robot", 1), "child")
+    assert other.can_transform_core("map", "robot", at(1))[0]
+
+
+@pytest.mark.parametrize(
+    "business",
+    [
+        look_up_many,
+        transform_points,
+        insert,
+        insert_many,
+        list_frames,
+        wait_in_vain,
+        make_another,
+        collect_and_fork,
+    ],
+)
+def test_it_uses_a_buffer_that_other_threads_of_its_parent_were_using(core, business):
+    ending, rounds = threading.Event(), []
+
+    def work():
+        n = 0
+        while not ending.is_set():
+            n += 1
+            business(core, n)
+            rounds.append(n)
+
+    threads = [threading.Thread(target=work) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    try:
+        until(lambda: rounds)
+        statuses = [in_a_child(lambda: use(core)) for _ in range(FORKS)]
+    finally:
+        ending.set()
+        for thread in threads:
+            thread.join()
+    assert statuses == [0] * FORKS
+    core._self_check()
+    assert core.can_transform_core("map", "robot", at(1.5))[0]
+
+
+def test_it_ends_a_buffer_that_threads_of_its_parent_block_in(tf2_py):
+    core = tf2_py.BufferCore()
+    ending = threading.Event()
+
+    def block():
+        core._wait("map", "nowhere", at(1), None, None).wait_for(100 * S, lambda: not ending.is_set())
+
+    thread = threading.Thread(target=block)
+    thread.start()
+    until(lambda: core.statistics()["waiters"])
+
+    def use_and_drop():
+        nonlocal core
+        core.set_transform_static(transform("map", "nowhere"), "child")
+        core.clear()
+        core = None
+        gc.collect()
+
+    try:
+        assert in_a_child(use_and_drop) == 0
+        assert core.statistics()["waiters"] == 1, "the parent's thread still waits"
+    finally:
+        ending.set()
+        thread.join()
+
+
+def test_a_grandchild_uses_what_its_parent_made(core):
+    def have_a_child():
+        core.set_transform_static(transform("map", "first"), "child")
+        assert in_a_child(lambda: use(core)) == 0
+        use(core)
+        assert core.can_transform_core("map", "first", at(1))[0]
+
+    assert in_a_child(have_a_child) == 0
+
+
+def test_threads_that_fork_at_the_same_time_do_not_disturb_each_other(core):
+    statuses = []
+
+    def have_children():
+        statuses.extend([in_a_child(lambda: use(core)) for _ in range(10)])
+
+    threads = [threading.Thread(target=have_children) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert statuses == [0] * 40
+
+
+def test_a_buffer_that_is_gone_is_not_looked_for(tf2_py, core):
+    others = [tf2_py.BufferCore() for _ in range(100)]
+    del others[::2], others[3]
+    children = [fork(lambda: use(core)) for _ in range(3)]
+    assert [status_of(child) for child in children] == [0, 0, 0]
+
+
+class TestWaitsOfTheParent:
+    def test_a_child_has_forgotten_them(self, core):
+        answers = []
+        waits = [core._wait("map", child, at(1), notify=answers.append) for child in ("cup", "nowhere")]
+        waits.append(core._wait("map", "cup", at(1)))
+
+        def use_and_drop():
+            assert core.statistics()["waiters"] == 0
+            assert core._pending_waits() == []
+            core.set_transform_static(transform("map", "cup"), "child")
+            core._self_check()
+            assert [wait.answer for wait in waits] == [None] * 3
+            assert not any(wait.cancel() for wait in waits)
+            assert waits[0].reason() is None
+            assert "nowhere" in str(waits[1].reason())
+            assert not waits[2].wait_for(100 * S, lambda: True)
+            waits.clear()
+            gc.collect()
+            assert answers == []
+            use(core)
+
+        assert in_a_child(use_and_drop) == 0
+        assert core.statistics()["waiters"] == 3
+        core.set_transform_static(transform("map", "cup"), "me")
+        assert [wait.answer is not None for wait in waits] == [True, False, True]
+        assert len(answers) == 1
+
+    def test_a_child_has_forgotten_those_that_an_insert_was_looking_at(self, core):
+        # Each insert takes many slices: it gives the cup another parent, so all waiters are tried.
+        core.set_transform(transform("map", "cup", 1), "me")
+        waits = [core._wait("nest", "cup", at(1 + i / 10_000), notify=print) for i in range(5000)]
+        over = threading.Event()
+
+        def pass_around():
+            stamp_s, hands = 1, ("left hand", "right hand")
+            while not over.is_set():
+                stamp_s += 1
+                core.set_transform(transform(hands[stamp_s % 2], "cup", stamp_s / 100), "me")
+                core.clear()
+
+        def use_and_drop():
+            core._self_check()
+            core.set_transform_static(transform("nest", "cup"), "me")
+            assert not any(wait.answer or wait.cancel() for wait in waits)
+            waits.clear()
+            fill(core)
+            use(core)
+
+        thread = threading.Thread(target=pass_around)
+        thread.start()
+        try:
+            statuses = [in_a_child(use_and_drop) for _ in range(FORKS)]
+        finally:
+            over.set()
+            thread.join()
+        assert statuses == [0] * FORKS
+
+    def test_a_child_that_one_of_them_makes_does_not_tell_the_others(self, core):
+        def split_and_tell():
+            child, told = None, []
+
+            def split(_):
+                nonlocal child
+                child = os.fork()
+
+            waits = [core._wait("map", "cup", at(1), notify=split)]
+            waits += [core._wait("map", "cup", at(1), notify=told.append) for _ in range(3)]
+            core.set_transform_static(transform("map", "cup"), "me")
+            if child:
+                assert len(told) == 3
+                assert status_of(child) == 0
+            else:
+                assert told == []
+                waits.clear()
+                use(core)
+
+        assert in_a_child(split_and_tell) == 0

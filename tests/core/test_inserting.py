@@ -1,0 +1,405 @@
+"""What a BufferCore inserts, and what it refuses."""
+
+import math
+import types
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from making import S, about_z, at, rotation, stamp_ns, transform, translation
+from ros_optional import Duration
+
+NAN, INF = math.nan, math.inf
+
+
+@pytest.fixture
+def buffer(tf2_py):
+    return tf2_py.BufferCore()
+
+
+def frames(buffer):
+    return buffer._getFrameStrings()
+
+
+def test_one_leading_slash_is_stripped_from_both_names(buffer):
+    buffer.set_transform_static(transform("/map", "//odom"), "a")
+    assert frames(buffer) == ["/odom", "map"]
+
+
+def test_a_child_gets_its_id_before_its_parent(buffer):
+    buffer.set_transform(transform("map", "odom", 1), "a")
+    assert frames(buffer) == ["odom", "map"]
+
+
+REFUSED = {
+    "TF_SELF_TRANSFORM": transform("a", "/a", 1),
+    "TF_NO_FRAME_ID": transform("/", "b", 1),
+    "TF_NO_CHILD_FRAME_ID": transform("a", "", 1),
+    "TF_NAN_INPUT": transform("a", "b", 1, (0, NAN, 0)),
+    "TF_DENORMALIZED_QUATERNION": transform("a", "b", 1, xyzw=(0, 0, 0, 0)),
+}
+
+
+@pytest.mark.parametrize("tag", REFUSED)
+@pytest.mark.parametrize("method", ["set_transform", "set_transform_static"])
+def test_a_refusal_is_logged_and_returns_none(buffer, capfd, tag, method):
+    assert getattr(buffer, method)(REFUSED[tag], "someone") is None
+    assert frames(buffer) == []
+    assert tag in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("number", range(7))
+def test_a_nan_anywhere_is_refused_as_such(buffer, number, capfd):
+    numbers = [0.0] * 6 + [1.0]
+    numbers[number] = NAN
+    buffer.set_transform(transform("a", "b", 1, numbers[:3], numbers[3:]), "x")
+    assert frames(buffer) == []
+    assert "TF_NAN_INPUT" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("xyzw", [(0, 0, 0, INF), (0, 0, 1e-200, 0), (1e200, 0, 0, 0), (0, 0, NAN, 1)])
+def test_a_rotation_without_a_finite_length_is_refused(buffer, xyzw):
+    buffer.set_transform(transform("a", "b", 1, xyzw=xyzw), "x")
+    assert frames(buffer) == []
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        (transform("a", "b", 1, (INF, 0, 0)), "infinite_input"),
+        (transform("a", "b", 1, xyzw=(0, 0, 1e-162, 1.6e-162)), "denormalized_quaternion"),
+        (transform("a", "b", 1, xyzw=(0, 1e-155, 0, 1e-155)), "denormalized_quaternion"),
+        (transform("a", "b", ns=2**31 * S), "stamp_too_late"),
+        (transform("a", "b", -1), "negative_stamp"),
+        (transform("NO_PARENT", "b", 1), "reserved_frame_id"),
+        (transform("a", "/NO_PARENT", 1), "reserved_frame_id"),
+    ],
+)
+def test_what_tf2_accepts_and_should_not_is_refused_and_counted(buffer, message, reason):
+    buffer.set_transform(message, "x")
+    statistics = buffer.statistics()
+    assert frames(buffer) == []
+    assert statistics["refused"][reason] == 1
+    assert sum(statistics["refused"].values()) == 1
+    assert statistics["taken"] == 0
+
+
+@pytest.mark.ours
+def test_one_line_names_every_reason_the_frames_and_the_authority(buffer, capfd):
+    buffer.set_transform(transform("cup", "cup", 1, (NAN, 0, 0), (0, 0, 0, 0)), "grip per")
+    line = [x for x in capfd.readouterr().err.splitlines() if "TF_" in x]
+    assert len(line) == 1
+    for part in ("TF_SELF_TRANSFORM", "TF_NAN_INPUT", "TF_DENORMALIZED_QUATERNION", "cup", "grip per"):
+        assert part in line[0]
+    assert "TF_NO_FRAME_ID" not in line[0]
+
+
+@pytest.mark.ours
+def test_the_same_refusal_is_logged_once_a_second_and_counted_each_time(buffer, capfd):
+    for _ in range(100):
+        buffer.set_transform(transform("a", "b", 1, (NAN, 0, 0)), "x")
+    buffer.set_transform(transform("a", "c", 1, (NAN, 0, 0)), "x")
+    lines = [x for x in capfd.readouterr().err.splitlines() if "TF_NAN_INPUT" in x]
+    assert len(lines) in (2, 3)  # a second may pass in a slow run
+    assert buffer.statistics()["refused"]["nan_input"] == 101
+
+
+def test_old_data_is_refused_with_a_warning_but_registers_its_parent(buffer, capfd):
+    buffer.set_transform(transform("map", "odom", 100), "x")
+    buffer.set_transform(transform("old_map", "odom", 89.5), "x")
+    assert frames(buffer) == ["odom", "map", "old_map"]
+    assert "TF_OLD_DATA" in capfd.readouterr().err
+    assert not buffer.can_transform_core("old_map", "odom", at(89.5))[0]
+
+
+def test_a_stamp_exactly_one_cache_time_back_is_taken(buffer):
+    buffer.set_transform(transform("map", "odom", 100), "x")
+    buffer.set_transform(transform("map", "odom", 90, (9, 0, 0)), "x")
+    assert translation(buffer.lookup_transform_core("map", "odom", at(90))) == (9, 0, 0)
+
+
+def test_pruning_waits_for_the_insert_after_the_one_that_makes_samples_old(buffer):
+    for second in (1, 20):
+        buffer.set_transform(transform("map", "odom", second), "x")
+    assert buffer.can_transform_core("map", "odom", at(5)) == (1, "")
+    buffer.set_transform(transform("map", "odom", 21), "x")
+    assert buffer.can_transform_core("map", "odom", at(5))[0] == 0
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize("static", [False, True])
+@pytest.mark.parametrize("ns", [2**31 * S, 2**62, 2**63 - 1])
+def test_a_stamp_that_no_message_can_carry_is_refused(buffer, capfd, ns, static):
+    odom = TestDuckTypes().namespace()
+    odom.header.stamp.nanoseconds = ns
+    assert buffer.set_transforms([odom], "x", static=static) == 0
+    assert frames(buffer) == []
+    assert buffer.statistics()["refused"]["stamp_too_late"] == 1
+    assert "TF_STAMP_TOO_LATE" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("static", [False, True])
+def test_the_latest_stamp_that_a_message_can_carry_is_taken(buffer, static):
+    odom = transform("map", "odom", ns=2**31 * S - 1)
+    (buffer.set_transform_static if static else buffer.set_transform)(odom, "x")
+    assert buffer.can_transform_core("map", "odom", at(0)) == (1, "")
+    assert buffer.can_transform_core("map", "odom", odom.header.stamp) == (1, "")
+
+
+@pytest.mark.parametrize("length", [1.5e-154, 1e-150, 1e-20, 1e20, 1e150, 1e154])
+def test_a_rotation_of_any_length_whose_square_is_a_normal_number_is_normalised(buffer, length):
+    q = about_z(0.7)
+    buffer.set_transform(transform("map", "odom", 1, xyzw=tuple(length * x for x in q)), "x")
+    assert rotation(buffer.lookup_transform_core("map", "odom", at(1))) == pytest.approx(q, abs=1e-15)
+    if hasattr(buffer, "_self_check"):
+        buffer._self_check()
+
+
+@pytest.mark.parametrize("scale", [2.0, 0.001, -1.0])
+def test_a_rotation_is_normalised_when_it_is_inserted(buffer, scale):
+    q = tuple(scale * x for x in about_z(0.7))
+    buffer.set_transform_static(transform("map", "odom", xyzw=q), "x")
+    assert rotation(buffer.lookup_transform_core("map", "odom", at(0))) == pytest.approx(
+        about_z(0.7), abs=1e-15
+    )
+
+
+@pytest.mark.ours
+def test_the_negative_quaternion_repeats_a_sample(buffer):
+    q = about_z(0.7)
+    buffer.set_transform(transform("map", "odom", 1, xyzw=q), "x")
+    buffer.set_transform(transform("map", "odom", 1, xyzw=tuple(-x for x in q)), "x")
+    assert buffer.statistics()["samples"] == 1
+
+
+def test_an_exact_duplicate_changes_nothing_but_the_authority(buffer):
+    for authority in ("first", "second"):
+        buffer.set_transform(transform("map", "odom", 1, (1, 2, 3)), authority)
+    yaml = buffer.all_frames_as_yaml()
+    assert "rate: 10000.000" in yaml  # one sample
+    assert "broadcaster: 'second'" in yaml
+
+
+def test_late_sample_answers_between_its_neighbours(buffer):
+    for second, x in ((1, 1), (3, 3), (2, 20)):
+        buffer.set_transform(transform("map", "odom", second, (x, 0, 0)), "x")
+    assert translation(buffer.lookup_transform_core("map", "odom", at(2))) == (20, 0, 0)
+    assert translation(buffer.lookup_transform_core("map", "odom", at(2.5))) == (11.5, 0, 0)
+
+
+def test_of_equal_stamps_the_last_arrival_answers_but_at_the_oldest_the_first(buffer):
+    for second, x in ((1, 1), (1, 2), (2, 3), (2, 4), (3, 5), (3, 6)):
+        buffer.set_transform(transform("map", "odom", second, (x, 0, 0)), "x")
+    answers = [
+        translation(buffer.lookup_transform_core("map", "odom", at(t)))[0] for t in (1, 2, 3, 1.5, 2.5)
+    ]
+    assert answers == [1, 4, 6, 2.5, 4.5]
+
+
+@pytest.mark.parametrize("first_static", [True, False])
+def test_a_frame_that_turns_static_or_back_loses_its_history(buffer, first_static):
+    setters = [buffer.set_transform_static, buffer.set_transform]
+    if not first_static:
+        setters.reverse()
+    setters[0](transform("map", "odom", 1, (1, 0, 0)), "x")
+    setters[1](transform("map", "odom", 2, (2, 0, 0)), "x")
+    assert translation(buffer.lookup_transform_core("map", "odom", at(2))) == (2, 0, 0)
+    assert buffer.can_transform_core("map", "odom", at(1))[0] == (0 if first_static else 1)
+
+
+def test_clear_keeps_names_and_static_transforms(tf2_py, buffer):
+    buffer.set_transform_static(transform("base", "camera", 0, (1, 0, 0)), "x")
+    buffer.set_transform(transform("map", "base", 1), "x")
+    buffer.clear()
+    assert frames(buffer) == ["camera", "base", "map"]
+    assert translation(buffer.lookup_transform_core("base", "camera", at(0))) == (1, 0, 0)
+    with pytest.raises(tf2_py.ConnectivityException):
+        buffer.lookup_transform_core("map", "base", at(0))
+    with pytest.raises(tf2_py.ExtrapolationException):
+        buffer.lookup_transform_core("map", "base", at(1))
+    buffer.set_transform(transform("map", "base", 0.5), "x")
+    assert stamp_ns(buffer.lookup_transform_core("map", "base", at(0))) == S // 2
+
+
+class TestDuckTypes:
+    def namespace(self, **changes):
+        fields = {
+            "header": types.SimpleNamespace(stamp=types.SimpleNamespace(nanoseconds=S), frame_id="map"),
+            "child_frame_id": "odom",
+            "transform": types.SimpleNamespace(
+                translation=types.SimpleNamespace(x=1, y=2.0, z=3),
+                rotation=types.SimpleNamespace(x=0, y=0, z=0, w=1),
+            ),
+        }
+        return types.SimpleNamespace(**(fields | changes))
+
+    @pytest.mark.ours
+    def test_any_object_with_the_fields_is_a_transform(self, buffer):
+        buffer.set_transform(self.namespace(), "x")
+        assert translation(buffer.lookup_transform_core("map", "odom", at(1))) == (1, 2, 3)
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {"child_frame_id": b"odom"},
+            {"child_frame_id": None},
+            {"header": None},
+            {"transform": types.SimpleNamespace(translation=(1, 2, 3), rotation=(0, 0, 0, 1))},
+            {"header": types.SimpleNamespace(stamp=1.0, frame_id="map")},
+            {"header": types.SimpleNamespace(stamp=types.SimpleNamespace(sec=1.5, nanosec=0), frame_id="m")},
+        ],
+    )
+    def test_other_objects_are_a_type_error(self, buffer, changes):
+        with pytest.raises(TypeError):
+            buffer.set_transform(self.namespace(**changes), "x")
+        assert frames(buffer) == []
+
+    @pytest.mark.ours
+    def test_a_word_for_a_number_is_a_type_error(self, buffer):
+        message = self.namespace()
+        message.transform.translation.x = "far"
+        with pytest.raises(TypeError):
+            buffer.set_transform(message, "x")
+
+    @pytest.mark.parametrize("message", [None, 1, "map odom", object()])
+    def test_what_is_no_transform_at_all_is_refused_by_type(self, buffer, message):
+        with pytest.raises((TypeError, AttributeError)):
+            buffer.set_transform(message, "x")
+
+    @pytest.mark.parametrize("missing", ["header", "child_frame_id", "transform"])
+    def test_a_missing_attribute_is_an_attribute_error(self, buffer, missing):
+        message = self.namespace()
+        delattr(message, missing)
+        with pytest.raises(AttributeError, match=missing):
+            buffer.set_transform(message, "x")
+        for nothing in (None, 5):
+            with pytest.raises(AttributeError, match="header"):
+                buffer.set_transform_static(nothing, "x")
+        assert frames(buffer) == []
+
+    @pytest.mark.ours
+    def test_a_stamp_beyond_64_bits_is_an_overflow_error(self, buffer):
+        for stamp in (
+            types.SimpleNamespace(sec=2**63 // S + 1, nanosec=0),
+            types.SimpleNamespace(nanoseconds=2**63),
+        ):
+            message = self.namespace(header=types.SimpleNamespace(stamp=stamp, frame_id="map"))
+            with pytest.raises(OverflowError):
+                buffer.set_transform(message, "x")
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("name", ["a\0b", "\ud800"])
+    def test_a_name_that_is_no_text_is_a_value_error(self, buffer, name):
+        with pytest.raises(ValueError):  # UnicodeEncodeError is one
+            buffer.set_transform(self.namespace(child_frame_id=name), "x")
+
+
+@pytest.mark.ours
+class TestManyAtOnce:
+    def test_set_transforms_tells_how_many_were_taken(self, buffer):
+        messages = [transform("map", "odom", 1), transform("a", "a", 1), transform("odom", "base", 1)]
+        assert buffer.set_transforms(iter(messages), "x") == 2
+        assert buffer.can_transform_core("map", "base", at(1)) == (1, "")
+        assert buffer.set_transforms([], "x") == 0
+
+    def test_set_transforms_static(self, buffer):
+        assert buffer.set_transforms([transform("map", "odom", 7)], "x", static=True) == 1
+        assert buffer.can_transform_core("map", "odom", at(3)) == (1, "")
+
+    def test_a_wrong_element_leaves_the_buffer_as_it_was(self, buffer):
+        with pytest.raises(TypeError):
+            buffer.set_transforms([transform("map", "odom", 1), "odom"], "x")
+        assert frames(buffer) == []
+
+    def test_names_stay_alive_while_later_elements_run_code(self, buffer):
+        # A property of a later element drops the only reference to an earlier element's name.
+        first = types.SimpleNamespace(**vars(TestDuckTypes().namespace(child_frame_id="o" + "d" * 40)))
+
+        class Evil:
+            header = first.header
+            transform = first.transform
+
+            @property
+            def child_frame_id(self):
+                first.child_frame_id = None
+                return "evil"
+
+        assert buffer.set_transforms([first, Evil()], "x") == 2
+        assert frames(buffer) == ["o" + "d" * 40, "map", "evil"]
+
+
+class TestConstruction:
+    def test_the_default_cache_holds_ten_seconds(self, buffer):
+        for second in (100, 90, 111, 112):
+            buffer.set_transform(transform("map", "odom", second), "x")
+        assert buffer.can_transform_core("map", "odom", at(101))[0] == 0
+
+    @pytest.mark.ours
+    def test_the_cache_time_is_a_duration_by_place_or_by_name(self, tf2_py):
+        for buffer in (
+            tf2_py.BufferCore(Duration(seconds=1)),
+            tf2_py.BufferCore(cache_time=Duration(seconds=1)),
+        ):
+            for second in (10, 11.5, 12):
+                buffer.set_transform(transform("map", "odom", second), "x")
+            assert buffer.can_transform_core("map", "odom", at(10.7))[0] == 0
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("seconds", [2, 2.0, np.float32(2.0), Fraction(2)], ids=repr)
+    def test_a_number_as_cache_time_is_seconds(self, tf2_py, seconds):
+        assert tf2_py.BufferCore(seconds).cache_time_ns == 2 * S
+
+    @pytest.mark.ours
+    def test_an_infinite_cache_time_keeps_everything(self, tf2_py):
+        assert tf2_py.BufferCore(float("inf")).cache_time_ns == 2**62
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("wrong", ["10", True, object()])
+    def test_a_cache_time_that_is_no_duration_is_a_type_error(self, tf2_py, wrong):
+        with pytest.raises(TypeError, match="^cache_time must be a duration or seconds, not "):
+            tf2_py.BufferCore(wrong)
+
+    @pytest.mark.ours
+    def test_a_negative_cache_time_is_a_value_error(self, tf2_py):
+        with pytest.raises(ValueError, match="negative"):
+            tf2_py.BufferCore(Duration(seconds=-1))
+
+    @pytest.mark.ours
+    def test_an_object_without_init_works_with_defaults(self, tf2_py):
+        buffer = tf2_py.BufferCore.__new__(tf2_py.BufferCore)
+        buffer.set_transform(transform("map", "odom", 1), "x")
+        assert buffer.can_transform_core("map", "odom", at(1)) == (1, "")
+
+    def test_init_again_empties_the_buffer(self, buffer):
+        buffer.set_transform(transform("map", "odom", 1), "x")
+        buffer.set_transform_static(transform("odom", "base", 1), "x")
+        buffer.__init__()
+        assert not buffer._frameExists("map")
+        assert buffer.can_transform_core("odom", "base", at(1))[0] == 0
+        buffer.set_transform(transform("base", "map", 1), "x")
+        assert buffer.can_transform_core("base", "map", at(1))[0] == 1
+
+    def test_init_again_sets_the_cache_time_anew(self, tf2_py):
+        buffer = tf2_py.BufferCore(Duration(seconds=1))
+        for arguments, old_is_known in (((), 1), ((Duration(seconds=1),), 0)):
+            buffer.__init__(*arguments)
+            for second in (10, 12, 12.5):
+                buffer.set_transform(transform("map", "odom", second), "x")
+            assert buffer.can_transform_core("map", "odom", at(10))[0] == old_is_known
+
+    @pytest.mark.ours
+    def test_init_again_forgets_what_was_counted(self, buffer):
+        fresh = buffer.statistics()
+        buffer.set_transforms([transform("map", "odom", 1), transform("a", "a", 1)], "x")
+        buffer.__init__()
+        assert buffer.statistics() == fresh
+        buffer._self_check()
+
+    @pytest.mark.ours
+    def test_init_again_with_a_wrong_cache_time_changes_nothing(self, buffer):
+        buffer.set_transform(transform("map", "odom", 1), "x")
+        with pytest.raises(ValueError):
+            buffer.__init__(Duration(seconds=-1))
+        assert buffer.can_transform_core("map", "odom", at(1)) == (1, "")

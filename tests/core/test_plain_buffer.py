@@ -1,0 +1,199 @@
+"""A buffer without a node and without ROS's classes: with ROS and, by test_without_ros.py, without it."""
+
+import pickle
+import signal
+import threading
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.ours
+
+S = 10**9
+
+
+def transform(tf2_ros, x, stamp_ns=0, parent="base_link", child="camera"):
+    made = tf2_ros.TransformStamped(child_frame_id=child)
+    made.header.frame_id = parent
+    made.header.stamp.sec, made.header.stamp.nanosec = divmod(stamp_ns, S)
+    made.transform.translation.x = x
+    return made
+
+
+@pytest.fixture
+def buffer(tf2_ros):
+    """The camera moves at 1 m/s between 10 s and 20 s."""
+    buffer = tf2_ros.Buffer()
+    for stamp_s in (10, 15, 20):
+        buffer.set_transform(transform(tf2_ros, float(stamp_s), stamp_s * S), "example")
+    return buffer
+
+
+def after(seconds, do):
+    thread = threading.Timer(seconds, do)
+    thread.start()
+    return thread
+
+
+class TestLookups:
+    @pytest.mark.parametrize(
+        "at",
+        [
+            12 * S,
+            SimpleNamespace(sec=12, nanosec=0),
+            SimpleNamespace(nanoseconds=12 * S),
+            np.datetime64(12 * S, "ns"),
+        ],
+        ids=["nanoseconds", "message", "nanoseconds of an object", "datetime64"],
+    )
+    def test_a_time_may_be_of_any_kind(self, buffer, at):
+        found = buffer.lookup_transform("base_link", "camera", at)
+        assert found.transform.translation.x == pytest.approx(12.0)
+        assert (found.header.frame_id, found.child_frame_id) == ("base_link", "camera")
+        assert (found.header.stamp.sec, found.header.stamp.nanosec) == (12, 0)
+
+    def test_zero_is_the_latest_time(self, buffer):
+        assert buffer.lookup_transform("base_link", "camera", 0).transform.translation.x == 20.0
+        assert buffer.get_latest_common_time("base_link", "camera").nanoseconds == 20 * S
+
+    def test_the_result_is_of_the_class_that_is_put_in(self, buffer, tf2_ros):
+        assert type(buffer.lookup_transform("base_link", "camera", 0)) is tf2_ros.TransformStamped
+
+    def test_between_two_times(self, buffer):
+        found = buffer.lookup_transform_full("camera", 20 * S, "camera", 11 * S, "base_link")
+        assert found.transform.translation.x == pytest.approx(-9.0)
+        arguments = ("camera", 20 * S, "camera", 11 * S, "base_link")
+        assert buffer.can_transform_full(*arguments) is True
+        assert buffer.can_transform_full(*arguments, return_debug_tuple=True) == (True, "")
+
+    def test_many_times_and_points_and_the_velocity(self, buffer):
+        translations, rotations = buffer.lookup_transforms("base_link", "camera", [10 * S, 12 * S])
+        assert translations[:, 0] == pytest.approx([10.0, 12.0]) and rotations.shape == (2, 4)
+        points = buffer.transform_points(np.zeros((1, 3)), [12 * S], "base_link", "camera")
+        assert points == pytest.approx(np.array([[12.0, 0.0, 0.0]]))
+        linear, _ = buffer.lookupVelocityCore(
+            "camera", "base_link", 15 * S, SimpleNamespace(sec=2, nanosec=0)
+        )
+        assert linear == pytest.approx([1.0, 0.0, 0.0])
+
+    def test_its_errors_are_those_of_tf2(self, buffer, tf2_ros):
+        with pytest.raises(tf2_ros.LookupException, match='^"lidar" passed to lookupTransform'):
+            buffer.lookup_transform("base_link", "lidar", 0)
+        with pytest.raises(
+            tf2_ros.ExtrapolationException, match="would require extrapolation into the future"
+        ):
+            buffer.lookup_transform("base_link", "camera", 21 * S)
+        with pytest.raises(TypeError):
+            buffer.lookup_transform("base_link", "camera", "now")
+        assert buffer.can_transform("base_link", "lidar", 0) is False
+
+    def test_a_registered_type_is_transformed(self, buffer, tf2_ros):
+        class Ahead:
+            def __init__(self, x, frame):
+                self.x = x
+                self.header = tf2_ros.Header(frame_id=frame)
+
+        def do_transform(ahead, found):
+            return Ahead(ahead.x + found.transform.translation.x, found.header.frame_id)
+
+        tf2_ros.TransformRegistration().add(Ahead, do_transform)
+        moved = buffer.transform(Ahead(1.0, "camera"), "base_link")
+        assert (moved.x, moved.header.frame_id) == (21.0, "base_link")
+
+
+class TestWaits:
+    def test_one_ends_when_another_thread_inserts(self, buffer, tf2_ros):
+        late = transform(tf2_ros, 30.0, 30 * S)
+        for wait in (buffer.lookup_transform, buffer.can_transform):
+            buffer.clear()
+            thread = after(0.05, lambda: buffer.set_transform(late, "example"))
+            begin = time.monotonic()
+            assert wait("base_link", "camera", 30 * S, timeout=60.0)
+            assert time.monotonic() - begin < 30.0
+            thread.join()
+
+    @pytest.mark.parametrize("timeout", [0.05, SimpleNamespace(sec=0, nanosec=50_000_000)])
+    def test_one_in_vain_says_how_long_it_was(self, buffer, tf2_ros, timeout):
+        with pytest.raises(tf2_ros.ExtrapolationException, match=r"\. Waited 0\.05 s$"):
+            buffer.lookup_transform("base_link", "camera", 30 * S, timeout)
+        can, reason = buffer.can_transform(
+            "base_link", "camera", 30 * S, timeout=timeout, return_debug_tuple=True
+        )
+        assert not can and reason.endswith(". Waited 0.05 s")
+
+    def test_one_between_two_times_waits_too(self, buffer, tf2_ros):
+        thread = after(0.05, lambda: buffer.set_transform(transform(tf2_ros, 30.0, 30 * S), "example"))
+        found = buffer.lookup_transform_full("camera", 30 * S, "camera", 20 * S, "base_link", 60.0)
+        assert found.transform.translation.x == pytest.approx(-10.0)
+        assert buffer.can_transform_full("camera", 30 * S, "camera", 20 * S, "base_link", 1.0)
+        thread.join()
+
+    def test_an_invalid_name_is_not_waited_for(self, buffer, tf2_ros):
+        begin = time.monotonic()
+        with pytest.raises(tf2_ros.InvalidArgumentException):
+            buffer.lookup_transform("/base_link", "camera", 0, timeout=60.0)
+        assert time.monotonic() - begin < 30.0
+
+    def test_control_c_ends_one(self, buffer):
+        main = threading.main_thread().ident
+        thread = after(0.05, lambda: signal.pthread_kill(main, signal.SIGINT))
+        begin = time.monotonic()
+        with pytest.raises(KeyboardInterrupt):
+            buffer.lookup_transform("base_link", "lidar", 0, timeout=60.0)
+        assert time.monotonic() - begin < 30.0
+        thread.join()
+
+    def test_a_replaced_method_is_asked(self, tf2_ros):
+        class Patient(tf2_ros.Buffer):
+            asked = 0
+
+            def can_transform_core(self, *arguments):
+                self.asked += 1
+                return super().can_transform_core(*arguments) if self.asked > 2 else (0, "not yet")
+
+        buffer = Patient()
+        buffer.set_transform_static(transform(tf2_ros, 1.0), "example")
+        assert buffer.lookup_transform("base_link", "camera", 0, timeout=60.0).transform.translation.x == 1.0
+        assert buffer.asked > 2
+
+
+class TestMaking:
+    def test_its_parameters_are_those_of_a_node(self, tf2_ros):
+        buffer = tf2_ros.Buffer(SimpleNamespace(nanoseconds=5 * S), max_frames=10)
+        for stamp_s in (10, 20, 30):
+            buffer.set_transform(transform(tf2_ros, 1.0, stamp_s * S), "example")
+        assert not buffer.can_transform("base_link", "camera", 10 * S)
+        with pytest.raises(ValueError, match="cache_time"):
+            tf2_ros.Buffer(SimpleNamespace(nanoseconds=-1))
+
+    def test_it_is_named_alike_wherever_it_is_imported_from(self, tf2_ros):
+        assert tf2_ros.Buffer is tf2_ros.buffer.Buffer
+        assert pickle.loads(pickle.dumps(tf2_ros.Buffer)) is tf2_ros.Buffer
+        assert [one.__name__ for one in tf2_ros.Buffer.__mro__] == [
+            "Buffer",
+            "BufferCore",
+            "Engine",
+            "AnsweringInterface",
+            "BufferInterface",
+            "object",
+        ]
+
+
+def test_a_matrix_becomes_a_message_and_a_message_a_matrix(buffer, tf2_ros):
+    from tf2_ros.numpy import from_matrix, to_arrays, to_columns, to_matrix
+
+    found = buffer.lookup_transform("base_link", "camera", 12 * S)
+    made = from_matrix(to_matrix(found), header=found.header, child_frame_id="camera")
+    assert made == found and type(made) is tf2_ros.TransformStamped
+    pose = SimpleNamespace(position=found.transform.translation, orientation=found.transform.rotation)
+    assert to_arrays([pose])[0].tolist() == to_arrays([found])[0].tolist()
+    assert to_columns([found])["stamp_ns"].tolist() == [12 * S]
+    assert tf2_ros.format_transform(found).startswith("base_link -> camera at 12.000000000: xyz [12.000")
+
+
+def test_a_stamped_object_has_a_header(tf2_ros):
+    stamped = tf2_ros.Stamped(SimpleNamespace(), 1_500_000_000, "map")
+    assert stamped.header == tf2_ros.Header(frame_id="map", stamp=stamped.header.stamp)
+    assert (stamped.header.stamp.sec, stamped.header.stamp.nanosec) == (1, 500_000_000)

@@ -1,0 +1,386 @@
+"""Lookups that accept more than tf2's: a tolerance, extrapolation, a longest gap, cubic interpolation."""
+
+import itertools
+import random
+
+import numpy as np
+import pytest
+from making import S, about_z, at_ns, rotation, stamp_ns, transform, translation
+from ros_optional import Duration
+from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial.transform import Rotation, Slerp
+
+pytestmark = pytest.mark.ours
+
+# Each frame, its parent, and how much it turns from sample to sample. The path from hand to mast passes base.
+EDGES = [("odom", "map", 0.1), ("base", "odom", 0.4), ("arm", "base", 1.5), ("hand", "arm", 0.02)]
+PATHS = {"hand": ["hand", "arm", "base", "odom"], "mast": ["mast", "base", "odom"], "map": []}
+
+
+class Model:
+    """The samples of EDGES, and answers computed with SciPy."""
+
+    def __init__(self, seed):
+        numbers = np.random.default_rng(seed)
+        self.edges = {}
+        for child, parent, step in EDGES:
+            count = int(numbers.integers(2, 12))
+            stamps = S + np.cumsum(numbers.integers(50_000_000, 400_000_000, count))
+            turns = Rotation.from_rotvec(np.cumsum(numbers.normal(scale=step, size=(count, 3)), axis=0))
+            self.edges[child] = (parent, stamps, np.cumsum(numbers.normal(size=(count, 3)), axis=0), turns)
+        self.mast = (np.array([0.0, 1.0, 2.0]), Rotation.from_quat(about_z(2.5)))
+
+    def fill(self, buffer):
+        for child, (parent, stamps, places, turns) in self.edges.items():
+            for stamp, place, turn in zip(stamps, places, turns, strict=True):
+                buffer.set_transform(
+                    transform(parent, child, ns=int(stamp), xyz=place, xyzw=turn.as_quat()), "x"
+                )
+        buffer.set_transform_static(transform("base", "mast", xyz=(0, 1, 2), xyzw=about_z(2.5)), "x")
+        return buffer
+
+    def edge(self, child, time, tolerance=0, extrapolate=False, max_gap=None, interpolation="linear"):
+        """Stamp used, place and turn; None: there is no answer."""
+        if child == "mast":
+            return (time, *self.mast)
+        _, stamps, places, turns = self.edges[child]
+        late = time - stamps[-1]
+        if time < stamps[0] or late > tolerance:
+            return None
+        if late > 0 and extrapolate:
+            ratio = late / (stamps[-1] - stamps[-2])
+            turn = (turns[-2].inv() * turns[-1]).as_rotvec()
+            return (
+                time,
+                places[-1] + ratio * (places[-1] - places[-2]),
+                turns[-1] * Rotation.from_rotvec(ratio * turn),
+            )
+        if late >= 0:
+            return stamps[-1], places[-1], turns[-1]
+        i = int(np.searchsorted(stamps, time, side="right")) - 1
+        if stamps[i] == time:
+            return time, places[i], turns[i]
+        if max_gap is not None and stamps[i + 1] - stamps[i] > max_gap:
+            return None
+        seconds, now = (stamps - stamps[0]) / S, (time - stamps[0]) / S
+        if interpolation == "linear":
+            place = [np.interp(now, seconds, places[:, axis]) for axis in range(3)]
+            return time, np.array(place), Slerp(seconds[i : i + 2], turns[i : i + 2])(now)
+        # numpy.gradient is the slope of the parabola through three points, and at the ends that of two.
+        place = CubicHermiteSpline(seconds, places, np.gradient(places, seconds, axis=0))(now)
+        return time, place, self.turn_between(seconds, turns, i, now)
+
+    @staticmethod
+    def turn_between(seconds, turns, i, now):
+        """The curve of Kim, Kim and Shin, with De Casteljau's basis written out."""
+        steps = np.diff(seconds)
+        means = (turns[:-1].inv() * turns[1:]).as_rotvec() / steps[:, None]
+        speeds = [means[0]]
+        for before, after, h, k in zip(means, means[1:], steps, steps[1:], strict=False):
+            speeds.append((before * k + after * h) / (h + k))
+        speeds.append(means[-1])
+        first = Rotation.from_rotvec(speeds[i] * steps[i] / 3)
+        last = Rotation.from_rotvec(speeds[i + 1] * steps[i] / 3)
+        middle = first.inv() * turns[i].inv() * turns[i + 1] * last.inv()
+        r = (now - seconds[i]) / steps[i]
+        basis = [3 * r * (1 - r) ** 2, 3 * r**2 * (1 - r), r**3]
+        shares = [sum(basis[k:]) for k in range(3)]
+        turn = turns[i]
+        for share, one in zip(shares, (first, middle, last), strict=True):
+            turn = turn * Rotation.from_rotvec(share * one.as_rotvec())
+        return turn
+
+    def answer(self, target, source, time, **policy):
+        """Stamp, place and turn of the lookup; None: it has no answer."""
+        used, shared = [time], set(PATHS[target]) & set(PATHS[source])
+        sides = []
+        for frame in (target, source):
+            place, turn = np.zeros(3), Rotation.identity()
+            for child in PATHS[frame]:
+                if child in shared:
+                    continue
+                hop = self.edge(child, time, **policy)
+                if hop is None:
+                    return None
+                used.append(hop[0])
+                place, turn = hop[1] + hop[2].apply(place), hop[2] * turn
+            sides.append((place, turn))
+        (target_place, target_turn), (place, turn) = sides
+        return min(used), target_turn.inv().apply(place - target_place), target_turn.inv() * turn
+
+
+def matches(message, expected):
+    stamp, place, turn = expected
+    assert stamp_ns(message) == stamp
+    assert translation(message) == pytest.approx(tuple(place), abs=1e-9)
+    assert (Rotation.from_quat(rotation(message)) * turn.inv()).magnitude() < 1e-9
+
+
+POLICIES = [
+    {"tolerance": 0.3},
+    {"tolerance": 0.3, "extrapolate": True},
+    {"max_gap": 0.3},
+    {"interpolation": "cubic"},
+    {"tolerance": 0.5, "extrapolate": True, "max_gap": 0.3, "interpolation": "cubic"},
+]
+
+
+@pytest.mark.parametrize("policy", POLICIES, ids=str)
+@pytest.mark.parametrize(("target", "source"), [*itertools.permutations(PATHS, 2)])
+def test_answers_are_those_of_an_independent_computation(tf2_ros, policy, target, source):
+    in_ns = {name: round(value * S) for name, value in policy.items() if name in ("tolerance", "max_gap")}
+    numbers, counts = random.Random(3), [0, 0]
+    for seed in range(12):
+        model = Model(seed)
+        buffer = model.fill(tf2_ros.Buffer(1000))
+        times = [numbers.randrange(S, 4 * S) for _ in range(40)]
+        times += [int(stamp) for _, stamps, _, _ in model.edges.values() for stamp in stamps]
+        places, turns = buffer.lookup_transforms(target, source, times, on_missing="nan", **policy)
+        for time, place, turn in zip(times, places, turns, strict=True):
+            expected = model.answer(target, source, time, **(policy | in_ns))
+            counts[expected is None] += 1
+            if expected is None:
+                assert np.isnan(place).all()
+                with pytest.raises(tf2_ros.ExtrapolationException):
+                    buffer.lookup_transform(target, source, at_ns(time), **policy)
+            else:
+                answer = buffer.lookup_transform(target, source, at_ns(time), **policy)
+                matches(answer, expected)
+                assert translation(answer) == tuple(place)
+                assert rotation(answer) == tuple(turn)
+        together = buffer.lookup_transforms(target, [source, target], times, on_missing="nan", **policy)
+        assert np.array_equal(together[0][0], places, equal_nan=True)
+        assert np.array_equal(together[1][0], turns, equal_nan=True)
+    assert min(counts) > 10
+
+
+class TestTolerance:
+    @pytest.fixture
+    def buffer(self, tf2_ros):
+        buffer = tf2_ros.Buffer()
+        for second in (1, 2):
+            buffer.set_transform(transform("map", "base", second, (second, 0, 0)), "x")
+        return buffer
+
+    @pytest.mark.parametrize("tolerance", [0.5, Duration(seconds=0.5)], ids=["seconds", "Duration"])
+    def test_its_end_belongs_to_it(self, tf2_ros, buffer, tolerance):
+        answer = buffer.lookup_transform("map", "base", at_ns(2 * S + S // 2), tolerance=tolerance)
+        assert stamp_ns(answer) == 2 * S
+        assert translation(answer) == (2, 0, 0)
+        with pytest.raises(tf2_ros.ExtrapolationException, match="into the future"):
+            buffer.lookup_transform("map", "base", at_ns(2 * S + S // 2 + 1), tolerance=tolerance)
+
+    def test_it_does_not_reach_into_the_past(self, tf2_ros, buffer):
+        with pytest.raises(tf2_ros.ExtrapolationException, match="into the past"):
+            buffer.lookup_transform("map", "base", at_ns(S - 1), tolerance=5)
+
+    def test_extrapolating_goes_on_at_the_last_velocity(self, buffer):
+        answer = buffer.lookup_transform("map", "base", at_ns(5 * S // 2), tolerance=1, extrapolate=True)
+        assert stamp_ns(answer) == 5 * S // 2
+        assert translation(answer) == (2.5, 0, 0)
+
+    def test_extrapolating_a_single_sample_or_one_of_a_new_parent_keeps_it(self, tf2_ros, buffer):
+        buffer.set_transform(transform("odom", "base", 3, (7, 0, 0)), "x")
+        buffer.set_transform(transform("odom", "single", 3, (0, 0, 1)), "x")
+        answer = buffer.lookup_transform("single", "base", at_ns(7 * S // 2), tolerance=1, extrapolate=True)
+        assert translation(answer) == (7, 0, -1)
+
+    def test_the_parent_is_that_of_the_newest_sample(self, tf2_ros, buffer):
+        buffer.set_transform(transform("odom", "base", 3, (7, 0, 0)), "x")
+        late = at_ns(7 * S // 2)
+        assert translation(buffer.lookup_transform("odom", "base", late, tolerance=1)) == (7, 0, 0)
+        with pytest.raises(tf2_ros.TransformException):
+            buffer.lookup_transform("map", "base", late, tolerance=1)
+
+    def test_the_latest_time_needs_none(self, tf2_ros, buffer):
+        assert stamp_ns(buffer.lookup_transform("map", "base", at_ns(0), tolerance=1)) == 2 * S
+        assert stamp_ns(buffer.lookup_transform("base", "base", at_ns(9 * S), tolerance=0)) == 9 * S
+
+
+class TestMaxGap:
+    def test_its_length_belongs_to_it_and_samples_need_no_neighbour(self, tf2_ros):
+        buffer = tf2_ros.Buffer()
+        for second in (1, 2, 4):
+            buffer.set_transform(transform("map", "base", second), "x")
+        buffer.lookup_transform("map", "base", at_ns(3 * S // 2), max_gap=1)
+        buffer.lookup_transform("map", "base", at_ns(4 * S), max_gap=1)
+        buffer.lookup_transform("map", "base", at_ns(0), max_gap=1)
+        with pytest.raises(tf2_ros.ExtrapolationException) as raised:
+            buffer.lookup_transform("map", "base", at_ns(3 * S), max_gap=1)
+        assert str(raised.value) == (
+            "Lookup at time 3.000000000 would require interpolation across 2.000000000 s, when looking up "
+            "transform from frame [base] to frame [map]; the samples of base in map at 2.000000000 and "
+            "4.000000000 are further apart than max_gap, 1.000000000 s"
+        )
+        with pytest.raises(tf2_ros.ExtrapolationException, match=r"^times\[1\]: Lookup at time 3"):
+            buffer.lookup_transforms("map", "base", [S, 3 * S], max_gap=1)
+
+
+class TestCubic:
+    def test_velocities_are_continuous_and_those_of_the_parabola(self, tf2_ros):
+        model = Model(4)
+        buffer = model.fill(tf2_ros.Buffer(1000))
+        _, stamps, places, turns = model.edges["arm"]
+        step = 1000  # ns
+        for i, stamp in enumerate(stamps[1:-1], 1):
+            times = [int(stamp) + k * step for k in (-1, 0, 1)]
+            moved, turned = buffer.lookup_transforms("base", "arm", times, interpolation="cubic")
+            speeds = np.diff(moved, axis=0) / (step / S)
+            assert speeds[0] == pytest.approx(speeds[1], abs=1e-3)
+            seconds = (stamps[i - 1 : i + 2] - stamps[i]) / S
+            assert speeds[0] == pytest.approx(
+                np.gradient(places[i - 1 : i + 2], seconds, axis=0)[1], abs=1e-3
+            )
+            turned = Rotation.from_quat(turned)
+            spins = (turned[:-1].inv() * turned[1:]).as_rotvec() / (step / S)
+            assert spins[0] == pytest.approx(spins[1], abs=1e-3)
+
+    def test_a_steady_motion_is_that_of_linear_interpolation(self, tf2_ros):
+        buffer = tf2_ros.Buffer()
+        for tick in range(8):
+            buffer.set_transform(
+                transform("map", "base", tick, (tick, 2 * tick, 0), about_z(0.7 * tick)), "x"
+            )
+        times = np.linspace(0.01, 6.99, 50) * S
+        linear = buffer.lookup_transforms("map", "base", times.astype(int))
+        cubic = buffer.lookup_transforms("map", "base", times.astype(int), interpolation="cubic")
+        for one, other in zip(linear, cubic, strict=True):
+            assert one == pytest.approx(other, abs=1e-12)
+
+
+def test_numbers_that_are_too_large_are_not_differentiated(tf2_ros):
+    buffer = tf2_ros.Buffer()
+    for second, x in ((1, -1e308), (2, 1e308)):
+        buffer.set_transform(transform("map", "base", second, (x, 0, 0)), "x")
+    ahead = buffer.lookup_transform("map", "base", at_ns(3 * S), tolerance=1, extrapolate=True)
+    between = buffer.lookup_transform("map", "base", at_ns(3 * S // 2), interpolation="cubic")
+    assert (translation(ahead)[0], translation(between)[0]) == (1e308, 0)
+
+
+class TestArguments:
+    @pytest.mark.parametrize(
+        ("policy", "error", "text"),
+        [
+            ({"tolerance": -1}, ValueError, "must not be negative"),
+            ({"tolerance": float("nan")}, ValueError, "NaN"),
+            ({"tolerance": "1"}, TypeError, "tolerance"),
+            ({"max_gap": -0.1}, ValueError, "must not be negative"),
+            ({"extrapolate": True}, TypeError, "needs a tolerance"),
+            ({"interpolation": "spline"}, ValueError, "'linear' or 'cubic'"),
+        ],
+        ids=str,
+    )
+    def test_wrong_ones_are_refused_everywhere(self, tf2_ros, policy, error, text):
+        buffer = tf2_ros.Buffer()
+        buffer.set_transform(transform("map", "base", 1), "x")
+        for look_up in (buffer.lookup_transform, buffer.lookup_transforms):
+            with pytest.raises(error, match=text):
+                look_up("map", "base", [S] if look_up == buffer.lookup_transforms else at_ns(S), **policy)
+
+
+class TestWaits:
+    """A wait under a policy ends with the answer, or as soon as there can be none any more."""
+
+    @pytest.fixture
+    def buffer(self, tf2_ros):
+        buffer = tf2_ros.Buffer(10.0)
+        for second in (20, 21):
+            buffer.set_transform(transform("map", "base", second), "x")
+        return buffer
+
+    @staticmethod
+    def become_old(buffer):
+        for second in (40, 41):
+            buffer.set_transform(transform("map", "base", second), "x")
+
+    def begin(self, buffer, seconds, **policy):
+        answers = []
+        policy = buffer_policy(**policy)
+        wait = buffer._wait("map", "base", at_ns(round(seconds * S)), notify=answers.append, policy=policy)
+        return wait, answers
+
+    def test_a_tolerance_ends_it_before_its_time_is_reached(self, buffer):
+        wait, answers = self.begin(buffer, 30, tolerance=0.5)
+        buffer.set_transform(transform("map", "base", 29.4), "x")
+        assert answers == []
+        buffer.set_transform(transform("map", "base", 29.6), "x")
+        assert [stamp_ns(answer) for answer in answers] == [round(29.6 * S)]
+        assert not wait.is_hopeless
+
+    def test_it_ends_when_its_time_is_refused(self, tf2_ros, buffer):
+        wait, answers = self.begin(buffer, 19, tolerance=0)
+        late, _ = self.begin(buffer, 39, tolerance=0)
+        assert not wait.is_hopeless
+        self.become_old(buffer)
+        assert wait.is_hopeless
+        assert answers == [None]
+        assert wait.answer is None
+        assert isinstance(wait.reason(), tf2_ros.ExtrapolationException)
+        assert str(wait.reason()).endswith(
+            "transforms of that time are refused by now (cache time 10.000000000 s)"
+        )
+        assert late.answer is not None
+        assert not wait.wait_for(S, lambda: True)
+        assert buffer.statistics()["waiters"] == 0
+
+    def test_one_that_begins_too_late_ends_at_once(self, tf2_ros, buffer):
+        self.become_old(buffer)
+        with pytest.raises(tf2_ros.ExtrapolationException, match="refused by now"):
+            buffer.lookup_transform("map", "base", at_ns(19 * S), timeout=1e6, tolerance=0)
+
+    def test_it_goes_on_while_a_late_sample_may_come(self, buffer):
+        wait, answers = self.begin(buffer, 19, max_gap=3)
+        assert not wait.is_hopeless
+        buffer.set_transform(transform("map", "base", 18), "x")
+        assert [stamp_ns(answer) for answer in answers] == [19 * S]
+
+    def test_one_for_the_latest_time_goes_on(self, buffer):
+        for second in range(30, 45):
+            buffer.set_transform(transform("base", "arm", second), "x")
+        policy, answers = buffer_policy(tolerance=0), []
+        wait = buffer._wait("map", "arm", at_ns(0), notify=answers.append, policy=policy)
+        assert not wait.is_hopeless
+        buffer.set_transform(transform("map", "base", 40), "x")
+        assert [stamp_ns(answer) for answer in answers] == [40 * S]
+
+    def test_one_goes_on_where_a_frame_below_may_get_another_parent(self, buffer):
+        buffer.set_transform(transform("base", "arm", 28), "x")
+        self.become_old(buffer)
+        wait = buffer._wait("map", "arm", at_ns(19 * S), notify=print, policy=buffer_policy(tolerance=0))
+        assert not wait.is_hopeless
+        for second in (18.5, 19.5):
+            buffer.set_transform(transform("map", "arm", second), "x")
+        assert wait.answer is not None
+
+    def test_without_a_policy_it_goes_on(self, buffer):
+        self.become_old(buffer)
+        wait, answers = self.begin(buffer, 19)
+        assert answers == []
+        assert wait.answer is None
+        assert buffer.statistics()["waiters"] == 1
+
+    def test_random_inserts_leave_none_pending_that_has_an_answer(self, tf2_ros):
+        numbers = random.Random(8)
+        for _ in range(30):
+            buffer = tf2_ros.Buffer(2.0)
+            waits = []
+            for step in range(60):
+                time = S * 10 + step * S // 10 + numbers.randrange(-3 * S, S)
+                child, parent = numbers.choice([("base", "odom"), ("odom", "map"), ("arm", "base")])
+                buffer.set_transform(transform(parent, child, ns=time), "x")
+                policy = numbers.choice(POLICIES)
+                waits.append((*self.begin(buffer, time / S + numbers.uniform(-3, 1), **policy), policy))
+                if numbers.random() < 0.02:
+                    buffer.clear()
+                buffer._self_check()
+            ended = [
+                (wait, answers) for wait, answers, _ in waits if wait.answer is not None or wait.is_hopeless
+            ]
+            assert len(waits) - len(ended) == buffer.statistics()["waiters"]
+            assert all(answers in ([], [wait.answer]) for wait, answers in ended)
+
+
+def buffer_policy(**policy):
+    from tf2_py._internal import policy_of
+
+    return policy_of(**policy)

@@ -1,0 +1,560 @@
+"""Lookups at many times in one call: the same answers as as many calls."""
+
+import threading
+from itertools import permutations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from making import S, about_z, at, at_ns, rotation, stamp_ns, transform, translation
+from ros_optional import Duration, Time
+from scipy.spatial.transform import Rotation
+
+pytestmark = pytest.mark.ours
+
+FRAMES = ["map", "odom", "base", "arm", "hand", "mast", "camera", "plate"]
+
+
+def robot(tf2_py, samples=300, seed=3):
+    """Moving, still and jerky edges: map > odom > base > (arm > hand), (mast > camera > plate)."""
+    random = np.random.default_rng(seed)
+    buffer = tf2_py.BufferCore(Duration(seconds=1000))
+    for parent, child, step in (
+        ("map", "odom", 0.01),
+        ("odom", "base", 0.05),
+        ("base", "arm", 0.2),
+        ("arm", "hand", 2.0),  # far turns between neighbours
+        ("mast", "camera", 1e-9),
+    ):
+        turns = Rotation.from_rotvec(
+            np.cumsum(random.normal(scale=step, size=(samples, 3)), axis=0)
+        ).as_quat()
+        places = np.cumsum(random.normal(size=(samples, 3)), axis=0)
+        stamps = np.cumsum(random.integers(1_000_000, 30_000_000, samples)) + S
+        buffer.set_transforms(
+            [
+                transform(parent, child, ns=int(t), xyz=p, xyzw=q)
+                for t, p, q in zip(stamps, places, turns, strict=True)
+            ],
+            "x",
+        )
+    buffer.set_transform_static(transform("base", "mast", xyz=(-0.0, 2, 3), xyzw=about_z(2.5)), "x")
+    buffer.set_transform_static(transform("camera", "plate", xyz=(0.1, 0, -0.0)), "x")
+    return buffer
+
+
+@pytest.fixture(scope="module")
+def buffer(tf2_py):
+    return robot(tf2_py)
+
+
+def span(buffer, target, source):
+    newest = buffer.get_latest_common_time(target, source).nanoseconds
+    return (S + 30_000_000, newest) if newest else (1, 10 * S)
+
+
+def span_of_all(buffer):
+    return span(buffer, "map", "hand")[0], min(span(buffer, "map", frame)[1] for frame in ("hand", "plate"))
+
+
+def singles(buffer, target, source, times, **two_times):
+    rows = []
+    for ns in times:
+        if two_times:
+            m = buffer.lookup_transform_full_core(
+                target, two_times["target_time"], source, at_ns(int(ns)), two_times["fixed_frame"]
+            )
+        else:
+            m = buffer.lookup_transform_core(target, source, at_ns(int(ns)))
+        rows.append((*translation(m), *rotation(m)))
+    return np.array(rows).reshape(-1, 7)
+
+
+def assert_same_to_the_last_bit(series, rows):
+    got = np.hstack(series)
+    assert got.shape == rows.shape
+    assert got.dtype == np.float64
+    assert (got.view(np.int64) == np.ascontiguousarray(rows).view(np.int64)).all()
+
+
+@pytest.mark.parametrize("source", FRAMES)
+@pytest.mark.parametrize("target", FRAMES)
+def test_the_numbers_are_those_of_single_lookups(buffer, target, source):
+    low, high = span(buffer, target, source)
+    times = np.random.default_rng(1).integers(low, high, 150)
+    times[::20] = 0
+    times[3] = high
+    assert_same_to_the_last_bit(
+        buffer.lookup_transforms(target, source, times), singles(buffer, target, source, times)
+    )
+
+
+@pytest.mark.parametrize(
+    ("target", "source", "fixed"),
+    [("camera", "hand", "map"), ("base", "base", "odom"), ("map", "hand", "hand")],
+)
+def test_two_times(buffer, target, source, fixed):
+    low, high = span_of_all(buffer)
+    times = np.sort(np.random.default_rng(2).integers(low, high, 200))
+    for target_time in (at_ns(high), at(0)):
+        two_times = {"fixed_frame": fixed, "target_time": target_time}
+        assert_same_to_the_last_bit(
+            buffer.lookup_transforms(target, source, times, **two_times),
+            singles(buffer, target, source, times, **two_times),
+        )
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 63, 64, 65, 255, 256, 257, 1000])
+def test_any_number_of_times(buffer, count):
+    low, high = span(buffer, "map", "hand")
+    times = np.linspace(low, high, count).astype(np.int64)
+    translations, rotations = buffer.lookup_transforms("map", "hand", times)
+    assert (translations.shape, rotations.shape) == ((count, 3), (count, 4))
+    assert_same_to_the_last_bit((translations, rotations), singles(buffer, "map", "hand", times))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32), st.integers(2, 40), st.lists(st.integers(-5, 1300), min_size=1, max_size=30))
+def test_frames_that_change_their_parent_and_times_without_an_answer(tf2_py, seed, samples, offsets):
+    random = np.random.default_rng(seed)
+    buffer = tf2_py.BufferCore(Duration(seconds=1000))
+    for parent in ("left", "right"):
+        buffer.set_transform_static(transform("map", parent, xyz=random.normal(size=3)), "x")
+    for _ in range(samples):
+        cup = transform(
+            str(random.choice(["left", "right"])), "cup", ns=int(random.integers(1, 1200)),
+            xyz=random.normal(size=3), xyzw=random.normal(size=4),
+        )  # fmt: skip
+        buffer.set_transform(cup, "x")
+    times = [t for t in offsets if t >= 0]
+    translations, rotations = buffer.lookup_transforms("map", "cup", times, on_missing="nan")
+    for i, time in enumerate(times):
+        if buffer.can_transform_core("map", "cup", at_ns(time))[0]:
+            row = singles(buffer, "map", "cup", [time])
+            assert_same_to_the_last_bit((translations[i : i + 1], rotations[i : i + 1]), row)
+        else:
+            assert np.isnan(translations[i]).all()
+            assert np.isnan(rotations[i]).all()
+
+
+class TestTimes:
+    NS = (2 * S, 3 * S, 0)
+
+    @pytest.mark.parametrize(
+        "times",
+        [
+            list(NS),
+            tuple(NS),
+            np.array(NS),
+            np.array(NS, np.uint64),
+            np.array([2, 3, 0], np.int8),
+            np.repeat(np.array(NS), 2)[::2],
+            np.array(NS)[::-1],
+            [at_ns(t) for t in NS],
+            [at_ns(t).to_msg() for t in NS],
+            np.frombuffer(np.array(NS).tobytes(), np.int64),  # read-only
+        ],
+        ids=[
+            "list",
+            "tuple",
+            "int64",
+            "uint64",
+            "int8",
+            "strided",
+            "reversed",
+            "rclpy",
+            "messages",
+            "read-only",
+        ],
+    )
+    def test_anything_that_is_whole_nanoseconds(self, buffer, times):
+        expected = [
+            int(t) if not hasattr(t, "sec") and not hasattr(t, "nanoseconds") else None for t in times
+        ]
+        if None in expected:
+            expected = list(self.NS)
+        got = buffer.lookup_transforms("base", "plate", times, on_missing="nan")
+        again = buffer.lookup_transforms("base", "plate", np.array(expected), on_missing="nan")
+        np.testing.assert_array_equal(np.hstack(got), np.hstack(again))
+
+    @pytest.mark.parametrize(
+        ("times", "error"),
+        [
+            ([1.5, 2.5], TypeError),
+            (np.array([1.0]), TypeError),
+            (1, TypeError),
+            (None, TypeError),
+            ("12", TypeError),
+            (["1"], TypeError),
+            ([...], TypeError),
+            ([True, False], TypeError),
+            ([5, True], TypeError),
+            ([5, "6"], TypeError),
+            (np.array([5, 1.5], object), TypeError),
+            (np.array([5, 2**63], object), ValueError),
+            (np.ma.masked_array([5, 6], [False, True]), ValueError),
+            (np.zeros((2, 2), np.int64), ValueError),
+            (np.int64(3), (TypeError, ValueError)),
+            ([2**63], ValueError),
+            ([2**70], ValueError),
+            (np.array([2**63], np.uint64), ValueError),
+        ],
+        ids=repr,
+    )
+    def test_what_is_wrong_says_what_is_wanted(self, buffer, times, error):
+        with pytest.raises(error, match=r"integer nanoseconds of shape \(N,\)"):
+            buffer.lookup_transforms("map", "base", times)
+
+    @pytest.mark.parametrize("times", [[1.5], np.array([2.0])], ids=repr)
+    def test_of_seconds_it_is_said_what_they_must_become(self, buffer, times):
+        with pytest.raises(TypeError, match="float64: multiply seconds by 1e9, and round them to int64$"):
+            buffer.lookup_transforms("map", "base", times)
+
+
+class TestDates:
+    NS = np.array([2 * S + 30_000_000, 3 * S, 4 * S])
+
+    def same(self, buffer, times, ns=NS):
+        got = buffer.lookup_transforms("map", "odom", times)
+        assert_same_to_the_last_bit(got, np.hstack(buffer.lookup_transforms("map", "odom", ns)))
+
+    @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns", "ps"])
+    def test_datetime64_of_any_unit(self, buffer, unit):
+        dates = self.NS.view("M8[ns]").astype(f"M8[{unit}]")
+        self.same(buffer, dates, dates.astype("M8[ns]").view(np.int64))
+        self.same(buffer, list(dates), dates.astype("M8[ns]").view(np.int64))
+
+    @pytest.mark.parametrize(
+        "change", [lambda d: d[::-1], lambda d: np.repeat(d, 2)[::2], lambda d: d.astype(">M8[ns]")]
+    )
+    def test_datetime64_in_any_layout(self, buffer, change):
+        dates = change(self.NS.view("M8[ns]"))
+        self.same(buffer, dates, dates.astype("M8[ns]").astype(np.int64))
+
+    @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+    @pytest.mark.parametrize("zone", [None, "UTC", "Asia/Tokyo"])
+    def test_times_of_pandas(self, buffer, unit, zone):
+        pandas = pytest.importorskip("pandas")
+        index = pandas.DatetimeIndex(self.NS.view("M8[ns]")).as_unit(unit)
+        ns = index.as_unit("ns").asi8
+        if zone is not None:
+            index = index.tz_localize("UTC").tz_convert(zone)
+        for times in (index, pandas.Series(index), pandas.Series(index, index=[7, 8, 9])):
+            self.same(buffer, times, ns)
+
+    def test_times_of_several_kinds_in_any_order(self, buffer):
+        pandas = pytest.importorskip("pandas")
+        first, second, third = self.NS.tolist()
+        kinds = [first, Time(nanoseconds=second), np.datetime64(third, "ns").astype("M8[s]")]
+        for places in permutations(range(3)):
+            ns = self.NS[list(places)]
+            for times in ([kinds[i] for i in places], np.array([kinds[i] for i in places], object)):
+                self.same(buffer, times, ns)
+        self.same(buffer, list(pandas.DatetimeIndex(self.NS.view("M8[ns]"))))
+        self.same(buffer, [np.int64(first), second, third])
+
+    def test_numbers_of_pandas(self, buffer):
+        pandas = pytest.importorskip("pandas")
+        for dtype in ("int64", "Int64"):
+            self.same(buffer, pandas.Series(self.NS, dtype=dtype))
+
+    @pytest.mark.parametrize("zone", [None, "UTC"])
+    def test_times_of_polars(self, buffer, zone):
+        polars = pytest.importorskip("polars")
+        times = polars.Series(self.NS).cast(polars.Datetime("ns")).dt.replace_time_zone(zone)
+        self.same(buffer, times)
+        self.same(buffer, polars.Series(self.NS))
+
+    def test_points_have_dates_too(self, buffer):
+        points = np.ones((3, 3))
+        got = buffer.transform_points(points, self.NS.view("M8[ns]"), "map", "odom")
+        assert (got == buffer.transform_points(points, self.NS, "map", "odom")).all()
+
+    @pytest.mark.parametrize(
+        "wrong",
+        [
+            np.datetime64("NaT", "ns"),
+            np.datetime64("NaT"),
+            np.datetime64("9999-01-01"),
+            np.datetime64(1, "ps"),
+        ],
+        ids=str,
+    )
+    def test_what_is_no_time_in_nanoseconds_is_named_by_its_index(self, buffer, wrong):
+        times = np.array([np.datetime64(3, "s").astype(wrong.dtype), wrong])
+        with pytest.raises(
+            ValueError, match=r"times\[1\] is .*: not a whole number of nanoseconds that fits"
+        ):
+            buffer.lookup_transforms("map", "odom", times)
+
+    def test_a_date_of_pandas_that_does_not_fit_is_named(self, buffer):
+        pandas = pytest.importorskip("pandas")
+        late = pandas.Series([pandas.Timestamp("9999-01-01", tz="UTC").as_unit("s")])
+        with pytest.raises(ValueError, match=r"times\[0\] (is|=) 9999"):
+            buffer.lookup_transforms("map", "odom", late)
+
+    def test_durations_are_no_times(self, buffer):
+        with pytest.raises(TypeError, match="timedelta64"):
+            buffer.lookup_transforms("map", "odom", self.NS.view("m8[ns]"))
+
+
+class TestMissing:
+    def test_the_first_missing_time_is_raised_with_its_index(self, tf2_py, buffer):
+        low, high = span(buffer, "map", "base")
+        times = np.full(500, low)
+        times[321] = high + 5 * S
+        times[400] = 1
+        with pytest.raises(tf2_py.ExtrapolationException, match=r"^times\[321\]: .*into the future"):
+            buffer.lookup_transforms("map", "base", times)
+
+    def test_nan_fills_what_is_missing_and_nothing_else(self, buffer):
+        low, high = span(buffer, "map", "base")
+        times = np.linspace(low, high, 500).astype(np.int64)
+        times[[0, 7, 499]] = (1, high + 1, 2**62)
+        translations, rotations = buffer.lookup_transforms("map", "base", times, on_missing="nan")
+        missing = np.isnan(np.hstack([translations, rotations]))
+        assert sorted(set(np.nonzero(missing)[0])) == [0, 7, 499]
+        assert missing[[0, 7, 499]].all()
+
+    @pytest.mark.parametrize("on_missing", ["raise", "nan"])
+    @pytest.mark.parametrize("count", [0, 3])
+    def test_names_that_are_no_frames_always_raise(self, tf2_py, buffer, on_missing, count):
+        times = np.full(count, S)
+        for ends in (("map", "nowhere"), ("nowhere", "map")):
+            if count:
+                with pytest.raises(tf2_py.LookupException, match="does not exist"):
+                    buffer.lookup_transforms(*ends, times, on_missing=on_missing)
+        if count:
+            with pytest.raises(tf2_py.InvalidArgumentException):
+                buffer.lookup_transforms("map", "/base", times, on_missing=on_missing)
+            with pytest.raises(tf2_py.LookupException, match="fixed_frame"):
+                buffer.lookup_transforms("map", "base", times, fixed_frame="no", target_time=at(0))
+
+    def test_no_path_is_missing_at_every_time(self, tf2_py):
+        buffer = tf2_py.BufferCore()
+        buffer.set_transform_static(transform("a", "b"), "x")
+        buffer.set_transform_static(transform("c", "d"), "x")
+        assert np.isnan(buffer.lookup_transforms("a", "d", [1, 2], on_missing="nan")[0]).all()
+        with pytest.raises(tf2_py.ConnectivityException, match=r"times\[0\]"):
+            buffer.lookup_transforms("a", "d", [1, 2])
+
+    def test_a_loop_answers_as_single_lookups_do(self, tf2_py):
+        buffer = tf2_py.BufferCore()
+        for parent, child in ("ab", "bc", "ca", "ad"):
+            buffer.set_transform_static(transform(parent, child, xyz=(1, 0, 0)), "x")
+        assert (buffer.lookup_transforms("b", "c", [1, 2])[0] == [[1, 0, 0]] * 2).all()
+        with pytest.raises(tf2_py.LookupException, match="contains a loop"):
+            buffer.lookup_transforms("d", "c", [1, 2])
+
+    @pytest.mark.parametrize("wrong", ["NaN", None, "", 0])
+    def test_another_word_for_missing_is_a_value_error(self, buffer, wrong):
+        with pytest.raises(ValueError, match="'raise' or 'nan'"):
+            buffer.lookup_transforms("map", "base", [1], on_missing=wrong)
+
+    @pytest.mark.parametrize("half", [{"fixed_frame": "map"}, {"target_time": at(0)}])
+    def test_half_of_a_two_time_lookup_is_a_type_error(self, buffer, half):
+        with pytest.raises(TypeError, match="go together"):
+            buffer.lookup_transforms("map", "base", [1], **half)
+
+
+class TestPoints:
+    @pytest.mark.parametrize("dtype", [np.float32, np.float64])
+    def test_each_point_is_transformed_at_its_own_time(self, buffer, dtype):
+        low, high = span_of_all(buffer)
+        random = np.random.default_rng(5)
+        times = random.integers(low, high, 300)
+        points = random.normal(size=(300, 3)).astype(dtype)
+        got = buffer.transform_points(
+            points, times, "camera", "hand", fixed_frame="map", target_time=at_ns(high)
+        )
+        translations, rotations = buffer.lookup_transforms(
+            "camera", "hand", times, fixed_frame="map", target_time=at_ns(high)
+        )
+        want = Rotation.from_quat(rotations).apply(points.astype(np.float64)) + translations
+        assert got.dtype == dtype
+        np.testing.assert_allclose(got, want, rtol=0, atol=np.finfo(dtype).eps * 100 * np.abs(want).max())
+
+    @pytest.mark.parametrize(
+        "points", [[[1, 2, 3]], np.array([[1, 2, 3]], np.int16), np.array([[1, 2, 3]], np.uint8)], ids=repr
+    )
+    def test_integers_become_float64(self, buffer, points):
+        got = buffer.transform_points(points, [0], "map", "base")
+        assert got.dtype == np.float64
+        assert (got == buffer.transform_points([[1.0, 2.0, 3.0]], [0], "map", "base")).all()
+
+    def test_the_points_given_stay_as_they_are(self, buffer):
+        points = np.ones((2, 6))[:, ::2]
+        buffer.transform_points(points, [2 * S, 2 * S], "map", "base")
+        assert (points == 1).all()
+
+    def test_no_points(self, buffer):
+        assert buffer.transform_points(np.empty((0, 3), np.float32), [], "map", "base").shape == (0, 3)
+
+    @pytest.mark.parametrize(
+        ("points", "times", "error"),
+        [
+            (np.zeros((2, 3)), [1], ValueError),
+            (np.zeros((2, 2)), [1, 2], ValueError),
+            (np.zeros(3), [1], ValueError),
+            (np.zeros((1, 3), complex), [1], TypeError),
+            (np.zeros((1, 3), bool), [1], TypeError),
+            ([["a", "b", "c"]], [1], TypeError),
+        ],
+    )
+    def test_what_is_wrong_says_what_is_wanted(self, buffer, points, times, error):
+        with pytest.raises(error):
+            buffer.transform_points(points, times, "map", "base")
+
+
+def test_inserts_go_on_while_a_long_lookup_runs(tf2_py):
+    buffer = robot(tf2_py)
+    low, high = span(buffer, "map", "hand")
+    times = np.random.default_rng(1).integers(low, high, 300_000)
+    first = buffer.lookup_transforms("map", "hand", times[:100])
+    done = threading.Event()
+    results = []
+
+    def look():
+        results.append(buffer.lookup_transforms("map", "hand", times))
+        done.set()
+
+    looking = threading.Thread(target=look)
+    looking.start()
+    inserted = 0
+    while not done.is_set():
+        inserted += 1
+        buffer.set_transform(transform("map", "other", ns=inserted), "x")
+    looking.join()
+    assert inserted > 0
+    assert stamp_ns(buffer.lookup_transform_core("map", "other", at(0))) == inserted
+    np.testing.assert_array_equal(np.hstack(results[0])[:100], np.hstack(first))
+    buffer._self_check()
+
+
+class TestManyFrames:
+    """A sequence of source frames: the answers are those of one call for each."""
+
+    def assert_same_as_one_by_one(self, buffer, target, sources, times, **options):
+        translations, rotations = buffer.lookup_transforms(target, sources, times, **options)
+        assert translations.shape == (len(sources), len(times), 3)
+        assert rotations.shape == (len(sources), len(times), 4)
+        for i, source in enumerate(sources):
+            one = np.hstack(buffer.lookup_transforms(target, source, times, **options))
+            assert_same_to_the_last_bit((translations[i], rotations[i]), one)
+        buffer._self_check()
+
+    @pytest.mark.parametrize("target", FRAMES)
+    @pytest.mark.parametrize("count", [1, 64, 65, 200])
+    def test_rows_are_those_of_single_frames(self, buffer, target, count):
+        low, high = span_of_all(buffer)
+        times = np.random.default_rng(count).integers(low, high, count)
+        self.assert_same_as_one_by_one(buffer, target, FRAMES, times)
+        self.assert_same_as_one_by_one(buffer, target, [*FRAMES, *FRAMES[::-1], *FRAMES], times)
+
+    def test_the_latest_time_is_that_of_each_frame(self, buffer):
+        low, high = span_of_all(buffer)
+        times = np.random.default_rng(1).integers(low, high, 200)
+        times[[5, 70, 71]] = 0  # the third batch has none
+        self.assert_same_as_one_by_one(buffer, "map", FRAMES, times)
+
+    def test_two_times(self, buffer):
+        low, high = span_of_all(buffer)
+        times = np.random.default_rng(1).integers(low, high, 100)
+        two_times = {"fixed_frame": "map", "target_time": at_ns(high)}
+        self.assert_same_as_one_by_one(buffer, "camera", FRAMES, times, **two_times)
+
+    def test_frames_that_are_inserted_together_are_seen_together(self, tf2_py):
+        buffer = tf2_py.BufferCore(Duration(seconds=1000))
+        done = threading.Event()
+
+        def insert():
+            ns = 0
+            while not done.is_set():
+                ns += 1
+                both = [transform("map", frame, ns=ns, xyz=(ns, 0, 0)) for frame in ("left", "right")]
+                buffer.set_transforms(both, "x")
+
+        buffer.set_transforms([transform("map", frame, ns=0) for frame in ("left", "right")], "x")
+        inserting = threading.Thread(target=insert)
+        inserting.start()
+        try:
+            for _ in range(500):
+                left, right = buffer.lookup_transforms("map", ["left", "right"], [0] * 10)[0]
+                np.testing.assert_array_equal(left, right)
+        finally:
+            done.set()
+            inserting.join()
+
+    def test_what_is_missing_is_nan_in_its_own_rows(self, buffer):
+        low, high = span_of_all(buffer)
+        times = np.linspace(low - S, high + S, 300).astype(np.int64)
+        self.assert_same_as_one_by_one(buffer, "map", FRAMES, times, on_missing="nan")
+        translations, _ = buffer.lookup_transforms("map", FRAMES, times, on_missing="nan")
+        missing = np.isnan(translations[..., 0]).sum(axis=1)
+        assert missing[0] == 0 and (missing[1:] > 0).all() and (missing < 300).all()
+
+    def test_trees_that_are_wide_or_deep(self, tf2_py):
+        buffer = tf2_py.BufferCore(Duration(seconds=100))
+        random = np.random.default_rng(2)
+        deep = [f"deep {i}" for i in range(90)]
+        wide = [f"wide {i}" for i in range(100)]  # more moving frames than are shared at once
+        links = [*zip(["map", *deep], deep, strict=False), *(("deep 3", frame) for frame in wide)]
+        for parent, child in links:
+            turns = random.normal(size=(2, 4))
+            for ns, turn in zip((1, 100), turns, strict=True):
+                buffer.set_transform(
+                    transform(parent, child, ns=ns, xyz=random.normal(size=3), xyzw=turn), "x"
+                )
+        times = np.arange(1, 101)
+        self.assert_same_as_one_by_one(buffer, "map", [*deep, *wide], times)
+        self.assert_same_as_one_by_one(buffer, "deep 60", [*wide, *deep], times)
+
+    @settings(max_examples=40, deadline=None)
+    @given(st.integers(0, 2**32), st.lists(st.integers(0, 1300), min_size=1, max_size=80))
+    def test_frames_that_change_their_parents(self, tf2_py, seed, times):
+        random = np.random.default_rng(seed)
+        buffer = tf2_py.BufferCore(Duration(seconds=1000))
+        frames = ["map", "left", "right", "cup", "spoon"]
+        for _ in range(30):
+            parent, child = (str(name) for name in random.choice(frames, 2, replace=False))
+            # A parent that comes later in the list may close a loop.
+            if frames.index(parent) < frames.index(child) or random.random() < 0.02:
+                ns = int(random.integers(1, 1200))
+                buffer.set_transform(transform(parent, child, ns=ns, xyz=random.normal(size=3)), "x")
+        known = [frame for frame in frames if frame in buffer]
+        self.assert_same_as_one_by_one(buffer, known[0], known, times, on_missing="nan")
+
+    def test_the_first_frame_with_an_error_raises_it_even_if_another_fails_earlier(self, tf2_py):
+        buffer = tf2_py.BufferCore(Duration(seconds=100))
+        for frame, newest in (("long", 200), ("short", 100), ("other", 50)):
+            buffer.set_transforms([transform("map", frame, ns=ns) for ns in (1, newest)], "x")
+        times = np.arange(1, 301)
+        for sources, index in ((["short", "other", "long"], 100), (["long", "short"], 200)):
+            with pytest.raises(tf2_py.ExtrapolationException, match=rf"^times\[{index}\].*\[{sources[0]}\]"):
+                buffer.lookup_transforms("map", sources, times)
+
+    @pytest.mark.parametrize("on_missing", ["raise", "nan"])
+    def test_unknown_names_are_errors_before_missing_times(self, buffer, tf2_py, on_missing):
+        with pytest.raises(tf2_py.LookupException, match="unknown_7") as error:
+            buffer.lookup_transforms("map", [*FRAMES * 3, "unknown_7"], [1, 2], on_missing=on_missing)
+        assert "times[" not in str(error.value)
+        with pytest.raises(tf2_py.InvalidArgumentException, match="/base"):
+            buffer.lookup_transforms("map", ["/base", "unknown_7"], [1, 2], on_missing=on_missing)
+
+    @pytest.mark.parametrize("sources", [["base", "hand"], ("base", "hand"), np.array(["base", "hand"])])
+    def test_any_sequence_of_names(self, buffer, sources):
+        self.assert_same_as_one_by_one(buffer, "map", sources, [3 * S])
+
+    @pytest.mark.parametrize("times", [[], [3 * S]], ids=len)
+    def test_no_frames_and_no_times(self, buffer, times):
+        self.assert_same_as_one_by_one(buffer, "map", [], times)
+        self.assert_same_as_one_by_one(buffer, "map", ["base", "hand"], times)
+
+    @pytest.mark.parametrize(
+        ("sources", "named"),
+        [(["base", 3], "int"), ([["base"]], "list"), (b"base", "bytes"), (None, "NoneType"), (7, "int")],
+    )
+    def test_what_is_not_a_name_is_a_type_error(self, buffer, sources, named):
+        with pytest.raises(TypeError, match=f"source_frame: a frame name must be a str, not {named}"):
+            buffer.lookup_transforms("map", sources, [1])

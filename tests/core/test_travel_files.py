@@ -1,0 +1,235 @@
+"""Saved buffers are ordinary recordings, and spoiled ones are refused."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from making import S, transform
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability
+from rosbags.typesys import Stores, get_typestore
+from travelling import FRAMES, TIMES_NS, everything, filled
+
+from tf2_py import BufferCore
+from tf2_ros import bag
+
+pytestmark = pytest.mark.ours
+
+
+@pytest.fixture
+def buffer():
+    return filled(BufferCore())
+
+
+@pytest.fixture
+def path(buffer, tmp_path):
+    path = tmp_path / "robot.mcap"
+    buffer.save(path)
+    return path
+
+
+def tampered(path, change):
+    """A whole file again, with other messages or metadata: `change` gets and returns both."""
+    with open(path, "rb") as file:
+        reader = make_reader(file)
+        [metadata] = [one.metadata for one in reader.iter_metadata()]
+        messages = [(channel.topic, m.log_time, m.data) for _, channel, m in reader.iter_messages()]
+    metadata, messages = change(metadata, messages)
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        if metadata is not None:
+            writer.add_metadata("tf2_ros_cython.buffer", metadata)
+        schema = writer.register_schema("tf2_msgs/msg/TFMessage", "ros2msg", b"")
+        for topic, log_time, data in messages:
+            channel = writer.register_channel(topic, "cdr", schema)
+            writer.add_message(channel, log_time, data, log_time)
+        writer.finish()
+
+
+def with_metadata(**changes):
+    return lambda metadata, messages: (metadata | changes, messages)
+
+
+def test_other_readers_read_the_same_transforms(path, buffer):
+    with open(path, "rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        by_mcap = [
+            (c.topic, m.log_time, t)
+            for _, c, m, ros in reader.iter_decoded_messages()
+            for t in ros.transforms
+        ]
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with AnyReader([path]) as reader:
+        by_rosbags = [
+            (connection.topic, log_time, transform)
+            for connection, log_time, raw in reader.messages()
+            for transform in store.deserialize_cdr(raw, connection.msgtype).transforms
+        ]
+        [static] = [c for c in reader.connections if c.topic == "/tf_static"]
+        assert static.ext.offered_qos_profiles[0].durability == QosDurability.TRANSIENT_LOCAL
+    assert len(by_mcap) == len(by_rosbags) == buffer.statistics()["samples"]
+    for one, other in zip(by_mcap, by_rosbags, strict=True):
+        assert one[:2] == other[:2]
+        assert one[2].child_frame_id == other[2].child_frame_id
+        assert one[2].transform.rotation.w == other[2].transform.rotation.w
+        assert one[2].header.stamp.nanosec == other[2].header.stamp.nanosec
+    # Static ones first, then in the order of the stamps, no later than 10 ms after each.
+    stamps = [t.header.stamp.sec * S + t.header.stamp.nanosec for topic, _, t in by_mcap if topic == "/tf"]
+    times = [log_time for topic, log_time, _ in by_mcap if topic == "/tf"]
+    assert [topic for topic, _, _ in by_mcap[:2]] == ["/tf_static"] * 2
+    assert stamps == sorted(stamps)
+    assert all(0 <= time - stamp < 10_000_000 for time, stamp in zip(times, stamps, strict=True))
+
+
+def test_its_schema_defines_the_messages_of_ros(path):
+    with open(path, "rb") as file:
+        [schema] = make_reader(file).get_summary().schemas.values()
+        header = make_reader(file).get_header()
+    assert (schema.name, schema.encoding, header.profile) == ("tf2_msgs/msg/TFMessage", "ros2msg", "ros2")
+    store = get_typestore(Stores.ROS2_JAZZY)
+    wanted, _ = store.generate_msgdef("tf2_msgs/msg/TFMessage", ros_version=2)
+    # Types and names; ROS adds default values of a quaternion, which a message always overrides.
+    kept = [line.split()[:2] for line in schema.data.decode().splitlines()]
+    assert sorted(kept) == sorted(line.split()[:2] for line in wanted.splitlines())
+
+
+def test_the_loader_of_recordings_reads_it(path, buffer):
+    loaded = bag.load(path)
+    lookups = ("base", "camera"), ("map", "odom")
+    for target, source in lookups:
+        assert loaded.lookup_transform(target, source, 0) == buffer.lookup_transform_core(target, source, 0)
+
+
+def test_several_transforms_share_a_message(tmp_path):
+    buffer = BufferCore()
+    for i in range(100):
+        buffer.set_transforms([transform("map", f"f{k}", ns=i * 1_000_000) for k in range(30)], "x")
+    buffer.save(tmp_path / "many.mcap")
+    with open(tmp_path / "many.mcap", "rb") as file:
+        assert make_reader(file).get_summary().statistics.message_count == 10
+    assert BufferCore.load(tmp_path / "many.mcap").all_frames_as_yaml() == buffer.all_frames_as_yaml()
+
+
+# What is written, or not.
+
+
+def test_a_file_is_replaced_and_nothing_else_is_left(path, tmp_path):
+    BufferCore().save(path)
+    assert BufferCore.load(str(path)).frames() == {}
+    assert [one.name for one in tmp_path.iterdir()] == ["robot.mcap"]
+
+
+FULL = """
+import resource, signal, sys
+from tf2_py import BufferCore
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+buffer = BufferCore.load(sys.argv[1])
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+try:
+    buffer.save(sys.argv[1])
+except OSError as error:
+    print(error)
+"""
+
+
+def test_a_full_disk_leaves_the_file_that_was_there(path, tmp_path, buffer):
+    before = path.read_bytes()
+    run = subprocess.run([sys.executable, "-c", FULL, path], capture_output=True, text=True, check=True)
+    assert str(path) in run.stdout
+    assert path.read_bytes() == before and [one.name for one in tmp_path.iterdir()] == ["robot.mcap"]
+
+
+def test_the_longest_name_can_be_written(buffer, tmp_path):
+    path = tmp_path / ("r" * 250 + ".mcap")
+    buffer.save(path)
+    assert BufferCore.load(path).tree() == buffer.tree()
+    buffer.save(os.fsencode(path))
+    assert [*tmp_path.iterdir()] == [path]
+
+
+def test_a_path_that_cannot_be_written_or_read(buffer, tmp_path):
+    for path in (tmp_path / "no folder" / "a.mcap", tmp_path / "gone.mcap"):
+        with pytest.raises(FileNotFoundError, match=path.name):
+            BufferCore.load(path)
+    with pytest.raises(FileNotFoundError, match="no folder/a.mcap"):
+        buffer.save(tmp_path / "no folder" / "a.mcap")
+
+
+def test_a_missing_library_names_the_extra(path, buffer, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mcap.stream_reader", None)
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    for call in (BufferCore.load, buffer.save):
+        with pytest.raises(ModuleNotFoundError, match=r"'tf2-ros-cython\[bag\]'"):
+            call(path)
+
+
+# What is refused.
+
+
+def test_a_damaged_file_is_refused_by_name(path, buffer, tmp_path):
+    whole = path.read_bytes()
+    damaged = tmp_path / "damaged.mcap"
+    refused = 0
+    for at in range(0, len(whole), 97):
+        for data in (whole[:at], whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1 :]):
+            damaged.write_bytes(data)
+            try:
+                loaded = BufferCore.load(damaged)
+            except ValueError as error:
+                assert "damaged.mcap: " in str(error)
+                refused += 1
+            else:  # the summary at the end of the file is not needed
+                assert everything(loaded, FRAMES, TIMES_NS) == everything(buffer, FRAMES, TIMES_NS)
+    assert refused > len(whole) // 97
+
+
+def test_a_length_beyond_the_end_of_the_file_asks_for_no_memory(path, tmp_path):
+    whole = path.read_bytes()
+    damaged = tmp_path / "damaged.mcap"
+    huge = (1 << 62).to_bytes(8, "little")
+    # A chunk: opcode, length, two times, a size, a checksum, the name of the compression, its data's length.
+    start = whole.index(b"\x06")
+    while int.from_bytes(whole[start + 1 : start + 9], "little") > len(whole):
+        start = whole.index(b"\x06", start + 1)
+    name_size = int.from_bytes(whole[start + 37 : start + 41], "little")
+    inner = start + 41 + name_size
+    assert int.from_bytes(whole[inner : inner + 8], "little") < len(whole)
+    damaged.write_bytes(whole[:inner] + huge + whole[inner + 8 :])
+    with pytest.raises(ValueError, match=r"damaged\.mcap: it is damaged, or not whole"):
+        BufferCore.load(damaged)
+
+
+REFUSED = {
+    "holds no buffer that save.. wrote; tf2_ros.bag.load": lambda metadata, messages: (None, messages),
+    "holds no buffer that save": lambda metadata, messages: (None, []),
+    "lack names": lambda metadata, messages: ({k: v for k, v in metadata.items() if k != "names"}, messages),
+    "of version 2": with_metadata(version="2"),
+    "Expecting value": with_metadata(version="two"),
+    "names that are not a list": with_metadata(names="7"),
+    "frame that is not among the names": with_metadata(names='["a"]'),
+    "messages hold 10 transforms of frames that have 11": lambda m, messages: (m, messages[:-1]),
+    "max_bytes is not an int but str": with_metadata(max_bytes='"all"'),
+    "refused is not an int": with_metadata(refused=json.dumps([None] * 12)),
+    "malformed TFMessage: the data ends": lambda m, messages: (m, [(*messages[0][:2], messages[0][2][:-9])]),
+}
+
+
+@pytest.mark.parametrize("why", REFUSED)
+def test_a_file_of_something_else_is_refused_by_name(why, path):
+    tampered(path, REFUSED[why])
+    with pytest.raises(ValueError, match=f"robot.mcap: .*{why}"):
+        BufferCore.load(path)
+
+
+def test_what_is_no_mcap_file_is_refused_by_name(tmp_path):
+    path = tmp_path / "text.mcap"
+    for data in (b"", b"hello", b"\x89MCAP0\r\n"):
+        path.write_bytes(data)
+        with pytest.raises(ValueError, match="text.mcap: "):
+            BufferCore.load(path)

@@ -1,0 +1,260 @@
+"""Twists against motions whose derivatives are known."""
+
+import math
+
+import numpy as np
+import pytest
+from making import S, at, at_ns, transform
+from ros_optional import Duration
+from scipy.spatial.transform import Rotation
+
+from tf2_py import TransformException
+
+pytestmark = pytest.mark.ours
+
+RATE_HZ = 200
+END_S = 10
+OMEGA = np.array([0.3, -0.2, 0.5])  # rad/s
+V = np.array([0.4, 0.1, -0.7])  # m/s
+
+
+def record(buffer, parent, child, pose):
+    """10 s of a motion; ``pose(t)`` gives (xyz, Rotation)."""
+    for i in range(END_S * RATE_HZ + 1):
+        xyz, turn = pose(i / RATE_HZ)
+        buffer.set_transform(transform(parent, child, i / RATE_HZ, xyz, turn.as_quat()), "x")
+
+
+@pytest.fixture
+def buffer(tf2_py):
+    # The body turns evenly about its moving origin; the sensor sits on it; the tilted frame stands still.
+    buffer = tf2_py.BufferCore(Duration(seconds=100))
+    record(buffer, "world", "body", lambda t: (V * t, Rotation.from_rotvec(OMEGA * t)))
+    buffer.set_transform_static(transform("body", "sensor", xyz=(1, 2, 3)), "x")
+    buffer.set_transform_static(transform("world", "tilted", xyz=(5, 6, 7), xyzw=TILT.as_quat()), "x")
+    return buffer
+
+
+TILT = Rotation.from_euler("xyz", [0.4, -0.3, 1.1])
+
+
+def assert_twist(got, linear, angular, tolerance=1e-6):
+    np.testing.assert_allclose(got[0], linear, atol=tolerance)
+    np.testing.assert_allclose(got[1], angular, atol=tolerance)
+
+
+@pytest.mark.parametrize("interval", [0.01, 0.1, 1.0])
+@pytest.mark.parametrize("time", [2.0, 5.003, 10.0])
+def test_an_even_motion_has_its_constant_twist(buffer, time, interval):
+    got = buffer.lookupVelocityCore("body", "world", at(time), Duration(seconds=interval))
+    assert_twist(got, V, OMEGA)
+
+
+def test_the_twist_of_the_world_seen_from_the_body_is_opposite(buffer):
+    time = 4.0
+    turn = Rotation.from_rotvec(OMEGA * time)
+    got = buffer.lookupVelocityCore("world", "body", at(time), Duration(seconds=0.01))
+    # The world's origin lies at -R^T p in the body's axes; its derivative there is -R^T (v - w x p).
+    assert_twist(got, -turn.inv().apply(V - np.cross(OMEGA, V * time)), -turn.inv().apply(OMEGA), 1e-4)
+
+
+def test_a_sensor_on_a_turning_body_has_a_lever_arm(buffer):
+    time = 3.0
+    arm = Rotation.from_rotvec(OMEGA * time).apply([1, 2, 3])
+    got = buffer.lookupVelocityCore("sensor", "world", at(time), Duration(seconds=0.01))
+    assert_twist(got, V + np.cross(OMEGA, arm), OMEGA, 1e-4)
+
+
+def test_the_twist_is_expressed_in_the_reference_frame(buffer):
+    got = buffer.lookupVelocityFullCore(
+        "body", "world", "tilted", (0.0, 0.0, 0.0), "body", at(3.0), Duration(seconds=0.1)
+    )
+    assert_twist(got, TILT.inv().apply(V), TILT.inv().apply(OMEGA))
+
+
+def test_the_linear_velocity_is_that_of_the_reference_point(buffer):
+    time = 3.0
+    arm = Rotation.from_rotvec(OMEGA * time).apply([0.5, -1.0, 2.0])
+    got = buffer.lookupVelocityFullCore(
+        "body", "world", "world", (0.5, -1.0, 2.0), "body", at(time), Duration(seconds=0.1)
+    )
+    assert_twist(got, V + np.cross(OMEGA, arm), OMEGA)
+    # A point given in a frame that stands still: the body's point that is just there.
+    arm = np.array([1.0, 0.0, 0.0]) - V * time
+    got = buffer.lookupVelocityFullCore(
+        "body", "world", "world", (1.0, 0.0, 0.0), "world", at(time), Duration(seconds=0.1)
+    )
+    assert_twist(got, V + np.cross(OMEGA, arm), OMEGA)
+
+
+def test_the_interval_is_cut_at_the_newest_common_stamp(tf2_py):
+    buffer = tf2_py.BufferCore(Duration(seconds=100))
+    record(buffer, "world", "body", lambda t: ((t * t, 0, 0), Rotation.identity()))
+    # From 9.5 s to 10 s, not to 10.5 s.
+    (vx, _, _), _ = buffer.lookupVelocityCore("body", "world", at(10.0), Duration(seconds=1.0))
+    assert vx == pytest.approx((10**2 - 9.5**2) / 0.5)
+
+
+def test_times_are_exact_to_the_nanosecond(tf2_py):
+    buffer = tf2_py.BufferCore(Duration(seconds=100))
+    start = 1_700_000_000 * 10**9
+    for i in range(3):
+        buffer.set_transform(transform("world", "body", ns=start + i * 1000, xyz=(i * 1e-6, 0, 0)), "x")
+    (vx, _, _), _ = buffer.lookupVelocityCore(
+        "body", "world", at_ns(start + 1000), Duration(nanoseconds=2000)
+    )
+    assert vx == pytest.approx(1.0, rel=1e-9)
+
+
+def test_an_interval_of_zero_is_nan(buffer):
+    linear, angular = buffer.lookupVelocityCore("body", "world", at(3.0), Duration())
+    assert all(math.isnan(x) for x in (*linear, *angular))
+
+
+def test_time_zero_is_not_latest(buffer):
+    buffer_start = buffer.lookupVelocityCore("body", "world", at(0), Duration(seconds=1.0))
+    assert_twist(buffer_start, V, OMEGA, 1e-4)
+
+
+def test_errors_are_those_of_the_lookups(tf2_py, buffer):
+    second = Duration(seconds=1)
+    with pytest.raises(tf2_py.ExtrapolationException):
+        buffer.lookupVelocityCore("body", "world", at(12.0), second)
+    with pytest.raises(tf2_py.LookupException):
+        buffer.lookupVelocityCore("body", "nowhere", at(3.0), second)
+    with pytest.raises(ValueError, match="negative"):
+        buffer.lookupVelocityCore("body", "world", at(3.0), Duration(seconds=-1))
+    with pytest.raises((TypeError, ValueError)):
+        buffer.lookupVelocityFullCore("body", "world", "world", (1.0, 2.0), "body", at(3.0), second)
+
+
+@pytest.fixture(scope="module")
+def robot(tf2_py):
+    """Frames with stamps of their own, and turns of up to two radians between samples."""
+    random = np.random.default_rng(7)
+    buffer = tf2_py.BufferCore(Duration(seconds=1000))
+    for parent, child in (("world", "body"), ("body", "arm"), ("arm", "hand")):
+        stamps = S + np.cumsum(random.integers(1_000_000, 30_000_000, 200))
+        turns = Rotation.from_rotvec(random.normal(size=(200, 3))).as_quat()
+        for ns, turn in zip(stamps, turns, strict=True):
+            buffer.set_transform(
+                transform(parent, child, ns=int(ns), xyz=random.normal(size=3), xyzw=turn), "x"
+            )
+    buffer.set_transform_static(transform("body", "sensor", xyz=(1, 2, 3), xyzw=(1, 2, 3, 4)), "x")
+    return buffer
+
+
+class TestAtManyTimes:
+    """``lookup_velocities``: one row for each time."""
+
+    FRAMES = ("world", "body", "arm", "hand", "sensor")
+
+    def missing_rows(self, buffer, tracking, observation, times, interval):
+        """Each row is that of the single lookup, or NaN where that raises; how many are NaN."""
+        got = np.hstack(buffer.lookup_velocities(tracking, observation, times, interval, on_missing="nan"))
+        missing = 0
+        for row, ns in zip(got, times, strict=True):
+            try:
+                twist = buffer.lookupVelocityCore(tracking, observation, at_ns(int(ns)), interval)
+            except TransformException:
+                assert np.isnan(row).all()
+                missing += 1
+            else:
+                np.testing.assert_array_equal(row, np.ravel(twist))
+        return missing
+
+    @pytest.mark.parametrize("observation", FRAMES)
+    @pytest.mark.parametrize("tracking", FRAMES)
+    def test_each_row_is_that_of_the_single_lookup(self, robot, tracking, observation):
+        newest = robot.get_latest_common_time("world", "hand").nanoseconds
+        times = np.concatenate([[0, 1, newest, newest + 1], np.arange(S, newest + S, 17_000_000)])
+        moves = {tracking, observation} not in ({"body", "sensor"}, {tracking})
+        for interval in (Duration(nanoseconds=1), Duration(seconds=0.1), Duration(seconds=1000)):
+            missing = self.missing_rows(robot, tracking, observation, times, interval)
+            assert (missing > 0) == moves
+        self.missing_rows(robot, tracking, observation, times, Duration())  # those of the others are NaN, too
+
+    def test_the_rows_are_the_differences_of_two_poses(self, robot):
+        times = np.arange(2 * S, 3 * S, 7_000_001)
+        interval = Duration(nanoseconds=40_000_001)  # the longer half follows the time
+        linear, angular = robot.lookup_velocities("hand", "sensor", times, interval)
+        ends = (
+            robot.lookup_transforms("sensor", "hand", times - 20_000_000),
+            robot.lookup_transforms("sensor", "hand", times + 20_000_001),
+        )
+        (xyz, xyzw), (next_xyz, next_xyzw) = ends
+        turns = Rotation.from_quat(next_xyzw) * Rotation.from_quat(xyzw).inv()
+        assert linear.shape == angular.shape == (len(times), 3)
+        assert linear.dtype == angular.dtype == np.float64
+        np.testing.assert_allclose(linear, (next_xyz - xyz) / 0.040000001, rtol=1e-9)
+        np.testing.assert_allclose(angular, turns.as_rotvec() / 0.040000001, rtol=1e-9)
+
+    def test_an_even_motion_has_its_constant_twist(self, buffer):
+        times = np.linspace(0.1 * S, 10 * S, 300).astype(np.int64)
+        linear, angular = buffer.lookup_velocities("body", "world", times, Duration(seconds=0.1))
+        assert_twist((linear, angular), np.tile(V, (300, 1)), np.tile(OMEGA, (300, 1)))
+
+    def test_of_frames_whose_parent_changes_each_row_is_that_of_the_single_lookup(self, tf2_py):
+        random = np.random.default_rng(5)
+        buffer = tf2_py.BufferCore(Duration(seconds=1000))
+        buffer.set_transform_static(transform("world", "left", xyz=(0, 1, 0)), "x")
+        for i in range(200):
+            # Not connected with the rest of the tree while it is in nobody's hand.
+            parent = ("left", "world", "nobody")[i // 5 % 3]
+            cup = transform(parent, "cup", ns=S + i * 10**7, xyz=random.normal(size=3))
+            buffer.set_transform(cup, "x")
+        buffer.set_transform(transform("left", "cup", ns=4 * S), "x")
+        times = np.arange(S // 2, 4 * S, 3_333_333)
+        for interval in (Duration(seconds=0.02), Duration(seconds=0.2)):
+            assert 0 < self.missing_rows(buffer, "cup", "world", times, interval) < len(times)
+
+    def test_the_first_time_without_an_answer_is_in_the_error(self, buffer, tf2_py):
+        times = [3 * S, 4 * S, 12 * S, 13 * S]
+        with pytest.raises(tf2_py.ExtrapolationException, match=r"^times\[2\]: .*time 11\.5"):
+            buffer.lookup_velocities("body", "world", times, Duration(seconds=1))
+        late = tf2_py.BufferCore(Duration(seconds=100))
+        late.set_transforms([transform("world", "body", t) for t in (9.5, 10.0, 13.0)], "x")
+        with pytest.raises(tf2_py.ExtrapolationException, match=r"^times\[1\]: .*into the past.*time 9\.0"):
+            late.lookup_velocities("body", "world", [11 * S, 10 * S], Duration(seconds=2))
+
+    def test_errors_are_those_of_the_single_lookup(self, buffer, tf2_py):
+        second = Duration(seconds=1)
+        buffer.set_transform_static(transform("island", "hut"), "x")
+        for tracking, observation in (
+            ("body", "nowhere"),
+            ("body", "island"),
+            ("body", "/world"),
+            ("", "body"),
+        ):
+            with pytest.raises(tf2_py.TransformException) as single:
+                buffer.lookupVelocityCore(tracking, observation, at(3.0), second)
+            for on_missing in ("raise", "nan"):
+                with pytest.raises(type(single.value)) as error:
+                    buffer.lookup_velocities(tracking, observation, [3 * S], second, on_missing=on_missing)
+                assert str(error.value) == str(single.value)
+
+    @pytest.mark.parametrize(
+        ("arguments", "more", "error", "text"),
+        [
+            (("body", "world", [1], Duration(nanoseconds=-1)), {}, ValueError, "must not be negative"),
+            (("body", "world", [1], 0.5), {}, TypeError, "averaging_interval"),
+            (("body", "world", [0.5], Duration()), {}, TypeError, "integer nanoseconds"),
+            (("body", "world", [1], Duration()), {"on_missing": "skip"}, ValueError, "'raise' or 'nan'"),
+            ((7, "world", [1], Duration()), {}, TypeError, "must be a str, not int"),
+        ],
+    )
+    def test_wrong_arguments(self, buffer, arguments, more, error, text):
+        with pytest.raises(error, match=text):
+            buffer.lookup_velocities(*arguments, **more)
+
+    def test_no_time_has_no_rows(self, buffer):
+        linear, angular = buffer.lookup_velocities("body", "world", [], Duration(seconds=1))
+        assert linear.shape == angular.shape == (0, 3)
+
+    def test_an_interval_that_reaches_beyond_64_bits_ends_at_the_newest_stamp(self, buffer):
+        centuries = Duration(nanoseconds=2**63 - 1)
+        last = np.iinfo(np.int64).max
+        linear, _ = buffer.lookup_velocities("sensor", "body", [last, 5 * S], centuries)
+        np.testing.assert_array_equal(linear, np.zeros((2, 3)))
+        linear, _ = buffer.lookup_velocities("body", "world", [last], Duration(seconds=1), on_missing="nan")
+        assert np.isnan(linear).all()

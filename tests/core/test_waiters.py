@@ -1,0 +1,433 @@
+"""Waiting in the engine: no wake-up is lost, and an insert looks only at those it can help."""
+
+import gc
+import threading
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from making import S, at, at_ns, stamp_ns, transform
+from ros_optional import Duration
+
+pytestmark = pytest.mark.ours
+
+
+@pytest.fixture
+def buffer(tf2_py):
+    return tf2_py.BufferCore(Duration(seconds=10))
+
+
+def always():
+    return True
+
+
+class Untrue(Exception):
+    """One that cannot be asked whether it is true."""
+
+    def __bool__(self):
+        raise ValueError
+
+
+class Falsy(Exception):
+    """One that counts as false."""
+
+    def __len__(self):
+        return 0
+
+
+class Pending:
+    """A wait, what it waits for, and what came."""
+
+    def __init__(self, buffer, target, source, ns, fixed=None, target_ns=0):
+        self.answers = []
+        self.simple = fixed is None
+        self.ends = (target, source, ns, fixed, target_ns)
+        times = (at_ns(ns),) if fixed is None else (at_ns(ns), fixed, at_ns(target_ns))
+        self.wait = buffer._wait(target, source, *times, notify=self.answers.append)
+        if self.wait.answer is not None:
+            self.answers.append(self.wait.answer)
+
+    def possible(self, buffer):
+        target, source, ns, fixed, target_ns = self.ends
+        if self.simple:
+            return bool(buffer.can_transform_core(target, source, at_ns(ns))[0])
+        return bool(buffer.can_transform_full_core(target, at_ns(target_ns), source, at_ns(ns), fixed)[0])
+
+
+FRAMES = ["a", "b", "c", "d", "e"]
+frame = st.sampled_from(FRAMES)
+ns = st.one_of(st.just(0), st.integers(1, 60))
+
+operation = st.one_of(
+    st.tuples(st.just("insert"), frame, frame, st.integers(1, 60), st.booleans()),
+    st.tuples(st.just("insert"), frame, frame, st.integers(1, 60), st.just(False)),
+    st.tuples(st.just("wait"), frame, frame, ns),
+    st.tuples(st.just("wait_full"), frame, frame, ns, frame, ns),
+    st.tuples(st.just("cancel"), st.integers(0, 20)),
+    st.tuples(st.just("clear")),
+    st.tuples(st.just("init")),
+)
+
+
+@settings(max_examples=500, deadline=None)
+@given(st.lists(operation, max_size=60), st.sampled_from([20, 1000]))
+def test_nobody_waits_for_what_is_there(tf2_py, operations, cache_ns):
+    # Reparenting, late samples, loops, static frames and pruning included.
+    buffer = tf2_py.BufferCore(Duration(nanoseconds=cache_ns))
+    pending = []
+    for op, *args in operations:
+        if op == "insert":
+            parent, child, stamp, static = args
+            if static:
+                buffer.set_transform_static(transform(parent, child, ns=stamp), "x")
+            else:
+                buffer.set_transform(transform(parent, child, ns=stamp), "x")
+        elif op == "wait":
+            pending.append(Pending(buffer, *args))
+        elif op == "wait_full":
+            target, source, source_ns, fixed, target_ns = args
+            pending.append(Pending(buffer, target, source, source_ns, fixed, target_ns))
+        elif op == "cancel" and args[0] < len(pending):
+            dropped = pending.pop(args[0])
+            assert dropped.wait.cancel() == (not dropped.answers)
+        elif op == "clear":
+            buffer.clear()
+        elif op == "init":
+            buffer.__init__(Duration(nanoseconds=cache_ns))
+        for waiting in [p for p in pending if not p.answers]:
+            assert not waiting.possible(buffer), waiting.ends
+            assert waiting.wait.reason() is not None
+        assert all(len(p.answers) <= 1 for p in pending)
+        assert buffer.statistics()["waiters"] == sum(not p.answers for p in pending)
+        buffer._self_check()
+
+
+def test_an_answer_is_the_lookups(buffer):
+    pending = Pending(buffer, "map", "base", S)
+    buffer.set_transform(transform("map", "odom", 1, (1, 2, 3)), "x")
+    assert pending.answers == []
+    buffer.set_transform(transform("odom", "base", 0.5, (0, 0, 0)), "x")
+    buffer.set_transform(transform("odom", "base", 1.5, (2, 0, 0)), "x")
+    assert pending.answers == [buffer.lookup_transform_core("map", "base", at(1))]
+    assert pending.answers[0].transform.translation.x == 2.0
+
+
+@pytest.mark.parametrize("method", ["set_transform", "set_transforms", "set_transform_static"])
+def test_every_way_in_wakes(buffer, method):
+    pending = Pending(buffer, "map", "odom", S)
+    message = transform("map", "odom", 1)
+    getattr(buffer, method)([message] if method == "set_transforms" else message, "x")
+    assert len(pending.answers) == 1
+
+
+def test_many_answers_of_one_insert_come_in_the_order_of_the_waits(buffer):
+    """As tf2 gives them, whatever times they wait for."""
+    buffer.set_transforms([transform("map", "odom", 0.5), transform("map", "odom", 1)], "x")
+    order = []
+    waits = [
+        buffer._wait("map", "odom", at(second), notify=lambda m: order.append(stamp_ns(m) // S))
+        for second in (5, 2, 4, 9, 3)
+    ]
+    buffer.set_transform(transform("map", "odom", 5.5), "x")
+    assert order == [5, 2, 4, 3]
+    assert [w.answer is not None for w in waits] == [True, True, True, False, True]
+
+
+def test_of_equal_times_the_first_to_wait_is_the_first_to_know(buffer):
+    buffer.set_transforms([transform("map", "odom", 0.5), transform("map", "odom", 1)], "x")
+    order = []
+    waits = [buffer._wait("map", "odom", at(2), notify=lambda _, i=i: order.append(i)) for i in range(50)]
+    buffer.set_transform(transform("map", "odom", 2), "x")
+    assert order == list(range(len(waits)))
+
+
+def test_a_late_sample_wakes_who_waits_for_earlier_data(buffer):
+    buffer.set_transform(transform("map", "odom", 5), "x")
+    buffer.set_transform(transform("map", "odom", 6), "x")
+    pending = Pending(buffer, "map", "odom", 3 * S)
+    buffer.set_transform(transform("map", "odom", 4), "x")
+    assert pending.answers == []
+    buffer.set_transform(transform("map", "odom", 2), "x")
+    assert len(pending.answers) == 1
+
+
+def test_a_late_sample_with_another_parent_wakes_who_waits_for_a_time_behind_it(buffer):
+    buffer.set_transform_static(transform("map", "odom"), "x")
+    buffer.set_transform(transform("nowhere", "base", ns=10), "x")
+    buffer.set_transform(transform("other", "base", ns=20), "x")
+    pending = Pending(buffer, "map", "base", 15)
+    buffer.set_transform(transform("odom", "base", ns=16), "x")
+    assert pending.answers == []
+    buffer.set_transform(transform("odom", "base", ns=12), "x")
+    assert len(pending.answers) == 1
+
+
+def test_a_newer_sample_wakes_who_waits_for_the_first_parent_of_the_oldest_stamp(buffer):
+    buffer.set_transform(transform("map", "base", ns=10), "x")
+    buffer.set_transform(transform("odom", "base", ns=10), "x")
+    # Of the newest stamp the last sample answers, of the oldest the first.
+    pending = Pending(buffer, "map", "base", 10)
+    assert pending.answers == []
+    buffer.set_transform(transform("odom", "base", ns=20), "x")
+    assert len(pending.answers) == 1
+
+
+def test_the_latest_common_time_leaves_the_oldest_stamp_of_a_frame_with_two_parents(buffer):
+    buffer.set_transform_static(transform("map", "odom"), "x")
+    for parent, ns in (("nowhere", 10), ("odom", 10), ("odom", 30)):
+        buffer.set_transform(transform(parent, "base", ns=ns), "x")
+    buffer.set_transform(transform("base", "camera", ns=10), "x")
+    pending = Pending(buffer, "map", "camera", 0)
+    assert pending.answers == []
+    buffer.set_transform(transform("base", "camera", ns=11), "x")
+    assert [stamp_ns(answer) for answer in pending.answers] == [11]
+
+
+def test_two_histories_that_grow_towards_each_other_meet_at_the_latest_common_time(buffer):
+    buffer.set_transform(transform("map", "odom", ns=10), "x")
+    buffer.set_transform(transform("odom", "base", ns=20), "x")
+    pending = Pending(buffer, "map", "base", 0)
+    buffer.set_transform(transform("odom", "base", ns=12), "x")
+    assert pending.answers == []
+    buffer.set_transform(transform("map", "odom", ns=13), "x")
+    assert [stamp_ns(answer) for answer in pending.answers] == [13]
+
+
+def test_a_first_stamp_that_makes_the_latest_common_time_earlier_wakes(buffer):
+    for parent, ns in (("map", 1), ("nowhere", 5), ("map", 9)):
+        buffer.set_transform(transform(parent, "odom", ns=ns), "x")
+    # A stamp of 0 does not count for the common time, which is 5.
+    buffer.set_transform(transform("odom", "base", ns=0), "x")
+    for ns in (1, 5):
+        buffer.set_transform(transform("base", "camera", ns=ns), "x")
+    pending = Pending(buffer, "map", "camera", 0)
+    assert pending.answers == []
+    buffer.set_transform(transform("odom", "base", ns=1), "x")
+    assert [stamp_ns(answer) for answer in pending.answers] == [1]
+
+
+@pytest.mark.parametrize("hops", [1, 6, 7, 8, 14, 15, 100])
+def test_waits_over_any_number_of_hops_are_answered(buffer, hops):
+    names = [f"f{i}" for i in range(hops + 1)]
+    for parent, child in zip(names[:-1], names[1:], strict=True):
+        buffer.set_transform(transform(parent, child, 1), "x")
+    pending = [Pending(buffer, names[0], names[-1], 2 * S) for _ in range(3)]
+    buffer.set_transforms([transform(names[i], names[i + 1], 3) for i in range(hops)], "x")
+    assert [len(one.answers) for one in pending] == [1, 1, 1]
+    buffer._self_check()
+
+
+def test_waiting_goes_on_over_a_clear(buffer):
+    buffer.set_transform(transform("map", "odom", 5), "x")
+    pending = Pending(buffer, "map", "odom", 7 * S)
+    buffer.clear()
+    buffer.set_transform(transform("map", "odom", 1), "x")
+    assert pending.answers == []
+    buffer.set_transform(transform("map", "odom", 8), "x")
+    assert len(pending.answers) == 1
+
+
+def test_waiting_goes_on_over_an_init(buffer):
+    for i in range(100):
+        buffer.set_transform(transform("map", f"frame{i}", 5), "x")
+    pending = Pending(buffer, "map", "frame99", 7 * S)
+    buffer.__init__()
+    buffer.set_transform(transform("map", "odom", 8), "x")
+    assert pending.answers == []
+    buffer.set_transform_static(transform("odom", "frame99", 8), "x")
+    buffer.set_transform(transform("map", "odom", 6), "x")
+    assert len(pending.answers) == 1
+    buffer._self_check()
+
+
+def test_a_frame_that_turns_static_answers(buffer):
+    buffer.set_transform(transform("map", "odom", 5), "x")
+    pending = Pending(buffer, "map", "odom", 7 * S)
+    buffer.set_transform_static(transform("map", "odom"), "x")
+    assert len(pending.answers) == 1
+
+
+def test_dropping_a_wait_ends_it(buffer):
+    wait = buffer._wait("map", "odom", at(1), notify=print)
+    assert buffer.statistics()["waiters"] == 1
+    del wait
+    assert buffer.statistics()["waiters"] == 0
+    buffer._self_check()
+
+
+def test_a_wait_in_a_cycle_is_collected(buffer):
+    class Holder:
+        pass
+
+    holder = Holder()
+    holder.wait = buffer._wait("map", "odom", at(1), notify=lambda m, h=holder: None)
+    del holder
+    gc.collect()
+    assert buffer.statistics()["waiters"] == 0
+    buffer.set_transform(transform("map", "odom", 1), "x")
+
+
+def test_whoever_is_notified_may_wait_insert_and_cancel(buffer):
+    seen = []
+    waits = []
+
+    def again(message):
+        seen.append(message)
+        other.cancel()
+        waits.append(buffer._wait("map", "odom", at(3), notify=seen.append))
+        buffer.set_transform(transform("map", "odom", 4), "x")
+
+    other = buffer._wait("map", "odom", at(2), notify=seen.append)
+    waits.append(buffer._wait("map", "odom", at(1), notify=again))
+    buffer.set_transform(transform("map", "odom", 1), "x")
+    assert [stamp_ns(m) // S for m in seen] == [1, 3]
+
+
+@pytest.mark.parametrize("bad", ["", "/map"])
+def test_a_name_that_no_lookup_accepts_is_raised_at_once(tf2_py, buffer, bad):
+    for ends in ((bad, "odom"), ("odom", bad)):
+        with pytest.raises(tf2_py.InvalidArgumentException):
+            buffer._wait(*ends, at(1))
+    with pytest.raises(tf2_py.InvalidArgumentException):
+        buffer.set_transform_static(transform("map", "odom"), "x")
+        buffer._wait("map", "odom", at(1), bad, at(1))
+    assert buffer.statistics()["waiters"] == 0
+
+
+@pytest.mark.parametrize("error", [Untrue, Falsy])
+def test_whatever_one_of_them_raises_all_are_notified(buffer, error):
+    told = []
+
+    def notify(answer):
+        told.append(answer)
+        raise error
+
+    waits = [buffer._wait("a", "b", at(5), notify=notify) for _ in range(5)]
+    buffer.set_transform(transform("a", "b", 4), "test")
+    with pytest.raises(error):
+        buffer.set_transform(transform("a", "b", 6), "test")
+    assert len(told) == 5
+    assert not any(wait.cancel() for wait in waits)
+
+
+def test_cancelling_is_too_late_where_the_answer_is_there(buffer):
+    cancelled = []
+    first = buffer._wait("a", "b", at(5), notify=lambda _: cancelled.append(second.cancel()))
+    second = buffer._wait("a", "b", at(5), notify=lambda _: None)
+    buffer.set_transforms([transform("a", "b", 4), transform("a", "b", 6)], "test")
+    assert cancelled == [False]
+    assert first.answer is not None
+    assert second.answer is not None
+
+
+def test_the_others_are_served_while_one_insert_helps_many(buffer):
+    # More than one slice: both threads' inserts and all of their waiters go through each other.
+    buffer.set_transform(transform("a", "b", 1), "test")
+    buffer.set_transform(transform("a", "c", 1), "test")
+    told = {"b": [], "c": []}
+    waits = [
+        buffer._wait("a", child, at_ns(2 * S + i), notify=told[child].append)
+        for i in range(2000)
+        for child in told
+    ]
+
+    def insert(child):
+        buffer.set_transform(transform("a", child, 3), "test")
+        assert len(told[child]) == 2000, "an insert returned before those whom it completed were told"
+
+    threads = [threading.Thread(target=insert, args=(child,)) for child in told]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(wait.answer is not None for wait in waits)
+    assert {child: len(answers) for child, answers in told.items()} == {"b": 2000, "c": 2000}
+    buffer._self_check()
+
+
+def test_waits_are_made_by_buffers_alone(buffer):
+    cls = type(buffer._wait("map", "map", at(1)))
+    with pytest.raises(TypeError):
+        cls()
+    del buffer
+    cls.__new__(cls)  # and dropping it does no harm
+
+
+class TestBlocking:
+    def test_a_thread_sleeps_until_the_answer(self, buffer):
+        wait = buffer._wait("map", "odom", at(1))
+        timer = threading.Timer(0.05, buffer.set_transform, (transform("map", "odom", 1), "x"))
+        timer.start()
+        assert wait.wait_for(10 * S, always)
+        assert wait.answer == buffer.lookup_transform_core("map", "odom", at(1))
+        timer.join()
+
+    @pytest.mark.parametrize("timeout_ns", [0, 1, 300_000, 250_000_000])
+    def test_a_timeout_is_kept(self, buffer, timeout_ns):
+        wait = buffer._wait("map", "odom", at(1))
+        began = time.monotonic_ns()
+        assert not wait.wait_for(timeout_ns, always)
+        assert time.monotonic_ns() - began >= timeout_ns
+        assert buffer.statistics()["waiters"] == 0
+
+    def test_the_end_of_the_context_ends_it(self, buffer):
+        looks = iter([True, True, False])
+        assert not buffer._wait("map", "odom", at(1)).wait_for(60 * S, lambda: next(looks))
+
+    def test_what_is_raised_meanwhile_ends_it(self, buffer):
+        def interrupted():
+            raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            buffer._wait("map", "odom", at(1)).wait_for(60 * S, interrupted)
+        assert buffer.statistics()["waiters"] == 0
+
+    def test_an_answer_that_is_there_needs_no_sleep(self, buffer):
+        buffer.set_transform_static(transform("map", "odom"), "x")
+        assert buffer._wait("map", "odom", at(1)).wait_for(0, always)
+
+
+def test_inserts_and_registrations_interleave_in_threads(buffer):
+    # Each reader waits for every stamp before it comes; one lost wake-up would let it sleep to its deadline.
+    seconds = 2000
+    reached = [0, 0]
+
+    def read(i):
+        for second in range(1, seconds):
+            wait = buffer._wait("map", "odom", at_ns(second * 1000))
+            if not wait.wait_for(20 * S, always):
+                return
+            reached[i] = second
+
+    readers = [threading.Thread(target=read, args=(i,)) for i in range(2)]
+    for reader in readers:
+        reader.start()
+    for second in range(1, seconds):
+        buffer.set_transform(transform("map", "odom", ns=second * 1000), "x")
+        while min(reached) < second - 3 and all(r.is_alive() for r in readers):
+            time.sleep(0)  # let the readers come near, or the writer would be done before they have begun
+    for reader in readers:
+        reader.join()
+    assert reached == [seconds - 1] * 2
+    assert buffer.statistics()["waiters"] == 0
+
+
+def test_ten_thousand_waiters_are_not_looked_at_by_other_frames_inserts(buffer):
+    buffer.set_transform(transform("map", "odom", 1), "x")
+    buffer.set_transform(transform("map", "base", 1), "x")
+    random = np.random.default_rng(4)
+    got = []
+    waits = [
+        buffer._wait("map", "odom", at_ns(int(t)), notify=got.append)
+        for t in random.integers(2 * S, 9 * S, 10_000)
+    ]
+    assert buffer.statistics()["waiters"] == 10_000
+    buffer.set_transform(transform("map", "base", 9), "x")
+    assert got == []
+    for second in range(2, 10):
+        buffer.set_transform(transform("map", "odom", second), "x")
+        assert all(stamp_ns(m) <= second * S for m in got)
+        buffer._self_check()
+    assert len(got) == len(waits)

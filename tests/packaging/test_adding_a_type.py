@@ -1,0 +1,112 @@
+"""The worked example of docs/adding-a-type.md, applied to a copy of the package, compiled and tested."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+from paths import ROOT, TESTS
+
+pytestmark = [pytest.mark.ours, pytest.mark.long("compiles an extension"), pytest.mark.timeout(1200)]
+
+PAGE = (ROOT / "docs" / "adding-a-type.md").read_text()
+# By the file that the first line of a block names.
+BLOCKS = dict(re.findall(r"^```cython\n# (\S+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
+TYPE = "PolygonInstanceStamped"
+
+COMPILE = """
+import sys
+from Cython.Build import cythonize
+from setuptools import Distribution, Extension
+from build_backend.extensions import DIRECTIVES
+import numpy
+
+extension = Extension(
+    "tf2_geometry_msgs._geometry",
+    ["tf2_geometry_msgs/_geometry.pyx"],
+    include_dirs=[numpy.get_include()],
+    define_macros=[("NPY_NO_DEPRECATED_API", "NPY_1_7_API_VERSION")],
+    extra_compile_args=["-O0"],
+)
+modules = cythonize(extension, include_path=[sys.argv[1]], compiler_directives=DIRECTIVES, quiet=True)
+distribution = Distribution({"name": "example", "ext_modules": modules})
+command = distribution.get_command_obj("build_ext")
+command.inplace = True
+command.ensure_finalized()
+command.run()
+"""
+
+
+def run(folder, *arguments):
+    """In a folder whose packages precede those of the project."""
+    environment = {**os.environ, "PYTHONPATH": f"{folder}{os.pathsep}{ROOT}"}
+    return subprocess.run(
+        [sys.executable, *arguments],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
+def run_tests(folder, *files):
+    paths = [str(TESTS / "core" / file) for file in files]
+    options = ["-q", "-p", "no:cacheprovider", "-c", str(ROOT / "pyproject.toml"), "-k", f"{TYPE} or stub"]
+    return run(folder, "-m", "pytest", *options, *paths)
+
+
+def insert_row(table, row):
+    """Put a row of a table where its rows stay in order."""
+    lines = table.splitlines(keepends=True)
+    prefix = row.partition(".")[0] + "."
+    place = next(i for i, line in enumerate(lines) if line.startswith(prefix) and line > row)
+    return "".join([*lines[:place], row, *lines[place:]])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A copy of the package with the function and its row, compiled; without the line of the stub."""
+    folder = tmp_path_factory.mktemp("example")
+    package = folder / "tf2_geometry_msgs"
+    shutil.copytree(
+        ROOT / "tf2_geometry_msgs", package, ignore=shutil.ignore_patterns("_geometry.*.so", "__pycache__")
+    )
+    source, table = package / "_geometry.pyx", package / "_types.py"
+    source.write_text(source.read_text() + "\n\n" + BLOCKS["tf2_geometry_msgs/_geometry.pyx"])
+    table.write_text(insert_row(table.read_text(), BLOCKS["tf2_geometry_msgs/_types.py"]))
+    done = run(folder, "-c", COMPILE, str(ROOT))
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+def test_the_example_touches_a_source_a_table_and_a_stub():
+    assert sorted(BLOCKS) == [
+        f"tf2_geometry_msgs/{name}" for name in ("_geometry.pyi", "_geometry.pyx", "_types.py")
+    ]
+    assert BLOCKS["tf2_geometry_msgs/_types.py"].count("\n") == 1
+
+
+def test_the_function_and_the_class_import_from_the_package(folder):
+    names = f"do_transform_polygon_instance_stamped, {TYPE}"
+    done = run(folder, "-c", f"from tf2_geometry_msgs import {names}; print({TYPE}.__name__)")
+    assert (done.stdout.split(), done.stderr) == ([TYPE], "")
+
+
+def test_the_tests_of_all_types_hold_for_the_new_one_and_ask_for_its_stub(folder):
+    line = BLOCKS["tf2_geometry_msgs/_geometry.pyi"]
+    first = run_tests(folder, "test_every_type.py", "test_types_table.py")
+    assert re.search(r"^1 failed, [1-9]\d passed", first.stdout, re.MULTILINE), first.stdout + first.stderr
+    assert f"_geometry.pyi needs: {line}" in first.stdout
+    stub = folder / "tf2_geometry_msgs" / "_geometry.pyi"
+    stub.write_text(stub.read_text() + line)
+    second = run_tests(folder, "test_types_table.py")
+    assert second.returncode == 0, second.stdout
+
+
+def test_a_program_registers_a_type_of_its_own(tmp_path):
+    [program] = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+    done = run(tmp_path, "-c", program)
+    assert (done.stdout, done.stderr) == ("2.0\n", "")

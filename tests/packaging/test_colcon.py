@@ -1,0 +1,124 @@
+"""A workspace built by colcon over a ROS 2 made of the wheels: what it holds, and what it makes imported."""
+
+import os
+import re
+import subprocess
+import sysconfig
+from pathlib import Path
+
+import installing
+import pytest
+from installing import INDEX, OURS, SITE
+from paths import ROOT
+from sources import PYPROJECT
+
+pytestmark = [
+    pytest.mark.ours,
+    pytest.mark.long("builds the project with colcon, twice"),
+    pytest.mark.timeout(1200),
+    pytest.mark.skipif("AMENT_PREFIX_PATH" in os.environ, reason="the ROS 2 to source is made of the wheels"),
+]
+
+PROGRAMS = sorted(PYPROJECT["project"]["scripts"])
+
+
+class Workspace:
+    def __init__(self, path, ros, *options):
+        self.path = path
+        self.source = installing.checkout_copy(path / "src" / "tf2-ros-cython")
+        self.build = path / "build" / "tf2_ros_cython"
+        self.prefix = path / "install" / "tf2_ros_cython"
+        self.environment = installing.sourced(ros)
+        self.given = self.files_of_source()
+        installing.reuse_builds(self.build)
+        colcon = Path(sysconfig.get_path("scripts"), "colcon")
+        subprocess.run([colcon, "build", *options], cwd=path, env=self.environment, check=True)
+
+    def files_of_source(self):
+        return {path for path in self.source.rglob("*") if path.is_file() and path.suffix != ".pyc"}
+
+    def sourced(self, python, *arguments):
+        """Run a Python that ours is not installed into, in a shell that has sourced the workspace."""
+        shell = 'source "$0"/install/setup.bash && cd / && exec "$@"'
+        command = ["bash", "-c", shell, self.path, python, *arguments]
+        ended = subprocess.run(command, env=self.environment, text=True, capture_output=True)
+        assert ended.returncode == 0, ended.stdout + ended.stderr
+        return ended.stdout
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    return tmp_path_factory.mktemp("made")
+
+
+@pytest.fixture(scope="module")
+def ros(made):
+    return installing.add_tf2(installing.distribution(made / "ros"))
+
+
+@pytest.fixture(scope="module")
+def python(made):
+    return installing.new_venv(made / "venv")
+
+
+@pytest.fixture(scope="module")
+def installed(made, ros):
+    return Workspace(made / "installed", ros)
+
+
+@pytest.fixture(scope="module")
+def linked(made, ros):
+    return Workspace(made / "linked", ros, "--symlink-install")
+
+
+@pytest.fixture(params=["installed", "linked"])
+def workspace(request):
+    return request.getfixturevalue(request.param)
+
+
+def test_one_package_is_built_and_it_has_none_of_tf2s_names(workspace):
+    folders = [path.name for path in (workspace.path / "install").iterdir() if path.is_dir()]
+    assert folders == ["tf2_ros_cython"]
+    assert [marker.name for marker in (workspace.prefix / INDEX).iterdir()] == ["tf2_ros_cython"]
+    assert (workspace.prefix / "share" / "tf2_ros_cython" / "package.xml").is_file()
+
+
+def test_ours_is_imported_after_it_is_sourced(workspace, python, ros):
+    lines = workspace.sourced(python, "-m", "tf2_ros.cli.which").splitlines()
+    for name in OURS:
+        [place] = [i for i, line in enumerate(lines) if line.startswith(f"{name}: tf2-ros-cython, ")]
+        assert lines[place + 1] == f"    takes precedence over {ros.path / SITE / name}"
+    assert "receiver: in use; listeners need no executor" in lines
+
+
+def test_its_programs_are_where_ros2_run_looks(workspace, python):
+    program = "from ament_index_python import get_package_prefix; print(get_package_prefix('tf2_ros_cython'))"
+    prefix = Path(workspace.sourced(python, "-c", program).strip())
+    programs = prefix / "lib" / "tf2_ros_cython"
+    assert sorted(path.name for path in programs.iterdir()) == PROGRAMS
+    assert all(os.access(path, os.X_OK) for path in programs.iterdir())
+    assert workspace.sourced(programs / "tf2_which").startswith("tf2_py: tf2-ros-cython, ")
+    assert workspace.sourced(programs / "tf2_echo", "-h").startswith("usage: tf2_echo ")
+
+
+def test_an_install_without_links_leaves_the_sources_as_they_were(installed):
+    assert installed.files_of_source() == installed.given
+
+
+def test_links_lead_to_the_sources(linked, python):
+    place = linked.sourced(python, "-c", "import tf2_ros; print(tf2_ros.__file__)").strip()
+    assert Path(place).resolve() == (linked.source / "tf2_ros" / "__init__.py").resolve()
+
+
+def version():
+    [found] = re.findall('^version = "(.+)"', (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.M)
+    return found
+
+
+def test_the_manifest_names_the_version_of_the_project():
+    [of_ros] = re.findall("<version>(.+)</version>", (ROOT / "package.xml").read_text(encoding="utf-8"))
+    assert of_ros == version()
+
+
+def test_the_package_knows_its_version(workspace, python):
+    assert workspace.sourced(python, "-c", "import tf2_ros; print(tf2_ros.__version__)").strip() == version()

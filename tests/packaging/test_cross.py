@@ -1,0 +1,22 @@
+"""The extensions compile for other machines; `make cross` also runs tests on an emulated one."""
+
+import sys
+
+import pytest
+from paths import ROOT
+
+pytestmark = [pytest.mark.ours, pytest.mark.long("fetches compilers")]
+
+sys.path.insert(0, str(ROOT))
+from release import cross  # noqa: E402
+
+
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize("name", cross.TARGETS)
+def test_the_extensions_compile(name):
+    try:
+        tools = cross.tools_for(name)
+    except cross.Unavailable as error:
+        pytest.skip(str(error))
+    _, errors = cross.build(name, tools)
+    assert errors == {}

@@ -1,0 +1,144 @@
+"""The project of tf2_msgs: for which release it is built, what it is called, and where it is refused."""
+
+import email
+import importlib
+import importlib.metadata
+import importlib.util
+import os
+import subprocess
+import sys
+import tarfile
+
+import pytest
+from installing import backend_at, messages_copy
+from packaging.requirements import Requirement
+from paths import ROOT
+
+pytestmark = pytest.mark.ours
+
+# By its place: a folder `backend` on the path may be anybody's.
+backend = backend_at(ROOT / "messages" / "backend", "messages_backend")
+environment = backend.environment
+
+
+@pytest.fixture(autouse=True)
+def nothing_chosen(monkeypatch):
+    monkeypatch.setenv("_TF2_MSGS_RELEASE", "")
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+
+
+def call(hook, project, target, settings):
+    """One of the build's hooks, as pip calls it."""
+    target.mkdir()
+    program = f"import backend; print(backend.{hook}({str(target)!r}, {settings!r}))"
+    command = [sys.executable, "-c", program]
+    return subprocess.run(command, cwd=project, capture_output=True, text=True, check=True).stdout.split()[-1]
+
+
+@pytest.mark.parametrize("release", ["jazzy", "kilted"])
+def test_name_and_requirements_are_those_of_the_release(tmp_path, release):
+    project = messages_copy(tmp_path / "project")
+    folder = call("prepare_metadata_for_build_wheel", project, tmp_path / "made", {"ros": release})
+    metadata = email.message_from_string((tmp_path / "made" / folder / "METADATA").read_text())
+    assert metadata["Name"] == f"tf2-ros-cython-msgs-{release}"
+    required = {text.partition("[")[0] for text in metadata.get_all("Requires-Dist")}
+    assert {f"ros-{release}-rclpy", f"ros-{release}-common-interfaces"} <= required
+    extra = {"jazzy": "ros", "kilted": "ros-kilted"}[release]
+    [ours] = [
+        Requirement(text)
+        for text in importlib.metadata.requires("tf2-ros-cython")
+        if text.startswith(metadata["Name"]) and f'extra == "{extra}"' in text
+    ]
+    assert metadata["Version"] in ours.specifier
+
+
+def test_a_source_distribution_stays_with_its_release(tmp_path):
+    project = messages_copy(tmp_path / "project")
+    archive = call("build_sdist", project, tmp_path / "made", {"ros": "kilted"})
+    assert archive.startswith("tf2_ros_cython_msgs_kilted-")
+    filtered = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}  # not in Debian 12's 3.11.2
+    with tarfile.open(tmp_path / "made" / archive) as opened:
+        opened.extractall(tmp_path / "extracted", **filtered)
+    [unpacked] = (tmp_path / "extracted").iterdir()
+    assert (unpacked / "src" / "tf2_msgs" / "msg" / "TFMessage.msg").is_file()
+    assert (unpacked / "LICENSE").is_file()
+    folder = call("prepare_metadata_for_build_wheel", unpacked, tmp_path / "again", None)
+    assert folder.startswith("tf2_ros_cython_msgs_kilted-")
+
+
+def test_a_release_that_is_not_known_is_refused_with_those_that_are():
+    with pytest.raises(SystemExit, match="tf2_msgs knows no -C ros=humble: give one of jazzy, kilted"):
+        environment.choose({"ros": "humble"})
+
+
+@pytest.mark.parametrize(("version", "name"), [("7.1.5", "jazzy"), ("9.1.2", "kilted"), ("10.0.1", "jazzy")])
+def test_the_release_is_that_of_the_wheels_that_are_installed(monkeypatch, tmp_path, version, name):
+    """Build isolation hides the packages, and not the folder in which they lie."""
+    manifest = tmp_path / "share" / "rclpy" / "package.xml"
+    manifest.parent.mkdir(parents=True)
+    manifest.write_text(f"<version>{version}</version>")
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    assert environment.ros_wheels() == [f"ros-{name}-rclpy[fastrtps]", f"ros-{name}-common-interfaces"]
+
+
+def test_beside_a_sourced_ros_nothing_is_built(tmp_path):
+    index = tmp_path / "share" / "ament_index" / "resource_index" / "packages"
+    index.mkdir(parents=True)
+    overlay = f"{tmp_path / 'gone'}{os.pathsep}{tmp_path}"
+    environment.refuse_sourced({"AMENT_PREFIX_PATH": overlay})
+    (index / "rclpy").touch()
+    with pytest.raises(
+        SystemExit, match=r"a ROS 2 is sourced \(.*\), whose own is used: .* apt install ros-"
+    ):
+        environment.refuse_sourced({"AMENT_PREFIX_PATH": overlay})
+
+
+def test_missing_compilers_are_named_with_what_to_install(tmp_path):
+    with pytest.raises(SystemExit, match=r"no C compiler .*install gcc; no C\+\+ compiler .*install g\+\+"):
+        environment.refuse_incomplete({"PATH": str(tmp_path)})
+
+
+def test_messages_that_are_not_built_say_what_to_do(tmp_path):
+    project = messages_copy(tmp_path / "project")
+    ended = subprocess.run(
+        [sys.executable, "-c", "import tf2_msgs"], cwd=project / "src", capture_output=True, text=True
+    )
+    [error] = [line for line in ended.stderr.splitlines() if line.startswith("ImportError: ")]
+    assert f"it is not built in {project / 'src' / 'tf2_msgs'}: install it with pip" in error
+
+
+def test_what_was_made_for_another_release_is_made_anew(monkeypatch, tmp_path):
+    messages = importlib.import_module("messages_backend.tf2_msgs")
+    made = tmp_path / "tf2_msgs" / "extension.so"
+    for kind in ("msg", "srv", "action"):
+        (made.parent / kind).mkdir(parents=True)
+        (made.parent / kind / "__init__.py").touch()
+    for library in ("generator_c", "typesupport_fastrtps_c", "typesupport_introspection_c"):
+        (made.parent / f"libtf2_msgs__rosidl_{library}.so").touch()
+    made.touch()
+    source = messages.MessagesExtension(ROOT / "messages" / "src" / "tf2_msgs")
+    assert not messages.is_current(source, made)
+    monkeypatch.setenv("_TF2_MSGS_RELEASE", "kilted")
+    (made.parent / "_release.py").write_text(messages._note())
+    assert messages.is_current(source, made)
+    monkeypatch.setenv("_TF2_MSGS_RELEASE", "jazzy")
+    assert not messages.is_current(source, made)
+
+
+def test_sources_hold_nothing_that_a_build_has_made(tmp_path):
+    project = messages_copy(tmp_path / "project")
+    package = project / "src" / "tf2_msgs"
+    made = [
+        "_release.py",
+        "msg/__init__.py",
+        "srv/_frame_graph.py",
+        "action/__init__.py",
+        "libtf2_msgs__x.so",
+    ]
+    for name in made:
+        (package / name).touch()
+    archive = call("build_sdist", project, tmp_path / "made", {"ros": "jazzy"})
+    with tarfile.open(tmp_path / "made" / archive) as opened:
+        held = {name.partition("tf2_msgs/")[2] for name in opened.getnames() if "/src/tf2_msgs/" in name}
+    assert {"__init__.py", "msg/TFMessage.msg", "srv/FrameGraph.srv", "package.xml"} <= held
+    assert held.isdisjoint(made)

@@ -1,0 +1,204 @@
+"""What gets installed, which is the same wherever it is built; and what a refusal says."""
+
+import importlib
+import importlib.metadata
+import importlib.util
+import os
+import re
+import subprocess
+import sys
+import tarfile
+import zipfile
+from types import SimpleNamespace
+
+import pytest
+from installing import backend_at, checkout_copy
+from paths import ROOT
+
+# By its place and not by the path: the path must not make the checkout's packages importable.
+build_backend = backend_at(ROOT / "build_backend", "build_backend")
+environment = build_backend.environment
+
+
+@pytest.fixture(autouse=True)
+def path_of_its_own(monkeypatch):
+    """The build runs setup.py in this process, which adds its folder; children of later tests inherit it."""
+    monkeypatch.setattr(sys, "path", sys.path[:])
+
+
+@pytest.fixture
+def prefix(tmp_path):
+    """An install prefix of ROS 2 with the packages named, as AMENT_PREFIX_PATH would list it."""
+
+    def make(name, *packages):
+        index = tmp_path / name / "share" / "ament_index" / "resource_index" / "packages"
+        index.mkdir(parents=True)
+        for package in packages:
+            (index / package).touch()
+        return str(tmp_path / name)
+
+    return make
+
+
+def sourced(*prefixes):
+    return {"AMENT_PREFIX_PATH": os.pathsep.join(prefixes), "PATH": os.environ["PATH"]}
+
+
+def test_missing_compilers_are_named_with_what_to_install(tmp_path):
+    with pytest.raises(SystemExit, match=r"no C compiler .*install gcc"):
+        environment.refuse_incomplete({"PATH": str(tmp_path)})
+
+
+@pytest.mark.parametrize(
+    ("installed", "said"), [("3.1.8", "has 3.1.8"), ("3.3.0", "has 3.3.0"), (None, "has none")]
+)
+def test_another_cython_is_refused_with_what_to_install(monkeypatch, tmp_path, installed, said):
+    if installed:
+        (tmp_path / "Cython.py").write_text(f"__version__ = {installed!r}")
+    monkeypatch.setattr(sys, "path", [str(tmp_path)])
+    monkeypatch.setitem(sys.modules, "Cython", None)  # so that what is imported now is not there afterwards
+    monkeypatch.delitem(sys.modules, "Cython")
+    with pytest.raises(SystemExit, match=f"{said}: with that Python, pip install --user 'Cython>=3.2,<3.3'"):
+        environment.refuse_other_cython()
+
+
+@pytest.mark.parametrize(
+    ("mocked", "said"),
+    [
+        ((sys, "implementation", SimpleNamespace(name="pypy")), "no CPython: this is pypy"),
+        ((os, "name", "nt"), "no POSIX system: use Linux, or WSL on Windows"),
+    ],
+    ids=["PyPy", "Windows"],
+)
+def test_a_python_that_the_extensions_cannot_run_in_is_refused(monkeypatch, mocked, said):
+    with monkeypatch.context() as patched:
+        patched.setattr(*mocked)
+        [missing] = environment.missing_of_python()
+    assert missing.startswith(said)
+
+
+def test_an_old_python_is_refused_before_setuptools_is_asked(monkeypatch):
+    monkeypatch.setattr(sys, "version_info", (3, 9, 18, "final", 0))
+    monkeypatch.setitem(sys.modules, "setuptools", None)
+    with pytest.raises(SystemExit, match="needs Python 3.10 or newer, and this is 3.9"):
+        backend_at(ROOT / "build_backend", "build_backend_of_an_old_python")
+
+
+def test_numpy_is_all_that_an_install_without_extras_needs():
+    requirements = importlib.metadata.requires("tf2-ros-cython")
+    assert [text for text in requirements if "extra ==" not in text] == ["numpy>=1.21"]
+    assert {"ros", "ros-kilted", "test", "bench", "dev"} <= set(
+        importlib.metadata.metadata("tf2-ros-cython").get_all("Provides-Extra")
+    )
+
+
+def test_dev_extra_holds_what_the_build_requires():
+    """`make build` runs without isolation, so that the two lists must not drift apart."""
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    required = re.findall(r'"([^";]+); python_version', text.split("[project]")[0])
+    [dev] = re.findall(r"^dev = \[(.*)\]", text, re.MULTILINE)
+    assert required
+    assert set(required) <= set(re.findall(r'"([^"]+)"', dev))
+
+
+def test_source_distribution_holds_what_a_build_needs(monkeypatch, tmp_path):
+    project = checkout_copy(tmp_path / "project")
+    monkeypatch.chdir(project)
+    archive = build_backend.build_sdist(str(tmp_path))
+    with tarfile.open(tmp_path / archive) as opened:
+        held = {name.partition("/")[2] for name in opened.getnames()}
+    files = [path for folder in ("tf2_*", "build_backend") for path in project.glob(f"{folder}/**/*")]
+    files += project.glob("messages/**/*")
+    sources = {str(path.relative_to(project)) for path in files if path.is_file()}
+    assert sources | {"setup.py", "setup.cfg", "pyproject.toml", "LICENSE"} <= held
+    assert {"package.xml", "resource/tf2_ros_cython"} <= held
+    assert not [name for name in held if name.endswith((".so", ".c", ".cpp"))]
+
+
+def test_wheel_holds_the_same_wherever_it_is_built(tmp_path, prefix):
+    """Nothing of an earlier build, and nothing that depends on a ROS 2, nor on the choice of one."""
+    project = checkout_copy(tmp_path / "project")
+    for source in project.glob("tf2_*/**/*.pyx"):
+        source.unlink()  # compiling them takes long and decides nothing here
+    for left in ("tf2_msgs/__init__.py", "tf2_py/gone.py"):
+        (project / "build" / "lib" / left).parent.mkdir(parents=True, exist_ok=True)
+        (project / "build" / "lib" / left).touch()
+    held = []
+    with_messages, without = prefix("jazzy", "rclpy", "tf2_msgs"), prefix("workspace", "rclpy")
+    for name, ros in (("none", {}), ("whole", sourced(with_messages)), ("bare", sourced(without))):
+        (tmp_path / name).mkdir()
+        hook = f"build_wheel({str(tmp_path / name)!r}, {{'ros': 'kilted'}})"
+        environment = {key: text for key, text in os.environ.items() if key != "AMENT_PREFIX_PATH"}
+        subprocess.run(
+            [sys.executable, "-c", f"import build_backend; build_backend.{hook}"],
+            cwd=project,
+            env={**environment, **ros},
+            check=True,
+        )
+        [wheel] = (tmp_path / name).glob("*.whl")
+        with zipfile.ZipFile(wheel) as opened:
+            held.append({entry: opened.read(entry) for entry in opened.namelist()})
+    assert held[0] == held[1] == held[2]
+    assert "tf2_py/__init__.py" in held[0]
+    assert "tf2_py/gone.py" not in held[0]
+    assert not [name for name in held[0] if name.startswith("tf2_msgs")]
+
+
+def test_the_build_asks_for_nothing_of_ros(monkeypatch, tmp_path):
+    monkeypatch.chdir(checkout_copy(tmp_path / "project"))
+    for hook in (build_backend.get_requires_for_build_wheel, build_backend.get_requires_for_build_editable):
+        assert not [name for name in hook() if name.startswith("ros-")]
+
+
+def without_editable_installs(folder):
+    """The environment of a Python that does not find this checkout's extensions for another one."""
+    kept = "[one for one in sys.meta_path if 'editable' not in getattr(one, '__module__', '')]"
+    (folder / "sitecustomize.py").write_text(f"import sys\nsys.meta_path[:] = {kept}\n")
+    return {**os.environ, "PYTHONPATH": str(folder)}
+
+
+@pytest.mark.parametrize("package", ["tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs"])
+def test_a_checkout_that_is_not_built_says_what_to_do(tmp_path, package):
+    project = checkout_copy(tmp_path / "project")
+    ended = subprocess.run(
+        [sys.executable, "-c", f"import {package}"],
+        cwd=project,
+        env=without_editable_installs(tmp_path),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ended.returncode == 1
+    [error] = [line for line in ended.stderr.splitlines() if line.startswith("ModuleNotFoundError: tf2_py.")]
+    assert f" is missing: {project} is not built for Python " in error
+    assert "`make build` there" in error and "cd elsewhere" in error
+    assert "During handling" not in ended.stderr
+
+
+def test_a_checkout_that_is_not_built_and_hides_an_installation_says_so_in_both_checks(tmp_path):
+    project = checkout_copy(tmp_path / "project")
+    installed = tmp_path / "installed" / "tf2_py"
+    installed.mkdir(parents=True)
+    (installed / "__init__.py").touch()
+    hint = f", and hides the tf2_py in {installed.parent}. cd elsewhere, or run `make build` there"
+    for module in ("tf2_ros.cli.which", "tf2_ros_cython"):
+        ended = subprocess.run(
+            [sys.executable, "-m", module],
+            cwd=project,
+            env=without_editable_installs(installed.parent),
+            capture_output=True,
+            text=True,
+        )
+        assert ended.returncode == 1
+        assert hint in ended.stdout + ended.stderr
+
+
+def test_a_library_that_is_missing_is_not_called_a_missing_build(tmp_path):
+    folder = tmp_path / "tf2_py"
+    folder.mkdir()
+    (folder / "__init__.py").write_text((ROOT / "tf2_py" / "__init__.py").read_text(encoding="utf-8"))
+    (folder / "_tf2_py.py").write_text("import surely_not_installed")
+    ended = subprocess.run(
+        [sys.executable, "-c", "import tf2_py"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert ended.stderr.splitlines()[-1] == "ModuleNotFoundError: No module named 'surely_not_installed'"

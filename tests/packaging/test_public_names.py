@@ -1,0 +1,198 @@
+"""The names that programs import: a change here is a change for them.
+
+`api_names.json` lists what the packages of tf2 0.36 (Jazzy, with sensor_msgs_py) offer, made from them.
+"""
+
+import importlib
+import inspect
+import subprocess
+import sys
+import typing
+from unittest import mock
+
+import pytest
+from paths import ROOT
+from public_names import ADDED, MODULES, NAMES, OURS
+
+every_name = pytest.mark.parametrize(
+    ("module", "name"), [(module, name) for module, content in NAMES.items() for name in content["names"]]
+)
+
+
+def offered(module, name):
+    return getattr(importlib.import_module(module), name)
+
+
+def fact(module, name):
+    return NAMES[module]["names"][name]
+
+
+@every_name
+def test_a_name_imports_from_where_tf2_has_it(module, name):
+    namespace = {}
+    exec(f"from {module} import {name}", namespace)
+    assert namespace[name] is offered(module, name)
+
+
+@every_name
+def test_a_name_stands_for_the_same_kind_of_thing(module, name):
+    wanted, got = fact(module, name), offered(module, name)
+    kind, _, module_name = wanted["kind"].partition(" ")
+    if kind == "module":
+        assert got is importlib.import_module(module_name)
+    elif kind == "TypeVar":
+        assert type(got) is typing.TypeVar
+    elif kind == "class":
+        assert inspect.isclass(got)
+        bases = [base.__name__ for base in inspect.getmro(got)[1:]]
+        assert [base for base in bases if base in wanted.get("bases", [])] == wanted.get("bases", [])
+    elif wanted.get("from") != "typing":  # some of whose objects are callable in some releases
+        assert callable(got)
+    if wanted.get("from") == "typing":
+        assert got.__module__ == "typing"
+    elif wanted.get("from", "").partition(".")[0] in ("geometry_msgs", "rclpy", "sensor_msgs", "std_msgs"):
+        assert got is getattr(importlib.import_module(wanted["from"]), name)
+
+
+def parameters_of(function):
+    """Names as in the list: one with a default ends in `=...`."""
+    named = []
+    for parameter in inspect.signature(function).parameters.values():
+        stars = {parameter.VAR_POSITIONAL: "*", parameter.VAR_KEYWORD: "**"}.get(parameter.kind, "")
+        default = "" if parameter.default is parameter.empty else "=..."
+        named.append(stars + parameter.name + default)
+    return named
+
+
+def assert_called_alike(function, wanted):
+    # More may follow, if a call can do without it.
+    got = parameters_of(function)
+    assert got[: len(wanted)] == wanted
+    assert all(name.endswith("=...") or name.startswith("*") for name in got[len(wanted) :])
+
+
+@pytest.mark.parametrize(
+    ("module", "name"),
+    [(m, n) for m, content in NAMES.items() for n, f in content["names"].items() if "parameters" in f],
+)
+def test_a_function_has_the_parameters_of_tf2s(module, name):
+    assert_called_alike(offered(module, name), fact(module, name)["parameters"])
+
+
+MEMBERS = sorted(
+    {
+        (m, n, member)
+        for m, content in NAMES.items()
+        for n, f in content["names"].items()
+        if m.startswith("tf2_ros.") and n not in ("FrameGraph", "LookupTransform", "TFMessage")
+        for member in f.get("members", {})
+    }
+)
+
+
+# A parameter that later releases of tf2 made optional.
+OPTIONAL = {("TransformListener", "__init__"): "node"}
+
+
+@pytest.mark.parametrize(("module", "name", "member"), MEMBERS)
+def test_a_class_has_the_members_of_tf2s(module, name, member):
+    wanted, cls = fact(module, name)["members"][member], offered(module, name)
+    got = getattr(cls, member)
+    if wanted == "attribute":
+        assert isinstance(got, dict)
+    elif member == "__init__" and issubclass(cls, Exception):
+        assert parameters_of(got)[: len(wanted)] == wanted
+    else:
+        optional = OPTIONAL.get((name, member))
+        wanted = [f"{one}=..." if one == optional else one for one in wanted]
+        assert_called_alike(got, wanted)
+
+
+@pytest.mark.parametrize("module", NAMES)
+def test_import_star_gives_what_tf2s_gives(module):
+    namespace = {}
+    exec(f"from {module} import *", namespace)
+    del namespace["__builtins__"]
+    added = ADDED.get(module, set())
+    assert set(namespace) - added == set(NAMES[module]["import *"])
+    for name in set(NAMES[module]["import *"]):
+        assert namespace[name] is offered(module, name)
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize("module", NAMES)
+def test_what_is_added_imports_by_name(module):
+    for name in ADDED.get(module, set()) | OURS.get(module, set()):
+        offered(module, name)
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize("module", MODULES)
+def test_a_module_that_tf2_lacks_has_just_these_public_names(module):
+    module = importlib.import_module(module)
+    assert sorted(module.__all__) == sorted(MODULES[module.__name__])
+    assert [name for name in module.__all__ if not hasattr(module, name)] == []
+
+
+def test_an_exception_is_one_class_wherever_it_is_caught(tf2_py, tf2_ros):
+    from tf2_py import _tf2_py
+
+    for name in NAMES["tf2_py._tf2_py"]["import *"]:
+        assert getattr(tf2_ros, name) is getattr(tf2_py, name) is getattr(_tf2_py, name)
+
+
+def run(program):
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+def test_importing_tf2_py_makes_times_and_durations_of_rclpy_known():
+    program = "import rclpy; import tf2_py; print(rclpy.time.__name__, rclpy.duration.__name__)"
+    assert run(program) == ["rclpy.time", "rclpy.duration"]
+
+
+def test_importing_tf2_ros_alone_makes_its_modules_known():
+    program = "import tf2_ros; print(tf2_ros.buffer_client.BufferClient is tf2_ros.BufferClient)"
+    assert run(program) == ["True"]
+
+
+@pytest.mark.ours
+def test_without_ros_tf2_py_imports_with_every_name():
+    program = """
+import importlib.abc, sys
+class Without(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name.partition(".")[0] in ("rclpy", "rpyutils", "geometry_msgs", "builtin_interfaces", "std_msgs"):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name.partition(".")[0])
+sys.meta_path.insert(0, Without())
+from tf2_py import *
+with add_dll_directories_from_env("PATH"):
+    print(BufferCore().can_transform_core("a", "a", __import__("types").SimpleNamespace(nanoseconds=1))[0])
+"""
+    assert run(program) == ["1"]
+
+
+@pytest.mark.ours
+def test_the_version_is_that_of_the_project(tf2_ros, tf2_py):
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert f'\nversion = "{tf2_ros.__version__}"\n' in text
+    assert tf2_py.__version__ == tf2_ros.__version__
+
+
+def test_the_classes_of_other_modules_can_be_patched():
+    for place in ("tf2_ros.transform_listener.Buffer", "tf2_ros.buffer_client.ActionClient"):
+        with mock.patch(place) as patched:
+            module, _, name = place.rpartition(".")
+            assert offered(module, name) is patched
+
+
+@pytest.mark.ours
+def test_importing_tf2_ros_loads_few_modules():
+    program = (
+        "import sys, tf2_ros; print(*(name for name in sys.modules if name.startswith('tf2_')), sep='\\n')"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    ours = [name for name in done.stdout.split() if name.startswith(("tf2_py", "tf2_ros"))]
+    assert "tf2_ros.buffer" in ours
+    assert len(ours) <= 51, ours

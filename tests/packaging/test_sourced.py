@@ -1,0 +1,272 @@
+"""Where a ROS 2 is sourced: which tf2 a program imports, from each kind of install, and what it is told."""
+
+import os
+import shutil
+import sys
+import zipfile
+from pathlib import Path
+
+import installing
+import numpy
+import pytest
+from installing import OURS, SITE, Prefix, sourced, unsourced
+
+pytestmark = [
+    pytest.mark.ours,
+    pytest.mark.long("builds and installs the project"),
+    pytest.mark.timeout(1200),
+    pytest.mark.skipif("AMENT_PREFIX_PATH" in os.environ, reason="the ROS 2 to source is made of the wheels"),
+]
+
+# Prints whose each package is.
+OWNERS = f"""
+import importlib
+for name in {(*OURS, "tf2_msgs")}:
+    package = importlib.import_module(name)
+    print(name, getattr(package, "OWNER", package.__path__[0]))
+"""
+STARTED = "import sys; print(*[name for name in sys.modules if name.startswith('tf2')])"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    return tmp_path_factory.mktemp("made")
+
+
+@pytest.fixture(scope="module")
+def wheel(made):
+    """Built as for a Python whose own flags ask for debug information."""
+    project = installing.checkout_copy(made / "project")
+    installing.reuse_builds(project)
+    return installing.build("build_wheel", project, made / "wheel", CFLAGS="-g")
+
+
+@pytest.fixture(scope="module")
+def ros(made):
+    """A distribution with a tf2 of its own."""
+    return installing.add_tf2(installing.distribution(made / "ros"))
+
+
+class Installation:
+    """A Python that ours is installed into, what its environment has to say for that, and where ours lies."""
+
+    def __init__(self, python, home, **environment):
+        self.python, self.home, self.environment = python, home, environment
+
+    def run(self, environment, *arguments):
+        return installing.run(
+            [self.python, *arguments], {**environment, **self.environment}, self.python.parent
+        )
+
+    def owners(self, environment):
+        ended = self.run(environment, "-c", OWNERS)
+        assert ended.returncode == 0, ended.stderr
+        found = dict(line.split() for line in ended.stdout.splitlines())
+        homes = {str(self.home / name): "ours" for name in found}
+        return {name: homes.get(where, where) for name, where in found.items()}
+
+
+@pytest.fixture(scope="module")
+def in_venv(made, wheel):
+    python = installing.new_venv(made / "venv", wheel)
+    return Installation(python, made / "venv" / SITE)
+
+
+@pytest.fixture(scope="module")
+def in_open_venv(made, wheel):
+    python = installing.new_venv(made / "open", wheel, "--system-site-packages")
+    return Installation(python, made / "open" / SITE)
+
+
+@pytest.fixture(scope="module")
+def of_user(made, wheel):
+    python, base = Path(sys._base_executable), str(made / "user")
+    installing.pip_install(python, wheel, "--user", "--break-system-packages", PYTHONUSERBASE=base)
+    return Installation(python, made / "user" / SITE, PYTHONUSERBASE=base)
+
+
+@pytest.fixture(scope="module")
+def editable(made):
+    checkout = installing.checkout_copy(made / "checkout")
+    installing.reuse_builds(checkout)
+    wheel = installing.build("build_editable", checkout, made / "editable-wheel")
+    return Installation(installing.new_venv(made / "editable", wheel), checkout)
+
+
+@pytest.fixture(params=["in_venv", "in_open_venv", "of_user", "editable"])
+def installation(request):
+    return request.getfixturevalue(request.param)
+
+
+def all_of(owner, **others):
+    return {**dict.fromkeys(OURS, owner), **others}
+
+
+def messages_of(prefix):
+    return str(prefix.path / SITE / "tf2_msgs")
+
+
+def test_ours_precedes_the_distributions_but_for_the_messages(installation, ros):
+    assert installation.owners(sourced(ros)) == all_of("ours", tf2_msgs=messages_of(ros))
+
+
+def test_a_variable_turns_it_off(installation, ros):
+    off = sourced(ros, TF2_ROS_CYTHON="0")
+    assert installation.owners(off) == all_of("distribution", tf2_msgs=messages_of(ros))
+
+
+def test_nothing_is_loaded_at_the_start_but_where_a_ros_is_sourced(installation, ros):
+    assert installation.run(unsourced(), "-c", STARTED).stdout.split() == []
+    assert installation.run(sourced(ros, TF2_ROS_CYTHON="0"), "-c", STARTED).stdout.split() == []
+    loaded = installation.run(sourced(ros), "-c", STARTED).stdout.split()
+    assert loaded == ["tf2_ros_cython", "tf2_ros_cython._finder"]
+
+
+@pytest.mark.parametrize(
+    ("forked", "expected"),
+    [
+        ("tf2_py", all_of("distribution", tf2_py="fork")),
+        ("tf2_ros", all_of("distribution", tf2_ros="fork", tf2_py="ours")),
+        ("tf2_geometry_msgs", all_of("ours", tf2_geometry_msgs="fork", tf2_sensor_msgs="distribution")),
+        ("tf2_sensor_msgs", all_of("ours", tf2_sensor_msgs="fork")),
+    ],
+)
+def test_a_workspaces_fork_stays_with_what_stands_on_it(in_venv, ros, tmp_path, forked, expected):
+    overlay = Prefix(tmp_path / "overlay").add_stubs("fork", forked)
+    found = in_venv.owners(sourced(overlay, ros))
+    assert found == {**expected, "tf2_msgs": messages_of(ros)}
+
+
+def test_a_workspace_with_an_rclpy_of_its_own_is_no_distribution(in_venv, ros, tmp_path):
+    overlay = Prefix(tmp_path / "overlay").mark("rclpy").add_stubs("fork", "tf2_sensor_msgs")
+    found = in_venv.owners(sourced(overlay, ros))
+    assert found == all_of("ours", tf2_sensor_msgs="fork", tf2_msgs=messages_of(ros))
+
+
+def test_a_folder_of_ones_own_stays_first(in_venv, ros, tmp_path):
+    (tmp_path / "tf2_sensor_msgs").mkdir()
+    (tmp_path / "tf2_sensor_msgs" / "__init__.py").write_text("OWNER = 'own'")
+    environment = sourced(ros)
+    environment["PYTHONPATH"] = os.pathsep.join([str(tmp_path), environment["PYTHONPATH"]])
+    assert in_venv.owners(environment)["tf2_sensor_msgs"] == "own"
+
+
+def test_a_distribution_may_have_a_folder_for_each_package(in_venv, ros, tmp_path):
+    """As colcon builds it from source."""
+    (tmp_path / ".colcon_install_layout").write_text("isolated\n")
+    with_rclpy = Prefix(tmp_path / "rclpy").mark("rclpy")
+    with_tf2 = [Prefix(tmp_path / name).add_stubs("distribution", name) for name in OURS]
+    environment = sourced(*with_tf2, with_rclpy, ros)
+    environment["AMENT_PREFIX_PATH"] = environment["AMENT_PREFIX_PATH"].removesuffix(f":{ros.path}")
+    assert in_venv.owners(environment) == all_of("ours", tf2_msgs=messages_of(ros))
+
+
+def test_a_python_whose_checkout_is_gone_starts_in_silence(editable, made, ros):
+    hidden = editable.home.with_name("hidden")
+    editable.home.rename(hidden)
+    try:
+        ended = editable.run(sourced(ros), "-c", "import tf2_ros; print(tf2_ros.OWNER)")
+    finally:
+        hidden.rename(editable.home)
+    assert (ended.stdout, ended.stderr) == ("distribution\n", "")
+
+
+class TestWhich:
+    """python -m tf2_ros.cli.which, and its name that is there whosever tf2_ros is."""
+
+    @pytest.mark.parametrize("module", ["tf2_ros.cli.which", "tf2_ros_cython"])
+    def test_it_tells_what_is_imported_and_before_what(self, installation, ros, module):
+        ended = installation.run(sourced(ros), "-m", module)
+        assert ended.returncode == 0, ended.stderr
+        lines = ended.stdout.splitlines()
+        for name in OURS:
+            place = lines.index(f"{name}: tf2-ros-cython, {installation.home / name}")
+            assert lines[place + 1] == f"    takes precedence over {ros.path / SITE / name}"
+        assert f"tf2_msgs: the environment's, {messages_of(ros)}" in lines
+        assert "receiver: in use; listeners need no executor" in lines
+        assert any(line.startswith("ROS 2: Jazzy (rclpy 7.") for line in lines)
+
+    @pytest.mark.parametrize(
+        ("variable", "reason"),
+        [({}, "a workspace or a folder of your own"), ({"TF2_ROS_CYTHON": "0"}, "TF2_ROS_CYTHON=0 is set")],
+    )
+    def test_it_tells_why_another_is_imported(self, in_venv, ros, tmp_path, variable, reason):
+        overlay = Prefix(tmp_path / "overlay").add_stubs("fork", *([] if variable else ["tf2_ros"]))
+        ended = in_venv.run(sourced(overlay, ros, **variable), "-m", "tf2_ros_cython")
+        assert ended.returncode == 1
+        [line] = [line for line in ended.stdout.splitlines() if line.startswith("tf2_ros: ")]
+        assert line.startswith("tf2_ros: not tf2-ros-cython, ")
+        assert reason in line
+
+    def test_without_ros_it_is_right_if_buffers_load(self, in_venv, tmp_path):
+        ended = in_venv.run(add_numpy(tmp_path), "-m", "tf2_ros_cython")
+        assert (ended.returncode, ended.stderr) == (0, "")
+        assert "\ndoes not load: " not in ended.stdout
+        assert "ROS 2: none found; buffers and recordings work without it" in ended.stdout
+        assert "receiver: not in use without ROS 2" in ended.stdout
+
+
+def add_numpy(folder):
+    """The environment of a new shell in which NumPy, and nothing else of this Python's, is on the path."""
+    for entry in Path(numpy.__file__).parents[1].glob("numpy*"):
+        (folder / entry.name).symlink_to(entry)
+    return {**unsourced(), "PYTHONPATH": str(folder)}
+
+
+def kilted(path, ros):
+    """What is known of Kilted: the version of its rclpy, in the place of the other's."""
+    prefix = Prefix(path).mark("rclpy")
+    shutil.copytree(ros.path / SITE, prefix.path / SITE, symlinks=True, dirs_exist_ok=True)
+    rclpy = prefix.path / SITE / "rclpy"
+    rclpy.unlink()  # its place decides, so it must lie in there
+    rclpy.mkdir()
+    (rclpy / "__init__.py").touch()
+    (prefix.path / "share" / "rclpy").mkdir()
+    (prefix.path / "share" / "rclpy" / "package.xml").write_text("<version>9.1.2</version>")
+    shutil.rmtree(prefix.path / SITE / "tf2_msgs")
+    return prefix
+
+
+class TestMessages:
+    def test_those_of_another_release_are_refused_by_name(self, in_venv, ros, tmp_path):
+        installing.copy_messages(tmp_path / "messages")
+        environment = sourced(kilted(tmp_path / "kilted", ros))
+        environment["PYTHONPATH"] += f"{os.pathsep}{tmp_path / 'messages'}"
+        ended = in_venv.run(environment, "-c", "import tf2_ros")
+        assert (
+            f"ImportError: the tf2_msgs in {tmp_path / 'messages' / 'tf2_msgs'} is made for" in ended.stderr
+        )
+        assert f"but this is ROS 2 Kilted (rclpy 9.1.2) in {tmp_path / 'kilted'}" in ended.stderr
+        assert "in a clone of tf2-ros-cython, pip install ./messages -C ros=kilted" in ended.stderr
+
+    def test_where_there_are_none_it_is_said_how_to_get_them(self, in_venv, ros, tmp_path):
+        ended = in_venv.run(sourced(kilted(tmp_path / "kilted", ros)), "-c", "import tf2_ros")
+        assert "ModuleNotFoundError: tf2_ros needs tf2_msgs, which the ROS" in ended.stderr
+        assert "2 Kilted (rclpy 9.1.2) in " in ended.stderr
+        assert "apt install ros-kilted-tf2-msgs" in ended.stderr
+        assert "in a clone of tf2-ros-cython, pip install ./messages -C ros=kilted" in ended.stderr
+
+
+def test_without_ros_a_listener_says_what_to_install_and_a_buffer_works(in_venv, tmp_path):
+    with_numpy = add_numpy(tmp_path)
+    ended = in_venv.run(with_numpy, "-c", "from tf2_ros import TransformListener")
+    assert "ModuleNotFoundError: tf2_ros.TransformListener needs ROS 2" in ended.stderr
+    command = "pip install ./messages '.[ros]'"
+    assert f"source a ROS 2, or, in a clone of tf2-ros-cython, {command}" in ended.stderr
+    ended = in_venv.run(with_numpy, "-c", "import tf2_ros; print(tf2_ros.Buffer().all_frames_as_string())")
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
+def test_the_wheel_holds_no_debug_information(wheel):
+    with zipfile.ZipFile(wheel) as opened:
+        extensions = [name for name in opened.namelist() if name.endswith(".so")]
+        assert extensions
+        assert not [name for name in extensions if b".debug_info" in opened.read(name)]
+
+
+def test_the_wheel_lists_its_files(wheel):
+    with zipfile.ZipFile(wheel) as opened:
+        [record] = [name for name in opened.namelist() if name.endswith("/RECORD")]
+        listed = [line.split(",")[0] for line in opened.read(record).decode().splitlines()]
+        assert sorted(listed) == sorted(opened.namelist())
+    assert "tf2_ros_cython.pth" in listed

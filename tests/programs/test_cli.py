@@ -1,0 +1,331 @@
+"""The programs, as processes of their own."""
+
+import importlib.util
+import os
+import re
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+from itertools import cycle
+from pathlib import Path
+
+import pytest
+from making import S, at, translation
+from paths import ROOT
+from processes import DEADLINE_S, ended, running, until
+from rclpy.action import ActionClient
+from rclpy.duration import Duration
+
+from tf2_msgs.action import LookupTransform
+
+pytestmark = pytest.mark.ours
+
+LONG = Duration(seconds=DEADLINE_S)
+NONE = Duration()
+DOMAIN = os.environ["ROS_DOMAIN_ID"]  # of only this test run
+BY_DOMAIN = f"domain-{DOMAIN}"
+PYPROJECT = ROOT / "pyproject.toml"
+
+
+def scripts():
+    """The programs that an installation brings, as (name, module, function)."""
+    section = PYPROJECT.read_text().split("[project.scripts]\n")[1].split("\n[")[0]
+    return re.findall(r'^(\w+) = "([\w.]+):(\w+)"$', section, re.MULTILINE)
+
+
+def test_the_installation_names_a_function_of_each_program():
+    programs = {path.stem for path in (PYPROJECT.parent / "tf2_ros_tools" / "programs").glob("[!_]*.py")}
+    assert {name for name, _, _ in scripts()} == programs | {"tf2_which"}
+    for name, module, function in scripts():
+        # Not in tf2_ros, which imports ROS, and may be another project's.
+        assert module == ("tf2_ros_cython.which" if name == "tf2_which" else f"tf2_ros_tools.programs.{name}")
+        assert importlib.util.find_spec(module) is not None
+        assert callable(getattr(importlib.import_module(module), function))
+
+
+class TestBufferServer:
+    @pytest.fixture
+    def server(self):
+        with running("tf2_buffer_server") as process:
+            yield process
+
+    @pytest.fixture
+    def client(self, tf2_ros, node):
+        client = tf2_ros.BufferClient(node, "tf2_buffer_server")
+        yield client
+        client.destroy()
+
+    def test_it_answers_from_what_it_hears(self, server, client, peer, tf2_py):
+        talker = peer()
+        talker.send(("map", "robot", S, 1.0), ("map", "robot", 100 * S, 2.0), ("map", "robot", 120 * S, 3.0))
+        assert translation(client.lookup_transform("map", "robot", at(1), LONG)) == (1.0, 0.0, 0.0)
+        with pytest.raises(tf2_py.LookupException, match="does not exist"):
+            client.lookup_transform("map", "nobody", at(1))
+        can, reason = client.can_transform("map", "robot", at(121), NONE, True)
+        assert can is False
+        assert "extrapolation into the future" in reason
+
+    def test_it_is_found_by_its_names(self, server, node):
+        seen = ActionClient(node, LookupTransform, "/tf2_buffer_server")
+        assert seen.wait_for_server(DEADLINE_S)
+        seen.destroy()
+        until(lambda: ("tf_buffer", "/") in node.get_node_names_and_namespaces())
+
+    def test_the_buffer_size_is_a_parameter(self, client, peer, tf2_py):
+        with running("tf2_buffer_server", "--ros-args", "-p", "buffer_size:=5.0"):
+            talker = peer()
+            talker.send(("map", "robot", S, 1.0))
+            client.lookup_transform("map", "robot", at(1), LONG)
+            talker.send(("map", "robot", 100 * S, 2.0), ("map", "robot", 101 * S, 2.0))
+            client.lookup_transform("map", "robot", at(101), LONG)
+            with pytest.raises(tf2_py.ExtrapolationException):
+                client.lookup_transform("map", "robot", at(1))
+
+    def test_a_negative_buffer_size_is_told(self):
+        with running("tf2_buffer_server", "--ros-args", "-p", "buffer_size:=-1.0") as process:
+            _, err = process.communicate(timeout=DEADLINE_S)
+        assert process.returncode == 2
+        assert "buffer_size must not be negative, it is -1.0 s" in err
+        assert "Traceback" not in err
+
+    @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+    def test_a_signal_ends_it_without_a_trace(self, server, client, how):
+        assert client.can_transform("map", "map", at(0), LONG)
+        server.send_signal(how)
+        out, err = server.communicate(timeout=DEADLINE_S)
+        assert (server.returncode, out) == (0, "")
+        assert "Traceback" not in err
+
+    def test_killed_in_the_middle_of_a_goal_it_is_a_timeout(self, server, tf2_ros, tf2_py, node):
+        client = tf2_ros.BufferClient(node, "tf2_buffer_server", timeout_padding=Duration(seconds=0.5))
+        assert client.can_transform("map", "map", at(0), LONG)
+        task = client.lookup_transform_async("map", "robot", at(1), timeout=Duration(seconds=1))
+        task.send(None)
+        (pending,) = client._goal_sender._pending
+        until(lambda: pending.handle is not None)
+        server.kill()
+        until(pending.outcome.done)
+        with pytest.raises(tf2_py.TimeoutException, match="buffer server"):
+            task.send(None)
+        client.destroy()
+
+
+def file_of(name):
+    return Path(f"/dev/shm/tf2-ros-cython-{os.geteuid()}-{name}")
+
+
+@contextmanager
+def sharing(*arguments, **popen):
+    """A tf2_shared_buffer for a `with` statement, and what it says when it has begun."""
+    with running("tf2_shared_buffer", *arguments, **popen) as process:
+        said = process.stderr.readline().rpartition("]: ")[2].rstrip()
+        try:
+            yield process, said
+        finally:
+            # Killed, it would leave its file.
+            process.terminate()
+            process.communicate(timeout=DEADLINE_S)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="buffers are shared only on Linux")
+class TestSharedBuffer:
+    @pytest.fixture
+    def owner(self):
+        with sharing() as (process, said):
+            assert said == (
+                f"Sharing /tf and /tf_static of ROS domain {DOMAIN} as '{BY_DOMAIN}': "
+                f"process {process.pid}, keeps 10 s"
+            )
+            yield process
+
+    def test_a_listener_that_wants_it_reads_it_and_subscribes_to_nothing(
+        self, owner, tf2_ros, node, peer, monkeypatch
+    ):
+        monkeypatch.setenv("TF2_SHARED_BUFFER", "auto")
+        buffer = tf2_ros.Buffer()
+        with tf2_ros.TransformListener(buffer, node) as listener:
+            talker = peer()
+            talker.send(("map", "robot", S, 1.0))
+            talker.send(("robot", "camera", 0, 2.0), static=True)
+            found = buffer.lookup_transform("map", "camera", at(1), LONG)
+            assert translation(found) == (3.0, 0.0, 0.0)
+            shared = f"of the shared buffer '{BY_DOMAIN}' of process {owner.pid}>"
+            assert repr(listener) == f"<tf2_ros.TransformListener {shared}"
+            assert list(node.subscriptions) == []
+
+    def test_when_it_ends_who_read_it_listens_itself(self, owner, tf2_ros, node, peer, monkeypatch):
+        monkeypatch.setenv("TF2_SHARED_BUFFER", "auto")
+        buffer = tf2_ros.Buffer()
+        with tf2_ros.TransformListener(buffer, node) as listener:
+            talker = peer()
+            talker.send(("map", "robot", S, 1.0))
+            buffer.lookup_transform("map", "robot", at(1), LONG)
+            owner.send_signal(signal.SIGTERM)
+            assert owner.wait(DEADLINE_S) == 0
+            until(lambda: listener.tf_sub is not None)
+
+            def is_heard():
+                talker.send(("map", "robot", 2 * S, 2.0))
+                return buffer.can_transform("map", "robot", at(2))
+
+            until(is_heard)
+            assert translation(buffer.lookup_transform("map", "robot", at(1))) == (1.0, 0.0, 0.0)
+
+    def test_name_cache_time_and_topics_are_those_asked_for(self, tf2_ros, tf2_py, peer):
+        name = f"{BY_DOMAIN}-named"
+        asked = ["--name", name, "--cache-time", "50.5", "--ros-args", "-r", "/tf_static:=/mounted"]
+        with sharing(*asked) as (process, said):
+            assert said == (
+                f"Sharing /tf and /mounted of ROS domain {DOMAIN} as '{name}': "
+                f"process {process.pid}, keeps 50.5 s"
+            )
+            buffer = tf2_ros.Buffer(attach=name)
+            talker = peer()
+            talker.send(*(("map", "robot", stamp * S, 1.0) for stamp in (1, 2, 51)))
+            buffer.lookup_transform("map", "robot", at(51), LONG)
+            assert buffer.can_transform("map", "robot", at(1))
+            talker.send(*(("map", "robot", stamp * S, 1.0) for stamp in (60, 61)))
+            buffer.lookup_transform("map", "robot", at(61), LONG)
+            with pytest.raises(tf2_py.ExtrapolationException):
+                buffer.lookup_transform("map", "robot", at(1))
+
+    def test_it_follows_simulated_time(self, tf2_ros, peer):
+        with sharing("--ros-args", "-p", "use_sim_time:=true"):
+            assert which("auto").endswith(", keeps 10 s, simulated time")
+            buffer = tf2_ros.Buffer(attach="auto")
+            talker = peer()
+            talker.send(("map", "robot", S, 1.0))
+            buffer.lookup_transform("map", "robot", at(1), LONG)
+            times = cycle((100, 1))  # a clock keeps only the last message, and it may miss one
+
+            def is_cleared():
+                talker.set_clock(next(times))
+                return not buffer.can_transform("map", "robot", at(1))
+
+            until(is_cleared)
+
+    def test_what_its_own_environment_wants_is_without_effect(self, owner, peer):
+        name = f"{BY_DOMAIN}-other"
+        wanting = {**os.environ, "TF2_SHARED_BUFFER": "auto"}
+        with sharing("--name", name, env=wanting) as (process, said):
+            assert f" as '{name}': process {process.pid}, " in said
+            peer().matched(2)
+
+    @pytest.mark.parametrize(
+        ("given", "said"),
+        [
+            (["--name", "a/b"], "'a/b' is not a name of a shared buffer: "),
+            (["--name="], "'' is not a name of a shared buffer: "),
+            (["--cache-time", "-1"], "argument --cache-time: must not be negative, it is -1 (see "),
+            (["--cache-time", "long"], "argument --cache-time: 'long' is not a number (see "),
+        ],
+    )
+    def test_wrong_usage_is_one_line_and_status_2(self, given, said):
+        status, out, err = ended("tf2_shared_buffer", *given)
+        assert (status, out, err.count("\n")) == (2, "", 1)
+        assert err.startswith(f"tf2_shared_buffer: {said}")
+
+    def test_a_second_one_of_the_same_name_names_the_first(self, owner):
+        said = f"tf2_shared_buffer: the shared buffer '{BY_DOMAIN}' is owned by process {owner.pid}\n"
+        assert ended("tf2_shared_buffer") == (1, "", said)
+        assert owner.poll() is None and file_of(BY_DOMAIN).exists()
+
+    @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+    def test_a_signal_ends_it_without_a_trace(self, owner, tf2_ros, peer, how):
+        peer().send(("map", "robot", S, 1.0))
+        tf2_ros.Buffer(attach="auto").lookup_transform("map", "robot", at(1), LONG)
+        assert file_of(BY_DOMAIN).exists()
+        owner.send_signal(how)
+        out, err = owner.communicate(timeout=DEADLINE_S)
+        assert (owner.returncode, out, err) == (0, "", "")
+        assert not file_of(BY_DOMAIN).exists()
+
+    def test_the_name_of_a_killed_one_is_free(self, owner):
+        owner.kill()
+        owner.wait()
+        with sharing() as (process, said):
+            assert f": process {process.pid}, " in said
+
+
+def which(wanted, code="main([])"):
+    """What tf2_which says of shared buffers, where the environment wants this one."""
+    environment = {**os.environ, "TF2_SHARED_BUFFER": wanted}
+    command = [sys.executable, "-c", f"import sys\nfrom tf2_ros_cython.which import main\n{code}"]
+    done = subprocess.run(
+        command, env=environment, text=True, capture_output=True, timeout=DEADLINE_S, check=True
+    )
+    assert done.stderr == ""
+    [line] = [line for line in done.stdout.splitlines() if line.startswith("shared buffer: ")]
+    return line.removeprefix("shared buffer: ")
+
+
+class TestWhich:
+    def test_it_tells_the_shared_buffer_that_a_program_would_find(self):
+        with sharing("--cache-time", "30") as (process, _):
+            assert which("auto") == (
+                f"'{BY_DOMAIN}' of process {process.pid} (tf2_shared_buffer.py), "
+                f"ROS domain {DOMAIN}, /tf and /tf_static, keeps 30 s"
+            )
+
+    def test_one_that_nothing_fills_is_told_as_such(self, tf2_ros):
+        name = f"{BY_DOMAIN}-empty"
+        buffer = tf2_ros.Buffer(share=name)
+        said = which(name)
+        assert said.startswith(f"'{name}' of process {os.getpid()} (")
+        assert said.endswith("), without a listener, keeps 10 s")
+        del buffer
+
+    @pytest.mark.parametrize(
+        ("wanted", "said"),
+        [
+            ("", "none wanted; TF2_SHARED_BUFFER is not set"),
+            ("auto", f"none: no process of this user shares a buffer '{BY_DOMAIN}'"),
+            (
+                "a/b",
+                "none: 'a/b' is not a name of a shared buffer: letters, digits, '.', '_' and '-', "
+                "at most 100, beginning with a letter or digit",
+            ),
+        ],
+        ids=["none wanted", "none shared", "no name"],
+    )
+    def test_where_there_is_none_it_says_why(self, wanted, said):
+        assert which(wanted) == said
+
+    def test_what_is_no_shared_buffer_is_told(self):
+        name = f"{BY_DOMAIN}-spoiled"
+        file_of(name).mkdir()
+        try:
+            assert which(name).startswith(f"none: the shared buffer '{name}' cannot be read: ")
+        finally:
+            file_of(name).rmdir()
+
+    def test_off_linux_it_has_no_effect(self):
+        said = which("auto", "sys.platform = 'darwin'\nmain([])")
+        assert said == "TF2_SHARED_BUFFER=auto has no effect: buffers are shared only on Linux"
+
+    def test_for_another_tf2_ros_it_has_no_effect_and_nothing_is_imported(self, tmp_path):
+        (tmp_path / "tf2_ros").mkdir()
+        (tmp_path / "tf2_ros" / "__init__.py").write_text("raise SystemExit('imported')\n")
+        said = which(
+            "auto", f"sys.path.insert(0, {str(tmp_path)!r})\nmain([])\nassert 'rclpy' not in sys.modules"
+        )
+        assert said == "TF2_SHARED_BUFFER=auto has no effect, because tf2_ros is not tf2-ros-cython's"
+
+
+class TestTheHelpOfTf2Which:
+    def test_is_as_of_the_others(self):
+        status, out, err = told("-h")
+        assert (status, err) == (0, "")
+        assert out.startswith("usage: tf2_which ")
+        assert "\nexample:\n  tf2_which\n" in out
+
+    def test_wrong_usage_is_one_line(self):
+        expected = "tf2_which: unrecognized arguments: map (see tf2_which --help)\n"
+        assert told("map") == (2, "", expected)
+
+
+def told(*arguments):
+    code = "import sys\nfrom tf2_ros_cython.which import main\nsys.exit(main())"
+    ended = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True)
+    return ended.returncode, ended.stdout, ended.stderr

@@ -1,0 +1,407 @@
+"""Pictures, drawn from records and arrays without a node, and read again."""
+
+import re
+import subprocess
+from datetime import datetime, timezone
+from math import inf
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from processes import needs_dot
+
+from tf2_ros.records import RECORD
+from tf2_ros_tools.findings import Finding, Limits
+from tf2_ros_tools.pictures import (
+    GAP,
+    MOST_FINDINGS,
+    MOST_NAMES,
+    MOST_REASONS,
+    MOST_ROWS,
+    NOT_YET,
+    PROBLEM,
+    STYLES,
+    Row,
+    file_of,
+    heard_figure,
+    heard_picture,
+    heard_rows,
+    label,
+    tree_dot,
+)
+from tf2_ros_tools.pictures import drawn as render
+from tf2_ros_tools.program import RunError
+from tf2_ros_tools.streams import Stream
+
+pytestmark = pytest.mark.ours
+
+SVG = "{http://www.w3.org/2000/svg}"
+STARTS = {"svg": b"<?xml", "png": b"\x89PNG\r\n\x1a\n", "pdf": b"%PDF-"}
+# What means something to Graphviz, to SVG, or to a terminal.
+HOSTILE = [
+    "a:b",
+    "<b>bold</b>",
+    'say "hi"',
+    "back\\slash\\n\\G",
+    "&amp;",
+    "]; evil [",
+    "-- comment",
+    "subgraph",
+    "$a$",
+    "中文",
+    "<",
+]
+
+
+def stream(frame, parent="map", publisher="/robot", static=False, **figures):
+    timed = {} if static else {"rate": 50.0, "delay": 0.001, "delay_max": 0.004, "period": 0.02}
+    figures = {
+        **dict.fromkeys(("rate", "delay", "delay_max", "delay_min", "jitter", "period")),
+        "publisher_id": 0,
+        "count": 9,
+        "gap": 0.02,
+        "first": 3.0,
+        "silence": 0.01,
+        "stalled": 0.01,
+        **timed,
+        **figures,
+    }
+    return Stream(frame=frame, parent=parent, publisher=publisher, static=static, **figures)
+
+
+ROBOT = [stream("odom"), stream("base", "odom", publisher="/wheels"), stream("camera", "base", static=True)]
+
+
+def groups(svg, kind):
+    """The texts of the parts of one class, each as a list of lines."""
+    return [
+        [text.text for text in group.iter(f"{SVG}text") if text.text.strip()]
+        for group in ElementTree.fromstring(svg).iter(f"{SVG}g")
+        if kind in group.get("class", "").split()
+    ]
+
+
+def size_in(svg):
+    """Width and height of a picture, in inches."""
+    root = ElementTree.fromstring(svg)
+    return [float(root.get(side).removesuffix("pt")) / 72 for side in ("width", "height")]
+
+
+def drawn(*arguments, **how):
+    return render(tree_dot(*arguments, **how), "svg")
+
+
+@needs_dot
+class TestTree:
+    def test_has_a_node_for_each_frame_and_an_edge_for_each_stream(self):
+        svg = drawn(ROBOT, spans={"odom": (1.0, 10.5)}, time=12.5)
+        assert sorted(groups(svg, "frame")) == [["base"], ["camera"], ["map"], ["odom"]]
+        assert groups(svg, "static") == [["/robot", "static"]]
+        figures = ["50.0 Hz", "delay 1.0 ms, max 4.0 ms"]
+        assert sorted(groups(svg, "dynamic")) == [
+            ["/robot", *figures, "buffer 9.50 s"],
+            ["/wheels", *figures],
+        ]
+        assert [["Recorded at time: 12.500"]] == [lines[:1] for lines in groups(svg, "cluster")]
+        assert sorted(groups(svg, "legend")) == [["dynamic"], ["problem"], ["stale"], ["static"]]
+
+    def test_stale_frames_differ_in_colour_and_style(self):
+        late = stream("arm", silence=4.2)
+        dot = tree_dot([*ROBOT, late], [Finding("stale", "arm", "arm was last received 4.2 s ago")])
+        [edge] = groups(render(dot, "svg"), "stale")
+        assert edge[-1] == "was last received 4.2 s ago"
+        strokes = re.findall(
+            r'class="?(?:problem )?(stale|static|dynamic)"? color="(.*?)".*?style=(\w+)', dot
+        )
+        assert len({colour for _, colour, _ in strokes}) == 3
+        assert len({style for *_, style in strokes}) == 3
+
+    def test_two_publishers_are_two_edges(self):
+        svg = drawn([stream("base"), stream("base", publisher="/intruder")])
+        assert sorted(lines[0] for lines in groups(svg, "dynamic")) == ["/intruder", "/robot"]
+        assert len(groups(svg, "frame")) == 2
+
+    def test_a_problem_is_marked_on_its_edges_with_the_reason(self):
+        loop = [stream("a", "b"), stream("b", "a")]
+        svg = drawn(
+            [*ROBOT, *loop, stream("base", publisher="/intruder")],
+            [
+                Finding("loop", "a", "the frames a -> b -> a form a loop", {"frames": ["a", "b"]}),
+                Finding("publishers", "base", "base is published by 2 publishers: /intruder, /wheels"),
+                Finding("refused", "ghost", "3 of 3 transforms of ghost by /robot are refused: not a number"),
+                Finding("roots", "", "2 unconnected trees"),
+            ],
+        )
+        marked = {tuple(lines[:1] + lines[3:]) for lines in groups(svg, "problem")}
+        assert marked == {
+            ("/robot", "the frames a -> b -> a form a", "loop"),
+            ("/wheels", "is published by 2 publishers:", "/intruder, /wheels"),
+            ("/intruder", "is published by 2 publishers:", "/intruder, /wheels"),
+            ("ghost",),  # it has no edge
+        }
+        for group in ElementTree.fromstring(svg).iter(f"{SVG}g"):
+            kinds = group.get("class", "").split()
+            if kinds[-1:] == ["dynamic"]:
+                colours = {path.get("stroke") for path in group.iter(f"{SVG}path")}
+                assert colours == {(PROBLEM if "problem" in kinds else STYLES["dynamic"])["color"].lower()}
+
+    def test_of_many_problems_of_a_frame_some_are_on_its_edge(self):
+        findings = [Finding("gap", "odom", f"odom has gap {number}") for number in range(MOST_REASONS + 2)]
+        [edge] = groups(drawn(ROBOT, findings), "problem")
+        assert edge[-4:] == ["has gap 0", "has gap 1", "has gap 2", "and 2 more"]
+
+    def test_nodes_have_the_names_of_their_frames(self):
+        dot = tree_dot([stream("odom"), stream("a:b", "odom"), stream("robot1/base link", "odom")])
+        assert re.search(r"^\s*map -> odom ", dot, re.MULTILINE)
+        assert re.search(r'^\s*odom -> "robot1/base link" ', dot, re.MULTILINE)
+        assert '"a:b"' not in dot.replace('label="a:b"', "").replace('tooltip="a:b"', "")
+
+    def test_the_oldest_and_the_most_recent_stamp_are_shown_beside_an_edge(self):
+        svg = drawn(ROBOT, spans={"odom": (1.0, 10.5)})
+        titles = [
+            one.get("{http://www.w3.org/1999/xlink}title") for one in ElementTree.fromstring(svg).iter()
+        ]
+        [title] = {title for title in titles if title and "oldest" in title}
+        assert "most recent transform: 10.500000" in title and "oldest transform: 1.000000" in title
+
+    def test_300_frames_fit_a_page_that_viewers_open_and_each_is_named(self):
+        robot = [stream(f"link_{i:03d}", f"link_{(i - 1) // 3:03d}" if i else "map") for i in range(300)]
+        finding = Finding("gap", "link_299", "link_299 was not received for 3 s")
+        svg = drawn(robot, [finding])
+        names = [name for lines in groups(svg, "frame") for name in lines]
+        assert sorted(names) == sorted(["map", *(one.frame for one in robot)])
+        assert ["/robot", "3 frames, at least 50.0 Hz", "delay at most 4.0 ms"] in groups(svg, "dynamic")
+        [marked] = groups(svg, "problem")
+        assert marked[-1] == "was not received for 3 s"
+        assert max(size_in(svg)) < 100
+        # Where nothing can be folded, the picture is smaller.
+        unlike = [stream(one.frame, one.parent, publisher=f"/of_{one.frame}") for one in robot * 2]
+        assert max(size_in(drawn(unlike))) < 200
+
+    def test_a_small_robot_is_not_folded(self):
+        assert ["camera"] in groups(drawn([*ROBOT, stream("lidar", "base", static=True)]), "frame")
+
+    def test_many_folded_frames_are_cut_and_told(self):
+        svg = drawn([stream(f"tag_{i:03d}", static=True) for i in range(MOST_NAMES + 25)])
+        [names] = [lines for lines in groups(svg, "frame") if len(lines) > 1]
+        assert (len(names), names[-1]) == (MOST_NAMES + 1, "and 25 more")
+
+    def test_tells_what_is_wrong(self):
+        findings = [Finding("gap", "odom", f"gap {number}") for number in range(MOST_FINDINGS + 3)]
+        root = ElementTree.fromstring(drawn(ROBOT, findings))
+        texts = [text.text for text in root.iter(f"{SVG}text")]
+        assert {"gap 0", f"gap {MOST_FINDINGS - 1}", "and 3 more"} <= set(texts)
+        assert f"gap {MOST_FINDINGS}" not in texts
+
+    @pytest.mark.parametrize("name", HOSTILE)
+    def test_shows_a_name_as_it_is(self, name):
+        svg = drawn([stream(name, publisher=name)])
+        assert sorted(groups(svg, "frame")) == sorted([["map"], [name]])
+        assert [lines[0] for lines in groups(svg, "dynamic")] == [name]
+
+    @pytest.mark.parametrize(
+        ("name", "shown"), [("\x1b[31m\n", r"\x1b[31m\n"), ("\ud800", r"\ud800"), ("\x00", r"\x00")]
+    )
+    def test_escapes_what_does_not_print(self, name, shown):
+        assert [shown] in groups(drawn([stream(name)]), "frame")
+
+    def test_of_nothing_says_so(self):
+        texts = [text.text for text in ElementTree.fromstring(drawn([])).iter(f"{SVG}text")]
+        assert "no transform was received" in texts
+
+    @pytest.mark.parametrize("kind", STARTS)
+    def test_every_format_is_what_its_name_says(self, kind):
+        assert render(tree_dot(ROBOT), kind).startswith(STARTS[kind])
+
+    def test_the_same_streams_give_the_same_text(self):
+        assert tree_dot(ROBOT) == tree_dot(ROBOT)
+
+    def test_without_dot_that_is_the_error(self, monkeypatch, tmp_path):
+        monkeypatch.setenv("PATH", str(tmp_path))
+        with pytest.raises(FileNotFoundError):
+            render(tree_dot(ROBOT), "svg")
+
+    def test_what_dot_says_is_in_the_error(self):
+        with pytest.raises(RunError, match="dot failed: .*syntax error"):
+            render("digraph {", "svg")
+
+    def test_graphviz_reads_what_is_written(self):
+        dot = tree_dot([stream(name, publisher=name) for name in HOSTILE])
+        subprocess.run(["dot", "-Tcanon"], input=dot.encode(), check=True, capture_output=True)
+
+
+class TestLabels:
+    def test_a_long_name_loses_its_middle(self):
+        assert label("a" * 500 + "z" * 500, 10) == "aaaaa…zzzzz"
+        assert label("a" * 10, 10) == "a" * 10
+
+    def test_what_escapes_make_long_is_cut_too(self):
+        assert len(label("\x1b" * 60, 60)) == 61
+
+
+BEGIN, END = 1000.0, 1010.0
+NOTHING = np.zeros(0)
+
+
+def row(name, times, delay=0.001, gap=0.2, **how):
+    times = np.asarray(times, float)
+    return Row(name, stream(name, **how), times, np.full(len(times), delay), gap)
+
+
+def texts_of(figure):
+    root = ElementTree.fromstring(file_of(figure, "svg"))
+    return ["".join(text.itertext()) for text in root.iter(f"{SVG}text")]
+
+
+def bars(figure, style=GAP):
+    """What a figure shows in a style, by default gaps: row from below, begin and length."""
+    found = []
+    for collection in figure.axes[0].collections:
+        if collection.get_hatch() != style["hatch"]:
+            continue
+        for path in collection.get_paths():
+            box = path.get_extents()
+            if box.height == 1.0 and box.width > 0.0:
+                found.append((box.y0, pytest.approx(box.x0), pytest.approx(box.width)))
+    return sorted(found, key=lambda one: one[0])
+
+
+STEADY = BEGIN + 0.01 + 0.02 * np.arange(500)
+
+
+class TestHeard:
+    def test_each_row_has_its_name_parent_publisher_and_figures(self):
+        texts = texts_of(heard_figure([row("odom", STEADY), row("camera", [BEGIN], static=True)], BEGIN, END))
+        for text in ("odom", "below map", "50.0 Hz, /robot", "delay 1.0 ms, max 4.0 ms", "static, /robot"):
+            assert text in texts
+        for text in ("received", "static: received, and valid since", "gap", "not received yet"):
+            assert text in texts
+
+    def test_gaps_are_where_nothing_was_received_for_too_long(self):
+        with_gap = STEADY[(STEADY < BEGIN + 4) | (STEADY >= BEGIN + 6)]
+        rows = [row("steady", STEADY), row("with_gap", with_gap), row("stopped", STEADY[STEADY < BEGIN + 7])]
+        rows.append(row("silent", [BEGIN - 1]))
+        rows.append(row("slow", [BEGIN, BEGIN + 5], gap=inf))
+        assert bars(heard_figure(rows, BEGIN, END)) == [
+            (1.0, 1000.0, 10.0),
+            (2.0, 1006.99, 3.01),
+            (3.0, 1003.99, 2.02),
+        ]
+
+    def test_every_transform_is_a_line(self):
+        figure = heard_figure([row("odom", STEADY[::50])], BEGIN, END)
+        lines = figure.axes[0].collections[0].get_segments()
+        assert [segment[0][0] for segment in lines] == pytest.approx(STEADY[::50], abs=0.002)
+
+    def test_what_is_blank_at_the_beginning_is_marked_as_not_received_yet(self):
+        late = STEADY[STEADY >= BEGIN + 3]
+        rows = [row("steady", STEADY), row("late", late), row("fixed", [BEGIN + 4], static=True)]
+        rows.append(Row("never", None, NOTHING, NOTHING, inf))
+        figure = heard_figure(rows, BEGIN, END)
+        assert bars(figure, NOT_YET) == [(0.0, 1000.0, 10.0), (1.0, 1000.0, 4.0), (2.0, 1000.0, 3.01)]
+        assert bars(figure) == []
+
+    def test_the_axis_shows_the_times_of_a_simulation_in_seconds(self):
+        figure = heard_figure([row("odom", STEADY)], BEGIN, END)
+        assert figure.axes[0].get_xlabel() == "time in s"
+        assert {"1000", "1010"} <= set(texts_of(figure))
+
+    @pytest.mark.parametrize(
+        ("span", "shown"),
+        [
+            (0.004, {"21:27:14.251", "21:27:14.254"}),
+            (10.0, {"21:27:16", "21:27:24"}),
+            (7200.0, {"21:30:00", "23:00:00"}),
+            (259_200.0, {"11-21 00:00", "11-23 00:00"}),
+        ],
+    )
+    def test_the_axis_shows_the_times_of_the_clock(self, span, shown):
+        begin = 1795210034.251
+        figure = heard_figure([row("odom", begin + 0.1 * span * np.arange(11))], begin, begin + span)
+        axes = figure.axes[0]
+        assert shown <= set(texts_of(figure))
+        assert axes.get_xlabel() == "time in UTC, from 2026-11-20 21:27:14 (1795210034.251 s)"
+        assert axes.get_xlim() == pytest.approx((begin, begin + span), abs=1e-6)
+        # Each tick is where its text says.
+        date = "%Y-%m-%d %H:%M:%S.%f"
+        for place, text in zip(axes.get_xticks(), axes.get_xticklabels(), strict=True):
+            assert text.get_text() in datetime.fromtimestamp(round(place, 6), timezone.utc).strftime(date)
+
+    def test_a_frame_that_was_not_received_says_so(self):
+        texts = texts_of(heard_figure([Row("arm", None, NOTHING, NOTHING, inf)], BEGIN, END))
+        assert {"arm", "not received"} <= set(texts)
+
+    @pytest.mark.parametrize("name", [*HOSTILE, "$\\frac{$"])
+    def test_a_name_is_shown_as_it_is(self, name):
+        assert name in texts_of(heard_figure([row(name, STEADY)], BEGIN, END))
+
+    def test_stamps_in_the_future_stay_in_their_row(self):
+        figure = heard_figure([row("ahead", STEADY, delay=-5.0)], BEGIN, END)
+        [dots] = [line for line in figure.axes[0].lines if line.get_marker() == "."]
+        assert 0.0 < dots.get_ydata().min() <= dots.get_ydata().max() < 1.0
+
+    def test_too_many_rows_are_cut_and_told(self):
+        rows = [row(f"frame{number}", [BEGIN + 1]) for number in range(MOST_ROWS + 3)]
+        figure = heard_figure(rows, BEGIN, END)
+        assert figure.axes[0].get_xlabel() == "time in s; 3 more rows are not shown"
+        assert len(figure.axes[0].get_yticks()) == MOST_ROWS
+
+    def test_the_margins_do_not_depend_on_the_rows(self):
+        few, many = [row("odom", STEADY)] * 2, [row("odom", [BEGIN - 1], static=True)] * 20
+        for rows in (few, many):
+            figure = heard_figure(rows, BEGIN, END)
+            file_of(figure, "png")
+            assert figure.axes[0].get_position().y0 * figure.get_figheight() < 0.6
+
+    def test_rows_are_made_of_records(self):
+        frames = ["map", "odom", "base"]
+        ns = int(BEGIN) * 10**9
+        records = np.array(
+            [
+                (ns + 20, ns + 10, 1, 0, 0, 0, 0),
+                (ns + 30, ns + 10, 2, 1, 0, 1, 0),
+                (ns + 40, ns + 10, 1, 0, 1, 0, 0),
+                (ns + 10**9, ns, 1, 0, 0, 0, 0),
+            ],
+            RECORD,
+        )
+        streams = [stream("odom", publisher_id=0), stream("odom", publisher_id=1, period=0.1)]
+        streams.append(stream("base", "odom", static=True))
+        rows = heard_rows(records, streams, frames, Limits())
+        assert [one.name for one in rows] == ["odom", "odom", "base"]
+        assert [list(one.times) for one in rows] == [
+            [BEGIN + 20e-9, BEGIN + 1],
+            [BEGIN + 40e-9],
+            [BEGIN + 30e-9],
+        ]
+        assert list(rows[0].delays) == pytest.approx([10e-9, 1.0])
+        assert [one.gap for one in rows] == [pytest.approx(0.2), pytest.approx(0.5), inf]
+
+
+@pytest.mark.parametrize("kind", STARTS)
+def test_a_figure_is_written_in_each_format(kind):
+    assert file_of(heard_figure([row("odom", STEADY)], BEGIN, END), kind).startswith(STARTS[kind])
+
+
+def test_drawing_leaves_matplotlib_as_it_was():
+    import matplotlib
+
+    before = dict(matplotlib.rcParams)
+    file_of(heard_figure([row("odom", STEADY)], BEGIN, END), "svg")
+    assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.parametrize(
+    ("refusals", "said"),
+    [
+        ([8, 8], "all transforms of base are refused"),
+        # Received before the clock jumped back, after which there is no stream of it.
+        ([8, 0], "no transform of base was received"),
+        ([], "no transform of base was received"),
+    ],
+)
+def test_of_a_frame_that_cannot_be_drawn_it_is_said_why(refusals, said):
+    records = np.zeros(len(refusals), RECORD)
+    records["child"], records["refusals"] = 1, refusals
+    with pytest.raises(RunError, match=f"^{said}$"):
+        heard_picture(records, [], ["map", "base"], ["base"], (0.0, 1.0))

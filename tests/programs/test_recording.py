@@ -1,0 +1,193 @@
+"""What a receiver notes of each transform, if it is asked to."""
+
+import numpy as np
+import pytest
+from making import S
+from processes import until
+
+from tf2_ros.records import RECORD, Recording
+from tf2_ros_tools.findings import Limits
+from tf2_ros_tools.listening import listening
+
+pytestmark = pytest.mark.ours
+
+MALFORMED = bytes.fromhex("0001000001000000")  # one transform is announced
+
+
+@pytest.fixture
+def heard(tf2_ros, node):
+    """A function: a Recording of so many transforms that a listener of `node` fills, and the listener."""
+    listeners = []
+
+    def make(*arguments):
+        recording = Recording(*arguments)
+        buffer = tf2_ros.Buffer(node=node)
+        listeners.append(tf2_ros.TransformListener(buffer, node, recording=recording))
+        assert listeners[-1].receives
+        return recording, listeners[-1]
+
+    yield make
+    for listener in listeners:
+        listener.unregister()
+
+
+def take(recording, count):
+    """So many records, once they have arrived."""
+    taken = [np.zeros(0, RECORD)]
+
+    def enough():
+        taken.append(recording.take())
+        return sum(map(len, taken)) >= count
+
+    until(enough)
+    return np.concatenate(taken)
+
+
+def test_each_transform_has_its_publisher_times_and_names(heard, node, peer):
+    recording, _ = heard()
+    one, other = peer("-r", "__node:=one"), peer("-r", "__node:=other", "-r", "__ns:=/arm")
+    before_ns = node.get_clock().now().nanoseconds
+    one.send(("map", "odom", 5 * S, 0.0), ("odom", "/base", 6 * S, 0.0))
+    first = take(recording, 2)
+    other.send(("/map", "odom", 7 * S, 0.0))
+    second = take(recording, 1)
+    one.send(("base", "camera", 0, 0.0), static=True)
+    third = take(recording, 1)
+    records = np.concatenate([first, second, third])
+
+    names = recording.frames()
+    told = [
+        (names[one["parent"]], names[one["child"]], one["stamp_ns"] // S, one["static"]) for one in records
+    ]
+    assert told == [
+        ("map", "odom", 5, 0),
+        ("odom", "base", 6, 0),
+        ("map", "odom", 7, 0),
+        ("base", "camera", 0, 1),
+    ]
+    received = records["received_ns"]
+    assert (np.diff(received) >= 0).all()
+    assert before_ns <= received[0] <= received[-1] <= node.get_clock().now().nanoseconds
+
+    def publishers():
+        gids = {
+            bytes(info.endpoint_gid): (info.node_namespace, info.node_name)
+            for topic in ("/tf", "/tf_static")
+            for info in node.get_publishers_info_by_topic(topic)
+        }
+        return [gids.get(recording.publishers()[one["publisher"]]) for one in records]
+
+    # The graph may know an endpoint before it knows its node.
+    until(lambda: publishers() == [("/", "one")] * 2 + [("/arm", "other")] + [("/", "one")])
+    assert len(recording.publishers()) == 3
+
+
+def test_the_buffer_is_filled_as_well(heard, peer):
+    recording, listener = heard()
+    peer().send(("map", "odom", 5 * S, 0.0))
+    take(recording, 1)
+    until(lambda: listener.buffer.statistics()["taken"] == 1)
+
+
+def test_what_there_is_no_place_for_is_counted(heard, peer):
+    recording, _ = heard(3)
+    talker = peer()
+    talker.send(*(("map", f"f{i}", S, 0.0) for i in range(5)))
+    until(lambda: recording.lost == 2)
+    assert len(recording.take()) == 3
+    talker.send(("map", "f9", S, 0.0))
+    [one] = take(recording, 1)
+    assert recording.frames()[one["child"]] == "f9"
+    assert (recording.lost, recording.messages) == (2, 2)
+
+
+def test_a_malformed_message_is_counted(heard, peer):
+    recording, _ = heard()
+    talker = peer()
+    talker.send_bytes(MALFORMED)
+    until(lambda: recording.malformed == 1)
+    talker.send(("map", "odom", S, 0.0))
+    assert len(take(recording, 1)) == 1
+    assert (recording.messages, recording.malformed, recording.lost) == (1, 1, 0)
+
+
+def test_many_names_arrive_whole(heard, peer):
+    recording, _ = heard()
+    names = [f"{'Ж' * (i % 7)}frame_{i}" for i in range(3000)]
+    talker = peer()
+    for start in range(0, len(names), 500):
+        talker.send(*(("map", name, S, 0.0) for name in names[start : start + 500]))
+        take(recording, 500)
+        assert set(names[: start + 500]) <= set(recording.frames())
+    assert recording.frames().count(names[0]) == 1
+    assert recording.frames() is recording.frames()
+
+
+def test_a_listener_that_cannot_record_says_so(tf2_ros, node):
+    class Listener(tf2_ros.TransformListener):
+        def callback(self, data):
+            super().callback(data)
+
+        static_callback = callback
+
+    with pytest.raises(NotImplementedError, match="cannot be recorded here: code of this program handles"):
+        Listener(tf2_ros.Buffer(node=node), node, recording=Recording())
+
+
+def test_a_new_recording_is_empty():
+    recording = Recording()
+    assert (len(recording.take()), recording.frames(), recording.publishers()) == (0, [], [])
+    assert (recording.messages, recording.malformed, recording.lost) == (0, 0, 0)
+
+
+class TestListening:
+    def test_a_publisher_keeps_its_name_when_it_has_ended(self, node, peer):
+        with listening(node) as heard:
+            talker = peer("-r", "__node:=short_lived")
+
+            def known():
+                # Sent again, until it was discovered. A report would look it up, too.
+                talker.send(("map", "odom", S, 0.0))
+                heard.drain()
+                publishers = set(heard._recording.publishers())
+                return publishers and heard._names.keys() >= publishers
+
+            until(known)
+            talker.end()
+            until(lambda: not node.get_publishers_info_by_topic("/tf"))
+            [one] = heard.report(Limits()).streams
+            assert one.publisher == "/short_lived"
+
+    def test_a_publisher_keeps_its_name_when_the_graph_has_lost_its_node(self, node, peer, monkeypatch):
+        with listening(node) as heard:
+            talker = peer("-r", "__node:=lost")
+
+            def named(name):
+                # Sent again, until it was discovered.
+                talker.send(("map", "odom", S, 0.0))
+                return [one.publisher for one in heard.report(Limits()).streams] == [name]
+
+            until(lambda: named("/lost"))
+            ask = node.get_publishers_info_by_topic
+
+            def without_names(topic):
+                found = ask(topic)
+                for one in found:
+                    one.node_name, one.node_namespace = "_NODE_NAME_UNKNOWN_", "_NODE_NAMESPACE_UNKNOWN_"
+                return found
+
+            monkeypatch.setattr(node, "get_publishers_info_by_topic", without_names)
+            assert named("/lost")
+
+    def test_an_unknown_publisher_is_told_by_its_number(self, node, peer, monkeypatch):
+        with listening(node) as heard:
+            monkeypatch.setattr(node, "get_publishers_info_by_topic", lambda topic: [])
+            talker = peer()
+
+            def known():
+                talker.send(("map", "odom", S, 0.0))
+                return heard.report(Limits()).streams
+
+            [one] = until(known)
+            gid = heard._recording.publishers()[0].hex()
+            assert one.publisher == f"{gid[:12]}..{gid[-8:]}"

@@ -1,0 +1,231 @@
+"""The table of tf2_monitor on terminals of several sizes, and its keys."""
+
+import math
+import os
+import re
+import signal
+import sys
+import termios
+import time
+from pathlib import Path
+
+import pytest
+from making import S
+from processes import DEADLINE_S
+
+pytest.importorskip("pexpect")
+pytest.importorskip("pyte")
+pytest.importorskip("textual")
+
+import pexpect
+from terminals import JUNK, Terminal
+
+pytestmark = pytest.mark.ours
+
+NAMES = [f"front_left_wheel_{number:02}" for number in range(20)]
+TOPICS = ("-r", "/tf:=/tf_screen", "-r", "/tf_static:=/tf_static_screen")
+PAGE_DOWN, DOWN, ESCAPE, ENTER, CTRL_C = "\x1b[6~", "\x1b[B", "\x1b", "\r", "\x03"
+# What fits beside frames of 19 letters, the more important ones first.
+COLUMNS = {
+    (120, 30): ["frame", "Hz", "delay", "wrong", "parent", "publisher", "max", "jitter"],
+    (80, 24): ["frame", "Hz", "delay", "wrong", "parent", "publisher"],
+    (60, 24): ["frame", "Hz", "delay", "wrong"],
+    (45, 24): ["frame", "Hz", "delay"],
+}
+
+
+def monitor(size, *arguments):
+    return Terminal(*size, "tf2_monitor", *arguments, "--ros-args", *TOPICS)
+
+
+@pytest.fixture
+def talker(peer):
+    """Sends static transforms of many frames, which wait for the monitor."""
+    talker = peer(*TOPICS)
+    talker.send_without_subscriber(*(("base_link", name, S, 1.0) for name in NAMES), static=True)
+    return talker
+
+
+def title(lines):
+    """The titles of the columns, and the number of their line; None if it is not shown, or more than once."""
+    found = [number for number, line in enumerate(lines) if re.match(r" frame +Hz\b", line)]
+    return (lines[found[0]].replace(" ms", "").split(), found[0]) if len(found) == 1 else None
+
+
+def rows(lines):
+    """The names of the frames that are shown, in their order."""
+    if (found := title(lines)) is None:
+        return []
+    below = "\n".join(lines[found[1] + 1 :])
+    return re.match(r"(?: \w+ +(?:static|[\d.]+|\?)(?: .*)?\n)*", below + "\n").group().split("\n")[:-1]
+
+
+def joined(lines):
+    """The text of the screen, with folded lines put together."""
+    return " ".join(" ".join(lines).split())
+
+
+def names(lines):
+    return [row.split()[0] for row in rows(lines)]
+
+
+class TestSizes:
+    @pytest.mark.parametrize("size", COLUMNS, ids=lambda size: f"{size[0]}x{size[1]}")
+    def test_names_are_whole_and_all_frames_are_within_reach(self, size, talker):
+        with monitor(size) as terminal:
+            seen = {*terminal.shows(lambda lines: len(names(lines)) >= 8 and names(lines))}
+            while seen != {*NAMES}:
+                terminal.press(PAGE_DOWN)
+                seen |= {*terminal.shows(lambda lines: {*names(lines)} - seen)}  # noqa: B023
+
+    @pytest.mark.parametrize(("size", "wanted"), COLUMNS.items(), ids=str)
+    def test_columns_are_dropped_by_importance(self, size, wanted, talker):
+        with monitor(size) as terminal:
+            terminal.shows(lambda lines: names(lines) and title(lines)[0] == wanted)
+
+    def test_a_resized_terminal_is_drawn_anew(self, talker):
+        with monitor((120, 30)) as terminal:
+            for size in ((80, 24), (45, 24), (60, 24), (120, 30), (45, 12), (80, 24)):
+                terminal.resize(*size)
+                terminal.shows(lambda lines: JUNK not in "".join(lines) and len(names(lines)) >= 2)
+                assert {*names(terminal.lines)} <= {*NAMES}
+
+    def test_a_name_that_is_too_long_is_folded(self, peer):
+        talker = peer(*TOPICS)
+        name = "".join(f"{number:03}" for number in range(40))
+        talker.send_without_subscriber(("map", name, S, 1.0), static=True)
+        with monitor((45, 24)) as terminal:
+            terminal.shows(lambda lines: name in "".join(line[1:25].strip() for line in lines))
+
+
+class TestKeys:
+    def test_sorting_by_name_delay_and_rate(self, peer):
+        talker = peer(*TOPICS)
+        with monitor((80, 24), "--window", "3") as terminal:
+            terminal.shows(title)
+
+            def shows(*wanted):
+                def are_so(lines):
+                    now = time.time_ns()
+                    talker.send(
+                        ("map", "b", now - 5 * S, 1.0), ("b", "c", now, 1.0), ("b", "a", now - S, 1.0)
+                    )
+                    talker.send(("b", "a", now - S, 1.0), ("b", "c", now, 1.0))
+                    talker.send(("b", "a", now - S, 1.0))
+                    return names(lines) == [*wanted]
+
+                terminal.shows(are_so)
+
+            terminal.press("n")
+            shows("a", "b", "c")
+            terminal.press("n")
+            shows("c", "b", "a")
+            terminal.press("d")
+            shows("b", "a", "c")
+            terminal.press("d")
+            shows("c", "a", "b")
+            terminal.press("r")
+            shows("a", "c", "b")
+            terminal.shows(lambda lines: "by rate" in joined(lines[:2]))
+
+    def test_frames_with_problems_are_first(self, talker, peer):
+        other = peer(*TOPICS)
+        other.send_without_subscriber(("base_link", NAMES[-1], S, 1.0), static=True)
+        with monitor((80, 24)) as terminal:
+            terminal.shows(lambda lines: names(lines)[:3] == [NAMES[-1], NAMES[-1], NAMES[0]])
+            text = f"{NAMES[-1]} is published by 2 publishers: /peer, /peer"
+            terminal.shows(lambda lines: text in joined(lines))
+            terminal.press("n")
+            terminal.shows(lambda lines: names(lines)[:3] == NAMES[:3])
+            terminal.press("t")
+            terminal.shows(lambda lines: names(lines)[:3] == [NAMES[-1], NAMES[-1], NAMES[0]])
+
+    def test_a_filter_is_set_and_removed(self, talker):
+        with monitor((80, 24)) as terminal:
+            terminal.shows(lambda lines: len(names(lines)) >= 8)
+            # At once, as a paste: no key goes astray while the filter opens.
+            terminal.press("/WHEEL_1")
+            terminal.shows(lambda lines: names(lines) == NAMES[10:])
+            terminal.press(ENTER)
+            terminal.press("n")
+            terminal.press("n")
+            terminal.shows(lambda lines: names(lines) == NAMES[:9:-1])
+            terminal.press(ESCAPE)
+            terminal.shows(lambda lines: NAMES[8] in names(lines))
+
+    def test_a_highlighted_frame_is_described(self, talker):
+        with monitor((45, 24)) as terminal:
+            terminal.shows(lambda lines: f"{NAMES[0]}: parent base_link, publisher /peer" in joined(lines))
+            terminal.press(DOWN)
+            terminal.shows(lambda lines: f"{NAMES[1]}: parent base_link, publisher /peer" in joined(lines))
+
+    @pytest.mark.parametrize("keys", ["q", CTRL_C, "/" + CTRL_C])
+    def test_it_quits(self, keys, talker):
+        with monitor((80, 24)) as terminal:
+            terminal.shows(names)
+            terminal.press(keys)
+            assert terminal.ended() == 0
+
+    @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+    def test_a_signal_ends_it_and_the_terminal_is_as_before(self, how, talker):
+        with monitor((80, 24)) as terminal:
+            before = termios.tcgetattr(terminal.process.child_fd)
+            terminal.shows(names)
+            assert termios.tcgetattr(terminal.process.child_fd) != before
+            terminal.process.kill(how)
+            assert terminal.ended() == 0
+            assert "Traceback" not in terminal.process.before
+            assert termios.tcgetattr(terminal.process.child_fd) == before
+
+    def test_an_error_in_it_fails(self):
+        program = "import sys; from tf2_ros_tools.screen import *; sys.exit(show_screen(lambda: 1 / 0, ''))"
+        environment = {**os.environ, "TERM": "xterm-256color"}
+        failing = pexpect.spawn(sys.executable, ["-c", program], env=environment, timeout=DEADLINE_S)
+        failing.expect("ZeroDivisionError")
+        failing.expect(pexpect.EOF)
+        failing.wait()
+        assert failing.exitstatus == 1
+
+    def test_it_is_stopped_and_continued(self, talker):
+        with monitor((80, 24)) as terminal:
+            terminal.shows(names)
+            terminal.press("\x1a")
+            status = Path(f"/proc/{terminal.process.pid}/status")
+            terminal.shows(lambda _: "State:\tT" in status.read_text())
+            terminal.spoil()
+            terminal.process.kill(signal.SIGCONT)
+            terminal.shows(lambda lines: JUNK not in "".join(lines) and names(lines))
+            terminal.press("q")
+            assert terminal.ended() == 0
+
+
+class TestPanes:
+    def test_nothing_received_is_said_with_topics_and_domain(self):
+        with monitor((80, 24)) as terminal:
+            text = r"no transform was received on /tf_screen and /tf_static_screen in ROS domain \d+"
+            terminal.shows(lambda lines: re.search(text, joined(lines)))
+
+    def test_log_lines_are_below_the_table(self, talker):
+        with monitor((80, 24)) as terminal:
+
+            def is_logged_below(lines):
+                talker.send(("base_link", "broken", time.time_ns(), math.nan))
+                logged = [number for number, line in enumerate(lines) if "TF_NAN_INPUT" in line]
+                shown = names(lines)
+                return shown and {*shown} <= {*NAMES} and logged[:1] > [title(lines)[1] + len(shown)]
+
+            terminal.shows(is_logged_below)
+            # A problem of a frame that no buffer contains has no row.
+            terminal.shows(lambda lines: "of broken by /peer are refused" in joined(lines))
+
+    def test_two_frames_show_their_chain_and_what_is_on_it(self, talker):
+        with monitor((80, 24), "map", NAMES[3]) as terminal:
+            talker.send(("map", "base_link", time.time_ns(), 1.0))
+            terminal.shows(lambda lines: f"map -> base_link -> {NAMES[3]}: " in lines[0])
+            terminal.shows(lambda lines: {*names(lines)} == {"base_link", NAMES[3]})
+
+    def test_a_name_is_not_markup(self, peer):
+        talker = peer(*TOPICS)
+        talker.send_without_subscriber(("[bold]map[/bold]", "[red]arm", S, 1.0), static=True)
+        with monitor((80, 24)) as terminal:
+            terminal.shows(lambda lines: any(re.match(r" \[red\]arm +static +\[bold\]map", o) for o in lines))

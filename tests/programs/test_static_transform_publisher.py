@@ -1,0 +1,205 @@
+"""The program static_transform_publisher: what it publishes, and what it refuses."""
+
+import math
+import re
+import signal
+
+import pytest
+from making import rotation, translation
+from processes import DEADLINE_S, ended, running, until
+from rclpy.duration import Duration
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
+from scipy.spatial.transform import Rotation
+
+from tf2_msgs.msg import TFMessage
+
+pytestmark = pytest.mark.ours
+
+NAME = "static_transform_publisher"
+FRAMES = ["--frame-id", "map", "--child-frame-id", "robot"]
+LONG = Duration(seconds=DEADLINE_S)
+EVEN_LATE = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+@pytest.fixture
+def published(node, executor):
+    """What the program publishes: (translation, rotation), by the child and its parent."""
+
+    def receive(*arguments, parent="map", child="robot"):
+        messages = []
+        receive.log = ""
+        subscription = node.create_subscription(TFMessage, "/tf_static", messages.append, EVEN_LATE)
+        with running(NAME, *arguments) as process:
+            until(lambda: messages, executor)
+            process.send_signal(signal.SIGINT)
+            out, receive.log = process.communicate(timeout=DEADLINE_S)
+        node.destroy_subscription(subscription)
+        assert (process.returncode, out) == (0, "")
+        assert "Traceback" not in receive.log
+        [message] = messages
+        found = {(one.header.frame_id, one.child_frame_id): one for one in message.transforms}
+        return translation(found[parent, child]), rotation(found[parent, child])
+
+    return receive
+
+
+class TestOptions:
+    def test_nothing_but_frames_is_the_identity(self, published):
+        assert published(*FRAMES) == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+    def test_a_quaternion(self, published):
+        given = ["--x", "1", "--y", "-2.5e-1", "--z", "-0.25", "--qz", "-.6", "--qw", ".8"]
+        assert published(*given, *FRAMES) == ((1.0, -0.25, -0.25), (0.0, 0.0, -0.6, 0.8))
+
+    def test_euler_angles_are_turns_about_fixed_axes(self, published):
+        _, turn = published("--roll", "0.3", "--pitch", "-0.4", "--yaw", "-1e-3", *FRAMES)
+        assert turn == pytest.approx(tuple(Rotation.from_euler("xyz", [0.3, -0.4, -1e-3]).as_quat()))
+
+    def test_a_quaternion_of_another_length_is_normalised_with_a_warning(self, published):
+        _, turn = published("--qx", "1", *FRAMES)  # w is 1 where it is not given
+        assert turn == pytest.approx((math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)))
+        assert re.search(r"\[WARN\].*The quaternion of robot does not have length one", published.log)
+
+    def test_a_rounded_quaternion_is_published_as_it_is(self, published):
+        assert published("--qx", "0.707", "--qw", "0.707", *FRAMES)[1] == (0.707, 0.0, 0.0, 0.707)
+        assert "[WARN]" not in published.log
+
+    def test_what_it_logs_is_what_tf2s_own_program_logs(self, published):
+        published("--x", "1.5", *FRAMES)
+        assert published.log.endswith(
+            ": Spinning until stopped - publishing transform\n"
+            "translation: ('1.500000', '0.000000', '0.000000')\n"
+            "rotation: ('0.000000', '0.000000', '0.000000', '1.000000')\n"
+            "from 'map' to 'robot'\n"
+        )
+        assert re.match(rf"\[INFO\] \[[\d.]+\] \[{NAME}_\w{{16}}\]: ", published.log)
+
+    def test_a_frame_may_look_like_a_number(self, published):
+        published("--frame-id", "-1", "--child-frame-id", "-2", parent="-1", child="-2")
+
+
+class TestOldForm:
+    def test_eight_values_have_yaw_pitch_and_roll(self, published):
+        moved, turn = published("1", "-1e-05", "3", "-0.1", "0.2", "0.3", "map", "robot")
+        assert moved == (1.0, -1e-05, 3.0)
+        assert turn == pytest.approx(tuple(Rotation.from_euler("xyz", [0.3, 0.2, -0.1]).as_quat()))
+        assert "[WARN]" in published.log
+        assert "Old-style arguments are deprecated; see --help for new-style arguments" in published.log
+
+    def test_nine_values_have_a_quaternion(self, published):
+        values = ["1", "2", "3", "-.6", "0", "0", ".8", "map", "robot"]
+        assert published(*values) == ((1.0, 2.0, 3.0), (-0.6, 0.0, 0.0, 0.8))
+
+
+class TestFile:
+    @pytest.fixture
+    def file(self, tmp_path):
+        path = tmp_path / "transforms.yaml"
+
+        def write(text):
+            path.write_text(text, encoding="utf-8")
+            return ["--file", str(path)]
+
+        return write
+
+    def test_many_are_published_by_one_program(self, published, file):
+        given = file(
+            "- {frame_id: map, child_frame_id: robot, x: 1, yaw: 1e-3}\n"
+            "- frame_id: robot\n  child_frame_id: camera\n  z: -.5\n  qx: 1.0\n  qw: 0.0\n"
+        )
+        moved, turn = published(*given, parent="map", child="robot")
+        assert moved == (1.0, 0.0, 0.0)
+        assert turn == pytest.approx((0.0, 0.0, 0.0005, 1.0), abs=1e-6)
+        assert published(*given, parent="robot", child="camera") == ((0.0, 0.0, -0.5), (1.0, 0.0, 0.0, 0.0))
+        assert "publishing 2 transforms of " in published.log
+
+    @pytest.mark.parametrize(
+        ("text", "said"),
+        [
+            ("", "must contain a list of transforms"),
+            ("{}", "must contain a list of transforms"),
+            ("[{]", "is not YAML: "),
+            ("- 5", "transform 1: must be a mapping with the names frame_id, "),
+            ("- {frame_id: a, child_frame_id: b, w: 1}", "transform 1: does not have w, only frame_id, "),
+            ("- {frame_id: 5, child_frame_id: b}", "transform 1: frame_id must be a string, not 5; quote it"),
+            ("- {frame_id: a}", "transform 1: frame_id and child_frame_id must be given"),
+            ("- {frame_id: a, child_frame_id: b, x: near}", "transform 1: x: 'near' is not a number"),
+            ("- {frame_id: a, child_frame_id: b, x: yes}", "transform 1: x must be a number, not True"),
+            ("- {frame_id: a, child_frame_id: b, x: .inf}", "transform 1: x: must be finite, not inf"),
+            (
+                "- {frame_id: a, child_frame_id: b}\n- {frame_id: a, child_frame_id: c, qw: 0}",
+                "transform 2: a quaternion must have a finite length above 0",
+            ),
+            (
+                "- {frame_id: a, child_frame_id: b}\n- {frame_id: c, child_frame_id: b}",
+                "the frame 'b' has two transforms",
+            ),
+            (
+                "- {frame_id: a, child_frame_id: b}\n- {frame_id: b, child_frame_id: a}",
+                "is its own ancestor",
+            ),
+        ],
+    )
+    def test_what_is_wrong_in_it_is_told_with_its_place(self, file, text, said):
+        refused(file(text), said)
+
+    def test_that_it_is_not_there_is_told(self, tmp_path):
+        refused(["--file", str(tmp_path / "none.yaml")], "none.yaml: No such file or directory")
+
+
+def refused(given, said):
+    status, out, err = ended(NAME, *given)
+    assert (status, out) == (2, "")
+    assert said in err
+    assert err.startswith(f"{NAME}: ") and err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ([], "frame_id and child_frame_id must be given"),
+        (["--frame-id", "map"], "frame_id and child_frame_id must be given"),
+        (["--frame-id", "", "--child-frame-id", "b"], "must not be empty"),
+        (["--frame-id", "a", "--child-frame-id", "a"], "must differ, both are 'a'"),
+        ([*FRAMES, "--qx", "0", "--yaw", "0"], "a rotation is a quaternion or Euler angles; both were given"),
+        ([*FRAMES, "--qw", "0"], "a quaternion must have a finite length above 0"),
+        ([*FRAMES, "--qw", "1e308", "--qx", "-1.7e308"], "a quaternion must have a finite length above 0"),
+        ([*FRAMES, "--x", "-inf"], "argument --x: must be finite, not -inf"),
+        ([*FRAMES, "--x", "1.0foo"], "argument --x: '1.0foo' is not a number"),
+        ([*FRAMES, "--x"], "argument --x: expected one argument"),
+        (["1", "2"], "there are 2 values without options; the old form has 8 or 9"),
+        (["1", "2", "3", "4", "5", "x", "a", "b"], "roll: 'x' is not a number"),
+        (["0", "0", "0", "0", "0", "0", "a", "a"], "must differ, both are 'a'"),
+        (["0", "0", "0", "0", "0", "0", "a", "b", "--x", "1"], "either options or the old form"),
+        (["0", "0", "0", "0", "0", "0", "a", "b", "--file", "f"], "either options or the old form"),
+        (["--file", "f", *FRAMES], "--file cannot be combined with other transforms"),
+    ],
+)
+def test_contradictions_are_refused(given, said):
+    refused(given, said)
+
+
+def test_its_parameters_tell_what_it_publishes(node, executor):
+    with running(NAME, "--x", "1.5", *FRAMES, "--ros-args", "-r", "__node:=mount"):
+        asked = AsyncParameterClient(node, "mount")
+        until(asked.services_are_ready, executor)
+        names = ["translation.x", "rotation.w", "frame_id", "child_frame_id"]
+
+        def values():  # none before they are declared, which may be later than the service
+            answer = asked.get_parameters(names)
+            until(answer.done, executor)
+            return answer.result().values
+
+        x, w, frame, child = until(values, executor)
+        assert (x.double_value, w.double_value) == (1.5, 1.0)
+        assert (frame.string_value, child.string_value) == ("map", "robot")
+
+
+def test_who_starts_later_receives_it_too(tf2_ros, node):
+    with running(NAME, *FRAMES):
+        until(lambda: any(name.startswith(NAME) for name in node.get_node_names()))
+        buffer = tf2_ros.Buffer()
+        with tf2_ros.TransformListener(buffer, node):
+            assert buffer.can_transform("map", "robot", Time(), LONG)

@@ -1,0 +1,285 @@
+"""The program tf2_echo, against real broadcasters."""
+
+import json
+import math
+import re
+import select
+from argparse import Namespace
+
+import numpy as np
+import pytest
+from making import S, at, transform
+from processes import DEADLINE_S, ended, running, until
+from scipy.spatial.transform import Rotation
+
+from tf2_ros_tools.output import rpy_from_matrices
+from tf2_ros_tools.programs.tf2_echo import _Json
+from tf2_ros_tools.urdf import quaternion_from_rpy
+
+pytestmark = pytest.mark.ours
+
+WAIT = ["--wait", str(DEADLINE_S)]
+SIMULATED = ["--ros-args", "-p", "use_sim_time:=true"]
+
+
+def is_readable(stream):
+    """Whether something was written. Messages of a clock may be lost: they are sent until that shows."""
+    return bool(select.select([stream], [], [], 0.01)[0])
+
+
+class TestText:
+    def test_it_prints_what_tf2s_own_program_prints(self, peer):
+        with running("tf2_echo", "map", "robot", "--once") as echo:
+            peer().send(("map", "robot", 12 * S + 5, -1.25))
+            out, _ = echo.communicate(timeout=DEADLINE_S)
+        assert echo.returncode == 0
+        assert out == (
+            "At time 12.000000005\n"
+            "- Translation: [-1.250, 0.000, 0.000]\n"
+            "- Rotation: in Quaternion [0.000, 0.000, 0.000, 1.000]\n"
+            "- Rotation: in RPY (radian) [0.000, -0.000, 0.000]\n"
+            "- Rotation: in RPY (degree) [0.000, -0.000, 0.000]\n"
+            "- Matrix:\n"
+            "  1.000  0.000  0.000 -1.250\n"
+            "  0.000  1.000  0.000  0.000\n"
+            "  0.000  0.000  1.000  0.000\n"
+            "  0.000  0.000  0.000  1.000\n"
+        )
+
+    def test_the_first_argument_is_the_target_of_the_lookup(self, peer):
+        with running("tf2_echo", "robot", "map", "--once", "--precision", "1") as echo:
+            peer().send(("map", "robot", S, 2.0), static=True)
+            out, _ = echo.communicate(timeout=DEADLINE_S)
+        assert "- Translation: [-2.0, 0.0, 0.0]\n" in out
+        assert "- Matrix:\n  1.0  0.0  0.0 -2.0\n" in out
+
+    def test_a_rotation_is_printed_in_all_forms(self):
+        turn = ["--roll", "0.1", "--pitch", "-.2", "--yaw", "2.5"]
+        with running("static_transform_publisher", "--frame-id", "a", "--child-frame-id", "b", *turn):
+            status, out, _ = ended("tf2_echo", "a", "b", "--once", *WAIT)
+        assert status == 0
+        q = Rotation.from_euler("xyz", [0.1, -0.2, 2.5])
+        assert f"- Rotation: in Quaternion {listed(q.as_quat())}\n" in out
+        assert f"- Rotation: in RPY (radian) {listed([0.1, -0.2, 2.5])}\n" in out
+        assert f"- Rotation: in RPY (degree) {listed(map(math.degrees, [0.1, -0.2, 2.5]))}\n" in out
+        for row in q.as_matrix():
+            assert "".join(f" {number:6.3f}" for number in row) + "  0.000\n" in out
+
+    def test_each_line_is_there_as_soon_as_it_is_printed(self, peer):
+        with running("tf2_echo", "map", "robot", "50") as echo:
+            talker = peer()
+            talker.send(("map", "robot", S, 1.0))
+            assert echo.stdout.readline() == "At time 1.000000000\n"
+            talker.send(("map", "robot", 2 * S, 1.0))
+            until(lambda: echo.stdout.readline() == "At time 2.000000000\n")
+
+    def test_a_failure_after_a_success_is_printed_with_the_frames(self, peer):
+        with running("tf2_echo", "map", "robot", "20") as echo:
+            talker = peer()
+            talker.send(("map", "robot", S, 1.0))
+            assert echo.stdout.readline().startswith("At time ")
+            talker.send(("moon", "robot", 2 * S, 1.0))  # another parent: no connection any more
+            until(lambda: echo.stdout.readline().startswith("Failure at "))
+            assert re.match("Exception thrown:.*(map|robot)", echo.stdout.readline())
+            assert echo.stdout.readline() == "The current list of frames is:\n"
+            assert echo.stdout.readline() == "Frame robot exists with parent moon.\n"
+
+
+def listed(numbers):
+    return "[" + ", ".join(f"{number:.3f}" for number in numbers) + "]"
+
+
+class TestWaiting:
+    def test_without_a_transform_it_ends_with_status_1_and_says_why(self):
+        status, out, err = ended("tf2_echo", "map", "robot", "--wait", "0.3")
+        assert (status, out) == (1, "")
+        assert re.search(r"\[tf2_echo\]: Waiting for transform map ->  robot: .*map.* does not exist", err)
+        assert re.search(r"nothing has been received on /tf and /tf_static\n", err)
+        assert re.search(r"\nWaited \d+\.\d s in ROS domain \d+\nKnown frames: none\n$", err)
+
+    def test_the_wait_counts_from_the_beginning(self):
+        status, _, err = ended("tf2_echo", "map", "robot", "--wait", "2.5")
+        waited = [float(text) for text in re.findall(r"Waited ([\d.]+) s", err)]
+        assert status == 1
+        assert waited == sorted(waited) and len({*waited}) == len(waited) and waited[-1] >= 2.5
+
+    def test_the_known_frames_are_told_but_not_all_of_a_thousand(self, peer):
+        with running("tf2_echo", "map", "robot") as echo:
+            talker = peer()
+            talker.send(("map", "camera", S, 1.0))
+            until(lambda: echo.stderr.readline() == "Known frames: camera, map\n")
+            talker.send(*((f"f{i:03d}", f"f{i + 1:03d}", S, 1.0) for i in range(999)))
+            names = ", ".join(["camera", *(f"f{i:03d}" for i in range(19))])
+            until(lambda: echo.stderr.readline() == f"Known frames: {names} and 982 more\n")
+
+    def test_a_known_frame_cannot_write_a_line_of_its_own(self, peer):
+        with running("tf2_echo", "map", "robot") as echo:
+            peer().send(("map", "x\x1b[2J\n[INFO]", S, 1.0))
+            until(lambda: echo.stderr.readline() == "Known frames: map, x\\x1b[2J\\n[INFO]\n")
+
+    def test_what_the_lookup_advises_is_told(self, tf2_ros, peer):
+        known = tf2_ros.Buffer()
+        known.set_transform_static(transform("map", "camera"), "test")
+        with running("tf2_echo", "map", "camara") as echo:
+            peer().send(("map", "camera", S, 1.0), static=True)
+            lines = until(lambda: (line := echo.stderr.readline()).count('"camara"') and [line])
+        with pytest.raises(tf2_ros.LookupException) as caught:
+            known.lookup_transform("map", "camara", at(0))
+        assert f": {caught.value}" in lines[0]
+
+    def test_it_takes_the_transform_when_it_comes(self, peer):
+        with running("tf2_echo", "map", "robot", *WAIT, "--once") as echo:
+            until(lambda: "Waiting for transform" in echo.stderr.readline())
+            peer().send(("map", "robot", S, 1.0))
+            out, _ = echo.communicate(timeout=DEADLINE_S)
+        assert echo.returncode == 0
+        assert out.startswith("At time 1.000000000\n")
+
+    def test_a_name_that_no_frame_can_have_is_wrong_usage(self):
+        status, out, err = ended("tf2_echo", "map", "/robot")
+        assert (status, out) == (2, "")
+        assert err.startswith("tf2_echo: ") and "cannot start with a '/'" in err
+        assert err.count("\n") == 1
+
+
+class TestTimes:
+    HISTORY = (("map", "robot", 10 * S, 1.0), ("map", "robot", 20 * S, 2.0))
+
+    def test_a_time_is_looked_up_to_the_nanosecond(self, peer):
+        with running("tf2_echo", "map", "robot", "--time", "15.000000001", "--once", "--json") as echo:
+            peer().send(*self.HISTORY)
+            out, _ = echo.communicate(timeout=DEADLINE_S)
+        answer = json.loads(out)
+        assert answer["header"]["stamp"] == {"sec": 15, "nanosec": 1}
+        assert answer["transform"]["translation"]["x"] == pytest.approx(1.5)
+
+    def test_an_offset_counts_from_simulated_time(self, peer):
+        with running("tf2_echo", "map", "robot", "--offset", "-2.5", "--once", "--json", *SIMULATED) as echo:
+            talker = peer()
+            talker.send(*self.HISTORY)
+            until(lambda: talker.set_clock(16) or is_readable(echo.stdout))
+            out, _ = echo.communicate(timeout=DEADLINE_S)
+        assert json.loads(out)["header"]["stamp"] == {"sec": 13, "nanosec": 500_000_000}
+
+    def test_when_simulated_time_jumps_back_the_old_transforms_are_forgotten(self, peer):
+        with running("tf2_echo", "map", "robot", "20", "--offset", "0", *SIMULATED) as echo:
+            talker = peer()
+            talker.send(("map", "robot", 100 * S, 1.0))
+            until(lambda: talker.set_clock(100) or is_readable(echo.stdout))
+            assert echo.stdout.readline() == "At time 100.000000000\n"
+            until(lambda: talker.set_clock(5) or echo.stdout.readline().startswith("Failure at 5.000"))
+            assert re.search("no sample of robot is held|does not exist|same tree", echo.stdout.readline())
+
+    @pytest.mark.parametrize(
+        ("given", "said"),
+        [
+            (["--time", "1", "--offset", "1"], "not allowed with argument"),
+            (["--time", "-1"], "must be from 0"),
+            (["--offset", "nan"], "must be finite"),
+            (["--offset", "-1e300"], "must be between -2**31 and 2**31, not -1e300"),
+            (["0"], "RATE: must be above 0"),
+            (["-1e-05"], "RATE: must be above 0, not -1e-05"),
+            (["1.0foo"], "RATE: '1.0foo' is not a number"),
+            (["1", "2"], "unrecognized arguments: 2"),
+            (["--wait", "-1"], "must not be negative"),
+            (["--precision", "18"], "from 0 to 17"),
+            (["--precision", "x"], "from 0 to 17"),
+        ],
+    )
+    def test_wrong_usage_is_told_in_one_line(self, given, said):
+        status, out, err = ended("tf2_echo", "map", "robot", *given)
+        assert (status, out) == (2, "")
+        assert said in err
+        assert err.count("\n") == 1
+
+    @pytest.mark.parametrize("given", [["--offset", "2147483647"], ["--offset", "-2147483647"], ["1e-300"]])
+    def test_extreme_values_are_values(self, given):
+        status, _, err = ended("tf2_echo", "map", "robot", *given, "--wait", "0")
+        assert status == 1
+        assert "Traceback" not in err
+
+    def test_options_stand_before_between_and_after_the_frames(self):
+        for line in (
+            ["--wait", "0", "a", "b", "5"],
+            ["a", "--wait", "0", "b"],
+            ["a", "b", "--wait", "0", "5"],
+        ):
+            assert ended("tf2_echo", *line)[0] == 1
+
+
+class TestJson:
+    def test_a_line_has_the_fields_of_the_message(self, peer):
+        with running("tf2_echo", "map", "robot", "--json", "--once") as echo:
+            peer().send(("map", "robot", 7 * S, 1 / 3))
+            out, _ = echo.communicate(timeout=DEADLINE_S)
+        assert out.count("\n") == 1
+        assert json.loads(out) == {
+            "header": {"stamp": {"sec": 7, "nanosec": 0}, "frame_id": "map"},
+            "child_frame_id": "robot",
+            "transform": {
+                "translation": {"x": 1 / 3, "y": 0.0, "z": 0.0},
+                "rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+            },
+            "rpy": {"roll": 0.0, "pitch": 0.0, "yaw": 0.0},
+        }
+
+    def test_the_precision_rounds(self, peer):
+        with running("tf2_echo", "map", "robot", "--json", "--once", "--precision", "2") as echo:
+            peer().send(("map", "robot", 7 * S, 1 / 3))
+            out, _ = echo.communicate(timeout=DEADLINE_S)
+        assert json.loads(out)["transform"]["translation"]["x"] == 0.33
+
+    def test_a_failure_is_a_line_with_an_error(self, peer):
+        with running("tf2_echo", "map", "robot", "20", "--json") as echo:
+            talker = peer()
+            talker.send(("map", "robot", S, 1.0))
+            assert "error" not in json.loads(echo.stdout.readline())
+            talker.send(("moon", "robot", 2 * S, 1.0))
+            failure = until(lambda: (line := json.loads(echo.stdout.readline())).get("error") and line)
+        assert failure["error"]["type"] in ("ConnectivityException", "LookupException")
+        assert "map" in failure["error"]["text"]
+        assert (failure["header"]["frame_id"], failure["child_frame_id"]) == ("map", "robot")
+
+
+class TestEnd:
+    def test_a_reader_who_has_seen_enough_ends_it_with_status_0(self, peer):
+        with running("tf2_echo", "map", "robot", "50") as echo:
+            peer().send(("map", "robot", S, 1.0))
+            assert echo.stdout.readline() == "At time 1.000000000\n"
+            echo.stdout.close()
+            assert echo.wait(DEADLINE_S) == 0
+            assert "Traceback" not in echo.stderr.read()
+            echo.stdout = None
+
+    def test_who_asks_the_robot_for_its_frames_is_not_answered_by_it(self, node):
+        with running("tf2_echo", "map", "robot"):
+            until(lambda: "tf2_echo" in node.get_node_names())
+            services = {name for name, _ in node.get_service_names_and_types_by_node("tf2_echo", "/")}
+            assert "/tf2_frames" not in services
+
+
+class TestRpy:
+    """Roll, pitch and yaw."""
+
+    def test_they_are_those_of_scipy_and_back(self):
+        for rotation in Rotation.random(200, random_state=1):
+            rpy = rpy_from_matrices(rotation.as_matrix())
+            assert rpy == pytest.approx(tuple(rotation.as_euler("xyz")), abs=1e-9)
+            q = np.array(quaternion_from_rpy(*rpy))
+            assert abs(q @ rotation.as_quat()) == pytest.approx(1.0)
+
+    @pytest.mark.parametrize("pitch", [math.pi / 2, -math.pi / 2])
+    @pytest.mark.parametrize("roll", [-3.0, 0.0, 0.7])
+    def test_where_roll_and_yaw_are_one_turn_yaw_is_zero(self, roll, pitch):
+        matrix = (
+            np.round(Rotation.from_euler("y", pitch).as_matrix()) @ Rotation.from_euler("x", roll).as_matrix()
+        )
+        assert rpy_from_matrices(matrix) == pytest.approx((roll, pitch, 0.0))
+
+
+def test_a_number_that_json_lacks_is_null():
+    sent = transform("map", "robot")
+    sent.transform.translation.x = math.inf
+    for precision in (None, 3):
+        line = _Json(Namespace(precision=precision)).success(sent)
+        assert json.loads(line, parse_constant=pytest.fail)["transform"]["translation"]["x"] is None

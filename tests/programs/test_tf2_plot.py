@@ -1,0 +1,130 @@
+"""tf2_plot, as a process of its own, beside one that broadcasts."""
+
+import os
+import re
+import subprocess
+import sys
+import threading
+from xml.etree import ElementTree
+
+import pexpect
+import pytest
+from making import S
+from processes import DEADLINE_S, broadcasting, ended, running
+
+pytestmark = pytest.mark.ours
+
+SVG = "{http://www.w3.org/2000/svg}"
+LISTEN = ("-t", "4")
+# Without the robot of the other tests.
+ALONE = ("--ros-args", "-r", "/tf:=/tf_alone", "-r", "/tf_static:=/tf_static_alone")
+
+
+@pytest.fixture(scope="module")
+def robot():
+    with broadcasting() as process:
+        yield process
+
+
+def texts_of(path):
+    root = ElementTree.parse(path).getroot()
+    return ["".join(text.itertext()) for text in root.iter(f"{SVG}text")]
+
+
+def test_all_frames_have_a_row(robot, tmp_path):
+    status, out, err = ended("tf2_plot", *LISTEN, "-o", "heard.svg", cwd=tmp_path)
+    assert (status, out) == (0, "heard.svg\n")
+    assert "Listening to tf data for 5.5 seconds..." in err
+    texts = texts_of(tmp_path / "heard.svg")
+    assert [text for text in texts if text in ("odom", "base_link", "camera")] == [
+        "odom",
+        "camera",
+        "base_link",
+    ]
+    assert len([text for text in texts if re.fullmatch(r"\d+\.\d Hz, /fleet/robot", text)]) == 2
+    assert len([text for text in texts if re.fullmatch(r"delay \d+\.\d ms, max \d+\.\d ms", text)]) == 2
+    assert "static, /fleet/robot" in texts
+
+
+def test_named_frames_are_drawn_in_their_order(robot, tmp_path):
+    arguments = ("camera", "/nobody", "odom", *LISTEN, "-o", "heard.svg")
+    assert ended("tf2_plot", *arguments, cwd=tmp_path)[0] == 0
+    texts = texts_of(tmp_path / "heard.svg")
+    # From below to above.
+    assert [text for text in texts if text in ("odom", "nobody", "camera")] == ["odom", "nobody", "camera"]
+    assert "base_link" not in texts
+    assert "not received" in texts
+
+
+def test_a_way_is_drawn_of_the_frames_between(robot, tmp_path):
+    arguments = ("--path", "map", "camera", *LISTEN, "-o", "way.svg")
+    assert ended("tf2_plot", *arguments, cwd=tmp_path)[:2] == (0, "way.svg\n")
+    assert {"camera in map", "from above", "roll", "pitch", "yaw"} <= set(texts_of(tmp_path / "way.svg"))
+
+
+def test_a_way_leads_where_the_frame_was(peer, tmp_path):
+    talker = peer(*ALONE[1:])
+    picture = tmp_path / "way.svg"
+    with running("tf2_plot", "--path", "map", "robot", *LISTEN, "-o", str(picture), *ALONE) as process:
+        talker.matched(1)
+        step = 0
+        while process.poll() is None:
+            step += 1
+            transform = ("map", "robot", 100 * S + step * S // 10, 700.0 + step % 2 * 200)
+            talker.send_without_subscriber(transform)
+            threading.Event().wait(0.05)  # as a robot does
+        out, err = process.communicate(timeout=DEADLINE_S)
+    assert (process.returncode, out) == (0, f"{picture}\n"), err
+    ticks = [float(text) for text in texts_of(picture) if re.fullmatch(r"-?\d+(\.\d+)?", text)]
+    places = {tick for tick in ticks if tick > 600.0}
+    assert {700.0, 800.0, 900.0} <= places and max(places) < 1000.0
+
+
+def test_where_there_is_nothing_to_draw_one_line_says_why(tmp_path):
+    status, out, err = ended("tf2_plot", "-t", "0.1", *ALONE, cwd=tmp_path)
+    assert (status, out) == (1, "")
+    said = r"tf2_plot: no transform was received on /\w+ and /\w+ in ROS domain \d+"
+    assert re.fullmatch(said, err.splitlines()[-1])
+    assert not any(tmp_path.iterdir())
+
+
+def test_without_matplotlib_one_line_says_what_to_install():
+    # As where it is not installed: it is found nowhere.
+    code = (
+        "import sys; from importlib import util\n"
+        "find = util.find_spec\n"
+        "util.find_spec = lambda name: None if name == 'matplotlib' else find(name)\n"
+        "from tf2_ros_tools.programs.tf2_plot import main; sys.exit(main(['tf2_plot']))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True, timeout=DEADLINE_S)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == "tf2_plot: pictures need the Python package matplotlib: pip install matplotlib\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["odom", "--path", "map", "odom"], "frames or --path, not both"),
+        (["--path", "map"], "argument --path: expected 2 arguments"),
+        (["-o", "way.jpg"], "argument -o/--output: must end in .png, .svg or .pdf, not 'way.jpg'"),
+        (["-t", "0"], "argument -t: must be above 0, not 0"),
+    ],
+)
+def test_wrong_usage_is_one_line(arguments, said):
+    assert ended("tf2_plot", *arguments) == (2, "", f"tf2_plot: {said} (see tf2_plot --help)\n")
+
+
+def test_without_a_name_it_is_a_png_of_the_time_whose_name_a_terminal_shows(robot, tmp_path):
+    command = ["-m", "tf2_ros.cli.tf2_plot", *LISTEN]
+    with pexpect.spawn(
+        sys.executable, command, cwd=str(tmp_path), env=os.environ, timeout=DEADLINE_S, encoding="utf-8"
+    ) as terminal:
+        terminal.expect(r"Listening to tf data for 5.5 seconds\.\.\.")
+        terminal.expect(r"(tf2_plot_\d{4}-\d\d-\d\d_\d\d\.\d\d\.\d\d\.png)\r\n")
+        name = terminal.match.group(1)
+        terminal.expect(pexpect.EOF)
+        terminal.wait()
+    assert terminal.exitstatus == 0
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+    assert (tmp_path / name).stat().st_size > 10_000

@@ -1,0 +1,493 @@
+"""tf2_relay: its rules applied to buffers, and as a process of its own between two others."""
+
+import random
+import re
+import signal
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped
+from hypothesis import given
+from hypothesis import strategies as st
+from making import S, about_z, stamp_ns, transform, translation
+from nav_msgs.msg import Odometry
+from processes import DEADLINE_S, ended, running, until
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import serialize_message
+
+from tf2_msgs.msg import TFMessage
+from tf2_py import BufferCore
+from tf2_ros import Buffer, TransformListener
+from tf2_ros_tools.output import readable_size
+from tf2_ros_tools.program import UsageError
+from tf2_ros_tools.relay import Relay, Rule, Threshold, read_rules, refuse_circles
+
+pytestmark = pytest.mark.ours
+
+TF = ("/tf", "/tf_static")
+TO = ("/relay/tf", "/relay/tf_static")
+TO_TEXT = "to: [/relay/tf, /relay/tf_static]"
+
+
+def rule(**keys):
+    return Rule("rule 1", **{"source": TF, "to": TO, **keys})
+
+
+def names(transforms):
+    return sorted((one.header.frame_id, one.child_frame_id) for one in transforms)
+
+
+def robot(stamp_s=10.0):
+    buffer = BufferCore()
+    moving = [("map", "odom"), ("odom", "base"), ("base", "arm"), ("arm", "hand")]
+    buffer.set_transforms([transform(*one, stamp_s, (1, 0, 0)) for one in moving], "test")
+    mounted = [("base", "camera"), ("camera", "optical"), ("hand", "finger")]
+    buffer.set_transforms([transform(*one, 0, (0, 1, 0)) for one in mounted], "test", static=True)
+    return buffer
+
+
+def sent(buffer, **keys):
+    relay = Relay(rule(**keys), buffer, {})
+    return names(relay.dynamic_transforms(0.0, 0)), names(relay.static_transforms())
+
+
+class TestChosenFrames:
+    def test_without_a_choice_everything_is_sent(self):
+        dynamic, static = sent(robot())
+        assert dynamic == [("arm", "hand"), ("base", "arm"), ("map", "odom"), ("odom", "base")]
+        assert static == [("base", "camera"), ("camera", "optical"), ("hand", "finger")]
+
+    def test_frames_are_sent_with_what_connects_them(self):
+        assert sent(robot(), frames=("odom", "optical")) == (
+            [("odom", "base")],
+            [("base", "camera"), ("camera", "optical")],
+        )
+
+    def test_frames_of_two_branches_meet_in_their_common_ancestor(self):
+        assert sent(robot(), frames=("hand", "optical")) == (
+            [("arm", "hand"), ("base", "arm")],
+            [("base", "camera"), ("camera", "optical")],
+        )
+
+    def test_a_subtree_may_lack_a_branch(self):
+        assert sent(robot(), subtree=("base",), exclude=("arm",)) == (
+            [],
+            [("base", "camera"), ("camera", "optical")],
+        )
+
+    def test_a_subtree_and_a_frame_are_connected(self):
+        dynamic, static = sent(robot(), subtree=("camera",), frames=("map",))
+        assert dynamic == [("map", "odom"), ("odom", "base")]
+        assert static == [("base", "camera"), ("camera", "optical")]
+
+    def test_collapsed_chains_are_dynamic_if_a_part_is(self):
+        assert sent(robot(), frames=("map", "base", "optical"), collapse=True) == (
+            [("map", "base")],
+            [("base", "optical")],
+        )
+
+    def test_frames_that_are_not_connected_yet_are_not_sent(self):
+        buffer = robot()
+        assert sent(buffer, frames=("map", "island")) == ([], [])
+        relay = Relay(rule(frames=("map", "optica")), buffer, {})
+        relay.static_transforms()
+        assert relay.problems() == ["rule 1: optica is not known; did you mean optical?"]
+
+    def test_a_loop_sends_what_can_be_looked_up(self):
+        buffer = robot()
+        for parent, child in (("a", "b"), ("b", "a"), ("a", "c")):
+            buffer.set_transform(transform(parent, child, 10.0), "test")
+        assert ("map", "odom") in sent(buffer)[0]
+
+
+@st.composite
+def trees(draw):
+    """A tree with frames that move and frames that do not, and some of its frames."""
+    count = draw(st.integers(2, 12))
+    parents = [draw(st.integers(0, child - 1)) for child in range(1, count)]
+    static = draw(st.lists(st.booleans(), min_size=count - 1, max_size=count - 1))
+    chosen = draw(st.lists(st.integers(0, count - 1), min_size=2, max_size=count, unique=True))
+    return parents, static, chosen, draw(st.booleans()), draw(st.integers(0, 2**32))
+
+
+def pose(found):
+    t, q = found.transform.translation, found.transform.rotation
+    sign = 1.0 if q.w >= 0 else -1.0
+    return np.array([t.x, t.y, t.z, *(sign * one for one in (q.x, q.y, q.z, q.w))])
+
+
+@given(trees())
+def test_receivers_look_up_what_the_robot_would(tree):
+    parents, static, chosen, collapse, seed = tree
+    numbers = random.Random(seed)
+    buffer, receiver = BufferCore(), BufferCore()
+    for child, (parent, is_static) in enumerate(zip(parents, static, strict=True), start=1):
+        rotation = np.array([numbers.gauss(0, 1) for _ in range(4)])
+        made = transform(
+            f"f{parent}",
+            f"f{child}",
+            7.0,
+            [numbers.uniform(-5, 5) for _ in range(3)],
+            rotation / np.linalg.norm(rotation),
+        )
+        buffer.set_transforms([made], "test", static=is_static)
+    frames = tuple(f"f{one}" for one in chosen)
+    relay = Relay(rule(frames=frames, collapse=collapse, prefix="r/"), buffer, {})
+    receiver.set_transforms(relay.dynamic_transforms(0.0, 0), "relay")
+    receiver.set_transforms(relay.static_transforms(), "relay", static=True)
+    for target in frames:
+        for source in frames:
+            if target == source:
+                continue
+            expected = buffer.lookup_transform_core(target, source, 0)
+            found = receiver.lookup_transform_core(f"r/{target}", f"r/{source}", 0)
+            stamps = {stamp_ns(expected)}
+            if collapse and stamp_ns(expected) == 0:
+                # A static path may lead over a frame that was left out, below which both ends move.
+                stamps.add(7 * 10**9)
+            assert stamp_ns(found) in stamps
+            both = np.stack([pose(found), pose(expected)])
+            # A quaternion and its negative are one rotation, also where w is about 0.
+            if np.abs(both[0, 3:] + both[1, 3:]).max() < 1e-6:
+                both[1, 3:] *= -1
+            assert np.allclose(both[0], both[1], atol=1e-9)
+    if collapse:
+        assert len(receiver.frames()) <= len(frames) + 1
+
+
+class TestThreshold:
+    limits = Threshold(translation=0.1, rotation=0.1, repeat=2.0)
+
+    def send(self, relay, buffer, seconds, x=0.0, angle=0.0):
+        buffer.set_transform(transform("map", "base", seconds, (x, 0, 0), about_z(angle)), "test")
+        return [stamp_ns(one) / S for one in relay.dynamic_transforms(seconds, 0)]
+
+    def test_what_moved_is_sent_after_the_last_place_where_it_stood_still(self):
+        buffer = BufferCore()
+        relay = Relay(rule(threshold=self.limits), buffer, {})
+        assert self.send(relay, buffer, 1.0) == [1.0]
+        assert self.send(relay, buffer, 1.5, x=0.05) == []
+        assert self.send(relay, buffer, 1.7, angle=0.05) == []
+        assert self.send(relay, buffer, 2.0, x=0.5) == [1.7, 2.0]
+        assert self.send(relay, buffer, 2.1, x=0.5, angle=0.2) == [2.1]
+
+    def test_what_stands_still_is_repeated_with_new_stamps_only(self):
+        buffer = BufferCore()
+        relay = Relay(rule(threshold=self.limits), buffer, {})
+        assert self.send(relay, buffer, 1.0) == [1.0]
+        assert self.send(relay, buffer, 2.9) == []
+        assert self.send(relay, buffer, 3.0) == [3.0]
+        assert relay.dynamic_transforms(100.0, 0) == []
+
+
+class TestStamps:
+    def test_they_are_shifted_by_a_number_of_seconds(self):
+        relay = Relay(rule(shift_ns=12 * S), robot(), {})
+        assert {stamp_ns(one) for one in relay.dynamic_transforms(0.0, 0)} == {22 * S}
+        assert all(stamp_ns(one) == 0 for one in relay.static_transforms())
+
+    def test_now_keeps_the_time_between_transforms(self):
+        buffer = robot()
+        relay = Relay(rule(shift_ns=None), buffer, {})
+        assert {stamp_ns(one) for one in relay.dynamic_transforms(0.0, 1000 * S)} == {1000 * S}
+        buffer.set_transform(transform("map", "odom", 10.5), "test")
+        [moved] = relay.dynamic_transforms(1.0, 2000 * S)
+        assert stamp_ns(moved) == 1000.5 * S
+
+    def test_none_is_sent_twice(self):
+        relay = Relay(rule(), robot(), {})
+        assert len(relay.dynamic_transforms(0.0, 0)) == 4
+        assert relay.dynamic_transforms(1.0, 0) == []
+
+
+class TestNames:
+    def test_a_renamed_frame_has_no_prefix(self):
+        dynamic, static = sent(robot(), prefix="r1/", rename={"map": "world"}, frames=("map", "odom"))
+        assert (dynamic, static) == ([("world", "r1/odom")], [])
+
+    def test_names_may_be_swapped(self):
+        assert sent(robot(), rename={"map": "odom", "odom": "map"}, frames=("map", "odom")) == (
+            [("odom", "map")],
+            [],
+        )
+
+    def test_a_frame_that_would_get_the_name_of_another_is_not_sent(self):
+        relay = Relay(rule(rename={"base": "map"}), robot(), {})
+        assert ("odom", "map") not in names(relay.dynamic_transforms(0.0, 0))
+        assert relay.problems() == ["rule 1: base is not sent: map is another frame"]
+
+    def test_of_two_rules_for_one_child_the_first_one_sends_it(self):
+        owners, buffer = {}, robot()
+        one = Relay(rule(frames=("map", "base"), collapse=True), buffer, owners)
+        other = Relay(rule(frames=("odom", "base")), buffer, owners)
+        assert names(one.dynamic_transforms(0.0, 0)) == [("map", "base")]
+        assert other.dynamic_transforms(0.0, 0) == []
+        assert other.problems() == ["rule 1: base is not sent: base is another frame"]
+
+
+WRONG = {
+    "": "must contain a list of rules",
+    "{to: x}": "must contain a list of rules",
+    "- [": "is not YAML: ",
+    "- 3": "rule 1 must be a mapping with keys such as to and frames, not 3",
+    "- {frames: [a, b]}": "rule 1: to must be two topics",
+    "- {name: far, to: [/a, /b], treshold: 1}": r"\(far\): 'treshold' is not a key; did you mean threshold\?",
+    "- {to: [/a, /b], q: 1}": "rule 1: 'q' is not a key; the keys are name, from, to, ",
+    "- {to: [/a, /b]}\n- {to: [/a, /b], rate: 0}": "rule 2: rate must be a number of Hz above 0, .* not 0",
+    "- {to: [/a, /b], rate: fast}": "rule 1: rate must be a number",
+    "- {to: [/a, /b], rate: true}": "rule 1: rate must be a number",
+    "- {to: [/a, /b], rate: .nan}": "rule 1: rate must be a number",
+    f"- {{to: [/a, /b], rate: 1{400 * '0'}}}": "rule 1: rate must be a number",
+    "- {to: [/a, /a]}": "rule 1: to must be two topics",
+    "- {to: /a}": "rule 1: to must be two topics",
+    "- {to: [/a b, /c]}": r"rule 1: to must be two topics, .* not \['/a b', '/c'\]",
+    "- {from: /tf, to: [/a, /b]}": "rule 1: from must be two topics",
+    "- {to: [/a, /b], frames: []}": "rule 1: frames must be the name of a frame, or a list of names",
+    "- {to: [/a, /b], frames: [1, 2]}": "rule 1: frames must be the name of a frame",
+    "- {to: [/a, /b], frames: base}": "rule 1: frames must be two or more; .* use subtree",
+    "- {to: [/a, /b], collapse: true}": "rule 1: collapse needs frames or subtree",
+    "- {to: [/a, /b], collapse: 1}": "rule 1: collapse must be true or false, not 1",
+    "- {to: [/a, /b], rename: {a: c, b: c}}": "rule 1: rename must be a mapping from names",
+    "- {to: [/a, /b], threshold: 0.1}": "rule 1: threshold must be a mapping with translation",
+    "- {to: [/a, /b], threshold: {translation: 1, rotation: 1, repaet: 1}}": "did you mean repeat",
+    "- {to: [/a, /b], threshold: {translation: 1, rotation: -1}}": "threshold: rotation must be a number",
+    "- {to: [/a, /b], shift: later}": "rule 1: shift must be a number of seconds, or now, not 'later'",
+    "- {to: [/a, /b], shift: 1e300}": "rule 1: shift must be a number of seconds",
+    "- {to: /a, as: Pose, frames: [a, b]}": "rule 1: as must be one of PoseStamped, Odometry, not 'Pose'",
+    "- {to: /a, as: Odometry, frames: [a, b, c]}": r"rule 1: frames must be \[PARENT, CHILD\], for Odometry",
+    "- {to: [/a, /b], as: Odometry, frames: [a, b]}": "rule 1: to must be one topic, for Odometry",
+}
+
+
+class TestFiles:
+    @pytest.mark.parametrize(("text", "said"), WRONG.items())
+    def test_a_wrong_one_is_explained(self, tmp_path, text, said):
+        path = tmp_path / "relay.yaml"
+        path.write_text(text)
+        with pytest.raises(UsageError, match=said):
+            read_rules(path)
+
+    @pytest.mark.parametrize(
+        ("rules", "said"),
+        [
+            ([rule(to=TF)], "rules read what they send on /tf"),
+            ([rule(), rule(source=TO, to=TF)], "rules read what they send on "),
+            ([rule(), rule(to=("/other", TO[0]))], "rule 1: to must not use /relay/tf like /tf_static"),
+            (
+                [rule(), rule(to=TO[:1], frames=("a", "b"), message="Odometry")],
+                "rule 1: to must not use /relay/tf like Odometry: a rule uses it like /tf",
+            ),
+        ],
+    )
+    def test_topics_that_contradict_each_other_are_refused(self, rules, said):
+        with pytest.raises(UsageError, match=said):
+            refuse_circles(rules, lambda name: name)
+
+    @pytest.mark.parametrize("text", [None, "- {to: [/a, /b], rate: 0}", "- {to: [/tf, /tf_static]}"])
+    def test_the_program_says_it_in_one_line(self, tmp_path, text):
+        path = tmp_path / "relay.yaml"
+        if text is not None:
+            path.write_text(text)
+        status, out, err = ended("tf2_relay", str(path))
+        assert (status, out, err.count("\n")) == (2, "", 1)
+        assert err.startswith("tf2_relay: ") and err.endswith("(see tf2_relay --help)\n")
+
+
+# As a process.
+
+
+@pytest.fixture
+def robots(peer):
+    """Two other processes that publish."""
+    return peer(), peer()
+
+
+def keep_sending(robot, condition, executor=None, *, speed=0.0, first=1):
+    """Let base move in the map until the condition holds; what is sent first has no receiver yet."""
+    second = first - 1
+
+    def send():
+        nonlocal second
+        second += 1
+        robot.send(("map", "base", second * S, 2.0 + speed * second))
+        return condition()
+
+    until(send, executor)
+
+
+@contextmanager
+def relaying(folder, text, *options):
+    """A tf2_relay for a `with` statement, and its file."""
+    path = folder / "relay.yaml"
+    path.write_text(text)
+    with running("tf2_relay", str(path), *options) as process:
+        yield process, path
+
+
+def counts(process, how=signal.SIGINT):
+    """End it; what it printed, as numbers of messages and transforms by topic."""
+    process.send_signal(how)
+    out, err = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 0 and "Traceback" not in err, err
+    found = re.findall(r"^(in|out), (.*): (\d+) messages?,(?: (\d+) transforms?,)? ", out, re.MULTILINE)
+    return {(way, where): (int(messages), int(count or 0)) for way, where, messages, count in found}
+
+
+@contextmanager
+def receiver(node, tf="/relay/tf"):
+    buffer = Buffer()
+    with TransformListener(buffer, node, tf_topic=tf, tf_static_topic=f"{tf}_static"):
+        yield buffer
+
+
+class Received(list):
+    """The messages on a topic."""
+
+    def __init__(self, node, topic, message=TFMessage, static=False):
+        durability = DurabilityPolicy.TRANSIENT_LOCAL if static else DurabilityPolicy.VOLATILE
+        node.create_subscription(message, topic, self.append, QoSProfile(depth=1000, durability=durability))
+
+
+def test_a_collapsed_pair_arrives_with_new_names_and_the_stamp_of_what_moves(tmp_path, node, robots):
+    robot, _ = robots
+    text = f"- {{{TO_TEXT}, frames: [map, camera], collapse: true, prefix: r1/, rename: {{map: world}}}}"
+    with relaying(tmp_path, text) as (process, _), receiver(node) as buffer:
+        robot.send(("base", "camera", 0, 0.25), static=True)
+        keep_sending(robot, lambda: "r1/camera" in buffer)
+        found = buffer.lookup_transform_core("world", "r1/camera", 0)
+        assert translation(found) == (2.25, 0.0, 0.0)
+        assert stamp_ns(found) > 0
+        assert {*buffer.frames()} == {"world", "r1/camera"}
+        found = counts(process)
+    messages, transforms = found["in", "/tf and /tf_static"]
+    assert messages == transforms > 1
+    messages, transforms = found["out", "/relay/tf"]
+    assert messages == transforms > 0
+    assert found["out", "/relay/tf_static"] == (0, 0)
+
+
+def test_a_late_receiver_gets_all_static_transforms_in_one_message(tmp_path, node, executor, robots):
+    robot, other = robots
+    with relaying(tmp_path, f"- {{{TO_TEXT}}}") as (process, _):
+        early = Received(node, "/relay/tf_static", static=True)
+        robot.send(("base", "camera", 0, 1.0), static=True)
+        other.send(("base", "lidar", 0, 2.0), static=True)
+        both = [("base", "camera"), ("base", "lidar")]
+        until(lambda: early and names(early[-1].transforms) == both, executor)
+        late = Received(node, "/relay/tf_static", static=True)
+        until(lambda: late, executor)
+        assert names(late[0].transforms) == both
+        # What changes is sent again, with everything else.
+        other.send(("base", "lidar", 0, 3.0), static=True)
+        until(lambda: {translation(one)[0] for one in late[-1].transforms} == {1.0, 3.0}, executor)
+        counts(process, signal.SIGTERM)
+
+
+def test_each_rule_has_its_rate(tmp_path, node, robots):
+    text = f"- {{{TO_TEXT}, rate: 1000}}\n- {{to: [/slow/tf, /slow/tf_static], rate: 0.0001}}\n"
+    with relaying(tmp_path, text) as (process, _), receiver(node) as buffer:
+        keep_sending(robots[0], lambda: "base" in buffer and buffer.frames()["base"].count >= 3)
+        found = counts(process)
+    assert found["out", "/relay/tf"][0] >= 3
+    # The first time is when it starts, which may be after something has arrived.
+    assert found["out", "/slow/tf"][0] <= 1
+
+
+def test_a_pair_is_sent_as_odometry_and_as_a_pose(tmp_path, node, executor, robots):
+    robot, _ = robots
+    text = (
+        "- {to: /odometry, as: Odometry, frames: [map, base], rate: 100}\n"
+        "- {to: /pose, as: PoseStamped, frames: [map, base], rate: 100, prefix: r1/}\n"
+        "- {to: /mount, as: PoseStamped, frames: [base, camera], rate: 100}\n"
+    )
+    with relaying(tmp_path, text) as (process, _):
+        odometry, poses = Received(node, "/odometry", Odometry), Received(node, "/pose", PoseStamped)
+        mounts = Received(node, "/mount", PoseStamped)
+        robot.send(("base", "camera", 0, 0.5), static=True)
+
+        def has_arrived():
+            return poses and mounts and odometry and odometry[-1].twist.twist.linear.x > 0.0
+
+        keep_sending(robot, has_arrived, executor, speed=3.0)
+        last = odometry[-1]
+        assert (last.header.frame_id, last.child_frame_id) == ("map", "base")
+        assert last.pose.pose.position.x == 2.0 + 3.0 * last.header.stamp.sec
+        assert last.twist.twist.linear.x == pytest.approx(3.0)
+        assert poses[-1].header.frame_id == "r1/map"
+        assert mounts[-1].pose.position.x == 0.5
+        assert mounts[-1].header.stamp.sec > 1_000_000_000  # the time at which it was sent
+        counts(process)
+
+
+def first_line(process, words):
+    for line in process.stderr:
+        if words in line:
+            return line
+    raise AssertionError(f"it never said {words!r}")
+
+
+def test_a_changed_file_is_read_again_and_a_wrong_one_is_not_followed(tmp_path, node, robots):
+    robot, _ = robots
+    with relaying(tmp_path, f"- {{{TO_TEXT}}}") as (process, path):
+        with receiver(node) as buffer:
+            robot.send(("base", "camera", 0, 1.0), static=True)
+            until(lambda: "camera" in buffer)
+            path.write_text("- {to: [/relay/tf, /relay/tf_static], rate: 0}")
+            assert "rate must be a number of Hz above 0" in first_line(process, "rate must be")
+            # The middleware refuses a second type for a topic.
+            path.write_text("- {to: /relay/tf, as: Odometry, frames: [map, base]}")
+            assert "the old rules stay" in first_line(process, "rule 1: cannot send to /relay/tf: ")
+            path.unlink()
+            assert "the old rules stay" in first_line(process, "cannot read")
+            keep_sending(robot, lambda: "map" in buffer)
+        path.write_text("- {to: [/other/tf, /other/tf_static], prefix: new/}")
+        first_line(process, "again")
+        with receiver(node, "/other/tf") as buffer:
+            until(lambda: "new/camera" in buffer)
+        found = counts(process)
+    assert found["out", "/relay/tf_static"] == (1, 1)
+    assert found["out", "/other/tf_static"] == (1, 1)
+
+
+def test_time_that_goes_back_is_followed(tmp_path, node, executor, robots):
+    robot, _ = robots
+    with relaying(tmp_path, f"- {{{TO_TEXT}, rate: 100}}") as (process, _):
+        received = Received(node, "/relay/tf")
+        keep_sending(robot, lambda: received, executor, first=1_000_000)
+
+        def has_gone_back():
+            return any(stamp_ns(one) < 900_000 * S for message in received for one in message.transforms)
+
+        keep_sending(robot, has_gone_back, executor)
+        first_line(process, "went back")
+        counts(process)
+
+
+def test_a_dry_run_shows_trees_and_sends_nothing(tmp_path, node, robots):
+    robots[0].send_without_subscriber(("base", "camera", 0, 1.0), static=True)
+    text = f"- {{{TO_TEXT}, prefix: r1/, subtree: base}}\n- {{to: [/x, /y], frames: [base, camra]}}"
+    # On a busy machine, what is published takes a while to be discovered.
+    for seconds in ("4", "20", "100"):
+        with relaying(tmp_path, text, "--dry-run", "-t", seconds) as (process, _):
+            until(lambda: "tf2_relay" in node.get_node_names())
+            assert node.count_publishers("/relay/tf_static") == 0
+            out, err = process.communicate(timeout=DEADLINE_S + float(seconds))
+        if "camera" in out:
+            break
+    assert (process.returncode, err) == (0, "rule 2: camra is not known; did you mean camera?\n")
+    assert "in, /tf and /tf_static:\n  base\n    camera (static)\n" in out
+    assert "out, /relay/tf and /relay/tf_static:\n  r1/base\n    r1/camera (static)\n" in out
+    assert re.search(r"^out, /relay/tf_static: 1 message, 1 transform, \d+ bytes$", out, re.MULTILINE)
+
+
+def test_the_bytes_are_those_of_the_messages(tmp_path, node, executor, robots):
+    with relaying(tmp_path, f"- {{{TO_TEXT}}}") as (process, _):
+        received = Received(node, "/relay/tf_static", static=True)
+        transforms = [("base" * number, f"camera{number * 'x'}", 0, 1.0) for number in range(1, 9)]
+        robots[0].send(*transforms, static=True)
+        until(lambda: received, executor)
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=DEADLINE_S)
+    size = readable_size(len(serialize_message(received[-1])))
+    assert f"out, /relay/tf_static: 1 message, 8 transforms, {size}\n" in out

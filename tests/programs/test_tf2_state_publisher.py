@@ -1,0 +1,221 @@
+"""The program tf2_state_publisher: a robot's transforms from real joint states."""
+
+import signal
+
+import numpy as np
+import pytest
+from processes import DEADLINE_S, ended, running, until
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from robots import ARM, NAMES, SIMPLE, expected, random_states
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from tf2_msgs.msg import TFMessage
+from tf2_ros.numpy import to_matrix
+
+pytestmark = pytest.mark.ours
+
+NAME = "tf2_state_publisher"
+S = 1_000_000_000
+EVEN_LATE = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+OTHER = ARM.replace('name="arm"', 'name="other"').replace("camera", "lidar")
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM)
+    return str(path)
+
+
+class Robot:
+    """The other nodes of a robot: they send joint states, and receive what the program publishes."""
+
+    def __init__(self, node, executor):
+        self._executor = executor
+        self._states = node.create_publisher(JointState, "/joint_states", 10)
+        self.moving, self.static, self.descriptions = [], [], []
+        node.create_subscription(TFMessage, "/tf", self.moving.append, 100)
+        node.create_subscription(TFMessage, "/tf_static", self.static.append, EVEN_LATE)
+        node.create_subscription(String, "/robot_description", self.descriptions.append, EVEN_LATE)
+
+    def send(self, ns, names, positions):
+        state = JointState(name=list(names), position=[float(one) for one in positions])
+        state.header.stamp.sec, state.header.stamp.nanosec = divmod(ns, S)
+        self._states.publish(state)
+
+    def moved(self, ns, names, positions):
+        """Send a state until its transforms arrive, because joint states may be lost; get them by child."""
+
+        def answer():
+            self.send(ns, names, positions)
+            self._executor.spin_once(timeout_sec=0.1)
+            return [one for one in self.moving if stamps(one) == {ns}]
+
+        return by_child(until(answer)[0])
+
+
+def stamps(message):
+    return {one.header.stamp.sec * S + one.header.stamp.nanosec for one in message.transforms}
+
+
+def by_child(message):
+    return {one.child_frame_id: (one.header.frame_id, to_matrix(one)) for one in message.transforms}
+
+
+def same(found, wanted, prefix=""):
+    assert found.keys() == {prefix + child for child in wanted}
+    for child, (parent, matrix) in wanted.items():
+        assert found[prefix + child][0] == prefix + parent
+        np.testing.assert_allclose(found[prefix + child][1], matrix, atol=1e-12)
+
+
+@pytest.fixture
+def robot(node, executor):
+    return Robot(node, executor)
+
+
+def test_joint_states_become_transforms(robot, executor, file):
+    with running(NAME, file) as process:
+        for i, state in enumerate(random_states(3)):
+            wanted = expected(*state)
+            fixed = {"camera": wanted.pop("camera")}
+            same(robot.moved((100 + i) * S, NAMES, state), wanted)
+        # Both are latched, so they arrive however late.
+        same(by_child(until(lambda: robot.static, executor)[0]), fixed)
+        assert until(lambda: robot.descriptions, executor)[0].data == ARM
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=DEADLINE_S)
+    assert (process.returncode, out) == (0, "")
+    assert "[robot_state_publisher]: Robot initialized: <tf2_ros.urdf.Robot 'arm': 7 movable" in err
+
+
+def test_the_prefix_and_the_description_may_be_parameters(robot, executor):
+    text = " ".join(OTHER.partition("?>")[2].split())
+    given = ["-p", "frame_prefix:=left/", "-p", f"robot_description:={text}"]
+    with running(NAME, "--ros-args", *given):
+        wanted = expected(0.1, 0.2, 0.3)
+        camera = wanted.pop("camera")
+        same(robot.moved(100 * S, SIMPLE, (0.1, 0.2, 0.3)), wanted, "left/")
+        same(by_child(until(lambda: robot.static, executor)[0]), {"lidar": camera}, "left/")
+
+
+def test_a_joint_is_published_at_most_at_the_frequency(robot, file):
+    with running(NAME, file, "--ros-args", "-p", "publish_frequency:=10.0"):
+        robot.moved(100 * S, ["lift"], [0.1])
+        for ns in (100 * S + S // 20, 100 * S + S // 10 - 1, 99 * S, 100 * S):
+            robot.send(ns, ["lift"], [9.0])
+        robot.moved(100 * S + S // 10, ["lift"], [0.2])
+        robot.send(100 * S + S // 10 + 1, ["lift"], [9.0])
+        robot.moved(100 * S + S // 10 + 2, ["lift", "roll"], [0.3, 0.1])  # due because of the other joint
+    seen = [*dict.fromkeys(ns for one in robot.moving for ns in stamps(one))]
+    assert seen == [100 * S, 100 * S + S // 10, 100 * S + S // 10 + 2]
+
+
+def test_stamps_may_be_ignored(robot, file):
+    with running(NAME, file, "--ros-args", "-p", "ignore_timestamp:=true"):
+        for ns in (100 * S, 100 * S + 1, 50 * S, 0):
+            robot.moved(ns, ["lift"], [0.1])
+
+
+def test_what_cannot_be_published_is_a_warning(robot, file, tmp_path):
+    log = tmp_path / "log"
+    with open(log, "w") as err, running(NAME, file, stderr=err):
+
+        def warned(text, ns, names, positions):
+            """Send a state until the program warns, because joint states may be lost."""
+
+            def said():
+                robot.send(ns, names, positions)
+                return text in log.read_text()
+
+            until(said)
+
+        shoulder = {"shoulder": expected(0.1, 0, 0)["shoulder"]}
+        same(robot.moved(100 * S, SIMPLE, [0.1, float("inf"), float("nan")]), shoulder)
+        warned(
+            "positions that are not finite, of roll, extend, grip, pinch",
+            101 * S,
+            SIMPLE,
+            [0, np.nan, np.nan],
+        )
+        warned("joint states without positions, of lift, roll, extend", 102 * S, SIMPLE, [])
+        warned("a malformed joint state: 3 names, but 1 positions", 102 * S, SIMPLE, [1.0])
+        warned("the stamp 0; the parameter ignore_timestamp publishes them", 0, ["lift"], [1.0])
+        same(robot.moved(103 * S, ["lift"], [0.1]), shoulder)
+
+
+class TestParameters:
+    @pytest.fixture
+    def change(self, node, executor, file, robot):
+        """Sets a parameter of the program; its answer."""
+        with running(NAME, file):
+            client = AsyncParameterClient(node, "robot_state_publisher")
+            until(client.services_are_ready, executor)
+
+            def change(name, **value):
+                kind = {"string": ParameterType.PARAMETER_STRING, "double": ParameterType.PARAMETER_DOUBLE}
+                [(form, given)] = value.items()
+                parameter = ParameterValue(type=kind[form], **{f"{form}_value": given})
+                answer = client.set_parameters([Parameter(name=name, value=parameter)])
+                until(answer.done, executor)
+                return answer.result().results[0]
+
+            # The services exist before the parameters do.
+            until(lambda: robot.descriptions, executor)
+            yield change
+
+    def test_another_description_is_another_robot(self, change, robot, executor):
+        assert change("robot_description", string=OTHER).successful
+        until(lambda: robot.descriptions and robot.descriptions[-1].data == OTHER, executor)
+        until(lambda: robot.static and by_child(robot.static[-1]).keys() == {"lidar"}, executor)
+        assert change("frame_prefix", string="left/").successful
+        until(lambda: by_child(robot.static[-1]).keys() == {"left/lidar"}, executor)
+        wanted = expected(0.1, 0, 0)["shoulder"]
+        same(robot.moved(100 * S, ["lift"], [0.1]), {"shoulder": wanted}, "left/")
+
+    def test_wrong_values_are_refused_with_the_reason(self, change):
+        assert change("publish_frequency", double=10.0).successful
+        for name, value, reason in (
+            (
+                "publish_frequency",
+                {"double": 0.0},
+                "publish_frequency must be above 0 and at most 1000, not 0",
+            ),
+            (
+                "publish_frequency",
+                {"double": 1001.0},
+                "publish_frequency must be above 0 and at most 1000, not 1001",
+            ),
+            (
+                "robot_description",
+                {"string": ""},
+                "robot_description must not be empty: set it, or name a file",
+            ),
+            ("robot_description", {"string": "<robot/>"}, "robot_description: the robot has no links"),
+        ):
+            answer = change(name, **value)
+            assert (answer.successful, answer.reason) == (False, reason)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ([], "robot_description must not be empty: set it, or name a file"),
+        (["none.urdf"], "cannot read none.urdf: No such file or directory"),
+        (
+            ["{file}", "--ros-args", "-p", "publish_frequency:=0.0"],
+            "publish_frequency must be above 0 and at most",
+        ),
+        (["{file}", "--ros-args", "-p", "publish_frequency:=fast"], "publish_frequency"),
+        (["{broken}"], "robot_description: not XML: "),
+    ],
+)
+def test_a_program_that_cannot_begin_says_why(given, said, file, tmp_path):
+    broken = tmp_path / "broken.urdf"
+    broken.write_text("robot")
+    status, out, err = ended(NAME, *(one.format(file=file, broken=broken) for one in given))
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith(f"{NAME}: ") and said in err

@@ -1,0 +1,230 @@
+"""view_frames, as a process of its own, beside one that broadcasts."""
+
+import os
+import re
+import resource
+import signal
+import sys
+from xml.etree import ElementTree
+
+import pexpect
+import pytest
+from processes import DEADLINE_S, broadcasting, ended, needs_dot, running, until
+
+from tf2_ros_tools.program import RunError, write_output
+from tf2_ros_tools.programs.view_frames import output_files, parser
+
+pytestmark = pytest.mark.ours
+
+STARTS = {"svg": b"<?xml", "png": b"\x89PNG\r\n\x1a\n", "pdf": b"%PDF-"}
+ROBOT = {"map", "odom", "base_link", "camera"}
+LISTEN = ("-t", "4")
+SVG = "{http://www.w3.org/2000/svg}"
+TREE = re.compile(
+    r"""map
+  odom \(\d+ samples over [\d.]+ s, newest at \d+\.\d+\)
+    base_link \(\d+ samples over [\d.]+ s, newest at \d+\.\d+\)
+      camera \(static\)
+"""
+)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    with broadcasting() as process:
+        yield process
+
+
+@pytest.fixture
+def without_dot(tmp_path):
+    return {**os.environ, "PATH": str(tmp_path)}
+
+
+def frames(svg):
+    """The frames that a picture shows, and the texts at each arrow by its class."""
+    nodes, edges = set(), {}
+    for group in ElementTree.fromstring(svg).iter(f"{SVG}g"):
+        kinds = group.get("class", "").split()
+        texts = [text.text for text in group.iter(f"{SVG}text") if text.text.strip()]
+        if "frame" in kinds:
+            nodes.update(texts)
+        if "edge" in kinds and "legend" not in kinds:
+            edges.setdefault(kinds[-1], []).append(texts)
+    return nodes, edges
+
+
+class TestFiles:
+    @pytest.mark.parametrize(
+        ("arguments", "files"),
+        [
+            ([], ("frames_DATE.gv", "frames_DATE.pdf", "pdf")),
+            (["-o", "robot"], ("robot.gv", "robot.pdf", "pdf")),
+            (["-o", "robot.v2"], ("robot.v2.gv", "robot.v2.pdf", "pdf")),
+            (["-o", "a.b/robot.svg"], ("a.b/robot.gv", "a.b/robot.svg", "svg")),
+            (["-o", "robot.PNG"], ("robot.gv", "robot.PNG", "png")),
+            (["-o", "robot.pdf"], ("robot.gv", "robot.pdf", "pdf")),
+            (["--watch"], ("frames.gv", "frames.svg", "svg")),
+            (["--watch", "-o", "robot"], ("robot.gv", "robot.svg", "svg")),
+            (["--watch", "-o", "robot.png"], ("robot.gv", "robot.png", "png")),
+        ],
+    )
+    def test_are_named_after_the_output(self, arguments, files):
+        assert output_files(parser().read(["view_frames", *arguments]), "DATE") == files
+
+    def test_are_replaced_whole_or_not_at_all(self, tmp_path):
+        path = tmp_path / "picture.svg"
+        write_output(str(path), b"before")
+        limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10, limits[1]))  # as of a full disk
+        try:
+            with pytest.raises(RunError, match=r"cannot write .*picture.svg: File too large"):
+                write_output(str(path), bytes(1000))
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        assert path.read_bytes() == b"before"
+        assert [*tmp_path.iterdir()] == [path]
+
+    def test_a_link_stays_one(self, tmp_path):
+        (tmp_path / "link").symlink_to(tmp_path / "file")
+        write_output(str(tmp_path / "link"), b"text")
+        assert (tmp_path / "link").is_symlink()
+        assert (tmp_path / "file").read_bytes() == b"text"
+
+    def test_a_pipe_is_written_to_and_stays_one(self, tmp_path):
+        pipe = tmp_path / "pipe"
+        os.mkfifo(pipe)
+        reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+        try:
+            write_output(str(pipe), b"text")
+            assert os.read(reader, 100) == b"text"
+        finally:
+            os.close(reader)
+        assert [*tmp_path.iterdir()] == [pipe] and pipe.is_fifo()
+
+
+@needs_dot
+class TestOnce:
+    def test_both_files_show_the_robot(self, robot, tmp_path):
+        status, out, err = ended("view_frames", *LISTEN, "-o", "robot.svg", cwd=tmp_path)
+        assert (status, out) == (0, "robot.gv\nrobot.svg\n")
+        assert "Listening to tf data for 4 seconds..." in err
+        assert "digraph" in (tmp_path / "robot.gv").read_text()
+        nodes, edges = frames((tmp_path / "robot.svg").read_bytes())
+        assert nodes == ROBOT
+        assert edges["static"] == [["/fleet/robot", "static"]]
+        assert len(edges["dynamic"]) == 2
+        for publisher, rate, delay, length in edges["dynamic"]:
+            assert publisher == "/fleet/robot"
+            assert 10 < float(re.fullmatch(r"([\d.]+) Hz", rate)[1]) < 60
+            assert re.fullmatch(r"delay \d+\.\d ms, max \d+\.\d ms", delay)
+            assert 0 < float(re.fullmatch(r"buffer ([\d.]+) s", length)[1]) < 5
+
+    def test_names_are_those_of_tf2_s_program(self, robot, tmp_path):
+        status, out, _ = ended("view_frames", *LISTEN, cwd=tmp_path)
+        assert status == 0
+        assert re.fullmatch(r"(frames_\d{4}-\d\d-\d\d_\d\d\.\d\d\.\d\d)\.gv\n\1\.pdf\n", out)
+        written = {name: (tmp_path / name).read_bytes() for name in out.split()}
+        assert {path.name for path in tmp_path.iterdir()} == written.keys()
+        assert [data for name, data in written.items() if name.endswith(".pdf")][0].startswith(b"%PDF-")
+
+    def test_the_text_is_a_tree_and_writes_no_file(self, robot, tmp_path):
+        status, out, err = ended("view_frames", "--text", *LISTEN, cwd=tmp_path)
+        assert status == 0
+        assert TREE.fullmatch(out)
+        assert "no transform was received" not in err
+        assert not any(tmp_path.iterdir())
+
+    def test_in_a_terminal_the_text_is_the_same(self, robot):
+        command = ["-m", "tf2_ros.cli.view_frames", "--text", *LISTEN]
+        with pexpect.spawn(sys.executable, command, timeout=DEADLINE_S, encoding="utf-8") as terminal:
+            terminal.expect(r"Listening to tf data for 4 seconds\.\.\..*\r\n")
+            printed = terminal.read().replace("\r\n", "\n")
+            terminal.wait()
+        assert terminal.exitstatus == 0
+        assert TREE.fullmatch(printed), printed
+
+    def test_text_and_files_at_once(self, robot, tmp_path):
+        status, out, _ = ended("view_frames", "--text", *LISTEN, "-o", "robot.png", cwd=tmp_path)
+        assert status == 0
+        assert TREE.match(out) and out.endswith("robot.gv\nrobot.png\n")
+        assert (tmp_path / "robot.png").read_bytes().startswith(STARTS["png"])
+
+    def test_planted_faults_are_shown(self, tmp_path):
+        with broadcasting("faults"):
+            # A frame is stale after it was silent for a second; it stops after the first one.
+            status, *_ = ended("view_frames", "-t", "5", "-o", "robot.svg", cwd=tmp_path)
+        assert status == 0
+        svg = (tmp_path / "robot.svg").read_bytes()
+        nodes, edges = frames(svg)
+        assert ROBOT | {"two_parents", "two_publishers", "loop_a", "loop_b", "island", "sea"} <= nodes
+        assert len(edges["stale"]) == 1
+        assert {texts[0] for texts in edges["dynamic"]} == {"/fleet/robot", "/intruder"}
+        assert b"two_publishers is published by 2 publishers: /fleet/robot, /intruder" in svg
+
+    def test_topics_may_be_others(self, robot, tmp_path):
+        options = ("--tf_topic", "other", "--tf_static_topic", "other_static", "--text", "-t", "1")
+        status, out, err = ended("view_frames", *options)
+        assert (status, out) == (0, "no frames\n")
+        assert re.fullmatch(
+            r"view_frames: no transform was received on /other and /other_static in ROS domain \d+, in 1 s; "
+            "publishers may take seconds to be found, so a longer -t may help",
+            err.splitlines()[-1],
+        )
+
+    def test_of_nothing_there_is_a_picture_that_says_so(self, tmp_path):
+        topics = ("--tf_topic", "other", "--tf_static_topic", "other_static")
+        status, _, err = ended("view_frames", "-t", "0", "-o", "none.svg", *topics, cwd=tmp_path)
+        assert status == 0
+        assert re.search(r"received on /other and /other_static in ROS domain \d+, in 0 s; ", err)
+        assert b"no transform was received" in (tmp_path / "none.svg").read_bytes()
+
+
+class TestWhatFails:
+    def test_without_dot_there_are_the_description_and_the_tree(self, robot, tmp_path, without_dot):
+        status, out, err = ended("view_frames", *LISTEN, "-o", "robot", cwd=tmp_path, env=without_dot)
+        assert status == 1
+        assert TREE.fullmatch(out)
+        assert [path.name for path in tmp_path.iterdir()] == ["robot.gv"]
+        [line] = [line for line in err.splitlines() if line.startswith("view_frames: ")]
+        assert line.startswith("view_frames: no picture, only robot.gv: install Graphviz")
+
+    def test_watching_without_dot_ends_so_too(self, robot, tmp_path, without_dot):
+        status, out, err = ended("view_frames", "--watch", *LISTEN, cwd=tmp_path, env=without_dot)
+        assert (status, bool(TREE.fullmatch(out))) == (1, True)
+        assert "install Graphviz" in err
+
+    def test_a_folder_that_is_none_is_one_line(self, tmp_path):
+        (tmp_path / "file").touch()
+        status, out, err = ended("view_frames", "-t", "0", "-o", str(tmp_path / "file" / "robot"))
+        assert (status, out) == (1, "")
+        assert err.splitlines()[-1] == f"view_frames: cannot write {tmp_path}/file/robot.gv: Not a directory"
+
+    @pytest.mark.parametrize("arguments", [["--watch", "--text"], ["-t", "-1"], ["-t", "soon"], ["robot"]])
+    def test_wrong_usage_is_one_line(self, arguments):
+        status, out, err = ended("view_frames", *arguments)
+        assert (status, out, err.count("\n")) == (2, "", 1)
+
+
+@needs_dot
+class TestWatching:
+    @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+    def test_the_picture_is_renewed_and_never_half_a_one(self, tmp_path, how):
+        picture = tmp_path / "frames.svg"
+        with running("view_frames", "--watch", "-t", "0.1", cwd=tmp_path) as process:
+            assert process.stdout.readline() == "frames.gv\n"
+            assert process.stdout.readline() == "frames.svg\n"
+            with broadcasting():
+                times = set()
+                until(lambda: frames(_read(picture, times))[0] == ROBOT)
+                until(lambda: _read(picture, times) and len(times) > 5)
+            process.send_signal(how)
+            out, err = process.communicate(timeout=DEADLINE_S)
+        assert (process.returncode, out, err) == (0, "", "")
+        assert {path.name for path in tmp_path.iterdir()} == {"frames.gv", "frames.svg"}
+
+
+def _read(picture, times):
+    svg = picture.read_bytes()
+    assert svg.endswith(b"</svg>\n")
+    times.add(re.search(rb"Recorded at time: ([\d.]+)", svg)[1])
+    return svg

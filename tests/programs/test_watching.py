@@ -1,0 +1,365 @@
+"""tf2_monitor and tf2_check, as processes of their own, beside one that broadcasts."""
+
+import json
+import os
+import re
+import signal
+import sys
+import threading
+import time
+from xml.etree import ElementTree
+
+import pytest
+from making import S
+from processes import DEADLINE_S, broadcasting, completed, ended, running, until
+
+from tf2_ros_tools.findings import KINDS
+
+pytestmark = pytest.mark.ours
+
+FAULTS = {
+    ("roots", ""),
+    ("loop", "loop_a"),
+    ("parents", "two_parents"),
+    ("publishers", "two_publishers"),
+    ("mixed", "static_and_dynamic"),
+    ("stale", "stopped"),
+    ("future", "ahead"),
+    ("gap", "with_gaps"),
+    ("rate", "slow"),
+    ("refused", "broken"),
+}
+HOSTILE, ESCAPED = "x\x1b[2J\x01\nok: 1 frames", r"x\x1b[2J\x01\nok: 1 frames"
+# On a busy machine a healthy robot has gaps, too.
+TOLERANT = ("--ignore", "gap")
+# Without the robot of the other tests.
+ALONE = ("-r", "/tf:=/tf_alone", "-r", "/tf_static:=/tf_static_alone")
+
+
+@pytest.fixture(scope="module")
+def robot():
+    with broadcasting() as process:
+        yield process
+
+
+def reports(process, count):
+    lines = [process.stdout.readline() for _ in range(count)]
+    assert all(lines), process.communicate()[1]
+    return [json.loads(line) for line in lines]
+
+
+def first_report(process, condition):
+    """The first one that fulfils it: discovery takes a while."""
+    end = time.monotonic() + DEADLINE_S
+    while time.monotonic() < end:
+        [report] = reports(process, 1)
+        if condition(report):
+            return report
+    raise AssertionError(f"none does; the last one is {report}")
+
+
+def first_line(process, pattern):
+    end = time.monotonic() + DEADLINE_S
+    seen = []
+    while time.monotonic() < end:
+        seen.append(process.stdout.readline().rstrip())
+        if re.fullmatch(pattern, seen[-1]):
+            return
+    raise AssertionError(f"none of {seen}")
+
+
+def frames(report):
+    return {stream["frame"]: stream for stream in report["streams"]}
+
+
+class TestCheck:
+    def test_finds_each_planted_fault(self, tmp_path):
+        expected, path = tmp_path / "robot.yaml", tmp_path / "check.xml"
+        expected.write_text("frames:\n  arm: {parent: base_link}\n  odom: {parent: base_link}\n")
+        of_time = {pair for pair in FAULTS if pair[0] in ("stale", "future", "gap", "rate")}
+        # On a busy machine discovery takes most of the first seconds.
+        for seconds in (5, 15, 40):
+            with broadcasting("faults"):
+                options = ("-t", seconds, "--min-rate", 15, "--junit", path, "--expect", expected)
+                status, out, err = ended("tf2_check", *map(str, options))
+            assert status == 1
+            assert all("TF_DENORMALIZED_QUATERNION" in line for line in err.splitlines()), err
+            *findings, verdict = out.splitlines()
+            said = {tuple(line.split(": ", 1)) for line in findings}
+            by_frame = {(kind, text.split()[0]) for kind, text in said}
+            if of_time <= by_frame:
+                break
+        verdict_like = rf"wrong: {len(findings)} findings in 15 frames, \d+ messages and {seconds} s"
+        assert re.fullmatch(verdict_like, verdict)
+        wanted = {
+            ("loop", "the frames loop_a -> loop_b -> loop_a form a loop"),
+            ("roots", "2 unconnected trees: map (11 frames), sea (2 frames)"),
+            ("parents", "two_parents has 2 parents in turn: map, odom"),
+            ("publishers", "two_publishers is published by 2 publishers: /fleet/robot, /intruder"),
+            ("mixed", "static_and_dynamic is static by /fleet/robot and dynamic by /fleet/robot"),
+            ("missing", "arm is expected, and nobody publishes it"),
+            ("parent", "odom has the parent map, not base_link"),
+        }
+        assert wanted <= said
+        assert of_time <= by_frame
+
+        junit = ElementTree.parse(path).getroot()
+        assert (junit.tag, junit.get("name"), junit.get("tests")) == (
+            "testsuite",
+            "tf2_check",
+            str(len(KINDS)),
+        )
+        failures = {case.get("name"): case.find("failure") for case in junit}
+        failed = {name for name, failure in failures.items() if failure is not None}
+        assert failed == {kind for kind, _ in said}
+        assert junit.get("failures") == str(len(failed))
+        assert "two_parents has 2 parents in turn: map, odom" in failures["parents"].text
+
+    def test_a_healthy_robot_passes(self, robot, tmp_path):
+        path = tmp_path / "robot.yaml"
+        path.write_text(
+            "frames:\n"
+            "  base_link: {parent: odom, min_rate: 10, max_delay: 2, static: false}\n"
+            "  camera: {parent: base_link, static: true}\n"
+        )
+        junit = tmp_path / "check.xml"
+        status, out, err = ended(
+            "tf2_check", "-t", "6", *TOLERANT, "--expect", str(path), "--junit", str(junit)
+        )
+        assert (status, err) == (0, "")
+        assert re.fullmatch(r"ok: no findings in 4 frames, \d+ messages and 6 s\n", out)
+        suite = ElementTree.parse(junit).getroot()
+        assert suite.get("failures") == "0"
+        assert [case.get("name") for case in suite if case.find("skipped") is not None] == ["gap"]
+
+    def test_json_has_the_verdict_the_findings_and_the_figures(self, peer):
+        with running("tf2_check", "-t", "5", "--json", "--ros-args", *ALONE) as process:
+            peer(*ALONE).send(("map", "b", S, 1.0), ("sea", "isle", S, 1.0), static=True)
+            out, err = process.communicate(timeout=DEADLINE_S)
+        assert (process.returncode, err) == (1, "")
+        found = json.loads(out)
+        text = "2 unconnected trees: map (2 frames), sea (2 frames)"
+        roots = {"kind": "roots", "frame": "", "text": text, "numbers": {"roots": ["map", "sea"]}}
+        assert (found["ok"], found["seconds"], found["findings"]) == (False, 5.0, [roots])
+        assert {*frames(found)} == {"b", "isle"}
+
+    def test_json_leaves_out_what_is_ignored(self):
+        options = ("-t", "0.2", "--json", "--ignore", "nothing", "--ros-args", *ALONE)
+        status, out, _ = ended("tf2_check", *options)
+        found = json.loads(out)
+        assert (status, found["ok"], found["findings"], found["streams"]) == (0, True, [], [])
+
+    def test_names_cannot_write_lines_of_their_own(self, peer, tmp_path):
+        junit, topics = tmp_path / "check.xml", ("-r", "/tf:=/hostile", "-r", "/tf_static:=/hostile_static")
+        talker = peer(*topics)
+        talker.send_without_subscriber((HOSTILE, "a", S, 1.0))  # answered when the peer has started
+        # On a busy machine, discovery may need the announcements that follow after three seconds.
+        options = ("-t", "8", "--junit", str(junit), "--ros-args", *topics)
+        with running("tf2_check", *options) as process:
+            stamp = 2 * S
+            while process.poll() is None:
+                talker.send_without_subscriber((HOSTILE, "a", stamp, 1.0), ("other", "b", stamp, 1.0))
+                stamp += S // 20
+                threading.Event().wait(0.05)  # as a robot does
+            out, _ = process.communicate(timeout=DEADLINE_S)
+        said = f"2 unconnected trees: other (2 frames), {ESCAPED} (2 frames)"
+        assert out.splitlines()[0] == f"roots: {said}"
+        assert f"\n{said}\n" in f"\n{ElementTree.parse(junit).getroot().findtext('testcase/failure')}\n"
+
+    def test_silence_is_wrong(self):
+        status, out, _ = ended("tf2_check", "-t", "0.2", "--ros-args", *ALONE)
+        silence = "no transform was received on /tf_alone and /tf_static_alone in ROS domain"
+        assert status == 1
+        assert re.fullmatch(rf"nothing: {silence} \d+", out.splitlines()[0])
+
+    @pytest.mark.parametrize(
+        ("given", "said"),
+        [
+            (["-t", "0"], "argument -t: must be above 0, not 0"),
+            (["--ignore", "weather"], "--ignore: weather is not one of nothing, clock, roots"),
+            (["--expect", "/no/such/file"], "/no/such/file: No such file or directory"),
+            (["--junit", "/no/such/folder/x.xml", "-t", "0.1"], "/no/such/folder/x.xml: No such file"),
+        ],
+    )
+    def test_what_it_cannot_do_is_one_line_and_status_2(self, given, said):
+        status, _, err = ended("tf2_check", *given)
+        assert status == 2
+        assert err.startswith(f"tf2_check: {said}")
+        assert err.count("\n") == 1
+
+    def test_expectations_that_are_not_understood_are_told(self, tmp_path):
+        path = tmp_path / "robot.yaml"
+        path.write_text("frames: {odom: {rate: 3}}")
+        status, _, err = ended("tf2_check", "--expect", str(path))
+        assert status == 2
+        assert err.startswith(f"tf2_check: {path}: odom: rate is not one of parent, static, min_rate")
+
+    def test_interrupted_it_has_no_verdict(self, peer):
+        with running("tf2_check", "-t", "3600", "--ros-args", *ALONE) as process:
+            peer(*ALONE).matched(1)
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate(timeout=DEADLINE_S)
+        assert (process.returncode, out, err) == (130, "", "")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "tf2_monitor base",
+        "tf2_echo map base",
+        "tf2_plot --path map base",
+        "tf2_plot odom base",
+        "tf2_view --trail base",
+    ],
+)
+def test_a_shell_completes_the_names_of_frames(line, robot, tmp_path):
+    until(lambda: completed(line, tmp_path) == "base_link")
+
+
+class TestMonitor:
+    def test_json_has_the_figures_of_each_frame(self, robot):
+        with running("tf2_monitor", "--json", "--interval", "1") as process:
+
+            def is_known(report):
+                base = frames(report).get("base_link", {})
+                # The graph may know an endpoint before it knows its node.
+                return base.get("count", 0) > 50 and base["publisher"] == "/fleet/robot"
+
+            report = first_report(process, is_known)
+        found = frames(report)
+        assert set(found) == {"odom", "base_link", "camera"}
+        base = found["base_link"]
+        assert (base["parent"], base["publisher"], base["static"]) == ("odom", "/fleet/robot", False)
+        assert 5 < base["rate"] < 60  # 50 on a machine that is not busy
+        assert 0 < base["delay"] < base["delay_max"] < 2
+        assert 0 < base["jitter"] < 1
+        assert found["camera"]["static"]
+        assert {one["kind"] for one in report["findings"]} <= {"gap"}
+        assert (report["chain"], report["lost"], report["malformed"]) == (None, 0, 0)
+
+    def test_between_two_frames_it_tells_chain_and_net_delay(self, robot):
+        with running("tf2_monitor", "/camera", "map", "--json", "--interval", "1") as process:
+            chain = first_report(process, lambda one: one["chain"]["delay"])["chain"]
+        assert chain["frames"] == ["camera", "base_link", "odom", "map"]
+        mean, most = chain["delay"]
+        assert 0.005 < mean < most < 2
+
+    def test_a_pipe_gets_what_scripts_for_tf2s_program_parse(self, robot):
+        number = r"-?\d+(\.\d+)?(e[-+]\d+)?"
+        delays = f"Average Delay: {number}, Max Delay: {number}"
+        with running("tf2_monitor", "camera", "map", "--interval", "1.5") as process:
+            assert process.stdout.readline() == "Gathering data on camera -> map for 1.5 seconds...\n"
+            assert [process.stdout.readline() for _ in range(3)] == ["\n", "\n", "\n"]
+            assert process.stdout.readline() == "RESULTS: for camera to map\n"
+            first_line(process, "Chain is: camera -> base_link -> odom -> map")
+            first_line(process, f"Net delay     avg = {number}: max = {number}")
+            assert [process.stdout.readline() for _ in range(2)] == ["\n", "Frames:\n"]
+            first_line(process, f"Frame: base_link, published by /fleet/robot, {delays}")
+            first_line(
+                process, "Frame: camera, published by /fleet/robot, Average Delay: nan, Max Delay: nan"
+            )
+            first_line(process, f"Frame: odom, published by /fleet/robot, {delays}")
+            assert [process.stdout.readline() for _ in range(2)] == ["\n", "All Broadcasters:\n"]
+            first_line(process, f"Node: /fleet/robot {number} Hz, {delays.replace(',', '')}")
+
+    def test_a_pipe_gets_problems_after_all_of_that(self):
+        with running("tf2_monitor", "--interval", "1", "--ros-args", *ALONE) as process:
+            assert process.stdout.readline() == "Gathering data on all frames for 1 second...\n"
+            wanted = ["", "", "", "RESULTS: for all Frames", "", "Frames:", "", "All Broadcasters:", ""]
+            lines = [process.stdout.readline().rstrip("\n") for _ in range(len(wanted) + 2)]
+        silence = "no transform was received on /tf_alone and /tf_static_alone in ROS domain"
+        assert lines[:-1] == [*wanted, "Problems:"]
+        assert re.fullmatch(rf"{silence} \d+", lines[-1])
+
+    def test_a_terminal_gets_a_line_for_each_frame(self, robot):
+        pytest.importorskip("pexpect")
+        from terminals import Terminal
+
+        figures = r"\d+\.\d Hz, delay \d+\.\d ms, max \d+\.\d ms, jitter \d+\.\d ms"
+        first = r"listening on /tf and /tf_static in ROS domain \d+, with a report every 1\.5 seconds\n"
+        report = (
+            r"at \d+\.\d{3} s\n"
+            rf"  base_link: parent odom, publisher /fleet/robot, {figures}\n"
+            rf"  odom: parent map, publisher /fleet/robot, {figures}\n"
+            r"  map -> odom -> base_link: net delay \d+\.\d ms, max \d+\.\d ms\n"
+        )
+        with Terminal(120, 100, "tf2_monitor", "map", "base_link", "--interval", "1.5") as terminal:
+            terminal.shows(lambda lines: re.match(first, "\n".join(lines)))
+            terminal.shows(lambda lines: re.search(report, "\n".join(lines)))
+
+    def test_a_frame_that_is_not_known_is_named(self, robot):
+        with running("tf2_monitor", "mapp", "camera", "--interval", "1") as process:
+            first_line(process, "Frame: odom, .*")
+            # The first reports may know no frames, or not all.
+            first_line(process, r"mapp is not known; did you mean map\?")
+
+    @pytest.mark.parametrize("term", ["xterm", "dumb"])
+    def test_names_cannot_steer_the_terminal(self, term, peer):
+        pytest.importorskip("pexpect")
+        from terminals import Terminal
+
+        topic = ("-r", "/tf_static:=/tf_hostile_static", "-r", "/tf:=/tf_hostile")
+        with Terminal(180, 40, "tf2_monitor", "--ros-args", *topic, TERM=term) as terminal:
+            peer(*topic).send((HOSTILE, "camera", S, 1.0), static=True)
+            terminal.shows(lambda lines: ESCAPED in "".join(lines))
+            assert not any(line.startswith("ok: 1 frames") for line in terminal.lines)
+
+    @pytest.mark.parametrize("arguments", [[], ["--interval", "3600"]], ids=str)
+    def test_its_first_line_needs_no_transform(self, arguments):
+        with running("tf2_monitor", *arguments, "--ros-args", *ALONE) as process:
+            seconds = arguments[-1] if arguments else 10
+            assert process.stdout.readline() == f"Gathering data on all frames for {seconds} seconds...\n"
+
+    def test_a_terminal_that_cannot_draw_gets_lines(self, robot):
+        pexpect = pytest.importorskip("pexpect")
+        command = ["-m", "tf2_ros.cli.tf2_monitor"]
+        with pexpect.spawn(
+            sys.executable, command, encoding="utf-8", timeout=DEADLINE_S, env={**os.environ, "TERM": "dumb"}
+        ) as child:
+            child.expect(
+                r"^listening on /tf and /tf_static in ROS domain \d+, with a report every 10 seconds\r\n"
+            )
+            child.expect(r"at \d+\.\d{3} s\r\n  base_link: parent odom, ")
+            child.sendintr()
+            child.expect(pexpect.EOF)
+
+    def test_it_warns_of_planted_faults(self):
+        kinds = set()
+        with (
+            broadcasting("faults"),
+            running("tf2_monitor", "--json", "--interval", "1", "--min-rate", "15") as process,
+        ):
+
+            def all_found(report):
+                kinds.update((one["kind"], one["frame"]) for one in report["findings"])
+                return kinds >= FAULTS
+
+            first_report(process, all_found)
+
+    def test_delays_are_those_of_simulated_time(self, peer):
+        talker = peer(*ALONE)
+        options = ("--json", "--interval", "0.2", "--ros-args", "-p", "use_sim_time:=true", *ALONE)
+        with running("tf2_monitor", *options) as process:
+
+            def is_known(report):
+                # Sent again, until it was discovered.
+                talker.set_clock(100)
+                talker.send(("map", "simulated", 97 * S, 0.0))
+                return frames(report).get("simulated", {}).get("delay")
+
+            delay = frames(first_report(process, is_known))["simulated"]["delay"]
+        assert delay == pytest.approx(3.0)
+
+    @pytest.mark.parametrize("frames", [["map"], ["map", "odom", "camera"]])
+    def test_one_frame_or_three_are_wrong_usage(self, frames):
+        status, out, err = ended("tf2_monitor", *frames)
+        assert (status, out) == (2, "")
+        assert err == f"tf2_monitor: two frames, or none, not {len(frames)} (see tf2_monitor --help)\n"
+
+    @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+    def test_a_signal_ends_it_without_a_trace(self, robot, how):
+        with running("tf2_monitor", "--interval", "0.5") as process:
+            first_line(process, "RESULTS: .*")
+            process.send_signal(how)
+            _, err = process.communicate(timeout=DEADLINE_S)
+        assert (process.returncode, err) == (0, "")

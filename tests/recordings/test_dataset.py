@@ -1,0 +1,222 @@
+"""Poses at the stamps of images: what a row says, and that many recordings are one table."""
+
+import numpy as np
+import pytest
+from making_bags import S, Sent, Tf, drive, scan, write_mcap
+from robots import ARM, SIMPLE, expected, joint_state
+
+from tf2_ros import InvalidArgumentException, LookupException, bag
+
+pytestmark = pytest.mark.ours
+
+FRAMES = ["camera", "lidar"]
+TIMES = [99 * S, 100 * S, 100 * S + 30_000_000, 101 * S + 5, 101 * S + 900_000_000, 150 * S]
+
+
+def write(path, extra=(), begin_ns=100 * S):
+    """A drive of 20 samples from 100 s, and images at TIMES."""
+    images = [scan(max(ns, 0), ns + begin_ns - 100 * S, "/images") for ns in TIMES]
+    return write_mcap(path, [*drive(20, begin_ns=begin_ns), *images, *extra])
+
+
+@pytest.fixture
+def path(tmp_path):
+    return write(tmp_path / "run.mcap")
+
+
+def made(recordings, **how):
+    return bag.dataset(recordings, FRAMES, at="/images", relative_to="map", **how)
+
+
+def test_each_image_has_the_poses_at_its_stamp(path):
+    data = made(path)
+    assert (len(data), data.frames, data.relative_to, data.files) == (
+        6,
+        ("camera", "lidar"),
+        "map",
+        (str(path),),
+    )
+    assert data.stamps_ns.tolist() == TIMES
+    buffer = bag.load(path)
+    for i, frame in enumerate(FRAMES):
+        translations, rotations = buffer.lookup_transforms("map", frame, TIMES, on_missing="nan")
+        np.testing.assert_equal(data.poses[:, i], np.hstack([translations, rotations]))
+    assert data.valid.tolist() == [[ok] * 2 for ok in (False, True, True, True, True, False)]
+    # A sample is every 0.1 s, from 100 s to 101.9 s.
+    np.testing.assert_equal(data.gaps[:, 0], [np.nan, 0.0, 0.1, 0.1, 0.0, np.nan])
+
+
+def test_a_row_has_the_names_and_types_of_trainers(path):
+    data = made(path)
+    row = data[2]
+    assert {name: row[name] for name in ("episode_index", "frame_index", "timestamp", "stamp")} == {
+        "episode_index": 0,
+        "frame_index": 2,
+        "timestamp": (TIMES[2] - TIMES[0]) / S,
+        "stamp": TIMES[2],
+    }
+    assert (row["pose"].dtype, row["pose"].shape) == (np.float32, (2, 7))
+    assert (row["valid"].dtype, row["valid"].shape) == (np.bool_, (2,))
+    assert (row["gap"].dtype, row["gap"].shape) == (np.float32, (2,))
+    np.testing.assert_equal([one["pose"] for one in data], data.poses.astype(np.float32))
+    np.testing.assert_equal(data[-1]["stamp"], TIMES[-1])
+    with pytest.raises(IndexError):
+        data[6]
+
+
+def test_the_longest_gap_of_all_frames_between_counts(tmp_path):
+    slow = [Sent(ns, "/tf", [Tf("base", "arm", ns)]) for ns in (100 * S, 101 * S + 500_000_000, 102 * S)]
+    path = write(tmp_path / "run.mcap", slow)
+    data = bag.dataset(path, ["arm", "base", "camera"], at="/images", relative_to="odom")
+    np.testing.assert_equal(data.gaps[2], [1.5, 0.1, 0.1])
+    np.testing.assert_equal(data.gaps[4], [0.5, 0.0, 0.0])
+    fixed = bag.dataset(path, ["camera", "base"], at="/images", relative_to="base")
+    assert fixed.valid.all() and not fixed.gaps.any()
+
+
+def test_rows_can_be_chosen(path):
+    data = made(path)
+    good = data.where(data.valid.all(axis=1) & (data.gaps <= 0.05).all(axis=1))
+    assert [row["frame_index"] for row in good] == [1, 4]
+    assert good.files == data.files
+    for mask in ([True], [1] * 6, np.ones((6, 2), bool)):
+        with pytest.raises(ValueError, match="a mask must be 6 bools, not "):
+            data.where(mask)
+
+
+class TestManyRecordings:
+    @pytest.fixture
+    def runs(self, tmp_path):
+        runs = tmp_path / "runs"
+        runs.mkdir()
+        for i in range(3):
+            write(runs / f"run{i}.mcap", begin_ns=(100 + i) * S)
+        (runs / "broken.mcap").write_bytes(b"nothing")
+        return runs
+
+    def check(self, data, runs):
+        assert data.files == tuple(str(runs / f"run{i}.mcap") for i in range(3))
+        assert list(data.failed) == [str(runs / "broken.mcap")]
+        assert data.episodes.tolist() == np.repeat(range(3), 6).tolist()
+        assert data.indices.tolist() == [*range(6)] * 3
+        assert repr(data) == "<tf2_ros.bag.Dataset: 18 rows of 2 frames in 3 recordings>"
+        for i in range(3):
+            alone = made(data.files[i])
+            mine = data.where(data.episodes == i)
+            for name in ("stamps_ns", "timestamps", "poses", "valid", "gaps"):
+                np.testing.assert_equal(getattr(mine, name), getattr(alone, name))
+
+    def test_they_are_one_table_and_a_broken_one_is_named(self, runs):
+        self.check(made(runs), runs)
+
+    @pytest.mark.long("needs pyarrow")
+    def test_a_folder_of_tables_is_the_same_table(self, runs, tmp_path):
+        pytest.importorskip("pyarrow")
+        for _ in range(2):  # written, and read
+            self.check(made(runs, out=tmp_path / "tables", workers=1), runs)
+        result = bag.map_recordings(runs, "map", FRAMES, tmp_path / "tables", at="/images", workers=1)
+        assert len(result.skipped) == 3
+
+    @pytest.mark.long("needs Dask")
+    def test_the_same_robot_and_poses_reach_every_worker(self, tmp_path):
+        pytest.importorskip("distributed")
+        runs = tmp_path / "runs"
+        runs.mkdir()
+        for i in range(2):
+            states = [joint_state(ns, SIMPLE, [0.1 * i, 0.2, 0.3]) for ns in TIMES]
+            write(runs / f"run{i}.mcap", states)
+        how = {"at": "/images", "relative_to": "base", "urdf": ARM}
+        here = bag.dataset(runs, ["thumb"], **how)
+        np.testing.assert_allclose(here.valid, True)
+        for _ in range(2):
+            there = bag.dataset(runs, ["thumb"], out=tmp_path / "tables", workers=2, **how)
+            np.testing.assert_equal(there.poses, here.poses)
+        # Another robot is another lookup.
+        other = ARM.replace('multiplier="3"', 'multiplier="4"')
+        there = bag.dataset(runs, ["thumb"], out=tmp_path / "tables", workers=1, **{**how, "urdf": other})
+        assert not (there.poses == here.poses).all()
+
+    def test_none_that_can_be_read_is_an_error(self, runs, tmp_path):
+        with pytest.raises(bag.BagError, match="broken.mcap is not a .mcap file"):
+            made(runs / "broken.mcap")
+        with pytest.raises(FileNotFoundError):
+            made(tmp_path / "none")
+
+
+def test_an_arm_needs_only_its_joint_states(tmp_path):
+    states = [joint_state(ns, SIMPLE, [0.1, 0.2, 0.3]) for ns in (99 * S, 200 * S)]
+    images = [scan(ns, ns, "/images") for ns in TIMES]
+    path = write_mcap(tmp_path / "run.mcap", [*states, *images])
+    data = bag.dataset(path, ["shoulder", "camera"], at="/images", relative_to="base", urdf=ARM)
+    assert data.valid.all()
+    wanted = expected(0.1, 0.2, 0.3)
+    np.testing.assert_allclose(data.poses[0, 0, :3], wanted["shoulder"][1][:3, 3], atol=1e-12)
+    np.testing.assert_allclose(
+        data.poses[0, 1, :3], (wanted["shoulder"][1] @ wanted["camera"][1])[:3, 3], atol=1e-12
+    )
+    assert data.gaps[1].tolist() == [101.0, 101.0]
+
+
+class TestFiles:
+    def test_npz_has_every_field(self, path, tmp_path):
+        data = made(path)
+        data.save(tmp_path / "data.npz")
+        with np.load(tmp_path / "data.npz") as read:
+            for name in read.files:
+                np.testing.assert_equal(read[name], np.asarray(getattr(data, name)))
+            assert {"frames", "relative_to", "files", "poses", "valid", "gaps"} <= {*read.files}
+
+    @pytest.mark.long("needs pyarrow")
+    def test_parquet_has_a_column_for_each_number(self, path, tmp_path):
+        parquet = pytest.importorskip("pyarrow.parquet")
+        data = made(path)
+        data.save(tmp_path / "data.parquet")
+        columns = parquet.read_table(tmp_path / "data.parquet").to_pydict()
+        assert list(columns)[:5] == ["file", "episode_index", "frame_index", "timestamp", "stamp"]
+        parts = ("x", "y", "z", "qx", "qy", "qz", "qw", "valid", "gap")
+        assert list(columns)[5:] == [f"{frame}.{part}" for frame in FRAMES for part in parts]
+        assert set(columns["file"]) == {str(path)}
+        np.testing.assert_equal(columns["lidar.y"], data.poses[:, 1, 1])
+        np.testing.assert_equal(columns["camera.gap"], data.gaps[:, 0])
+
+    def test_another_ending_is_refused(self, path, tmp_path):
+        with pytest.raises(ValueError, match=r"must end in \.parquet or \.npz, not '.*data\.csv'"):
+            made(path).save(tmp_path / "data.csv")
+
+
+def test_what_cannot_be_asked_is_told_in_one_sentence(path):
+    for frames, how, error, said in (
+        ("camera", {}, TypeError, r"frames must be several names, use \['camera'\]"),
+        ([], {}, ValueError, "frames must be one or more different names"),
+        (["camera", "camera"], {}, ValueError, "frames must be one or more different names"),
+        ([""], {}, InvalidArgumentException, "empty"),
+        (["camera", "camra"], {}, LookupException, "camra"),
+        (
+            ["camera"],
+            {"at": "/image"},
+            bag.BagError,
+            "topic /image: this topic does not exist; the topics are /images",
+        ),
+        (["camera"], {"relative_to": "mapp"}, LookupException, "mapp"),
+        (["camera"], {"workers": 2}, ValueError, "workers and scheduler need a folder for the tables, out"),
+    ):
+        with pytest.raises(error, match=said):
+            bag.dataset(path, frames, **{"at": "/images", "relative_to": "map", **how})
+    with pytest.raises(ValueError, match="several frames need a topic with the times, at"):
+        bag.map_recordings(path, "map", ["camera"], "out", rate=1.0)
+
+
+def test_a_topic_without_images_is_an_empty_dataset(tmp_path):
+    path = write_mcap(tmp_path / "run.mcap", drive(), topics=[("/images", "sensor_msgs/msg/LaserScan")])
+    data = made(path)
+    assert (len(data), list(data), data.poses.shape) == (0, [], (0, 2, 7))
+
+
+def test_what_is_left_of_a_broken_recording_is_used_if_that_is_wanted(tmp_path):
+    path = write(tmp_path / "run.mcap")
+    path.write_bytes(path.read_bytes()[:-300])
+    with pytest.raises(bag.BagError, match="is broken"):
+        made(path)
+    with pytest.warns(bag.BagWarning, match="is broken"):
+        data = made(path, partial=True)
+    assert data.valid.any()

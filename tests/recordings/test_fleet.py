@@ -1,0 +1,512 @@
+"""Many recordings: what is done, what is skipped, and that it is the same wherever it is done."""
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from making_bags import S, Sent, drive, scan, write_folder, write_mcap, write_split
+from processes import DEADLINE_S, start, until
+
+bag = pytest.importorskip("tf2_ros.bag")
+dask = pytest.importorskip("dask")
+distributed = pytest.importorskip("distributed")
+parquet = pytest.importorskip("pyarrow.parquet")
+psutil = pytest.importorskip("psutil")
+
+from lossy_workers import Deadly, Lossy  # noqa: E402
+
+from tf2_ros import InvalidArgumentException  # noqa: E402
+from tf2_ros_tools.fleet import (  # noqa: E402
+    KEY,
+    find_recordings,
+    local_workers,
+    table_of,
+)
+
+pytestmark = [pytest.mark.ours, pytest.mark.long("needs Dask")]
+
+
+@pytest.fixture
+def runs(tmp_path):
+    """A folder with four good recordings, two of them with the same name."""
+    at = tmp_path / "runs"
+    for day in ("monday", "tuesday"):
+        (at / day).mkdir(parents=True)
+        write_mcap(at / day / "run.mcap", drive(40))
+    write_folder(at / "monday" / "folder", drive(30), "sqlite3")
+    write_split(at / "split", drive(30))
+    return at
+
+
+@pytest.fixture
+def out(tmp_path):
+    return tmp_path / "out"
+
+
+def mapped(runs, out, **options):
+    options = {"workers": 1, **options} if "scheduler" not in options else options
+    return bag.map_recordings(runs, "map", "camera", out, **options)
+
+
+def tables(out):
+    """What a folder holds: of each table the columns, and what it says that it was made of, but for times."""
+    return {path.name: contents(path) for path in out.glob("[!_.]*.parquet")}
+
+
+def contents(path):
+    table = parquet.read_table(path)
+    made_of = json.loads(table.schema.metadata[KEY])
+    for row in made_of["found"]:
+        row.pop("seconds", None)
+    return table.to_pydict(), made_of
+
+
+def findings(result):
+    rows = parquet.read_table(result.findings).to_pylist()
+    return [{name: value for name, value in row.items() if name != "seconds"} for row in rows]
+
+
+def kinds(result):
+    return [(os.path.basename(row["file"]), row["kind"]) for row in findings(result)]
+
+
+@contextmanager
+def cluster(*plugins, workers=2):
+    """A cluster of real processes that nobody beyond this machine can reach."""
+    with (
+        distributed.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            host="127.0.0.1",
+            dashboard_address=None,
+            scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+            silence_logs="CRITICAL",
+        ) as local,
+        distributed.Client(local, set_as_default=False) as client,
+    ):
+        for plugin in plugins:
+            client.register_plugin(plugin)
+        yield client
+
+
+# What comes out.
+
+
+def test_each_recording_becomes_a_table_and_one_table_has_the_findings(runs, out):
+    result = mapped(runs, out)
+    assert len(result.done) == 4 and not result.skipped and not result.failed
+    assert set(result.done) == set(find_recordings(runs))
+    run = str(runs / "monday" / "run.mcap")
+    columns, _ = contents(out / os.path.basename(result.done[run]))
+    assert list(columns) == ["file", "stamp", "x", "y", "z", "qx", "qy", "qz", "qw", "valid"]
+    assert set(columns["file"]) == {run} and all(columns["valid"])
+    buffer = bag.load(run)
+    assert len(columns["stamp"]) == 40
+    for i in (0, 17, 39):
+        expected = buffer.lookup_transform_core("map", "camera", columns["stamp"][i]).transform
+        assert [columns[name][i] for name in "xyz"] == [
+            expected.translation.x,
+            expected.translation.y,
+            expected.translation.z,
+        ]
+        assert columns["qz"][i] == expected.rotation.z and columns["qw"][i] == expected.rotation.w
+    [row] = [row for row in findings(result) if row["file"] == run]
+    assert (row["kind"], row["transforms"], row["rows"], row["valid"]) == ("summary", 82, 40, 40)
+    assert row["span_s"] == pytest.approx(4.0)
+    assert f"{run}\n  summary: 82 transforms in 4.0 s, answers at 40 of 40 times\n" in (
+        out / "_findings.txt"
+    ).read_text(encoding="utf-8")
+    assert repr(result) == f"<tf2_ros.bag.MappedRecordings: 4 done, 0 skipped, 0 failed, in {str(out)!r}>"
+
+
+def test_a_folder_of_tables_is_read_as_one(runs, out):
+    mapped(runs, out)
+    assert parquet.read_table(out).num_rows == 40 + 40 + 30 + 30  # and the findings are none of them
+
+
+def test_times_at_a_rate_and_at_the_stamps_of_a_topic(tmp_path, out):
+    scans = [scan(101_000_000_000 + i, 101_000_000_000 + i * 50_000_000) for i in range(3)]
+    write_mcap(tmp_path / "run.mcap", sorted([*drive(40), *scans], key=lambda one: one.log_ns))
+    [(columns, _)] = tables_of(mapped(tmp_path / "run.mcap", out, at="/scan"))
+    assert columns["stamp"] == [101_000_000_000, 101_050_000_000, 101_100_000_000]
+    [(columns, _)] = tables_of(mapped(tmp_path / "run.mcap", out, rate=2.0))
+    assert columns["stamp"][:3] == [100_000_000_000, 100_500_000_000, 101_000_000_000]
+
+
+def tables_of(result):
+    return list(tables(Path(result.out)).values())
+
+
+def test_times_without_an_answer_are_rows_that_are_not_valid_and_a_finding(tmp_path, out):
+    scans = [scan(101_000_000_000, 101_000_000_000), scan(102_000_000_000, 900_000_000_000)]
+    write_mcap(tmp_path / "run.mcap", sorted([*drive(40), *scans], key=lambda one: one.log_ns))
+    result = mapped(tmp_path / "run.mcap", out, at="/scan")
+    [(columns, _)] = tables_of(result)
+    assert columns["valid"] == [True, False] and math.isnan(columns["x"][1])
+    assert ("run.mcap", "lookup") in kinds(result)
+    assert "no answer at 1 of 2 times" in (out / "_findings.txt").read_text(encoding="utf-8")
+
+
+def test_two_static_frames_have_one_row(tmp_path, out):
+    write_mcap(tmp_path / "run.mcap", drive(20))
+    result = bag.map_recordings(tmp_path / "run.mcap", "base", "camera", out)
+    [(columns, _)] = tables_of(result)
+    assert columns["valid"] == [True] and columns["x"] == [0.3]
+
+
+def test_a_recording_without_the_frames_has_an_empty_table_and_a_finding(runs, out):
+    write_mcap(runs / "other.mcap", drive(10, frame_prefix="x/"))
+    result = mapped(runs, out)
+    assert not result.failed
+    columns, _ = contents(out / os.path.basename(result.done[str(runs / "other.mcap")]))
+    assert columns["stamp"] == []
+    [row] = [row for row in findings(result) if row["kind"] == "lookup"]
+    assert row["file"] == str(runs / "other.mcap") and '"map"' in row["text"]
+    assert parquet.read_table(out).num_rows == 140
+
+
+# Whatever is wrong with one recording stops none of the others.
+
+
+def test_a_spoiled_recording_is_reported_and_stops_nobody(runs, out):
+    whole = (runs / "monday" / "run.mcap").read_bytes()
+    (runs / "broken.mcap").write_bytes(whole[: len(whole) // 2])
+    (runs / "empty.bag").write_bytes(b"")
+    result = mapped(runs, out)
+    assert len(result.done) == 4
+    assert set(result.failed) == {str(runs / "broken.mcap"), str(runs / "empty.bag")}
+    errors = {row["file"]: row["text"] for row in findings(result) if row["kind"] == "error"}
+    assert errors == result.failed and "broken.mcap" in errors[str(runs / "broken.mcap")]
+    assert len(tables(out)) == 4
+
+
+def test_one_of_several_paths_without_a_recording_is_reported(runs, out):
+    result = mapped([runs / "monday" / "run.mcap", runs / "gone.mcap"], out)
+    assert list(result.done) == [str(runs / "monday" / "run.mcap")]
+    assert result.failed == {str(runs / "gone.mcap"): f"{runs / 'gone.mcap'} does not exist"}
+
+
+def test_what_can_be_read_of_a_broken_recording_is_used_where_it_is_asked_for(runs, out):
+    run = write_mcap(runs / "monday" / "run.mcap", [*drive(40), Sent(105 * S, "/tf", b"nonsense")])
+    assert set(mapped(runs, out).failed) == {str(run)}
+    result = mapped(runs, out, partial=True)
+    assert not result.failed
+    assert ("run.mcap", "partial") in kinds(result)
+
+
+def test_a_recording_that_is_spoiled_later_keeps_no_table(runs, out):
+    run = runs / "monday" / "run.mcap"
+    table = mapped(runs, out).done[str(run)]
+    run.write_bytes(run.read_bytes()[:500])
+    result = mapped(runs, out)
+    assert set(result.failed) == {str(run)} and not os.path.exists(table)
+
+
+def test_the_table_of_a_recording_that_is_deleted_stays(runs, out):
+    run = str(runs / "monday" / "run.mcap")
+    table = mapped([run], out).done[run]
+    os.unlink(run)
+    assert mapped([run], out).failed == {run: f"{run} does not exist"}
+    assert os.path.exists(table)
+
+
+# Restarting.
+
+
+def state(out):
+    return {path.name: path.stat().st_mtime_ns for path in out.glob("[!_]*.parquet")}
+
+
+def test_a_restart_skips_what_is_done_and_knows_what_was_found(runs, out):
+    first = mapped(runs, out)
+    before, found = state(out), findings(first)
+    os.unlink(first.findings)
+    os.unlink(first.done[str(runs / "split")])
+    del before[os.path.basename(first.done[str(runs / "split")])]
+    second = mapped(runs, out)
+    assert set(second.done) == {str(runs / "split")} and len(second.skipped) == 3
+    assert {name: time for name, time in state(out).items() if name in before} == before
+    assert findings(second) == found
+    third = mapped(runs, out)
+    assert not third.done and third.skipped == first.done and findings(third) == found
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"rate": 3.0},
+        {"topics": {"/tf": "", "/tf_static": ""}},
+        {"partial": True},
+    ],
+    ids=str,
+)
+def test_another_lookup_is_not_taken_for_done(runs, out, options):
+    first = mapped(runs, out)
+    second = mapped(runs, out, **options)
+    assert second.done == first.done
+    assert mapped(runs, out, **options).skipped == first.done
+
+
+def test_other_frames_are_not_taken_for_done(runs, out):
+    first = mapped(runs, out)
+    assert bag.map_recordings(runs, "odom", "camera", out, workers=1).done == first.done
+
+
+def test_a_recording_that_has_changed_is_done_again(runs, out):
+    first = mapped(runs, out)
+    run, folder = runs / "monday" / "run.mcap", runs / "monday" / "folder"
+    write_mcap(run, drive(41))
+    os.utime(folder / "metadata.yaml", ns=(1, 1))
+    second = mapped(runs, out)
+    assert set(second.done) == {str(run), str(folder)} and len(second.skipped) == 2
+    columns, _ = contents(out / os.path.basename(first.done[str(run)]))
+    assert len(columns["stamp"]) == 41
+
+
+@pytest.mark.parametrize("spoil", [lambda data: data[:-10], lambda data: b"", lambda data: b"x" * 100])
+def test_a_spoiled_table_is_made_again(runs, out, spoil):
+    first = mapped(runs, out)
+    good = tables(out)
+    path = out / os.path.basename(first.done[str(runs / "split")])
+    path.write_bytes(spoil(path.read_bytes()))
+    assert set(mapped(runs, out).done) == {str(runs / "split")}
+    assert tables(out) == good
+
+
+def test_what_a_killed_run_has_left_is_ignored_and_removed_when_it_is_old(runs, out):
+    first = mapped(runs, out)
+    good = tables(out)
+    old, new = (out / f".{name}.parquet.0123.unfinished" for name in ("old", "new"))
+    for path in (old, new):
+        path.write_bytes(b"PAR1")
+    os.utime(old, (0, 0))
+    assert mapped(runs, out).skipped == first.done
+    assert tables(out) == good and new.exists() and not old.exists()
+    assert parquet.read_table(out).num_rows == 140
+
+
+def test_two_runs_at_once_into_one_folder_do_the_same_as_one(runs, out, tmp_path):
+    mapped(runs, tmp_path / "alone")
+    results = []
+    threads = [threading.Thread(target=lambda: results.append(mapped(runs, out))) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert [len(one.done) + len(one.skipped) for one in results] == [4, 4]
+    assert tables(out) == tables(tmp_path / "alone")
+    assert not list(out.glob(".*"))
+
+
+# Names of tables.
+
+
+def test_tables_of_equal_names_in_different_folders_differ_and_stay(tmp_path):
+    names = {table_of(f"/{folder}/run.mcap", "/out") for folder in ("a", "b")}
+    assert len(names) == 2
+    assert table_of("/a/run.mcap", "/out") == "/out/run-8b8a51f97ab1.parquet"
+
+
+@pytest.mark.parametrize("name", ["é" * 120 + ".mcap", "_run.mcap", ".mcap", "run.2026", "a\udcff.mcap"])
+def test_a_table_has_a_name_that_readers_find(tmp_path, name):
+    path = table_of(str(tmp_path / name), str(tmp_path))
+    assert os.path.basename(path)[0] not in "._" and path.endswith(".parquet")
+    with open(path, "w"):
+        pass
+
+
+# Which recordings are meant.
+
+
+def test_a_folder_is_searched_and_one_of_rosbag2_is_one_recording(runs):
+    (runs / "notes.txt").write_text("nothing")
+    (runs / "monday" / "metadata.yaml").write_text("of something else")
+    found = ["split", "monday/folder", "monday/run.mcap", "tuesday/run.mcap"]
+    assert find_recordings(str(runs)) == [str(runs / name) for name in found]
+    assert find_recordings(runs / "split") == [str(runs / "split")]
+    assert find_recordings(runs / "monday" / "run.mcap") == [str(runs / "monday" / "run.mcap")]
+    compressed = (runs / "tuesday" / "run.mcap").rename(runs / "tuesday" / "run.mcap.zstd")
+    assert find_recordings(runs / "tuesday") == find_recordings(compressed) == [str(compressed)]
+
+
+def test_paths_are_taken_as_they_are_and_each_once(runs):
+    (runs / "link.mcap").symlink_to(runs / "monday" / "run.mcap")
+    run = str(runs / "monday" / "run.mcap")
+    gone = str(runs / "gone.mcap")
+    assert find_recordings([run, runs / "link.mcap", gone]) == [run, gone]
+    assert find_recordings([gone, runs / "tuesday"]) == [gone, str(runs / "tuesday" / "run.mcap")]
+    [part] = (runs / "split").glob("*_0.mcap")
+    assert find_recordings([part, runs / "split"]) == [str(runs / "split")]
+
+
+def test_what_is_no_recording_at_all_is_an_error(runs, tmp_path):
+    (tmp_path / "empty").mkdir()
+    for nothing in (tmp_path / "empty", [tmp_path / "empty"], runs / "gone", []):
+        with pytest.raises(FileNotFoundError):
+            find_recordings(nothing)
+
+
+@pytest.mark.parametrize(
+    "options, text",
+    [
+        ({"at": "/scan", "rate": 1.0}, "at and rate exclude each other"),
+        ({"workers": 2, "scheduler": "tcp://127.0.0.1:1"}, "workers and scheduler exclude each other"),
+        ({"workers": 0}, "workers must be at least 1, not 0"),
+        ({"rate": 0.0}, "a rate must be a number above 0 Hz, not 0"),
+        ({"rate": math.nan}, "a rate must be a number above 0 Hz, not nan"),
+        ({"rate": math.inf}, "a rate must be a number above 0 Hz, not inf"),
+        ({"topics": []}, "topics must not be empty"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused_before_anything_is_read(runs, out, options, text):
+    with pytest.raises(ValueError, match=text):
+        bag.map_recordings(runs, "map", "camera", out, **options)
+    for frames in (("/map", "camera"), ("map", "/camera"), ("map", "")):
+        with pytest.raises(InvalidArgumentException):
+            bag.map_recordings(runs, *frames, out)
+    assert not out.exists()
+
+
+# Where it is done.
+
+
+@contextmanager
+def mapping(runs, out, **popen):
+    """Runs `programs/mapping.py` during a `with` statement."""
+    process = start("mapping.py", str(runs), str(out), **popen)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_two_processes_do_the_same_as_one_core(runs, out, tmp_path):
+    (runs / "broken.mcap").write_bytes(b"broken")
+    one = mapped(runs, tmp_path / "one")
+    with mapping(runs, out, stdout=subprocess.PIPE) as program:
+        said, _ = program.communicate(timeout=3 * DEADLINE_S)
+    assert said == f"<tf2_ros.bag.MappedRecordings: 4 done, 0 skipped, 1 failed, in {str(out)!r}>\n"
+    assert tables(out) == tables(tmp_path / "one")
+    assert (out / "_findings.txt").read_text() == (tmp_path / "one" / "_findings.txt").read_text()
+    assert findings(mapped(runs, out)) == findings(one)
+
+
+def test_the_workers_run_nothing_for_who_has_not_their_keys():
+    with local_workers(1) as client:
+        address = client.scheduler.address
+        strangers = (
+            (address, distributed.Security.temporary()),
+            (address.replace("tls://", "tcp://"), None),
+        )
+        for address, security in strangers:
+            with pytest.raises(OSError):
+                distributed.Client(address, security=security, timeout=2, set_as_default=False)
+        assert client.submit(sum, [1, 2]).result(DEADLINE_S) == 3
+
+
+@pytest.mark.parametrize("what", ["kill", "fail"])
+def test_a_worker_lost_in_the_middle_changes_nothing(runs, out, tmp_path, what):
+    (runs / "broken.mcap").write_bytes(b"broken")
+    one = mapped(runs, tmp_path / "one")
+    with cluster(Lossy(what, tmp_path / "lost")) as client:
+        result = mapped(runs, out, scheduler=client)
+        address = client.scheduler.address
+        assert (tmp_path / "lost").exists()
+        assert len(result.done) == 4 and set(result.failed) == set(one.failed)
+        assert tables(out) == tables(tmp_path / "one") and findings(result) == findings(one)
+        assert len(list(out.glob(".*.unfinished"))) == (what == "kill")
+        # By the address, as another program has it.
+        assert len(mapped(runs, tmp_path / "again", scheduler=address).done) == 4
+    assert tables(tmp_path / "again") == tables(out)
+
+
+def test_a_recording_that_kills_its_worker_stops_nobody(runs, out):
+    with (
+        dask.config.set(
+            {"distributed.scheduler.allowed-failures": 0, "distributed.scheduler.worker-saturation": 1.0}
+        ),
+        cluster(Deadly("split"), workers=1) as client,
+    ):
+        result = mapped(runs, out, scheduler=client)
+    assert result.failed == {str(runs / "split"): "each process that read it was killed: out of memory?"}
+    assert len(result.done) == 3
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL], ids=lambda how: how.name)
+def test_an_interrupted_run_ends_at_once_and_the_next_one_continues(tmp_path, out, how):
+    (tmp_path / "runs").mkdir()
+    first = write_mcap(tmp_path / "runs" / "0.mcap", drive(1500), chunk_size=100_000)
+    for i in range(1, 50):
+        os.link(first, tmp_path / "runs" / f"{i}.mcap")
+    with mapping(tmp_path / "runs", out, stderr=subprocess.PIPE, start_new_session=True) as program:
+        until(lambda: state(out))
+        children = psutil.Process(program.pid).children(recursive=True)
+        # As a terminal does it: to all of the program's group.
+        os.killpg(program.pid, how)
+        begin = time.monotonic()
+        _, said = program.communicate(timeout=DEADLINE_S)
+        assert time.monotonic() - begin < DEADLINE_S / 2  # Dask gives busy workers four seconds
+    assert program.returncode == -how
+    assert said.count("Traceback") == (how == signal.SIGINT), said
+    _, alive = psutil.wait_procs(children, timeout=DEADLINE_S)
+    assert not alive
+    done = len(state(out))
+    assert 0 < done < 50
+    result = mapped(tmp_path / "runs", out)
+    assert len(result.skipped) == done and len(result.done) == 50 - done
+    assert not result.failed
+
+
+def test_a_library_that_is_not_installed_ends_the_run(runs, out, monkeypatch):
+    from tf2_ros_tools import fleet
+
+    def lacking(*_):
+        raise ModuleNotFoundError("rosbags is not installed", name="rosbags")
+
+    monkeypatch.setattr(fleet, "work", lacking)
+    with pytest.raises(ModuleNotFoundError, match="rosbags is not installed"):
+        mapped(runs, out)
+
+
+def test_an_interrupt_of_which_a_library_makes_an_error_ends_the_run(runs, out, monkeypatch):
+    from tf2_ros_tools import fleet
+
+    def interrupted(*_):
+        try:
+            raise KeyboardInterrupt
+        except BaseException as error:
+            raise TypeError("cannot compare") from error
+
+    monkeypatch.setattr(fleet, "work", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        mapped(runs, out)
+
+
+@pytest.mark.parametrize(
+    "library, options",
+    [
+        ("pyarrow", {}),
+        ("dask", {}),
+        ("distributed", {"workers": 2}),
+        ("distributed", {"scheduler": "tcp://127.0.0.1:1"}),
+    ],
+)
+def test_a_library_of_the_extra_that_is_missing_is_named(runs, out, monkeypatch, library, options):
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(ModuleNotFoundError, match=rf"{library} is not installed: pip install .*\[fleet\]"):
+        bag.map_recordings(runs, "map", "camera", out, **options)
+
+
+def test_without_dask_one_process_works(runs, out, monkeypatch):
+    for library in ("dask", "distributed"):
+        monkeypatch.setitem(sys.modules, library, None)
+    assert len(mapped(runs, out, workers=1).done) == 4

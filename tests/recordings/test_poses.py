@@ -1,0 +1,335 @@
+"""Recorded poses, and Foxglove's transforms, as transforms."""
+
+import json
+import math
+import struct
+
+import numpy as np
+import pytest
+from making_bags import S, Sent, Tf, drive, packed, store, turn, write_folder, write_mcap, write_ros1
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
+
+from tf2_ros import bag
+from tf2_ros_tools.foxglove import tf_message
+from tf2_ros_tools.loading import hear
+
+pytestmark = pytest.mark.ours
+
+ODOMETRY = "nav_msgs/msg/Odometry"
+STAMPED = "geometry_msgs/msg/PoseStamped"
+WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+
+
+def posed(ns, x, topic, msgtype, frame="map", child="base", ros=2):
+    """A message with the pose x, 2, 3 and a turn by x."""
+    types = store(ros).types
+
+    def make(name, *fields):
+        return types[f"{name.replace('/', '/msg/')}"](*fields)
+
+    seq = (7,) if ros == 1 else ()
+    header = types["std_msgs/msg/Header"](
+        **dict(
+            zip(
+                ("seq", "stamp", "frame_id") if seq else ("stamp", "frame_id"),
+                (*seq, make("builtin_interfaces/Time", *divmod(ns, S)), frame),
+                strict=True,
+            )
+        )
+    )
+    pose = make(
+        "geometry_msgs/Pose",
+        make("geometry_msgs/Point", x, 2.0, 3.0),
+        make("geometry_msgs/Quaternion", *map(float, turn(x))),
+    )
+    covariance = np.zeros(36)
+    with_covariance = make("geometry_msgs/PoseWithCovariance", pose, covariance)
+    fields = {"header": header, "pose": pose if msgtype == STAMPED else with_covariance}
+    if msgtype == ODOMETRY:
+        still = [make("geometry_msgs/Vector3", 0.0, 0.0, 0.0) for _ in range(2)]
+        twist = make("geometry_msgs/TwistWithCovariance", make("geometry_msgs/Twist", *still), covariance)
+        fields |= {"child_frame_id": child, "twist": twist}
+    return Sent(ns, topic, fields, msgtype)
+
+
+STAMPS = [100 * S + i * S // 10 for i in range(20)]
+
+
+def series(topic, msgtype, **how):
+    return [posed(ns, i / 10, topic, msgtype, **how) for i, ns in enumerate(STAMPS)]
+
+
+def check(buffer, target, source):
+    translations, rotations = buffer.lookup_transforms(target, source, STAMPS)
+    np.testing.assert_allclose(translations, [(i / 10, 2, 3) for i in range(20)], atol=1e-15)
+    np.testing.assert_allclose(rotations, [turn(i / 10) for i in range(20)], atol=1e-15)
+
+
+class TestPoses:
+    @pytest.mark.parametrize("msgtype", [ODOMETRY, STAMPED, WITH_COVARIANCE])
+    @pytest.mark.parametrize("form", ["mcap", "sqlite3", "ros1"])
+    def test_each_type_is_a_transform_between_the_given_frames(self, msgtype, form, tmp_path):
+        messages = series("/pose", msgtype, ros=1 if form == "ros1" else 2)
+        if form == "ros1":
+            path = write_ros1(tmp_path / "run.bag", messages)
+        else:
+            path = write_folder(tmp_path / "run", messages, form)
+        check(bag.load(path, poses={"/pose": ("world", "gps")}), "world", "gps")
+
+    def test_odometry_names_its_frames(self, tmp_path):
+        path = write_mcap(tmp_path / "run.mcap", [*drive(), *series("/odom", ODOMETRY, frame="o", child="b")])
+        buffer = bag.load(path, poses={"/odom": None})
+        check(buffer, "o", "b")
+        assert buffer.parent("odom") == "map"  # of /tf
+        assert set(hear(path, poses={"/odom": None}).publishers) == {"/tf", "/tf_static", "/odom"}
+
+    def test_several_topics_and_times(self, tmp_path):
+        messages = [*series("/odom", ODOMETRY), *series("/gps", STAMPED)]
+        path = write_mcap(tmp_path / "run.mcap", messages)
+        both = {"/odom": None, "/gps": ("map", "gps"), "/lost": ("map", "x")}
+        check(bag.load(path, poses=both), "map", "gps")
+        buffer = bag.load(path, poses=both, start=STAMPS[5], end=STAMPS[9])
+        assert {one.count for one in buffer.frames().values() if one.parent} == {5}
+
+    def test_frames_that_change_are_followed(self, tmp_path):
+        messages = [*series("/odom", ODOMETRY, child="a"), *series("/odom", ODOMETRY, child="b")]
+        buffer = bag.load(
+            write_mcap(tmp_path / "run.mcap", messages, chunk_size=1 << 20), poses={"/odom": None}
+        )
+        check(buffer, "map", "a")
+        check(buffer, "map", "b")
+
+    def test_a_pose_with_nan_or_without_a_child_is_refused_as_a_transform_is(self, tmp_path):
+        messages = [*series("/odom", ODOMETRY), posed(S, math.nan, "/odom", ODOMETRY)]
+        messages += [posed(S, 0.0, "/odom", ODOMETRY, child="")]
+        buffer = bag.load(write_mcap(tmp_path / "run.mcap", messages), poses={"/odom": None})
+        check(buffer, "map", "base")
+        refused = buffer.statistics()["refused"]
+        assert (refused["nan_input"], refused["no_child_frame_id"]) == (1, 1)
+
+    def test_what_does_not_fit_is_told_in_one_sentence(self, tmp_path):
+        path = write_mcap(tmp_path / "run.mcap", [*drive(), *series("/pose", STAMPED)])
+        for poses, said in (
+            (
+                {"/pose": None},
+                f"topic /pose: a {STAMPED} does not name the child frame; pass the frames, as in"
+                ' poses={"/gps/pose": ("map", "gps")}',
+            ),
+            (
+                {"/tf": ("a", "b")},
+                f"topic /tf: its type is tf2_msgs/msg/TFMessage, not {ODOMETRY}",
+            ),
+        ):
+            with pytest.raises(bag.BagError) as refused:
+                bag.load(path, poses=poses)
+            assert str(refused.value) == f"{path}, {said}"
+        with pytest.raises(bag.BagError, match=r"has no topic /no or /none; its topics with transforms: /tf"):
+            bag.load(path, topics=["/no"], poses={"/none": None})
+        for poses in (
+            "/odom",
+            ["/odom"],
+            {"/odom": "gps"},
+            {"/odom": ("map", 1)},
+            {5: None},
+            {"/odom": ("a",)},
+        ):
+            with pytest.raises(TypeError, match="poses must map topics to "):
+                bag.load(path, poses=poses)
+
+    def test_a_malformed_pose_is_named_or_left_out(self, tmp_path):
+        broken = Sent(STAMPS[3] + 1, "/odom", b"\0\1\0\0" + bytes(30), ODOMETRY)
+        path = write_mcap(tmp_path / "run.mcap", [*series("/odom", ODOMETRY), broken])
+        with pytest.raises(
+            bag.BagError, match=f"topic /odom, log time {broken.log_ns} ns: a message of 34 bytes"
+        ):
+            bag.load(path, poses={"/odom": None})
+        with pytest.warns(bag.BagWarning, match="34 bytes"):
+            check(bag.load(path, poses={"/odom": None}, partial=True), "map", "base")
+
+
+# Foxglove.
+
+# Two transforms, as Google's library wrote them: map to base at 100.3 s, and base to caméra at 100.4 s; and
+# one without a translation and a rotation, at -1 s and 5 ns.
+LIST = bytes.fromhex(
+    "0a460a0808641080c6868f0112036d61701a0462617365221b09ba092fd41d92ee3f1133baba95cde9d23f19000000000000e0bf"
+    "2a121922eddfe9c920c33f2137e95e3e03a4ef3f0a4a0a080864108088debe011204626173651a0763616dc3a97261221b09f8a2"
+    "dbe75479ed3f116b672be93aecd83f19000000000000e0bf2a1219bcd23d23ff6dc93f217a627795b45cef3f"
+)
+BARE = bytes.fromhex("0a0d08ffffffffffffffffff0110051201611a0162")
+
+
+def field(number, data):
+    return bytes([number << 3 | 2, len(data)]) + data
+
+
+def doubles(*numbers):
+    return b"".join(bytes([i << 3 | 1]) + struct.pack("<d", one) for i, one in enumerate(numbers, 1) if one)
+
+
+def varint(number):
+    more = number >> 7
+    return bytes([number & 0x7F | 0x80]) + varint(more) if more else bytes([number])
+
+
+def in_protobuf(tf):
+    sec, nsec = divmod(tf.ns, S)
+    time = b"\x08" + varint(sec) + b"\x10" + varint(nsec)
+    # An unknown field of each wire type, as a later version may add them.
+    more = b"\x78\x01" + b"\x79" + bytes(8) + b"\x7a\x02hi" + b"\x7d" + bytes(4)
+    names = field(2, tf.parent.encode()) + field(3, tf.child.encode())
+    return field(1, time) + names + field(4, doubles(*tf.xyz)) + field(5, doubles(*tf.xyzw)) + more
+
+
+def in_json(tf):
+    sec, nsec = divmod(tf.ns, S)
+    return {
+        "timestamp": {"sec": sec, "nsec": nsec},
+        "parent_frame_id": tf.parent,
+        "child_frame_id": tf.child,
+        "translation": dict(zip("xyz", tf.xyz, strict=True)),
+        "rotation": dict(zip("xyzw", tf.xyzw, strict=True)),
+    }
+
+
+def write_foxglove(path, messages, encoding="protobuf", compression="zstd", profile="", index=True):
+    """A recording of Foxglove: pairs of a topic and a Tf, a list of them, or bytes."""
+    writer = McapWriter(
+        str(path), chunk_size=500, compression=CompressionType[compression.upper()], use_chunking=index
+    )
+    writer.start(profile, "tests")
+    channels = {}
+    for i, (topic, content) in enumerate(messages):
+        name = "foxglove.FrameTransform" + ("" if isinstance(content, Tf) else "s")
+        if topic not in channels:
+            form = {"protobuf": "protobuf", "json": "jsonschema"}[encoding]
+            channels[topic] = writer.register_channel(
+                topic, encoding, writer.register_schema(name, form, b"{}")
+            )
+        if isinstance(content, bytes):
+            data = content
+        elif encoding == "json":
+            made = in_json(content) if isinstance(content, Tf) else {"transforms": [*map(in_json, content)]}
+            data = json.dumps(made).encode()
+        elif isinstance(content, Tf):
+            data = in_protobuf(content)
+        else:
+            data = b"".join(field(1, in_protobuf(one)) for one in content)
+        writer.add_message(channels[topic], 100 * S + i, data, 0)
+    writer.finish()
+    return path
+
+
+MOVING = [
+    ("/tf", [Tf("map", "base", ns, (i / 10, 2.0, 3.0), turn(i / 10)), Tf("base", "arm", ns)])
+    for i, ns in enumerate(STAMPS)
+]
+FIXED = [("/tf_static", Tf("base", "camera", 0, (0.0, 0.0, 1.0)))]
+
+
+class TestFoxglove:
+    @pytest.mark.parametrize("encoding", ["protobuf", "json"])
+    @pytest.mark.parametrize("how", [{}, {"compression": "lz4"}, {"profile": "ros2"}, {"index": False}])
+    def test_transforms_load_from_either_encoding(self, encoding, how, tmp_path):
+        path = write_foxglove(tmp_path / "run.mcap", [*FIXED, *MOVING], encoding, **how)
+        for prepared in (lambda: path, lambda: packed(path)):
+            recording = prepared()
+            buffer = bag.load(recording)
+            check(buffer, "map", "base")
+            assert buffer.frames()["camera"].static
+            assert buffer.lookup_transform("arm", "camera", 0).transform.translation.z == 1.0
+            assert [one.child_frame_id for _, _, one in bag.transforms(recording)] == [
+                "camera",
+                *["base", "arm"] * 20,
+            ]
+
+    def test_what_googles_library_writes_is_read(self, tmp_path):
+        buffer = bag.load(write_foxglove(tmp_path / "run.mcap", [("/tf", LIST)]))
+        found = buffer.lookup_transform("map", "base", 100_300_000_000).transform
+        assert (found.translation.x, found.translation.z) == (math.cos(0.3), -0.5)
+        assert found.rotation.z == pytest.approx(math.sin(0.15), abs=1e-15)
+        assert buffer.frames()["caméra"].newest_ns == 100_400_000_000
+        [(_, _, bare)] = bag.transforms(write_foxglove(tmp_path / "more.mcap", [("/tf", field(1, BARE))]))
+        assert (bare.header.stamp.sec, bare.header.stamp.nanosec) == (-1, 5)
+        assert (bare.transform.translation.x, bare.transform.rotation.w) == (0.0, 1.0)
+
+    def test_stamps_of_its_types_are_read(self, tmp_path):
+        singles = [("/one", one) for _, (one, _) in MOVING]
+        for encoding in ("protobuf", "json"):
+            path = write_foxglove(tmp_path / f"{encoding}.mcap", [*singles, *MOVING], encoding)
+            assert bag.stamps(path, "/one").tolist() == STAMPS
+        with pytest.raises(bag.BagError, match="topic /tf, log time 100000000020 ns: a timestamp must have"):
+            bag.stamps(path, "/tf")
+
+    @pytest.mark.parametrize(
+        ("encoding", "content", "said"),
+        [
+            ("protobuf", b"\x0a\x7f", "a field of 127 bytes does not fit into a protobuf message"),
+            ("protobuf", b"\xff" * 11, "a number of a protobuf message has no end"),
+            ("protobuf", b"\x0b", "protobuf has no wire type 3"),
+            ("protobuf", b"\x08\x01", "a field of a protobuf message has another type"),
+            (
+                "protobuf",
+                field(1, field(1, b"\x08" + varint(1 << 40))),
+                "does not fit into 32 bits of seconds",
+            ),
+            ("protobuf", field(1, field(2, b"\xff")), "can't decode byte 0xff"),
+            ("json", b"[", "Expecting value"),
+            ("json", b"{}", "not a foxglove.FrameTransforms: KeyError: 'transforms'"),
+            ("json", b'{"transforms": [5]}', "not a foxglove.FrameTransforms: TypeError"),
+            (
+                "json",
+                b'{"transforms": [{"parent_frame_id": "a", "child_frame_id": 5}]}',
+                "not a foxglove.FrameTransforms: TypeError: a name of a frame is not a text",
+            ),
+        ],
+    )
+    def test_a_malformed_message_is_a_break(self, encoding, content, said, tmp_path):
+        path = write_foxglove(tmp_path / "run.mcap", [*MOVING, ("/tf", content)], encoding)
+        with pytest.raises(bag.BagError) as refused:
+            bag.load(path)
+        assert f"{path} is broken, topic /tf, after log time 100000000019 ns: " in str(refused.value)
+        assert said in str(refused.value)
+        with pytest.warns(bag.BagWarning):
+            check(bag.load(path, partial=True), "map", "base")
+
+    def test_a_file_without_its_end_is_read_in_part(self, tmp_path):
+        path = write_foxglove(tmp_path / "run.mcap", MOVING)
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+        with pytest.raises(
+            bag.BagError, match=r"is broken: File end magic is invalid \(its recorder did not"
+        ):
+            bag.load(path)
+        with pytest.warns(bag.BagWarning, match="is broken"):
+            buffer = bag.load(path, partial=True)
+        assert 0 < buffer.frames()["base"].count < 20
+
+    def test_other_topics_and_encodings_are_named(self, tmp_path):
+        path = write_foxglove(tmp_path / "run.mcap", [("/transforms", one) for _, one in MOVING])
+        with pytest.raises(bag.BagError, match="its topics with transforms: /transforms: choose from these"):
+            bag.load(path)
+        check(bag.load(path, topics=["/transforms"]), "map", "base")
+        writer = McapWriter(str(path))
+        writer.start("", "tests")
+        schema = writer.register_schema("foxglove.FrameTransform", "flatbuffer", b"")
+        writer.add_message(writer.register_channel("/tf", "flatbuffer", schema), 1, b"", 1)
+        writer.finish()
+        with pytest.raises(bag.BagError, match="topic /tf: its encoding is flatbuffer, not protobuf"):
+            bag.load(path)
+
+
+def test_no_bytes_make_the_reader_fail_otherwise():
+    random = np.random.default_rng(5)
+    for data in (LIST, json.dumps({"transforms": [in_json(MOVING[0][1][0])]}).encode()):
+        encoding = "json" if data[:1] == b"{" else "protobuf"
+        for _ in range(3000):
+            broken = bytearray(data)
+            for place in random.integers(0, len(data), random.integers(1, 4)):
+                broken[place] = random.integers(0, 256)
+            try:
+                tf_message(
+                    "foxglove.FrameTransforms", encoding, bytes(broken[: random.integers(1, len(data) + 1)])
+                )
+            except ValueError:
+                pass

@@ -1,0 +1,120 @@
+"""Many serialised messages in one call, and the records of what was in them."""
+
+import pytest
+from making import S, transform
+from rclpy.serialization import serialize_message
+
+from tf2_msgs.msg import TFMessage
+from tf2_py import BufferCore
+from tf2_ros.records import MessageSource, Recording, insert_messages, read_transforms, refusal_text
+
+pytestmark = pytest.mark.ours
+
+
+def raw(*transforms):
+    return serialize_message(TFMessage(transforms=transforms))
+
+
+MESSAGES = [
+    ("/tf", 10, raw(transform("map", "odom", 1), transform("odom", "base", 2))),
+    ("/tf_static", 11, raw(transform("base", "camera"))),
+    ("/tf", 12, raw(transform("map", "odom", 3))),
+]
+SOURCES = [MessageSource("/tf"), MessageSource("/tf_static", True)]
+
+
+def test_all_transforms_are_inserted_with_their_topic_as_authority():
+    buffer = BufferCore()
+    assert insert_messages(buffer, iter(MESSAGES), SOURCES) == 3
+    frames = buffer.frames()
+    assert (frames["odom"].count, frames["base"].count, frames["camera"].static) == (2, 1, True)
+    assert "broadcaster: '/tf_static'" in buffer.all_frames_as_yaml()
+
+
+def test_a_topic_may_be_an_object_and_have_a_prefix():
+    class Connection:
+        topic = "/robot/tf"
+
+    buffer = BufferCore()
+    messages = [(Connection, 1, raw(transform("map", "/base", 1)))]
+    insert_messages(buffer, messages, [MessageSource("/robot/tf", prefix="robot/")])
+    assert sorted(buffer.frames()) == ["robot/base", "robot/map"]
+
+
+def test_a_recording_says_what_was_in_them():
+    recording = Recording()
+    insert_messages(BufferCore(), MESSAGES, SOURCES, recording=recording)
+    frames, publishers = recording.frames(), recording.publishers()
+    assert [
+        (one["received_ns"], one["stamp_ns"], frames[one["parent"]], frames[one["child"]], one["static"])
+        for one in recording.take()
+    ] == [(10, S, "map", "odom", 0), (10, 2 * S, "odom", "base", 0), (11, 0, "base", "camera", 1)] + [
+        (12, 3 * S, "map", "odom", 0)
+    ]
+    assert publishers == [b"/tf", b"/tf_static"]
+    assert (recording.messages, recording.malformed, recording.lost) == (3, 0, 0)
+
+
+def test_what_a_small_recording_has_no_place_for_comes_in_arrays():
+    recording, arrays = Recording(2), []
+    insert_messages(BufferCore(), MESSAGES, SOURCES, recording=recording, records=arrays)
+    assert [len(one) for one in (*arrays, recording.take())] == [2, 2]
+    assert recording.lost == 0
+
+
+def test_what_buffers_refuse_is_recorded_with_the_reason():
+    recording = Recording()
+    messages = [("/tf", 1, raw(transform("map", "map", 1)))]
+    insert_messages(BufferCore(), messages, SOURCES, recording=recording)
+    [one] = recording.take()
+    assert refusal_text(int(one["refusals"])) == "frame_id and child_frame_id are the same"
+
+
+def test_a_malformed_message_is_an_error_or_left_out():
+    messages = [*MESSAGES[:1], ("/tf", 11, b"nonsense"), *MESSAGES[2:]]
+    buffer, found = BufferCore(), []
+    with pytest.raises(ValueError, match="malformed TFMessage"):
+        insert_messages(buffer, messages, SOURCES)
+    assert buffer.frames()["odom"].count == 1
+    buffer = BufferCore()
+    assert insert_messages(buffer, messages, SOURCES, on_malformed=lambda *what: found.append(what)) == 3
+    assert buffer.frames()["odom"].count == 2
+    assert [what[:2] for what in found] == [("/tf", 11)]
+
+
+def broken():
+    yield from MESSAGES[:2]
+    raise RuntimeError("the file ends here")
+
+
+def test_an_error_of_the_iteration_is_raised_explained_or_ends_it():
+    with pytest.raises(RuntimeError, match="ends here"):
+        insert_messages(BufferCore(), broken(), SOURCES)
+    with pytest.raises(KeyError, match="after 11"):
+        insert_messages(
+            BufferCore(), broken(), SOURCES, on_broken=lambda error, last_ns: KeyError(f"after {last_ns}")
+        )
+    buffer = BufferCore()
+    assert insert_messages(buffer, broken(), SOURCES, on_broken=lambda *what: None) == 2
+    assert "camera" in buffer
+
+
+def test_fewer_messages_than_there_must_be_are_such_an_error():
+    with pytest.raises(ValueError, match="2 messages of its index cannot be found"):
+        insert_messages(BufferCore(), MESSAGES, SOURCES, least=5)
+
+
+def test_a_topic_without_a_source_is_an_error():
+    with pytest.raises(KeyError, match="/other"):
+        insert_messages(BufferCore(), [("/other", 1, MESSAGES[0][2])], SOURCES)
+
+
+def test_progress_is_told_now_and_then():
+    told = []
+    insert_messages(BufferCore(), MESSAGES[:1] * 1000, SOURCES, progress=told.append)
+    assert sum(told) == 1000 and 3 <= len(told) <= 5
+
+
+def test_the_transforms_of_one_message():
+    [one, other] = read_transforms(MESSAGES[0][2], MessageSource("/tf", prefix="a/"))
+    assert (one.header.frame_id, other.child_frame_id) == ("a/map", "a/base")

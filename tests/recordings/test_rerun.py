@@ -1,0 +1,455 @@
+"""A buffer in a recording of rerun: what is read back, and what its viewer draws."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from browsing import needs_chromium, picture_when
+from making_bags import S, Sent, Tf, raw, turn
+from numpy.testing import assert_allclose
+from processes import DEADLINE_S, broadcasting, ended, running, until
+from scipy import ndimage
+
+import tf2_ros.rerun
+from tf2_py import BufferCore, LookupException
+from tf2_ros_tools.rerun import Live, _free_ports, new_recording, open_viewer
+
+pytestmark = [pytest.mark.ours, pytest.mark.long("needs rerun")]
+
+rr = pytest.importorskip("rerun")
+RrdReader = pytest.importorskip("rerun.chunk").RrdReader
+
+BEGIN = 1_700_000_000 * S
+FLOAT32 = {"rtol": 1e-6, "atol": 1e-6}
+
+
+def buffer_of(moving=(), static=()):
+    buffer = BufferCore()
+    for transforms, is_static in ((moving, False), (static, True)):
+        buffer.set_transforms_cdr(raw(Sent(0, "/tf", list(transforms))), "test", is_static)
+    return buffer
+
+
+def driving(count=20):
+    """map -> odom -> base -> (static) camera."""
+    moving = []
+    for i in range(count):
+        ns = BEGIN + i * S // 10
+        moving += [
+            Tf("map", "odom", ns, (0.1 * i, 0.0, 0.0), turn(0.02 * i)),
+            Tf("odom", "base", ns + 7, (1.0, 0.1 * i, 0.0), turn(-0.1 * i)),
+        ]
+    return buffer_of(moving, [Tf("base", "camera", 0, (0.3, 0.0, 0.5), turn(0.1))])
+
+
+class Logged:
+    """
+    What a recording holds.
+
+    `static` and `moving`: by entity, lists of rows, dicts of the components without their archetype; a row of
+    `moving` has its `stamp` in ns, too.
+    """
+
+    def __init__(self, path):
+        self.static, self.moving = {}, {}
+        for chunk in RrdReader(path).stream():
+            of = self.static if chunk.is_static else self.moving
+            for row in chunk.to_record_batch().to_pylist():
+                rows = of.setdefault(chunk.entity_path, [])
+                rows.append({key.rpartition(":")[2]: value for key, value in row.items() if ":" in key})
+                if not chunk.is_static:
+                    rows[-1]["stamp"] = row["stamp"].value
+        self.static.pop("/__properties", None)
+
+
+@pytest.fixture
+def logged(tmp_path):
+    """A function: a buffer is saved, with options of `log`, and read back."""
+
+    def save_and_read(buffer, **how):
+        path = tmp_path / "buffer.rrd"
+        tf2_ros.rerun.save(buffer, path, **how)
+        return Logged(path)
+
+    return save_and_read
+
+
+def the(row, component):
+    [value] = row[component]
+    return value
+
+
+def transforms_of(rows):
+    return [row for row in rows if row.get("translation")]
+
+
+def test_every_sample_is_logged_at_its_stamp_between_its_frames(logged):
+    buffer = driving(20)
+    found = logged(buffer)
+    assert set(found.moving) == {"/tf/odom", "/tf/base"}
+    for path, rows in found.moving.items():
+        name = path.rpartition("/")[2]
+        parent = buffer.frames()[name].parent
+        assert len(rows) == buffer.frames()[name].count == 20
+        stamps = np.array([row["stamp"] for row in rows])
+        translations, rotations = buffer.lookup_transforms(parent, name, stamps)
+        assert_allclose([the(row, "translation") for row in rows], translations, **FLOAT32)
+        assert_allclose([the(row, "quaternion") for row in rows], rotations, **FLOAT32)
+        assert {(the(row, "child_frame"), the(row, "parent_frame")) for row in rows} == {(name, parent)}
+
+
+def test_a_static_transform_is_static(logged):
+    buffer = driving()
+    found = logged(buffer)
+    [row] = transforms_of(found.static["/tf/camera"])
+    translations, rotations = buffer.lookup_transforms("base", "camera", [0])
+    assert_allclose(the(row, "translation"), translations[0], **FLOAT32)
+    assert_allclose(the(row, "quaternion"), rotations[0], **FLOAT32)
+    assert (the(row, "child_frame"), the(row, "parent_frame")) == ("camera", "base")
+
+
+def test_each_entity_is_in_the_frame_of_its_name_and_has_axes(logged):
+    found = logged(driving(), axes=0.5)
+    for name in ("map", "odom", "base", "camera"):
+        [row] = [row for row in found.static[f"/tf/{name}"] if row.get("axis_length")]
+        assert (the(row, "frame"), the(row, "axis_length"), the(row, "show_frame")) == (name, 0.5, True)
+
+
+def test_a_frame_that_changed_its_parent_is_below_the_one_that_each_sample_names(logged):
+    moves = [Tf("table", "cup", BEGIN, (1, 0, 0)), Tf("hand", "cup", BEGIN + S, (2, 0, 0))]
+    moves += [Tf("room", "table", BEGIN), Tf("room", "hand", BEGIN)]
+    rows = logged(buffer_of(moves)).moving["/tf/cup"]
+    below = [(the(row, "parent_frame"), the(row, "translation")[0]) for row in rows]
+    assert below == [("table", 1), ("hand", 2)]
+
+
+def test_frames_in_a_loop_are_logged(logged):
+    buffer = buffer_of([Tf("a", "b", BEGIN), Tf("b", "a", BEGIN)])
+    found = logged(buffer)
+    assert the(found.moving["/tf/a"][0], "parent_frame") == "b"
+    assert the(found.moving["/tf/b"][0], "parent_frame") == "a"
+
+
+def test_any_name_of_a_frame_comes_back(logged):
+    names = ["robot1/base link", "robot1", "ü", "a:b[0]", "\\", "tf", "two\nlines", "."]
+    found = logged(buffer_of([Tf("map", name, BEGIN + i) for i, name in enumerate(names)]))
+    assert len(found.moving) == len(names)
+    rows = [row for [row] in found.moving.values()]
+    assert {the(row, "child_frame"): row["stamp"] for row in rows} == {
+        name: BEGIN + i for i, name in enumerate(names)
+    }
+
+
+def test_at_given_times_transforms_are_interpolated_and_left_out_where_there_is_no_answer(logged):
+    buffer = driving(10)
+    times = BEGIN + np.array([-S, S // 30, S // 3, 100 * S])
+    found = logged(buffer, times=times)
+    rows = found.moving["/tf/base"]
+    assert [row["stamp"] for row in rows] == times[1:3].tolist()
+    translations, rotations = buffer.lookup_transforms("odom", "base", times[1:3])
+    assert_allclose([the(row, "translation") for row in rows], translations, **FLOAT32)
+    assert_allclose([the(row, "quaternion") for row in rows], rotations, **FLOAT32)
+    assert len(transforms_of(found.static["/tf/camera"])) == 1
+
+
+def test_a_rate_covers_the_time_of_all_samples(logged):
+    rows = logged(driving(11), rate=20.0).moving["/tf/odom"]
+    assert np.array([row["stamp"] for row in rows]).tolist() == [BEGIN + i * S // 20 for i in range(21)]
+
+
+def test_chosen_frames_have_axes_and_those_above_them_are_only_placed(logged):
+    buffer = driving()
+    buffer.set_transforms_cdr(raw(Sent(0, "/tf", [Tf("map", "other", BEGIN)])), "test")
+    found = logged(buffer, frames=["base"])
+    assert set(found.moving) == {"/tf/odom", "/tf/base"}
+    with_axes = {path for path, rows in found.static.items() if any(row.get("axis_length") for row in rows)}
+    assert with_axes == {"/tf/base"}
+
+
+def test_the_root_of_the_largest_tree_stands_still_unless_another_frame_is_chosen(logged):
+    buffer = driving()
+    buffer.set_transforms_cdr(raw(Sent(0, "/tf", [Tf("a", "b", BEGIN)])), "test")
+    assert the(logged(buffer).static["/tf"][0], "frame") == "map"
+    assert the(logged(buffer, origin="base").static["/tf"][0], "frame") == "base"
+
+
+def test_another_root_is_the_path_above_all(logged):
+    found = logged(driving(), root="robots/one")
+    assert set(found.moving) == {"/robots/one/odom", "/robots/one/base"}
+    assert "/robots/one" in found.static
+
+
+def test_the_current_recording_is_logged_to(tmp_path):
+    recording = rr.RecordingStream("of a program")
+    recording.save(tmp_path / "own.rrd")
+    with recording:
+        tf2_ros.rerun.log(driving())
+    recording.disconnect()
+    assert set(Logged(tmp_path / "own.rrd").moving) == {"/tf/odom", "/tf/base"}
+
+
+def test_an_empty_buffer_logs_nothing(logged):
+    found = logged(BufferCore())
+    assert (found.static, found.moving) == ({}, {})
+
+
+@pytest.mark.parametrize("how", [{"origin": "nobody"}, {"frames": ["base", "nobody"]}])
+def test_an_unknown_frame_is_refused(how, tmp_path):
+    with pytest.raises(LookupException, match="nobody"):
+        tf2_ros.rerun.save(driving(), tmp_path / "buffer.rrd", **how)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_times_and_a_rate_are_refused():
+    with pytest.raises(ValueError, match="either times or rate"):
+        tf2_ros.rerun.log(driving(), times=[BEGIN], rate=10.0)
+
+
+def test_without_rerun_the_error_names_the_extra(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'tf2-ros-cython\[rerun\]'"):
+        tf2_ros.rerun.save(driving(), tmp_path / "buffer.rrd")
+
+
+class Robot:
+    """A buffer that is filled step by step, and what is sent of it."""
+
+    def __init__(self, path, **how):
+        self.buffer, self.path = BufferCore(), path
+        self.recording = new_recording()
+        self.recording.save(path)
+        self.live = Live(self.buffer, self.recording, **how)
+
+    def send(self, *transforms, static=False):
+        self.buffer.set_transforms_cdr(raw(Sent(0, "/tf", list(transforms))), "test", static)
+        self.live.send()
+
+    def read(self):
+        self.recording.disconnect()
+        return Logged(self.path)
+
+
+@pytest.fixture
+def robot(tmp_path):
+    return lambda **how: Robot(tmp_path / "live.rrd", **how)
+
+
+class TestLive:
+    def test_each_sample_is_sent_once_at_its_stamp_between_its_frames(self, robot):
+        one = robot()
+        for i in range(5):
+            ns = BEGIN + i * S // 10
+            one.send(
+                Tf("map", "odom", ns, (0.1 * i, 0.0, 0.0), turn(0.2 * i)),
+                Tf("odom", "base", ns + 7, (1.0, 0.0, 0.0)),
+                Tf("odom", "base", ns + 9, (2.0, 0.0, 0.0)),
+            )
+            one.live.send()
+        rows = transforms_of(one.read().moving["/tf_samples"])
+        assert [
+            (
+                row["stamp"] - BEGIN,
+                the(row, "parent_frame"),
+                the(row, "child_frame"),
+                the(row, "translation")[0],
+            )
+            for row in rows
+            if the(row, "child_frame") == "base"
+        ] == [(i * S // 10 + k, "odom", "base", x) for i in range(5) for k, x in ((7, 1.0), (9, 2.0))]
+        odom = [row for row in rows if the(row, "child_frame") == "odom"]
+        assert [row["stamp"] for row in odom] == [BEGIN + i * S // 10 for i in range(5)]
+        assert_allclose(
+            [the(row, "quaternion") for row in odom], [turn(0.2 * i) for i in range(5)], **FLOAT32
+        )
+        assert len(rows) == 15
+
+    def test_frames_have_axes_as_soon_as_they_are_known(self, robot):
+        one = robot(axes=0.5)
+        one.live.send()  # nothing
+        one.send(Tf("map", "odom", BEGIN))
+        one.send(Tf("odom", "base", BEGIN))
+        found = one.read().static
+        for name in ("map", "odom", "base"):
+            [row] = found[f"/tf/{name}"]
+            assert (the(row, "frame"), the(row, "axis_length"), the(row, "show_frame")) == (name, 0.5, True)
+
+    def test_a_static_transform_is_sent_again_only_if_it_changes(self, robot):
+        one = robot()
+        for x in (1.0, 1.0, 2.0):
+            one.send(Tf("base", "camera", 0, (x, 0.0, 0.0)), static=True)
+        rows = transforms_of(one.read().static["/tf/camera"])
+        assert [the(row, "translation")[0] for row in rows] == [1.0, 2.0]
+
+    def test_the_root_of_the_largest_tree_stands_still_unless_a_frame_is_chosen(self, robot):
+        one = robot()
+        one.send(Tf("odom", "base", BEGIN))
+        one.send(Tf("map", "odom", BEGIN))
+        assert [the(row, "frame") for row in one.read().static["/tf"]] == ["odom", "map"]
+        one = robot(origin="base")
+        one.send(Tf("odom", "base", BEGIN))
+        assert [the(row, "frame") for row in one.read().static["/tf"]] == ["base"]
+
+    def test_after_the_clock_jumped_back_what_arrives_is_sent(self, robot):
+        one = robot()
+        for ns in (BEGIN + 10 * S, BEGIN + 11 * S):
+            one.send(Tf("map", "odom", ns))
+        one.buffer.clear()
+        one.send(Tf("map", "odom", BEGIN))
+        one.send(Tf("map", "odom", BEGIN + 1))
+        stamps = [row["stamp"] - BEGIN for row in one.read().moving["/tf_samples"]]
+        assert sorted(stamps) == [0, 1, 10 * S, 11 * S]
+
+    def test_a_trail_leads_where_the_frame_was_without_a_break(self, robot):
+        one = robot(trails=["camera", "nobody"])
+        one.send(Tf("base", "camera", 0, (0.0, 0.0, 1.0)), static=True)
+        for i in range(6):
+            ns = BEGIN + i * S // 10
+            one.send(Tf("odom", "base", ns, (float(i), 0.0, 0.0)))
+            if i % 2:  # until it arrives, the camera's place at the newer stamp is unknown
+                one.send(Tf("map", "odom", ns, (0.0, float(i), 0.0)))
+        found = one.read()
+        rows = found.moving["/trails/map/camera"]
+        strips = np.array([the(row, "strips") for row in rows])
+        stamps = np.array([row["stamp"] for row in rows])
+        places, _ = one.buffer.lookup_transforms("map", "camera", stamps)
+        assert len(stamps) == 5  # from the first stamp with an answer
+        assert_allclose(strips[:, 1], places, **FLOAT32)
+        assert_allclose(strips[1:, 0], strips[:-1, 1])
+        assert the(found.static["/trails/map/camera"][-1], "frame") == "map"
+        # As long as nothing was known above it, odom was the origin.
+        assert len(found.moving["/trails/odom/camera"]) == 2
+
+    def test_a_viewer_that_does_not_open_is_an_error_of_one_line(self, monkeypatch, viewer_home):
+        for variable in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+            monkeypatch.delenv(variable, raising=False)
+        with (
+            pytest.raises(tf2_ros.rerun.ViewerError, match="did not open: .*DISPLAY"),
+            open_viewer(new_recording(), web=False) as viewer,
+        ):
+            until(viewer.is_closed)
+
+
+@pytest.fixture
+def viewer_home(monkeypatch, tmp_path):
+    """A home whose rerun reports to nobody that it is used."""
+    settings = tmp_path / "home" / ".config" / "rerun" / "analytics.json"
+    settings.parent.mkdir(parents=True)
+    settings.write_text('{"analytics_enabled": false, "analytics_id": "tests", "metadata": {}}')
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    for variable in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
+        monkeypatch.delenv(variable, raising=False)
+
+
+def test_without_a_screen_the_viewer_says_so_in_one_line(monkeypatch, viewer_home):
+    for variable in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(variable, raising=False)
+    with pytest.raises(tf2_ros.rerun.ViewerError, match="did not open: .*DISPLAY") as caught:
+        tf2_ros.rerun.view(driving())
+    assert "\n" not in str(caught.value)
+
+
+@pytest.fixture
+def served(viewer_home, tmp_path):
+    """A function: serves a recording with the viewer that runs in a browser; its address."""
+    servers = []
+
+    def serve(path):
+        ports = map(str, _free_ports(2))
+        options = [f"--{name}={port}" for name, port in zip(("port", "web-viewer-port"), ports, strict=True)]
+        command = [sys.executable, "-m", "rerun", "--serve-web", "--bind=127.0.0.1", *options, str(path)]
+        log = tmp_path / "server.log"
+        with log.open("w") as errors:
+            # A group of its own: the program is a child of this process.
+            servers.append(subprocess.Popen(command, stderr=errors, start_new_session=True))
+        return until(lambda: re.search(r"connect at (http:\S+)", log.read_text()))[1]
+
+    yield serve
+    for server in servers:
+        os.killpg(server.pid, signal.SIGTERM)
+        server.wait(DEADLINE_S)
+
+
+@needs_chromium
+def test_the_viewer_draws_the_axes_of_every_frame(served, tmp_path):
+    pytest.importorskip("tornado.websocket")
+    path = tmp_path / "buffer.rrd"
+    places = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 1.0, 0.0)]
+    moving = [Tf("map", f"moving_{i}", BEGIN, place) for i, place in enumerate(places)]
+    tf2_ros.rerun.save(buffer_of(moving, [Tf("map", "static", 0, (-1.0, 0.0, 0.0))]), path, axes=0.3)
+    address = served(path).replace("localhost", "127.0.0.1") + "&renderer=webgl"
+
+    # An arrow for x and one for y of each of five frames.
+    picture = picture_when(address, lambda one: arrows(one) == [5, 5], tmp_path)
+    assert arrows(picture) == [5, 5]
+
+
+def test_a_running_robot_is_written_until_interrupted(tmp_path):
+    path = tmp_path / "live.rrd"
+    with broadcasting(), running("tf2_view", "-o", str(path), "--trail", "camera") as process:
+        until(lambda: path.exists() and path.stat().st_size > 100_000)
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 0, err
+    found = Logged(path)
+    assert {"/tf/map", "/tf/odom", "/tf/base_link", "/tf/camera"} <= set(found.static)
+    assert {the(row, "child_frame") for row in found.moving["/tf_samples"]} == {"odom", "base_link"}
+    stamps = [row["stamp"] for row in found.moving["/trails/map/camera"]]
+    assert len(stamps) > 10 and stamps == sorted(set(stamps))
+
+
+def test_a_frame_that_does_not_exist_is_told(tmp_path):
+    options = ("-o", str(tmp_path / "live.rrd"), "--trail", "camra", "--origin", "/map")
+    with broadcasting(), running("tf2_view", *options) as process:
+        lines = iter(process.stderr.readline, "")
+        assert any("camra is not known; did you mean camera?" in line for line in lines)
+        process.send_signal(signal.SIGINT)
+        _, rest = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 0 and "not known" not in rest
+
+
+def test_silence_names_the_topics_and_the_domain(tmp_path):
+    options = ("-o", str(tmp_path / "live.rrd"), "--ros-args", "-r", "/tf:=/other")
+    with running("tf2_view", *options) as process:
+        lines = iter(process.stderr.readline, "")
+        domain = os.environ["ROS_DOMAIN_ID"]
+        said = f"no transform was received on /other and /tf_static in ROS domain {domain}"
+        assert any(said in line for line in lines)
+
+
+def test_a_file_that_cannot_be_written_is_one_line(tmp_path):
+    status, out, err = ended("tf2_view", "-o", str(tmp_path / "none" / "live.rrd"))
+    assert (status, out) == (1, "")
+    assert err == f"tf2_view: cannot write {tmp_path}/none/live.rrd: No such file or directory\n"
+
+
+@needs_chromium
+def test_a_browser_shows_the_frames_of_a_running_robot(viewer_home, peer, tmp_path):
+    pytest.importorskip("tornado.websocket")
+    talker = peer()
+    log = tmp_path / "view.log"
+    with log.open("w") as errors, running("tf2_view", "--web", stderr=errors) as process:
+        [page] = until(lambda: re.findall(r"The viewer is at (\S+)", log.read_text()))
+        talker.send(*(("map", f"arm_{i}", BEGIN, 1.0 + i) for i in range(3)), static=True)
+        # An arrow for x of each of four frames; those for y are partly behind names.
+        picture = picture_when(f"{page}&renderer=webgl", lambda one: arrows(one)[0] == 4, tmp_path)
+        process.send_signal(signal.SIGINT)
+        process.wait(DEADLINE_S)
+    assert arrows(picture)[0] == 4
+    assert process.returncode == 0, log.read_text()
+
+
+def arrows(picture):
+    """How many arrows a picture shows for x, and how many for y."""
+    picture = picture[len(picture) // 8 :, picture.shape[1] // 5 :]  # without bars and lists
+    red, green, blue = np.moveaxis(picture.astype(int), -1, 0)
+    return [parts(red - np.maximum(green, blue) > 90), parts(green - np.maximum(red, blue) > 50)]
+
+
+def parts(mask):
+    """How many connected parts of some size a picture has."""
+    labels, _ = ndimage.label(ndimage.binary_dilation(mask, iterations=2))
+    return int(np.count_nonzero(np.bincount(labels.ravel())[1:] > 60))

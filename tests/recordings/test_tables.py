@@ -1,0 +1,105 @@
+"""Tables of looked-up transforms: at which times, and what a file says of a stamp."""
+
+import numpy as np
+import pytest
+from making_bags import S, Sent, Tf, drive, write_mcap
+
+from tf2_py import ConnectivityException, LookupException
+from tf2_ros.bag import load
+from tf2_ros_tools.loading import hear
+from tf2_ros_tools.tables import Table, as_tum, look_up, look_up_when, times_at_rate
+
+pytestmark = pytest.mark.ours
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    """From 100 s to 101.9 s, and an arm that begins later, above an island."""
+    arm = [Sent(stamp, "/tf", [Tf("base", "arm", stamp)]) for stamp in (100_950_000_000, 101_450_000_000)]
+    island = [Sent(100 * S, "/tf_static", [Tf("sea", "boat", 0)])]
+    messages = sorted([*drive(20), *arm, *island], key=lambda one: one.log_ns)
+    return write_mcap(tmp_path_factory.mktemp("bag") / "drive.mcap", messages)
+
+
+@pytest.mark.parametrize(
+    ("ends", "hz", "begin", "count"),
+    [
+        (("map", "camera"), 10, 100.0, 20),
+        (("camera", "map"), 3, 100.0, 6),
+        (("map", "arm"), 2, 100.95, 2),
+        (("base", "camera"), 10, 100.0, 20),  # static: over the span of all frames
+        (("map", "map"), 1, 100.0, 2),
+    ],
+)
+def test_a_rate_is_over_the_span_that_all_frames_between_share(path, ends, hz, begin, count):
+    times = times_at_rate(load(path), *ends, hz)
+    assert times.dtype == np.int64
+    assert times.tolist() == [round(begin * S) + round(i * S / hz) for i in range(count)]
+
+
+def test_each_time_of_a_rate_has_an_answer(path):
+    buffer = load(path)
+    for hz in (0.7, 7, 33.3, 1000):
+        times = times_at_rate(buffer, "odom", "arm", hz)
+        assert look_up(buffer, "odom", "arm", times).valid.all()
+        # And one more has none.
+        later = np.append(times, times[-1] + round(S / hz))
+        assert look_up(buffer, "odom", "arm", later).valid.tolist() == [True] * len(times) + [False]
+
+
+@pytest.mark.parametrize("hz", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_rate_that_is_none_is_refused(path, hz):
+    with pytest.raises(ValueError, match="a rate must be a number above 0 Hz"):
+        times_at_rate(load(path), "map", "base", hz)
+
+
+def test_frames_that_are_unknown_or_unconnected_have_no_times(path):
+    heard = hear(path)
+    for times in (
+        lambda *ends: times_at_rate(heard.buffer, *ends, 1.0),
+        lambda *ends: look_up_when(heard, *ends, None, None),
+    ):
+        with pytest.raises(LookupException, match="nobody"):
+            times("map", "nobody")
+        with pytest.raises(ConnectivityException, match="boat"):
+            times("map", "boat")
+
+
+def test_times_far_apart_do_not_fill_the_memory(tmp_path):
+    moving = [Sent(i, "/tf", [Tf("map", "base", stamp)]) for i, stamp in enumerate((5, 1_700_000_000 * S))]
+    buffer = load(write_mcap(tmp_path / "a.mcap", moving))
+    with pytest.raises(ValueError, match=r"17\d{10} times, more than 50000000"):
+        times_at_rate(buffer, "map", "base", 100.0)
+    with pytest.raises(ValueError, match="inf times, more than 50000000"):
+        times_at_rate(buffer, "map", "base", 1e300)
+
+
+def test_a_rate_may_be_so_low_that_there_is_one_time(path):
+    assert times_at_rate(load(path), "map", "base", 1e-300).tolist() == [100 * S]
+
+
+def test_a_chain_has_the_stamps_of_its_own_frames(path):
+    heard = hear(path)
+    stamps = [100 * S + i * S // 10 for i in range(20)]
+    assert look_up_when(heard, "map", "camera", None, None).stamps_ns.tolist() == stamps
+    of_arm = [100_950_000_000, 101_450_000_000]
+    assert look_up_when(heard, "arm", "base", None, None).stamps_ns.tolist() == of_arm
+    table = look_up_when(heard, "map", "arm", None, None)
+    assert table.valid.all()
+    assert table.stamps_ns.tolist() == [
+        stamp for stamp in sorted(stamps + of_arm) if of_arm[0] <= stamp <= of_arm[1]
+    ]
+
+
+@pytest.mark.parametrize(
+    ("stamp_ns", "text"),
+    [
+        (0, "0.000000000"),
+        (1, "0.000000001"),
+        (-1, "-0.000000001"),
+        (1_700_000_000 * S + 7, "1700000000.000000007"),
+    ],
+)
+def test_a_stamp_in_seconds_keeps_its_nanoseconds(stamp_ns, text):
+    table = Table(np.array([stamp_ns]), np.zeros((1, 3)), np.array([[0.0, 0.0, 0.0, 1.0]]), np.array([True]))
+    assert as_tum(table).decode() == f"{text} 0.0 0.0 0.0 0.0 0.0 0.0 1.0\n"

@@ -1,0 +1,435 @@
+"""A robot's joints: what a URDF says, and the transforms of live and recorded joint states."""
+
+import pickle
+
+import numpy as np
+import pytest
+from making_bags import S, Sent, Tf, drive, raw, write_folder, write_mcap, write_ros1
+from robots import (
+    ARM,
+    JOINT_STATE,
+    NAMES,
+    SIMPLE,
+    description,
+    expected,
+    joint_state,
+    random_states,
+)
+
+from tf2_py import ExtrapolationException
+from tf2_ros import bag, urdf
+from tf2_ros.numpy import to_matrix
+from tf2_ros_tools.loading import hear
+
+pytestmark = pytest.mark.ours
+
+FRAMES = ("shoulder", "wheel", "slide", "finger", "thumb", "cart", "drone")
+
+
+def matrices(found):
+    """By child: the parent, and the poses at N times as matrices."""
+    joints, translations, rotations = found
+    return {
+        joint.child: (joint.parent, to_matrix((translations[:, k], rotations[:, k])))
+        for k, joint in enumerate(joints)
+    }
+
+
+def same(found, wanted):
+    assert found.keys() == wanted.keys()
+    for child, (parent, matrix) in wanted.items():
+        assert found[child][0] == parent
+        np.testing.assert_allclose(found[child][1], matrix, rtol=0, atol=1e-12, err_msg=child)
+
+
+class TestRobot:
+    def test_every_type_of_joint_moves_as_matrices_say(self):
+        robot = urdf.load(ARM)
+        states = random_states(50)
+        found = matrices(robot.transforms(NAMES, states))
+        for n, state in enumerate(states):
+            wanted = expected(*state)
+            del wanted["camera"]
+            same({child: (parent, many[n]) for child, (parent, many) in found.items()}, wanted)
+
+    def test_one_state_is_a_row_of_many(self):
+        robot = urdf.load(ARM)
+        states = random_states(3)
+        joints, translations, rotations = robot.transforms(NAMES, states)
+        for n, state in enumerate(states):
+            one_joints, *one = robot.transforms(list(NAMES), list(state))
+            assert one_joints == joints
+            for ours, row in zip(one, (translations[n], rotations[n]), strict=True):
+                np.testing.assert_allclose(ours, row, rtol=0, atol=1e-14)
+
+    def test_fixed_joints_are_static_transforms(self):
+        [mount] = urdf.load(ARM).static_transforms()
+        assert (mount.header.frame_id, mount.child_frame_id) == ("shoulder", "camera")
+        np.testing.assert_allclose(to_matrix(mount), expected(0, 0, 0)["camera"][1], atol=1e-12)
+
+    def test_joints_say_what_the_urdf_says(self):
+        robot = urdf.load(ARM)
+        by_name = {one.name: one for one in robot.joints}
+        assert (robot.name, robot.root, len(robot.joints)) == ("arm", "base", 8)
+        assert by_name["lift"].limits == (-1.5, 1.5)
+        assert by_name["roll"].limits is None
+        assert by_name["grip"].mimic == ("extend", -0.5, 0.02)
+        assert by_name["lift"].axis == pytest.approx((0, 2 / 5**0.5, 1 / 5**0.5))
+        assert repr(robot) == "<tf2_ros.urdf.Robot 'arm': 7 movable and 1 fixed joints, root 'base'>"
+
+    def test_a_limit_does_not_limit(self):
+        found = matrices(urdf.load(ARM).transforms(["lift"], [[9.0]]))
+        np.testing.assert_allclose(found["shoulder"][1][0], expected(9.0, 0, 0)["shoulder"][1], atol=1e-12)
+
+    def test_a_joint_moves_only_if_all_its_variables_are_given(self):
+        robot = urdf.load(ARM)
+        names = ["drive/x", "fly/rot_w", "mount", "unknown"]
+        robot.transforms(names, [1, 1, 1, 1])[0].append(None)  # the caller's own list
+        assert robot.transforms(names, [1, 1, 1, 1])[0] == []
+        # A joint that has its own position follows no other; the first of equal names counts.
+        joints, *found = robot.transforms(["grip", "extend", "grip"], [0.3, 0.1, 0.9])
+        assert [one.name for one in joints] == ["extend", "grip", "pinch"]
+        np.testing.assert_allclose(found[0][1], [0.3, 0, 0])
+
+    @pytest.mark.parametrize("normal", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (1, 2, 3)])
+    def test_a_planar_joint_stays_in_its_plane(self, normal):
+        text = ARM.replace(
+            'rpy="0 0 0.3"/> <axis xyz="0 0 1"/>', f'/> <axis xyz="{normal[0]} {normal[1]} {normal[2]}"/>'
+        )
+        _, translations, rotations = urdf.load(text).transforms(NAMES, random_states(20))
+        k = FRAMES.index("cart")
+        moved = translations[:, k] - (0, 0, 1)
+        states = random_states(20)
+        np.testing.assert_allclose(moved @ normal, 0, atol=1e-12)
+        np.testing.assert_allclose(
+            np.linalg.norm(moved, axis=1), np.linalg.norm(states[:, 3:5], axis=1), atol=1e-12
+        )
+        np.testing.assert_allclose(np.cross(rotations[:, k, :3], normal), 0, atol=1e-12)
+
+    def test_nan_makes_its_joint_and_those_that_mimic_it_nan(self):
+        joints, translations, rotations = urdf.load(ARM).transforms(SIMPLE, [0.5, 0.5, float("nan")])
+        lost = {
+            one.name
+            for one, t, q in zip(joints, translations, rotations, strict=True)
+            if np.isnan([*t, *q]).any()
+        }
+        assert lost == {"extend", "grip", "pinch"}
+
+    def test_a_prefix_is_in_front_of_every_frame(self):
+        robot = urdf.load(ARM, prefix="left/")
+        assert robot.root == "left/base"
+        assert {one.parent for one in robot.joints} == {
+            f"left/{x}" for x in ("base", "shoulder", "wheel", "slide")
+        }
+        assert robot.static_transforms()[0].child_frame_id == "left/camera"
+
+    def test_a_file_and_its_text_are_the_same_robot(self, tmp_path):
+        path = tmp_path / "arm.urdf"
+        path.write_text(ARM)
+        for source in (path, str(path), f"\ufeff\n{ARM.partition('?>')[2]}", pickle.loads(pickle.dumps(ARM))):
+            assert urdf.load(source).joints == urdf.load(ARM).joints
+
+    @pytest.mark.parametrize(
+        ("names", "positions", "shape"),
+        [(SIMPLE, [1.0], "(1,)"), (SIMPLE, 1.0, "()"), ([], [[[]]], "(1, 1, 0)")],
+    )
+    def test_positions_of_another_shape_are_refused(self, names, positions, shape):
+        with pytest.raises(ValueError) as refused:
+            urdf.load(ARM).transforms(names, positions)
+        assert str(refused.value) == f"{len(names)} names, but positions of shape {shape}"
+
+
+LINKS = "".join(f'<link name="{name}"/>' for name in "abc")
+
+
+def joint(name, parent, child, kind="revolute", more=""):
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{more}</joint>'
+    )
+
+
+def robot_of(*parts):
+    """A URDF with the links a, b and c."""
+    return f"<robot>{LINKS}{''.join(parts)}</robot>"
+
+
+AB, BC = joint("ab", "a", "b"), joint("bc", "b", "c")
+
+
+def with_more(more):
+    return robot_of(AB, joint("bc", "b", "c", more=more))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("<robot", "not XML: unclosed token: line 1, column 0"),
+        ("<sdf/>", "the outermost element of a URDF is robot, not sdf"),
+        ("<robot/>", "the robot has no links"),
+        ("<robot><link/></robot>", "a link has no name"),
+        (robot_of(LINKS), "there are two links a"),
+        (robot_of(AB, AB), "there are two joints ab"),
+        (robot_of(AB), "2 links have no parent (a, c), but a URDF is one tree"),
+        (robot_of(AB, joint("x", "d", "c")), "joint x: its parent d is not a link of the robot"),
+        (robot_of(AB, joint("x", "a", "d")), "joint x: its child d is not a link of the robot"),
+        (robot_of('<joint name="x" type="fixed"/>'), "joint x has no parent"),
+        (robot_of('<joint name="x" type="fixed"><parent link="a"/></joint>'), "joint x has no child"),
+        (robot_of('<joint name="x" type="fixed"><parent/></joint>'), "the parent of joint x has no link"),
+        (robot_of('<joint name="x"/>'), "joint x has no type"),
+        (robot_of(AB, BC, joint("ac", "a", "c")), "link c has two parents, by the joints bc and ac"),
+        (robot_of(AB, joint("cc", "c", "c")), "link c is its own ancestor"),
+        (robot_of(AB, BC, joint("ca", "c", "a")), "link b is its own ancestor"),
+        (
+            robot_of(AB, joint("bc", "b", "c", "hinge")),
+            "joint bc: its type is hinge, not fixed, revolute, continuous, prismatic, planar or floating",
+        ),
+        (with_more('<mimic joint="x"/>'), "joint bc mimics x, which is not a joint"),
+        (with_more('<mimic joint="bc"/>'), "joint bc mimics itself"),
+        (with_more('<mimic joint="ab" offset="x"/>'), "joint bc: offset must be a finite number, not 'x'"),
+        (with_more('<origin xyz="1 2"/>'), "joint bc: xyz must be three finite numbers, not '1 2'"),
+        (with_more('<origin rpy="0 0 nan"/>'), "joint bc: rpy must be three finite numbers, not '0 0 nan'"),
+        (with_more('<axis xyz="0 0 0"/>'), "joint bc: its axis has no direction"),
+    ],
+)
+def test_what_is_not_a_tree_of_joints_is_refused_in_one_sentence(text, said):
+    with pytest.raises(urdf.UrdfError) as refused:
+        urdf.load(text)
+    assert str(refused.value) == said
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "<robot><xacro:include filename='arm.xacro'/></robot>",
+        "<robot xmlns:xacro='http://www.ros.org/wiki/xacro'><xacro:arm/></robot>",
+        "<robot xmlns:xacro='http://ros.org/wiki/xacro'><link name='${prefix}base'/></robot>",
+        with_more('<origin xyz="0 0 ${h}"/>'),
+    ],
+)
+def test_xacro_that_was_not_expanded_is_named(text):
+    with pytest.raises(urdf.UrdfError, match="^it contains xacro, which must be expanded first"):
+        urdf.load(text)
+
+
+def test_a_file_that_is_not_one_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        urdf.load(tmp_path / "none.urdf")
+    path = tmp_path / "broken.urdf"
+    path.write_bytes(b"\x89PNG")
+    with pytest.raises(urdf.UrdfError) as refused:
+        urdf.load(path)
+    assert str(refused.value).startswith(f"{path}: not XML: ")
+    for wrong in (None, 5, b"<robot/>"):
+        with pytest.raises(TypeError, match="a URDF must be a path or its text, not "):
+            urdf.load(wrong)
+    with pytest.raises(TypeError, match="prefix must be a str, not int"):
+        urdf.load(ARM, prefix=1)
+
+
+# Recordings.
+
+
+def states(count=40, names=NAMES, **how):
+    """Joint states at 10 Hz from 100 s, and their positions."""
+    values = random_states(count)[:, [NAMES.index(name) for name in names]]
+    stamps = [100 * S + i * S // 10 for i in range(count)]
+    return (
+        [joint_state(ns, names, row, **how) for ns, row in zip(stamps, values, strict=True)],
+        stamps,
+        values,
+    )
+
+
+def check(buffer, stamps, values, children=FRAMES, prefix=""):
+    found = {
+        child: to_matrix(buffer.lookup_transforms(buffer.parent(prefix + child), prefix + child, stamps))
+        for child in children
+    }
+    for n, row in enumerate(values):
+        wanted = expected(*row)
+        for child in children:
+            assert buffer.parent(prefix + child) == prefix + wanted[child][0]
+            np.testing.assert_allclose(found[child][n], wanted[child][1], atol=1e-12)
+
+
+class TestRecordings:
+    @pytest.mark.parametrize("form", ["folder", "mcap", "ros1"])
+    def test_an_arm_without_tf_has_its_links(self, form, tmp_path):
+        messages, stamps, values = states(ros=1 if form == "ros1" else 2)
+        path = {
+            "folder": lambda: write_folder(tmp_path / "run", messages),
+            "mcap": lambda: write_mcap(tmp_path / "run.mcap", messages),
+            "ros1": lambda: write_ros1(tmp_path / "run.bag", messages),
+        }[form]()
+        buffer = bag.load(path, urdf=ARM)
+        check(buffer, stamps, values)
+        np.testing.assert_allclose(
+            to_matrix(buffer.lookup_transform("shoulder", "camera", 0)),
+            expected(0, 0, 0)["camera"][1],
+            atol=1e-12,
+        )
+        assert buffer.frames()["camera"].static
+        assert "broadcaster: '/joint_states'" in buffer.all_frames_as_yaml()
+
+    def test_more_states_than_a_batch_holds_are_in_order(self, tmp_path, monkeypatch):
+        monkeypatch.setattr("tf2_ros_tools.converting.BATCH", 70)
+        messages, stamps, values = states(100)
+        path = write_mcap(tmp_path / "run.mcap", messages)
+        check(bag.load(path, urdf=ARM), stamps, values)
+        heard = hear(path, urdf=ARM)
+        moving = heard.records[heard.records["static"] == 0]
+        assert moving["stamp_ns"].tolist() == np.repeat(stamps, len(FRAMES)).tolist()
+        assert set(heard.publishers) == {"urdf", "/joint_states"}
+
+    def test_the_recording_describes_its_robot(self, tmp_path):
+        messages, stamps, values = states()
+        old = description("<robot name='old'><link name='a'/></robot>", log_ns=99 * S)
+        path = write_mcap(tmp_path / "run.mcap", [old, description(), *messages])
+        check(bag.load(path, urdf=True), stamps, values)
+
+    def test_several_robots_have_their_own_topics_and_prefixes(self, tmp_path):
+        left, stamps, values = states(topic="/left/joint_states")
+        right, _, _ = states(20, topic="/right/joint_states")
+        path = write_mcap(
+            tmp_path / "run.mcap", [description(topic="/right/robot_description"), *left, *right]
+        )
+        robots = {"/left/joint_states": urdf.load(ARM, prefix="left/"), "/right/joint_states": True}
+        buffer = bag.load(path, urdf=robots)
+        check(buffer, stamps, values, prefix="left/")
+        check(buffer, stamps[:20], values[:20])
+
+    def test_recorded_transforms_come_before_computed_ones(self, tmp_path):
+        messages, stamps, values = states()
+        tf = [Sent(ns, "/tf", [Tf("base", "shoulder", ns, (7.0, 0.0, 0.0))]) for ns in stamps]
+        static = [Sent(100 * S, "/tf_static", [Tf("world", "camera", 0)])]
+        buffer = bag.load(write_mcap(tmp_path / "run.mcap", [*static, *messages, *tf]), urdf=ARM)
+        assert buffer.lookup_transform("base", "shoulder", stamps[3]).transform.translation.x == 7.0
+        assert buffer.parent("camera") == "world"
+        check(buffer, stamps, values, FRAMES[1:])
+
+    def test_publishers_of_a_topic_may_know_different_joints(self, tmp_path):
+        arm, stamps, values = states(names=("lift", "roll"))
+        hand, _, hands = states(names=("extend",), log_ns=None)
+        mixed = [one for pair in zip(arm, hand, strict=True) for one in pair]
+        buffer = bag.load(write_mcap(tmp_path / "run.mcap", mixed), urdf=ARM)
+        check(buffer, stamps, np.hstack([values, hands]), ("shoulder", "wheel", "slide", "finger", "thumb"))
+        assert "cart" not in buffer
+
+    def test_states_may_be_in_any_order(self, tmp_path):
+        messages, stamps, values = states()
+        shuffled = [messages[i] for i in np.random.default_rng(0).permutation(len(messages))]
+        path = write_mcap(tmp_path / "run.mcap", shuffled, index=False, chunked=False)
+        check(bag.load(path, urdf=ARM), stamps, values)
+
+    def test_big_endian_states_are_read(self, tmp_path):
+        from making_bags import message, store
+
+        messages, stamps, values = states(5)
+        swapped = [
+            one._replace(content=bytes(store().serialize_cdr(message(one), JOINT_STATE, little_endian=False)))
+            for one in messages
+        ]
+        check(bag.load(write_mcap(tmp_path / "run.mcap", swapped), urdf=ARM), stamps, values)
+
+    def test_start_and_end_limit_the_states(self, tmp_path):
+        messages, stamps, values = states()
+        path = write_mcap(tmp_path / "run.mcap", messages)
+        buffer = bag.load(path, urdf=ARM, start=stamps[10], end=stamps[20])
+        check(buffer, stamps[10:21], values[10:21])
+        with pytest.raises(ExtrapolationException):
+            buffer.lookup_transform("base", "shoulder", stamps[9])
+
+    def test_states_without_positions_are_ignored(self, tmp_path):
+        messages, stamps, values = states()
+        efforts = [joint_state(ns + 1, SIMPLE, []) for ns in stamps]
+        mixed = [one for pair in zip(messages, efforts, strict=True) for one in pair]
+        check(bag.load(write_mcap(tmp_path / "run.mcap", mixed), urdf=ARM), stamps, values)
+        path = write_mcap(tmp_path / "efforts.mcap", efforts)
+        with pytest.raises(bag.BagError, match="topic /joint_states: its joint states have names, but no"):
+            bag.load(path, urdf=ARM)
+
+    def test_a_position_of_nan_costs_its_joint_one_sample(self, tmp_path):
+        messages, stamps, values = states()
+        broken = joint_state(stamps[-1] + 1, SIMPLE, [0.5, float("nan"), 0.5])
+        buffer = bag.load(write_mcap(tmp_path / "run.mcap", [*messages, broken]), urdf=ARM)
+        check(buffer, stamps, values)
+        assert buffer.statistics()["refused"]["nan_input"] == 1
+        assert buffer.frames()["shoulder"].newest_ns == stamps[-1] + 1
+        assert buffer.frames()["wheel"].newest_ns == stamps[-1]
+
+    @pytest.mark.parametrize(
+        ("content", "said"),
+        [
+            (raw(joint_state(0, SIMPLE, [1.0, 2.0])), "3 names, but 2 positions"),
+            (raw(joint_state(0, SIMPLE, [1.0, 2.0, 3.0]))[:60], "a message of 60 bytes is too short"),
+            (b"", "a message of 0 bytes is too short"),
+        ],
+    )
+    def test_a_malformed_state_is_named_or_left_out(self, content, said, tmp_path):
+        messages, stamps, values = states()
+        broken = Sent(stamps[7] + 5, "/joint_states", content, JOINT_STATE)
+        path = write_mcap(tmp_path / "run.mcap", [*messages[:8], broken, *messages[8:]])
+        with pytest.raises(bag.BagError) as refused:
+            bag.load(path, urdf=ARM)
+        assert str(refused.value).startswith(
+            f"{path}, topic /joint_states, log time {stamps[7] + 5} ns: {said}"
+        )
+        with pytest.warns(bag.BagWarning, match=said):
+            check(bag.load(path, urdf=ARM, partial=True), stamps, values)
+
+    def test_what_is_before_a_break_is_read(self, tmp_path):
+        messages, stamps, values = states(200)
+        path = write_mcap(tmp_path / "run.mcap", messages, index=False)
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+        with pytest.raises(bag.BagError, match="is broken"):
+            bag.load(path, urdf=ARM)
+        with pytest.warns(bag.BagWarning, match="is broken"):
+            buffer = bag.load(path, urdf=ARM, partial=True)
+        count = buffer.frames()["shoulder"].count
+        assert 10 < count < 200
+        check(buffer, stamps[:count], values[:count])
+
+    def test_what_does_not_fit_is_told_in_one_sentence(self, tmp_path):
+        messages, _, _ = states()
+        path = write_mcap(tmp_path / "run.mcap", messages)
+
+        def said(**how):
+            with pytest.raises(bag.BagError) as refused:
+                bag.load(path, **how)
+            assert "\n" not in str(refused.value)
+            return str(refused.value).removeprefix(str(path))
+
+        lacks = "; its topics with transforms: none; with `urdf`, they are computed from the joint states on"
+        assert said() == f" has no topic /tf or /tf_static{lacks} /joint_states"
+        other = {"/arm/joint_states": ARM}
+        assert (
+            said(urdf=other) == f" has no topic /tf or /tf_static or /arm/joint_states{lacks} /joint_states"
+        )
+        lacks = "this topic does not exist; pass the path of a URDF"
+        assert said(urdf=True) == f", topic /robot_description: {lacks}"
+        assert said(urdf=robot_of(AB, BC)) == (
+            ", topic /joint_states: its joints, drive/x, drive/y, extend, lift, roll and 8 more,"
+            " are not those of the URDF, ab, bc"
+        )
+        with pytest.raises(urdf.UrdfError, match="not XML"):
+            bag.load(path, urdf="<robot")
+        for wrong in (5, b"<robot/>", False, [ARM], {5: ARM}, {"/joint_states": 5}):
+            with pytest.raises(TypeError, match="a URDF must be a path or its text, not|urdf must map names"):
+                bag.load(path, urdf=wrong)
+        with pytest.raises(FileNotFoundError, match=r"arm\.urdf"):
+            bag.load(path, urdf="arm.urdf")
+        path = write_mcap(tmp_path / "tf.mcap", [*drive(), description("nothing", log_ns=1)])
+        assert (
+            said(urdf={"/tf": ARM})
+            == ", topic /tf: its type is tf2_msgs/msg/TFMessage, not sensor_msgs/msg/JointState"
+        )
+        assert said(urdf=True) == ", topic /robot_description: not XML: syntax error: line 1, column 0"
+
+    def test_a_recording_without_joint_states_has_the_fixed_links(self, tmp_path):
+        buffer = bag.load(write_mcap(tmp_path / "run.mcap", drive()), urdf=ARM)
+        assert buffer.parent("camera") == "base"  # the recording's own
+        assert "shoulder" not in buffer
+        fixed = joint_state(S, ["elsewhere"], [1.0])
+        alone = robot_of(joint("ab", "a", "b", "fixed"), joint("bc", "b", "c", "fixed"))
+        path = write_mcap(tmp_path / "more.mcap", [*drive(), fixed])
+        assert bag.load(path, urdf=alone).parent("c") == "b"

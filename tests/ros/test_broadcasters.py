@@ -1,0 +1,214 @@
+"""Broadcasters: what they send, and how."""
+
+import math
+import threading
+
+import pytest
+from making import transform, translation
+from processes import until
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from tf2_msgs.msg import TFMessage
+
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+@pytest.fixture
+def subscribe(node):
+    """The messages on a topic, from now on."""
+
+    def listen(topic):
+        messages = []
+        node.create_subscription(TFMessage, topic, messages.append, LATCHED if "static" in topic else 10)
+        return messages
+
+    return listen
+
+
+def children(message):
+    return [one.child_frame_id for one in message.transforms]
+
+
+class TestDynamic:
+    @pytest.fixture
+    def broadcaster(self, tf2_ros, node):
+        return tf2_ros.TransformBroadcaster(node)
+
+    @pytest.mark.parametrize("kind", [list, tuple, iter])
+    def test_it_sends_one_or_any_iterable(self, broadcaster, subscribe, executor, kind):
+        messages = subscribe("/tf")
+        until(lambda: broadcaster.pub_tf.get_subscription_count() == 1, executor)
+        broadcaster.sendTransform(transform("map", "robot", 1, (1, 2, 3)))
+        broadcaster.sendTransform(kind([transform("map", "a", 1), transform("map", "b", 1)]))
+        until(lambda: len(messages) == 2, executor)
+        assert [children(message) for message in messages] == [["robot"], ["a", "b"]]
+        assert translation(messages[0].transforms[0]) == (1, 2, 3)
+
+    @pytest.mark.ours
+    def test_its_quality_of_service_is_that_of_tf(self, broadcaster, node):
+        qos = broadcaster.pub_tf.qos_profile
+        assert (qos.depth, qos.durability) == (100, DurabilityPolicy.VOLATILE)
+        assert qos.history == HistoryPolicy.KEEP_LAST
+
+    def test_its_quality_of_service_may_be_chosen(self, tf2_ros, node):
+        qos = QoSProfile(depth=4, reliability=ReliabilityPolicy.BEST_EFFORT)
+        assert tf2_ros.TransformBroadcaster(node, qos).pub_tf.qos_profile.depth == 4
+        assert tf2_ros.TransformBroadcaster(node, 4).pub_tf.topic_name == "/tf"
+
+    @pytest.mark.ours
+    def test_parameters_override_its_quality_of_service(self, tf2_ros, new_node):
+        arguments = ["--ros-args", "-p", "qos_overrides./tf.publisher.depth:=6"]
+        node = new_node("sending", cli_args=arguments)
+        assert tf2_ros.TransformBroadcaster(node).pub_tf.qos_profile.depth == 6
+
+
+ZERO = (0.0, 0.0, 0.0, 0.0)
+REFUSED = [
+    (transform("map", "robot", 1, xyzw=ZERO), "TF_DENORMALIZED_QUATERNION", "too short or too long"),
+    (transform("", "robot", 1), "TF_NO_FRAME_ID", "frame_id is not set"),
+    (transform("map", "", 1), "TF_NO_CHILD_FRAME_ID", "child_frame_id is not set"),
+    (transform("robot", "/robot", 1), "TF_SELF_TRANSFORM", "are the same"),
+    (transform("map", "robot", 1, (math.nan, 0, 0)), "TF_NAN_INPUT", "a number is NaN"),
+    (transform("map", "robot", 1, (math.inf, 0, 0)), "TF_INFINITE_INPUT", "infinite"),
+    (transform("map", "robot", -1), "TF_NEGATIVE_STAMP", "negative"),
+    (transform("map", "NO_PARENT", 1), "TF_RESERVED_FRAME_ID", "reserved"),
+]
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize("name", ["TransformBroadcaster", "StaticTransformBroadcaster"])
+class TestWhatEveryListenerRefuses:
+    @pytest.fixture
+    def new(self, tf2_ros, name, node):
+        return lambda **options: getattr(tf2_ros, name)(node, **options)
+
+    @pytest.fixture
+    def received(self, name, subscribe):
+        return subscribe("/tf_static" if name.startswith("Static") else "/tf")
+
+    @pytest.fixture
+    def warnings(self, capfd):
+        """Reads what was logged about it since it was read last."""
+        return lambda: [line for line in capfd.readouterr().err.splitlines() if "buffers refuse" in line]
+
+    @pytest.mark.parametrize(("bad", "tag", "why"), REFUSED)
+    def test_it_is_what_a_buffer_refuses(self, tf2_ros, new, name, bad, tag, why):
+        buffer = tf2_ros.Buffer()
+        insert = buffer.set_transform_static if name.startswith("Static") else buffer.set_transform
+        insert(bad, "test")
+        assert sum(buffer.statistics()["refused"].values()) == 1
+        with pytest.raises(ValueError) as caught:
+            new(strict=True).sendTransform(bad)
+        text = str(caught.value)
+        assert text.startswith(f"{tag}: buffers refuse the transform from ") and why in text
+        assert f"frame_id '{bad.header.frame_id}' to child_frame_id '" in text
+
+    def test_strict_sends_nothing_of_the_call(self, new, received, executor):
+        broadcaster = new(strict=True)
+        until(lambda: broadcaster.pub_tf.get_subscription_count() == 1, executor)
+        bad, good = transform("map", "bad", 1, xyzw=ZERO), transform("map", "good", 1)
+        with pytest.raises(ValueError, match="child_frame_id 'bad'"):
+            broadcaster.sendTransform(iter([transform("map", "first", 1), bad]))
+        broadcaster.sendTransform(good)
+        until(lambda: received, executor)
+        assert [children(message) for message in received] == [["good"]]
+
+    def test_otherwise_it_is_sent_with_one_warning_for_each_child(self, new, received, executor, warnings):
+        broadcaster = new()
+        until(lambda: broadcaster.pub_tf.get_subscription_count() == 1, executor)
+        bad = [transform("map", child, 1, xyzw=ZERO) for child in ("a", "b")]
+        for sent in (bad[0], bad[0], [*bad, transform("map", "good", 1)]):
+            broadcaster.sendTransform(sent)
+        until(lambda: received and children(received[-1]) == ["a", "b", "good"], executor)
+        first, second = warnings()
+        assert "child_frame_id 'a' because the rotation is too short" in first
+        assert "child_frame_id 'b'" in second and "strict=True" in second
+
+    def test_warnings_are_limited(self, new, warnings):
+        broadcaster = new()
+        broadcaster.sendTransform([transform("", f"frame_{i}", 1) for i in range(200)])
+        broadcaster.sendTransform([transform("", f"frame_{i}", 1) for i in range(200)])
+        assert len(warnings()) == 100
+
+    def test_good_transforms_are_sent_without_a_word(self, new, warnings, capfd):
+        for strict in (False, True):
+            new(strict=strict).sendTransform([transform("/map", "robot", 0, xyzw=(0, 0, 0, 7))])
+        assert capfd.readouterr().err == ""
+
+    def test_a_name_with_a_nul_is_one(self, new):
+        with pytest.raises(ValueError, match="NUL"):
+            new(strict=True).sendTransform(transform("map", "a\0b", 1))
+
+
+class TestStatic:
+    @pytest.fixture
+    def broadcaster(self, tf2_ros, node):
+        return tf2_ros.StaticTransformBroadcaster(node)
+
+    def test_a_late_subscriber_gets_all_that_was_sent(self, broadcaster, subscribe, executor):
+        broadcaster.sendTransform(transform("map", "a"))
+        broadcaster.sendTransform([transform("map", "b"), transform("map", "c")])
+        messages = subscribe("/tf_static")
+        until(lambda: messages, executor)
+        assert children(messages[-1]) == ["a", "b", "c"]
+
+    def test_what_was_sent_is_in_net_message(self, broadcaster):
+        broadcaster.sendTransform((transform("map", "a"), transform("map", "b")))
+        assert children(broadcaster.net_message) == ["a", "b"]
+
+    @pytest.mark.ours
+    def test_threads_that_send_at_the_same_time_lose_nothing(self, broadcaster, subscribe, executor):
+        names = [[f"{thread}_{i}" for i in range(100)] for thread in "abcd"]
+
+        def send(own):
+            for name in own:
+                broadcaster.sendTransform(transform("map", name))
+
+        threads = [threading.Thread(target=send, args=(own,)) for own in names]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        expected = sorted(sum(names, []))
+        assert sorted(children(broadcaster.net_message)) == expected
+        messages = subscribe("/tf_static")
+        until(lambda: messages, executor)
+        assert sorted(children(messages[-1])) == expected, "the message published last holds all"
+
+    @pytest.mark.ours
+    def test_a_child_sent_again_replaces_its_earlier_transform(self, broadcaster, subscribe, executor):
+        broadcaster.sendTransform([transform("map", "a", 0, (1, 0, 0)), transform("map", "b")])
+        broadcaster.sendTransform(transform("odom", "a", 0, (2, 0, 0)))
+        assert children(broadcaster.net_message) == ["a", "b"]
+        messages = subscribe("/tf_static")
+        until(lambda: messages, executor)
+        replaced = messages[-1].transforms[0]
+        assert (replaced.header.frame_id, translation(replaced)) == ("odom", (2, 0, 0))
+
+    @pytest.mark.ours
+    def test_a_message_that_is_filled_in_again_changes_nothing_sent(self, broadcaster):
+        message = transform("map", "a", 0, (1, 0, 0))
+        broadcaster.sendTransform(message)
+        message.child_frame_id = "b"
+        message.transform.translation.x = 2.0
+        broadcaster.sendTransform(message)
+        sent = [(m.child_frame_id, m.transform.translation.x) for m in broadcaster.net_message.transforms]
+        assert sent == [("a", 1.0), ("b", 2.0)]
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("name", [None, b"a", "\ud800"], ids=repr)
+    def test_one_that_cannot_be_sent_is_not_kept(self, broadcaster, subscribe, executor, name):
+        broadcaster.sendTransform(transform("map", "a"))
+        bad = transform("map", "b")
+        bad._child_frame_id = name  # the setter takes only a str, where rclpy checks types
+        with pytest.raises((TypeError, ValueError)):
+            broadcaster.sendTransform([transform("map", "c"), bad])
+        broadcaster.sendTransform(transform("map", "d"))
+        messages = subscribe("/tf_static")
+        until(lambda: messages, executor)
+        assert children(messages[-1]) == children(broadcaster.net_message) == ["a", "d"]
+
+    def test_its_quality_of_service_is_that_of_tf_static(self, broadcaster):
+        qos = broadcaster.pub_tf.qos_profile
+        assert (qos.depth, qos.durability) == (1, DurabilityPolicy.TRANSIENT_LOCAL)
+        assert broadcaster.pub_tf.topic_name == "/tf_static"

@@ -1,0 +1,517 @@
+"""The client of a buffer in another process; the server is programs/lookup_server.py."""
+
+import asyncio
+import gc
+import math
+import re
+import subprocess
+import threading
+import time
+from contextlib import contextmanager
+from unittest import mock
+
+import numpy as np
+import pytest
+from action_msgs.msg import GoalStatus
+from forking import in_a_child
+from making import at, stamp_ns, transform, translation
+from processes import DEADLINE_S, PROMPT_S, start, until
+from rclpy.duration import Duration, Infinite
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import qos_profile_action_status_default
+from rclpy.time import Time
+from spinning import spun_node
+
+from tf2_msgs.action import LookupTransform
+
+LATEST = Time()
+LONG = Duration(seconds=DEADLINE_S)
+SHORT = Duration(seconds=0.2)
+ENDED = r"^The context was shut down, which ended the wait for the transform after [\d.]+ s$"
+
+
+@contextmanager
+def serving(action):
+    process = start("lookup_server.py", action, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    try:
+        assert process.stdout.readline() == "ready\n"
+        yield process
+        process.stdin.close()
+        assert process.wait(DEADLINE_S) == 0
+    finally:
+        process.kill()
+        process.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def server():
+    with serving("lookup") as process:
+        yield process
+
+
+@pytest.fixture(scope="module")
+def client(tf2_ros, server):
+    """A client that has found the server: that takes longer than all the rest, so they share it."""
+    with spun_node("asking") as node:
+        client = tf2_ros.BufferClient(node, "lookup", timeout_padding=Duration(seconds=0.5))
+        assert client.action_client.wait_for_server(DEADLINE_S)
+        yield client
+        client.destroy()
+
+
+@pytest.fixture
+def lonely(tf2_ros):
+    """A client without a server."""
+    with spun_node("asking") as node:
+        client = tf2_ros.BufferClient(node, "late_lookup")
+        yield client
+        client.destroy()
+
+
+def seconds_of(call):
+    begin = time.monotonic()
+    call()
+    return time.monotonic() - begin
+
+
+@contextmanager
+def forgetful_server(action, times):
+    """A server that so many times says of an accepted goal that there is none; gives the ids of its goals."""
+    goals = []
+
+    def accept(request, response):
+        goals.append(bytes(request.goal_id.uuid))
+        response.accepted = True
+        return response
+
+    def answer(request, response):
+        if goals.index(bytes(request.goal_id.uuid)) >= times:
+            response.status = GoalStatus.STATUS_SUCCEEDED
+            response.result.transform = transform("map", "base", 1)
+        return response
+
+    with spun_node("forgetful") as node:
+        kinds = LookupTransform.Impl
+        for name, kind, callback in (
+            ("send_goal", kinds.SendGoalService, accept),
+            ("get_result", kinds.GetResultService, answer),
+            ("cancel_goal", kinds.CancelGoalService, lambda request, response: response),
+        ):
+            node.create_service(kind, f"{action}/_action/{name}", callback)
+        node.create_publisher(kinds.FeedbackMessage, f"{action}/_action/feedback", 1)
+        node.create_publisher(
+            kinds.GoalStatusMessage, f"{action}/_action/status", qos_profile_action_status_default
+        )
+        yield goals
+
+
+class TestLookup:
+    def test_it_answers_with_what_the_server_answers(self, client):
+        found = client.lookup_transform("map", "robot", at(1.5), LONG)
+        assert (found.header.frame_id, found.child_frame_id) == ("map", "robot")
+        assert stamp_ns(found) == 1_500_000_000
+
+    @pytest.mark.ours
+    def test_full_sends_all_of_it(self, client):
+        found = client.lookup_transform_full("map", at(2.5), "robot", at(1.5), "odom", Duration(seconds=3))
+        assert (found.header.frame_id, found.child_frame_id) == ("map", "robot odom")
+        assert stamp_ns(found) == 2_500_000_000
+        x, timeout, _ = translation(found)
+        assert x == 1.5
+        assert 0 < timeout <= 3
+
+    @pytest.mark.ours
+    def test_a_time_may_be_a_message(self, client):
+        assert stamp_ns(client.lookup_transform("map", "robot", at(1.5).to_msg(), LONG)) == 1_500_000_000
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("moment", [1_500_000_000, np.datetime64(1500, "ms")], ids=repr)
+    def test_a_time_may_be_an_integer_or_a_datetime(self, client, moment):
+        assert stamp_ns(client.lookup_transform("map", "robot", moment, LONG)) == 1_500_000_000
+        full = client.lookup_transform_full("map", moment, "robot", moment, "odom", LONG)
+        assert stamp_ns(full) == 1_500_000_000
+
+    @pytest.mark.ours
+    def test_another_time_or_timeout_is_refused_with_what_to_use(self, client):
+        with pytest.raises(TypeError, match=r"^time must .*float has neither: use Time\(seconds="):
+            client.lookup_transform("map", "robot", 1.5)
+        with pytest.raises(TypeError, match="^target_time must "):
+            client.lookup_transform_full("map", 1.5, "robot", at(1.5), "odom")
+        with pytest.raises(OverflowError, match="does not fit into the stamp of a message"):
+            client.lookup_transform("map", "robot", 2**62)
+        with pytest.raises(TypeError, match=r"^timeout must .*use Duration\(seconds="):
+            client.lookup_transform("map", "robot", at(1.5), "1")
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize(
+        ("name", "error"),
+        [(None, TypeError), (b"map", TypeError), ("\ud800", UnicodeEncodeError), ("a\0b", ValueError)],
+        ids=repr,
+    )
+    def test_a_name_that_is_none_is_refused_and_ends_no_other_lookup(self, client, name, error):
+        with pytest.raises(error):
+            client.lookup_transform(name, "robot", LATEST)
+        with pytest.raises(error):
+            client.can_transform("map", name, LATEST, return_debug_tuple=True)
+        with pytest.raises(error):
+            client.lookup_transform_full("map", LATEST, "robot", LATEST, name)
+        with pytest.raises(error):
+            asyncio.run(client.lookup_transform_async("map", name, LATEST))
+        assert client.lookup_transform("map", "robot", LATEST, LONG).child_frame_id == "robot"
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("timeout", [Infinite, Duration(seconds=9223372036), math.inf, 9223372036, 20.0])
+    def test_a_timeout_may_be_infinite_or_seconds(self, client, timeout):
+        assert client.lookup_transform("map", "robot", at(1.5), timeout).child_frame_id == "robot"
+        awaited = client.lookup_transform_async("map", "robot", at(1.5), timeout=timeout)
+        assert asyncio.run(awaited).child_frame_id == "robot"
+
+    @pytest.mark.ours
+    def test_a_goal_whose_answer_is_lost_is_sent_again(self, client):
+        assert client.lookup_transform("forgotten", "robot", LATEST, LONG).child_frame_id == "robot"
+
+    def test_can_is_a_yes(self, client):
+        assert client.can_transform("map", "robot", LATEST, LONG) is True
+        assert client.can_transform_full("map", at(1), "robot", at(2), "odom", LONG) is True
+
+    @pytest.mark.ours
+    def test_it_transforms_objects(self, client, tf2_ros):
+        class Thing:
+            header = tf2_ros.Header(frame_id="robot")
+
+        tf2_ros.TransformRegistration().add(Thing, lambda thing, found: found.child_frame_id)
+        assert client.transform(Thing(), "map", LONG) == "robot"
+
+
+class TestErrors:
+    @pytest.mark.parametrize("timeout", [Duration(), LONG])
+    @pytest.mark.parametrize(
+        ("code", "name"),
+        [
+            ("LOOKUP_ERROR", "LookupException"),
+            ("CONNECTIVITY_ERROR", "ConnectivityException"),
+            ("EXTRAPOLATION_ERROR", "ExtrapolationException"),
+            ("INVALID_ARGUMENT_ERROR", "InvalidArgumentException"),
+            ("TIMEOUT_ERROR", "TimeoutException"),
+            ("TRANSFORM_ERROR", "TransformException"),
+        ],
+    )
+    def test_the_servers_error_is_raised(self, client, tf2_py, code, name, timeout):
+        with pytest.raises(tf2_py.TransformException, match=f"this is a {code}") as caught:
+            client.lookup_transform(code, "robot", LATEST, timeout)
+        assert type(caught.value) is getattr(tf2_py, name)
+        assert client.can_transform(code, "robot", LATEST, timeout) is False
+        assert client.can_transform_full(code, LATEST, "robot", LATEST, "odom", timeout) is False
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("how", ["too late", "empty"])
+    def test_an_empty_result_is_a_timeout(self, client, tf2_py, how):
+        with pytest.raises(tf2_py.TimeoutException, match=r"\[robot\]"):
+            client.lookup_transform(how, "robot", LATEST, LONG)
+
+    @pytest.mark.ours
+    def test_the_reason_is_returned_on_request(self, client):
+        can, reason = client.can_transform("LOOKUP_ERROR", "robot", LATEST, LONG, True)
+        assert (can, reason) == (False, "this is a LOOKUP_ERROR")
+        full = client.can_transform_full("map", at(1), "robot", at(2), "odom", LONG, return_debug_tuple=True)
+        assert full == (True, "")
+
+    def test_a_refused_goal_is_a_timeout(self, client, tf2_py):
+        with pytest.raises(tf2_py.TimeoutException):
+            client.lookup_transform("rejected", "robot", LATEST, LONG)
+
+    @pytest.mark.ours
+    def test_a_server_that_never_answers_is_a_timeout_and_its_goal_is_cancelled(self, client, server, tf2_py):
+        def look_up():
+            with pytest.raises(tf2_py.TimeoutException, match="did not answer in time.* Waited"):
+                client.lookup_transform("silent", "robot", LATEST, SHORT)
+
+        assert 0.7 <= seconds_of(look_up) < PROMPT_S, "the timeout and its padding"
+        assert server.stdout.readline() == "cancelled\n"
+
+
+@pytest.mark.ours
+class TestWithoutServer:
+    def test_it_is_waited_for_no_longer_than_the_timeout(self, lonely, tf2_py):
+        def look_up(timeout):
+            with pytest.raises(tf2_py.TimeoutException, match="not ready") as caught:
+                lonely.lookup_transform("map", "robot", LATEST, timeout)
+            waited = re.search(r"\. Waited (\d[\d.e-]*) s$", str(caught.value))
+            assert not timeout.nanoseconds or float(waited[1]) >= 0.2
+
+        assert seconds_of(lambda: look_up(Duration())) < PROMPT_S
+        assert 0.2 <= seconds_of(lambda: look_up(SHORT)) < PROMPT_S
+
+    def test_a_server_that_starts_in_time_is_found(self, lonely):
+        found = []
+
+        def look_up():
+            found.append(lonely.lookup_transform("map", "robot", LATEST, LONG))
+
+        looking = threading.Thread(target=look_up)
+        looking.start()
+        with serving("late_lookup"):
+            looking.join(DEADLINE_S)
+        assert [m.child_frame_id for m in found] == ["robot"]
+
+    def test_shutting_down_ends_the_wait(self, lonely, tf2_py):
+        timer = threading.Timer(0.05, lonely.node.context.shutdown)
+        timer.start()
+
+        def look_up():
+            with pytest.raises(tf2_py.TimeoutException, match=ENDED):
+                lonely.lookup_transform("map", "robot", LATEST, LONG)
+
+        assert seconds_of(look_up) < PROMPT_S
+        timer.join()
+        # One that begins later ends at once.
+        assert seconds_of(look_up) < PROMPT_S
+        assert lonely.can_transform("map", "robot", LATEST, LONG, True)[0] is False
+
+    def test_shutting_down_ends_what_is_awaited(self, lonely, tf2_py):
+        async def main():
+            awaiting = asyncio.ensure_future(lonely.lookup_transform_async("map", "robot", LATEST))
+            await asyncio.sleep(0)
+            lonely.node.context.shutdown()
+            for one in (awaiting, lonely.lookup_transform_async("map", "robot", LATEST)):
+                with pytest.raises(tf2_py.TimeoutException, match=ENDED):
+                    await asyncio.wait_for(one, DEADLINE_S)
+
+        asyncio.run(main())
+
+    def test_a_check_frequency_of_zero_is_refused(self, tf2_ros, node):
+        with pytest.raises(ValueError, match="check_frequency"):
+            tf2_ros.BufferClient(node, "lookup", 0.0)
+
+
+@pytest.mark.ours
+class TestThreads:
+    def test_the_node_need_not_be_spun(self, tf2_ros, node, server):
+        client = tf2_ros.BufferClient(node, "lookup")
+        assert client.lookup_transform("map", "robot", at(1.5), LONG).child_frame_id == "robot"
+        client.destroy()
+
+    def test_it_blocks_in_a_callback_of_a_single_threaded_executor(self, client):
+        executor = client.node.executor
+        assert isinstance(executor, SingleThreadedExecutor)
+        found = executor.create_task(client.lookup_transform, "map", "robot", at(1.5), LONG)
+        assert until(found.done)
+        assert found.result().child_frame_id == "robot"
+
+    def test_many_threads_look_up_at_once(self, client):
+        found = []
+
+        def look_up(i):
+            for j in range(20):
+                stamp = at(1 + i + j / 100)
+                answer = client.lookup_transform("map", "robot", stamp, LONG)
+                found.append(stamp_ns(answer) == stamp.nanoseconds)
+
+        threads = [threading.Thread(target=look_up, args=(i,)) for i in range(5)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(DEADLINE_S)
+        assert found == [True] * 100
+
+    def test_destroying_it_ends_the_wait_and_its_thread(self, tf2_ros, node, tf2_py):
+        before = set(threading.enumerate())
+        client = tf2_ros.BufferClient(node, "nobody")
+        timer = threading.Timer(0.05, client.destroy)
+        timer.start()
+        with pytest.raises(tf2_py.TimeoutException, match="destroyed"):
+            client.lookup_transform("map", "robot", LATEST, LONG)
+        timer.join()
+        with pytest.raises(tf2_py.TimeoutException, match="destroyed"):
+            client.lookup_transform("map", "robot", LATEST, LONG)
+        assert set(threading.enumerate()) - before <= _deadlines_thread()
+
+    def test_dropping_it_ends_its_thread(self, tf2_ros, node, monkeypatch):
+        before = set(threading.enumerate())
+        client = tf2_ros.BufferClient(node, "nobody")
+        thread = client._goal_sender._spinner.thread
+        assert thread in threading.enumerate()
+        joined = []
+        with monkeypatch.context() as patch:
+            # Joining takes a lock of `threading`, and the collector may run while this thread holds it.
+            patch.setattr(threading.Thread, "join", lambda thread, timeout=None: joined.append(thread))
+            del client
+            gc.collect()
+        assert joined == []
+        assert until(lambda: not thread.is_alive())
+        assert set(threading.enumerate()) - before <= _deadlines_thread()
+
+    def test_its_action_is_named_as_the_nodes_own(self, tf2_ros, new_node):
+        node = new_node(
+            "asking",
+            namespace="robot",
+            cli_args=["--ros-args", "-r", "old/_action/send_goal:=/new/_action/send_goal"],
+        )
+        names = [("lookup", "/robot/lookup"), ("~/lookup", "/robot/asking/lookup"), ("old", "/new")]
+        for given, expected in names:
+            client = tf2_ros.BufferClient(node, given)
+            assert client._goal_sender._name == expected
+            client.destroy()
+
+
+@pytest.mark.ours
+class TestRepr:
+    def test_it_has_the_action_as_it_is_resolved_and_what_is_pending(self, tf2_ros, new_node, tf2_py):
+        node = new_node("asking", namespace="robot")
+        client = tf2_ros.BufferClient(node, "late_lookup")
+        name = "tf2_ros.BufferClient: action /robot/late_lookup"
+        assert repr(client) == f"<{name}, 0 pending lookups>"
+        ended = []
+
+        def look_up():
+            with pytest.raises(tf2_py.TimeoutException):
+                client.lookup_transform("map", "robot", LATEST, LONG)
+            ended.append(True)
+
+        thread = threading.Thread(target=look_up)
+        thread.start()
+        until(lambda: repr(client) == f"<{name}, 1 pending lookup>")
+        client.destroy()
+        thread.join(DEADLINE_S)
+        assert ended
+        assert repr(client) == f"<{name}, ended>"
+
+    def test_it_works_before_the_constructor(self, tf2_ros):
+        client = tf2_ros.BufferClient.__new__(tf2_ros.BufferClient)
+        assert repr(client) == "<tf2_ros.BufferClient: not initialised>"
+
+    def test_it_works_in_a_forked_child(self, lonely):
+        def look():
+            assert repr(lonely) == "<tf2_ros.BufferClient: action /late_lookup, ended>"
+
+        assert in_a_child(look) == 0
+
+    def test_it_works_where_a_program_replaced_the_action_client(self, tf2_ros, node, monkeypatch):
+        monkeypatch.setattr("tf2_ros.buffer_client.ActionClient", mock.Mock())
+        client = tf2_ros.BufferClient(node, "lookup")
+        assert repr(client) == "<tf2_ros.BufferClient: a program's own action client>"
+
+
+@pytest.mark.ours
+class TestAsync:
+    def run(self, client, coroutine):
+        outcome = []
+
+        async def await_it():
+            try:
+                outcome.append((await coroutine, None))
+            except Exception as error:  # it would end the spin
+                outcome.append((None, error))
+
+        client.node.executor.create_task(await_it)
+        until(lambda: outcome)
+        found, error = outcome[0]
+        if error is not None:
+            raise error
+        return found
+
+    def test_an_executor_awaits(self, client):
+        found = self.run(client, client.lookup_transform_async("map", "robot", at(1.5), timeout=LONG))
+        assert stamp_ns(found) == 1_500_000_000
+
+    def test_an_executor_awaits_without_an_end(self, client):
+        found = self.run(client, client.lookup_transform_full_async("map", at(2.5), "robot", at(1.5), "odom"))
+        assert found.child_frame_id == "robot odom"
+        assert translation(found)[1] == 2**31 - 1
+
+    def test_objects_are_transformed(self, client, tf2_ros):
+        class Thing:
+            header = tf2_ros.Header(frame_id="robot")
+
+        tf2_ros.TransformRegistration().add(Thing, lambda thing, found: found.child_frame_id)
+        assert self.run(client, client.transform_async(Thing(), "map", LONG)) == "robot"
+
+    def test_plain_asyncio_awaits(self, client):
+        found = asyncio.run(client.lookup_transform_async("map", "robot", at(1.5), timeout=LONG))
+        assert found.child_frame_id == "robot"
+
+    def test_errors_are_raised(self, client, tf2_py):
+        with pytest.raises(tf2_py.LookupException, match="this is a"):
+            self.run(client, client.lookup_transform_async("LOOKUP_ERROR", "robot", LATEST, timeout=LONG))
+
+    def test_no_server_is_a_timeout(self, lonely, tf2_py):
+        with pytest.raises(tf2_py.TimeoutException, match="no server of"):
+            self.run(lonely, lonely.lookup_transform_async("map", "robot", LATEST, timeout=SHORT))
+
+    @pytest.mark.parametrize("since", ["request", "handle"])
+    def test_a_goal_that_nobody_awaits_any_more_is_cancelled(self, tf2_ros, node, since):
+        # Whether the goal has been accepted by then, or only sent.
+        with serving("quiet_lookup") as server:
+            client = tf2_ros.BufferClient(node, "quiet_lookup")
+            coroutine = client.lookup_transform_async("silent", "robot", LATEST)
+            coroutine.send(None)
+            (pending,) = client._goal_sender._pending
+            until(lambda: getattr(pending, since) is not None)
+            coroutine.close()
+            said = []
+            listening = threading.Thread(target=lambda: said.append(server.stdout.readline()), daemon=True)
+            listening.start()
+            listening.join(DEADLINE_S)
+            assert said == ["cancelled\n"]
+            until(lambda: not client._goal_sender._pending)
+            client.destroy()
+
+
+def _deadlines_thread():
+    return {thread for thread in threading.enumerate() if thread.name == "tf2_ros deadlines"}
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize("times", [1, 2])
+def test_a_goal_that_the_server_has_forgotten_is_sent_again(tf2_ros, node, times):
+    with forgetful_server("forgetful", times) as goals:
+        client = tf2_ros.BufferClient(node, "forgetful")
+        found = client.lookup_transform("map", "base", LATEST, LONG)
+        client.destroy()
+    assert (found.header.frame_id, found.child_frame_id) == ("map", "base")
+    assert len(goals) > times
+
+
+@pytest.mark.ours
+@pytest.mark.long("waits until the middleware gives the server up")
+@pytest.mark.parametrize("how", ["blocking", "async"])
+def test_a_server_that_is_killed_in_the_middle_of_a_goal_is_a_timeout(tf2_ros, tf2_py, node, how):
+    process = start("lookup_server.py", "doomed_lookup", stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    client = tf2_ros.BufferClient(node, "doomed_lookup", timeout_padding=Duration(seconds=1))
+    errors = []
+
+    def look_up():
+        try:
+            if how == "async":
+                # Without a timeout: only its absence ends it.
+                asyncio.run(client.lookup_transform_async("silent", "robot", LATEST))
+            else:
+                client.lookup_transform("silent", "robot", LATEST, Duration(seconds=DEADLINE_S / 2))
+        except tf2_py.TransformException as error:
+            errors.append(error)
+
+    looking = threading.Thread(target=look_up)
+    try:
+        # On a busy machine it may start later than the lookup gives up.
+        assert process.stdout.readline() == "ready\n"
+        looking.start()
+        until(lambda: any(pending.handle for pending in client._goal_sender._pending))
+    finally:
+        process.kill()
+        process.communicate()
+    looking.join(3 * DEADLINE_S)
+    assert [type(error) for error in errors] == [tf2_py.TimeoutException]
+    assert "buffer server" in str(errors[0])
+    client.destroy()
+
+
+@pytest.mark.ours
+def test_the_node_that_helps_it_is_hidden_from_the_tools_of_ros(tf2_ros, new_node):
+    node = new_node("asking")
+    client = tf2_ros.BufferClient(node, "late_lookup")
+
+    name = client.action_client._node.get_name()
+    assert name.startswith("_")
+    until(lambda: name in node.get_node_names())
+    client.destroy()
+    until(lambda: name not in node.get_node_names())

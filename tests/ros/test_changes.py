@@ -1,0 +1,206 @@
+"""Following a transform: `async for` in asyncio and in executors, and callbacks."""
+
+import asyncio
+import gc
+import threading
+import weakref
+
+import pytest
+from making import S, stamp_ns, transform
+from processes import until
+from rclpy.executors import SingleThreadedExecutor
+from spinning import spinning
+
+pytestmark = pytest.mark.ours
+
+
+def insert(buffer, *seconds, child="base"):
+    for one in seconds:
+        buffer.set_transform(transform("map", child, one), "x")
+
+
+async def take(buffer, count, after_each=lambda: None):
+    seen = []
+    async for one in buffer.changes("map", "base"):
+        seen.append(stamp_ns(one) / S)
+        if len(seen) == count:
+            return seen
+        after_each()
+
+
+class TestIterator:
+    def test_it_begins_with_the_present_one_and_yields_each_new_one(self, tf2_ros):
+        buffer, times = tf2_ros.Buffer(), iter((2, 3, 5))
+        insert(buffer, 1)
+        assert asyncio.run(take(buffer, 4, lambda: insert(buffer, next(times)))) == [1, 2, 3, 5]
+
+    def test_a_slow_reader_gets_the_latest(self, tf2_ros):
+        buffer, batches = tf2_ros.Buffer(), iter(((2, 3, 4), (5, 6)))
+        insert(buffer, 1)
+        assert asyncio.run(take(buffer, 3, lambda: insert(buffer, *next(batches)))) == [1, 4, 6]
+
+    def test_it_wakes_for_what_another_thread_inserts(self, tf2_ros):
+        buffer = tf2_ros.Buffer()
+
+        async def follow():
+            taking = asyncio.ensure_future(take(buffer, 1))
+            await asyncio.sleep(0)
+            threading.Thread(target=insert, args=(buffer, 7)).start()
+            return await taking
+
+        assert asyncio.run(follow()) == [7]
+
+    def test_an_executor_runs_it(self, tf2_ros, node, executor, peer):
+        buffer = tf2_ros.Buffer()
+        listener = tf2_ros.TransformListener(buffer, node)
+        other, seconds = peer(), iter((2, 3))
+        task = executor.create_task(
+            take(buffer, 3, lambda: other.send(("map", "base", next(seconds) * S, 1.0)))
+        )
+        other.send(("map", "base", S, 1.0))
+        until(task.done, executor)
+        assert task.result() == [1, 2, 3]
+        listener.unregister()
+
+    def test_cancelling_it_leaves_nothing_behind(self, tf2_ros):
+        buffer = tf2_ros.Buffer()
+        insert(buffer, 1)
+
+        async def follow():
+            changes = buffer.changes("map", "base")
+            assert stamp_ns(await changes.__anext__()) == S
+            with pytest.raises(asyncio.TimeoutError):
+                await asyncio.wait_for(changes.__anext__(), 0.05)
+            gc.collect()
+            assert buffer.statistics()["waiters"] == 0
+            insert(buffer, 2)
+            return stamp_ns(await changes.__anext__())
+
+        assert asyncio.run(follow()) == 2 * S
+
+    def test_what_a_cancelled_step_would_have_returned_is_not_lost(self, tf2_ros):
+        buffer = tf2_ros.Buffer()
+        insert(buffer, 1)
+
+        async def follow():
+            changes = buffer.changes("map", "base")
+            await changes.__anext__()
+            step = asyncio.ensure_future(changes.__anext__())
+            await asyncio.sleep(0)
+            insert(buffer, 2)
+            step.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await step
+            return stamp_ns(await changes.__anext__())
+
+        assert asyncio.run(follow()) == 2 * S
+
+    def test_it_ends_with_the_context(self, ros, tf2_ros):
+        context = ros.Context()
+        ros.init(context=context)
+        node = ros.create_node("followed", context=context)
+        buffer, seen = tf2_ros.Buffer(node=node), []
+
+        async def follow():
+            insert(buffer, 1)
+            async for one in buffer.changes("map", "base"):
+                seen.append(stamp_ns(one))
+                context.shutdown()
+
+        asyncio.run(follow())
+        assert seen == [S]
+        node.destroy_node()
+
+    def test_an_invalid_name_is_raised(self, tf2_ros):
+        with pytest.raises(tf2_ros.InvalidArgumentException):
+            asyncio.run(tf2_ros.Buffer().changes("map", "/base").__anext__())
+
+
+class TestCallbacks:
+    def test_each_new_transform_is_passed_on(self, tf2_ros):
+        buffer, seen = tf2_ros.Buffer(), []
+        subscription = buffer.on_change("map", "base", lambda one: seen.append(stamp_ns(one) / S))
+        insert(buffer, 1)
+        insert(buffer, 5, child="other")
+        insert(buffer, 2, 3)
+        assert seen == [1, 2, 3]
+        subscription.cancel()
+        insert(buffer, 4)
+        assert seen == [1, 2, 3]
+        assert buffer.statistics()["waiters"] == 0
+
+    def test_the_present_one_comes_first(self, tf2_ros):
+        buffer, seen = tf2_ros.Buffer(), []
+        insert(buffer, 1)
+        subscription = buffer.on_change("map", "base", seen.append)
+        until(lambda: seen)
+        until(lambda: buffer.statistics()["waiters"] == 1)
+        insert(buffer, 2)
+        assert [stamp_ns(one) for one in seen] == [S, 2 * S]
+        subscription.cancel()
+
+    def test_a_listeners_arrive_in_its_executor(self, tf2_ros, node, peer):
+        buffer, seen = tf2_ros.Buffer(), []
+        listener = tf2_ros.TransformListener(buffer, node)
+        threads = set()
+        subscription = buffer.on_change(
+            "map", "base", lambda one: (threads.add(threading.get_ident()), seen.append(stamp_ns(one) / S))
+        )
+        node.create_timer(0.001, lambda: spinners.add(threading.get_ident()))
+        spinners = set()
+        executor, other = SingleThreadedExecutor(), peer()
+        executor.add_node(node)
+        with spinning(executor):
+            for second in (1, 2, 3):
+                other.send(("map", "base", second * S, 1.0))
+                until(lambda second=second: seen and seen[-1] == second)
+        assert seen == [1, 2, 3]
+        assert threads == spinners
+        subscription.cancel()
+        listener.unregister()
+
+    def test_one_that_inserts_what_it_follows_is_called_again_and_not_within(self, tf2_ros):
+        buffer, seen, depth = tf2_ros.Buffer(), [], []
+
+        def on_change(one):
+            assert not depth
+            depth.append(1)
+            seen.append(stamp_ns(one) // S)
+            if len(seen) < 50:
+                insert(buffer, seen[-1] + 1)
+            depth.pop()
+
+        subscription = buffer.on_change("map", "base", on_change)
+        insert(buffer, 1)
+        until(lambda: len(seen) == 50)
+        assert seen == list(range(1, 51))
+        subscription.cancel()
+
+    def test_an_exception_does_not_end_it(self, tf2_ros):
+        buffer, seen = tf2_ros.Buffer(), []
+
+        def on_change(one):
+            seen.append(one)
+            raise ValueError("in the callback")
+
+        subscription = buffer.on_change("map", "base", on_change)
+        with pytest.warns(UserWarning, match="in the callback"):
+            insert(buffer, 1, 2)
+        assert len(seen) == 2
+        subscription.cancel()
+
+    def test_an_invalid_name_is_raised(self, tf2_ros):
+        with pytest.raises(tf2_ros.InvalidArgumentException):
+            tf2_ros.Buffer().on_change("map", "/base", print)
+
+    def test_the_buffer_exists_until_it_is_cancelled(self, tf2_ros):
+        buffer = tf2_ros.Buffer()
+        reference = weakref.ref(buffer)
+        subscription = buffer.on_change("map", "base", print)
+        del buffer
+        gc.collect()
+        assert reference() is not None
+        subscription.cancel()
+        del subscription
+        gc.collect()
+        assert reference() is None

@@ -1,0 +1,68 @@
+"""Clocks that are set while something waits: timeouts count steady time, and nothing hangs or spins."""
+
+import json
+import platform
+import subprocess
+import sys
+
+import pytest
+from interposing import built, with_library
+from paths import PROGRAMS
+
+pytestmark = [
+    pytest.mark.ours,
+    pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="stands in for glibc's functions"),
+]
+
+TIMEOUT_S = 0.4
+# A busy machine is late, and an hour is not.
+LATE_S = 10.0
+# The executor's own rounds, and what is made anew for each wait.
+WORK_S = 0.5
+
+
+def waits(folder, clock, seconds, timeout_s):
+    """What `programs/clocks.py` prints: for each way to wait a dict."""
+    done = subprocess.run(
+        [sys.executable, str(PROGRAMS / "clocks.py"), clock, str(seconds), str(timeout_s)],
+        env=with_library(built("clocks", folder)),
+        text=True,
+        capture_output=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    return {one.pop("what"): one for one in map(json.loads, done.stdout.splitlines())}
+
+
+EXPIRED = {
+    "blocking": "LookupException",
+    "can": False,
+    "awaiting": "TimeoutException",
+    "in_an_executor": "TimeoutException",
+    "filtering": "TIMEOUT",
+}
+ANSWERED = {**dict.fromkeys(EXPIRED, "map"), "can": True}
+
+
+@pytest.mark.parametrize("seconds", [3600, -3600])
+def test_the_time_of_day_is_set_during_waits(tmp_path, seconds):
+    found = waits(tmp_path, "wall", seconds, TIMEOUT_S)
+    for way in EXPIRED:
+        expired, answered = found[way], found[f"{way}, then inserts"]
+        assert expired["outcome"] == EXPIRED[way]
+        assert TIMEOUT_S <= expired["s"] < TIMEOUT_S + LATE_S, (way, expired)
+        assert answered["outcome"] == ANSWERED[way]
+        assert answered["s"] < TIMEOUT_S + LATE_S, (way, answered)
+        assert expired["cpu_s"] < WORK_S, (way, expired)
+    assert found["receives 1"]["outcome"] and found["receives 2"]["outcome"]
+    assert found["spin_once"]["outcome"] == "TimeoutException"
+    assert TIMEOUT_S <= found["spin_once"]["s"] < TIMEOUT_S + LATE_S
+
+
+def test_the_steady_clock_jumps_beyond_deadlines_during_waits(tmp_path):
+    found = waits(tmp_path, "steady", 3600, 600)
+    for way in EXPIRED:
+        expired = found[way]
+        assert expired["outcome"] == EXPIRED[way]
+        assert expired["s"] < LATE_S, (way, expired)
+        assert expired["cpu_s"] < WORK_S, (way, expired)

@@ -1,0 +1,731 @@
+"""What a program that spins sees of transforms that arrive: as if its executor had taken them."""
+
+import asyncio
+import itertools
+import signal
+import threading
+import time
+
+import pytest
+from making import at, transform
+from processes import DEADLINE_S, until
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.duration import Duration
+from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.qos import QoSProfile
+from rclpy.time import Time
+from spinning import spinning
+
+from tf2_ros._wait.callbacks import callback_queue
+
+S = 10**9
+LATEST = Time()
+LONG_S = 60.0  # a wait that nothing but a transform ends
+QUIET_S = 0.3  # a wait that nothing ends
+
+
+@pytest.fixture
+def buffer(tf2_ros):
+    return tf2_ros.Buffer()
+
+
+@pytest.fixture
+def listener(tf2_ros, buffer, node):
+    return tf2_ros.TransformListener(buffer, node)
+
+
+@pytest.fixture(params=[SingleThreadedExecutor, MultiThreadedExecutor])
+def any_executor(request, ros, node):
+    executor = request.param()
+    executor.add_node(node)
+    yield executor
+    executor.shutdown()
+
+
+def knows(buffer, child, parent="map", time=LATEST):
+    return lambda: buffer.can_transform(parent, child, time)
+
+
+def arrived(listener, count):
+    """Whether so many messages can be accounted for, without accounting for one."""
+    return lambda: listener.buffer.statistics()["taken"] == count
+
+
+def returns_early(spin_once, at_most):
+    """How often it returns before its time is over, until it does not."""
+    for count in range(at_most + 1):
+        begin = time.monotonic()
+        spin_once(timeout_sec=QUIET_S)
+        if time.monotonic() - begin >= QUIET_S:
+            return count
+    return at_most + 1
+
+
+class TestSpinOnce:
+    def test_it_returns_for_each_message(self, buffer, listener, any_executor, peer):
+        publisher = peer()
+        publisher.send(("robot", "arm", 0, 1), static=True)
+        any_executor.spin_once(timeout_sec=LONG_S)
+        for n in range(1, 4):
+            publisher.send(("map", "robot", n * S, 1))
+            until(lambda: any_executor.spin_once(timeout_sec=LONG_S) or True)
+            until(knows(buffer, "arm", time=at(n)))
+
+    def test_a_program_may_spin_until_a_transform_is_available(self, ros, buffer, listener, node, peer):
+        publisher = peer()
+        sender = threading.Thread(target=lambda: publisher.send(("map", "robot", 1 * S, 1)))
+        sender.start()
+        while not buffer.can_transform("map", "robot", LATEST):
+            ros.spin_once(node)
+        sender.join()
+
+    @pytest.mark.ours
+    def test_it_returns_once_for_all_messages_that_arrived_before(self, listener, executor, peer):
+        publisher = peer()
+        for n in range(1, 4):
+            publisher.send(("map", "robot", n * S, 1))
+        publisher.send(("robot", "arm", 0, 1), static=True)
+        until(arrived(listener, 4))
+        assert returns_early(executor.spin_once, 10) == 1
+
+    @pytest.mark.ours
+    def test_the_executors_own_loops_account_for_what_arrives(self, ros, listener, node, executor, peer):
+        publisher = peer()
+        with spinning(executor):
+            for n in range(1, 4):
+                publisher.send(("map", "robot", n * S, 1))
+            until(arrived(listener, 3))
+            round_of_the_loop = executor.create_task(lambda: None)
+            until(round_of_the_loop.done)
+        other = SingleThreadedExecutor()
+        other.add_node(node)
+        assert returns_early(other.spin_once, 10) == 0
+        other.shutdown()
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("loop", ["spin_until_future_complete", "executor's"])
+    def test_no_loop_is_woken_for_a_message(self, ros, listener, node, executor, peer, loop):
+        publisher = peer()
+        checks, can_execute = [], listener.group.can_execute
+        listener.group.can_execute = lambda entity: checks.append(entity) or can_execute(entity)
+        done = ros.task.Future()
+
+        def send():
+            publisher.send(("map", "robot", 1 * S, 1))
+            until(arrived(listener, 1))
+            before, began = len(checks), time.monotonic()
+            for n in range(2, 102):
+                publisher.send(("map", "robot", n * S, 1))
+            until(arrived(listener, 101))
+            # One for each entity and round, of which there are ten in a second.
+            counted.append(len(checks) - before - 50 * (time.monotonic() - began))
+            done.set_result(None)
+
+        counted = []
+        sender = threading.Thread(target=send)
+        sender.start()
+        if loop == "executor's":
+            executor.spin_until_future_complete(done)
+        else:
+            ros.spin_until_future_complete(node, done)
+        sender.join()
+        # The end itself may be a check.
+        assert counted[0] < 30
+
+    def test_what_a_program_does_to_its_executor_changes_nothing(self, buffer, listener, node, peer):
+        """A node may go from one executor to another, and to none."""
+        publisher, stamps = peer(), itertools.count(1)
+        for _ in range(3):
+            executor = SingleThreadedExecutor()
+            executor.add_node(node)
+            stamp = next(stamps)
+            executor.spin_once(timeout_sec=0)  # a class that was patched is noticed in this round
+            publisher.send(("map", "robot", stamp * S, 1))
+            executor.spin_once(timeout_sec=LONG_S)
+            until(knows(buffer, "robot", time=at(stamp)))
+            executor.remove_node(node)
+            executor.shutdown()
+
+    def test_a_node_that_moves_to_another_executor_misses_nothing(self, ros, tf2_ros, buffer, node, peer):
+        """The executor that had it is woken by that, and must not take from the other what is due."""
+        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
+        publisher = peer()
+        for n in range(1, 11):
+            sender = threading.Thread(target=lambda n=n: publisher.send(("map", "robot", n * S, 1)))
+            sender.start()
+            while not buffer.can_transform("map", "robot", at(n)):
+                ros.spin_once(node)
+            sender.join()
+        listener.unregister()
+        listener.executor.shutdown()
+        listener.dedicated_listener_thread.join(DEADLINE_S)
+
+    @pytest.mark.parametrize("spin", ["spin_once", "spin"])
+    def test_signal_handlers_run(self, ros, listener, node, peer, spin):
+        """Python runs them between two rounds, and transforms cause rounds."""
+        publisher, handled = peer(), []
+
+        def handle(*_):
+            handled.append(1)
+            raise TimeoutError
+
+        def send():
+            n = 0
+            while not handled:
+                n += 1
+                publisher.send(("map", "robot", n * S, 1))
+
+        before = signal.signal(signal.SIGALRM, handle)
+        sender = threading.Thread(target=send)
+        sender.start()
+        try:
+            signal.setitimer(signal.ITIMER_REAL, 0.2)
+            with pytest.raises(TimeoutError):
+                while True:
+                    getattr(ros, spin)(node)
+        finally:
+            handled.append(0)
+            signal.signal(signal.SIGALRM, before)
+            sender.join()
+
+    def test_a_task_that_polls_runs(self, buffer, listener, executor, peer):
+        publisher, turns = peer(), itertools.count()
+
+        class Turn:
+            def __await__(self):
+                yield
+
+        async def poll():
+            while not buffer.can_transform("map", "robot", LATEST) or next(turns) < 5:
+                await Turn()
+            return "there"
+
+        def send():
+            n = 0
+            while not task.done():
+                n += 1
+                publisher.send(("map", "robot", n * S, 1))
+
+        task = executor.create_task(poll())
+        sender = threading.Thread(target=send)
+        sender.start()
+        executor.spin_until_future_complete(task, timeout_sec=DEADLINE_S)
+        assert task.result() == "there"
+        sender.join()
+
+    def test_other_work_is_not_kept_waiting(self, listener, node, executor, peer):
+        """By messages in the queue, where each call of spin_once has another timeout."""
+        publisher, ticks, timeouts = peer(), [], itertools.count(1)
+        timer = node.create_timer(0.001, lambda: ticks.append(1))
+        for n in range(1, 51):
+            publisher.send(("map", "robot", n * S, 1))
+        for _ in range(20):
+            until(timer.is_ready)
+            executor.spin_once(timeout_sec=1 + 0.001 * next(timeouts))
+        assert len(ticks) >= 10
+
+
+class TestCallbacksOfFutures:
+    def test_they_run_in_the_thread_that_spins(self, buffer, listener, any_executor, peer):
+        threads = []
+        future = buffer.wait_for_transform_async("map", "robot", LATEST)
+        future.add_done_callback(lambda _: threads.append(threading.current_thread()))
+        any_executor.spin_once(timeout_sec=0)
+        peer().send(("map", "robot", 1 * S, 1))
+        until(lambda: threads, any_executor)
+        if isinstance(any_executor, SingleThreadedExecutor):
+            assert threads == [threading.current_thread()]
+        else:
+            assert "receiver" not in threads[0].name
+
+    def test_they_have_run_when_spinning_for_the_future_ends(self, ros, buffer, listener, node, peer):
+        publisher = peer()
+        for n in range(1, 21):
+            called = []
+            future = buffer.wait_for_transform_async("map", "robot", at(n))
+            future.add_done_callback(called.append)
+            sender = threading.Thread(target=lambda n=n: publisher.send(("map", "robot", n * S, 1)))
+            sender.start()
+            ros.spin_until_future_complete(node, future, timeout_sec=DEADLINE_S)
+            assert called == [future]
+            sender.join()
+
+    @pytest.mark.ours
+    def test_they_add_no_return_of_spin_once(self, buffer, listener, node, executor, peer):
+        publisher, called = peer(), []
+        executor.spin_once(timeout_sec=0)
+        for n in range(1, 6):
+            future = buffer.wait_for_transform_async("map", "robot", at(n))
+            future.add_done_callback(called.append)
+        for n in range(1, 6):
+            publisher.send(("map", "robot", n * S, 1))
+        # Answers that are reported together are called together.
+        until(lambda: sum(len(together.args[0]) for together in tuple(callback_queue(node).calls)) == 5)
+        assert called == []
+        assert returns_early(executor.spin_once, 20) == 1
+        assert len(called) == 5
+
+    def test_they_do_not_overlap_other_callbacks(self, tf2_ros, buffer, listener, node, executor, peer):
+        publisher = peer()
+        busy, overlaps = threading.Event(), []
+        future = buffer.wait_for_transform_async("map", "robot", LATEST)
+        future.add_done_callback(lambda _: overlaps.append(busy.is_set()))
+
+        def work():
+            timer.cancel()
+            busy.set()
+            publisher.send(("map", "robot", 1 * S, 1))
+            threading.Event().wait(QUIET_S)
+            busy.clear()
+
+        timer = node.create_timer(0.001, work)
+        until(lambda: overlaps, executor)
+        assert overlaps == [False]
+
+    def test_they_run_in_order_of_arrival(self, buffer, listener, executor, peer):
+        order = []
+        executor.spin_once(timeout_sec=0)
+        for n in (3, 1, 2):
+            future = buffer.wait_for_transform_async("map", "robot", at(n))
+            future.add_done_callback(lambda _, n=n: order.append(n))
+        publisher = peer()
+        for n in (1, 2, 3):
+            publisher.send(("map", "robot", n * S, 1))
+        until(lambda: len(order) == 3, executor)
+        assert order == [1, 2, 3]
+
+    def test_a_future_that_the_program_completes_calls_back_in_its_thread(self, buffer, listener, executor):
+        threads = []
+        executor.spin_once(timeout_sec=0)
+        future = buffer.wait_for_transform_async("map", "robot", LATEST)
+        future.add_done_callback(lambda _: threads.append(threading.current_thread()))
+        buffer.set_transform(transform("map", "robot", 1), "me")
+        assert threads == [threading.current_thread()]
+
+    def test_a_future_may_complete_another_one(self, ros, buffer, listener, executor, peer):
+        other, threads = ros.task.Future(), []
+        other.add_done_callback(lambda _: threads.append(threading.current_thread()))
+        executor.spin_once(timeout_sec=0)
+        future = buffer.wait_for_transform_async("map", "robot", LATEST)
+        future.add_done_callback(other.set_result)
+        del future
+        peer().send(("map", "robot", 1 * S, 1))
+        executor.spin_until_future_complete(other, timeout_sec=DEADLINE_S)
+        assert threads == [threading.current_thread()]
+
+    def test_one_transform_completes_futures_in_the_order_in_which_they_were_made(self, buffer):
+        order = []
+        buffer.set_transform(transform("odom", "robot", 2), "me")
+        for n, frame in enumerate(["robot", "odom", "robot", "odom", "robot"]):
+            future = buffer.wait_for_transform_async("map", frame, at(2))
+            future.add_done_callback(lambda _, n=n: order.append(n))
+        buffer.set_transform(transform("map", "odom", 2), "me")
+        assert order == [0, 1, 2, 3, 4]
+
+    @pytest.mark.ours
+    def test_an_error_that_ends_the_program_is_raised_after_every_waiter_was_served(
+        self, buffer, listener, executor, peer
+    ):
+        served = []
+
+        def interrupt(_):
+            raise KeyboardInterrupt
+
+        executor.spin_once(timeout_sec=0)
+        for _ in range(3):
+            buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(served.append)
+            buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(interrupt)
+        peer().send(("map", "robot", 1 * S, 1))
+        with pytest.raises(KeyboardInterrupt):
+            until(lambda: False, executor)
+        assert len(served) == 3
+
+    @pytest.mark.ours
+    def test_without_any_executor_a_thread_for_callbacks_runs_them(self, buffer, listener, peer):
+        """It may block: transforms go on arriving."""
+        found, publisher = [], peer()
+
+        def look_up(_):
+            publisher.send(("map", "arm", 1 * S, 1))
+            found.append(buffer.lookup_transform("map", "arm", LATEST, Duration(seconds=DEADLINE_S)))
+            found.append(threading.current_thread().name)
+
+        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(look_up)
+        publisher.send(("map", "robot", 1 * S, 1))
+        until(lambda: len(found) == 2)
+        assert found[1] == "tf2_ros callbacks"
+
+    @pytest.mark.ours
+    def test_a_node_that_was_ever_spun_is_waited_for(self, ros, buffer, listener, node, peer):
+        called = []
+        ros.spin_once(node, timeout_sec=0)
+        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(called.append)
+        peer().send(("map", "robot", 1 * S, 1))
+        until(knows(buffer, "robot"))
+        assert called == []
+        until(lambda: ros.spin_once(node, timeout_sec=0.1) or called)
+
+    def test_asyncio_beside_a_spinning_loop_sees_a_future_that_is_done(
+        self, ros, buffer, listener, node, peer
+    ):
+        publisher, order = peer(), []
+
+        async def waiting(future):
+            answer = await future
+            order.append("awaiter")
+            return future.done(), future.result() is answer
+
+        async def main():
+            future = buffer.wait_for_transform_async("map", "robot", LATEST)
+            future.add_done_callback(lambda _: order.append("callback"))
+            task = asyncio.ensure_future(waiting(future))
+            sender = threading.Thread(target=lambda: publisher.send(("map", "robot", 1 * S, 1)))
+            sender.start()
+            while not task.done():
+                ros.spin_once(node, timeout_sec=0)
+                await asyncio.sleep(0.001)
+            sender.join()
+            return task.result()
+
+        assert asyncio.run(asyncio.wait_for(main(), DEADLINE_S)) == (True, True)
+        assert order == ["callback", "awaiter"]
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("spun", [False, True])
+    def test_asyncio_waits_for_no_executor(self, ros, buffer, listener, node, peer, spun):
+        if spun:
+            ros.spin_once(node, timeout_sec=0)
+        publisher = peer()
+
+        async def main():
+            future = buffer.wait_for_transform_async("map", "robot", LATEST)
+            future.add_done_callback(lambda _: None)
+            sender = threading.Thread(target=lambda: publisher.send(("map", "robot", 1 * S, 1)))
+            sender.start()
+            found = await asyncio.wait_for(asyncio.ensure_future(waiting(future)), DEADLINE_S)
+            sender.join()
+            return found
+
+        async def waiting(future):
+            return await future
+
+        assert asyncio.run(main()).child_frame_id == "robot"
+
+    @pytest.mark.ours
+    def test_a_future_that_times_out_calls_back_in_the_executor(self, buffer, listener, executor):
+        threads = []
+        executor.spin_once(timeout_sec=0)
+        future = buffer.wait_for_transform_async("map", "robot", LATEST, timeout=Duration(seconds=0.05))
+        future.add_done_callback(lambda _: threads.append(threading.current_thread()))
+        until(lambda: threads, executor)
+        assert threads == [threading.current_thread()]
+        assert type(future.exception()).__name__ == "TimeoutException"
+
+    @pytest.mark.ours
+    def test_what_was_completed_is_called_back_after_the_listener_ended(
+        self, buffer, listener, executor, peer
+    ):
+        called = []
+        executor.spin_once(timeout_sec=0)
+        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(called.append)
+        peer().send(("map", "robot", 1 * S, 1))
+        until(knows(buffer, "robot"))
+        listener.unregister()
+        until(lambda: called)
+
+
+class TestProgramsThatReplaceParts:
+    """Whatever a program puts in the place of a part is called, in the executor, from then on."""
+
+    @pytest.fixture
+    def running(self, buffer, listener, executor, peer):
+        """A listener that has received something already; sends one more transform, spins until it came."""
+        publisher, stamps = peer(), itertools.count(1)
+
+        def send(came=None, static=False):
+            stamp = next(stamps)
+            executor.spin_once(timeout_sec=0)  # a class that was patched is noticed in this round
+            publisher.send(("map", "robot", stamp * S, 1), static=static)
+            until(came or knows(listener.buffer, "robot", time=at(stamp)), executor)
+
+        send()
+        return send
+
+    def test_another_buffer(self, tf2_ros, buffer, listener, running):
+        other = listener.buffer = tf2_ros.Buffer()
+        running(knows(other, "robot", time=at(2)))
+        assert not buffer.can_transform("map", "robot", at(2))
+
+    def test_a_buffer_of_another_kind(self, listener, running):
+        class Recorder:
+            def __init__(self):
+                self.seen = []
+
+            def set_transform(self, transform, authority):
+                self.seen.append((transform.child_frame_id, authority, threading.current_thread()))
+
+        recorder = listener.buffer = Recorder()
+        running(lambda: recorder.seen)
+        assert recorder.seen == [("robot", "default_authority", threading.current_thread())]
+
+    @pytest.mark.parametrize("where", ["class", "instance"])
+    @pytest.mark.parametrize("name", ["callback", "static_callback"])
+    def test_a_callback(self, tf2_ros, listener, running, executor, monkeypatch, where, name):
+        seen = []
+        if where == "class":
+            monkeypatch.setattr(tf2_ros.TransformListener, name, lambda self, data: seen.append(data))
+            listener.tf_sub.callback = listener.tf_static_sub.callback = getattr(listener, name)
+        else:
+            setattr(listener, name, seen.append)
+            listener.tf_sub.callback = listener.tf_static_sub.callback = seen.append
+        running(lambda: seen, static=name == "static_callback")
+        assert [type(data).__name__ for data in seen] == ["TFMessage"]
+
+    @pytest.mark.parametrize("where", ["class", "instance", "another class"])
+    def test_a_setter_of_the_buffer(self, tf2_ros, buffer, listener, running, monkeypatch, where):
+        seen = []
+        if where == "class":
+            patched = tf2_ros.Buffer
+            monkeypatch.setattr(patched, "set_transform", lambda self, *given: seen.append(given))
+        elif where == "another class":
+
+            class Mine(tf2_ros.Buffer):
+                def set_transform(self, *given):
+                    seen.append(given)
+
+            buffer.__class__ = Mine
+        else:
+            buffer.set_transform = lambda *given: seen.append(given)
+        running(lambda: seen)
+        assert seen[0][0].child_frame_id == "robot"
+        assert not buffer.can_transform("map", "robot", at(2))
+
+    def test_a_listener_that_becomes_one_of_another_class(self, tf2_ros, buffer, listener, running):
+        class Mine(tf2_ros.TransformListener):
+            @property
+            def buffer(self):
+                return other
+
+            @buffer.setter
+            def buffer(self, _):
+                pass
+
+        other = tf2_ros.Buffer()
+        listener.__class__ = Mine
+        running(knows(other, "robot", time=at(2)))
+        assert not buffer.can_transform("map", "robot", at(2))
+
+    def test_a_listener_that_sets_attributes_in_its_own_way(self, tf2_ros, buffer, node, executor, peer):
+        class Mine(tf2_ros.TransformListener):
+            def __setattr__(self, name, value):
+                self.__dict__[name] = value
+
+        listener = Mine(buffer, node)
+        publisher, other = peer(), tf2_ros.Buffer()
+        publisher.send(("map", "robot", 1 * S, 1))
+        until(knows(buffer, "robot"), executor)
+        listener.buffer = other
+        executor.spin_once(timeout_sec=0)  # this is noticed in this round
+        publisher.send(("map", "robot", 2 * S, 1))
+        until(knows(other, "robot"), executor)
+        assert not buffer.can_transform("map", "robot", at(2))
+
+    def test_the_callback_of_a_subscription(self, buffer, listener, running):
+        seen = []
+        listener.tf_sub.callback = seen.append
+        running(lambda: seen)
+        assert seen[0].transforms[0].child_frame_id == "robot"
+        assert not buffer.can_transform("map", "robot", at(2))
+
+    @pytest.mark.ours
+    def test_a_class_that_changes_all_the_time(self, tf2_ros, executor, node, peer):
+        """Python gives up naming the versions of such a class."""
+
+        class Counting(tf2_ros.Buffer):
+            count = 0
+
+        buffer = Counting()
+        listener = tf2_ros.TransformListener(buffer, node)
+        publisher = peer()
+        for n in range(1, 6):
+            for _ in range(1000):
+                Counting.count += 1
+                assert buffer.count == Counting.count
+            publisher.send(("map", "robot", n * S, 1))
+            until(knows(buffer, "robot", time=at(n)))
+        assert listener.receives
+        seen = []
+        Counting.set_transform = lambda self, *given: seen.append(given)
+        executor.spin_once(timeout_sec=0)
+        publisher.send(("map", "robot", 9 * S, 1))
+        until(lambda: seen, executor)
+
+    def test_subscriptions_made_again(self, listener, node, executor, buffer, peer):
+        made = listener.tf_sub
+        node.destroy_subscription(made)
+        listener.tf_sub = node.create_subscription(
+            made.msg_type, "/robot1/tf", made.callback, made.qos_profile, callback_group=listener.group
+        )
+        peer("-r", "/tf:=/robot1/tf").send(("map", "robot", 1 * S, 1))
+        until(knows(buffer, "robot"), executor)
+        listener.unregister()
+        assert list(node.subscriptions) == []
+
+    def test_after_unregistering_the_callback_still_works(self, listener, node, executor, buffer, peer):
+        kind = listener.tf_sub.msg_type
+        listener.unregister()
+        node.create_subscription(kind, "/robot1/tf", listener.callback, 10)
+        peer("-r", "/tf:=/robot1/tf").send(("map", "robot", 1 * S, 1))
+        until(knows(buffer, "robot"), executor)
+
+    def test_other_entities_in_the_group_are_served(self, listener, node, executor):
+        ticks = []
+        node.create_timer(0.001, lambda: ticks.append(1), callback_group=listener.group)
+        until(lambda: ticks, executor)
+
+
+class TestProgramsOfTheirOwnKind:
+    def test_a_subclass_that_makes_the_subscriptions_itself(self, tf2_ros, buffer, node, executor, peer):
+        from tf2_msgs.msg import TFMessage
+
+        class Mine(tf2_ros.TransformListener):
+            def __init__(self, buffer, node):
+                self.buffer, self.node = buffer, node
+                self.tf_sub = node.create_subscription(TFMessage, "/robot1/tf", self.callback, 10)
+                self.tf_static_sub = node.create_subscription(
+                    TFMessage, "/robot1/tf_static", self.static_callback, 10
+                )
+
+        listener = Mine(buffer, node)
+        peer("-r", "/tf:=/robot1/tf").send(("map", "robot", 1 * S, 1))
+        until(knows(buffer, "robot"), executor)
+        listener.unregister()
+        listener.__del__()
+        assert list(node.subscriptions) == []
+
+    def test_a_node_that_wraps_the_callbacks_of_its_subscriptions(self, ros, tf2_ros, buffer, peer):
+        received = []
+
+        class Wrapping(ros.node.Node):
+            def create_subscription(self, msg_type, topic, callback, *arguments, **options):
+                def wrapped(message):
+                    received.append((topic, type(message).__name__))
+                    callback(message)
+
+                return super().create_subscription(msg_type, topic, wrapped, *arguments, **options)
+
+        node = Wrapping("wrapping")
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        tf2_ros.TransformListener(buffer, node)
+        peer().send(("map", "robot", 1 * S, 1))
+        until(knows(buffer, "robot"), executor)
+        assert received == [("/tf", "TFMessage")]
+        executor.shutdown()
+        node.destroy_node()
+
+    def test_a_fake_node_with_the_arguments_of_tf2_alone(self, tf2_ros, buffer):
+        class Fake:
+            def __init__(self):
+                self.made, self.destroyed, self.sent = {}, [], []
+
+            def create_subscription(self, msg_type, topic, callback, qos_profile, callback_group=None):
+                self.made[topic] = callback
+                return topic
+
+            def create_publisher(self, msg_type, topic, qos_profile):
+                return type("Publisher", (), {"publish": staticmethod(self.sent.append)})()
+
+            def destroy_subscription(self, subscription):
+                self.destroyed.append(subscription)
+
+        node = Fake()
+        listener = tf2_ros.TransformListener(buffer, node)
+        for broadcaster in (tf2_ros.TransformBroadcaster(node), tf2_ros.StaticTransformBroadcaster(node)):
+            broadcaster.sendTransform(transform("map", "robot", 1))
+            node.made["/tf"](node.sent.pop())
+        assert buffer.can_transform("map", "robot", LATEST)
+        listener.unregister()
+        assert node.destroyed == ["/tf", "/tf_static"]
+
+    def test_mocks_in_the_place_of_a_node(self, tf2_ros):
+        from unittest.mock import MagicMock
+
+        node = MagicMock()
+        listener = tf2_ros.TransformListener(tf2_ros.Buffer(node=node), node)
+        listener.callback(MagicMock(transforms=[]))
+        listener.unregister()
+        tf2_ros.TransformBroadcaster(node).sendTransform(transform("map", "robot", 1))
+        sent = node.create_publisher.return_value.publish.call_args.args[0]
+        assert sent.transforms[0].child_frame_id == "robot"
+
+    def test_a_publisher_that_is_wrapped_sees_messages(self, tf2_ros, node):
+        broadcaster, sent = tf2_ros.TransformBroadcaster(node), []
+        publish = broadcaster.pub_tf.publish
+        broadcaster.pub_tf.publish = lambda message: (sent.append(message), publish(message))
+        broadcaster.sendTransform(transform("map", "robot", 1))
+        assert type(sent[0]).__name__ == "TFMessage"
+
+    def test_no_parameter_is_declared(self, tf2_ros, node):
+        from rcl_interfaces.msg import SetParametersResult
+
+        node.add_on_set_parameters_callback(lambda _: SetParametersResult(successful=False, reason="mine"))
+        tf2_ros.TransformListener(tf2_ros.Buffer(node=node), node)
+        tf2_ros.TransformBroadcaster(node)
+        tf2_ros.StaticTransformBroadcaster(node)
+
+    def test_the_graph_shows_what_tf2_shows(self, tf2_ros, new_node):
+        def seen():
+            whose = (node.get_name(), node.get_namespace())
+            return {
+                "nodes": node.get_node_names(),
+                "parameters": [parameter.name for parameter in node.get_parameters_by_prefix("").values()],
+                "services": dict(node.get_service_names_and_types_by_node(*whose)),
+                "publishers": dict(node.get_publisher_names_and_types_by_node(*whose)),
+                "subscribers": dict(node.get_subscriber_names_and_types_by_node(*whose)),
+                "clients": node.get_client_names_and_types_by_node(*whose),
+            }
+
+        node = new_node("shown")
+        until(lambda: node.get_name() in node.get_node_names())
+        before = seen()
+        buffer = tf2_ros.Buffer(node=node)
+        tf2_ros.TransformListener(buffer, node)
+        tf2_ros.TransformBroadcaster(node)
+        tf2_ros.StaticTransformBroadcaster(node)
+        kind = {topic: ["tf2_msgs/msg/TFMessage"] for topic in ("/tf", "/tf_static")}
+        until(lambda: len(seen()["subscribers"]) == len(before["subscribers"]) + 2)
+        assert seen() == {
+            **before,
+            "services": {**before["services"], "/tf2_frames": ["tf2_msgs/srv/FrameGraph"]},
+            "publishers": {**before["publishers"], **kind},
+            "subscribers": {**before["subscribers"], **kind},
+        }
+
+    def test_a_profile_that_is_given_is_used_as_it_is(self, tf2_ros, buffer, node):
+        from rclpy.qos import ReliabilityPolicy
+
+        given = QoSProfile(depth=3, reliability=ReliabilityPolicy.BEST_EFFORT)
+        tf2_ros.TransformListener(buffer, node)
+        listener = tf2_ros.TransformListener(buffer, node, qos=given, static_qos=given)
+        for subscription in (listener.tf_sub, listener.tf_static_sub):
+            assert subscription.qos_profile.depth == 3
+            assert subscription.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+        assert (given.depth, given.reliability) == (3, ReliabilityPolicy.BEST_EFFORT)
+
+    def test_a_group_of_its_own_keeps_a_blocking_callback_from_blocking(self, buffer, listener, node, peer):
+        """A MultiThreadedExecutor, a callback that waits, and another that runs meanwhile."""
+        executor, found, ticks = MultiThreadedExecutor(2), [], []
+        executor.add_node(node)
+
+        def look_up():
+            timer.cancel()
+            found.append(buffer.lookup_transform("map", "robot", LATEST, Duration(seconds=DEADLINE_S)))
+
+        timer = node.create_timer(0.001, look_up, callback_group=MutuallyExclusiveCallbackGroup())
+        node.create_timer(0.01, lambda: ticks.append(1), callback_group=MutuallyExclusiveCallbackGroup())
+        until(lambda: len(ticks) > 3, executor)
+        assert found == []
+        peer().send(("map", "robot", 1 * S, 1))
+        until(lambda: found, executor)
+        executor.shutdown()

@@ -1,0 +1,576 @@
+"""What has arrived waits until somebody reads the buffer, and is there when somebody does; nobody spins."""
+
+import gc
+import itertools
+import os
+import pickle
+import subprocess
+import sys
+import threading
+import time
+import weakref
+
+import pytest
+from making import at, at_ns, transform, translation
+from processes import DEADLINE_S, start, until
+from programs import flood as flooding
+from rclpy.duration import Duration
+from rclpy.qos import QoSProfile
+from rclpy.time import Time
+
+from tf2_msgs.msg import TFMessage
+
+pytestmark = pytest.mark.ours
+
+S = 10**9
+LATEST = Time()
+DYNAMIC = 1  # the number of the topic
+
+
+@pytest.fixture
+def buffer(tf2_ros):
+    return tf2_ros.Buffer()
+
+
+@pytest.fixture
+def listener(tf2_ros, buffer, node):
+    with tf2_ros.TransformListener(buffer, node) as listener:
+        yield listener
+
+
+def arrived(listener, count=1):
+    """Whether so many messages of dynamic transforms have; the thread inserts what has waited for 0.1 s."""
+    receiver = listener._receiver
+    return lambda: receiver.has_pending() or receiver.taken(DYNAMIC)[0] >= count
+
+
+def begins_a_wait(buffer, child):
+    future = buffer.wait_for_transform_async("map", child, LATEST)
+    return future.done() and future.result().child_frame_id == child
+
+
+# Whether each way of reading a buffer finds a new frame.
+READS = {
+    "lookup_transform": lambda b, child: translation(b.lookup_transform("map", child, at(1)))[0] == 5,
+    "lookup_transform_full": lambda b, child: b.lookup_transform_full("map", at(1), child, at(1), "map"),
+    "lookup with a timeout": lambda b, child: b.lookup_transform("map", child, at(1), Duration(seconds=9)),
+    "lookup_transform_core": lambda b, child: b.lookup_transform_core("map", child, at(1)),
+    "can_transform": lambda b, child: b.can_transform("map", child, LATEST),
+    "can_transform_core": lambda b, child: b.can_transform_core("map", child, LATEST)[0],
+    "lookup_transforms": lambda b, child: b.lookup_transforms("map", child, [1 * S])[0][0][0] == 5,
+    "transform_points": lambda b, child: b.transform_points([[0.0, 0, 0]], [1 * S], "map", child)[0][0] == 5,
+    "get_latest_common_time": lambda b, child: b.get_latest_common_time("map", child).nanoseconds == 1 * S,
+    "the first try of a wait": begins_a_wait,
+    "statistics": lambda b, child: b.statistics()["taken"] > b.known,
+    "frames": lambda b, child: child in b.frames(),
+    "tree": lambda b, child: child in b.tree(),
+    "all_frames_as_yaml": lambda b, child: child in b.all_frames_as_yaml(),
+    "all_frames_as_string": lambda b, child: child in b.all_frames_as_string(),
+    "_frameExists": lambda b, child: b._frameExists(child),
+    "_getFrameStrings": lambda b, child: child in b._getFrameStrings(),
+    "_allFramesAsDot": lambda b, child: child in b._allFramesAsDot(),
+    "in": lambda b, child: child in b,
+    "repr": lambda b, child: f"{b.known + 2} frames" in repr(b),
+    "pickle": lambda b, child: child in pickle.loads(pickle.dumps(b)),
+    "_chain": lambda b, child: b._chain("map", at(1), child, at(1), "map") == [child, "map"],
+}
+
+
+def test_every_read_sees_all_that_has_arrived(buffer, listener, peer):
+    publisher = peer()
+    for number, (read, finds) in enumerate(READS.items()):
+        assert buffer.statistics()["taken"] == number
+        buffer.known = number
+        listener._receiver.forget_reads()
+        publisher.send(("map", f"frame_{number}", 1 * S, 5))
+        until(arrived(listener, number + 1))
+        assert finds(buffer, f"frame_{number}"), read
+
+
+def test_what_a_process_has_published_is_found_by_its_next_lookup():
+    """Also where the draining thread has taken it, and has not inserted it yet."""
+    # The profiles of the tests would have the middleware deliver later.
+    env = {name: value for name, value in os.environ.items() if not name.endswith("_PROFILES_FILE")}
+    program = start("finds_its_own.py", "5000", stdout=subprocess.PIPE, env=env)
+    output, _ = program.communicate(timeout=DEADLINE_S)
+    assert output == "0 of 5000 missed\n"
+
+
+def test_the_repr_of_the_listener_counts_what_has_arrived(listener, peer):
+    peer().send(("map", "robot", 1 * S, 5))
+    until(arrived(listener))
+    assert "/tf: 1 message, " in repr(listener)
+
+
+def test_what_arrived_before_clear_is_cleared(buffer, listener, peer):
+    peer().send(("map", "robot", 1 * S, 5))
+    until(arrived(listener))
+    buffer.clear()
+    assert not buffer.can_transform("map", "robot", LATEST)
+
+
+class TestWithoutAReader:
+    def test_it_is_inserted_soon(self, buffer, listener, peer):
+        peer().send(("map", "robot", 1 * S, 5))
+        until(lambda: listener._receiver.taken(DYNAMIC)[0] == 1)
+
+    def test_what_is_refused_is_logged(self, listener, peer, capfd):
+        peer().send(("map", "map", 1 * S, 5))
+        until(lambda: "TF_SELF_TRANSFORM" in capfd.readouterr().err)
+
+    def test_malformed_bytes_are_logged(self, listener, peer, capfd):
+        peer().send_bytes(b"\0\1\0\0\xff\xff\xff\xff")
+        until(lambda: "malformed" in capfd.readouterr().err.lower())
+
+    def test_the_thread_never_needs_the_gil(self, buffer, listener, flood):
+        """More messages than the queue holds twice arrive while one C call keeps the GIL."""
+        import ctypes
+
+        process = flood(100, 1, 300)
+        until(lambda: listener._receiver.taken(DYNAMIC)[0] > 0)
+        ctypes.PyDLL(None).usleep(2_500_000)
+        process.wait()
+        until(lambda: buffer.statistics()["taken"] == 300)
+
+
+class TestWhoGetsIt:
+    def test_what_arrived_before_goes_to_the_buffer_of_before(self, tf2_ros, buffer, listener, peer):
+        publisher, other = peer(), tf2_ros.Buffer()
+        publisher.send(("map", "early", 1 * S, 5))
+        until(arrived(listener))
+        listener.buffer = other
+        publisher.send(("map", "late", 1 * S, 5))
+        until(lambda: "late" in other)
+        assert "early" in buffer and "late" not in buffer and "early" not in other
+
+    def test_what_arrived_before_is_not_for_a_new_callback(self, buffer, listener, peer, executor):
+        publisher, got = peer(), []
+        publisher.send(("map", "early", 1 * S, 5))
+        until(arrived(listener))
+        listener.tf_sub.callback = got.append
+        assert "early" in buffer
+        publisher.send(("map", "late", 1 * S, 5))
+        until(lambda: got, executor)
+        assert [one.child_frame_id for message in got for one in message.transforms] == ["late"]
+
+    @pytest.mark.parametrize("where", ["instance", "class"])
+    def test_a_patched_set_transform_gets_what_comes_after(self, tf2_ros, node, peer, executor, where):
+        class Mine(tf2_ros.Buffer):
+            pass
+
+        buffer, got = Mine(), []
+        with tf2_ros.TransformListener(buffer, node) as listener:
+            publisher = peer()
+            publisher.send(("map", "early", 1 * S, 5))
+            until(arrived(listener))
+            assert "early" in buffer
+            if where == "instance":
+                buffer.set_transform = lambda transform, authority: got.append(transform.child_frame_id)
+            else:
+                Mine.set_transform = lambda self, transform, authority: got.append(transform.child_frame_id)
+                # Noticed within a second, when messages arrive.
+                until(lambda: publisher.send(("map", "early", 1 * S, 5)) or not listener.receives)
+            publisher.send(("map", "late", 1 * S, 5))
+            # No code of the program runs inside a lookup.
+            until(lambda: not listener.receives or buffer.can_transform("map", "late", LATEST))
+            assert got == []
+            until(lambda: "late" in got, executor)
+            assert got[-1] == "late" and "late" not in buffer
+
+    def test_a_callback_set_on_the_listener_changes_nothing(self, buffer, listener, peer):
+        """As in tf2: the subscription has the bound method."""
+        listener.callback = lambda message: pytest.fail("called")
+        peer().send(("map", "robot", 1 * S, 5))
+        until(lambda: "robot" in buffer)
+        assert listener.receives == ("/tf", "/tf_static")
+
+
+class TestEventsExecutor:
+    @pytest.fixture
+    def events_executor(self, ros):
+        experimental = pytest.importorskip("rclpy.experimental")
+        executor = experimental.EventsExecutor()
+        yield executor
+        for node in executor.get_nodes():
+            executor.remove_node(node)
+        executor.spin_once(timeout_sec=0.01)
+
+    @pytest.fixture
+    def remove(self, events_executor, node, monkeypatch):
+        """
+        Removes the node from the executor, and does not let a listener notice it in the middle of that.
+
+        The executor gives its callbacks up when it is spun, and would take that of the listener away.
+        """
+        from tf2_ros._receive.receiver import Receiver
+
+        removing, report_events = threading.Lock(), Receiver.report_events
+
+        def report_later(receiver):
+            with removing:
+                report_events(receiver)
+
+        def remove():
+            with removing:
+                events_executor.remove_node(node)
+                # Until then it keeps what it had of the node, and a round may end before, with another event.
+                given_up = events_executor.create_task(lambda: None)
+                self.spin(events_executor, given_up.done)
+
+        monkeypatch.setattr(Receiver, "report_events", report_later)
+        return remove
+
+    def spin(self, executor, condition):
+        # Not `until`: the rounds of this executor end when the time is over, whatever has happened.
+        deadline = time.monotonic() + DEADLINE_S
+        while not condition():
+            assert time.monotonic() < deadline
+            executor.spin_once(timeout_sec=0.05)
+
+    def test_a_listener_may_be_moved_to_it_and_back(
+        self, buffer, listener, node, peer, executor, events_executor, remove
+    ):
+        publisher, ticks = peer(), itertools.count()
+        node.create_timer(0.01, lambda: next(ticks))
+        publisher.send(("map", "before", 1 * S, 5))
+        until(lambda: "before" in buffer, executor)
+        executor.remove_node(node)
+        events_executor.add_node(node)
+        self.spin(events_executor, lambda: listener.receives == ())
+        publisher.send(("map", "beside", 1 * S, 5))
+        publisher.send(("map", "fixed", 0, 5), static=True)
+        self.spin(events_executor, lambda: "beside" in buffer and "fixed" in buffer)
+        remove()
+        executor.add_node(node)
+        publisher.send(("map", "after", 1 * S, 5))
+        until(lambda: "after" in buffer, executor)
+        assert listener.receives == ("/tf", "/tf_static")
+        assert next(ticks) > 0
+
+    def test_a_listener_works_after_it(self, buffer, listener, node, peer, events_executor, remove):
+        publisher = peer()
+        events_executor.add_node(node)
+        self.spin(events_executor, lambda: listener.receives == ())
+        remove()
+        publisher.send(("map", "after", 1 * S, 5))
+        until(lambda: "after" in buffer)
+
+    def test_a_listener_that_is_made_in_it_works_after_it(
+        self, tf2_ros, buffer, listener, node, peer, events_executor, remove
+    ):
+        publisher, second = peer(), tf2_ros.Buffer()
+        events_executor.add_node(node)
+        self.spin(events_executor, lambda: listener.receives == ())
+        with tf2_ros.TransformListener(second, node) as other:
+            publisher.send(("map", "inside", 1 * S, 5))
+            self.spin(events_executor, lambda: "inside" in second)
+            for frame in ("after", "again"):
+                remove()
+                # Within a second; if the node came back before, the inboxes might go on beside the executor.
+                until(lambda: listener.receives and other.receives)
+                publisher.send(("map", frame, 1 * S, 5))
+                until(lambda frame=frame: frame in buffer and frame in second)
+                events_executor.add_node(node)
+                self.spin(events_executor, lambda: listener.receives == other.receives == ())
+                publisher.send(("map", frame + "_inside", 1 * S, 5))
+                self.spin(
+                    events_executor,
+                    lambda frame=frame: frame + "_inside" in buffer and frame + "_inside" in second,
+                )
+
+    def test_a_wait_is_answered(self, buffer, listener, node, peer, events_executor):
+        events_executor.add_node(node)
+        future, called = buffer.wait_for_transform_async("map", "robot", LATEST), []
+        future.add_done_callback(called.append)
+        self.spin(events_executor, lambda: listener.receives == ())
+        peer().send(("map", "robot", 1 * S, 5))
+        self.spin(events_executor, lambda: called)
+        assert future.result().child_frame_id == "robot"
+
+
+class TestEnd:
+    @pytest.mark.parametrize("how", ["unregister", "node", "garbage", "subscriptions"])
+    def test_many_listeners_end_while_transforms_arrive(self, tf2_ros, ros, flood, how):
+        """Each while something has arrived for it."""
+        flood(1000, 5)
+        for number in range(24):
+            node = ros.create_node(f"passing_{number}", enable_rosout=False, start_parameter_services=False)
+            listener = tf2_ros.TransformListener(tf2_ros.Buffer(), node)
+            if number % 4 == 0:
+                until(arrived(listener))
+            if how == "unregister":
+                listener.unregister()
+            elif how == "subscriptions":
+                node.destroy_subscription(listener.tf_sub)
+                node.destroy_subscription(listener.tf_static_sub)
+            elif how == "node":
+                node.destroy_node()
+            del listener
+            if how != "garbage":
+                node.destroy_node()
+            del node
+            gc.collect()
+
+    def test_a_buffer_may_end_before_its_listener(self, tf2_ros, node, peer):
+        """Nothing is told of a change that is made past ``setattr``."""
+        publisher, other = peer(), tf2_ros.Buffer()
+        with tf2_ros.TransformListener(tf2_ros.Buffer(), node) as listener:
+            vars(listener)["buffer"] = other
+            gc.collect()
+            publisher.send(("map", "robot", 1 * S, 5))
+            until(lambda: "robot" in other)
+
+    def test_threads_read_one_inbox_while_it_fills(self, tf2_ros, buffer, node, flood):
+        ending, errors = threading.Event(), []
+
+        def read():
+            seen = 0
+            while not ending.is_set():
+                taken = buffer.statistics()["taken"]
+                if taken < seen or taken % 10:
+                    errors.append((seen, taken))
+                seen = taken
+
+        threads = [threading.Thread(target=read) for _ in range(4)]
+        # Its queue holds all: a busy machine may not run the receiver for longer than the usual one lasts.
+        with tf2_ros.TransformListener(buffer, node, qos=QoSProfile(depth=flooding.DEPTH)):
+            process = flood(1000, 10, flooding.DEPTH)
+            for thread in threads:
+                thread.start()
+            try:
+                process.wait()
+                until(lambda: buffer.statistics()["taken"] == 10 * flooding.DEPTH)
+            finally:
+                ending.set()
+                for thread in threads:
+                    thread.join()
+        assert errors == []
+
+    def test_buffers_are_exchanged_while_threads_read_and_wait(self, tf2_ros, node, flood):
+        """The buffers stay whole, and each wait ends."""
+        process, ending = flood(200, 2, 600), threading.Event()
+        buffers = [tf2_ros.Buffer() for _ in range(3)]
+        with tf2_ros.TransformListener(buffers[0], node) as listener:
+
+            def exchange(first):
+                for number in itertools.count(first):
+                    listener.buffer = buffers[number % 3]
+                    if ending.wait(0.0001):
+                        break
+
+            def wait(buffer):
+                while not ending.is_set():
+                    future = buffer.wait_for_transform_async("map", "f0", LATEST, timeout=0.01)
+                    buffer.can_transform("map", "f1", LATEST, Duration(seconds=0.002))
+                    until(future.done)
+                    future.exception()
+
+            threads = [threading.Thread(target=exchange, args=(first,)) for first in (0, 1)]
+            threads += [threading.Thread(target=wait, args=(buffer,)) for buffer in buffers]
+            for thread in threads:
+                thread.start()
+            try:
+                process.wait()
+            finally:
+                ending.set()
+                for thread in threads:
+                    thread.join()
+        for buffer in buffers:
+            assert buffer.statistics()["taken"] > 0
+            buffer._self_check()
+            until(lambda buffer=buffer: buffer.statistics()["waiters"] == 0)
+
+
+def test_messages_published_in_this_process_arrive(buffer, listener, node):
+    """The middleware reports them inside ``publish()``."""
+    publisher = node.create_publisher(TFMessage, "/tf", 10)
+    until(lambda: publisher.get_subscription_count() == 1)
+    for second in range(1, 50):
+        publisher.publish(TFMessage(transforms=[transform("map", "robot", second)]))
+    until(lambda: buffer.can_transform("map", "robot", at_ns(49 * S)))
+
+
+@pytest.fixture
+def publisher(new_node):
+    """Publishes in this process."""
+    return new_node("sending").create_publisher(TFMessage, "/tf", 100)
+
+
+def test_the_draining_thread_ends_where_a_reader_took_the_rest(tf2_ros, buffer, listener, node, publisher):
+    """Otherwise it would keep the list of inboxes for itself, and no listener could end."""
+    other = tf2_ros.Buffer()
+    until(lambda: publisher.get_subscription_count() > 0)
+    for parent in ("map", "odom"):
+        buffer.set_transform(transform(parent, "base", 1), "test")
+    # Each insert tries all of them, so that the thread is still draining when the reader comes.
+    waits = [buffer.wait_for_transform_async("map", "base", at(1000 + i)) for i in range(300)]
+    ends = threading.Event()
+
+    def read():
+        while not ends.wait(0.001):
+            buffer.can_transform("map", "base", LATEST)
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    for stamp in range(40):
+        for i in range(20):
+            publisher.publish(TFMessage(transforms=[transform("map", "base", 10 + stamp * 0.1 + i / 1000)]))
+        tf2_ros.TransformListener(other, node).unregister()
+    ends.set()
+    reader.join()
+    assert not any(future.done() for future in waits)
+
+
+def test_an_answer_is_not_lost_with_the_listener_that_received_it(tf2_ros, buffer, new_node, publisher):
+    for number in range(5):
+        node = new_node(f"listening_{number}")
+        listener = tf2_ros.TransformListener(buffer, node)
+        until(lambda: publisher.get_subscription_count() > 0)
+        future = buffer.wait_for_transform_async("map", f"frame_{number}", LATEST)
+        message = TFMessage(transforms=[transform("map", f"frame_{number}", 1)])
+        interval = sys.getswitchinterval()
+        sys.setswitchinterval(10)  # the thread that reports must wait
+        try:
+            publisher.publish(message)
+            deadline = time.monotonic() + DEADLINE_S
+            while not buffer.can_transform("map", f"frame_{number}", LATEST) and time.monotonic() < deadline:
+                pass
+            listener.unregister()
+            node.destroy_node()
+            del listener, node
+            gc.collect()
+        finally:
+            sys.setswitchinterval(interval)
+        until(future.done)
+        until(lambda: publisher.get_subscription_count() == 0)
+
+
+def test_garbage_is_not_drained(tf2_ros, ros, publisher):
+    class Listener(tf2_ros.TransformListener):
+        def __del__(self):
+            """Do not call that of the base."""
+
+    ends = threading.Event()
+
+    def send():
+        message = TFMessage(transforms=[transform("map", f"frame_{i}", 1) for i in range(20)])
+        while not ends.wait(0.0003):
+            publisher.publish(message)
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    for _ in range(20):
+        node = ros.create_node("collected")
+        node.buffer = tf2_ros.Buffer()
+        node.listener = Listener(node.buffer, node)
+        node.itself = node
+        receiver = weakref.ref(node.listener._receiver)
+        until(arrived(node.listener))
+        del node
+        gc.collect()
+        assert receiver() is None
+    ends.set()
+    sender.join()
+
+
+def test_several_threads_may_move_a_listener(tf2_ros, listener, flood):
+    """The collector runs other threads anywhere."""
+    flood(1000, 2)
+    buffers, ends = [tf2_ros.Buffer() for _ in range(3)], threading.Event()
+    interval, thresholds = sys.getswitchinterval(), gc.get_threshold()
+
+    def move():
+        for buffer in itertools.cycle(buffers):
+            listener.buffer = buffer
+            if ends.is_set():
+                return
+
+    def run_others(phase, information):
+        pass
+
+    threads = [threading.Thread(target=move, daemon=True) for _ in range(2)]
+    gc.callbacks.append(run_others)
+    sys.setswitchinterval(1e-6)
+    gc.set_threshold(1)
+    try:
+        for thread in threads:
+            thread.start()
+        deadline = time.monotonic() + 2
+        while time.monotonic() < deadline:
+            for buffer in buffers:
+                buffer.wait_for_transform_async("map", "nowhere", LATEST)
+    finally:
+        ends.set()
+        gc.set_threshold(*thresholds)
+        sys.setswitchinterval(interval)
+        gc.callbacks.remove(run_others)
+    for thread in threads:
+        thread.join()
+
+
+def test_listeners_of_several_threads_start_each_thread_once(monkeypatch):
+    from tf2_ros._receive import inboxes
+
+    ends, started = threading.Event(), []
+
+    def run(*_):
+        started.append(None)
+        ends.wait()
+
+    monkeypatch.setattr(inboxes, "run_inboxes", run)
+    monkeypatch.setattr(inboxes, "run_reports", run)
+    threads, barrier = inboxes._Threads(), threading.Barrier(8)
+
+    def start():
+        barrier.wait()
+        threads.start()
+
+    starters = [threading.Thread(target=start) for _ in range(8)]
+    for one in starters:
+        one.start()
+    for one in starters:
+        one.join()
+    until(lambda: len(started) >= 2)
+    ends.set()
+    assert len(started) == 2
+
+
+def test_where_the_middleware_refuses_the_executor_takes_the_messages(
+    tf2_ros, buffer, node, peer, executor, monkeypatch
+):
+    from tf2_ros._receive.receiver import Receiver
+
+    def refuse(*_):
+        raise RuntimeError("not implemented")
+
+    monkeypatch.setattr(Receiver, "subscribe", refuse)
+    with tf2_ros.TransformListener(buffer, node) as listener:
+        assert listener.receives == ()
+        peer().send(("map", "robot", 1 * S, 5))
+        until(lambda: "robot" in buffer, executor)
+
+
+def test_listeners_of_one_node_in_several_threads(tf2_ros, node):
+    listeners, interval = [], sys.getswitchinterval()
+
+    def make():
+        for _ in range(10):
+            listeners.append(tf2_ros.TransformListener(tf2_ros.Buffer(), node))
+            tf2_ros.TransformListener(tf2_ros.Buffer(), node).unregister()
+
+    threads = [threading.Thread(target=make) for _ in range(4)]
+    sys.setswitchinterval(1e-6)
+    try:
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(interval)
+    queue = listeners[0]._receiver._queue
+    receivers = {id(listener._receiver) for listener in listeners}
+    for called in (queue.sleepers, queue.moved):
+        assert {id(one.__self__) for one in called} == receivers
+    for listener in listeners:
+        listener.unregister()
+    assert (queue.sleepers, queue.moved) == ((), ())

@@ -1,0 +1,105 @@
+"""Listeners that put a prefix before the names of frames, for several robots in one buffer."""
+
+import pytest
+from making import S, at, transform, translation
+from processes import until
+from rclpy.serialization import serialize_message
+
+from tf2_msgs.msg import TFMessage
+
+pytestmark = pytest.mark.ours
+LATEST = at(0)
+
+
+@pytest.fixture(params=["inbox", "executor"])
+def inserter(request, monkeypatch):
+    """What inserts the transforms of a listener."""
+    if request.param == "executor":
+        monkeypatch.setattr("tf2_ros._receive.receiver.problem", lambda: "it is new")
+    return request.param
+
+
+def test_two_robots_fill_one_buffer(tf2_ros, node, executor, peer, inserter):
+    buffer, robots, listeners = tf2_ros.Buffer(), [], []
+    for name in ("one", "two"):
+        robots.append(peer("-r", f"/tf:=/{name}/tf", "-r", f"/tf_static:=/{name}/tf_static"))
+        listeners.append(
+            tf2_ros.TransformListener(
+                buffer, node, prefix=f"{name}/", tf_topic=f"/{name}/tf", tf_static_topic=f"/{name}/tf_static"
+            )
+        )
+        buffer.set_transform_static(transform("site", f"{name}/map", xyz=(0, 0, len(robots))), "program")
+    for x, robot in enumerate(robots, 1):
+        robot.send(("map", "base", S, float(x)))
+        robot.send(("base", "camera", 0, 0.25), static=True)
+    until(
+        lambda: all(buffer.can_transform("site", f"{name}/camera", LATEST) for name in ("one", "two")),
+        executor,
+    )
+    assert translation(buffer.lookup_transform("site", "one/camera", LATEST)) == (1.25, 0, 1)
+    assert translation(buffer.lookup_transform("one/base", "two/base", at(1))) == (1, 0, 1)
+    assert sorted(buffer.frames()) == sorted(
+        ["site", *(f"{name}/{frame}" for name in ("one", "two") for frame in ("map", "base", "camera"))]
+    )
+    for listener in listeners:
+        listener.unregister()
+
+
+def test_names_are_as_in_a_message_that_was_written_with_the_prefix(tf2_ros, node, executor, peer, inserter):
+    """Names of all lengths, a leading slash, and several transforms in one message."""
+    names = ["b", "/slash", "n" * 700, "ü", "a b", "//two", "/", ""]
+    message = TFMessage(transforms=[transform("map", name, 1, (i, 0, 0)) for i, name in enumerate(names)])
+    message.transforms.append(transform("n" * 700, "last", 1))
+    buffer, expected = tf2_ros.Buffer(), tf2_ros.Buffer()
+    for one in message.transforms:
+        parent, child = (
+            name and "robot/" + name.removeprefix("/") if name != "/" else ""
+            for name in (one.header.frame_id, one.child_frame_id)
+        )
+        written = transform(parent, child, 1, translation(one))
+        expected.set_transform(written, "x")
+    with tf2_ros.TransformListener(buffer, node, prefix="robot/"):
+        peer().send_bytes(bytes(serialize_message(message)))
+        until(lambda: "robot/last" in buffer, executor)
+        for name in expected.frames():
+            if name != "robot/map":
+                assert buffer.lookup_transform("robot/map", name, at(1)) == expected.lookup_transform(
+                    "robot/map", name, at(1)
+                )
+        assert buffer.frames().keys() == expected.frames().keys()
+        assert buffer.statistics()["refused"] == expected.statistics()["refused"]
+
+
+def test_a_static_listener_takes_one(tf2_ros, node, executor, peer):
+    buffer = tf2_ros.Buffer()
+    with tf2_ros.StaticTransformListener(buffer, node, prefix="robot/"):
+        peer().send(("base", "camera", 0, 1.0), static=True)
+        until(lambda: buffer.can_transform("robot/base", "robot/camera", LATEST), executor)
+
+
+def test_a_recording_has_the_names_of_the_buffer(tf2_ros, node, peer):
+    from tf2_ros.records import Recording
+
+    buffer, recording = tf2_ros.Buffer(), Recording()
+    with tf2_ros.TransformListener(buffer, node, prefix="robot/", recording=recording):
+        peer().send(("map", "base", S, 1.0))
+        until(lambda: buffer.can_transform("robot/map", "robot/base", LATEST))
+        assert set(recording.frames()) >= {"robot/map", "robot/base"}
+
+
+def test_readers_of_a_shared_buffer_get_the_names_of_its_owner(tf2_ros, node, peer, request):
+    name = f"prefix-{abs(hash(request.node.nodeid)) % 10**8}"
+    owner = tf2_ros.Buffer(share=name)
+    with tf2_ros.TransformListener(owner, node, prefix="robot/"):
+        reader = tf2_ros.Buffer(attach=name)
+        peer().send(("map", "base", S, 1.0))
+        until(lambda: reader.can_transform("robot/map", "robot/base", LATEST))
+        assert "map" not in reader
+        with pytest.raises(ValueError, match="takes no prefix"):
+            tf2_ros.TransformListener(reader, node, prefix="other/")
+
+
+@pytest.mark.parametrize(("prefix", "error"), [("/robot", ValueError), ("a\0", ValueError), (1, TypeError)])
+def test_an_invalid_one_is_refused(tf2_ros, node, prefix, error):
+    with pytest.raises(error, match="prefix must"):
+        tf2_ros.TransformListener(tf2_ros.Buffer(), node, prefix=prefix)

@@ -1,0 +1,161 @@
+"""What the receiver declares of rcl is what the headers of the ROS 2 that runs say."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from paths import ROOT
+
+import tf2_ros
+from tf2_ros_cython import _ros
+
+pytestmark = pytest.mark.ours
+
+DECLARATIONS = Path(tf2_ros.__file__).resolve().parent / "_rcl.pxd"
+INCLUDES = """
+#include <stdbool.h>
+#include <stddef.h>
+#include <rcl/rcl.h>
+#include <rcl/error_handling.h>
+#include <rmw/types.h>
+"""
+# Pointers to what the receiver has no use for.
+POINTERS = ("const void**", "void*")
+
+
+def c_of(text):
+    """A program in C that compiles only if the declarations agree with the headers."""
+    text = re.sub(r"#.*", "", text).replace("c_bool", "bool")
+    lines = [INCLUDES]
+    for name, value in re.findall(r"^    (\w+) = (\d+)$", text, re.MULTILINE):
+        lines.append(f'_Static_assert({name} == {value}, "{name}");')
+    structs = re.findall(r"^ctypedef struct (\w+):\n((?:    .*\n)+)", text, re.MULTILINE)
+    assert len(structs) == 5
+    for name, fields in structs:
+        lines += struct_checks(
+            name, re.findall(r"^    (\S.*?)(?:\[(\w+)\])? +(\w+) *$", fields, re.MULTILINE)
+        )
+    functions = re.findall(r"^cdef ([\w ]+) \(\*(\w+)\)\(([^()]*)\) noexcept nogil$", text, re.MULTILINE)
+    callbacks = re.findall(r"^ctypedef (\w+) \(\*(\w+)\)\(([^()]*)\) noexcept nogil$", text, re.MULTILINE)
+    assert len(functions) + len(callbacks) == text.count("(*")
+    for returned, name, taken in callbacks:
+        lines.append(f"typedef {returned} (*our_{name})({taken});")
+        lines.append(f'_Static_assert(__builtin_types_compatible_p(our_{name}, {name}), "type of {name}");')
+    for returned, name, taken in functions:
+        lines.append(f"{returned} (*our_{name})({taken.strip().rstrip(',') or 'void'}) = {name};")
+    return "\n".join([*lines, ""])
+
+
+def struct_checks(name, fields):
+    assert fields
+    yield f"typedef struct {{ {' '.join(declaration(*field) for field in fields)} }} our_{name};"
+    yield f'_Static_assert(sizeof(our_{name}) == sizeof({name}), "size of {name}");'
+    for kind, size, field in fields:
+        yield f'_Static_assert(offsetof(our_{name}, {field}) == offsetof({name}, {field}), "{name}.{field}");'
+        if kind in POINTERS:
+            yield f"static inline const void *{name}_{field}({name} *of) {{ return of->{field}; }}"
+        elif not size:
+            kind_of = f"__typeof__((({name} *)0)->{field})"
+            compatible = f"__builtin_types_compatible_p({kind}, {kind_of})"
+            yield f'_Static_assert({compatible}, "type of {name}.{field}");'
+
+
+def declaration(kind, size, name):
+    return f"{kind} {name}[{size}];" if size else f"{kind} {name};"
+
+
+@pytest.fixture(
+    params=["this machine", pytest.param("aarch64", marks=pytest.mark.long("fetches a compiler"))]
+)
+def compiler(request):
+    """A compiler for C, and its environment."""
+    if request.param == "this machine":
+        return [shutil.which("gcc") or "cc"], None
+    sys.path.insert(0, str(ROOT))
+    cross = pytest.importorskip("release.cross", exc_type=ImportError)
+    try:
+        tools = cross.tools_for("linux-aarch64")
+    except cross.Unavailable as error:
+        pytest.skip(str(error))
+    return tools.compiler, {**os.environ, **tools.environment}
+
+
+@pytest.fixture
+def compile_checks(tmp_path, compiler):
+    command, environment = compiler
+    folders = [prefix / "include" for prefix in prefixes()]
+    packages = [
+        package for folder in folders for package in folder.iterdir() if (package / package.name).is_dir()
+    ]
+
+    def compile_c(text):
+        source = tmp_path / "checks.c"
+        source.write_text(text)
+        options = ["-std=gnu11", "-fsyntax-only", "-Werror", *map("-I{}".format, packages)]
+        return subprocess.run(
+            [*command, *options, str(source)], capture_output=True, text=True, env=environment
+        )
+
+    return compile_c
+
+
+def prefixes():
+    sourced = [Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
+    return [prefix for prefix in sourced if (prefix / "include").is_dir()] or [_ros.running_prefix()]
+
+
+def test_all_declarations_agree_with_the_headers(compile_checks):
+    done = compile_checks(c_of(DECLARATIONS.read_text()))
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("declared", "other"),
+    [
+        ("size_t buffer_length", "int buffer_length"),
+        ("uint64_t reception_sequence_number", "void* reception_sequence_number"),
+        ("RMW_GID_STORAGE_SIZE = 16", "RMW_GID_STORAGE_SIZE = 24"),
+        ("size_t number_of_events", "int number_of_events"),
+        ("const rcl_event_t* event, rcl_event_callback_t", "rcl_clock_t* event, rcl_event_callback_t"),
+        ("(*rcl_clock_get_now)(rcl_clock_t*", "(*rcl_clock_get_now)(rcl_event_t*"),
+    ],
+)
+def test_another_declaration_is_found(compile_checks, declared, other):
+    text = DECLARATIONS.read_text()
+    assert declared in text
+    assert compile_checks(c_of(text.replace(declared, other))).returncode != 0
+
+
+def test_the_functions_are_those_that_rclpy_calls():
+    program = (
+        "import tf2_ros._receive.receiver as receiver\n"
+        "assert receiver.can_receive()\n"
+        "loaded = {line.split()[-1] for line in open('/proc/self/maps') if '/librcl.so' in line}\n"
+        "assert len(loaded) == 1, loaded"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_of_a_release_that_is_not_known_nothing_is_called():
+    program = (
+        "from tf2_ros_cython import _ros; _ros.unknown_release = lambda: 'it is new'\n"
+        "import rclpy\n"
+        "from tf2_ros._rcl import problem; assert problem() == 'it is new'\n"
+        "from tf2_ros._wait.rounds import ExecutorRounds\n"
+        "try: ExecutorRounds().set_up(None)\n"
+        "except RuntimeError as refused: print(refused)\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert ended.stdout == "it is new\n"
+
+
+def test_a_release_that_is_not_known_is_told_with_those_that_are(monkeypatch):
+    assert _ros.unknown_release() is None
+    monkeypatch.setattr(_ros, "_RELEASES", {99: "Future"})
+    running = rf"of rclpy \d+\.[\d.]+ in {_ros.running_prefix()}"
+    expected = rf"known are Future \(rclpy 99\), and the ROS 2 that runs is {running}"
+    assert re.fullmatch(expected, _ros.unknown_release())

@@ -1,0 +1,387 @@
+"""What is assumed of rclpy's inside holds, and the ordinary way is taken where it does not."""
+
+import re
+import sys
+import threading
+import types
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from processes import until
+from rclpy.action.client import ActionClient
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.exceptions import InvalidHandle
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.task import Future, Task
+from rclpy.waitable import NumberOfEntities, Waitable
+from spinning import spinning
+
+from tf2_msgs.msg import TFMessage
+from tf2_ros import _rclpy
+from tf2_ros._wait import rounds
+
+
+def ignore(message):
+    """A callback. Not a builtin: in Python 3.10 these have no signature, which rclpy reads."""
+
+
+pytestmark = pytest.mark.ours
+
+
+class Probe(Waitable):
+    """What an executor calls in its rounds."""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        return None
+
+    def get_num_entities(self):
+        return NumberOfEntities()
+
+    def add_to_wait_set(self, wait_set):
+        return None
+
+    def is_ready(self, wait_set):
+        return False
+
+
+class TestHandles:
+    def test_a_handle_has_the_address_of_its_rcl_struct(self, node):
+        pointers = {_rclpy.handle_pointer(handle) for handle in _rclpy.node_handles(node)}
+        assert 0 not in pointers
+        assert len(pointers) == len(_rclpy.node_handles(node)) > 1
+
+    def test_a_handle_in_use_is_destroyed_afterwards(self, node):
+        handle = node.create_guard_condition(None).handle
+        with ExitStack() as uses:
+            assert _rclpy.enter_handle(handle, uses)
+            handle.destroy_when_not_in_use()
+            handle.trigger_guard_condition()
+        with ExitStack() as uses:
+            assert not _rclpy.enter_handle(handle, uses)
+
+    def test_the_handles_of_a_node_include_those_of_its_parts(self, node):
+        parts = [
+            node.create_publisher(TFMessage, "somewhere", 1),
+            node.create_subscription(TFMessage, "somewhere", ignore, 1),
+            node.create_timer(1.0, print),
+            node.create_guard_condition(print),
+        ]
+        handles = _rclpy.node_handles(node)
+        assert node.handle in handles
+        assert all(part.handle in handles for part in parts)
+
+    def test_a_guard_condition_needs_no_node(self, node):
+        handle = _rclpy.new_wake_handle(node.context)
+        with handle:
+            handle.trigger_guard_condition()
+
+    def test_a_publisher_whose_qos_does_not_fit_is_an_event(self, node):
+        subscription = node.create_subscription(TFMessage, "somewhere", ignore, 1)
+        event = _rclpy.incompatible_qos_event(subscription.handle)
+        assert _rclpy.handle_pointer(event)
+        event.destroy_when_not_in_use()
+
+    def test_without_event_handles_there_is_no_event(self, node, monkeypatch):
+        monkeypatch.setattr(_rclpy, "rclpy_implementation", object())
+        subscription = node.create_subscription(TFMessage, "somewhere", ignore, 1)
+        assert _rclpy.incompatible_qos_event(subscription.handle) is None
+
+    def test_a_context_is_checked_without_its_lock(self, ros):
+        context = ros.Context()
+        assert not _rclpy.context_was_shut_down(context)
+        context.init(args=[])
+        checked = []
+        with context._lock:
+            thread = threading.Thread(target=lambda: checked.append(_rclpy.context_was_shut_down(context)))
+            thread.start()
+            until(lambda: checked)
+        assert checked == [False]
+        context.shutdown()
+        assert _rclpy.context_was_shut_down(context)
+
+
+class TestExecutors:
+    @pytest.fixture
+    def executor(self, ros):
+        executor = SingleThreadedExecutor()
+        yield executor
+        executor.shutdown()
+
+    def test_one_that_is_marked_ends_its_spin(self, executor):
+        with spinning(executor):
+            assert not _rclpy.is_shut_down(executor)
+            _rclpy.mark_shut_down(executor, _rclpy.executor_wake_handle(executor))
+        assert _rclpy.is_shut_down(executor)
+
+    def test_marking_one_that_was_shut_down_does_nothing(self, executor):
+        wake_handle = _rclpy.executor_wake_handle(executor)
+        executor.shutdown()
+        _rclpy.mark_shut_down(executor, wake_handle)
+
+    def test_one_of_another_kind_is_shut_down_in_the_ordinary_way(self):
+        calls = []
+
+        class Other:
+            def shutdown(self, timeout_sec):
+                calls.append(timeout_sec)
+
+        other = Other()
+        assert not _rclpy.is_shut_down(other)
+        assert _rclpy.executor_wake_handle(other) is None
+        assert _rclpy.executor_handles(other) == []
+        _rclpy.mark_shut_down(other, None)
+        assert calls == [0]
+
+    def test_one_destroys_the_guard_condition_of_the_signal_handler(self, ros):
+        executor = SingleThreadedExecutor()
+        [signal_guard] = _rclpy.executor_handles(executor)
+        executor.shutdown()
+        assert _rclpy.executor_handles(executor) == []
+        with pytest.raises(InvalidHandle), signal_guard.handle:
+            raise AssertionError("it was not destroyed")
+
+    def test_one_that_gave_a_node_away_remains_its_attribute(self, node, executor):
+        assert _rclpy.holding_executor(node) is None
+        executor.add_node(node)
+        assert _rclpy.holding_executor(node) is executor
+        executor.remove_node(node)
+        assert node.executor is executor
+        assert _rclpy.holding_executor(node) is None
+        executor.add_node(node)
+        executor.shutdown()
+        assert _rclpy.holding_executor(node) is None
+
+    def test_a_task_is_known_until_it_is_done(self, executor):
+        assert not _rclpy.has_tasks(None)
+        assert not _rclpy.has_tasks(executor)
+        ending = []
+
+        async def polls():
+            while not ending:
+                await _once()
+
+        task = executor.create_task(polls)
+        executor.spin_once(timeout_sec=0.1)
+        assert _rclpy.has_tasks(executor)
+        ending.append(True)
+        until(lambda: task.done() and not _rclpy.has_tasks(executor), executor)
+        assert _rclpy.has_tasks(object())
+
+    def test_a_callback_that_runs_is_a_task_in_its_step(self, node, executor):
+        inside = []
+        node.create_timer(0.0, lambda: inside.append(_rclpy.is_in_callback(executor)))
+        executor.add_node(node)
+        assert not _rclpy.is_in_callback(executor)
+        until(lambda: inside, executor)
+        assert inside[0]
+        assert not _rclpy.is_in_callback(executor)
+
+    def test_a_callback_that_raised_or_awaits_does_not_run(self, node, executor):
+        async def awaits():
+            await Future()
+
+        def raises():
+            raise KeyboardInterrupt
+
+        executor.create_task(awaits)
+        node.create_timer(0.0, raises)
+        executor.add_node(node)
+        with pytest.raises(KeyboardInterrupt):
+            until(lambda: False, executor)
+        assert not _rclpy.is_in_callback(executor)
+
+    def test_of_one_without_tasks_a_callback_is_assumed(self):
+        assert _rclpy.is_in_callback(object())
+
+    def test_one_that_waits_for_no_guard_condition_is_of_another_class(self, ros, node):
+        """rclpy's EventsExecutor: a waitable without entities is all it accepts, and a task wakes it."""
+        experimental = pytest.importorskip("rclpy.experimental")
+        executor, calls = experimental.EventsExecutor(), []
+        assert not isinstance(executor, Executor)
+        node.add_waitable(Probe(ReentrantCallbackGroup()))
+        executor.add_node(node)
+        assert _rclpy.holding_executor(node) is executor
+        assert _rclpy.is_in_callback(executor)
+        executor.create_task(lambda: calls.append(1))
+        until(lambda: calls, executor)
+        executor.remove_node(node)
+        assert _rclpy.holding_executor(node) is None
+        executor.shutdown()
+
+
+class TestRounds:
+    """What tf2_ros._wait.rounds assumes."""
+
+    @pytest.mark.parametrize(
+        ("spin", "own"),
+        [("spin", True), ("spin_until_future_complete", True), ("rclpy.spin", True), ("spin_once", False)],
+    )
+    def test_an_executors_own_loops_are_on_the_stack(self, ros, node, spin, own):
+        executor, found = SingleThreadedExecutor(), []
+
+        class Observing(Probe):
+            def add_to_wait_set(self, wait_set):
+                # The waitable of a receiver is compiled, so it has no frame.
+                found.append(rounds.is_below_own_loop(sys._getframe(1)))
+
+        def end():
+            raise KeyboardInterrupt
+
+        node.add_waitable(Observing(ReentrantCallbackGroup()))
+        node.create_timer(0.01, end)
+        executor.add_node(node)
+        ways = {
+            "spin": executor.spin,
+            "spin_until_future_complete": lambda: executor.spin_until_future_complete(Future()),
+            "rclpy.spin": lambda: ros.spin(node, executor),
+            "spin_once": lambda: until(lambda: False, executor),
+        }
+        with pytest.raises(KeyboardInterrupt):
+            ways[spin]()
+        assert set(found) == {own}
+        executor.shutdown()
+
+    def test_what_a_program_calls_is_not_in_an_executors_own_loop(self):
+        assert not rounds.is_below_own_loop(sys._getframe())
+        assert not rounds.is_below_own_loop(None)
+
+
+class TestSubscriptions:
+    def test_an_executor_takes_nothing_from_one_that_is_hidden(self, node, executor):
+        got = []
+        subscription = node.create_subscription(TFMessage, "somewhere", got.append, 10)
+        publisher = node.create_publisher(TFMessage, "somewhere", 10)
+        until(lambda: publisher.get_subscription_count() == 1)
+        _rclpy.hide_from_executors(subscription)
+        publisher.publish(TFMessage())
+        for _ in range(5):
+            executor.spin_once(timeout_sec=0.02)
+        assert got == []
+        _rclpy.show_to_executors(subscription)
+        until(lambda: got, executor)
+
+    def test_the_callback_is_a_property(self, node):
+        subscription = node.create_subscription(TFMessage, "somewhere", ignore, 10)
+        assert _rclpy.subscription_callback(subscription) is ignore
+        _rclpy.set_subscription_callback(subscription, repr)
+        assert subscription.callback is repr
+
+    def test_otherwise_it_is_an_attribute(self, monkeypatch):
+        class Plain:
+            callback = None
+
+        monkeypatch.setattr(_rclpy, "Subscription", Plain)
+        subscription = Plain()
+        _rclpy.set_subscription_callback(subscription, repr)
+        assert _rclpy.subscription_callback(subscription) is subscription.callback is repr
+
+
+class TestNodesAndActions:
+    def test_a_node_keeps_the_parameters_it_was_started_with(self, new_node):
+        node = new_node("started", parameter_overrides=[Parameter("mine", value=3)])
+        assert _rclpy.parameter_overrides(node)["mine"].value == 3
+
+    def test_what_is_no_node_of_rclpy_has_none(self):
+        assert _rclpy.parameter_overrides(object()) == {}
+
+    def test_an_action_client_waits_for_a_result(self):
+        assert callable(ActionClient._get_result)
+
+    def test_errors_of_rcl_are_runtime_errors(self):
+        assert issubclass(_rclpy.RCLError, RuntimeError)
+
+
+class TestTasksAndFutures:
+    def test_a_step_is_on_the_stack_with_its_task(self, ros, executor):
+        found = []
+
+        async def step():
+            found.append(_rclpy.running_task())
+
+        task = executor.create_task(step)
+        until(task.done, executor)
+        assert found == [task]
+        assert _rclpy.task_executor(task) is executor
+
+    def test_outside_of_a_step_there_is_no_task(self):
+        assert _rclpy.running_task() is None
+
+    def test_where_a_step_is_another_function_there_is_no_task(self, ros, executor, monkeypatch):
+        found = []
+
+        async def step():
+            found.append(_rclpy.running_task())
+
+        monkeypatch.setattr(_rclpy, "_STEP_CODE", None)
+        until(executor.create_task(step).done, executor)
+        assert found == [None]
+
+    def test_other_threads_can_see_that_a_task_is_in_its_step(self, executor):
+        seen = []
+
+        def step():
+            seen.append(_rclpy.is_in_step(task))
+
+        task = executor.create_task(step)
+        until(task.done, executor)
+        assert seen == [True]
+        assert not _rclpy.is_in_step(task)
+
+    def test_a_task_of_another_kind_is_checked_again_and_wakes_nobody(self):
+        assert _rclpy.is_in_step(object())
+        assert _rclpy.task_executor(object()) is None
+
+    def test_what_an_executor_adds_to_a_future_only_wakes_it(self, ros, node, monkeypatch):
+        added = []
+
+        class Watching(Future):
+            def add_done_callback(self, callback):
+                added.append(callback)
+                super().add_done_callback(callback)
+
+        ros.spin_until_future_complete(node, Watching(), timeout_sec=0.01)
+        assert added
+        assert all(_rclpy.only_wakes_executor(callback) for callback in added)
+        assert not _rclpy.only_wakes_executor(print)
+
+    def test_a_future_calls_its_callbacks_by_the_hook(self, executor):
+        calls = []
+
+        class Hooked(_rclpy.HookedFuture):
+            def _tf2_run_callbacks(self, executor, callbacks):
+                calls.append((executor, callbacks))
+
+        future = Hooked(threading.RLock())
+        future.add_done_callback(print)
+        future._set_executor(executor)
+        future.set_result(None)
+        assert calls == [(executor, [print])]
+
+    def test_a_future_without_the_attributes_calls_them_in_its_own_way(self, monkeypatch):
+        own = []
+        monkeypatch.setattr(Future, "_schedule_or_invoke_done_callbacks", lambda future: own.append(future))
+        future = _rclpy.HookedFuture(threading.RLock())
+        del future._callbacks
+        future.set_result(None)
+        assert own == [future]
+
+    def test_a_task_is_a_future(self):
+        assert issubclass(Task, Future)
+
+
+def test_only_one_module_reads_rclpys_inside():
+    names = r"\._(is_shutdown|sigint_gc|executor_event|executor\(|task_lock|parameter_overrides|get_result)"
+    package = Path(_rclpy.__file__).parent
+    readers = [path.name for path in package.rglob("*.py") if re.search(names, path.read_text())]
+    assert readers == ["_rclpy.py"]
+
+
+@types.coroutine
+def _once():
+    """Awaits one round of the executor."""
+    yield

@@ -1,0 +1,406 @@
+"""What receives transforms needs no executor, loses nothing, and ends in every order."""
+
+import gc
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import weakref
+
+import pytest
+from forking import in_a_child
+from making import at, at_ns, transform, translation
+from paths import SUPPORT
+from processes import DEADLINE_S, start, until
+from programs import flood as flooding
+from rclpy.duration import Duration
+from rclpy.qos import QoSProfile
+from rclpy.time import Time
+from repetitions import times
+from spinning import spinning
+
+from tf2_msgs.msg import TFMessage
+
+pytestmark = pytest.mark.ours
+
+S = 10**9
+LATEST = Time()
+
+
+@pytest.fixture
+def buffer(tf2_ros):
+    return tf2_ros.Buffer()
+
+
+@pytest.fixture
+def listener(tf2_ros, buffer, node):
+    listener = tf2_ros.TransformListener(buffer, node)
+    assert listener.receives
+    yield listener
+    listener.unregister()
+
+
+def knows(buffer, child, parent="map", time=LATEST):
+    return lambda: buffer.can_transform(parent, child, time)
+
+
+def taken(buffer):
+    return buffer.statistics()["taken"]
+
+
+def threads():
+    return len(os.listdir("/proc/self/task"))
+
+
+def files():
+    return len(os.listdir("/proc/self/fd"))
+
+
+class TestWithoutAnExecutor:
+    def test_transforms_arrive_without_a_spinning_executor(self, buffer, listener, peer):
+        publisher = peer()
+        publisher.send(("map", "robot", 1 * S, 1), ("map", "robot", 2 * S, 3))
+        publisher.send(("robot", "arm", 0, 5), static=True)
+        until(knows(buffer, "arm"))
+        assert translation(buffer.lookup_transform("map", "arm", at(1.5)))[0] == 7
+        assert "default_authority" in buffer.all_frames_as_yaml()
+
+    def test_a_callback_of_a_single_threaded_executor_may_wait(self, buffer, listener, node, executor, peer):
+        publisher, found = peer(), []
+
+        def look_up():
+            timer.cancel()
+            found.append(buffer.lookup_transform("map", "robot", at(5), Duration(seconds=DEADLINE_S)))
+
+        def send_when_it_waits():
+            until(lambda: buffer.statistics()["waiters"] == 1)
+            publisher.send(("map", "robot", 4 * S, 1), ("map", "robot", 6 * S, 3))
+
+        timer = node.create_timer(0.001, look_up)
+        sender = threading.Thread(target=send_when_it_waits)
+        sender.start()
+        until(lambda: found, executor)
+        sender.join()
+        assert translation(found[0])[0] == 2
+
+    def test_a_future_is_done_without_a_spinning_executor(self, buffer, listener, peer):
+        future = buffer.wait_for_transform_async("map", "robot", LATEST)
+        peer().send(("map", "robot", 1 * S, 1))
+        until(future.done)
+        assert future.result().child_frame_id == "robot"
+
+    def test_messages_do_not_wake_the_nodes_executor(self, buffer, listener, executor, flood):
+        checks, can_execute = [], listener.group.can_execute
+        listener.group.can_execute = lambda entity: checks.append(entity) or can_execute(entity)
+        with spinning(executor):
+            flood(500, 1)
+            until(lambda: taken(buffer) >= 100)
+            before, began = len(checks), time.monotonic()
+            until(lambda: taken(buffer) >= 400)
+            # One for each entity and round, of which there are ten in a second.
+            assert len(checks) - before < 30 + 50 * (time.monotonic() - began)
+
+    def test_an_executor_that_takes_messages_nevertheless_loses_none(self, buffer, listener):
+        """Not every one asks the callback group; the experimental one of events does not."""
+        listener.tf_sub.callback(TFMessage(transforms=[transform("map", "robot", 1)]))
+        listener.tf_static_sub.callback(TFMessage(transforms=[transform("robot", "arm")]))
+        assert taken(buffer) == 2
+
+    def test_a_bare_core_is_filled_as_well(self, tf2_ros, tf2_py, node, peer):
+        core = tf2_py.BufferCore()
+        with tf2_ros.TransformListener(core, node) as listener:
+            assert listener.receives
+            peer().send(("map", "robot", 1 * S, 1))
+            until(lambda: core._frameExists("robot"))
+
+    def test_a_publisher_with_incompatible_qos_is_logged(self, listener, new_node, capfd):
+        """The node is not spun, so no executor can log it."""
+        other = new_node("volatile")
+        other.create_publisher(TFMessage, "/tf_static", 10)
+        until(lambda: "incompatible QoS" in (capfd.readouterr().err))
+
+    def test_it_is_a_subscription_of_the_node(self, listener, node):
+        assert {listener.tf_sub, listener.tf_static_sub} <= set(node.subscriptions)
+        topics = dict(node.get_subscriber_names_and_types_by_node("listening", "/"))
+        assert topics["/tf"] == topics["/tf_static"] == ["tf2_msgs/msg/TFMessage"]
+
+    def test_of_a_release_that_is_not_known_an_executor_inserts_them(self):
+        program = (
+            "from tf2_ros_cython import _ros; _ros.unknown_release = lambda: 'it is new'\n"
+            "import rclpy; from tf2_ros import Buffer, TransformListener\n"
+            "rclpy.init(); node = rclpy.create_node('without'); buffer = Buffer()\n"
+            "listener = TransformListener(buffer, node); assert not listener.receives\n"
+            "publisher = node.create_publisher(listener.tf_sub.msg_type, '/tf', 10)\n"
+            "from making import transform\n"
+            "publisher.publish(listener.tf_sub.msg_type(transforms=[transform('map', 'robot', 1)]))\n"
+            "while not buffer._frameExists('robot'): rclpy.spin_once(node)\n"
+        )
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(SUPPORT), os.environ["PYTHONPATH"]])}
+        subprocess.run([sys.executable, "-c", program], env=environment, timeout=DEADLINE_S, check=True)
+
+
+class TestLoad:
+    def test_nothing_is_lost_beside_a_thread_that_keeps_the_gil(self, tf2_ros, node, flood):
+        """As many transforms as a hundred frames at 1 kHz."""
+        rate, count, messages = 2000, 50, times(4_000, 60_000)
+        buffer, ending = tf2_ros.Buffer(Duration(seconds=100)), threading.Event()
+
+        def keep_the_gil():
+            while not ending.is_set():
+                sum(range(10_000))
+
+        busy = threading.Thread(target=keep_the_gil)
+        busy.start()
+        try:
+            with tf2_ros.TransformListener(buffer, node, qos=QoSProfile(depth=flooding.DEPTH)):
+                flood(rate, count, messages).communicate()
+                until(lambda: taken(buffer) == messages * count)
+        finally:
+            ending.set()
+            busy.join()
+        statistics = buffer.statistics()
+        assert (statistics["samples"], sum(statistics["refused"].values())) == (messages * count, 0)
+        for n in (0, 1, 777, messages // 2, messages - 1):
+            stamp = at_ns(flooding.START_NS + n * flooding.NS_PER_S // rate)
+            for i in (0, 9, count - 1):
+                assert translation(buffer.lookup_transform("map", f"f{i}", stamp))[0] == n
+
+    def test_a_publisher_may_be_killed_and_started_again(self, buffer, listener, flood):
+        for _ in range(3):
+            before = taken(buffer)
+            process = flood(500, 10)
+            until(lambda before=before: taken(buffer) > before + 500)
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+        assert listener.receives
+
+    def test_a_message_of_any_size_is_taken(self, buffer, listener, peer):
+        publisher = peer()
+        many = [("map", f"robot{i}", 1 * S, i) for i in range(20_000)]
+        publisher.send(*many)
+        publisher.send(("map", "last", 1 * S, 1))
+        until(knows(buffer, "last"))
+        assert taken(buffer) == len(many) + 1
+        assert translation(buffer.lookup_transform("map", "robot19999", LATEST))[0] == 19999
+
+
+class TestTrouble:
+    def test_what_a_callback_raises_does_not_end_it(self, buffer, listener, peer, capfd):
+        def exit_thread(future):
+            raise SystemExit("the callback's own")
+
+        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(exit_thread)
+        publisher = peer()
+        publisher.send(("map", "robot", 1 * S, 1))
+        until(knows(buffer, "robot"))
+        publisher.send(("map", "arm", 1 * S, 1))
+        until(knows(buffer, "arm"))
+        assert listener.receives
+        until(lambda: "the callback's own" in capfd.readouterr().err)
+
+    def test_a_callback_of_a_future_may_end_it(self, buffer, listener, node, peer):
+        ended = []
+
+        def end(future):
+            listener.unregister()
+            ended.append(threading.current_thread().name)
+
+        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(end)
+        peer().send(("map", "robot", 1 * S, 1))
+        until(lambda: not listener.receives)
+        until(lambda: ended)
+        assert ended == ["tf2_ros callbacks"]
+        assert list(node.subscriptions) == []
+
+    def test_a_callback_may_wait_for_a_later_transform(self, buffer, listener, peer):
+        publisher, found, waiting = peer(), [], threading.Event()
+
+        def look_up(future):
+            waiting.set()
+            found.append(buffer.lookup_transform("map", "arm", LATEST, Duration(seconds=DEADLINE_S)))
+
+        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(look_up)
+        publisher.send(("map", "robot", 1 * S, 1))
+        assert waiting.wait(DEADLINE_S)
+        publisher.send(("map", "arm", 1 * S, 1))
+        until(lambda: found)
+        assert found[0].child_frame_id == "arm"
+
+    def test_a_callback_that_waits_for_unregister_delays_it_for_a_moment_only(self, buffer, listener, peer):
+        in_callback, ended = threading.Event(), threading.Event()
+
+        def wait(future):
+            in_callback.set()
+            ended.wait()
+
+        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(wait)
+        peer().send(("map", "robot", 1 * S, 1))
+        assert in_callback.wait(DEADLINE_S)
+        listener.unregister()
+        ended.set()
+        until(lambda: not listener.receives)
+
+    def test_refused_transforms_are_logged_from_the_thread(self, buffer, listener, peer, capfd):
+        publisher = peer()
+        publisher.send(("map", "map", 1 * S, 1), ("map", "robot", 1 * S, 1))
+        until(knows(buffer, "robot"))
+        until(lambda: "TF_SELF_TRANSFORM" in capfd.readouterr().err)
+
+    def test_a_constructor_that_fails_leaves_no_thread(self, tf2_ros, buffer, node):
+        class Failing(tf2_ros.TransformListener):
+            def _TransformListener__spin(self):
+                assert self.receives
+                raise KeyError("too late")
+
+        before = threading.active_count()
+        for _ in range(50):
+            with pytest.raises(KeyError, match="too late"):
+                Failing(buffer, node, spin_thread=True)
+        assert list(node.subscriptions) == []
+        # Fewer: a thread of an earlier test may have ended meanwhile.
+        until(lambda: threading.active_count() <= before)
+
+
+class TestForkedChild:
+    def test_it_has_none_and_says_so(self, buffer, listener, flood, caplog):
+        """While transforms arrive: forking without care would copy a locked buffer."""
+        flood(2000, 20)
+        until(lambda: taken(buffer) > 100)
+        for _ in range(50):
+            assert in_a_child(lambda: use_in_a_child(buffer, listener, caplog)) == 0
+        before = taken(buffer)
+        until(lambda: taken(buffer) > before)
+        assert listener.receives
+        assert caplog.text == ""
+
+
+def use_in_a_child(buffer, listener, caplog):
+    assert not listener.receives
+    assert caplog.text.count("which receive nothing here") == 1
+    buffer.set_transform(transform("map", "grandchild", 1), "child")
+    assert buffer.can_transform("map", "grandchild", LATEST)
+    listener.unregister()
+
+
+# The ignored one is of lark, which rclpy imports with its first node.
+@pytest.mark.filterwarnings("error", "ignore:module 'sre_:DeprecationWarning")
+class TestEnd:
+    @pytest.mark.parametrize("spin_thread", [False, True])
+    def test_any_order_hundreds_of_times(self, tf2_ros, ros, flood, capfd, spin_thread):
+        flood(200, 5)
+        orders = list(itertools.permutations(["unregister", "node", "context", "drop"]))
+        if spin_thread:
+            # As long as its context lives, a node that is spun is not garbage.
+            orders = [order for order in orders if order.index("context") < order.index("drop")]
+        names = (f"passing_{n}" for n in itertools.count())
+
+        def live_and_end(order):
+            context = ros.Context()
+            context.init(args=[])
+            node = ros.create_node(next(names), context=context)
+            buffer = tf2_ros.Buffer(node=node)
+            buffer.node = node  # a program's own ways from the buffer to the node keep nothing alive
+            listener = tf2_ros.TransformListener(buffer, node, spin_thread=spin_thread)
+            references = [weakref.ref(thing) for thing in (node, buffer, listener)]
+            for what in order:
+                if what == "unregister":
+                    listener.unregister()
+                elif what == "node":
+                    node.destroy_node()
+                elif what == "context":
+                    context.shutdown()
+                else:
+                    break
+            return references
+
+        def are_gone(references):
+            gc.collect()
+            return not any(reference() for reference in references)
+
+        def all_orders():
+            for order in orders:
+                references = live_and_end(order)
+                until(lambda found=references: are_gone(found))
+
+        all_orders()
+        before = threads(), files()
+        for _ in range(200 // len(orders)):
+            all_orders()
+        until(lambda: threads() <= before[0] and files() <= before[1])
+        assert capfd.readouterr().err == ""
+
+    @pytest.mark.parametrize("how", ["unregister", "with", "node", "garbage", "subscriptions"])
+    def test_while_transforms_arrive(self, tf2_ros, ros, node, flood, how):
+        """In one context, whose other nodes go on."""
+        flood(1000, 5)
+
+        def live_and_end():
+            node = ros.create_node("passing")
+            buffer = tf2_ros.Buffer()
+            listener = tf2_ros.TransformListener(buffer, node)
+            until(lambda: taken(buffer) > 0)
+            if how == "unregister":
+                listener.unregister()
+            elif how == "with":
+                with listener:
+                    pass
+            elif how == "node":
+                node.destroy_node()
+            elif how == "subscriptions":
+                node.destroy_subscription(listener.tf_static_sub)
+                node.destroy_subscription(listener.tf_sub)
+            if how != "garbage":
+                assert not listener.receives
+                node.destroy_node()
+
+        live_and_end()
+        gc.collect()
+        until(lambda: "passing" not in node.get_node_names())
+        before = threads(), files()
+        for _ in range(25):
+            live_and_end()
+        gc.collect()
+        until(lambda: threads() <= before[0] and files() <= before[1])
+        until(lambda: "passing" not in node.get_node_names())
+
+    def test_hundreds_of_listeners_of_one_node_leave_nothing(self, tf2_ros, buffer, node):
+        with tf2_ros.TransformListener(buffer, node):
+            before = threads(), files()
+        for _ in range(300):
+            with tf2_ros.TransformListener(buffer, node) as listener:
+                assert listener.receives
+        until(lambda: threads() <= before[0] and files() <= before[1])
+        assert list(node.subscriptions) == []
+
+    def test_one_subscription_may_be_destroyed_alone(self, buffer, listener, node, peer):
+        publisher = peer()
+        publisher.send(("map", "robot", 1 * S, 1))
+        until(knows(buffer, "robot"))
+        node.destroy_subscription(listener.tf_sub)
+        until(lambda: node.count_subscribers("/tf") == 0)
+        publisher.send_without_subscriber(("map", "unsubscribed", 1 * S, 1))
+        publisher.send(("robot", "arm", 0, 1), static=True)
+        until(knows(buffer, "arm"))
+        assert not buffer.can_transform("map", "unsubscribed", LATEST)
+        assert listener.receives
+
+    def test_destroying_the_node_takes_it_out_of_the_graph_at_once(self, tf2_ros, buffer, node, new_node):
+        passing = new_node("passing")
+        tf2_ros.TransformListener(buffer, passing)
+        assert "passing" in node.get_node_names()
+        passing.destroy_node()
+        assert "passing" not in node.get_node_names()
+
+    def test_shutting_down_ends_it(self, ros, listener):
+        ros.shutdown()
+        until(lambda: not listener.receives)
+
+    def test_a_signal_ends_it(self):
+        program = start("receives.py", stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        assert program.stdout.readline() == "receives\n"
+        program.send_signal(signal.SIGINT)
+        assert program.communicate(timeout=DEADLINE_S) == ("ended\n", "")
+        assert program.returncode == 0

@@ -1,0 +1,402 @@
+"""Listeners whose buffer is another process's: programs as they are, with TF2_SHARED_BUFFER set."""
+
+import gc
+import threading
+import time
+
+import pytest
+import rclpy
+from forking import in_a_child
+from geometry_msgs.msg import PointStamped
+from making import S, at_ns, transform
+from processes import DEADLINE_S, program, until
+from rclpy.duration import Duration
+from rclpy.parameter import Parameter
+from rclpy.time import Time
+from sharing import new_name
+from spinning import spinning
+
+from tf2_ros import Buffer, MessageFilter, SharedBufferError, TransformListener
+from tf2_ros._shared.names import segment_path
+
+pytestmark = pytest.mark.ours
+
+
+@pytest.fixture
+def shared(monkeypatch):
+    """Starts `tf2_shared_buffer`, and sets the variable; its name."""
+    processes = []
+
+    def start(*arguments):
+        name = new_name()
+        process = program("tf2_shared_buffer", "--name", name, *arguments)
+        processes.append((process, name))
+        # Its log line comes once it shares and listens.
+        assert "Sharing" in process.stderr.readline()
+        monkeypatch.setenv("TF2_SHARED_BUFFER", name)
+        start.process = process
+        return name
+
+    yield start
+    for process, name in processes:
+        process.kill()
+        process.communicate()
+        segment_path(name).unlink(missing_ok=True)
+
+
+LATEST = Time()
+
+
+def knows(buffer, child, time=LATEST):
+    return lambda: buffer.can_transform("map", child, time)
+
+
+def arrive(sender, buffer, child, *transforms):
+    """Send until they are known: a subscription in another process may be matched on one side only."""
+    until(lambda: knows(buffer, child)() or sender.send(*transforms))
+
+
+def is_attached(listener):
+    """Whether it has no subscriptions. To ask it for them would make it subscribe."""
+    return "shared buffer" in repr(listener)
+
+
+def logged(capfd):
+    return capfd.readouterr().err
+
+
+def test_a_program_as_it_is_uses_the_shared_buffer(shared, node, peer, capfd):
+    name = shared()
+    sender = peer()
+    buffer = Buffer()
+    listener = TransformListener(buffer, node)
+    assert f"uses the shared buffer '{name}' of process {shared.process.pid}" in logged(capfd)
+    assert is_attached(listener) and listener.receives
+    assert f"of the shared buffer '{name}' of process {shared.process.pid}" in repr(listener)
+    arrive(sender, buffer, "robot", ("map", "robot", 1 * S, 1), ("map", "robot", 2 * S, 3))
+    assert buffer.lookup_transform("map", "robot", at_ns(3 * S // 2)).transform.translation.x == 2
+    # Its waits end when the other process receives.
+    waiting = buffer.wait_for_transform_async("map", "robot", at_ns(5 * S))
+    sender.send(("map", "robot", 5 * S, 7))
+    assert until(waiting.done)
+    assert waiting.result().transform.translation.x == 7
+    threading.Timer(0.2, lambda: sender.send(("map", "robot", 6 * S, 8))).start()
+    found = buffer.lookup_transform("map", "robot", at_ns(6 * S), timeout=Duration(seconds=DEADLINE_S))
+    assert found.transform.translation.x == 8
+    listener.unregister()
+    assert not listener.receives
+
+
+def test_the_program_keeps_the_listener_by_its_node(shared, node, peer):
+    shared()
+    buffer = Buffer()
+    TransformListener(buffer, node)
+    gc.collect()
+    waiting = buffer.wait_for_transform_async("map", "robot", Time())
+    arrive(peer(), buffer, "robot", ("map", "robot", 1 * S, 1))
+    assert until(waiting.done)
+
+
+def test_the_end_of_the_owner_goes_unnoticed_by_waits(shared, node, peer, capfd):
+    shared()
+    buffer = Buffer()
+    listener = TransformListener(buffer, node)
+    sender = peer()
+    arrive(sender, buffer, "robot", ("map", "robot", 1 * S, 1))
+    sender.send_without_subscriber(("map", "mount", 0, 4), static=True)
+    until(knows(buffer, "mount"))
+    waiting = buffer.wait_for_transform_async("map", "robot", at_ns(9 * S))
+    shared.process.kill()
+    until(lambda: not is_attached(listener))
+    until(lambda: listener.receives)
+    assert f"process {shared.process.pid} has ended" in logged(capfd)
+    assert listener.receives and "/tf" in repr(listener)
+    assert buffer.can_transform("map", "robot", at_ns(1 * S)) and buffer.can_transform("map", "mount", Time())
+    # It takes a moment until the sender knows of the new subscription.
+    assert until(lambda: sender.send(("map", "robot", 9 * S, 2)) or waiting.done())
+
+
+def test_a_listener_returns_to_the_next_owner(shared, node, peer, capfd):
+    name = shared()
+    buffer = Buffer()
+    listener = TransformListener(buffer, node)
+    sender = peer()
+    arrive(sender, buffer, "robot", ("map", "robot", 1 * S, 1))
+    shared.process.kill()
+    until(lambda: not is_attached(listener))
+    shared("--name", name)
+    until(lambda: is_attached(listener))
+    said = []
+    until(lambda: said.append(logged(capfd)) or "uses the shared" in "".join(said).partition("has ended")[2])
+    assert listener.receives and list(node.subscriptions) == []
+    assert buffer.can_transform("map", "robot", at_ns(1 * S))
+    arrive(sender, buffer, "late", ("map", "late", 9 * S, 2))
+
+
+def test_a_program_inserts_and_clears_and_stays_attached(shared, node, peer):
+    shared()
+    buffer = Buffer()
+    listener = TransformListener(buffer, node)
+    sender = peer()
+    arrive(sender, buffer, "robot", ("map", "robot", 1 * S, 1))
+    buffer.set_transform(transform("robot", "own", 1.0), "me")
+    assert knows(buffer, "own", at_ns(1 * S))()
+    buffer.clear()
+    assert not knows(buffer, "robot", at_ns(1 * S))()
+    arrive(sender, buffer, "late", ("map", "late", 2 * S, 1))
+    assert is_attached(listener)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda _, buffer: setattr(buffer, "set_transform", lambda *_: None), "handles what is received"),
+        (lambda listener, _: listener.tf_sub.topic_name, "uses the listener's subscriptions"),
+        (
+            lambda listener, _: setattr(listener, "tf_sub", listener.tf_sub),
+            "uses the listener's subscriptions",
+        ),
+    ],
+    ids=["set_transform", "tf_sub", "another tf_sub"],
+)
+def test_a_program_that_handles_what_is_received_listens_itself(shared, node, peer, change, reason, capfd):
+    shared()
+    buffer = Buffer()
+    listener = TransformListener(buffer, node)
+    sender = peer()
+    arrive(sender, buffer, "robot", ("map", "robot", 1 * S, 1))
+    change(listener, buffer)
+    until(lambda: not is_attached(listener))
+    until(lambda: bool(listener.receives) == ("set_transform" not in buffer.__dict__))
+    assert reason in logged(capfd)
+    assert buffer._sharing is None
+    sender.send_without_subscriber(("map", "mount", 0, 4), static=True)
+    if "set_transform" not in buffer.__dict__:
+        until(knows(buffer, "mount"))
+
+
+def test_a_forked_child_reads_and_waits_and_leaves_the_listener_to_its_parent(shared, node, peer):
+    shared()
+    buffer = Buffer()
+    listener = TransformListener(buffer, node)
+    sender = peer()
+    arrive(sender, buffer, "robot", ("map", "robot", 1 * S, 1))
+
+    def child():
+        assert knows(buffer, "robot", at_ns(1 * S))()
+        waiting = buffer.wait_for_transform_async("map", "robot", at_ns(2 * S))
+        sender.send(("map", "robot", 2 * S, 5))
+        assert until(waiting.done)
+        assert waiting.result().transform.translation.x == 5
+        # It makes no subscription with the parent's node.
+        assert listener.tf_sub is None
+        assert listener.receives == ()
+        assert "dead in this forked process" in repr(listener)
+
+    assert in_a_child(child) == 0
+    assert is_attached(listener)
+    arrive(sender, buffer, "late", ("map", "late", 3 * S, 1))
+
+
+def test_another_buffer_for_the_listener_is_filled(shared, node, peer):
+    shared()
+    first, second = Buffer(), Buffer()
+    listener = TransformListener(first, node)
+    listener.buffer = second
+    assert not is_attached(listener)
+    sender = peer()
+    until(lambda: sender.send(("map", "robot", 1 * S, 1)) or knows(second, "robot")())
+
+
+def refusals():
+    class OtherListener(TransformListener):
+        def callback(self, data):
+            super().callback(data)
+
+    class OtherBuffer(Buffer):
+        def set_transform(self, transform, authority):
+            super().set_transform(transform, authority)
+
+    filled = Buffer()
+    filled.set_transform(transform("a", "b", 1.0), "me")
+    usual = TransformListener
+    return {
+        "is of another kind": [
+            lambda node: OtherListener(Buffer(), node),
+            lambda node: usual(OtherBuffer(), node),
+            lambda node: usual(Buffer(), node, qos=5),
+            lambda node: usual(Buffer(), node, static_only=True),
+        ],
+        "is not filled from": [lambda node: usual(Buffer(), node, tf_topic="/other")],
+        "keeps 10 s, this one 30 s": [lambda node: usual(Buffer(Duration(seconds=30)), node)],
+        "holds frames already": [lambda node: usual(filled, node)],
+    }
+
+
+def test_what_the_shared_buffer_cannot_stand_for_is_received_as_ever(shared, node, capfd):
+    shared()
+    for reason, programs in refusals().items():
+        for make in programs:
+            listener = make(node)
+            text = logged(capfd)
+            assert "subscribes on its own" in text and reason in text
+            assert listener.tf_static_sub is not None
+            listener.unregister()
+
+
+def test_without_an_owner_a_program_listens_itself(monkeypatch, node, capfd):
+    for name, reason in (
+        ("nobody", "no process"),
+        ("a b", "not a name of a shared buffer"),
+        ("auto", "no process"),
+    ):
+        monkeypatch.setenv("TF2_SHARED_BUFFER", name)
+        assert not is_attached(TransformListener(Buffer(), node))
+        assert reason in logged(capfd)
+    monkeypatch.setenv("TF2_SHARED_BUFFER", "")
+    assert not is_attached(TransformListener(Buffer(), node))
+    assert logged(capfd) == ""
+
+
+def test_an_owner_of_another_domain_or_without_a_listener(node, monkeypatch, capfd):
+    owner = Buffer(share=new_name())
+    monkeypatch.setenv("TF2_SHARED_BUFFER", owner._sharing.name)
+    assert not is_attached(TransformListener(Buffer(), node))
+    assert "has no listener" in logged(capfd)
+    context = rclpy.Context()
+    context.init(domain_id=node.context.get_domain_id() + 100)
+    other = rclpy.create_node("elsewhere", context=context)
+    with TransformListener(owner, other):
+        assert not is_attached(TransformListener(Buffer(), node))
+        assert "is filled from ROS domain" in logged(capfd)
+    other.destroy_node()
+    context.try_shutdown()
+    with TransformListener(owner, node):
+        assert is_attached(TransformListener(Buffer(), node))
+    capfd.readouterr()
+    assert not is_attached(TransformListener(Buffer(), node))
+    assert "has no listener" in logged(capfd)
+    owner._sharing.close()
+
+
+def test_simulated_time_must_be_the_owners_too(shared, new_node, capfd):
+    shared()
+    simulated = new_node("simulated", parameter_overrides=[Parameter("use_sim_time", value=True)])
+    assert not is_attached(TransformListener(Buffer(node=simulated), simulated))
+    assert "does not follow simulated time" in logged(capfd)
+    shared("--ros-args", "-p", "use_sim_time:=true")
+    buffer = Buffer(node=simulated)
+    listener = TransformListener(buffer, simulated)
+    assert is_attached(listener)
+    # It follows its own clock, and stays attached.
+    buffer.set_transform(transform("a", "b", 1.0), "me")
+    buffer.time_jump_callback(None)
+    assert not buffer.can_transform("a", "b", Time())
+    assert is_attached(listener)
+
+
+def test_a_clock_that_jumps_back_keeps_what_belongs_after_the_jump(shared, new_node, peer, executor):
+    shared("--ros-args", "-p", "use_sim_time:=true")
+    node = new_node("simulated", parameter_overrides=[Parameter("use_sim_time", value=True)])
+    executor.add_node(node)
+    buffer = Buffer(node=node)
+    listener = TransformListener(buffer, node)
+    assert is_attached(listener)
+    sender = peer()
+    for _ in range(3):
+        until(lambda: sender.set_clock(100) or node.get_clock().now().nanoseconds == 100 * S, executor)
+        until(
+            lambda: sender.send(("map", "robot", 100 * S, 1)) or knows(buffer, "robot", at_ns(100 * S))(),
+            executor,
+        )
+
+        def is_cleared():
+            sender.set_clock(1)
+            sender.send(("map", "robot", 1 * S, 1))
+            return not knows(buffer, "robot", at_ns(100 * S))()
+
+        until(is_cleared, executor)
+        until(
+            lambda: sender.send(("map", "robot", 1 * S, 1)) or knows(buffer, "robot", at_ns(1 * S))(),
+            executor,
+        )
+    assert is_attached(listener)
+
+
+def test_spin_once_comes_back_for_what_arrives(shared, node, executor, peer):
+    shared()
+    buffer = Buffer()
+    TransformListener(buffer, node)
+    sender = peer()
+    arrive(sender, buffer, "robot", ("map", "robot", 1 * S, 1))
+    while executor_came_back(executor, 0.05):
+        pass
+    for number in range(2, 6):
+        sending = threading.Timer(0.1, sender.send, [("map", "robot", number * S, 1)])
+        sending.start()
+        assert executor_came_back(executor, DEADLINE_S)
+        sending.join()
+        until(knows(buffer, "robot", at_ns(number * S)))
+        while executor_came_back(executor, 0.05):
+            pass
+
+
+def executor_came_back(executor, timeout_s):
+    begun = time.monotonic()
+    executor.spin_once(timeout_sec=timeout_s)
+    return time.monotonic() - begun < timeout_s * 0.9
+
+
+def test_a_message_filter_and_coroutines_in_a_spinning_executor(shared, node, executor, peer):
+    shared()
+    buffer = Buffer()
+    TransformListener(buffer, node)
+    passed, threads = [], []
+    points = MessageFilter((PointStamped, "points", 10), buffer, "map", 10, node=node)
+    points.registerCallback(lambda message: passed.append(message.header.stamp.sec))
+    publisher = node.create_publisher(PointStamped, "points", 10)
+
+    async def awaits():
+        await buffer.lookup_transform_async("map", "robot", at_ns(4 * S))
+        threads.append(threading.current_thread().name)
+
+    with spinning(executor):
+        task = executor.create_task(awaits)
+        until(lambda: publisher.get_subscription_count() == 1)
+        point = PointStamped()
+        point.header.frame_id, point.header.stamp.sec = "robot", 4
+        publisher.publish(point)
+        sender = peer()
+        arrive(sender, buffer, "robot", ("map", "robot", 3 * S, 1), ("map", "robot", 5 * S, 1))
+        assert until(lambda: passed) == [4]
+        assert until(task.done)
+    assert len(threads) == 1 and "tf2_ros ring" not in threads[0]
+
+
+def test_callbacks_run_in_the_executor_and_not_in_the_thread_of_the_ring(shared, node, executor, peer):
+    shared()
+    buffer = Buffer()
+    TransformListener(buffer, node)
+    names = []
+    with spinning(executor):
+        future = buffer.wait_for_transform_async("map", "robot", at_ns(4 * S))
+        future.add_done_callback(lambda _: names.append(threading.current_thread().name))
+        arrive(peer(), buffer, "robot", ("map", "robot", 4 * S, 1))
+        until(lambda: names)
+    assert "tf2_ros ring" not in names[0]
+
+
+def test_a_listener_on_a_buffer_that_is_attached_by_name_subscribes_to_nothing(
+    shared, node, peer, monkeypatch
+):
+    name = shared()
+    monkeypatch.delenv("TF2_SHARED_BUFFER")
+    buffer = Buffer(attach=name)
+    listener = TransformListener(buffer, node)
+    second = TransformListener(buffer, node)
+    assert listener.tf_sub is None and second.tf_sub is None
+    waiting = buffer.wait_for_transform_async("map", "robot", Time())
+    arrive(peer(), buffer, "robot", ("map", "robot", 1 * S, 1))
+    assert until(waiting.done)
+    with pytest.raises(SharedBufferError):
+        Buffer(attach="nobody-has-this")

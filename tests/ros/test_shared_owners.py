@@ -1,0 +1,690 @@
+"""Owners that die, stop or fork at any moment, and files that are not what they should be: readers go on."""
+
+import os
+import random
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+
+import pytest
+from forking import in_a_child
+from making import S, at_ns, transform
+from paths import PROGRAMS, SUPPORT
+from processes import DEADLINE_S, PROMPT_S, until
+from rclpy.duration import Duration
+from repetitions import times
+from sharing import LINKS, Owner, is_sound, links, new_name, pair
+
+from tf2_ros import Buffer, SharedBufferError
+from tf2_ros._shared.names import segment_path
+from tf2_ros._shared.owner import Owner as Sharer
+
+pytestmark = pytest.mark.ours
+
+FIRST_NS = 1000 * S
+LATER = at_ns(10**6 * S)  # what an owner never inserts
+KILLS = 40  # TF2_TEST_KILLS=200 by hand
+STEP = 1 << 16  # as in ring.pyx
+BOARD_AT, RING_AT = 2048, STEP
+
+
+def insert_later(buffer):
+    for link in links(LATER.nanoseconds, FIRST_NS):
+        buffer.set_transform(link, "test")
+
+
+def kills():
+    return int(os.environ.get("TF2_TEST_KILLS", KILLS))
+
+
+def test_readers_outlive_owners_that_are_killed_at_any_moment():
+    # Several at a time, so that all of it happens under load.
+    with ThreadPoolExecutor(4) as several:
+        held = sum(several.map(_outlive, range(4)))
+    assert held == kills() // 4 * 4
+
+
+def _outlive(seed):
+    """Outlive a quarter of the owners; how many had left something."""
+    chance = random.Random(seed)
+    held = 0
+    with Owner(name="children") as mother:
+        for _ in range(kills() // 4):
+            name = new_name()
+            mother.tell(name)
+            reader = Buffer(Duration(seconds=0.5), attach=name)
+            waiting = reader.wait_for_transform_async("map", "f4", LATER)
+            stopped = threading.Event()
+            threads = [threading.Thread(target=_look_up, args=(reader, stopped)) for _ in range(2)]
+            for thread in threads:
+                thread.start()
+            stopped.wait(chance.random() * 0.02)
+            print("kill", file=mother.process.stdin, flush=True)
+            until(lambda: not reader._sharing.is_attached)  # noqa: B023
+            stopped.set()
+            for thread in threads:
+                thread.join()
+            reader._self_check()
+            held += is_sound(reader, FIRST_NS, range(0, S // 3, S // 50))
+            assert not waiting.done()
+            insert_later(reader)
+            assert until(waiting.done)
+            segment_path(name).unlink(missing_ok=True)
+    return held
+
+
+def _look_up(reader, stopped):
+    while not stopped.is_set():
+        is_sound(reader, FIRST_NS, (0, S // 10, S // 5))
+        reader.all_frames_as_yaml()
+
+
+def test_a_reader_of_an_owner_that_is_stopped_neither_hangs_nor_breaks():
+    # At any moment: some of these are in the middle of a message.
+    chance = random.Random(6)
+    with Owner() as owner:
+        owner.tell("run", 0, 60)
+        for _ in range(40):
+            reader = Buffer(Duration(seconds=0.5), attach=owner.name)
+            waiting = reader.wait_for_transform_async("map", "f4", LATER)
+            threading.Event().wait(chance.random() * 0.01)
+            os.kill(owner.process.pid, signal.SIGSTOP)
+            try:
+                begun = time.monotonic()
+                for _ in range(20):
+                    is_sound(reader, FIRST_NS, (0, S // 10))
+                assert time.monotonic() - begun < PROMPT_S
+                reader._self_check()
+                assert reader.statistics()["malformed_messages"] == 0
+                # It may go on.
+                assert reader._sharing.ring.why_over() is None
+                insert_later(reader)
+                assert until(waiting.done)
+            finally:
+                os.kill(owner.process.pid, signal.SIGCONT)
+            reader._sharing.close()
+
+
+def test_the_next_owner_of_the_name_fills_the_same_buffers():
+    name = new_name()
+    reader = None
+    for round_ in range(1, 4):
+        with Owner(name=name) as owner:
+            owner.tell("insert", round_ * S, 0)
+            reader = reader or Buffer(attach=name)
+            waiting = reader.wait_for_transform_async("map", "f4", at_ns(round_ * S))
+            assert until(waiting.done)
+            assert reader._sharing.ring.process == owner.process.pid
+            reader._self_check()
+
+
+def test_a_reader_that_is_killed_or_stopped_holds_up_nobody():
+    code = (
+        "import sys; from tf2_ros import Buffer; b = Buffer(attach=sys.argv[1]); print('up', flush=True)\n"
+        "f = b.wait_for_transform_async('map', 'nowhere', 0)\n"
+        "while True: b.can_transform_core('map', 'f4', 0)"
+    )
+    with Owner() as owner:
+        owner.tell("run", 0, 60)
+        reader = Buffer(attach=owner.name)
+        for end in (signal.SIGKILL, signal.SIGSTOP) * 3:
+            other = subprocess.Popen(
+                [sys.executable, "-c", code, owner.name], stdout=subprocess.PIPE, text=True
+            )
+            try:
+                assert other.stdout.readline() == "up\n"
+                other.send_signal(end)
+                before = reader.statistics()["taken"]
+                until(lambda: reader.statistics()["taken"] > before + 100)  # noqa: B023
+            finally:
+                other.kill()
+                other.communicate()
+
+
+def test_a_forked_child_of_the_owner_has_a_buffer_of_its_own():
+    with pair() as (owner, reader):
+        owner.set_transforms(links(1 * S, 0), "parent")
+
+        def child():
+            assert owner.can_transform_core("map", "f4", 1 * S)[0]
+            owner.set_transform(transform("f4", "own", ns=1 * S), "child")
+            assert owner.can_transform_core("map", "own", 1 * S)[0]
+            owner._self_check()
+            assert not reader.can_transform_core("map", "own", 1 * S)[0]
+            owner._sharing.close()
+
+        assert in_a_child(child) == 0
+        assert owner._sharing.path.exists()
+        assert not reader.can_transform_core("map", "own", 1 * S)[0]
+        owner.set_transforms(links(3 * S, 0), "parent")
+        assert reader.can_transform_core("map", "f4", 3 * S)[0]
+        with pytest.raises(SharedBufferError):
+            Buffer(share=owner._sharing.name)
+
+
+def test_a_child_that_outlives_an_owner_does_not_keep_the_name():
+    code = (
+        "import os, sys; from tf2_ros import Buffer\n"
+        "shared = Buffer(share=sys.argv[1])\n"
+        "if os.fork() == 0:\n"
+        "    print(os.getpid(), flush=True); sys.stdin.readline(); os._exit(0)\n"
+        "sys.stdin.readline()"
+    )
+    name = new_name()
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, name], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    child = None
+    try:
+        child = int(process.stdout.readline())
+        reader = Buffer(attach=name)
+        process.kill()
+        process.wait()
+        until(lambda: not reader._sharing.is_attached)
+        Buffer(share=name)._sharing.close()
+    finally:
+        process.kill()
+        if child is not None:
+            os.kill(child, signal.SIGKILL)
+        process.communicate()
+        segment_path(name).unlink(missing_ok=True)
+
+
+def test_a_forked_child_of_a_reader_is_a_reader():
+    with Owner() as owner:
+        owner.tell("insert", S, 0)
+        reader = Buffer(attach=owner.name)
+
+        def child():
+            assert reader.can_transform_core("map", "f4", 1 * S)[0]
+            owner.tell("insert", 2 * S, 0)
+            assert reader.can_transform_core("map", "f4", 2 * S)[0]
+            waiting = reader.wait_for_transform_async("map", "f4", at_ns(3 * S))
+            owner.tell("insert", 3 * S, 0)
+            assert until(waiting.done)
+
+        assert in_a_child(child) == 0
+        assert reader.can_transform_core("map", "f4", 3 * S)[0]
+
+
+def test_a_second_owner_is_refused_with_the_first_ones_process():
+    with Owner() as owner:
+        with pytest.raises(SharedBufferError, match=f"owned by process {owner.process.pid}$"):
+            Buffer(share=owner.name)
+        owner.process.kill()
+        owner.process.wait()
+        # What a dead one left is taken over.
+        assert owner.path.exists()
+        mine = Buffer(share=owner.name)
+        with pytest.raises(SharedBufferError, match=f"owned by process {os.getpid()}$"):
+            Buffer(share=owner.name)
+        assert Buffer(attach=owner.name)._sharing.is_attached
+        mine._sharing.close()
+
+
+def test_what_a_dead_owner_left_is_removed_by_whoever_finds_it():
+    with Owner() as owner:
+        owner.process.kill()
+        owner.process.wait()
+        assert owner.path.exists()
+        with pytest.raises(SharedBufferError, match="no process"):
+            Buffer(attach=owner.name)
+        assert not owner.path.exists()
+
+
+def test_of_many_who_want_to_be_the_owner_one_is():
+    name = new_name()
+    code = (
+        "import sys; from tf2_ros import Buffer, SharedBufferError\n"
+        "input()\n"
+        "try: b = Buffer(share=sys.argv[1])\n"
+        "except SharedBufferError as error: print(error)\n"
+        "else: print('owner'); sys.stdout.flush(); input()"
+    )
+    segment_path(name).write_bytes(b"left by somebody who died")
+    segment_path(name).chmod(0o600)
+    several = [
+        subprocess.Popen(
+            [sys.executable, "-c", code, name], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        for _ in range(6)
+    ]
+    try:
+        for one in several:
+            one.stdin.write("go\n")
+            one.stdin.flush()
+        said = [one.stdout.readline() for one in several]
+    finally:
+        for one in several:
+            one.communicate()
+    assert said.count("owner\n") == 1
+    assert all("owned by process" in line for line in said if line != "owner\n")
+    assert not segment_path(name).exists()
+
+
+@pytest.mark.parametrize("keyword", ["share", "attach"])
+def test_threads_of_one_process_do_not_take_a_file_from_each_other(keyword):
+    # A record lock does not exclude them, and is lost when any of them closes the file.
+    for _ in range(60):
+        name = new_name()
+        made = []
+        start = threading.Barrier(2)
+
+        def make(keywords, name=name, made=made, start=start):
+            start.wait()
+            for keyword in keywords:
+                with suppress(SharedBufferError):
+                    made.append(Buffer(**{keyword: name}))
+
+        others = [keyword] if keyword == "share" else [keyword] * 10
+        threads = [threading.Thread(target=make, args=(keywords,)) for keywords in (["share"], others)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        owners = [buffer._sharing for buffer in made if isinstance(buffer._sharing, Sharer)]
+        assert len(owners) == 1
+        assert owners[0].path.exists()
+        owners[0].close()
+
+
+def spoiled(path, where, data):
+    with open(path, "r+b") as file:
+        file.seek(where)
+        file.write(data)
+
+
+@pytest.mark.parametrize(
+    ("where", "data", "match"),
+    [
+        (0, b"\1" * 8, "not a shared buffer"),
+        (8, struct.pack("<I", 9), "another version"),
+        (16, struct.pack("<Q", 9), "sizes are wrong"),
+        (16, struct.pack("<Q", 2**63), "sizes are wrong"),
+        (16, struct.pack("<Q", 2**39), "truncated"),
+    ],
+)
+def test_a_file_of_another_kind_is_refused(where, data, match):
+    with Owner() as owner:
+        spoiled(owner.path, where, data)
+        with pytest.raises(SharedBufferError, match=match):
+            Buffer(attach=owner.name)
+
+
+def test_a_file_that_is_none_is_refused():
+    name = new_name()
+    path = segment_path(name)
+    try:
+        path.write_bytes(b"")
+        path.chmod(0o644)
+        with pytest.raises(SharedBufferError, match="other users"):
+            Buffer(attach=name)
+        with pytest.raises(SharedBufferError, match="other users"):
+            Buffer(share=name)
+        path.unlink()
+        path.symlink_to("/dev/null")
+        with pytest.raises(SharedBufferError):
+            Buffer(attach=name)
+        with pytest.raises(SharedBufferError):
+            Buffer(share=name)
+        path.unlink()
+        path.mkdir()
+        with pytest.raises(SharedBufferError):
+            Buffer(share=name)
+        path.rmdir()
+    finally:
+        path.unlink(missing_ok=True)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="it takes a superuser to be somebody else")
+def test_another_users_file_is_refused():
+    name = new_name()
+    path = segment_path(name)
+    path.write_bytes(b"x" * 10000)
+    path.chmod(0o600)
+    os.chown(path, 65534, 65534)
+    try:
+        for keyword in ("share", "attach"):
+            with pytest.raises(SharedBufferError, match="not this user's"):
+                Buffer(**{keyword: name})
+    finally:
+        path.unlink()
+
+
+def test_a_file_that_is_truncated_is_left(capfd):
+    for size in (0, 4096, RING_AT, RING_AT + 4096):
+        with Owner() as owner:
+            owner.tell("insert", S, 0)
+            reader = Buffer(attach=owner.name)
+            idle = Buffer(attach=owner.name)
+            waiting = reader.wait_for_transform_async("map", "f4", LATER)
+            os.truncate(owner.path, size)
+            is_sound(idle, 0)
+            until(lambda: not reader._sharing.is_attached)  # noqa: B023
+            reader._self_check()
+            insert_later(reader)
+            assert until(waiting.done)
+            is_sound(idle, 0)
+            idle._self_check()
+            # The owner goes on for itself.
+            assert owner.process.poll() is None
+            assert owner.tell("insert", 2 * S, 0)[0] == "done"
+    assert "its memory was truncated" in capfd.readouterr().err
+
+
+BUS_ERROR = """
+import faulthandler, mmap, os, signal, sys
+from tf2_ros import Buffer
+first = Buffer(share=sys.argv[1] + "-1")
+faulthandler.enable()
+second = Buffer(share=sys.argv[1] + "-2")
+if sys.argv[2] == "sent":
+    os.kill(os.getpid(), signal.SIGBUS)
+with open(sys.argv[3], "w+b") as file:
+    file.truncate(8192)
+    memory = mmap.mmap(file.fileno(), 8192)
+    file.truncate(0)
+    memory[5000]
+"""
+
+
+@pytest.mark.parametrize("how", ["sent", "happens"])
+def test_a_bus_error_elsewhere_ends_the_process_once(how, tmp_path):
+    # The handler of the first buffer and faulthandler's must not pass it to each other for ever.
+    name = new_name()
+    try:
+        ended = subprocess.run(
+            [sys.executable, "-c", BUS_ERROR, name, how, str(tmp_path / "file")],
+            stderr=subprocess.PIPE,
+            timeout=20,
+            check=False,
+        )
+    finally:
+        for number in (1, 2):
+            segment_path(f"{name}-{number}").unlink(missing_ok=True)
+    assert ended.returncode == -signal.SIGBUS
+    assert ended.stderr.count(b"Fatal Python error") == 1
+
+
+READS_SPOILED = """
+import sys
+sys.path.insert(0, sys.argv[2])
+from sharing import links
+import numpy as np
+from tf2_ros import Buffer, SharedBufferError
+from tf2_py import TransformException
+print("up", flush=True)
+for line in sys.stdin:
+    try:
+        reader = Buffer(attach=sys.argv[1])
+        print("attached", flush=True)
+        wait = reader._wait("map", "nowhere", 5)
+        for _ in range(30):
+            for call in (
+                lambda: reader.lookup_transform_core("map", "f4", 0),
+                lambda: reader.lookup_transform_core("f4", "map", 10**9 + 5),
+                lambda: reader.lookup_transform_core("map", "other", 10**9 + 5),
+                lambda: reader.lookup_transforms("map", "f4", np.arange(10**9, 2 * 10**9, 10**7)),
+                lambda: reader.can_transform_core("map", "nowhere", 0),
+                reader.all_frames_as_yaml, reader.tree, reader.statistics, reader.__getstate__,
+            ):
+                try:
+                    call()
+                except (TransformException, ValueError):
+                    pass
+        reader._self_check()
+        reader.set_transforms(links(10**15, 0), "me")
+        reader._sharing.close()
+        reader._self_check()
+    except SharedBufferError as error:
+        print("refused", "read 0", sep="\\n", flush=True)
+        continue
+    print("read", reader.statistics()["malformed_messages"], flush=True)
+"""
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_spoiled_file_does_no_harm_to_readers(seed):
+    # Somebody of this user writes at random into it, while it is read; the owner inserts, too.
+    chance = random.Random(seed)
+    with Owner() as owner:
+        for ns in range(S, 2 * S, S // 50):
+            owner.tell("insert", ns, 0)
+        for number in range(50):
+            owner.tell("static", "f2", f"other{number}")
+        owner.tell("run", 1000, 1000)
+        places = [(0, 80), (24, 80), (RING_AT, RING_AT + 4096), (RING_AT, RING_AT + 2**16)] * 3
+        places += [(BOARD_AT, BOARD_AT + 8), (4096, 4500)]
+        with open(owner.path, "r+b", buffering=0) as file:
+            whole = {start: os.pread(file.fileno(), size, start) for start, size in ((0, 24), (4096, 4096))}
+            reads = subprocess.Popen(
+                [sys.executable, "-c", READS_SPOILED, owner.name, str(SUPPORT)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                text=True,
+            )
+            try:
+                assert reads.stdout.readline() == "up\n"
+                attached = malformed = 0
+                for _ in range(40):
+                    for start, data in whole.items():
+                        os.pwrite(file.fileno(), data, start)
+                    if chance.random() < 0.5:
+                        _spoil(file, chance, places)
+                    reads.stdin.write("go\n")
+                    reads.stdin.flush()
+                    line = reads.stdout.readline()
+                    while line == "attached\n":
+                        attached += 1
+                        for _ in range(20):
+                            _spoil(file, chance, places)
+                            threading.Event().wait(0.0005)
+                        line = reads.stdout.readline()
+                    if line == "refused\n":
+                        line = reads.stdout.readline()
+                    said, _, count = line.partition(" ")
+                    assert said == "read", f"{line!r}: it ended with {reads.wait(DEADLINE_S)}"
+                    malformed += int(count)
+                assert attached > 15 and malformed > 0
+                assert owner.process.poll() is None
+            finally:
+                reads.kill()
+                reads.communicate()
+
+
+def _spoil(file, chance, places):
+    for _ in range(chance.randrange(1, 4)):
+        where = chance.randrange(*chance.choice(places))
+        kind = chance.random()
+        if kind < 0.4:
+            edges = [0, 1, 2**31, 2**32 - 1, chance.getrandbits(32), chance.randrange(64)]
+            data = struct.pack("<I", chance.choice(edges))
+            where = where // 4 * 4
+        elif kind < 0.8:
+            edges = [0, 2**63, 2**64 - 1, chance.getrandbits(64), chance.getrandbits(40), 64, 1 << 20]
+            data = struct.pack("<Q", chance.choice(edges))
+            where = where // 8 * 8
+        else:
+            data = chance.randbytes(chance.randrange(1, 40))
+        os.pwrite(file.fileno(), data, where)
+
+
+def test_a_malformed_message_in_shared_memory_is_counted_and_the_rest_is_read():
+    with Owner() as owner:
+        for ns in range(S, 3 * S, S // 10):
+            owner.tell("insert", ns, 0)
+        with open(owner.path, "r+b", buffering=0) as file:
+            memory = os.pread(file.fileno(), 1 << 16, RING_AT)
+            at = memory.index(b"map\0", 2000)
+            os.pwrite(file.fileno(), b"\xff", RING_AT + at)
+        reader = Buffer(attach=owner.name)
+        assert is_sound(reader, 0)
+        until(lambda: reader.statistics()["malformed_messages"] == 1)
+        reader._self_check()
+
+
+def test_many_readers():
+    count = times(8, 64)
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[2])\n"
+        "from sharing import is_sound\n"
+        "from tf2_ros import Buffer\n"
+        "b = Buffer(attach=sys.argv[1]); n = 0\n"
+        "f = b.wait_for_transform_async('map', 'late', 0)\n"
+        # If this test is killed, they end, too.
+        "while b._sharing.is_attached and not is_sound(b, 1000 * 10**9): pass\n"
+        "print('reads', flush=True)\n"
+        "while b._sharing.is_attached and not (n and f.done()): n += is_sound(b, 1000 * 10**9, (0, 10**8))\n"
+        "print(n > 0, b._sharing.is_attached)"
+    )
+    with Owner() as owner:
+        owner.tell("run", 100, 100)
+        several = []
+        try:
+            for _ in range(count):
+                several.append(
+                    subprocess.Popen(
+                        [sys.executable, "-c", code, owner.name, str(SUPPORT)],
+                        stdout=subprocess.PIPE,
+                        text=True,
+                    )
+                )
+            assert all(one.stdout.readline() == "reads\n" for one in several)
+            owner.tell("static", "map", "late")
+            # They share the cores.
+            said = [one.communicate(timeout=150)[0] for one in several]
+        finally:
+            for one in several:
+                one.kill()
+                one.communicate()
+    assert said == ["True True\n"] * count
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="it takes a superuser to mount a file system")
+def test_memory_that_ends():
+    # A small /dev/shm, in a mount namespace of its own.
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[1])\n"
+        "from making import S, transform\n"
+        "from processes import until\n"
+        "from tf2_ros import Buffer\n"
+        "b = Buffer(share='small'); r = Buffer(attach='small')\n"
+        "b.set_transforms([transform('map', f'f{i}', ns=S) for i in range(2000)], 'me')\n"
+        "assert 'f1999' in r\n"
+        "filling = open('/dev/shm/other', 'wb', buffering=0)\n"
+        "try:\n"
+        "    while True: filling.write(bytes(65536))\n"
+        "except OSError: pass\n"
+        "n = b.set_transforms([transform('map', f'g{i}', ns=S) for i in range(20000)], 'me')\n"
+        "assert n == 20000 and r.can_transform_core('map', 'g19999', 0)[0]\n"
+        "until(lambda: b._sharing._said)\n"
+        "late = Buffer(attach='small'); assert 'g19999' in late and 'f1' not in late\n"
+        "for one in (b, r, late): one._self_check()\n"
+        "print('sound')"
+    )
+    command = 'mount -t tmpfs -o size=2m tmpfs /dev/shm || exit 77; exec "$@"'
+    ended = subprocess.run(
+        ["unshare", "-m", "sh", "-c", command, "sh", sys.executable, "-c", code, str(PROGRAMS.parent)],
+        text=True,
+        capture_output=True,
+        timeout=60,
+    )
+    if ended.returncode in (1, 77) and "unshare" in ended.stderr + "unshare" * (ended.returncode == 77):
+        pytest.skip("no file system can be mounted here")
+    assert ended.stdout == "sound\n", ended.stderr
+    assert "has no memory for all of the last 10 s" in ended.stderr
+
+
+def test_a_process_that_may_have_little_address_space():
+    code = (
+        "import resource; from tf2_ros import Buffer\n"
+        "used = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (used + (64 << 20),) * 2)\n"
+        "b = Buffer(share=__import__('sys').argv[1]); r = Buffer(attach=b._sharing.name)\n"
+        "assert r._sharing.is_attached; b._sharing.close(); print('sound')"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", code, new_name()], text=True, capture_output=True, timeout=60
+    )
+    assert ended.stdout == "sound\n", ended.stderr
+
+
+SHIM = """
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <errno.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+/* As on machines with pages of 64 KiB. */
+void *mmap(void *at, size_t size, int protection, int flags, int file, off_t start)
+{
+    static void *(*real)(void *, size_t, int, int, int, off_t);
+    if (!real)
+        real = (void *(*)(void *, size_t, int, int, int, off_t))dlsym(RTLD_NEXT, "mmap");
+    if (start % 65536) {
+        errno = EINVAL;
+        return MAP_FAILED;
+    }
+    return real(at, size, protection, flags, file, start);
+}
+
+void *mmap64(void *at, size_t size, int protection, int flags, int file, off_t start)
+{
+    return mmap(at, size, protection, flags, file, start);
+}
+"""
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler")
+def test_a_machine_with_large_pages(tmp_path):
+    (tmp_path / "shim.c").write_text(SHIM)
+    shim = tmp_path / "shim.so"
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", shim, tmp_path / "shim.c", "-ldl"], check=True)
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[2])\n"
+        "from making import S, transform; from tf2_ros import Buffer\n"
+        "b = Buffer(share=sys.argv[1]); b.set_transform(transform('map', 'base', ns=S), 'me')\n"
+        "r = Buffer(attach=sys.argv[1]); assert 'base' in r; b._sharing.close(); print('sound')"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", code, new_name(), str(PROGRAMS.parent)],
+        text=True,
+        capture_output=True,
+        timeout=60,
+        env={**os.environ, "LD_PRELOAD": str(shim)},
+    )
+    assert ended.stdout == "sound\n", ended.stderr
+
+
+def test_the_answer_comes_to_a_wait_in_another_process_at_once():
+    with Owner() as owner:
+        reader = Buffer(attach=owner.name)
+        for i in range(1, 50):
+            waiting = reader.wait_for_transform_async("map", f"f{LINKS - 1}", at_ns(i * S))
+            owner.tell("insert", i * S, 0)
+            until(waiting.done)
+            assert waiting.result().transform.translation.x == LINKS * i
+
+
+def test_a_program_with_closed_standard_streams_logs_nothing_into_its_shared_buffer():
+    code = (
+        "import os, sys; sys.path[:0] = sys.argv[2:]\n"
+        "from making import transform; from tf2_ros import Buffer\n"
+        "shared = Buffer(share=sys.argv[1]); shared.set_transform(transform('map', 'base', 5), 'test')\n"
+        "shared.set_transform(transform('', 'refused', 5), 'test')\n"  # is logged
+        "os._exit(0 if 'base' in Buffer(attach=sys.argv[1]) and Buffer(attach=sys.argv[1]).frames() else 1)"
+    )
+    for closed in ("2>&-", "0<&- 1>&- 2>&-"):
+        name = new_name()
+        command = ["sh", "-c", f'exec "$@" {closed}', "sh", sys.executable, "-c", code, name]
+        ended = subprocess.run([*command, str(PROGRAMS.parent)], timeout=60)
+        segment_path(name).unlink()
+        assert ended.returncode == 0, closed

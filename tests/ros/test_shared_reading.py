@@ -1,0 +1,392 @@
+"""A buffer that is attached answers as the shared one does, after every step, whoever else changes it."""
+
+import copy
+import gc
+import pickle
+import random
+import threading
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from making import S, at_ns, transform
+from processes import until
+from random_histories import FRAMES, TIMES_NS, apply, silence, steps  # noqa: F401
+from rclpy.duration import Duration
+from recorded_answers import SCENARIOS, check_answer
+from sharing import LINKS, Owner, is_sound, links, new_name, pair, small_files, small_ring
+from travelling import everything
+
+import tf2_py
+from tf2_py import TransformException
+from tf2_ros import Buffer, SharedBufferError
+
+pytestmark = pytest.mark.ours
+
+CHANGES = {"set", "clear"}
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda s: s["name"])
+def test_answers_as_recorded(scenario):
+    with pair(Duration(nanoseconds=scenario["cache_ns"])) as (owner, reader):
+        for (op, *args), want in zip(scenario["ops"], scenario["want"], strict=True):
+            check_answer(tf2_py, owner if op in CHANGES else reader, op, args, want)
+        assert reader._sharing.is_attached
+        reader._self_check()
+        owner._self_check()
+
+
+def held(buffer, times_ns=TIMES_NS):
+    """All that it answers and counts, but for the waiters, which are its own."""
+    found = everything(buffer, FRAMES, times_ns)
+    found["statistics"].pop("waiters")
+    return found
+
+
+@settings(deadline=None, max_examples=100)
+@given(steps, steps)
+def test_after_every_step_it_holds_what_the_owner_does(before, after):
+    # The first steps are taken before anybody is attached. A cache time that drops nothing: who attaches
+    # late is informed of what was received within it.
+    owner = Buffer(Duration(seconds=10), share=new_name())
+    try:
+        apply(owner, before)
+        reader = Buffer(attach=owner._sharing.name)
+        assert reader.cache_time_ns == 10 * S
+        for step in after:
+            apply(owner, [step])
+            assert held(reader, TIMES_NS[:2]) == held(owner, TIMES_NS[:2])
+            reader._self_check()
+        late = Buffer(attach=owner._sharing.name)
+        expected = held(owner)
+        travelled = [pickle.loads(pickle.dumps(reader)), copy.copy(reader)]
+        for buffer in (reader, late, *travelled):
+            assert held(buffer) == expected
+            buffer._self_check()
+    finally:
+        owner._sharing.close()
+
+
+LOOKUPS = [(target, source, ns) for target in "abc" for source in "abcd" for ns in (0, 2, 5, 11)]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_waiter_is_told_of_every_change_that_helps_it(seed):
+    # The invariant: what is pending would fail now.
+    chance = random.Random(seed)
+    answered = 0
+    with pair(Duration(nanoseconds=10)) as (owner, reader):
+        waiting = []
+
+        def stuck():
+            """Those that wait although there is an answer, and nobody is about to tell them."""
+            return [
+                (target, source, ns)
+                for (target, source, ns), got, wait in waiting
+                if not got and wait.answer is None and reader.can_transform_core(target, source, at_ns(ns))[0]
+            ]
+
+        for step in range(300):
+            lookup = chance.choice(LOOKUPS)
+            got = []
+            wait = reader._wait(*lookup[:2], at_ns(lookup[2]), notify=got.append)
+            if wait.answer is None:
+                waiting.append((lookup, got, wait))
+            what = chance.random()
+            if what < 0.02:
+                owner.clear()
+            elif what < 0.025:
+                reader.clear()  # it has a tree of its own
+            else:
+                names = chance.sample("abcd", 2)
+                insert = owner.set_transform_static if what < 0.1 else owner.set_transform
+                insert(transform(*names, ns=chance.randrange(step // 20, step // 20 + 12)), "random")
+            if chance.random() < 0.1:
+                until(lambda: not stuck())
+                left = [one for one in waiting if not one[1] and one[2].answer is None]
+                answered += len(waiting) - len(left)
+                waiting = left
+        reader._self_check()
+    assert answered > 10
+
+
+def test_many_times_in_one_call_are_of_one_state():
+    with Owner() as owner:
+        reader = Buffer(attach=owner.name)
+        first_ns = 1000 * S
+        owner.tell("run", 0, 20)
+        for _ in range(300):
+            try:
+                newest = reader.get_latest_common_time("map", f"f{LINKS - 1}").nanoseconds
+                times = np.arange(newest - S // 5, newest, S // 2000)
+                places, _ = reader.lookup_transforms("map", f"f{LINKS - 1}", times)
+            except TransformException:
+                continue
+            assert np.abs(places[:, 0] - LINKS * (times - first_ns) / S).max() < 1e-6
+        assert reader._sharing.is_attached
+
+
+def test_threads_read_while_the_owner_writes_and_others_join_and_leave():
+    failed = []
+
+    def read(seed):
+        chance = random.Random(seed)
+        try:
+            found = 0
+            for _ in range(20):
+                buffer = Buffer(Duration(seconds=0.5), attach=owner.name)
+                for _ in range(100):
+                    found += is_sound(buffer, 1000 * S, [chance.randrange(S // 3) for _ in range(5)])
+                if chance.random() < 0.5:
+                    buffer._sharing.close()
+                    buffer._self_check()
+                    found += is_sound(buffer, 1000 * S)
+            assert found
+        except BaseException as error:
+            failed.append(error)
+            raise
+
+    with Owner() as owner:
+        owner.tell("run", 0, 20)
+        threads = [threading.Thread(target=read, args=(seed,)) for seed in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert failed == []
+
+
+def test_a_reader_inserts_and_clears_for_itself_and_stays_attached():
+    with pair() as (owner, reader):
+        owner.set_transforms(links(1 * S, 0), "owner")
+        owner.set_transform_static(transform("f0", "camera"), "owner")
+        reader.set_transform(transform("f4", "own", ns=1 * S), "me")
+        assert reader.can_transform_core("map", "own", 1 * S)[0]
+        assert "own" not in owner
+        reader.clear()
+        assert not reader.can_transform_core("map", "f4", 1 * S)[0]
+        assert reader.can_transform_core("f0", "camera", 0)[0]
+        assert owner.can_transform_core("map", "f4", 1 * S)[0]
+        owner.set_transforms(links(2 * S, 0), "owner")
+        assert reader.can_transform_core("map", "f4", 2 * S)[0]
+        assert reader._sharing.is_attached
+        reader._self_check()
+
+
+def test_a_clear_of_the_owner_clears_its_readers_in_its_place():
+    with pair() as (owner, reader):
+        owner.set_transforms(links(1 * S, 0), "owner")
+        owner.clear()
+        owner.set_transforms(links(2 * S, 0), "owner")
+        for buffer in (reader, Buffer(attach=owner._sharing.name)):
+            assert not buffer.can_transform_core("map", "f4", 1 * S)[0]
+            assert buffer.can_transform_core("map", "f4", 2 * S)[0]
+
+
+def test_a_frame_that_the_owner_forgets_is_forgotten_by_its_readers():
+    with pair() as (owner, reader):
+        owner.set_transforms([transform("f1", "mount", xyz=(1, 0, 0))], "owner", static=True)
+        owner.set_transforms(links(1 * S, 0), "owner")
+        for name in ("mount", "f4"):
+            assert name in reader
+            owner.forget(name)
+        late = Buffer(attach=owner._sharing.name)
+        for buffer in (reader, late):
+            assert "mount" not in buffer
+            assert "f4" not in buffer
+            assert buffer.tree() == owner.tree()
+        owner.set_transforms([transform("f1", "mount", xyz=(2, 0, 0))], "owner", static=True)
+        for buffer in (reader, late, Buffer(attach=owner._sharing.name)):
+            assert buffer.lookup_transform_core("f1", "mount", 1 * S).transform.translation.x == 2
+
+
+def test_a_waiter_for_what_a_clear_makes_possible_is_told():
+    # a is in a loop, until the dynamic transforms are gone.
+    with pair() as (owner, reader):
+        owner.set_transform_static(transform("map", "camera"), "owner")
+        got = []
+        wait = reader._wait("map", "late", 0, notify=got.append)
+        owner.clear()
+        owner.set_transform(transform("camera", "late", ns=S), "owner")
+        until(lambda: got or wait.answer is not None)
+
+
+def test_who_attaches_late_gets_old_static_transforms_and_the_newest_of_each():
+    # So many that the ring wraps: the newest of each is written again.
+    with small_ring(), pair(Duration(seconds=0.1)) as (owner, reader):
+        for number in range(3000):
+            for child in "abc":
+                owner.set_transform_static(transform("map", child, xyz=(number, 0.0, 0.0)), "owner")
+        owner.set_transform_static(transform("map", "/d", xyz=(7.0, 0.0, 0.0)), "other")
+        late = Buffer(attach=owner._sharing.name)
+        for buffer in (reader, late):
+            for child in "abc":
+                assert buffer.lookup_transform_core("map", child, 0).transform.translation.x == 2999
+            assert buffer.lookup_transform_core("map", "d", 0).transform.translation.x == 7
+            assert "other" in buffer.all_frames_as_yaml()
+
+
+def test_static_transforms_that_are_written_again_are_new_only_to_late_readers():
+    with small_ring(), pair() as (owner, reader):
+        for number in range(100):
+            owner.set_transform_static(transform("map", f"static{number}", xyz=(number, 0.0, 0.0)), "owner")
+        count = 0
+        while owner._sharing._ring.short_ns == 0 or count < 5000 * LINKS:
+            count += owner.set_transforms(links((1000 + count) * S // 1000, S), "owner")
+            if count % 100 == 0:
+                assert reader.can_transform_core("map", "f4", 0)[0]
+        late = Buffer(attach=owner._sharing.name)
+        for buffer in (reader, late):
+            for number in range(100):
+                found = buffer.lookup_transform_core("map", f"static{number}", 0)
+                assert found.transform.translation.x == number
+        assert reader.statistics()["taken"] == count + 100
+        assert late.statistics()["taken"] < count
+
+
+def wrap(owner, *readers, mebibytes=1):
+    """Fill a ring of so many MiB more than once, so that static transforms are written again."""
+    for count in range(5000 * mebibytes):
+        owner.set_transforms(links((1000 + count) * S // 1000, S), "owner")
+        if count % 100 == 0:
+            assert all(reader.can_transform_core("map", "f4", 0)[0] for reader in readers)
+
+
+def test_many_static_transforms_of_one_moment_are_all_written_again():
+    with small_ring(4), pair() as (owner, _):
+        for number in range(3000):
+            owner.set_transform_static(transform("map", f"marker{number}"), "owner")
+        wrap(owner, mebibytes=4)
+        assert owner._sharing._ring.missing == 0
+        late = Buffer(attach=owner._sharing.name)
+        assert "marker0" in late
+        assert {f"marker{number}" for number in range(3000)} <= {*late._known_names()}
+
+
+def test_a_static_transform_that_is_written_again_does_not_replace_what_a_reader_has_set():
+    with small_ring(), pair() as (owner, reader):
+        owner.set_transform_static(transform("map", "camera", xyz=(1.0, 0.0, 0.0)), "owner")
+        assert "camera" in reader
+        wrap(owner, reader)
+        late = Buffer(attach=owner._sharing.name)
+        assert "camera" in late
+        for buffer in (reader, late):
+            buffer.set_transform_static(transform("map", "camera", xyz=(9.0, 0.0, 0.0)), "reader")
+        wrap(owner, reader, late)
+        for buffer in (reader, late):
+            assert buffer.lookup_transform_core("map", "camera", 0).transform.translation.x == 9.0
+
+
+def test_where_static_transforms_fill_their_share_a_known_one_may_change():
+    with small_ring(), pair() as (owner, _):
+        ring, number = owner._sharing._ring, 0
+        while ring.missing == 0:
+            owner.set_transform_static(transform("map", f"marker{number}"), "owner")
+            number += 1
+        owner.set_transform_static(transform("map", "marker0", xyz=(7.0, 0.0, 0.0)), "owner")
+        assert ring.missing == 1
+        late = Buffer(attach=owner._sharing.name)
+        assert late.lookup_transform_core("map", "marker0", 0).transform.translation.x == 7.0
+
+
+def test_a_reader_that_sleeps_through_ten_laps_begins_at_the_oldest_message():
+    with Owner(preexec_fn=small_files) as owner:
+        reader = Buffer(Duration(seconds=0.2), attach=owner.name)
+        assert not is_sound(reader, 1000 * S)
+        reader._sharing.ring.hold()  # otherwise its thread may keep pace
+        (inserted,) = owner.tell("laps", 10)
+        reader._sharing.ring.release(2**63 - 1)
+        assert is_sound(reader, 1000 * S, range(0, S // 10, S // 100))
+        assert reader.statistics()["malformed_messages"] == 0
+        reader._self_check()
+        assert reader.statistics()["taken"] < int(inserted)
+
+
+def test_authorities_are_the_owners():
+    with pair() as (owner, reader):
+        owner.set_transform(transform("map", "a", ns=S), "someone")
+        owner.set_transform(transform("map", "b", ns=S), "")
+        assert reader.all_frames_as_yaml() == owner.all_frames_as_yaml()
+
+
+def test_a_message_larger_than_a_record_may_be_is_shared_in_parts():
+    with pair() as (owner, reader):
+        assert owner.set_transforms([transform("map", f"f{i}", ns=S) for i in range(20000)], "me") == 20000
+        assert reader.can_transform_core("map", "f19999", 0)[0]
+        assert len(reader._getFrameStrings()) == 20001
+
+
+def test_a_shared_buffer_ends_with_its_owner():
+    owner = Buffer(share=new_name())
+    name, path = owner._sharing.name, owner._sharing.path
+    owner.set_transforms(links(1 * S, 0), "owner")
+    reader = Buffer(attach=name)
+    assert path.exists()
+    del owner
+    gc.collect()
+    assert not path.exists()
+    # What it shared is read even now.
+    assert reader.can_transform_core("map", "f4", 0)[0]
+    with pytest.raises(SharedBufferError, match="no process"):
+        Buffer(attach=name)
+    until(lambda: not reader._sharing.is_attached)
+    assert reader.can_transform_core("map", "f4", 0)[0]
+
+
+def ring_threads():
+    return [one for one in threading.enumerate() if one.name == "tf2_ros ring"]
+
+
+def test_a_thread_follows_the_ring_only_while_it_is_needed():
+    until(lambda: not ring_threads())  # those of earlier tests end
+    with pair() as (owner, reader):
+        owner.set_transforms(links(1 * S, 0), "owner")
+        for _ in range(100):
+            assert reader.can_transform_core("map", "f4", 0)[0]
+        assert not ring_threads()
+        for stamp in 2 * S, 3 * S:
+            future = reader.wait_for_transform_async("map", "f4", stamp)
+            until(ring_threads)
+            owner.set_transforms(links(stamp, 0), "owner")
+            until(future.done)
+            until(lambda: not ring_threads())
+
+
+def test_buffers_are_freed_with_their_threads():
+    until(lambda: not ring_threads())
+    with pair() as (owner, _):
+        other = Buffer(attach=owner._sharing.name)
+        future = other.wait_for_transform_async("map", "nowhere", 0)
+        until(ring_threads)
+        del future, other
+        gc.collect()
+        until(lambda: not ring_threads())
+
+
+def test_names_are_refused_before_anything_is_made():
+    for wrong in ("", "/etc/passwd", "a/b", "a b", "é", ".", "x" * 101):
+        for keyword in ("share", "attach"):
+            with pytest.raises(ValueError, match="name of a shared buffer"):
+                Buffer(**{keyword: wrong})
+    with pytest.raises(TypeError, match="must be a str"):
+        Buffer(share=3)
+    with pytest.raises(ValueError, match="either"):
+        Buffer(share="a", attach="b")
+
+
+def test_auto_is_the_name_of_the_domain(monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "77")
+    owner = Buffer(share="auto")
+    assert owner._sharing.name == "domain-77"
+    assert Buffer(attach="auto")._sharing.is_attached
+    owner._sharing.close()
+
+
+def test_a_buffer_that_is_made_again_is_attached_anew():
+    with pair() as (owner, reader):
+        owner.set_transforms(links(1 * S, 0), "owner")
+        assert reader.can_transform_core("map", "f4", 0)[0]
+        reader.__init__()
+        assert reader._getFrameStrings() == []
+        reader.__init__(attach=owner._sharing.name)
+        assert reader.can_transform_core("map", "f4", 0)[0]

@@ -1,0 +1,114 @@
+"""Readers do not keep writers out of a buffer, and writers do not keep readers out."""
+
+import threading
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from making import S, at, transform
+from processes import DEADLINE_S, until
+from rclpy.duration import Duration
+from repetitions import times
+
+from bench.contestants.serialised import Template
+
+pytestmark = pytest.mark.ours
+
+HOPS = 10
+SAMPLES = 100
+READERS = 4
+TIMES = np.linspace(S, S + (SAMPLES - 1) * 10**7, 1_000_000).astype(np.int64)  # of one vector lookup
+INSERTS = 500
+LOOKUPS = 10_000
+MANY = 10_000  # transforms of one message, which are inserted without a pause
+MESSAGES = 300  # of these
+
+
+@pytest.fixture
+def buffer(tf2_ros):
+    """A buffer with a chain of HOPS frames, from map to frame10."""
+    buffer = tf2_ros.Buffer(Duration(seconds=10))
+    chain = ["map", *(f"frame{i}" for i in range(1, HOPS + 1))]
+    for parent, child in zip(chain, chain[1:], strict=False):
+        for i in range(SAMPLES):
+            buffer.set_transform(transform(parent, child, ns=S + i * 10**7), "x")
+    return buffer
+
+
+@contextmanager
+def repeated(work, threads):
+    """Do it again and again in so many threads, which have all begun."""
+    ending = threading.Event()
+    begun = threading.Barrier(threads + 1)
+
+    def repeat():
+        begun.wait()
+        while not ending.is_set():
+            work()
+
+    running = [threading.Thread(target=repeat) for _ in range(threads)]
+    for thread in running:
+        thread.start()
+    begun.wait()
+    try:
+        yield
+    finally:
+        ending.set()
+        for thread in running:
+            thread.join()
+
+
+def reading(buffer):
+    return repeated(lambda: buffer.lookup_transforms("map", f"frame{HOPS}", TIMES), READERS)
+
+
+def taken(buffer):
+    return buffer.statistics()["taken"]
+
+
+def test_no_message_is_lost_beside_readers_that_never_pause(tf2_ros, buffer, node, flood):
+    messages, before = times(300, 1000), taken(buffer)
+    with tf2_ros.TransformListener(buffer, node) as listener:
+        assert listener.receives
+        with reading(buffer):
+            flood(100, 1, messages).communicate(timeout=3 * DEADLINE_S)
+        until(lambda: taken(buffer) == before + messages)
+
+
+def test_inserts_return_while_readers_never_pause(buffer):
+    """The deadline is generous: without readers, inserts need less than a thousandth of it."""
+    deadline = time.monotonic() + DEADLINE_S
+    with reading(buffer):
+        for number in range(INSERTS):
+            buffer.set_transform(transform("map", "moving", ns=S + number), "x")
+            assert time.monotonic() < deadline, f"only {number} of {INSERTS} inserts have returned"
+
+
+def test_lookups_return_while_a_thread_inserts_large_messages(buffer):
+    template, stamps = Template(MANY), iter(range(S, 2 * S))
+    inserted = []
+
+    def insert():
+        inserted.append(buffer.set_transforms_cdr(template.message(next(stamps), 0.0), "x"))
+
+    with repeated(insert, 1):
+        until(lambda: inserted)
+        for _ in range(LOOKUPS):
+            buffer.lookup_transform("map", f"frame{HOPS}", at(1.5))
+        before = len(inserted)
+        until(lambda: len(inserted) > before)
+    assert set(inserted) == {MANY}
+
+
+def test_lookups_return_while_the_receiver_inserts_large_messages(tf2_ros, buffer, node, flood):
+    before = taken(buffer)
+    with tf2_ros.TransformListener(buffer, node):
+        flood(10_000, MANY, MESSAGES)  # which nobody can send in time
+
+        def inserted_beside_lookups():
+            for _ in range(100):
+                buffer.lookup_transform("map", f"frame{HOPS}", at(1.5))
+            return taken(buffer) > before + 20 * MANY
+
+        until(inserted_beside_lookups)

@@ -1,0 +1,542 @@
+"""Listeners, with the publishers in processes of their own."""
+
+import gc
+import signal
+import subprocess
+import threading
+import weakref
+
+import pytest
+import rclpy
+from making import at, transform, translation
+from processes import DEADLINE_S, start, until
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.duration import Duration
+from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
+from rclpy.time import Time
+from spinning import spinning
+
+from tf2_msgs.msg import TFMessage
+
+S = 10**9
+LATEST = Time()
+
+
+@pytest.fixture(autouse=True, params=["inbox", pytest.param("executor", marks=pytest.mark.ours)])
+def inserter(request, monkeypatch):
+    """What inserts the transforms of a listener: its inbox, or the executor that spins the node."""
+    if request.param == "executor":
+        monkeypatch.setattr("tf2_ros._receive.receiver.problem", lambda: "it is new")
+    return request.param
+
+
+@pytest.fixture
+def buffer(tf2_ros):
+    return tf2_ros.Buffer()
+
+
+@pytest.mark.ours
+def test_it_says_what_inserts_its_transforms(tf2_ros, buffer, node, inserter):
+    with tf2_ros.TransformListener(buffer, node) as listener:
+        assert listener.receives == (("/tf", "/tf_static") if inserter == "inbox" else ())
+    assert not listener.receives
+
+
+@pytest.mark.ours
+def test_after_the_shutdown_of_its_context_it_says_why_it_cannot_subscribe(tf2_ros, buffer, new_node):
+    context = rclpy.Context()
+    context.init()
+    node = new_node("late", context=context)
+    context.shutdown()
+    with pytest.raises(RuntimeError, match="^TransformListener of late cannot subscribe: the context of"):
+        tf2_ros.TransformListener(buffer, node)
+
+
+def knows(buffer, child, parent="map", time=LATEST):
+    return lambda: buffer.can_transform(parent, child, time)
+
+
+def x_of(buffer, child, parent="map", time=LATEST):
+    return translation(buffer.lookup_transform(parent, child, time))[0]
+
+
+def handled(buffer):
+    """How many transforms it took or refused."""
+    statistics = buffer.statistics()
+    return statistics["taken"] + sum(statistics["refused"].values())
+
+
+def set_clock(simulator, node, seconds, executor=None):
+    # Again and again: messages of a clock may be lost.
+    until(lambda: simulator.set_clock(seconds) or node.get_clock().now().nanoseconds == seconds * S, executor)
+
+
+class TestOverTheNetwork:
+    def test_dynamic_transforms_arrive(self, tf2_ros, buffer, node, executor, peer):
+        tf2_ros.TransformListener(buffer, node)
+        peer().send(("map", "robot", 1 * S, 1), ("map", "robot", 2 * S, 3), ("robot", "arm", 2 * S, 1))
+        until(knows(buffer, "arm"), executor)
+        assert x_of(buffer, "robot", time=at(1.5)) == 2
+        assert x_of(buffer, "arm") == 4
+        assert "default_authority" in buffer.all_frames_as_yaml()
+
+    def test_a_late_joiner_gets_static_transforms(self, tf2_ros, buffer, node, executor, peer):
+        earlier = peer()
+        earlier.send_without_subscriber(("map", "robot", 0, 1), static=True)
+        earlier.send_without_subscriber(("robot", "arm", 0, 2), static=True)
+        tf2_ros.TransformListener(buffer, node)
+        until(knows(buffer, "arm"), executor)
+        assert x_of(buffer, "arm", time=at(12345)) == 3
+
+    def test_a_publisher_may_be_killed_and_started_again(self, tf2_ros, buffer, node, executor, peer):
+        tf2_ros.TransformListener(buffer, node)
+        first = peer()
+        first.send(("map", "robot", 1 * S, 1))
+        first.send(("robot", "arm", 0, 1), static=True)
+        until(knows(buffer, "arm"), executor)
+        first.kill()
+        second = peer()
+        second.send(("map", "robot", 2 * S, 7))
+        second.send(("robot", "arm", 0, 2), static=True)
+        until(lambda: x_of(buffer, "arm") == 9, executor)
+
+    def test_a_namespaced_node_receives_the_global_topics(self, tf2_ros, buffer, new_node, executor, peer):
+        node = new_node("listening", namespace="/robot1")
+        executor.add_node(node)
+        listener = tf2_ros.TransformListener(buffer, node)
+        assert listener.tf_sub.topic_name == "/tf"
+        assert listener.tf_static_sub.topic_name == "/tf_static"
+        peer("-r", "__ns:=/robot2").send(("map", "robot", 1 * S, 1))
+        until(knows(buffer, "robot"), executor)
+
+    def test_remapped_topics_are_followed(self, tf2_ros, buffer, new_node, executor, peer):
+        remapped = ["-r", "__ns:=/robot1", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"]
+        node = new_node("listening", cli_args=["--ros-args", *remapped])
+        executor.add_node(node)
+        listener = tf2_ros.TransformListener(buffer, node)
+        assert listener.tf_sub.topic_name == "/robot1/tf"
+        ours, global_one = peer(*remapped), peer()
+        global_one.send_without_subscriber(("map", "stranger", 1 * S, 1))
+        ours.send(("map", "robot", 1 * S, 1))
+        ours.send(("robot", "arm", 0, 1), static=True)
+        until(knows(buffer, "arm"), executor)
+        assert not buffer.can_transform("map", "stranger", LATEST)
+
+    def test_two_listeners_live_in_one_process(self, tf2_ros, new_node, executor, node, peer):
+        buffers = [tf2_ros.Buffer() for _ in range(3)]
+        second_node = new_node("listening_too")
+        executor.add_node(second_node)
+        tf2_ros.TransformListener(buffers[0], node)
+        tf2_ros.TransformListener(buffers[1], node)
+        tf2_ros.TransformListener(buffers[2], second_node)
+        publisher = peer()
+        publisher.send(("robot", "arm", 0, 1), static=True)
+        publisher.matched(count=3)
+        publisher.send(("map", "robot", 1 * S, 1))
+        until(lambda: all(buffer.can_transform("map", "arm", LATEST) for buffer in buffers), executor)
+
+    def test_topics_may_have_other_names(self, tf2_ros, buffer, node, executor, peer):
+        tf2_ros.TransformListener(buffer, node, tf_topic="/my_tf", tf_static_topic="/my_tf_static")
+        publisher = peer("-r", "/tf:=/my_tf", "-r", "/tf_static:=/my_tf_static")
+        publisher.send(("map", "robot", 1 * S, 1))
+        publisher.send(("robot", "arm", 0, 1), static=True)
+        until(knows(buffer, "arm"), executor)
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("own_class", [False, True])
+    def test_a_static_listener_receives_static_transforms_alone(
+        self, tf2_ros, buffer, node, executor, peer, own_class
+    ):
+        if own_class:
+            listener = tf2_ros.StaticTransformListener(buffer, node)
+        else:
+            listener = tf2_ros.TransformListener(buffer, node, static_only=True)
+        assert listener.tf_sub is None
+        peer().send(("robot", "arm", 0, 1), static=True)
+        until(knows(buffer, "arm", "robot"), executor)
+        assert "/tf" not in [subscription.topic_name for subscription in node.subscriptions]
+
+    def test_a_jump_back_of_sim_time_clears_the_buffer(self, tf2_ros, new_node, executor, peer, capfd):
+        node = new_node("simulated", parameter_overrides=[Parameter("use_sim_time", value=True)])
+        executor.add_node(node)
+        buffer = tf2_ros.Buffer(node=node)
+        tf2_ros.TransformListener(buffer, node)
+        simulator = peer()
+        set_clock(simulator, node, 100, executor)
+        simulator.send(("map", "robot", 100 * S, 1))
+        simulator.send(("robot", "arm", 0, 1), static=True)
+        until(lambda: buffer.can_transform("map", "arm", LATEST), executor)
+        set_clock(simulator, node, 50, executor)
+        until(lambda: not buffer.can_transform("map", "robot", LATEST), executor)
+        assert buffer.can_transform("robot", "arm", LATEST)
+        assert "jump back in time" in capfd.readouterr().err
+        simulator.send(("map", "robot", 50 * S, 5))
+        until(knows(buffer, "robot", time=at(50)), executor)
+
+    @pytest.fixture
+    def simulated(self, tf2_ros, new_node, executor):
+        """A node whose time is simulated, with a buffer and a listener."""
+        node = new_node("simulated", parameter_overrides=[Parameter("use_sim_time", value=True)])
+        executor.add_node(node)
+        buffer = tf2_ros.Buffer(node=node)
+        return node, buffer, tf2_ros.TransformListener(buffer, node)
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("seconds_back", [5, 50])
+    def test_a_restarted_recording_loses_nothing_after_its_clock(
+        self, simulated, executor, peer, seconds_back
+    ):
+        node, buffer, _ = simulated
+        simulator = peer()
+        start = 100 - seconds_back
+        set_clock(simulator, node, 100, executor)
+        simulator.send(("map", "robot", 100 * S, 1), ("robot", "old", 100 * S, 1))
+        until(knows(buffer, "old"), executor)
+        set_clock(simulator, node, start, executor)
+        simulator.send(("map", "robot", start * S, 2), ("robot", "new", start * S, 3))
+        until(lambda: x_of(buffer, "new", time=at(start)) == 5 if "new" in buffer else False, executor)
+        assert not buffer.can_transform("map", "old", LATEST)
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("seconds_back", [5, 50])
+    def test_what_waits_when_the_clock_jumps_is_of_the_new_time(
+        self, simulated, executor, peer, inserter, seconds_back
+    ):
+        """Transforms of a restarted recording may arrive before its clock does."""
+        if inserter == "executor":
+            pytest.skip("there the executor inserts each message when it arrives")
+        node, buffer, listener = simulated
+        simulator = peer()
+        start = 100 - seconds_back
+        with spinning(executor):
+            for _ in range(10):
+                set_clock(simulator, node, 100)
+                simulator.send(("map", "robot", 100 * S, 1), ("robot", "old", 100 * S, 1))
+                until(knows(buffer, "old"))
+                listener._receiver.forget_reads()
+                simulator.send(("map", "robot", start * S, 2), ("robot", "new", start * S, 3))
+                until(listener._receiver.has_pending)
+                set_clock(simulator, node, start)
+                # The clock shows the new time shortly before its jump callbacks are called.
+                until(lambda: not buffer.can_transform("map", "old", LATEST))
+                if buffer.can_transform("map", "new", at(start)):
+                    break
+                # On a busy machine 0.1 s may have passed, and they were inserted before the jump.
+            assert x_of(buffer, "new", time=at(start)) == 5
+
+    def test_a_callback_waits_for_what_another_thread_inserts(self, tf2_ros, buffer, node, peer):
+        tf2_ros.TransformListener(buffer, node)
+        executor, found = MultiThreadedExecutor(2), []
+        executor.add_node(node)
+        publisher = peer()
+
+        def look_up():
+            timer.cancel()
+            found.append(buffer.lookup_transform("map", "robot", LATEST, Duration(seconds=DEADLINE_S)))
+
+        timer = node.create_timer(0.001, look_up, callback_group=MutuallyExclusiveCallbackGroup())
+        until(lambda: timer.is_canceled(), executor)
+        publisher.send(("map", "robot", 1 * S, 1))
+        until(lambda: found, executor)
+        executor.shutdown()
+
+
+@pytest.mark.ours
+class TestMalformedBytes:
+    def bad(self):
+        # DDS fills up to four bytes, and carries no empty data at all.
+        good = serialize_message(TFMessage(transforms=[transform("map", "evil", 1)]))
+        return [b"\x00", good[:-4], good + b"\x00" * 12, good[:4] + b"\xff\xff\xff\xff" + good[8:]]
+
+    def test_they_are_counted_and_survived(self, tf2_ros, buffer, node, executor, peer, capfd, inserter):
+        if inserter == "executor":
+            pytest.skip("there rclpy reads the messages")
+        tf2_ros.TransformListener(buffer, node)
+        publisher = peer()
+        for data in self.bad():
+            publisher.send_bytes(data)
+        publisher.send(("map", "robot", 1 * S, 1))
+        until(knows(buffer, "robot"), executor)
+        until(lambda: buffer.statistics()["malformed_messages"] == len(self.bad()), executor)
+        assert buffer._getFrameStrings() == ["robot", "map"]
+        assert capfd.readouterr().err.count("Ignoring a malformed message on /tf") == 1
+
+    def test_good_bytes_are_as_good_as_a_message(self, tf2_ros, buffer, node, executor, peer):
+        tf2_ros.TransformListener(buffer, node)
+        peer().send_bytes(serialize_message(TFMessage(transforms=[transform("map", "robot", 1, (4, 5, 6))])))
+        until(knows(buffer, "robot"), executor)
+        assert translation(buffer.lookup_transform("map", "robot", at(1))) == (4, 5, 6)
+
+
+class TestSubclasses:
+    def test_an_overridden_callback_gets_messages(self, tf2_ros, buffer, node, executor, peer):
+        seen = []
+
+        class Mine(tf2_ros.TransformListener):
+            def callback(self, data):
+                seen.append(data)
+                super().callback(data)
+
+        Mine(buffer, node)
+        publisher = peer()
+        publisher.send(("map", "robot", 1 * S, 1))
+        publisher.send(("robot", "arm", 0, 1), static=True)
+        until(knows(buffer, "arm"), executor)
+        assert [type(message) for message in seen] == [TFMessage]
+
+    def test_a_buffer_of_another_kind_gets_transforms(self, tf2_ros, node, executor, peer):
+        class Recorder:
+            def __init__(self):
+                self.seen = []
+
+            def set_transform(self, transform, authority):
+                self.seen.append((transform.child_frame_id, authority))
+
+            def set_transform_static(self, transform, authority):
+                self.seen.append((transform.child_frame_id, authority))
+
+        recorder = Recorder()
+        tf2_ros.TransformListener(recorder, node)
+        publisher = peer()
+        publisher.send(("map", "robot", 1 * S, 1))
+        publisher.send(("robot", "arm", 0, 1), static=True)
+        until(lambda: len(recorder.seen) == 2, executor)
+        assert sorted(recorder.seen) == [("arm", "default_authority"), ("robot", "default_authority")]
+
+    @pytest.mark.parametrize("on_class", [True, False])
+    def test_an_overridden_set_transform_is_called(self, tf2_ros, node, executor, peer, on_class):
+        class Mine(tf2_ros.Buffer):
+            pass
+
+        buffer, seen = Mine(), []
+        if on_class:
+            Mine.set_transform = lambda self, transform, authority: seen.append(transform)
+        else:
+            buffer.set_transform = lambda transform, authority: seen.append(transform)
+        tf2_ros.TransformListener(buffer, node)
+        peer().send(("map", "robot", 1 * S, 1), ("map", "robot", 2 * S, 1))
+        until(lambda: len(seen) == 2, executor)
+        assert buffer._getFrameStrings() == []
+
+    def test_the_callbacks_may_be_called_by_hand(self, tf2_ros, buffer, node):
+        listener = tf2_ros.TransformListener(buffer, node)
+        listener.callback(TFMessage(transforms=[transform("map", "robot", 1)]))
+        listener.static_callback(TFMessage(transforms=[transform("robot", "arm")]))
+        assert buffer.can_transform("map", "arm", at(1))
+
+
+class TestQualityOfService:
+    def test_default(self, tf2_ros, buffer, node):
+        listener = tf2_ros.TransformListener(buffer, node)
+        for subscription, durability in (
+            (listener.tf_sub, DurabilityPolicy.VOLATILE),
+            (listener.tf_static_sub, DurabilityPolicy.TRANSIENT_LOCAL),
+        ):
+            qos = subscription.qos_profile
+            assert (qos.depth, qos.history, qos.durability) == (100, HistoryPolicy.KEEP_LAST, durability)
+
+    def test_as_asked(self, tf2_ros, buffer, node):
+        qos = QoSProfile(depth=3, reliability=ReliabilityPolicy.BEST_EFFORT)
+        listener = tf2_ros.TransformListener(buffer, node, qos=qos, static_qos=7)
+        assert listener.tf_sub.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+        assert listener.tf_sub.qos_profile.depth == 3
+        assert listener.tf_static_sub.qos_profile.depth == 7
+
+    @pytest.mark.ours
+    def test_parameters_override_it(self, tf2_ros, buffer, new_node):
+        overrides = ["/tf.subscription.depth:=5", "/tf.subscription.reliability:=best_effort"]
+        arguments = [argument for override in overrides for argument in ("-p", "qos_overrides." + override)]
+        node = new_node("listening", cli_args=["--ros-args", *arguments])
+        listener = tf2_ros.TransformListener(buffer, node)
+        assert listener.tf_sub.qos_profile.depth == 5
+        assert listener.tf_sub.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+        assert listener.tf_static_sub.qos_profile.depth == 100
+        assert not node.has_parameter("qos_overrides./tf_static.subscription.durability")
+
+
+class TestThread:
+    def test_it_spins_the_node(self, tf2_ros, buffer, node, peer):
+        ticked = threading.Event()
+        node.create_timer(0.01, ticked.set)
+        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
+        peer().send(("map", "robot", 1 * S, 1))
+        until(knows(buffer, "robot"))
+        assert ticked.wait(DEADLINE_S)
+        assert listener.dedicated_listener_thread.is_alive()
+        assert node in listener.executor.get_nodes()
+        end(listener)
+
+    def test_spinning_takes_the_node_over(self, tf2_ros, buffer, ros, node, peer):
+        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        assert node.executor is executor
+        peer().send(("map", "robot", 1 * S, 1))
+        until(knows(buffer, "robot"), executor)
+        threads = []
+        node.create_timer(0.001, lambda: threads.append(threading.current_thread()))
+        until(lambda: len(threads) >= 3, executor)
+        assert set(threads) == {threading.current_thread()}
+        end(listener)
+
+    def test_rclpy_spin_takes_the_node_over(self, tf2_ros, buffer, ros, node):
+        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
+        spun = []
+
+        def note():
+            spun.append(threading.current_thread())
+            ros.shutdown()
+
+        node.create_timer(0.01, lambda: threading.current_thread() is threading.main_thread() and note())
+        ros.spin(node)
+        assert spun == [threading.current_thread()]
+        end(listener)
+
+    @pytest.mark.ours
+    def test_a_listener_without_a_node_spins_its_own(self, tf2_ros, buffer, ros, peer):
+        with tf2_ros.TransformListener(buffer, None) as listener:
+            assert listener.node.get_name().startswith("transform_listener_impl_")
+            peer().send(("map", "robot", 1 * S, 1))
+            until(knows(buffer, "robot"))
+        assert not listener.dedicated_listener_thread.is_alive()
+
+    @pytest.mark.ours
+    def test_its_node_has_no_services(self, tf2_ros, buffer, ros):
+        """rclpy never frees the one for descriptions of types, 107 kB for each node."""
+        with tf2_ros.TransformListener(buffer, None) as listener:
+            assert list(listener.node.services) == []
+
+    @pytest.mark.ours
+    def test_shutting_down_ends_it(self, tf2_ros, buffer, ros, node):
+        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
+        ros.shutdown()
+        until(lambda: not listener.dedicated_listener_thread.is_alive())
+        listener.unregister()
+
+    @pytest.mark.ours
+    def test_a_callback_in_the_thread_may_end_it(self, tf2_ros, buffer, node):
+        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
+        node.create_timer(0.001, listener.__del__)
+        until(lambda: not listener.dedicated_listener_thread.is_alive())
+
+    def test_unregistering_does_not_end_it(self, tf2_ros, buffer, node):
+        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
+        ticks = []
+        node.create_timer(0.001, lambda: ticks.append(1))
+        listener.unregister()
+        ticks.clear()
+        until(lambda: len(ticks) > 3)
+        end(listener)
+
+
+def end(listener):
+    """As far as the reference can: a thread of its own must not outlive the test."""
+    listener.unregister()
+    listener.executor.shutdown()
+    listener.dedicated_listener_thread.join(DEADLINE_S)
+    assert not listener.dedicated_listener_thread.is_alive()
+
+
+class TestEnd:
+    def test_no_reference_to_it_is_needed(self, tf2_ros, buffer, node, executor, peer):
+        tf2_ros.TransformListener(buffer, node)
+        gc.collect()
+        peer().send(("map", "robot", 1 * S, 1))
+        until(knows(buffer, "robot"), executor)
+
+    def test_unregistering_ends_the_subscriptions(self, tf2_ros, buffer, node):
+        topics = ["/ending_tf", "/ending_tf_static"]
+        listener = tf2_ros.TransformListener(buffer, node, tf_topic=topics[0], tf_static_topic=topics[1])
+        until(lambda: all(node.count_subscribers(topic) == 1 for topic in topics))
+        listener.unregister()
+        listener.unregister()
+        until(lambda: all(node.count_subscribers(topic) == 0 for topic in topics))
+
+    @pytest.mark.ours
+    def test_a_with_block_ends_it(self, tf2_ros, buffer, node):
+        with tf2_ros.TransformListener(buffer, node, spin_thread=True) as listener:
+            assert listener.dedicated_listener_thread.is_alive()
+        assert not listener.dedicated_listener_thread.is_alive()
+        assert list(node.subscriptions) == []
+
+    @pytest.mark.ours
+    def test_a_finalizer_takes_no_lock_of_the_executor(self, tf2_ros, ros, buffer):
+        """It may run in the middle of whatever its own thread does."""
+        listener = tf2_ros.TransformListener(buffer, None)
+        executor = listener.executor
+
+        def end():
+            with executor._tasks_lock, executor._nodes_lock, executor._shutdown_lock:
+                listener.__del__()
+
+        ending = threading.Thread(target=end, daemon=True)
+        ending.start()
+        ending.join(DEADLINE_S)
+        assert not ending.is_alive()
+        listener.dedicated_listener_thread.join(DEADLINE_S)
+        assert not listener.dedicated_listener_thread.is_alive()
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("whose", ["its own", "a program's"])
+    def test_a_finalizer_joins_no_thread(self, tf2_ros, ros, node, buffer, monkeypatch, whose):
+        """Joining takes a lock of `threading`, and the collector may run while this thread holds it."""
+        if whose == "its own":
+            listener = tf2_ros.TransformListener(buffer, None)
+        else:
+            listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
+        thread = listener.dedicated_listener_thread
+        joined = []
+        with monkeypatch.context() as patch:
+            patch.setattr(threading.Thread, "join", lambda thread, timeout=None: joined.append(thread))
+            listener.__del__()
+        assert joined == []
+        until(lambda: not thread.is_alive())
+
+    @pytest.mark.ours
+    def test_it_is_collected_with_its_node(self, tf2_ros, buffer, ros):
+        node = ros.create_node("passing")
+        references = [weakref.ref(node), weakref.ref(tf2_ros.TransformListener(buffer, node))]
+        del node
+        gc.collect()
+        assert [reference() for reference in references] == [None, None]
+
+    @pytest.mark.ours
+    def test_context_node_and_listener_may_end_in_any_order(self, tf2_ros, ros, new_node):
+        from itertools import permutations
+
+        for order in permutations(["context", "node", "listener"]):
+            context = ros.Context()
+            context.init()
+            node = new_node("passing", context=context)
+            listener = tf2_ros.TransformListener(tf2_ros.Buffer(node=node), node, spin_thread=True)
+            ends = {"context": context.shutdown, "node": node.destroy_node, "listener": listener.unregister}
+            for what in order:
+                ends[what]()
+            until(lambda thread=listener.dedicated_listener_thread: not thread.is_alive())
+
+    @pytest.mark.ours
+    def test_a_constructor_that_fails_leaves_nothing(self, tf2_ros, buffer, node):
+        with pytest.raises(Exception, match="topic name"):
+            tf2_ros.TransformListener(buffer, node, tf_static_topic="not a topic")
+        assert list(node.subscriptions) == []
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("how", ["unspun", "hidden", "shutdown", "waiting", "future"])
+    def test_the_interpreter_exits_without_output(self, how, inserter):
+        program = start("exits.py", how, inserter, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        output, errors = program.communicate(timeout=DEADLINE_S)
+        assert (program.returncode, output, errors) == (0, "at the end\n", "")
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("how", ["thread", "interrupted"])
+    def test_a_node_spun_by_a_thread_keeps_the_program_until_its_context_ends(self, how, inserter):
+        program = start("exits.py", how, inserter, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        assert [program.stdout.readline() for _ in range(2)] == ["at the end\n", "after the end\n"]
+        if how == "interrupted":
+            program.send_signal(signal.SIGINT)
+        output, errors = program.communicate(timeout=DEADLINE_S)
+        # Python itself speaks of an interrupt that finds it waiting for its last thread.
+        assert (program.returncode, output, errors if how == "thread" else "") == (0, "", "")

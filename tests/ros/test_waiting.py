@@ -1,0 +1,807 @@
+"""Futures of transforms: what completes them, what ends them, and that nothing is left behind."""
+
+import asyncio
+import gc
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+import weakref
+
+import pytest
+from making import at, stamp_ns, transform, translation
+from processes import DEADLINE_S, PROMPT_S, start, until
+from rclpy.duration import Duration, Infinite
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.task import Future, Task
+from rclpy.time import Time
+from spinning import spinning
+
+LATEST = Time()
+SHORT = Duration(seconds=0.05)
+LONGER = Duration(seconds=1)  # than a busy machine needs for what a test does before its end
+ENDED = r"The context was shut down, which ended the wait for the transform after [\d.]+ s"
+
+
+@pytest.fixture
+def buffer(tf2_ros):
+    buffer = tf2_ros.Buffer()
+    yield buffer
+    if hasattr(buffer, "statistics"):
+        gc.collect()
+        assert buffer.statistics()["waiters"] == 0, "somebody is left waiting"
+
+
+def wait(buffer, time=LATEST, **how):
+    return buffer.wait_for_transform_async("map", "robot", time, **how)
+
+
+def insert(buffer, seconds=1.0, child="robot", parent="map", x=0.0):
+    buffer.set_transform(transform(parent, child, seconds, (x, 0, 0)), "me")
+
+
+class TestCompletion:
+    def test_an_available_transform_completes_it_at_once(self, buffer):
+        insert(buffer, x=2)
+        future = wait(buffer)
+        assert isinstance(future, Future)
+        assert future.done()
+        assert translation(future.result()) == (2.0, 0.0, 0.0)
+
+    def test_the_missing_transform_completes_it(self, buffer):
+        future = wait(buffer, at(2))
+        insert(buffer, 1)
+        assert not future.done()
+        insert(buffer, 3)
+        assert future.done()
+        assert stamp_ns(future.result()) == 2 * 10**9
+
+    def test_full_waits_for_both_times(self, buffer):
+        future = buffer.wait_for_transform_full_async("robot", at(2), "robot", at(1), "map")
+        insert(buffer, 1, x=1)
+        assert not future.done()
+        insert(buffer, 2, x=2)
+        assert translation(future.result()) == (-1.0, 0.0, 0.0)
+
+    @pytest.mark.ours
+    def test_every_way_of_inserting_completes_it(self, buffer):
+        future = wait(buffer)
+        buffer.set_transforms([transform("map", "robot", 1)], "me")
+        assert future.done()
+        future = wait(buffer, at(9))
+        buffer.set_transform_static(transform("map", "robot"), "me")
+        assert future.done()
+
+    @pytest.mark.ours
+    def test_it_may_be_wired_together_later(self, buffer):
+        future = wait(buffer)
+        insert(buffer, 1, "robot", "odom")
+        insert(buffer, 1, "map", "world")
+        assert not future.done()
+        insert(buffer, 1, "odom", "world")
+        assert future.done()
+
+    def test_one_insert_completes_many(self, buffer):
+        futures = [wait(buffer, at(seconds)) for seconds in (1, 1.5, 2, 2.5)]
+        insert(buffer, 1)
+        insert(buffer, 2)
+        assert [future.done() for future in futures] == [True, True, True, False]
+        futures[-1].cancel()
+
+    @pytest.mark.ours
+    def test_clear_keeps_it_waiting(self, buffer):
+        future = wait(buffer, at(2))
+        insert(buffer, 1)
+        buffer.clear()
+        assert not future.done()
+        insert(buffer, 3)
+        assert not future.done(), "the sample before the clear is forgotten"
+        insert(buffer, 1.5)
+        assert future.done()
+
+    @pytest.mark.ours
+    def test_a_callback_runs_in_the_thread_that_inserts(self, buffer):
+        threads = []
+        future = wait(buffer)
+        future.add_done_callback(lambda _: threads.append(threading.current_thread()))
+        thread = threading.Thread(target=insert, args=(buffer,))
+        thread.start()
+        thread.join()
+        assert threads == [thread]
+
+    @pytest.mark.ours
+    def test_a_callback_may_use_the_buffer(self, buffer):
+        found = []
+
+        def use(_):
+            insert(buffer, 1, "camera", "robot")
+            found.append(buffer.lookup_transform("map", "camera", at(1)))
+            found.append(buffer.wait_for_transform_async("map", "camera", at(1)).result())
+
+        wait(buffer).add_done_callback(use)
+        insert(buffer)
+        assert [m.child_frame_id for m in found] == ["camera", "camera"]
+
+    @pytest.mark.ours
+    def test_what_a_callback_raises_is_not_raised_by_the_insert(self, buffer):
+        def fail(_):
+            raise RuntimeError("mine")
+
+        first, second = wait(buffer), wait(buffer)
+        first.add_done_callback(fail)
+        with pytest.warns(UserWarning, match="mine"):
+            insert(buffer)
+        assert second.done()
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("error", [asyncio.CancelledError, SystemExit, KeyboardInterrupt])
+    def test_a_callback_that_raises_more_than_an_exception_delays_no_other(self, buffer, error):
+        def fail(_):
+            raise error("mine")
+
+        first, second, called = wait(buffer), wait(buffer), []
+        first.add_done_callback(fail)
+        for future in (first, second):
+            future.add_done_callback(called.append)
+        with pytest.raises(error):
+            insert(buffer)
+        assert called == [first, second]
+
+
+class TestError:
+    @pytest.mark.ours
+    def test_a_name_that_can_never_be_found_ends_it_at_once(self, buffer, tf2_py):
+        future = buffer.wait_for_transform_async("", "robot", LATEST)
+        assert future.done()
+        with pytest.raises(tf2_py.InvalidArgumentException, match="cannot be empty"):
+            future.result()
+
+    @pytest.mark.ours
+    def test_arguments_of_the_wrong_type_are_raised_at_once(self, buffer):
+        with pytest.raises(TypeError):
+            buffer.wait_for_transform_async("map", 1, LATEST)
+        with pytest.raises(TypeError):
+            wait(buffer, "now")
+        with pytest.raises(TypeError, match="Duration"):
+            wait(buffer, timeout="1.0")
+
+
+@pytest.mark.ours
+class TestTimeout:
+    def test_its_text_has_the_time_and_the_reason(self, buffer, tf2_py):
+        future, longer = wait(buffer, timeout=SHORT), wait(buffer, timeout=LONGER)
+        assert has_deadline(longer)
+        until(future.done)
+        with pytest.raises(
+            tf2_py.TimeoutException, match=r"^Waited 0\.05 s for .*does not exist\. The buffer is empty$"
+        ):
+            future.result()
+
+    def test_the_reason_is_that_of_the_last_lookup(self, buffer, tf2_py):
+        future = wait(buffer, at(5), timeout=LONGER)
+        insert(buffer, 1)
+        insert(buffer, 2)
+        until(future.done)
+        with pytest.raises(tf2_py.TimeoutException, match="extrapolation into the future"):
+            future.result()
+
+    def test_full_has_one_too(self, buffer, tf2_py):
+        future = buffer.wait_for_transform_full_async("map", at(1), "robot", at(2), "map", timeout=SHORT)
+        until(future.done)
+        with pytest.raises(tf2_py.TimeoutException):
+            future.result()
+
+    def test_none_at_all_ends_it_at_once(self, buffer, tf2_py):
+        future = wait(buffer, timeout=Duration())
+        until(future.done)
+        assert type(future.exception()) is tf2_py.TimeoutException
+        assert str(future.exception()).startswith("Waited 0 s for the transform: ")
+
+    @pytest.mark.parametrize("replaces", [False, True])
+    def test_after_a_shutdown_its_text_says_that_instead(self, ros, tf2_ros, replaces):
+        buffer = replaced_buffer(tf2_ros) if replaces else tf2_ros.Buffer()
+        future = wait(buffer, timeout=LONGER)
+        ros.shutdown()
+        until(future.done)
+        assert type(future.exception()) is tf2_ros.TimeoutException
+        assert re.fullmatch(ENDED, str(future.exception()))
+
+    @pytest.mark.parametrize("by_asyncio", [True, False])
+    def test_an_await_that_it_ends_leaves_nothing_to_the_collector(
+        self, tf2_ros, executor, buffer, by_asyncio
+    ):
+        ended = []
+
+        async def await_it():
+            try:
+                await wait(buffer, timeout=SHORT)
+            except tf2_ros.TimeoutException as error:
+                ended.append(str(error))
+
+        def futures():
+            return [one for one in gc.get_objects() if type(one).__name__ == "TransformFuture"]
+
+        gc.collect()
+        gc.disable()
+        of_others = {*map(id, futures())}  # earlier tests may have left some to threads that still end
+        try:
+            if by_asyncio:
+                asyncio.run(await_it())
+            else:
+                executor.spin_until_future_complete(executor.create_task(await_it), DEADLINE_S)
+            left = [one for one in futures() if id(one) not in of_others]
+        finally:
+            gc.enable()
+        assert len(ended) == 1
+        assert left == []
+
+    def test_it_is_no_timeout_of_python(self, tf2_py):
+        # Which is an OSError, and what asyncio.timeout and futures raise: programs distinguish these.
+        assert not issubclass(tf2_py.TimeoutException, OSError)
+
+    def test_an_answer_before_it_counts(self, buffer):
+        future = wait(buffer, timeout=LONGER)
+        insert(buffer)
+        other = wait(buffer, at(7), timeout=LONGER)
+        until(other.done)
+        assert other.exception() is not None
+        assert future.exception() is None
+
+    @pytest.mark.parametrize("error", [asyncio.CancelledError, SystemExit])
+    def test_a_callback_that_raises_ends_no_other(self, buffer, error):
+        def fail(_):
+            raise error("mine")
+
+        futures = [wait(buffer, timeout=LONGER) for _ in range(2)]
+        futures[0].add_done_callback(fail)
+        until(lambda: all(future.done() for future in futures))
+        assert all(future.exception() is not None for future in futures)
+
+    @pytest.mark.parametrize("replaces", [False, True])
+    def test_a_callback_that_blocks_holds_up_no_other(self, tf2_ros, buffer, replaces):
+        if replaces:
+            buffer = replaced_buffer(tf2_ros)
+        first, second = wait(buffer, timeout=SHORT), wait(buffer, at(5), timeout=Duration(seconds=0.1))
+        seen = []
+        other = tf2_ros.Buffer()
+        third = wait(other, timeout=Duration(seconds=0.1))
+
+        def block(_):
+            until(third.done)
+            seen.append(third.exception())
+
+        first.add_done_callback(block)
+        until(lambda: seen)
+        until(second.done)
+        assert first.exception() is not None
+        assert second.exception() is not None
+
+    def test_they_end_in_their_order(self, buffer):
+        ended = []
+        futures = []
+        for milliseconds in (900, 300, 600, 0):
+            futures.append(wait(buffer, timeout=Duration(nanoseconds=milliseconds * 10**6)))
+            futures[-1].add_done_callback(lambda f, ms=milliseconds: ended.append((ms, f.exception())))
+        until(lambda: len(ended) == 4)
+        assert [ms for ms, _ in ended] == [0, 300, 600, 900]
+
+    def test_its_thread_ends_with_the_last(self, buffer):
+        futures = [wait(buffer, timeout=LONGER) for _ in range(3)]
+        assert deadline_threads() == 1
+        until(lambda: deadline_threads() == 0)
+        assert all(future.exception() is not None for future in futures)
+        again = wait(buffer, timeout=SHORT)
+        until(again.done)
+        assert again.exception() is not None
+
+    def test_a_thread_that_cannot_be_started_is_tried_again(self, buffer, monkeypatch):
+        until(lambda: deadline_threads() == 0)
+
+        def fail(_):
+            raise RuntimeError("can't start new thread")
+
+        with monkeypatch.context() as patched, pytest.raises(RuntimeError, match="can't start"):
+            patched.setattr(threading.Thread, "start", fail)
+            wait(buffer, timeout=SHORT)
+        future = wait(buffer, timeout=SHORT)
+        until(future.done)
+        assert future.exception() is not None
+
+    def test_waits_that_ended_leave_nothing_until_their_deadline(self, buffer):
+        from tf2_ros._wait.timers import deadlines
+
+        for _ in range(5000):
+            wait(buffer, timeout=Duration(seconds=3)).cancel()
+        until(lambda: len(deadlines.entries()) < 500)
+
+    def test_it_needs_no_executor_and_holds_no_future(self, buffer):
+        future = wait(buffer, timeout=Duration(seconds=60))
+        reference = weakref.ref(future)
+        del future
+        assert reference() is None
+
+
+class Long:
+    """A duration that no Duration can be."""
+
+    def __init__(self, nanoseconds):
+        self.nanoseconds = nanoseconds
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize(
+    "timeout",
+    [Infinite, Duration(seconds=9223372036), Long(2**63), Long(10**30), Long(float("inf"))],
+    ids=["Infinite", "292 years", "too long for 64 bits", "longer", "an infinite float"],
+)
+class TestInfiniteTimeout:
+    def test_a_lookup_waits(self, buffer, timeout):
+        inserting = threading.Thread(target=insert_for_a_waiter, args=(buffer,))
+        inserting.start()
+        assert buffer.lookup_transform("map", "robot", LATEST, timeout).child_frame_id == "robot"
+        inserting.join()
+
+    def test_a_full_lookup_waits(self, buffer, timeout):
+        inserting = threading.Thread(target=insert_for_a_waiter, args=(buffer,))
+        inserting.start()
+        assert buffer.can_transform_full("map", at(1), "robot", at(1), "map", timeout)
+        inserting.join()
+
+    def test_a_question_waits(self, buffer, timeout):
+        inserting = threading.Thread(target=insert_for_a_waiter, args=(buffer,))
+        inserting.start()
+        assert buffer.can_transform("map", "robot", LATEST, timeout)
+        inserting.join()
+
+    def test_a_future_waits_without_a_deadline(self, buffer, timeout):
+        future = wait(buffer, timeout=timeout)
+        assert not has_deadline(future)
+        insert(buffer)
+        assert future.result().child_frame_id == "robot"
+
+    def test_a_buffer_that_replaces_methods_waits(self, tf2_ros, timeout):
+        buffer = replaced_buffer(tf2_ros)
+        future = wait(buffer, timeout=timeout)
+        assert not has_deadline(future)
+        timer = threading.Timer(0.05, insert, (buffer,))
+        timer.start()
+        assert buffer.can_transform("map", "robot", LATEST, timeout)
+        assert future.result().child_frame_id == "robot"
+        timer.join()
+
+
+@pytest.mark.ours
+def test_a_timeout_before_all_time_ends_at_once(buffer, tf2_py):
+    for timeout in (Duration(nanoseconds=-(2**63)), Long(-(10**30)), Long(float("-inf"))):
+        with pytest.raises(tf2_py.LookupException):
+            buffer.lookup_transform("map", "robot", LATEST, timeout)
+        future = wait(buffer, timeout=timeout)
+        until(future.done)
+        assert type(future.exception()) is tf2_py.TimeoutException
+
+
+def insert_for_a_waiter(buffer):
+    until(lambda: buffer.statistics()["waiters"])
+    insert(buffer)
+
+
+def replaced_buffer(tf2_ros, node=None):
+    """A buffer whose waits call its own method."""
+
+    class Replaced(tf2_ros.Buffer):
+        def can_transform_core(self, *arguments):
+            return super().can_transform_core(*arguments)
+
+    return Replaced(node=node)
+
+
+def has_deadline(future):
+    from tf2_ros._wait.timers import deadlines
+
+    return any(entry[2]() is future for entry in deadlines.entries())
+
+
+def deadline_threads():
+    return sum(thread.name == "tf2_ros deadlines" for thread in threading.enumerate())
+
+
+@pytest.mark.ours
+class TestEndOfTheWait:
+    def test_cancelling_ends_it(self, buffer):
+        future = wait(buffer)
+        future.cancel()
+        assert buffer.statistics()["waiters"] == 0
+        insert(buffer)
+        assert future.cancelled()
+        assert not future.done()
+
+    def test_a_result_from_elsewhere_ends_it(self, buffer):
+        for end in (lambda f: f.set_result("mine"), lambda f: f.set_exception(KeyError("mine"))):
+            future = wait(buffer, at(5))
+            end(future)
+            assert buffer.statistics()["waiters"] == 0
+            assert future.exception() is not None or future.result() == "mine"
+
+    def test_dropping_it_ends_it(self, buffer):
+        future = wait(buffer)
+        assert buffer.statistics()["waiters"] == 1
+        del future
+        assert buffer.statistics()["waiters"] == 0
+
+    def test_dropping_it_in_a_cycle_ends_it_with_the_cycle(self, buffer):
+        future = wait(buffer)
+        future.itself = future
+        del future
+        gc.collect()
+        assert buffer.statistics()["waiters"] == 0
+
+    def test_a_callback_keeps_it_without_anybody_holding_it(self, buffer):
+        found = []
+        wait(buffer).add_done_callback(lambda future: found.append(future.result()))
+        gc.collect()
+        insert(buffer)
+        assert [m.child_frame_id for m in found] == ["robot"]
+
+    def test_a_removed_callback_keeps_it_no_more(self, buffer):
+        future = wait(buffer)
+        callbacks = [lambda _: None, lambda _: None]
+        for callback in callbacks:
+            future.add_done_callback(callback)
+        assert future.remove_done_callback(callbacks[0])
+        assert not future.remove_done_callback(callbacks[0])
+        reference = weakref.ref(future)
+        del future
+        gc.collect()
+        assert reference() is not None
+        assert reference().remove_done_callback(callbacks[1])
+        gc.collect()
+        assert reference() is None
+
+    def test_an_executor_that_gave_up_does_not_keep_it(self, buffer, ros, node):
+        ros.spin_until_future_complete(node, wait(buffer), timeout_sec=0.05)
+        ros.spin_once(node, timeout_sec=0)  # rclpy remembers the last future it spun for
+        gc.collect()
+        assert buffer.statistics()["waiters"] == 0
+
+    def test_the_buffer_is_collected_with_its_future(self, tf2_ros):
+        buffer = tf2_ros.Buffer()
+        future = wait(buffer)
+        reference = weakref.ref(buffer)
+        del buffer
+        assert reference() is not None, "the future needs it"
+        del future
+        assert reference() is None
+
+    def test_a_completed_future_does_not_keep_the_buffer(self, tf2_ros):
+        buffer = tf2_ros.Buffer()
+        future = wait(buffer)
+        insert(buffer)
+        reference = weakref.ref(buffer)
+        del buffer
+        assert reference() is None
+        assert future.result() is not None
+
+    def test_a_future_that_timed_out_does_not_keep_the_buffer(self, tf2_ros):
+        buffer = tf2_ros.Buffer()
+        future = wait(buffer, timeout=SHORT)
+        until(future.done)
+        reference = weakref.ref(buffer)
+        del buffer
+        until(lambda: reference() is None)
+        assert future.exception() is not None
+
+    def test_a_future_that_called_back_keeps_neither_its_wait_nor_the_buffer(self, tf2_ros):
+        buffer, called = tf2_ros.Buffer(), []
+        future = wait(buffer)
+        future.add_done_callback(called.append)
+        insert(buffer)
+        reference = weakref.ref(buffer)
+        del buffer
+        assert called == [future]
+        assert reference() is None
+        assert not any(type(thing).__name__ == "Wait" for thing in gc.get_referents(future, vars(future)))
+
+    def test_a_completed_future_of_a_buffer_that_replaces_methods_does_not_keep_it(self, tf2_ros):
+        buffer = replaced_buffer(tf2_ros)
+        future = wait(buffer)
+        insert(buffer)
+        reference = weakref.ref(buffer)
+        del buffer
+        # The thread that asks again may be looking at it.
+        until(lambda: gc.collect() is not None and reference() is None)
+        assert future.result() is not None
+
+    def test_ten_thousand_waits_leave_no_reference(self, buffer):
+        insert(buffer)
+        message_class = type(buffer.lookup_transform("map", "robot", LATEST))
+        gc.collect()
+        before = sys.getrefcount(message_class), sys.getrefcount(buffer)
+        for _ in range(10_000):
+            future = wait(buffer, at(5))
+            future.cancel()
+        del future
+        gc.collect()
+        assert (sys.getrefcount(message_class), sys.getrefcount(buffer)) == before
+
+
+@pytest.mark.ours
+def test_no_insert_is_lost_between_the_lookup_and_the_wait(buffer):
+    """Each round, an insert and a wait for it begin together; one that misses the other waits for ever."""
+    rounds = 3000
+    start, futures = threading.Barrier(2), []
+
+    def inserting():
+        for i in range(rounds):
+            start.wait()
+            insert(buffer, 1 + i)
+
+    thread = threading.Thread(target=inserting)
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        thread.start()
+        for i in range(rounds):
+            start.wait()
+            futures.append(wait(buffer, at(1 + i)))
+        thread.join()
+    finally:
+        sys.setswitchinterval(interval)
+    assert [stamp_ns(future.result()) for future in futures] == [(1 + i) * 10**9 for i in range(rounds)]
+
+
+@pytest.mark.ours
+def test_of_cancelling_timing_out_and_completing_one_wins(buffer):
+    """All at once, many times: a future ends once, and its callback is called once."""
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    ends = []
+    try:
+        for i in range(500):
+            start, calls = threading.Barrier(2), []
+            future = wait(buffer, at(1 + i), timeout=Duration(nanoseconds=100_000))
+            future.add_done_callback(calls.append)
+
+            def inserting(i=i, start=start):
+                start.wait()
+                insert(buffer, 1 + i)
+
+            thread = threading.Thread(target=inserting)
+            thread.start()
+            start.wait()
+            future.cancel()
+            thread.join()
+            until(lambda future=future: future.done() or future.cancelled())
+            until(lambda calls=calls: calls)
+            assert calls == [future]
+            ends.append((future.cancelled(), future.exception() is not None))
+    finally:
+        sys.setswitchinterval(interval)
+    assert len(ends) == 500
+
+
+@pytest.mark.ours
+class TestShutdown:
+    @pytest.mark.parametrize("replaces", [False, True])
+    @pytest.mark.parametrize("full", [False, True])
+    def test_asyncio_awaits_no_longer(self, ros, tf2_ros, node, replaces, full):
+        buffer = replaced_buffer(tf2_ros, node=node) if replaces else tf2_ros.Buffer(node=node)
+        names = ("map", at(2), "robot", at(1), "odom") if full else ("map", "robot", at(1))
+
+        async def main():
+            look_up = buffer.lookup_transform_full_async if full else buffer.lookup_transform_async
+            awaiting = [asyncio.ensure_future(look_up(*names)) for _ in range(3)]
+            await asyncio.sleep(0)
+            ros.shutdown()
+            errors = await asyncio.wait_for(asyncio.gather(*awaiting, return_exceptions=True), DEADLINE_S)
+            # One that begins later ends at once, too.
+            with pytest.raises(tf2_ros.TimeoutException, match=ENDED):
+                await asyncio.wait_for(look_up(*names), DEADLINE_S)
+            return errors
+
+        errors = asyncio.run(main())
+        assert [type(error) for error in errors] == [tf2_ros.TimeoutException] * 3
+        assert all(re.fullmatch(ENDED, str(error)) for error in errors)
+        assert buffer.statistics()["waiters"] == 0
+
+    def test_of_two_that_await_one_may_leave(self, ros, tf2_ros, buffer):
+        future = wait(buffer)
+
+        async def main():
+            leaving, staying = (asyncio.ensure_future(await_it(future)) for _ in range(2))
+            await asyncio.sleep(0)
+            leaving.cancel()
+            await asyncio.sleep(0)
+            ros.shutdown()
+            with pytest.raises(tf2_ros.TimeoutException, match=ENDED):
+                await asyncio.wait_for(staying, DEADLINE_S)
+
+        asyncio.run(main())
+
+    def test_a_signal_that_shuts_the_context_down_ends_it(self):
+        program = start("awaits.py", stdout=subprocess.PIPE)
+        assert program.stdout.readline() == "waiting\n"
+        program.send_signal(signal.SIGTERM)
+        text, _ = program.communicate(timeout=DEADLINE_S)
+        assert re.fullmatch(ENDED, text.strip())
+
+    def test_an_answer_is_awaited_afterwards_if_it_is_available(self, ros, buffer):
+        insert(buffer)
+        ros.shutdown()
+        assert asyncio.run(buffer.lookup_transform_async("map", "robot", at(1))).child_frame_id == "robot"
+
+    def test_what_nobody_awaits_goes_on_waiting(self, ros, buffer):
+        future, called = wait(buffer), []
+        future.add_done_callback(called.append)
+        ros.shutdown()
+        late = wait(buffer)
+        assert not future.done()
+        assert not late.done()
+        insert(buffer)
+        assert called == [future]
+        assert late.done()
+
+    def test_what_is_not_awaited_any_more_is_not_ended(self, ros, tf2_py, buffer):
+        future = wait(buffer)
+
+        async def main():
+            with pytest.raises(asyncio.TimeoutError):
+                await asyncio.wait_for(await_it(future), 0.01)
+            ended = wait(buffer)
+            ros.shutdown()
+            with pytest.raises(tf2_py.TimeoutException, match=ENDED):
+                await ended
+
+        asyncio.run(main())
+        assert not future.done()
+        insert(buffer)
+        assert future.done()
+
+    @pytest.mark.parametrize("replaces", [False, True])
+    def test_what_begins_after_the_end_of_a_context_it_does_not_depend_on_is_awaited(
+        self, ros, tf2_ros, replaces
+    ):
+        buffer = replaced_buffer(tf2_ros) if replaces else tf2_ros.Buffer()
+        ros.shutdown()
+
+        async def main():
+            future = wait(buffer, at(1))
+            asyncio.get_running_loop().call_later(0.15, insert, buffer)
+            return await asyncio.wait_for(await_it(future), DEADLINE_S)
+
+        assert asyncio.run(main()).child_frame_id == "robot"
+
+    def test_the_context_is_checked_while_something_is_awaited_only(self, ros, buffer):
+        async def main():
+            asyncio.get_running_loop().call_later(0.15, insert, buffer)
+            await buffer.lookup_transform_async("map", "robot", at(1))
+
+        asyncio.run(main())
+        until(lambda: deadline_threads() == 0)
+
+
+async def await_it(future):
+    return await future
+
+
+class TestAwaiting:
+    def test_a_task_of_an_executor_awaits_it(self, buffer, executor):
+        task = executor.create_task(buffer.lookup_transform_async("map", "robot", at(1)))
+        executor.spin_once(timeout_sec=0)
+        assert not task.done()
+        insert(buffer)
+        until(task.done, executor)
+        assert task.result().child_frame_id == "robot"
+
+    @pytest.mark.ours
+    def test_an_idle_executor_is_woken_for_its_task(self, buffer, executor):
+        task = executor.create_task(buffer.lookup_transform_async("map", "robot", at(1)))
+        executor.spin_once(timeout_sec=0)
+        timer = threading.Timer(0.05, insert, (buffer,))
+        begin = time.monotonic()
+        timer.start()
+        executor.spin_until_future_complete(task, timeout_sec=DEADLINE_S)
+        timer.join()
+        assert task.done()
+        assert time.monotonic() - begin < PROMPT_S
+
+    def test_full_is_awaited_likewise(self, buffer, executor):
+        insert(buffer, 1)
+        insert(buffer, 2)
+        coroutine = buffer.lookup_transform_full_async("map", at(2), "robot", at(1), "map")
+        task = executor.create_task(coroutine)
+        until(task.done, executor)
+        assert stamp_ns(task.result()) == 2 * 10**9
+
+    @pytest.mark.ours
+    def test_awaiting_has_a_timeout(self, buffer, executor, tf2_py):
+        coroutines = [
+            buffer.lookup_transform_async("map", "robot", at(1), timeout=SHORT),
+            buffer.lookup_transform_full_async("map", at(2), "robot", at(1), "map", timeout=SHORT),
+        ]
+        for coroutine in coroutines:
+            task = executor.create_task(coroutine)
+            with pytest.raises(tf2_py.TimeoutException):  # rclpy raises it out of spinning, too
+                until(task.done, executor)
+            assert type(task.exception()) is tf2_py.TimeoutException
+
+    def test_spinning_until_it_is_complete_wakes_the_executor(self, buffer, executor):
+        future = wait(buffer)
+        timer = threading.Timer(0.05, insert, (buffer,))
+        timer.start()
+        executor.spin_until_future_complete(future, timeout_sec=DEADLINE_S)
+        timer.join()
+        assert future.done()
+
+    def test_any_executor_will_do(self, buffer, ros, node):
+        executor = MultiThreadedExecutor(2)
+        executor.add_node(node)
+        tasks = [executor.create_task(buffer.lookup_transform_async("map", "robot", at(s))) for s in (1, 2)]
+        executor.spin_once(timeout_sec=0)
+        insert(buffer, 1)
+        insert(buffer, 2)
+        until(lambda: all(task.done() for task in tasks), executor)
+        assert [stamp_ns(task.result()) for task in tasks] == [10**9, 2 * 10**9]
+        executor.shutdown()
+
+    @pytest.mark.ours
+    def test_it_is_awaited_by_a_task_that_its_executor_skips_while_it_falls_asleep(
+        self, buffer, ros, monkeypatch
+    ):
+        """Between deciding to sleep and sleeping, the task is still executed, and every executor skips it."""
+        falling_asleep, skipped = threading.Event(), threading.Event()
+
+        def await_slowly(future):
+            while not future.done():
+                falling_asleep.set()
+                skipped.wait()
+                yield
+            return future.result()
+
+        def executing(task):
+            if task._executing and buffer.can_transform("map", "robot", at(1)):
+                skipped.set()
+            return task._executing
+
+        monkeypatch.setattr(Future, "__await__", await_slowly)
+        monkeypatch.setattr(Task, "executing", executing)
+        executor = MultiThreadedExecutor(2)
+        with spinning(executor):
+            task = executor.create_task(buffer.lookup_transform_async("map", "robot", at(1)))
+            assert falling_asleep.wait(DEADLINE_S)
+            insert(buffer)
+            until(task.done)
+        assert task.result().child_frame_id == "robot"
+
+    def test_plain_asyncio_awaits_it(self, buffer):
+        async def main():
+            timer = threading.Timer(0.05, insert, (buffer,))
+            timer.start()
+            found = await asyncio.wait_for(buffer.lookup_transform_async("map", "robot", at(1)), DEADLINE_S)
+            timer.join()
+            return found
+
+        assert asyncio.run(main()).child_frame_id == "robot"
+
+    @pytest.mark.ours
+    def test_a_task_that_awaits_is_no_cycle(self, buffer, executor):
+        task = executor.create_task(buffer.lookup_transform_async("map", "robot", at(1)))
+        executor.spin_once(timeout_sec=0)
+        assert buffer.statistics()["waiters"] == 1
+        executor._tasks.clear()
+        executor._cb_iter = None
+        gc.disable()
+        try:
+            del task
+            assert buffer.statistics()["waiters"] == 0
+        finally:
+            gc.enable()
+
+    @pytest.mark.ours
+    def test_an_awaiting_coroutine_that_is_closed_waits_no_more(self, buffer):
+        coroutine = buffer.lookup_transform_async("map", "robot", at(1))
+        coroutine.send(None)
+        assert buffer.statistics()["waiters"] == 1
+        coroutine.close()
+        assert buffer.statistics()["waiters"] == 0

@@ -1,0 +1,195 @@
+"""Set up installations: copies of the checkout, a ROS 2 to source, Pythons of their own."""
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from importlib import metadata
+from pathlib import Path
+
+from packaging.requirements import Requirement
+from paths import ROOT
+
+OURS = ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs")
+SITE = Path("lib", f"python{sys.version_info.major}.{sys.version_info.minor}", "site-packages")
+INDEX = Path("share", "ament_index", "resource_index", "packages")
+
+
+def backend_at(folder, name):
+    """The build's hooks in this folder, as a module of this name; the path stays as it is."""
+    spec = importlib.util.spec_from_file_location(name, folder / "__init__.py")
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def checkout_copy(target):
+    """The checkout's own files, without anything built."""
+    skip = ["*.so", "*.egg-info", "__pycache__", "_built.py"]
+    target.mkdir(parents=True)
+    for name in (*OURS, "tf2_ros_tools", "tf2_ros_cython", "build_backend", "resource"):
+        shutil.copytree(ROOT / name, target / name, ignore=shutil.ignore_patterns(*skip))
+    messages_copy(target / "messages")
+    for name in (
+        "setup.py",
+        "setup.cfg",
+        "pyproject.toml",
+        "package.xml",
+        "MANIFEST.in",
+        "LICENSE",
+        "README.md",
+    ):
+        shutil.copy(ROOT / name, target)
+    return target
+
+
+def messages_copy(target):
+    """The checkout's project of tf2_msgs, without anything built."""
+    skip = ["*.so", "*.egg-info", "__pycache__", "_release.py", "build"]
+    shutil.copytree(ROOT / "messages", target, ignore=shutil.ignore_patterns(*skip))
+    for kind in ("msg", "srv", "action"):
+        for generated in (target / "src" / "tf2_msgs" / kind).glob("*.py"):
+            generated.unlink()
+    return target
+
+
+def reuse_builds(project):
+    """Let a copy build upon what the checkout's own builds left, which saves most of the time."""
+    for folder in [ROOT / "build" / "inplace", *(ROOT / "build").glob("cython-*")]:
+        if folder.is_dir():
+            shutil.copytree(folder, project / "build" / folder.name)
+
+
+def build(hook, project, target, **environment):
+    """Call one of the build's hooks, without isolation; return the path of the wheel."""
+    target.mkdir(parents=True, exist_ok=True)
+    program = f"import build_backend; build_backend.{hook}({str(target)!r})"
+    subprocess.run(
+        [sys.executable, "-c", program], cwd=project, env={**os.environ, **environment}, check=True
+    )
+    [wheel] = target.glob("*.whl")
+    return wheel
+
+
+class Prefix:
+    """A folder that AMENT_PREFIX_PATH may name, with Python packages and their markers."""
+
+    def __init__(self, path):
+        self.path = Path(path)
+        (self.path / SITE).mkdir(parents=True)
+        (self.path / INDEX).mkdir(parents=True)
+
+    def mark(self, *packages):
+        for package in packages:
+            (self.path / INDEX / package).touch()
+        return self
+
+    def add_stubs(self, owner, *packages):
+        """Packages that say whose they are."""
+        for package in packages:
+            folder = self.path / SITE / package
+            folder.mkdir()
+            (folder / "__init__.py").write_text(f"OWNER = {owner!r}\n")
+        return self.mark(*packages)
+
+
+def distribution(path):
+    """A ROS 2 made of the wheels of this environment, which hold no tf2."""
+    prefix = Prefix(path)
+    installed = Path(sysconfig.get_path("purelib"))
+    for entry in installed.iterdir():
+        ours = entry.name.startswith(("tf2_", "__editable__", "ros_wheels_bootstrapper"))
+        if not ours and entry.suffix != ".pth":
+            (prefix.path / SITE / entry.name).symlink_to(entry)
+    for library in Path(sys.prefix, "lib").glob("lib*.so*"):
+        (prefix.path / "lib" / library.name).symlink_to(library)
+    (prefix.path / "include").symlink_to(Path(sys.prefix, "include"))
+    for package in Path(sys.prefix, "share").iterdir():
+        if package.name not in ("ament_index", "tf2_ros_cython"):
+            (prefix.path / "share" / package.name).symlink_to(package)
+    return prefix.mark(
+        *(marker.name for marker in Path(sys.prefix, INDEX).iterdir() if "tf2" not in marker.name)
+    )
+
+
+def add_tf2(prefix):
+    """Give a distribution a tf2: stubs, and the messages."""
+    prefix.add_stubs("distribution", *OURS)
+    copy_messages(prefix.path / SITE, "_release.py")
+    return prefix.mark("tf2_msgs")
+
+
+def copy_messages(folder, *left_out):
+    """The tf2_msgs of this environment, copied into a folder."""
+    [source] = importlib.util.find_spec("tf2_msgs").submodule_search_locations
+    shutil.copytree(source, folder / "tf2_msgs", ignore=shutil.ignore_patterns("__pycache__", *left_out))
+
+
+def sourced(*prefixes, **more):
+    """The environment of a shell that sourced these prefixes, the overlay first."""
+    environment = unsourced()
+    environment["AMENT_PREFIX_PATH"] = os.pathsep.join(str(prefix.path) for prefix in prefixes)
+    environment["PYTHONPATH"] = os.pathsep.join(str(prefix.path / SITE) for prefix in prefixes)
+    libraries = [prefix.path / "lib" for prefix in prefixes]
+    libraries += [folder for prefix in prefixes for folder in (prefix.path / SITE).glob("ros_*.libs")]
+    environment["LD_LIBRARY_PATH"] = os.pathsep.join(map(str, libraries))
+    return {**environment, **more}
+
+
+def unsourced():
+    """The environment of a new shell."""
+    left_out = ("AMENT_PREFIX_PATH", "PYTHONPATH", "TF2_ROS_CYTHON")
+    return {name: value for name, value in os.environ.items() if name not in left_out}
+
+
+def new_venv(path, wheel=None, *options):
+    """A virtual environment with nothing but the wheel, without what it depends on; return its Python."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", *options, path], check=True)
+    python = Path(path, "bin", "python")
+    if wheel is not None:
+        pip_install(python, wheel)
+    return python
+
+
+def pip_install(python, wheel, *options, **environment):
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "--python",
+        python,
+        "install",
+        "--quiet",
+        "--no-deps",
+        "--no-index",
+    ]
+    subprocess.run([*command, *options, wheel], env={**unsourced(), **environment}, check=True)
+
+
+def run(command, environment, folder):
+    """What a program ended with, started in a folder that holds none of ours."""
+    return subprocess.run(command, env=environment, cwd=folder, text=True, capture_output=True)
+
+
+def link_libraries(folder, *requirements):
+    """Fill a folder with the libraries of this Python that these require, directly or not."""
+    folder.mkdir()
+    linked = set()
+    wanted = [Requirement(one) for one in requirements]
+    while wanted:
+        requirement = wanted.pop()
+        name = (requirement.name, *sorted(requirement.extras))
+        if name in linked:
+            continue
+        linked.add(name)
+        found = metadata.distribution(requirement.name)
+        for entry in {file.parts[0] for file in found.files if file.parts[0] not in ("..", "__pycache__")}:
+            if not (folder / entry).exists():
+                (folder / entry).symlink_to(found.locate_file(entry))
+        for needed in map(Requirement, found.requires or ()):
+            extras = requirement.extras or {""}
+            if needed.marker is None or any(needed.marker.evaluate({"extra": one}) for one in extras):
+                wanted.append(needed)
+    return folder

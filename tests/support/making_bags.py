@@ -1,0 +1,259 @@
+"""Makes recordings in every format, with the writers of rosbags and of mcap; needs no ROS."""
+
+import math
+import shutil
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from mcap.writer import CompressionType, IndexType
+from mcap.writer import Writer as McapWriter
+from rosbags import rosbag1, rosbag2
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from ruamel.yaml import YAML
+from zstandard import ZstdCompressor
+
+S = 1_000_000_000
+TF = "tf2_msgs/msg/TFMessage"
+TF_OF_OLD = "tf/msg/tfMessage"
+STRING = "std_msgs/msg/String"
+SCAN = "sensor_msgs/msg/LaserScan"
+
+
+class Tf(NamedTuple):
+    """A transform: stamp in ns, metres, quaternion x y z w."""
+
+    parent: str
+    child: str
+    ns: int
+    xyz: tuple = (0.0, 0.0, 0.0)
+    xyzw: tuple = (0.0, 0.0, 0.0, 1.0)
+
+
+class Sent(NamedTuple):
+    """A recorded message: a list of Tf, or the fields of a message of another type, or bytes as they are."""
+
+    log_ns: int
+    topic: str
+    content: object
+    msgtype: str = TF
+
+
+def drive(count=20, *, begin_ns=100 * S, prefix="", frame_prefix="", step_ns=S // 10):
+    """Messages of a robot that drives in a circle: map -> odom -> base -> (static) camera, and a lidar."""
+    f = frame_prefix
+    static = [Tf(f + "base", f + "camera", begin_ns, (0.3, 0.0, 0.5), turn(0.1))]
+    messages = [Sent(begin_ns, f"{prefix}/tf_static", static)]
+    for i in range(count):
+        ns = begin_ns + i * step_ns
+        pose = (math.cos(i / 10), math.sin(i / 10), 0.0)
+        moving = [
+            Tf(f + "map", f + "odom", ns, (0.01 * i, 0.0, 0.0), turn(0.001 * i)),
+            Tf(f + "odom", f + "base", ns, pose, turn(i / 10)),
+        ]
+        messages.append(Sent(ns + 1_000_000, f"{prefix}/tf", moving))
+    lidar = [Tf(f + "base", f + "lidar", begin_ns, (0.0, 0.1, 0.7))]
+    messages.append(Sent(begin_ns + count * step_ns, f"{prefix}/tf_static", lidar))
+    return messages
+
+
+def turn(angle):
+    return (0.0, 0.0, math.sin(angle / 2), math.cos(angle / 2))
+
+
+@cache
+def store(ros=2):
+    if ros == 2:
+        return get_typestore(Stores.ROS2_JAZZY)
+    store = get_typestore(Stores.ROS1_NOETIC)
+    definition = "geometry_msgs/TransformStamped[] transforms"
+    for name in (TF, TF_OF_OLD):
+        if name not in store.fielddefs:
+            store.register(get_types_from_msg(definition, name))
+    return store
+
+
+def message(sent, ros=2):
+    """The message object of rosbags' types."""
+    types = store(ros).types
+    if sent.msgtype not in (TF, TF_OF_OLD):
+        return types[sent.msgtype](**sent.content)
+    seq = {} if ros == 2 else {"seq": 7}
+    transforms = [
+        types["geometry_msgs/msg/TransformStamped"](
+            header=types["std_msgs/msg/Header"](
+                stamp=types["builtin_interfaces/msg/Time"](*divmod(tf.ns, S)), frame_id=tf.parent, **seq
+            ),
+            child_frame_id=tf.child,
+            transform=types["geometry_msgs/msg/Transform"](
+                translation=types["geometry_msgs/msg/Vector3"](*map(float, tf.xyz)),
+                rotation=types["geometry_msgs/msg/Quaternion"](*map(float, tf.xyzw)),
+            ),
+        )
+        for tf in sent.content
+    ]
+    return types[sent.msgtype](transforms)
+
+
+def scan(log_ns, stamp_ns, topic="/scan", ros=2):
+    """A message of another type, with a header."""
+    types = store(ros).types
+    seq = {} if ros == 2 else {"seq": 7}
+    header = types["std_msgs/msg/Header"](
+        stamp=types["builtin_interfaces/msg/Time"](*divmod(stamp_ns, S)), frame_id="lidar", **seq
+    )
+    names = ("angle_min", "angle_max", "angle_increment", "time_increment", "scan_time")
+    numbers = dict.fromkeys((*names, "range_min", "range_max"), 0.0)
+    empty = np.zeros(0, np.float32)
+    return Sent(log_ns, topic, {"header": header, **numbers, "ranges": empty, "intensities": empty}, SCAN)
+
+
+def raw(sent):
+    """In CDR."""
+    if isinstance(sent.content, bytes):
+        return sent.content
+    return bytes(store().serialize_cdr(message(sent), sent.msgtype))
+
+
+def write_folder(path, messages, storage="mcap", compression=None, topics=()):
+    """
+    A folder of rosbag2.
+
+    :param compression: None, "file", "message", or "storage" (chunks; of mcap).
+    :param topics: pairs of name and type, recorded without a message.
+    """
+    plugin = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}[storage]
+    writer = rosbag2.Writer(path, version=9, storage_plugin=plugin)
+    if compression is not None:
+        writer.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
+    with writer:
+        connections = {}
+        for topic, msgtype in [*((one.topic, one.msgtype) for one in messages), *topics]:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, msgtype, typestore=store())
+        for one in messages:
+            writer.write(connections[one.topic], one.log_ns, raw(one))
+    return path
+
+
+def write_split(path, messages, storage="mcap", compression=None, parts=3):
+    """A folder of rosbag2 whose messages are split into several files, in the order given."""
+    path.mkdir()
+    size = -(-len(messages) // parts)
+    whole = None
+    yaml = YAML(typ="safe")
+    for part in range(parts):
+        some = messages[part * size : (part + 1) * size]
+        folder = write_folder(path.parent / f"{path.name}_{part}", some, storage, compression)
+        info = yaml.load((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+        for name in info["relative_file_paths"]:
+            shutil.move(folder / name, path / name)
+        shutil.rmtree(folder)
+        whole = info if whole is None else _merged(whole, info)
+    whole["message_count"] = len(messages)
+    logs = [one.log_ns for one in messages]
+    whole["starting_time"]["nanoseconds_since_epoch"] = min(logs)
+    whole["duration"]["nanoseconds"] = max(logs) - min(logs)
+    with open(path / "metadata.yaml", "w") as file:
+        YAML().dump({"rosbag2_bagfile_information": whole}, file)
+    return path
+
+
+def _merged(whole, info):
+    topics = {one["topic_metadata"]["name"]: one for one in whole["topics_with_message_count"]}
+    for one in info["topics_with_message_count"]:
+        known = topics.setdefault(one["topic_metadata"]["name"], one)
+        if known is not one:
+            known["message_count"] += one["message_count"]
+    whole["topics_with_message_count"] = list(topics.values())
+    whole["relative_file_paths"] += info["relative_file_paths"]
+    whole["files"] += info["files"]
+    return whole
+
+
+def write_mcap(path, messages, compression="none", index=True, chunked=True, chunk_size=2000, topics=()):
+    """A bare .mcap, by the library mcap; small chunks, so that there are several."""
+    writer = McapWriter(
+        str(path),
+        chunk_size=chunk_size,
+        compression=CompressionType[compression.upper()],
+        index_types=IndexType.ALL if index else IndexType.NONE,
+        repeat_channels=index,
+        repeat_schemas=index,
+        use_statistics=index,
+        use_summary_offsets=index,
+        use_chunking=chunked,
+    )
+    writer.start("ros2", "tests")
+    channels = {}
+    for topic, msgtype in [*((one.topic, one.msgtype) for one in messages), *topics]:
+        if topic not in channels:
+            text, _ = store().generate_msgdef(msgtype, ros_version=2)
+            schema = writer.register_schema(msgtype, "ros2msg", text.encode())
+            channels[topic] = writer.register_channel(topic, "cdr", schema)
+    for one in messages:
+        writer.add_message(channels[one.topic], one.log_ns, raw(one), one.log_ns)
+    writer.finish()
+    return path
+
+
+def write_db3(path, messages):
+    """A bare .db3."""
+    folder = write_folder(path.parent / f"{path.name}_folder", messages, "sqlite3")
+    shutil.move(folder / f"{folder.name}.db3", path)
+    shutil.rmtree(folder)
+    return path
+
+
+def packed(path):
+    """A file compressed as rosbag2 does it; the file itself is removed."""
+    whole = path.with_name(f"{path.name}.zstd")
+    whole.write_bytes(ZstdCompressor().compress(path.read_bytes()))
+    path.unlink()
+    return whole
+
+
+def write_ros1(path, messages, compression=None, msgtype=TF, chunk_size=2000):
+    """A .bag of ROS 1; `msgtype`: of the transforms."""
+    writer = rosbag1.Writer(path)
+    writer.chunk_threshold = chunk_size
+    if compression is not None:
+        writer.set_compression(rosbag1.Writer.CompressionFormat[compression.upper()])
+    with writer:
+        connections = {}
+        for one in messages:
+            one = one._replace(msgtype=msgtype) if one.msgtype == TF else one
+            if one.topic not in connections:
+                connections[one.topic] = writer.add_connection(one.topic, one.msgtype, typestore=store(1))
+            data = store(1).serialize_ros1(message(one, ros=1), one.msgtype)
+            writer.write(connections[one.topic], one.log_ns, data)
+    return path
+
+
+# What writes the same messages in each format; called with a folder and the messages, returns the path.
+FORMATS = {
+    "folder-mcap": lambda at, m: write_folder(at / "run", m),
+    "folder-mcap-file": lambda at, m: write_folder(at / "run", m, "mcap", "file"),
+    "folder-mcap-message": lambda at, m: write_folder(at / "run", m, "mcap", "message"),
+    "folder-mcap-storage": lambda at, m: write_folder(at / "run", m, "mcap", "storage"),
+    "folder-sqlite3": lambda at, m: write_folder(at / "run", m, "sqlite3"),
+    "folder-sqlite3-file": lambda at, m: write_folder(at / "run", m, "sqlite3", "file"),
+    "folder-sqlite3-message": lambda at, m: write_folder(at / "run", m, "sqlite3", "message"),
+    "split-mcap": lambda at, m: write_split(at / "run", m),
+    "split-mcap-file": lambda at, m: write_split(at / "run", m, "mcap", "file"),
+    "split-sqlite3": lambda at, m: write_split(at / "run", m, "sqlite3"),
+    "mcap": lambda at, m: write_mcap(at / "run.mcap", m),
+    "mcap-lz4": lambda at, m: write_mcap(at / "run.mcap", m, "lz4"),
+    "mcap-zstd": lambda at, m: write_mcap(at / "run.mcap", m, "zstd"),
+    "mcap-no-index": lambda at, m: write_mcap(at / "run.mcap", m, "zstd", index=False),
+    "mcap-no-chunks": lambda at, m: write_mcap(at / "run.mcap", m, chunked=False),
+    "mcap-plain": lambda at, m: write_mcap(at / "run.mcap", m, index=False, chunked=False),
+    "mcap-file": lambda at, m: packed(write_mcap(at / "run.mcap", m)),
+    "db3": lambda at, m: write_db3(at / "run.db3", m),
+    "db3-file": lambda at, m: packed(write_db3(at / "run.db3", m)),
+    "ros1": lambda at, m: write_ros1(at / "run.bag", m),
+    "ros1-bz2": lambda at, m: write_ros1(at / "run.bag", m, "bz2"),
+    "ros1-lz4": lambda at, m: write_ros1(at / "run.bag", m, "lz4"),
+    "ros1-tf": lambda at, m: write_ros1(at / "run.bag", m, msgtype=TF_OF_OLD),
+}

@@ -1,0 +1,531 @@
+"""
+Owns a slow and obvious model of a tf2 buffer: lists, dicts and tuples.
+
+It follows the C++ of ROS 2 Jazzy (`buffer_core.cpp`, `cache.cpp`) and what `docs/differences.md` says is
+different here, and shares nothing with this project's own code. Times are nanoseconds, vectors x y z,
+rotations x y z w.
+"""
+
+import math
+import sys
+
+from model_listings import RESERVED, Listings, S, seconds
+from model_math import (
+    IDENTITY,
+    added,
+    canonical,
+    composed,
+    conjugate,
+    cross,
+    difference,
+    inverse,
+    product,
+    slerp,
+    turned,
+)
+
+STAMPS_END = 2**31 * S  # messages carry seconds as int32
+MOST_OF_ONE_STAMP = 64  # samples; then the newest replaces the one before it
+MOST_HOPS = 1000  # from a frame up to the common ancestor
+NEWEST = "newest"  # as a time: that of the newest sample, whatever its stamp
+REASONS = (
+    "self_transform",
+    "no_frame_id",
+    "no_child_frame_id",
+    "nan_input",
+    "denormalized_quaternion",
+    "infinite_input",
+    "negative_stamp",
+    "reserved_frame_id",
+    "old_data",
+    "stamp_too_late",
+)
+
+
+def suspicion(time, edge):
+    """What is added where the time asked for is of 1970, and the samples are of this century."""
+    year = 365 * 86400 * 10**9
+    if 0 < time < year and edge > 30 * year:
+        return ". The requested time is in 1970: an integer that is not nanoseconds, or simulated time?"
+    return ""
+
+
+class ModelError(Exception):
+    """What a lookup raises: the name of tf2's class, and the text, or one of several."""
+
+    def __init__(self, kind, *texts):
+        super().__init__(kind, *texts)
+        self.kind, self.text, self.texts = kind, texts[0], texts
+
+
+class Gap(Exception):
+    """A frame has no data at a time."""
+
+    def __init__(self, frame, text, addition):
+        super().__init__(frame, text, addition)
+        self.frame, self.text, self.addition = frame, text, addition
+
+
+def interpolated(older, newer, ns):
+    stamp, parent, xyz, xyzw = older
+    next_stamp, _, next_xyz, next_xyzw = newer
+    ratio = (ns - stamp) / (next_stamp - stamp)
+    between = tuple(a + ratio * (b - a) for a, b in zip(xyz, next_xyz, strict=True))
+    return (parent, (between, slerp(xyzw, next_xyzw, ratio)))
+
+
+class Frame:
+    """A frame that was ever a child."""
+
+    def __init__(self, static):
+        self.static = static
+        self.samples = []  # (stamp, parent, xyz, xyzw): by stamp, those of equal stamp as they arrived
+
+    def newest_ns(self):
+        return 0 if self.static or not self.samples else self.samples[-1][0]
+
+    def oldest_ns(self):
+        return 0 if self.static or not self.samples else self.samples[0][0]
+
+    def newest_parent(self):
+        return self.samples[-1][1] if self.samples else None
+
+    def data_at(self, name, time):
+        """The parent, and the transform to it. Raises a Gap."""
+        samples = self.samples
+        if not samples:
+            text = "" if time == NEWEST else f" at time {seconds(time)}"
+            raise Gap(name, f"extrapolation{text}", f"no sample of {name} is held")
+        last = samples[-1]
+        if self.static or time in (NEWEST, last[0]):
+            return (last[1], last[2:])
+        first = samples[0]
+        if len(samples) == 1:
+            raise Gap(
+                name,
+                f"extrapolation at time {seconds(time)}, but only time {seconds(last[0])} is in the buffer",
+                f"{seconds(abs(time - last[0]))} s are missing beside the one sample of {name} in {last[1]}"
+                + suspicion(time, last[0]),
+            )
+        if time == first[0]:
+            return (first[1], first[2:])
+        if time > last[0]:
+            raise Gap(
+                name,
+                f"extrapolation into the future.  Requested time {seconds(time)} "
+                f"but the latest data is at time {seconds(last[0])}",
+                f"{seconds(time - last[0])} s are missing after the newest sample of {name} in {last[1]}"
+                + suspicion(time, last[0]),
+            )
+        if time < first[0]:
+            raise Gap(
+                name,
+                f"extrapolation into the past.  Requested time {seconds(time)} "
+                f"but the earliest data is at time {seconds(first[0])}",
+                f"{seconds(first[0] - time)} s are missing before the oldest sample of {name} in {first[1]}"
+                + suspicion(time, first[0]),
+            )
+        older = [sample for sample in samples if sample[0] <= time][-1]
+        newer = [sample for sample in samples if sample[0] > time][0]
+        if older[1] == newer[1]:
+            return interpolated(older, newer, time)
+        return (older[1], older[2:])
+
+    def parents(self):
+        return {sample[1] for sample in self.samples}
+
+
+class Model(Listings):
+    def __init__(self, cache_ns=10 * S):
+        self.cache_ns = cache_ns
+        self.names = []  # in the order of first use
+        self.frames = {}  # by name; those that were ever a child
+        self.authorities = {}
+        self.taken = 0
+        self.refused = dict.fromkeys(REASONS, 0)
+        self.looped = False  # the samples ever held a loop, whatever their stamps
+        self._found = {}  # what data_at() answered since the last change
+
+    # Inserting.
+
+    def insert(self, parent, child, ns, xyz, xyzw, authority, static=False):
+        """Whether it is taken."""
+        self._found.clear()
+        parent, child = parent.removeprefix("/"), child.removeprefix("/")
+        squared = sum(a * a for a in xyzw)
+        numbers = (*xyz, *xyzw)
+        wrong = {
+            "self_transform": parent == child,
+            "no_frame_id": parent == "",
+            "no_child_frame_id": child == "",
+            "nan_input": any(map(math.isnan, numbers)),
+            "denormalized_quaternion": not sys.float_info.min <= squared < math.inf,
+            "infinite_input": any(map(math.isinf, xyz)) and not any(map(math.isnan, numbers)),
+            "negative_stamp": ns < 0,
+            "reserved_frame_id": RESERVED in (parent, child),
+            "stamp_too_late": ns >= STAMPS_END,
+        }
+        if any(wrong.values()):
+            for reason, applies in wrong.items():
+                self.refused[reason] += applies
+            return False
+        self._name(child)
+        frame = self.frames.get(child)
+        if frame is None or frame.static != static:
+            frame = self.frames[child] = Frame(static)
+        self._name(parent)
+        length = math.sqrt(squared)
+        sample = (ns, parent, tuple(xyz), canonical(tuple(a / length for a in xyzw)))
+        if static:
+            frame.samples = [sample]
+        elif not self._insert_dynamic(frame, sample):
+            self.refused["old_data"] += 1
+            return False
+        self.authorities[child] = authority
+        self.taken += 1
+        self.looped = self.looped or self._is_below(parent, child)
+        return True
+
+    def _name(self, name):
+        if name not in self.names:
+            self.names.append(name)
+
+    def _is_below(self, frame, wanted):
+        above, found = [frame], {frame}
+        while above:
+            name = above.pop()
+            parents = self.frames[name].parents() if name in self.frames else set()
+            above += parents - found
+            found |= parents
+        return wanted in found
+
+    def _insert_dynamic(self, frame, sample):
+        oldest_kept = frame.newest_ns() - self.cache_ns
+        frame.samples = [kept for kept in frame.samples if kept[0] >= oldest_kept]
+        ns = sample[0]
+        if frame.samples and ns < oldest_kept:
+            return False
+        before = [kept for kept in frame.samples if kept[0] < ns]
+        same = [kept for kept in frame.samples if kept[0] == ns]
+        after = [kept for kept in frame.samples if kept[0] > ns]
+        if sample not in same:
+            if len(same) >= MOST_OF_ONE_STAMP:
+                same.pop()
+            same.append(sample)
+        frame.samples = before + same + after
+        return True
+
+    def clear(self):
+        self._found.clear()
+        for frame in self.frames.values():
+            if not frame.static:
+                frame.samples = []
+
+    # Names.
+
+    def exists(self, name):
+        return name == RESERVED or name in self.names
+
+    def _unknown(self):
+        return "" if self.names else ". The buffer is empty"
+
+    def _check_name(self, call, name):
+        if name == "":
+            wrong = "cannot be empty"
+        elif name.startswith("/"):
+            wrong = "cannot start with a '/'"
+        elif name not in self.names:
+            raise ModelError("LookupException", f'"{name}" passed to {call} does not exist{self._unknown()}')
+        else:
+            return
+        raise ModelError(
+            "InvalidArgumentException",
+            f'Invalid argument "{name}" passed to {call} - in tf2 frame_ids {wrong}',
+        )
+
+    def _check_names(self, call, **names):
+        for argument, name in names.items():
+            self._check_name(f"{call} argument {argument}", name)
+
+    # Looking up.
+
+    def lookup(self, target, source, ns):
+        """(stamp, target, source, translation, rotation)."""
+        if target == source:
+            frame = self.frames.get(target)
+            stamp = frame.newest_ns() if ns == 0 and frame is not None else ns
+            return (stamp, target, source, *IDENTITY)
+        self._check_names("lookupTransform", target_frame=target, source_frame=source)
+        stamp, found = self._transform(target, source, ns)
+        return self._answer(stamp, target, source, found)
+
+    def lookup_full(self, target, target_ns, source, source_ns, fixed):
+        self._check_names("lookupTransform", target_frame=target, source_frame=source, fixed_frame=fixed)
+        _, fixed_from_source = self._transform(fixed, source, source_ns)
+        stamp, target_from_fixed = self._transform(target, fixed, target_ns)
+        return self._answer(stamp, target, source, composed(target_from_fixed, fixed_from_source))
+
+    def _answer(self, stamp, target, source, found):
+        return (stamp, target, source, found[0], canonical(found[1]))
+
+    def _transform(self, target, source, ns):
+        """Of names that are known: the stamp and the transform."""
+        if target == source:
+            frame = self.frames.get(target)
+            return (frame.newest_ns() if ns == 0 and frame is not None else ns), IDENTITY
+        stamp = ns or self._latest(target, source)
+        found, _ = self._walk(target, source, stamp or NEWEST)
+        return stamp, found
+
+    def check_wait(self, target, source, *fixed):
+        """A wait for a name that may be inserted begins; one for a name that no lookup accepts raises."""
+        arguments = zip(
+            ("target_frame", "source_frame", "fixed_frame"), (target, source, *fixed), strict=False
+        )
+        if fixed or target != source:
+            for argument, name in arguments:
+                if name == "" or name.startswith("/"):
+                    self._check_name(f"lookupTransform argument {argument}", name)
+
+    def can(self, target, source, ns):
+        return self._reason(lambda: self.lookup(target, source, ns))
+
+    def can_full(self, target, target_ns, source, source_ns, fixed):
+        def look_up():
+            self._check_names("lookupTransform", target_frame=target, source_frame=source, fixed_frame=fixed)
+            self._transform(target, fixed, target_ns)
+            self._transform(fixed, source, source_ns)
+
+        return self._reason(look_up)
+
+    def _reason(self, look_up):
+        """(1, ""), or 0 and the texts in the form of a canTransform."""
+        try:
+            look_up()
+        except ModelError as error:
+            return (0, *map(as_reason, error.texts))
+        return (1, "")
+
+    def latest(self, target, source):
+        names = {"target_frame": target, "source_frame": source}
+        self._check_names("get_latest_common_time", **names)
+        if target == source:
+            return self.frames[target].newest_ns() if target in self.frames else 0
+        try:
+            return self._latest(target, source)
+        except ModelError as error:
+            raise ModelError("TransformException", error.text) from None
+
+    def _latest(self, target, source):
+        """tf2's getLatestCommonTime: it follows the newest sample of each frame."""
+        upwards, frame = [], source
+        while self._newest_parent(frame) is not None:
+            upwards.append(frame)
+            frame = self._newest_parent(frame)
+            if frame == target:
+                return self._smallest(upwards)
+            if frame in upwards:
+                raise self._loop(target, source)
+        parents = [self._newest_parent(frame) for frame in upwards]
+        downwards, frame = [], target
+        while self._newest_parent(frame) is not None:
+            downwards.append(frame)
+            frame = self._newest_parent(frame)
+            if frame in parents:
+                return self._smallest(downwards + upwards[: parents.index(frame) + 1])
+            if frame == source:
+                return self._smallest(downwards)
+            if frame in downwards:
+                raise self._loop(target, source)
+        raise self._unconnected(target, source)
+
+    def _smallest(self, names):
+        stamps = [self.frames[name].newest_ns() for name in names]
+        return min([ns for ns in stamps if ns != 0], default=0)
+
+    def data_at(self, name, time):
+        """(parent, transform to it), None for a root, or the Gap."""
+        key = (name, time)
+        if key not in self._found:
+            try:
+                found = self.frames[name].data_at(name, time) if name in self.frames else None
+            except Gap as gap:
+                found = gap
+            self._found[key] = found
+        return self._found[key]
+
+    def _walk(self, target, source, time):
+        """tf2's walkToTopParent: the transform, and the frames from source to target."""
+        # From the source to its root, or to its first gap.
+        to_top, frame, passed, source_gap = IDENTITY, source, [], None
+        while True:
+            passed.append(frame)
+            data = self.data_at(frame, time)
+            if data is None or isinstance(data, Gap):
+                source_gap = data
+                break
+            if frame == target:
+                return self._found_path(target, source, to_top, passed, [])
+            to_top = composed(data[1], to_top)
+            frame = data[0]
+            if frame in passed:
+                raise self._loop(target, source)
+        # From the target to there.
+        top, source_to_top = frame, to_top
+        to_top, frame, passed_down = IDENTITY, target, []
+        while frame != top:
+            passed_down.append(frame)
+            data = self.data_at(frame, time)
+            if data is None:
+                break
+            if isinstance(data, Gap):
+                raise self._extrapolation(target, source, time, data)
+            if frame == source:
+                return self._found_path(target, source, inverse(to_top), [], passed_down)
+            to_top = composed(data[1], to_top)
+            frame = data[0]
+            if frame in passed_down:
+                raise self._loop(target, source)
+        if frame != top:
+            if source_gap is not None:
+                raise self._extrapolation(target, source, time, source_gap)
+            raise self._unconnected(target, source)
+        transform = composed(inverse(to_top), source_to_top)
+        return self._found_path(target, source, transform, passed, passed_down)
+
+    def _found_path(self, target, source, transform, upwards, downwards):
+        chain = without_detours(upwards + downwards[::-1])
+        top = [frame for frame in chain if frame in upwards][-1:] or chain[:1]
+        index = chain.index(top[0])
+        if index > MOST_HOPS or len(chain) - 1 - index > MOST_HOPS:
+            raise self._loop(target, source)
+        return transform, chain
+
+    # Errors.
+
+    def _loop(self, target, source):
+        return ModelError(
+            "LookupException",
+            f"The tf tree is invalid because it contains a loop, or more than {MOST_HOPS} hops in a row, "
+            f"between frame [{source}] and frame [{target}]",
+        )
+
+    def _unconnected(self, target, source):
+        return ModelError(
+            "ConnectivityException",
+            f"Could not find a connection between '{target}' and '{source}' because they are not part of "
+            "the same tree. Tf has two or more unconnected trees.",
+        )
+
+    def _extrapolation(self, target, source, time, gap):
+        """tf2 names its gap; here it is one on the path, if that is known."""
+        texts = [
+            f"Lookup would require {gap.text}, when looking up transform from frame [{source}] to frame "
+            f"[{target}]; {gap.addition}"
+            for gap in (self._gap_on_path(target, source, time) or gap, gap)
+        ]
+        return ModelError("ExtrapolationException", *texts[: 2 if self.looped else 1])
+
+    def _gap_on_path(self, target, source, time):
+        up, down = self._known_chain(source, time), self._known_chain(target, time)
+        common = [frame for frame in up if frame in down]
+        if not common:
+            return None
+        sides = down[: down.index(common[0])], up[: up.index(common[0])]
+        for side in sides:
+            for frame in side:
+                data = self.data_at(frame, time)
+                if isinstance(data, Gap):
+                    return data
+        return None
+
+    def _known_chain(self, frame, time):
+        """Upwards as far as parents are known: at the time, or because a frame has never had another one."""
+        chain = []
+        while frame is not None and frame not in chain:
+            chain.append(frame)
+            parents = self.frames[frame].parents() if frame in self.frames else set()
+            data = self.data_at(frame, time)
+            if len(parents) == 1:
+                frame = min(parents)
+            else:
+                frame = None if data is None or isinstance(data, Gap) else data[0]
+        return chain
+
+    # Chains and velocities.
+
+    def chain(self, target, target_ns, source, source_ns, fixed):
+        halves = []
+        for end, begin, ns in ((fixed, source, source_ns), (target, fixed, target_ns)):
+            self._check_names("lookupTransform", target_frame=end, source_frame=begin)
+            if begin == end:
+                halves.append([begin])
+            else:
+                halves.append(self._walk(end, begin, ns or self._latest(end, begin) or NEWEST)[1])
+        return without_detours(halves[0] + halves[1])
+
+    def velocity(self, tracking, observation, reference, point, point_frame, ns, interval_ns):
+        """
+        The errors of which one is raised, and the answers of which one is given; one of the lists is empty.
+
+        An answer is the linear and the angular mean over the interval around the time, cut at the latest
+        common time, and how many seconds that is; time 0 is not the latest. After half a turn there are two
+        answers.
+        """
+        errors, ns = [], max(ns, 1)
+
+        def exactly(target, source, at_ns):
+            # The rotation's sign does not matter here.
+            try:
+                self._check_names("lookupTransform", target_frame=target, source_frame=source)
+                return IDENTITY if target == source else self._walk(target, source, at_ns)[0]
+            except ModelError as error:
+                errors.append(error)
+                return IDENTITY
+
+        try:
+            latest = self.latest(observation, tracking)
+        except ModelError as error:
+            return [error], []
+        start = max(ns - interval_ns // 2, 1)
+        end = min(ns + interval_ns - interval_ns // 2, latest or math.inf)
+        first, last = exactly(observation, tracking, start), exactly(observation, tracking, end)
+        now = exactly(observation, tracking, ns)
+        point_now = added(turned((p := exactly(observation, point_frame, ns))[1], point), p[0])
+        into = exactly(reference, observation, ns)[1]
+        if errors:
+            return errors, []
+        if end == start:
+            return [], [((math.nan,) * 3, (math.nan,) * 3, 0.0)]
+        duration = (end - start) / S
+        linear = tuple(a / duration for a in difference(last[0], first[0]))
+        lever = difference(point_now, now[0])
+        answers = []
+        for sign in (1.0, -1.0):
+            x, y, z, w = (sign * a for a in product(last[1], conjugate(first[1])))
+            if w > -1e-9:
+                sine = math.sqrt(x * x + y * y + z * z)
+                scale = 2 * math.atan2(sine, w) / sine / duration if sine > 0 else 0.0
+                angular = (x * scale, y * scale, z * scale)
+                at_point = added(linear, cross(angular, lever))
+                answers.append((turned(into, at_point), turned(into, angular), abs(duration)))
+        return [], answers
+
+
+def as_reason(text):
+    """What a canTransform says instead of the text of a lookupTransform."""
+    if "passed to" not in text:
+        return text
+    text = text.removeprefix("Invalid argument ").replace("lookupTransform", "canTransform")
+    return "Invalid frame ID " + text.replace(" does not exist", " - frame does not exist")
+
+
+def without_detours(names):
+    """Each name once: what lies between two occurrences of one name is left out."""
+    chain = []
+    for name in names:
+        if name in chain:
+            del chain[chain.index(name) + 1 :]
+        else:
+            chain.append(name)
+    return chain

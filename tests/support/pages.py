@@ -1,0 +1,126 @@
+"""The pages of the documentation: their blocks of code, and running their programs."""
+
+import importlib.util
+import re
+import shutil
+import subprocess
+import sys
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+from paths import ROOT, SUPPORT
+from processes import DEADLINE_S
+
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "SECURITY.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+]
+
+FENCE = re.compile(r"^```(?P<language>\w*)\n(?P<code>.*?)^```$", re.MULTILINE | re.DOTALL)
+SPAN = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+HEADING = re.compile(r"^#+ +(.*)$", re.MULTILINE)
+
+RUN = "python"  # all blocks of a page, one after the other, in one process; but see FILE
+# The first line of a block that is a program of its own: pytest runs test_*.py, others run beside the page's.
+FILE = re.compile(r"# (\w+\.py)\n")
+CHECKED = "sh"  # each line by `check_command`
+SHOWN = {"text"}  # diagrams and output; where it follows a Python block, the program prints it
+
+
+@dataclass(frozen=True)
+class Block:
+    page: Path
+    language: str
+    code: str
+    line: int  # of its first line of code
+
+
+def blocks(page):
+    text = page.read_text(encoding="utf-8")
+    for found in FENCE.finditer(text):
+        yield Block(page, found["language"], found["code"], text.count("\n", 0, found.start()) + 2)
+
+
+def prose(page):
+    return FENCE.sub("", page.read_text(encoding="utf-8"))
+
+
+def named_programs(page):
+    """The blocks of a page that are programs of their own, by name."""
+    found = ((FILE.match(block.code), block.code) for block in blocks(page) if block.language == RUN)
+    return {name[1]: code for name, code in found if name}
+
+
+# The files that readers write, and that the tests run.
+FILES = {name for page in PAGES for name in named_programs(page)}
+
+
+def program(page):
+    """The Python blocks of a page, on the lines that they have there."""
+    lines = []
+    for block in blocks(page):
+        if block.language == RUN and not FILE.match(block.code):
+            lines += [""] * (block.line - 1 - len(lines))
+            lines += block.code.splitlines()
+    return "\n".join(lines)
+
+
+def run_program(page, folder, python=sys.executable, environment=None):
+    """Run the program of a page in a folder; it must print what the page says."""
+    path = folder / page.name
+    path.write_text(program(page), encoding="utf-8")
+    with programs_beside(page, folder):
+        ended = subprocess.run(
+            [python, path],
+            cwd=folder,
+            env=environment,
+            text=True,
+            capture_output=True,
+            timeout=3 * DEADLINE_S,
+        )
+    assert ended.returncode == 0, ended.stderr
+    printed = iter(ended.stdout.splitlines())
+    for said in re.findall(r"^print\(.*  # (.*)$", program(page), re.MULTILINE):
+        # An ellipsis says that the line goes on.
+        assert any(said.rstrip(" …") in line for line in printed), f"{said!r} is not in {ended.stdout!r}"
+    written = [without_numbers(line) for line in (ended.stdout + ended.stderr).splitlines()]
+    for line in output(page):
+        assert any(without_numbers(line) in one for one in written), f"{line!r} is not in {written!r}"
+
+
+@contextmanager
+def programs_beside(page, folder):
+    """The programs of a page that have a name run meanwhile."""
+    with ExitStack() as started:
+        for name, code in named_programs(page).items():
+            if name.startswith("test_"):
+                continue
+            path = folder / name
+            path.write_text(code, encoding="utf-8")
+            beside = started.enter_context(subprocess.Popen([sys.executable, path], cwd=folder))
+            started.callback(beside.kill)
+        yield
+
+
+def provide_torch(folder):
+    """Put a stand-in for torch next to the programs of a folder, if it is not installed."""
+    if importlib.util.find_spec("torch") is None:
+        shutil.copytree(SUPPORT / "standins" / "torch", folder / "torch")
+
+
+def output(page):
+    """The lines of the text blocks that directly follow a Python block of the page's program."""
+    found = [*FENCE.finditer(page.read_text(encoding="utf-8"))]
+    for before, block in pairwise(found):
+        between = page.read_text(encoding="utf-8")[before.end() : block.start()]
+        if before["language"] == RUN and block["language"] in SHOWN and not between.strip():
+            yield from block["code"].splitlines()
+
+
+def without_numbers(line):
+    return re.sub(r"\d+", "#", line)

@@ -1,0 +1,159 @@
+"""Start the tests' other processes, and wait for what they do."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+
+import pytest
+from paths import PROGRAMS
+
+# A sanitizer makes everything slower; see reliability/sanitize.py.
+SLOWNESS = float(os.environ.get("TF2_TEST_SLOWNESS", "1"))
+# What a busy machine keeps, too.
+DEADLINE_S = 60.0 * SLOWNESS
+# For what does not wait, where it would otherwise do so until the deadline.
+PROMPT_S = DEADLINE_S / 2
+needs_dot = pytest.mark.skipif(shutil.which("dot") is None, reason="Graphviz is not installed")
+
+
+def until(condition, executor=None):
+    """Spin, or let other threads work, until the condition holds; its value."""
+    deadline = time.monotonic() + DEADLINE_S
+    while not (value := condition()):
+        assert time.monotonic() < deadline, "it did not happen"
+        if executor is None:
+            threading.Event().wait(0.005)
+        else:
+            executor.spin_once(timeout_sec=0.02)
+    return value
+
+
+def seconds_of(call):
+    """How long a call took, and what it raised."""
+    begin = time.monotonic()
+    try:
+        call()
+    except Exception as error:
+        return time.monotonic() - begin, error
+    return time.monotonic() - begin, None
+
+
+def start(program, *arguments, **popen):
+    """Start one of the tests' programs."""
+    return subprocess.Popen([sys.executable, str(PROGRAMS / program), *arguments], text=True, **popen)
+
+
+def program(name, *arguments, **popen):
+    """Start one of the project's programs; its standard output and errors are pipes."""
+    command = [sys.executable, "-m", f"tf2_ros.cli.{name}", *arguments]
+    popen = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **popen}
+    return subprocess.Popen(command, text=True, **popen)
+
+
+@contextmanager
+def running(name, *arguments, **popen):
+    """The same for a `with` statement, which kills it in the end."""
+    process = program(name, *arguments, **popen)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def ended(name, *arguments, **popen):
+    """Run one of the project's programs to its end: exit status, standard output and errors."""
+    with running(name, *arguments, **popen) as process:
+        out, err = process.communicate(timeout=DEADLINE_S)
+    return process.returncode, out, err
+
+
+def end(process):
+    """Ask a publisher to end: killed, it might hold a lock in the shared memory of those it sends to."""
+    process.terminate()
+    try:
+        process.wait(DEADLINE_S)
+    finally:
+        process.kill()
+        process.wait()
+
+
+@contextmanager
+def broadcasting(*faults):
+    """Run `programs/broadcasting.py` during a `with` statement."""
+    process = start("broadcasting.py", *faults)
+    try:
+        yield process
+    finally:
+        end(process)
+
+
+def completed(line, folder):
+    """To what a shell completes a command line, asked as argcomplete's own function for bash asks."""
+    pytest.importorskip("argcomplete")
+    answer = folder / "answer"
+    asked = {
+        "_ARGCOMPLETE": "1",
+        "_ARGCOMPLETE_IFS": "\n",
+        "COMP_LINE": line,
+        "COMP_POINT": str(len(line)),
+        "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
+    }
+    code = f"from tf2_ros_tools.programs.{line.partition(' ')[0]} import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, **asked}, timeout=DEADLINE_S, capture_output=True
+    )
+    assert done.stdout == b""
+    return answer.read_text().strip()
+
+
+class Peer:
+    """A node in a process of its own, `programs/peer.py`: obeys commands, and reports when each is done."""
+
+    def __init__(self, *ros_arguments):
+        arguments = ["--ros-args", *ros_arguments] if ros_arguments else []
+        self.process = start("peer.py", *arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self._lock = threading.Lock()  # a callback may send while the main thread waits for an answer
+
+    def do(self, what, **how):
+        with self._lock:
+            self.process.stdin.write(json.dumps({"do": what, **how}) + "\n")
+            self.process.stdin.flush()
+            answer = self.process.stdout.readline()
+        assert answer == "ok\n", f"the peer answered {answer!r}"
+
+    def send(self, *transforms, static=False):
+        """Publish transforms, each (parent, child, stamp in ns, x in m), once there is a subscriber."""
+        self.do("send", transforms=transforms, static=static)
+
+    def send_without_subscriber(self, *transforms, static=False):
+        """The same, whether there is a subscriber or not."""
+        self.do("send", transforms=transforms, static=static, subscribed=False)
+
+    def send_bytes(self, data, topic="/tf"):
+        self.do("bytes", topic=topic, hex=data.hex())
+
+    def matched(self, count):
+        """Wait until /tf has so many subscribers."""
+        self.do("matched", count=count)
+
+    def set_clock(self, seconds):
+        self.do("clock", seconds=seconds)
+
+    def kill(self):
+        self.process.kill()
+        self.end()
+
+    def end(self):
+        if not self.process.stdin.closed:
+            self.process.stdin.close()
+        try:
+            self.process.wait(timeout=DEADLINE_S)
+        finally:
+            self.process.kill()
+            self.process.stdout.close()

@@ -1,0 +1,61 @@
+"""
+Ends while something is still active.
+
+Arguments: what is active; what inserts transforms, "receiver" or "executor".
+"""
+
+import sys
+import threading
+
+import rclpy
+from rclpy.duration import Duration
+from rclpy.time import Time
+
+from tf2_ros import Buffer, TransformListener
+from tf2_ros._receive import receiver
+
+printed = []
+
+
+def look_up(buffer):
+    buffer.can_transform("map", "robot", Time(), Duration(seconds=60))
+
+
+def keep_running(how):
+    if threading.main_thread().is_alive() or printed:
+        return
+    printed.append(how)
+    print("after the end", flush=True)
+    if how == "thread":
+        rclpy.shutdown()
+
+
+def main(how, inserter):
+    if inserter == "executor":
+        receiver.problem = lambda: "it is new"
+    rclpy.init()
+    node = rclpy.create_node("ending")
+    buffer = Buffer(node=node)
+    if how == "unspun":
+        TransformListener(buffer, node)
+    elif how in ("thread", "interrupted"):
+        TransformListener(buffer, node, spin_thread=True)
+        node.create_timer(0.01, lambda: keep_running(how))
+    elif how == "hidden":
+        TransformListener(buffer, None)
+    elif how == "shutdown":
+        TransformListener(buffer, node, spin_thread=True)
+        rclpy.shutdown()
+    elif how == "waiting":
+        TransformListener(buffer, None)
+        threading.Thread(target=look_up, args=(buffer,), daemon=True).start()
+        while not buffer.statistics()["waiters"]:
+            threading.Event().wait(0.001)
+    elif how == "future":
+        global future
+        future = buffer.wait_for_transform_async("map", "robot", Time(), timeout=Duration(seconds=60))
+    print("at the end", flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,194 @@
+"""
+Forks children while its other threads are busy with a buffer; prints how each ended.
+
+Arguments: what each child does, how many children there are, how many messages a second arrive meanwhile (0:
+none, and no other thread does anything). A child that hangs is killed, counts as -9 and is the last.
+"""
+
+import asyncio
+import gc
+import json
+import multiprocessing
+import os
+import sys
+import threading
+import time
+import traceback
+
+import numpy as np
+import rclpy
+from rclpy.duration import Duration
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.time import Time
+
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), os.pardir))
+
+from forking import CHILD_S, status_of
+from making import at, transform
+
+import tf2_ros
+
+SHORT = Duration(seconds=0.02)
+LONG = Duration(seconds=60)
+AT_ONCE = 4  # children
+TIMES_NS = np.linspace(10**9, 2 * 10**9, 100_000).astype(np.int64)
+
+
+class Listener(tf2_ros.TransformListener):
+    """One that an executor serves."""
+
+    def callback(self, data):
+        super().callback(data)
+
+
+class Parent:
+    def __init__(self):
+        rclpy.init()
+        self.node = rclpy.create_node("forking")
+        self.buffer = tf2_ros.Buffer(node=self.node)
+        self.listeners = [
+            tf2_ros.TransformListener(self.buffer, self.node),
+            Listener(self.buffer, self.node),
+            tf2_ros.TransformListener(self.buffer, None),
+        ]
+        self.client = tf2_ros.BufferClient(self.node, "nobody")
+        self.filter = tf2_ros.MessageFilter(None, self.buffer, "map", 10, node=self.node)
+        self.broadcaster = tf2_ros.StaticTransformBroadcaster(self.node)
+        self.executor = MultiThreadedExecutor(2)
+        self.executor.add_node(self.node)
+        for seconds in (1, 2):
+            self.buffer.set_transform(transform("map", "robot", seconds), "parent")
+        # In a child nothing completes it: the child ends it itself.
+        self.future = self.buffer.wait_for_transform_async("map", "child", Time(), timeout=LONG)
+
+    def make_busy(self):
+        """Start threads that never rest."""
+        for work in (
+            self.executor.spin_once,
+            lambda: self.buffer.lookup_transforms("map", "robot", TIMES_NS),
+            lambda: self.buffer.set_transform(transform("map", "other", 1), "parent"),
+            self.buffer.all_frames_as_yaml,
+            lambda: self.buffer.can_transform("map", "nowhere", Time(), SHORT),
+            self.wait_in_vain,
+            self.wait_with_success,
+        ):
+            threading.Thread(target=keep_doing, args=(work,), daemon=True).start()
+
+    def wait_in_vain(self):
+        future = self.buffer.wait_for_transform_async("map", "nowhere", Time(), timeout=SHORT)
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        done.wait()
+        future.exception()
+
+    def wait_with_success(self):
+        future = self.buffer.wait_for_transform_async("map", "other", at(1))
+        future.add_done_callback(lambda _: None)
+        asyncio.run(self.buffer.lookup_transform_async("map", "robot", at(1.5)))
+
+    def use(self):
+        """All that a child may do."""
+        buffer = self.buffer
+        buffer._self_check()
+        assert buffer.can_transform("map", "robot", at(1.5))
+        assert len(buffer.lookup_transforms("map", "robot", TIMES_NS[:1000])[0]) == 1000
+        assert not buffer.can_transform("map", "nowhere", Time(), SHORT)
+        future = buffer.wait_for_transform_async("map", "nowhere", Time(), timeout=SHORT)
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        assert done.wait(10)
+        assert type(future.exception()) is tf2_ros.TimeoutException
+        waiting = buffer.wait_for_transform_async("map", "child", Time())
+        buffer.set_transform_static(transform("map", "child"), "child")
+        assert waiting.done()
+        assert self.future.is_dead()
+        assert not any(listener.receives for listener in self.listeners)
+        try:
+            self.client.lookup_transform("map", "robot", Time(), SHORT)
+        except tf2_ros.TimeoutException:
+            return
+        raise AssertionError("a client in a child answered")
+
+    def drop(self):
+        """End everything, by hand and by dropping it."""
+        self.use()
+        self.filter.close()
+        self.client.destroy()
+        for listener in self.listeners:
+            listener.unregister()
+        for name in list(vars(self)):
+            if name != "node":
+                delattr(self, name)
+        gc.collect()
+
+    def exit(self):
+        """End as a Python program does."""
+        self.use()
+        sys.exit()
+
+
+def keep_doing(work):
+    while True:
+        work()
+
+
+class Child:
+    """A child of `os.fork()`."""
+
+    def __init__(self, work):
+        self.pid = os.fork()
+        if self.pid:
+            return
+        try:
+            work()
+        except SystemExit:
+            raise
+        except BaseException:
+            traceback.print_exc()
+            os._exit(1)
+        os._exit(0)
+
+    def status(self):
+        return status_of(self.pid)
+
+
+class MultiprocessingChild:
+    """A child of multiprocessing."""
+
+    def __init__(self, work):
+        self.process = multiprocessing.get_context("fork").Process(target=work)
+        self.process.start()
+
+    def status(self):
+        self.process.join(CHILD_S)
+        if self.process.is_alive():
+            self.process.kill()
+            self.process.join()
+        return self.process.exitcode
+
+
+def main(what, count, rate):
+    parent = Parent()
+    if rate:
+        while parent.buffer.statistics()["taken"] < 100:
+            time.sleep(0.01)
+        parent.make_busy()
+    kind = MultiprocessingChild if what == "multiprocessing" else Child
+    work = {"use": parent.use, "exit": parent.exit}.get(what, parent.drop)
+    children, statuses = [], []
+    for _ in range(count):
+        children.append(kind(work))
+        if len(children) == AT_ONCE:
+            statuses.append(children.pop(0).status())
+            if statuses[-1] != 0:
+                break
+    statuses += [child.status() for child in children]
+    taken = parent.buffer.statistics()["taken"]
+    while rate and parent.buffer.statistics()["taken"] < taken + 100:
+        time.sleep(0.01)
+    print(json.dumps(statuses), flush=True)
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], *map(int, sys.argv[2:]))

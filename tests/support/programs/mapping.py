@@ -1,0 +1,8 @@
+"""Maps recordings with two workers: FOLDER OUT."""
+
+import sys
+
+from tf2_ros.bag import map_recordings
+
+if __name__ == "__main__":
+    print(map_recordings(sys.argv[1], "map", "camera", sys.argv[2], workers=2, progress=False))

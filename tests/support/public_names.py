@@ -1,0 +1,87 @@
+"""The public names: those of tf2 0.36, of which `api_names.json` was made, and those of this project."""
+
+import json
+
+from paths import TESTS
+
+NAMES = json.loads((TESTS / "packaging" / "api_names.json").read_text())
+# What later releases of tf2 add.
+ADDED = {
+    "tf2_ros": {"DEFAULT_STATIC_TF_TOPIC", "DEFAULT_TF_TOPIC"},
+    "tf2_ros.transform_listener": {"DEFAULT_STATIC_TF_TOPIC", "DEFAULT_TF_TOPIC"},
+}
+# What this project adds; imported by name, for `import *` must not hide what a program calls so.
+GEOMETRY = {
+    "do_transform_accel_stamped",
+    "do_transform_odometry",
+    "do_transform_path",
+    "do_transform_polygon",
+    "do_transform_pose_array",
+    "do_transform_pose_with_covariance",
+    "do_transform_quaternion",
+    "do_transform_quaternion_stamped",
+    "do_transform_transform",
+    "do_transform_transform_stamped",
+    "do_transform_twist_stamped",
+    "do_transform_velocity_stamped",
+    "do_transform_wrench",
+    "do_transform_wrench_stamped",
+}
+SENSORS = {"do_transform_imu", "do_transform_magnetic_field", "from_msg_msg", "to_msg_msg", "PointCloud2"}
+OURS = {
+    "tf2_geometry_msgs": GEOMETRY | {"Quaternion", "Transform", "Vector3"},
+    "tf2_geometry_msgs.tf2_geometry_msgs": GEOMETRY | {"Quaternion", "Transform", "Vector3"},
+    "tf2_py": {"FrameInfo", "History", "__version__"},
+    "tf2_ros": {
+        "BufferServer",
+        "FilterFailureReason",
+        "FrameInfo",
+        "History",
+        "MessageFilter",
+        "StaticTransformListener",
+        "__version__",
+        "format_transform",
+    },
+    "tf2_ros.transform_listener": {"StaticTransformListener"},
+    "tf2_sensor_msgs": SENSORS,
+    "tf2_sensor_msgs.tf2_sensor_msgs": SENSORS,
+}
+# Modules that tf2 lacks, and all that is public in them.
+MODULES = {
+    "tf2_py.typing": {
+        "DurationLike",
+        "HasNanoseconds",
+        "HasSecNanosec",
+        "LookupPolicy",
+        "TimeLike",
+        "TimeoutLike",
+        "TimesLike",
+    },
+    "tf2_ros.buffer_server": {"BufferServer"},
+    "tf2_ros.message_filter": {"FilterFailureReason", "MessageFilter"},
+    "tf2_ros.numpy": {
+        "from_matrix",
+        "from_rotation",
+        "propagate",
+        "to_arrays",
+        "to_columns",
+        "to_matrix",
+        "to_nanoseconds",
+        "to_rotation",
+    },
+    "tf2_ros.records": {
+        "RECORD",
+        "MessageSource",
+        "Recording",
+        "insert_messages",
+        "read_transforms",
+        "refusal_text",
+    },
+    "tf2_ros.rerun": {"ViewerError", "log", "save", "view"},
+    "tf2_ros.urdf": {"Joint", "Robot", "UrdfError", "load"},
+    "tf2_ros.static_transform_listener": {
+        "DEFAULT_STATIC_TF_TOPIC",
+        "DEFAULT_TF_TOPIC",
+        "StaticTransformListener",
+    },
+}

@@ -1,0 +1,145 @@
+"""The recorded answers of tf2 (ROS 2 Jazzy), and asking a buffer for the same."""
+
+import gzip
+import json
+import math
+import re
+
+import yaml
+from paths import TESTS
+from ros_optional import Duration, Time, TransformStamped
+
+RECORDINGS = TESTS / "core" / "conformance" / "buffer_core.jsonl.gz"
+# What programs look for in an error's text; the rest of it is ours.
+PHRASES = (
+    "extrapolation",
+    "does not exist",
+    "in tf2 frame_ids cannot be empty",
+    "in tf2 frame_ids cannot start with a '/'",
+    "not part of the same tree",
+    "contains a loop",
+)
+RELATIVE = 1e-9  # of the largest magnitude in an answer
+
+with gzip.open(RECORDINGS, "rt") as _lines:
+    SCENARIOS = [json.loads(line) for line in _lines]
+
+
+def number(recorded):
+    return math.nan if recorded == "nan" else recorded
+
+
+def at(ns):
+    return Time(nanoseconds=ns)
+
+
+def message(parent, child, sec, nanosec, translation, rotation):
+    m = TransformStamped()
+    m.header.frame_id, m.child_frame_id = parent, child
+    m.header.stamp.sec, m.header.stamp.nanosec = sec, nanosec
+    t, q = m.transform.translation, m.transform.rotation
+    t.x, t.y, t.z = map(number, translation)
+    q.x, q.y, q.z, q.w = map(number, rotation)
+    return m
+
+
+def unpacked(m):
+    t, q = m.transform.translation, m.transform.rotation
+    stamp = m.header.stamp
+    return [
+        stamp.sec,
+        stamp.nanosec,
+        m.header.frame_id,
+        m.child_frame_id,
+        [t.x, t.y, t.z],
+        [q.x, q.y, q.z, q.w],
+    ]
+
+
+def call(buffer, op, args):
+    match op:
+        case "set":
+            static, authority, *fields = args
+            (buffer.set_transform_static if static else buffer.set_transform)(message(*fields), authority)
+            return None
+        case "lookup":
+            return unpacked(buffer.lookup_transform_core(args[0], args[1], at(args[2])))
+        case "lookup_full":
+            target, target_ns, source, source_ns, fixed = args
+            return unpacked(
+                buffer.lookup_transform_full_core(target, at(target_ns), source, at(source_ns), fixed)
+            )
+        case "can":
+            return list(buffer.can_transform_core(args[0], args[1], at(args[2])))
+        case "can_full":
+            target, target_ns, source, source_ns, fixed = args
+            return list(buffer.can_transform_full_core(target, at(target_ns), source, at(source_ns), fixed))
+        case "latest":
+            return buffer.get_latest_common_time(*args).nanoseconds
+        case "dot":
+            return buffer._allFramesAsDot(at(args[0]))
+        case "frames":
+            return sorted(buffer._getFrameStrings())
+        case "exists":
+            return bool(buffer._frameExists(*args))
+        case "yaml":
+            return buffer.all_frames_as_yaml()
+        case "string":
+            return buffer.all_frames_as_string()
+        case "clear":
+            return buffer.clear()
+    raise AssertionError(f"unknown recording {op}")
+
+
+def edges(dot):
+    return sorted(re.findall(r'"([^"]+)" -> "([^"]+)"', dot))
+
+
+def assert_same_reason(got, want):
+    assert bool(got) == bool(want)
+    assert [p for p in PHRASES if p in want and p not in got] == []
+
+
+def assert_same_transform(got, want):
+    assert got[:4] == want[:4]
+    numbers = [*got[4], *got[5]]
+    wanted = [number(v) for v in (*want[4], *want[5])]
+    scale = max([1.0, *(abs(v) for v in wanted if not math.isnan(v))])
+    for u, v in zip(numbers, wanted, strict=True):
+        assert (math.isnan(u) and math.isnan(v)) or abs(u - v) <= RELATIVE * scale
+
+
+def assert_same_answer(op, got, want):
+    match op:
+        case "lookup" | "lookup_full":
+            assert_same_transform(got, want)
+        case "can" | "can_full":
+            assert got[0] == want[0]
+            assert_same_reason(got[1], want[1])
+        case "yaml":
+            assert (yaml.safe_load(got) or []) == (yaml.safe_load(want) or [])
+        case "dot":
+            assert edges(got) == edges(want)
+        case _:
+            assert got == want
+
+
+def check_answer(tf2_py, buffer, op, args, want):
+    try:
+        got = call(buffer, op, args)
+    except (tf2_py.TransformException, TypeError, ValueError, OverflowError) as error:
+        assert type(error).__name__ == want.get("err"), (op, args, error)
+        assert_same_reason(str(error), want["msg"])
+    else:
+        assert "ok" in want, (op, args, got)
+        assert_same_answer(op, got, want["ok"])
+
+
+def check_answers(tf2_py, scenario, before_op):
+    """`before_op` gets the number of the operation and the buffer, and returns the one to go on with."""
+    buffer = tf2_py.BufferCore(Duration(nanoseconds=scenario["cache_ns"]))
+    for i, ((op, *args), want) in enumerate(zip(scenario["ops"], scenario["want"], strict=True)):
+        buffer = before_op(i, buffer)
+        check_answer(tf2_py, buffer, op, args, want)
+    if hasattr(buffer, "_self_check"):
+        buffer._self_check()

@@ -1,0 +1,116 @@
+"""A URDF with a joint of each type, its joint states, and what they mean, computed with matrices by SciPy."""
+
+import numpy as np
+from making_bags import S, Sent, store
+from scipy.spatial.transform import Rotation
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+STRING = "std_msgs/msg/String"
+
+ARM = """<?xml version="1.0"?>
+<robot name="arm">
+  <link name="base"/> <link name="shoulder"/> <link name="wheel"/> <link name="slide"/> <link name="finger"/>
+  <link name="thumb"/> <link name="cart"/> <link name="drone"/> <link name="camera"/>
+  <joint name="lift" type="revolute">
+    <parent link="base"/> <child link="shoulder"/>
+    <origin xyz="0.1 -0.2 0.3" rpy="0.4 -0.5 0.6"/> <axis xyz="0 2 1"/>
+    <limit lower="-1.5" upper="1.5" effort="1" velocity="1"/>
+  </joint>
+  <joint name="roll" type="continuous">
+    <parent link="shoulder"/> <child link="wheel"/> <origin rpy="0 0 1.5707963267948966"/>
+    <axis xyz="-1 0 0"/>
+  </joint>
+  <joint name="extend" type="prismatic">
+    <parent link="wheel"/> <child link="slide"/> <origin xyz="1 0 0" rpy="0 1 0"/> <axis xyz="1 1 0"/>
+  </joint>
+  <joint name="grip" type="prismatic">
+    <parent link="slide"/> <child link="finger"/> <mimic joint="extend" multiplier="-0.5" offset="0.02"/>
+  </joint>
+  <joint name="pinch" type="revolute">
+    <parent link="slide"/> <child link="thumb"/> <axis xyz="0 0 1"/> <mimic joint="grip" multiplier="3"/>
+  </joint>
+  <joint name="drive" type="planar">
+    <parent link="base"/> <child link="cart"/> <origin xyz="0 0 1" rpy="0 0 0.3"/> <axis xyz="0 0 1"/>
+  </joint>
+  <joint name="fly" type="floating">
+    <parent link="base"/> <child link="drone"/> <origin xyz="0 1 0" rpy="0.2 0 0"/>
+  </joint>
+  <joint name="mount" type="fixed">
+    <parent link="shoulder"/> <child link="camera"/> <origin xyz="0 0 0.5" rpy="0.1 0.2 0.3"/>
+  </joint>
+  <transmission name="motor"><joint name="lift"/></transmission>
+</robot>
+"""
+SIMPLE = ("lift", "roll", "extend")
+DRIVE = ("drive/x", "drive/y", "drive/theta")
+FLY = tuple(f"fly/{part}" for part in "trans_x trans_y trans_z rot_x rot_y rot_z rot_w".split())
+NAMES = (*SIMPLE, *DRIVE, *FLY)
+
+
+def pose(xyz=(0, 0, 0), rotation=None):
+    matrix = np.eye(4)
+    matrix[:3, 3] = xyz
+    if rotation is not None:
+        matrix[:3, :3] = rotation.as_matrix()
+    return matrix
+
+
+def origin(xyz=(0, 0, 0), rpy=(0, 0, 0)):
+    return pose(xyz, Rotation.from_euler("xyz", rpy))
+
+
+def about(axis, angle):
+    return pose(rotation=Rotation.from_rotvec(np.array(axis) / np.linalg.norm(axis) * angle))
+
+
+def along(axis, way):
+    return pose(np.array(axis) / np.linalg.norm(axis) * way)
+
+
+def expected(lift, roll, extend, x=None, y=None, theta=None, *fly):
+    """For each frame of ARM, its parent and its pose there, a matrix."""
+    grip = -0.5 * extend + 0.02
+    found = {
+        "shoulder": ("base", origin((0.1, -0.2, 0.3), (0.4, -0.5, 0.6)) @ about((0, 2, 1), lift)),
+        "wheel": ("shoulder", origin(rpy=(0, 0, np.pi / 2)) @ about((-1, 0, 0), roll)),
+        "slide": ("wheel", origin((1, 0, 0), (0, 1, 0)) @ along((1, 1, 0), extend)),
+        "finger": ("slide", along((1, 0, 0), grip)),
+        "thumb": ("slide", about((0, 0, 1), 3 * grip)),
+        "camera": ("shoulder", origin((0, 0, 0.5), (0.1, 0.2, 0.3))),
+    }
+    if x is not None:
+        moved = pose((x, y, 0)) @ about((0, 0, 1), theta)
+        found["cart"] = ("base", origin((0, 0, 1), (0, 0, 0.3)) @ moved)
+    if fly:
+        found["drone"] = ("base", origin((0, 1, 0), (0.2, 0, 0)) @ pose(fly[:3], Rotation.from_quat(fly[3:])))
+    return found
+
+
+def random_states(count, seed=1):
+    """Positions of NAMES, shape (count, 13)."""
+    random = np.random.default_rng(seed)
+    values = random.uniform(-3, 3, (count, len(NAMES)))
+    values[:, -4:] = Rotation.random(count, random_state=seed).as_quat()
+    return values
+
+
+def joint_state(ns, names, positions, log_ns=None, topic="/joint_states", ros=2):
+    """A recorded joint state."""
+    types = store(ros).types
+    seq = {} if ros == 2 else {"seq": 7}
+    header = types["std_msgs/msg/Header"](
+        stamp=types["builtin_interfaces/msg/Time"](*divmod(ns, S)), frame_id="", **seq
+    )
+    fields = {
+        "header": header,
+        "name": list(names),
+        "position": np.array(positions, np.float64),
+        "velocity": np.zeros(len(names)),
+        "effort": np.zeros(0),
+    }
+    return Sent(ns if log_ns is None else log_ns, topic, fields, JOINT_STATE)
+
+
+def description(text=ARM, topic="/robot_description", log_ns=100 * S):
+    """The recorded topic of a robot_state_publisher."""
+    return Sent(log_ns, topic, {"data": text}, STRING)

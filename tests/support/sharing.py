@@ -1,0 +1,116 @@
+"""Shared buffers for tests, and what must always be true of them."""
+
+import itertools
+import os
+import resource
+import subprocess
+import sys
+from contextlib import contextmanager
+
+from making import S, transform
+from paths import PROGRAMS
+
+from tf2_py import TransformException
+from tf2_ros import Buffer
+from tf2_ros._shared.names import segment_path
+
+_numbers = itertools.count()
+
+
+def new_name():
+    """A name that no other test uses, in no other run."""
+    return f"test-{os.getpid()}-{next(_numbers)}"
+
+
+@contextmanager
+def pair(*arguments, **options):
+    """A buffer that is shared, and one that is attached to it."""
+    owner = Buffer(*arguments, share=new_name(), **options)
+    reader = Buffer(attach=owner._sharing.name)
+    try:
+        yield owner, reader
+    finally:
+        owner._sharing.close()
+
+
+# What `programs/shares.py` inserts: a chain of frames whose place follows from the time.
+
+LINKS = 5
+
+
+def links(ns, first_ns):
+    """The transforms of one time: each moves by 1 m/s."""
+    x = (ns - first_ns) / S
+    return [
+        transform("map" if i == 0 else f"f{i - 1}", f"f{i}", ns=ns, xyz=(x, 0.0, 0.0)) for i in range(LINKS)
+    ]
+
+
+def is_sound(buffer, first_ns, ages_ns=(0,)):
+    """Whether lookups of the newest time, and of times before it, answer what was inserted; some do."""
+    found = False
+    try:
+        newest = buffer.get_latest_common_time("map", f"f{LINKS - 1}").nanoseconds
+    except TransformException:
+        return False
+    for age_ns in ages_ns:
+        try:
+            answer = buffer.lookup_transform_core("map", f"f{LINKS - 1}", newest - age_ns)
+        except TransformException:
+            continue
+        stamp_ns = answer.header.stamp.sec * S + answer.header.stamp.nanosec
+        wanted = LINKS * (stamp_ns - first_ns) / S
+        assert abs(answer.transform.translation.x - wanted) < 1e-6, (answer, wanted)
+        found = True
+    return found
+
+
+def small_files():
+    """Before a process is executed: have it share by a ring of 1 MiB."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2 << 20, 2 << 20))
+
+
+@contextmanager
+def small_ring(mebibytes=1):
+    """Have buffers that are shared inside this have a ring of so many MiB."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (mebibytes << 21, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+class Owner:
+    """A process of `programs/shares.py`, for a `with` statement, which kills it in the end."""
+
+    def __init__(self, *arguments, name=None, **popen):
+        self.name = name or new_name()
+        self.path = segment_path(self.name)
+        self.process = subprocess.Popen(
+            [sys.executable, str(PROGRAMS / "shares.py"), self.name, *map(str, arguments)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            **popen,
+        )
+
+    def __enter__(self):
+        self.said()
+        return self
+
+    def __exit__(self, *_):
+        self.process.kill()
+        self.process.communicate()
+        self.path.unlink(missing_ok=True)
+
+    def said(self):
+        """Its next line."""
+        line = self.process.stdout.readline().split()
+        assert line, f"it ended with {self.process.wait()}"
+        return line
+
+    def tell(self, *words):
+        """Give it a line; its answer."""
+        print(*words, file=self.process.stdin, flush=True)
+        return self.said()

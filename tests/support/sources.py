@@ -1,0 +1,214 @@
+"""Read the project's sources: modules, their imports and cimports, and the names they define."""
+
+import ast
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from paths import ROOT
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PACKAGES = ("tf2_py", "tf2_ros", "tf2_geometry_msgs", "tf2_sensor_msgs", "tf2_ros_tools", "tf2_ros_cython")
+OTHERS = ("build_backend", "bench", "tests", "examples")
+GENERATED = ("_built.py",)
+
+# Docstrings and other strings, then comments: whatever stands in them is no statement.
+_TEXT = re.compile(
+    r'"""(?:\\.|[^\\])*?"""'
+    r"|'''(?:\\.|[^\\])*?'''"
+    r'|"(?:\\.|[^"\\\n])*"'
+    r"|'(?:\\.|[^'\\\n])*'"
+    r"|#[^\n]*",
+    re.DOTALL,
+)
+_FROM = re.compile(
+    r"^[ \t]*from[ \t]+(?P<module>[.\w]+)[ \t]+(?P<kind>c?import)[ \t\f]*(?P<names>\([^)]*\)|[^\n]*)",
+    re.MULTILINE,
+)
+_PLAIN = re.compile(r"^[ \t]*(?P<kind>c?import)[ \t]+(?P<names>[^\n]+)", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Import:
+    """One imported module: ``from a import b`` imports ``a.b`` where that is a module, otherwise ``a``."""
+
+    module: str
+    line: int
+    is_cimport: bool
+
+
+@cache
+def modules() -> dict[str, tuple[Path, ...]]:
+    """The project's modules by their dotted names; a Cython module has up to three files."""
+    found: dict[str, list[Path]] = {}
+    for package in (*PACKAGES, *OTHERS):
+        for suffix in ("py", "pyx", "pxd", "pyi"):
+            for path in sorted((ROOT / package).rglob(f"*.{suffix}")):
+                if path.name not in GENERATED:
+                    parts = path.relative_to(ROOT).with_suffix("").parts
+                    found.setdefault(".".join(parts).removesuffix(".__init__"), []).append(path)
+    return {name: tuple(paths) for name, paths in found.items()}
+
+
+def extensions() -> list[str]:
+    """The extension modules; a .pyx in a folder that is no package is a chapter of one."""
+    return [
+        name
+        for name, paths in modules().items()
+        for path in paths
+        if path.suffix == ".pyx" and (path.parent / "__init__.py").exists()
+    ]
+
+
+def imports(path: Path) -> list[Import]:
+    """What a file imports and cimports, anywhere in it; relative names are made absolute."""
+    text = path.read_text(encoding="utf-8")
+    read = imports_by_ast if path.suffix in (".py", ".pyi") else imports_by_text
+    parent = list(path.relative_to(ROOT).parent.parts)
+    return [
+        Import(module, line, is_cimport)
+        for name, names, line, is_cimport in read(text)
+        for module in _absolute(name, names, parent)
+    ]
+
+
+Statement = tuple[str, tuple[str, ...], int, bool]
+
+
+def imports_by_ast(text: str) -> Iterator[Statement]:
+    """The import statements of Python: module, names taken from it, line, False."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name, (), node.lineno, False
+        elif isinstance(node, ast.ImportFrom):
+            names = tuple(alias.name for alias in node.names)
+            yield "." * node.level + (node.module or ""), names, node.lineno, False
+
+
+def imports_by_text(text: str) -> Iterator[Statement]:
+    """The import and cimport statements of Cython: module, names taken from it, line, whether a cimport."""
+
+    def line_of(code: str, position: int) -> int:
+        return 1 + code.count("\n", 0, position) + code.count("\f", 0, position)
+
+    code = code_of(text).replace("\\\n", "\f")
+    for found in _FROM.finditer(code):
+        line = line_of(code, found.start())
+        yield found["module"], _names(found["names"]), line, found["kind"] == "cimport"
+    for found in _PLAIN.finditer(code):
+        line = line_of(code, found.start())
+        for name in _names(found["names"]):
+            yield name, (), line, found["kind"] == "cimport"
+
+
+def code_of(text: str) -> str:
+    """The same lines with empty strings and without comments."""
+    return _TEXT.sub(lambda found: '""' + "\n" * found[0].count("\n") if found[0][0] != "#" else "", text)
+
+
+def _names(listed: str) -> tuple[str, ...]:
+    parts = (part.split() for part in listed.strip("() \t\n\f").split(","))
+    return tuple(words[0] for words in parts if words)
+
+
+def _absolute(name: str, names: tuple[str, ...], parent: list[str]) -> Iterator[str]:
+    level = len(name) - len(name.lstrip("."))
+    if level:
+        kept = parent[: len(parent) - level + 1]
+        name = ".".join([*kept, *filter(None, [name.lstrip(".")])])
+    submodules = [f"{name}.{one}" for one in names if f"{name}.{one}" in modules()]
+    yield from submodules
+    if len(submodules) < len(names) or not names:
+        yield name
+
+
+# What a line of Cython defines: classes, functions, structs and their fields, members of enums, variables.
+_DEFINITIONS = [
+    re.compile(pattern, re.MULTILINE)
+    for pattern in (
+        r"^[ \t]*(?:c?p?def[ \t]+)?(?:class|struct|enum|union)[ \t]+(\w+)",
+        r"^[ \t]*(?:async[ \t]+)?def[ \t]+(\w+)",
+        r"^[ \t]*(?:[\w.]+[ \t*]+)*\**(\w+)(?:[ \t]*\"\")?[ \t]*\([^=\n]*(?:$|:$|noexcept|nogil|except)",
+        r"^[ \t]*(?:[\w.]+[ \t*]+)+(\w+)(?:\[[^\n]*\])*(?:[ \t]*\"\")?[ \t]*$",
+        r"^[ \t]*(?:[\w.]+[ \t*]+)*(\w+)(?:\[\w*\])?[ \t]*=(?!=)",
+        r"^[ \t]+([A-Z][A-Z0-9_]+)[ \t]*$",
+    )
+]
+
+
+@cache
+def names_in(path: Path) -> frozenset[str]:
+    """The names that a file defines, arguments of its Python functions included."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix in (".py", ".pyi"):
+        return frozenset(_names_by_ast(text))
+    code = code_of(text)
+    return frozenset(name for pattern in _DEFINITIONS for name in pattern.findall(code))
+
+
+def _names_by_ast(text: str) -> Iterator[str]:
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            yield node.name
+        elif isinstance(node, ast.arg):
+            yield node.arg
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.id
+        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+            yield node.attr
+
+
+@cache
+def definitions() -> dict[str, frozenset[Path]]:
+    """In which files of the packages each name is defined."""
+    found: dict[str, set[Path]] = {}
+    for module, paths in modules().items():
+        if module.partition(".")[0] in PACKAGES:
+            for path in paths:
+                for name in names_in(path):
+                    found.setdefault(name, set()).add(path)
+    return {name: frozenset(paths) for name, paths in found.items()}
+
+
+def is_defined(name: str) -> bool:
+    """Whether the sources have this: ``module``, ``module.name``, ``Class.member`` or ``name``."""
+    if name in modules() or name in definitions():
+        return True
+    owner, _, member = name.rpartition(".")
+    if owner in modules():
+        return any(member in names_in(path) for path in modules()[owner])
+    files = definitions().get(owner, frozenset())
+    stems = {path.with_suffix("") for path in files}  # a class may be declared in the .pxd beside its .pyx
+    return any(path.with_suffix("") in stems for path in definitions().get(member, ()))
+
+
+@cache
+def _all_text() -> str:
+    files = (path for module, paths in modules().items() for path in paths if module.startswith(PACKAGES))
+    return "\n".join(path.read_text(encoding="utf-8") for path in files)
+
+
+def is_literal(text: str) -> bool:
+    """Whether a string of the packages has exactly this text."""
+    return f'"{text}"' in _all_text()
+
+
+@cache
+def imported_from_outside() -> frozenset[str]:
+    """The names of modules, and of what is taken from them, that come from outside the project."""
+    found = set()
+    for module, paths in modules().items():
+        for path in paths if module.startswith(PACKAGES) else ():
+            text = path.read_text(encoding="utf-8")
+            for name, names, _, _ in imports_by_text(text):
+                found.update([name, name.partition(".")[0], *names])
+    return frozenset(found)

@@ -1,1 +1,0 @@
-"""The engine on C structs: no Python objects, no ROS."""

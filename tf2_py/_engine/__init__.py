@@ -1,1 +1,0 @@
-"""The core behind its lock, and the waits for lookups."""

@@ -1,4 +1,0 @@
-from collections.abc import Hashable
-
-class Throttle:
-    def passes(self, what: Hashable) -> bool: ...

@@ -1,1 +1,0 @@
-"""Serialised messages in and out."""

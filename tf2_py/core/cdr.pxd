@@ -1,0 +1,79 @@
+"""Serialised tf2_msgs/TFMessage, read and written; batches of transforms that are inserted together."""
+
+cdef struct Reader:
+    const unsigned char* data       # the whole message, including the encapsulation header
+    size_t size                     # bytes of the message
+    size_t position                 # of the next byte to read, from `data`
+    bint swapped                    # the message's byte order is not this machine's
+    const char* problem             # NULL, or what is wrong with the message at `position`
+
+
+# Begins to read a message, which must outlive the reader. On a bad header `problem` is set.
+cdef void reader_init(Reader* reader, const unsigned char* data, size_t size) noexcept nogil
+# How many transforms follow: no more than fit into the rest of the data. 0, and `problem` set: the count is
+# malformed.
+cdef uint32_t reader_count(Reader* reader) noexcept nogil
+# The next transform; its names point into the data. False, and `problem` set: it is malformed.
+cdef bint reader_transform(Reader* reader, Incoming* out) noexcept nogil
+# False, and `problem` set: bytes are left.
+cdef bint reader_finish(Reader* reader) noexcept nogil
+
+
+cdef struct Writer:
+    unsigned char* data             # memory for the whole message; NULL: bytes are only counted
+    size_t position                 # of the next byte to write, from `data`
+
+
+# Begins a message of `count` transforms, all of which must follow, in this machine's byte order and padded
+# with zeros.
+cdef void writer_init(Writer* writer, unsigned char* data, uint32_t count) noexcept nogil
+cdef void writer_transform(Writer* writer, const Incoming* transform) noexcept nogil
+
+
+# Transforms that are inserted together: those of one message or of one call.
+
+cdef struct Entry:
+    Incoming incoming
+    uint32_t refused            # outcome: REFUSED_* bits; 0: accepted
+
+
+cdef struct Batch:
+    Entry* entries
+    size_t count                # entries in use
+    size_t capacity             # entries allocated; 0: `entries` is not the batch's own
+    size_t done                 # progress: entries tried
+    bint waking                 # progress: the wake for the last of them is running
+    Wake wake                   # progress: that one
+    const char* authority       # UTF-8, owned by the caller that fills the batch
+    size_t authority_size       # bytes
+    bint is_static              # all entries are static transforms
+    size_t taken                # outcome: entries accepted
+    size_t refused              # outcome: entries refused
+    bint no_memory              # outcome: memory ran out, and the rest was dropped
+    WaiterList ready            # outcome: waiters that have an answer which must still be delivered
+    bint needs_report           # outcome: there is something to log, or an answer to deliver
+    bint is_prefixed            # the entries have the names below
+    char* names                 # memory of batch_prefix
+    size_t names_capacity       # bytes
+    const char* problem         # why a serialised message could not be read, or NULL ...
+    size_t problem_at           # ... and the byte at which
+
+
+# Zero a Batch before its first use; it may be filled again.
+cdef void batch_free(Batch* batch) noexcept nogil
+# Resets progress and outcome.
+cdef void batch_begin(Batch* batch) noexcept nogil
+# Memory for `count` entries; earlier ones are lost.
+cdef int batch_reserve(Batch* batch, size_t count) noexcept nogil           # 0, or -1: no memory
+# The bytes of any bytes-like object; a copy if another thread or process may change them, because they must
+# not change between the check and the use.
+cdef bytes unchanging_bytes(data)
+# Fills the entries from one serialised TFMessage, whose bytes must outlive them. False: the batch is empty,
+# see `problem` and `no_memory`.
+cdef bint batch_read_cdr(Batch* batch, const unsigned char* data, size_t size) noexcept nogil
+# Adds the entries of another message. False: none is added, see `problem` and `no_memory`.
+cdef bint batch_add_cdr(Batch* batch, const unsigned char* data, size_t size) noexcept nogil
+# Puts a prefix before every name but empty ones, which are refused. False: no memory, and the batch is empty.
+cdef bint batch_prefix(Batch* batch, const char* prefix, size_t prefix_size) noexcept nogil
+# The ValueError for the `problem` of a message of `size` bytes.
+cdef object batch_error(const Batch* batch, size_t size)

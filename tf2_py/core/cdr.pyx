@@ -1,0 +1,287 @@
+"""Read and write TFMessage in plain CDR, version 1 (OMG DDS-RTPS 2.5, clause 10)."""
+
+cdef extern from *:
+    """
+    #if __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
+    #define TF2_IS_LITTLE_ENDIAN 1
+    #else
+    #define TF2_IS_LITTLE_ENDIAN 0
+    #endif
+    """
+    const int TF2_IS_LITTLE_ENDIAN
+    uint32_t __builtin_bswap32(uint32_t value) nogil
+    uint64_t __builtin_bswap64(uint64_t value) nogil
+
+cdef enum:
+    HEADER_SIZE = 4             # representation id, options, 2 bytes each; alignment counts from its end
+    # No transform is shorter than a stamp, two empty names and seven doubles, with padding.
+    SMALLEST_TRANSFORM = 72
+
+
+cdef inline const unsigned char* _read_bytes(Reader* reader, size_t size, size_t alignment) noexcept nogil:
+    # Every byte is read through here. NULL: the data ends before `size` bytes, or there was a problem before.
+    cdef size_t start = reader.position + (0 - (reader.position - HEADER_SIZE)) % alignment
+    if reader.problem != NULL:
+        return NULL
+    if start > reader.size or reader.size - start < size:
+        reader.problem = "the data ends too early"
+        return NULL
+    reader.position = start + size
+    return reader.data + start
+
+
+cdef inline uint32_t _uint32(Reader* reader) noexcept nogil:
+    cdef uint32_t value = 0
+    cdef const unsigned char* at = _read_bytes(reader, 4, 4)
+    if at != NULL:
+        memcpy(&value, at, 4)
+    return __builtin_bswap32(value) if reader.swapped else value
+
+
+cdef inline void _doubles(Reader* reader, double* out, uint32_t count) noexcept nogil:
+    cdef const unsigned char* at = _read_bytes(reader, 8 * <size_t>count, 8)
+    cdef uint64_t word
+    cdef uint32_t i
+    if at == NULL:
+        return
+    memcpy(out, at, 8 * <size_t>count)
+    if reader.swapped:
+        for i in range(count):
+            memcpy(&word, &out[i], 8)
+            word = __builtin_bswap64(word)
+            memcpy(&out[i], &word, 8)
+
+
+cdef void _string(Reader* reader, const char** text, size_t* size) noexcept nogil:
+    # The length includes the terminating NUL; some writers send an empty string as length 0.
+    cdef size_t length = _uint32(reader)
+    cdef const unsigned char* at = _read_bytes(reader, length, 1)
+    text[0] = ""
+    size[0] = 0
+    if at == NULL or length == 0:
+        return
+    if at[length - 1] != 0:
+        reader.problem = "a string without its terminating NUL"
+    elif memchr(at, 0, length - 1) != NULL:
+        reader.problem = "a string with a NUL inside"
+    elif not is_utf8(at, length - 1):
+        reader.problem = "a string that is not UTF-8"
+    else:
+        text[0] = <const char*>at
+        size[0] = length - 1
+
+
+cdef void reader_init(Reader* reader, const unsigned char* data, size_t size) noexcept nogil:
+    reader.data = data
+    reader.size = size
+    reader.position = HEADER_SIZE
+    reader.swapped = False
+    reader.problem = NULL
+    if size < HEADER_SIZE:
+        reader.position = 0
+        reader.problem = "the data ends before its encapsulation header"
+    elif data[0] != 0 or data[1] > 1:
+        reader.position = 0
+        reader.problem = "the encapsulation header is not plain CDR"
+    else:
+        reader.swapped = data[1] != TF2_IS_LITTLE_ENDIAN
+
+
+cdef uint32_t reader_count(Reader* reader) noexcept nogil:
+    cdef uint32_t count = _uint32(reader)
+    if reader.problem == NULL and count > (reader.size - reader.position) // SMALLEST_TRANSFORM:
+        reader.problem = "more transforms are announced than the data can hold"
+    return 0 if reader.problem != NULL else count
+
+
+cdef bint reader_transform(Reader* reader, Incoming* out) noexcept nogil:
+    cdef int64_t sec = <int32_t>_uint32(reader)
+    cdef int64_t nanosec = _uint32(reader)
+    out.stamp_ns = stamp_join(sec, nanosec)
+    _string(reader, &out.parent, &out.parent_size)
+    _string(reader, &out.child, &out.child_size)
+    _doubles(reader, out.transform.translation, 3)
+    _doubles(reader, out.transform.rotation, 4)
+    return reader.problem == NULL
+
+
+cdef bint reader_finish(Reader* reader) noexcept nogil:
+    if reader.problem == NULL and reader.position != reader.size:
+        reader.problem = "bytes are left behind the last transform"
+    return reader.problem == NULL
+
+
+cdef inline unsigned char* _next_bytes(Writer* writer, size_t size, size_t alignment) noexcept nogil:
+    # Every byte is written through here. Returns where the next `size` bytes belong; NULL: count them only.
+    cdef size_t padding = (0 - (writer.position - HEADER_SIZE)) % alignment
+    if writer.data != NULL:
+        memset(writer.data + writer.position, 0, padding)
+    writer.position += padding + size
+    return NULL if writer.data == NULL else writer.data + writer.position - size
+
+
+cdef inline void _write(Writer* writer, const void* value, size_t size, size_t alignment) noexcept nogil:
+    cdef unsigned char* at = _next_bytes(writer, size, alignment)
+    if at != NULL:
+        memcpy(at, value, size)
+
+
+cdef void _write_string(Writer* writer, const char* text, size_t size) noexcept nogil:
+    cdef uint32_t length = <uint32_t>(size + 1)
+    cdef unsigned char end = 0
+    _write(writer, &length, 4, 4)
+    _write(writer, text, size, 1)
+    _write(writer, &end, 1, 1)
+
+
+cdef void writer_init(Writer* writer, unsigned char* data, uint32_t count) noexcept nogil:
+    writer.data = data
+    writer.position = HEADER_SIZE
+    if data != NULL:
+        data[0] = data[2] = data[3] = 0
+        data[1] = TF2_IS_LITTLE_ENDIAN
+    _write(writer, &count, 4, 4)
+
+
+cdef void writer_transform(Writer* writer, const Incoming* transform) noexcept nogil:
+    cdef int64_t whole
+    cdef uint32_t nanosec
+    cdef int32_t sec
+    stamp_split(transform.stamp_ns, &whole, &nanosec)
+    sec = <int32_t>whole
+    _write(writer, &sec, 4, 4)
+    _write(writer, &nanosec, 4, 4)
+    _write_string(writer, transform.parent, transform.parent_size)
+    _write_string(writer, transform.child, transform.child_size)
+    _write(writer, transform.transform.translation, 24, 8)
+    _write(writer, transform.transform.rotation, 32, 8)
+
+
+# Keep transforms in memory between their source and the tree.
+
+cdef enum:
+    KEPT_ENTRIES = 1024     # the memory of up to this many is kept for the next message
+
+
+cdef void batch_free(Batch* batch) noexcept nogil:
+    if batch.capacity:
+        free(batch.entries)
+    free(batch.names)
+    batch.entries = NULL
+    batch.names = NULL
+    batch.count = batch.capacity = batch.names_capacity = 0
+
+
+cdef void batch_begin(Batch* batch) noexcept nogil:
+    batch.done = batch.taken = batch.refused = 0
+    batch.waking = batch.no_memory = batch.needs_report = batch.is_prefixed = False
+    batch.ready.first = batch.ready.last = NULL
+
+
+cdef int batch_reserve(Batch* batch, size_t count) noexcept nogil:
+    # Memory for one large message is not kept for the small ones that follow.
+    if count <= batch.capacity and 0 < batch.capacity <= max(count, <size_t>KEPT_ENTRIES) + 1:
+        return 0
+    batch_free(batch)
+    batch.entries = <Entry*>malloc((count + 1) * sizeof(Entry))
+    if batch.entries == NULL:
+        return -1
+    batch.capacity = count + 1
+    return 0
+
+
+cdef int _make_room(Batch* batch, size_t more) noexcept nogil:
+    # Keeps the entries in use. 0, or -1: no memory.
+    cdef size_t capacity
+    cdef Entry* entries
+    if batch.count == 0:
+        return batch_reserve(batch, more)
+    if batch.count + more <= batch.capacity:
+        return 0
+    capacity = 2 * (batch.count + more)
+    entries = <Entry*>realloc(batch.entries, capacity * sizeof(Entry))
+    if entries == NULL:
+        return -1
+    batch.entries = entries
+    batch.capacity = capacity
+    return 0
+
+
+cdef bytes unchanging_bytes(data):
+    cdef Py_buffer view
+    if type(data) is bytes:
+        return data
+    PyObject_GetBuffer(data, &view, PyBUF_SIMPLE)
+    try:
+        return PyBytes_FromStringAndSize(<const char*>view.buf, view.len)
+    finally:
+        PyBuffer_Release(&view)
+
+
+cdef bint batch_read_cdr(Batch* batch, const unsigned char* data, size_t size) noexcept nogil:
+    batch.count = 0
+    return batch_add_cdr(batch, data, size)
+
+
+cdef bint batch_add_cdr(Batch* batch, const unsigned char* data, size_t size) noexcept nogil:
+    cdef Reader reader
+    cdef uint32_t count, i
+    batch.problem = NULL
+    batch.no_memory = False
+    reader_init(&reader, data, size)
+    count = reader_count(&reader)
+    if _make_room(batch, count) != 0:
+        batch.no_memory = True
+        return False
+    for i in range(count):
+        if not reader_transform(&reader, &batch.entries[batch.count + i].incoming):
+            break
+    if not reader_finish(&reader):
+        batch.problem = reader.problem
+        batch.problem_at = reader.position
+        return False
+    batch.count += count
+    return True
+
+
+cdef char* _prefixed(const char** name, size_t* size, const char* prefix, size_t prefix_size,
+                     char* out) noexcept nogil:
+    name_strip(name, size)
+    if size[0] == 0:
+        return out
+    memcpy(out, prefix, prefix_size)
+    memcpy(out + prefix_size, name[0], size[0])
+    name[0] = out
+    size[0] += prefix_size
+    return out + size[0]
+
+
+cdef bint batch_prefix(Batch* batch, const char* prefix, size_t prefix_size) noexcept nogil:
+    cdef Incoming* incoming
+    cdef size_t needed = 0
+    cdef size_t i
+    cdef char* out
+    for i in range(batch.count):
+        incoming = &batch.entries[i].incoming
+        needed += incoming.parent_size + incoming.child_size + 2 * prefix_size
+    if needed > batch.names_capacity:
+        free(batch.names)
+        batch.names = <char*>malloc(needed)
+        batch.names_capacity = needed if batch.names != NULL else 0
+    if needed > batch.names_capacity:
+        batch.count = 0
+        batch.no_memory = True
+        return False
+    out = batch.names
+    for i in range(batch.count):
+        incoming = &batch.entries[i].incoming
+        out = _prefixed(&incoming.parent, &incoming.parent_size, prefix, prefix_size, out)
+        out = _prefixed(&incoming.child, &incoming.child_size, prefix, prefix_size, out)
+    batch.is_prefixed = True
+    return True
+
+
+cdef object batch_error(const Batch* batch, size_t size):
+    return ValueError(
+        f"malformed TFMessage: {batch.problem.decode()}, at byte {batch.problem_at} of {size}"
+    )

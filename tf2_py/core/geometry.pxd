@@ -1,0 +1,330 @@
+"""Vector and quaternion maths on C doubles: 3-vectors x y z, quaternions x y z w."""
+
+cdef extern from *:
+    """
+    /* 1 - |a . b| up to which interpolation_weights are exact to the last digits: a turn of 28 degrees. */
+    #define TF2_FAR_APART 0.03
+    """
+    const double FAR_APART "TF2_FAR_APART"
+
+
+cdef inline void quaternion_multiply(const double* a, const double* b, double* out) noexcept nogil:
+    # out = a b: rotates by b first. `out` may be `a` or `b`.
+    cdef double x = a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1]
+    cdef double y = a[3] * b[1] + a[1] * b[3] + a[2] * b[0] - a[0] * b[2]
+    cdef double z = a[3] * b[2] + a[2] * b[3] + a[0] * b[1] - a[1] * b[0]
+    cdef double w = a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2]
+    out[0] = x
+    out[1] = y
+    out[2] = z
+    out[3] = w
+
+
+cdef inline void vector_rotate(const double* q, const double* v, double* out) noexcept nogil:
+    # out = q v q*, for unit q, as v + 2 u x (u x v + w v) with u = (x, y, z). `out` may be `v`.
+    cdef double tx = 2.0 * (q[1] * v[2] - q[2] * v[1])
+    cdef double ty = 2.0 * (q[2] * v[0] - q[0] * v[2])
+    cdef double tz = 2.0 * (q[0] * v[1] - q[1] * v[0])
+    cdef double x = v[0] + q[3] * tx + (q[1] * tz - q[2] * ty)
+    cdef double y = v[1] + q[3] * ty + (q[2] * tx - q[0] * tz)
+    cdef double z = v[2] + q[3] * tz + (q[0] * ty - q[1] * tx)
+    out[0] = x
+    out[1] = y
+    out[2] = z
+
+
+cdef inline void quaternion_conjugate(const double* q, double* out) noexcept nogil:
+    out[0] = -q[0]
+    out[1] = -q[1]
+    out[2] = -q[2]
+    out[3] = q[3]
+
+
+cdef inline bint quaternion_normalise(double* q) noexcept nogil:
+    # Returns False and leaves q unchanged if the squared norm is infinite, NaN, or so small that digits are
+    # lost.
+    cdef double squared = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    cdef double scale
+    if not DBL_MIN <= squared <= DBL_MAX:
+        return False
+    scale = 1.0 / sqrt(squared)
+    q[0] *= scale
+    q[1] *= scale
+    q[2] *= scale
+    q[3] *= scale
+    return True
+
+
+cdef inline bint quaternion_normalise_once(double* q) noexcept nogil:
+    # The same as quaternion_normalise, except that a quaternion that it has normalised before remains
+    # identical to the last bit. Its rounding errors add up to at most 14 half units in the last place of the
+    # squared length.
+    cdef double squared = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    return fabs(squared - 1.0) <= 2e-15 or quaternion_normalise(q)
+
+
+cdef inline bint quaternion_normalise_any(double* q) noexcept nogil:
+    # Accepts every finite length above zero. For other lengths, returns False and leaves q unchanged.
+    cdef double largest = 0.0
+    cdef int i
+    if quaternion_normalise(q):
+        return True
+    for i in range(4):
+        if not isfinite(q[i]):
+            return False
+        largest = max(largest, fabs(q[i]))
+    if largest == 0.0:
+        return False
+    for i in range(4):
+        q[i] /= largest
+    return quaternion_normalise(q)
+
+
+cdef inline void quaternion_canonicalise(double* q) noexcept nogil:
+    # Chooses from q and -q as tf2 does when it reads a rotation matrix: w > 0 if the matrix has a positive
+    # trace (4 w^2 - 1); otherwise the largest of x, y, z is positive, the first of equals.
+    cdef double lead = q[3]
+    if 4.0 * q[3] * q[3] <= 1.0:
+        lead = q[0]
+        if fabs(q[1]) > fabs(lead):
+            lead = q[1]
+        if fabs(q[2]) > fabs(lead):
+            lead = q[2]
+    if lead < 0.0:
+        q[0] = -q[0]
+        q[1] = -q[1]
+        q[2] = -q[2]
+        q[3] = -q[3]
+
+
+cdef inline double sinc_series(double squared) noexcept nogil:
+    # sin(x) / x from x^2; its first omitted term is below 3e-17 for squared <= 0.0625.
+    return 1.0 + squared * (-1.0 / 6.0 + squared * (1.0 / 120.0 + squared * (
+        -1.0 / 5040.0 + squared * (1.0 / 362880.0 + squared * (-1.0 / 39916800.0)))))
+
+
+# The interpolation of rotations, of single lookups and of series: shortest-path slerp (Shoemake 1985), whose
+# weights are sin((1 - r) t) / sin(t) and sin(r t) / sin(t), where cos(t) = |a . b|. Neighbouring samples are
+# mostly close; only others need the trigonometric functions. So there are two functions, of which series call
+# the first one for many times at once: it has no branches, and takes numbers, not pointers.
+
+cdef inline double interpolation_weights(double ax, double ay, double az, double aw, double bx, double by,
+                                         double bz, double bw, double ratio, double* sign, double* weight_a,
+                                         double* weight_b) noexcept nogil:
+    # Computes the weights of the unit quaternions a and b at `ratio` between them, and returns their
+    # distance, 1 - |a . b| without cancellation. Above FAR_APART, only far_interpolation_weights is exact.
+    # With cos(t) = 1 - d, t^2 is a short series in d (t^2 = 2 sum (2 d)^n / (n^2 C(2n, n))), and the sines
+    # are short series in t^2.
+    cdef double dot = ax * bx + ay * by + az * bz + aw * bw
+    sign[0] = 1.0 if dot >= 0.0 else -1.0
+    cdef double dx = sign[0] * bx - ax
+    cdef double dy = sign[0] * by - ay
+    cdef double dz = sign[0] * bz - az
+    cdef double dw = sign[0] * bw - aw
+    cdef double distance = 0.5 * (dx * dx + dy * dy + dz * dz + dw * dw)
+    cdef double squared = distance * (2.0 + distance * (1.0 / 3.0 + distance * (4.0 / 45.0 + distance * (
+        1.0 / 35.0 + distance * (16.0 / 1575.0 + distance * (8.0 / 2079.0 + distance * (32.0 / 21021.0)))))))
+    cdef double rest = 1.0 - ratio
+    cdef double scale = 1.0 / sinc_series(squared)
+    weight_a[0] = rest * sinc_series(rest * rest * squared) * scale
+    weight_b[0] = sign[0] * (ratio * sinc_series(ratio * ratio * squared) * scale)
+    return distance
+
+
+cdef inline void far_interpolation_weights(double distance, double ratio, double sign, double* weight_a,
+                                           double* weight_b) noexcept nogil:
+    cdef double angle = acos(1.0 - distance)
+    cdef double scale = 1.0 / sin(angle)
+    weight_a[0] = sin((1.0 - ratio) * angle) * scale
+    weight_b[0] = sign * (sin(ratio * angle) * scale)
+
+
+cdef inline void quaternion_interpolate(const double* a, const double* b, double ratio,
+                                        double* out) noexcept nogil:
+    cdef double sign, weight_a, weight_b
+    cdef double distance = interpolation_weights(a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3], ratio, &sign,
+                                                 &weight_a, &weight_b)
+    if distance > FAR_APART:
+        far_interpolation_weights(distance, ratio, sign, &weight_a, &weight_b)
+    out[0] = weight_a * a[0] + weight_b * b[0]
+    out[1] = weight_a * a[1] + weight_b * b[1]
+    out[2] = weight_a * a[2] + weight_b * b[2]
+    out[3] = weight_a * a[3] + weight_b * b[3]
+
+
+# Rotation vectors: an axis times an angle in radians.
+
+cdef inline void rotation_vector_between(const double* a, const double* b, double* out) noexcept nogil:
+    # The turn a^-1 b, at most pi: 2 atan2(|v|, w) v / |v| for that quaternion (v, w) with w >= 0.
+    cdef double inverse[4]
+    cdef double turn[4]
+    cdef double sine, scale
+    cdef int i
+    quaternion_conjugate(a, inverse)
+    quaternion_multiply(inverse, b, turn)
+    sine = sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2])
+    scale = 2.0 * atan2(sine, fabs(turn[3])) / sine if sine > 0.0 else 2.0
+    if turn[3] < 0.0:
+        scale = -scale
+    for i in range(3):
+        out[i] = scale * turn[i]
+
+
+cdef inline void quaternion_turn(const double* q, const double* vector, double factor,
+                                 double* out) noexcept nogil:
+    # out = q exp(factor vector): turned about an axis that is given in its own axes. `out` may be `q`.
+    cdef double turn[4]
+    cdef double half = 0.5 * factor * sqrt(
+        vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
+    cdef double scale = 0.5 * factor * (sin(half) / half if fabs(half) > 1e-8 else 1.0)
+    turn[0] = scale * vector[0]
+    turn[1] = scale * vector[1]
+    turn[2] = scale * vector[2]
+    turn[3] = cos(half)
+    quaternion_multiply(q, turn, out)
+
+
+cdef inline void transform_identity(Transform* out) noexcept nogil:
+    out.translation[0] = out.translation[1] = out.translation[2] = 0.0
+    out.rotation[0] = out.rotation[1] = out.rotation[2] = 0.0
+    out.rotation[3] = 1.0
+
+
+cdef inline void transform_compose(const Transform* a, const Transform* b, Transform* out) noexcept nogil:
+    # out = a b: applies b first. `out` may be `a` or `b`.
+    cdef double moved[3]
+    vector_rotate(a.rotation, b.translation, moved)
+    out.translation[0] = moved[0] + a.translation[0]
+    out.translation[1] = moved[1] + a.translation[1]
+    out.translation[2] = moved[2] + a.translation[2]
+    quaternion_multiply(a.rotation, b.rotation, out.rotation)
+
+
+cdef inline void transform_between(const Transform* target, const Transform* source,
+                                   Transform* out) noexcept nogil:
+    # out = target^-1 source: from `source`'s child to `target`'s child, both given in one frame.
+    cdef double inverse[4]
+    cdef double apart[3]
+    quaternion_conjugate(target.rotation, inverse)
+    apart[0] = source.translation[0] - target.translation[0]
+    apart[1] = source.translation[1] - target.translation[1]
+    apart[2] = source.translation[2] - target.translation[2]
+    vector_rotate(inverse, apart, out.translation)
+    quaternion_multiply(inverse, source.rotation, out.rotation)
+
+
+cdef inline void matrix_from_quaternion(const double* q, double* out) noexcept nogil:
+    # The 3x3 matrix, row by row, of a unit quaternion; J. Diebel, Representing Attitude, 2006.
+    cdef double xx = q[0] * q[0]
+    cdef double yy = q[1] * q[1]
+    cdef double zz = q[2] * q[2]
+    cdef double xy = q[0] * q[1]
+    cdef double xz = q[0] * q[2]
+    cdef double yz = q[1] * q[2]
+    cdef double wx = q[3] * q[0]
+    cdef double wy = q[3] * q[1]
+    cdef double wz = q[3] * q[2]
+    out[0] = 1.0 - 2.0 * (yy + zz)
+    out[1] = 2.0 * (xy - wz)
+    out[2] = 2.0 * (xz + wy)
+    out[3] = 2.0 * (xy + wz)
+    out[4] = 1.0 - 2.0 * (xx + zz)
+    out[5] = 2.0 * (yz - wx)
+    out[6] = 2.0 * (xz - wy)
+    out[7] = 2.0 * (yz + wx)
+    out[8] = 1.0 - 2.0 * (xx + yy)
+
+
+cdef inline double matrix_defect(const double* r) noexcept nogil:
+    # The deviation of a 3x3 matrix, row by row, from an orthogonal one: the greatest part of |R R^T - 1|.
+    cdef double greatest = 0.0
+    cdef double product
+    cdef int i, j
+    for i in range(3):
+        for j in range(i, 3):
+            product = r[3 * i] * r[3 * j] + r[3 * i + 1] * r[3 * j + 1] + r[3 * i + 2] * r[3 * j + 2]
+            greatest = max(greatest, fabs(product - 1.0 if i == j else product))
+    return greatest
+
+
+cdef inline double matrix_determinant(const double* r) noexcept nogil:
+    return (r[0] * (r[4] * r[8] - r[5] * r[7]) + r[1] * (r[5] * r[6] - r[3] * r[8])
+            + r[2] * (r[3] * r[7] - r[4] * r[6]))
+
+
+cdef inline void quaternion_from_matrix(const double* r, double* q) noexcept nogil:
+    # Makes a unit quaternion with w >= 0 from a rotation matrix, row by row. S. W. Shepperd, Quaternion from
+    # Rotation Matrix, 1978: the quaternion times four times its greatest part, which loses nothing to
+    # rounding.
+    cdef double trace = r[0] + r[4] + r[8]
+    if trace >= r[0] and trace >= r[4] and trace >= r[8]:
+        q[0] = r[7] - r[5]
+        q[1] = r[2] - r[6]
+        q[2] = r[3] - r[1]
+        q[3] = 1.0 + trace
+    elif r[0] >= r[4] and r[0] >= r[8]:
+        q[0] = 1.0 + 2.0 * r[0] - trace
+        q[1] = r[1] + r[3]
+        q[2] = r[2] + r[6]
+        q[3] = r[7] - r[5]
+    elif r[4] >= r[8]:
+        q[0] = r[1] + r[3]
+        q[1] = 1.0 + 2.0 * r[4] - trace
+        q[2] = r[5] + r[7]
+        q[3] = r[2] - r[6]
+    else:
+        q[0] = r[2] + r[6]
+        q[1] = r[5] + r[7]
+        q[2] = 1.0 + 2.0 * r[8] - trace
+        q[3] = r[3] - r[1]
+    if q[3] < 0.0:
+        q[0] = -q[0]
+        q[1] = -q[1]
+        q[2] = -q[2]
+        q[3] = -q[3]
+    quaternion_normalise(q)
+
+
+# Mean twists: between two poses, and of a point of the moving body.
+
+cdef inline void twist_between(const Transform* start, const Transform* end, double seconds, double* linear,
+                               double* angular) noexcept nogil:
+    # Metres and radians per second, of the moving origin, in the frame that both poses are given in:
+    # the chord between the origins, and the rotation vector of end start^-1, each over the time.
+    # The rotation vector is 2 atan2(|v|, w) v / |v| for the quaternion (v, w) with w >= 0. Zero seconds: NaN.
+    cdef double inverse[4]
+    cdef double turn[4]
+    cdef double sine, scale
+    cdef int i
+    quaternion_conjugate(start.rotation, inverse)
+    quaternion_multiply(end.rotation, inverse, turn)
+    if turn[3] < 0.0:
+        for i in range(4):
+            turn[i] = -turn[i]
+    sine = sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2])
+    scale = 2.0 * atan2(sine, turn[3]) / sine if sine > 0.0 else 2.0
+    for i in range(3):
+        linear[i] = (end.translation[i] - start.translation[i]) / seconds
+        angular[i] = scale * turn[i] / seconds
+
+
+cdef inline void twist_of_point(const Transform* start, const Transform* end, double seconds,
+                                const Transform* middle, const Transform* point_frame, const double* point,
+                                const Transform* reference, double* linear, double* angular) noexcept nogil:
+    # The mean twist of a body in an observation frame, of the point of the body that is at `point`, in the
+    # axes of a reference frame. Metres and radians per second.
+    # `start`, `end`, `middle`: the body in the observation frame, `seconds` apart and at the time asked for.
+    # `point`: x y z in metres in the point frame; `point_frame`: that frame in the observation frame.
+    # `reference`: the observation frame in the reference frame.
+    # linear = chord over the time + angular x (point - origin of the body).
+    cdef double arm[3]
+    cdef int i
+    twist_between(start, end, seconds, linear, angular)
+    vector_rotate(point_frame.rotation, point, arm)
+    for i in range(3):
+        arm[i] += point_frame.translation[i] - middle.translation[i]
+    linear[0] += angular[1] * arm[2] - angular[2] * arm[1]
+    linear[1] += angular[2] * arm[0] - angular[0] * arm[2]
+    linear[2] += angular[0] * arm[1] - angular[1] * arm[0]
+    vector_rotate(reference.rotation, linear, linear)
+    vector_rotate(reference.rotation, angular, angular)

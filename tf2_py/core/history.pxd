@@ -1,0 +1,206 @@
+"""
+The history of one frame: a ring of samples sorted by stamp.
+
+Only this chapter knows how samples lie in memory; all others call its functions. The functions that read or
+change a History need the tree's lock, except on a pinned copy.
+"""
+
+cdef enum HistoryKind:
+    HISTORY_NONE            # the frame was never a child: no samples, no memory
+    HISTORY_DYNAMIC
+    HISTORY_STATIC          # one sample, for every time
+
+
+cdef struct HistoryMemory:
+    # The first bytes of the memory that holds a frame's samples.
+    uint32_t owners             # the history and its pinned copies; read and written atomically
+    uint32_t pinned_from        # slot of the oldest sample of a pinned copy; valid where owners > 1
+    size_t bytes                # allocated, this head included
+
+
+cdef struct History:
+    # The ring, for this chapter only. The oldest sample has the index 0 and lies in slot
+    # `head`; slot 0 follows slot `capacity - 1`. Two parallel arrays, so that a search reads little memory.
+    # Equal stamps lie in order of arrival.
+    HistoryMemory* memory       # the memory of both arrays; NULL: capacity 0
+    int64_t* stamps             # ns, by slot
+    Sample* samples             # by slot; each is one 64-byte line
+    uint32_t capacity           # slots allocated
+    uint32_t head               # slot of the oldest sample
+    uint32_t mostly_empty_for   # inserts since the ring was last a quarter full
+    # What others may read.
+    uint32_t count              # samples
+    uint32_t parent_changes     # how many neighbours have different parents; 0: one parent at all times
+    HistoryKind kind
+    int64_t newest_ns           # stamp of the newest sample; 0 without samples, and in a static history
+    int64_t oldest_ns           # stamp of the oldest sample; 0 in the same cases
+    # What the tree writes.
+    uint32_t authority          # id of the sender of the last sample; NAME_UNKNOWN: there was none
+    bint is_parent              # a sample of some frame has named this frame as its parent
+    bint is_hidden              # forgotten: the name counts as unknown until a transform uses it again
+
+
+cdef enum:
+    NEWEST_HINT = 0x7FFFFFFF    # begin the search at the newest sample; most lookups need a recent time
+    PREFETCH_FROM = 16          # samples; in a shorter history any search is fast
+
+
+cdef inline uint32_t history_slot(const History* history, uint32_t index) noexcept nogil:
+    # For this chapter only. The sum cannot wrap: capacities stay below 2^31.
+    cdef uint32_t slot = history.head + index
+    return slot if slot < history.capacity else slot - history.capacity
+
+
+cdef inline size_t history_allocated(const History* history) noexcept nogil:
+    # Allocated for its samples.
+    return 0 if history.memory == NULL else history.memory.bytes
+
+
+cdef inline FrameId history_parent_of(const History* history, uint32_t index) noexcept nogil:
+    # The parent in one sample; `index` < `count`, 0 is the oldest.
+    return history.samples[history_slot(history, index)].parent
+
+
+cdef inline FrameId history_newest_parent(const History* history) noexcept nogil:
+    # NO_FRAME if there are no samples.
+    return NO_FRAME if history.count == 0 else history_parent_of(history, history.count - 1)
+
+
+cdef inline FrameId history_oldest_parent(const History* history) noexcept nogil:
+    # NO_FRAME if there are no samples.
+    return NO_FRAME if history.count == 0 else history_parent_of(history, 0)
+
+
+cdef inline const Transform* history_newest_transform(const History* history) noexcept nogil:
+    # The history must have samples; a static one has a single transform.
+    return &history.samples[history_slot(history, history.count - 1)].transform
+
+
+# Memory: growing, shrinking, pinning.
+#
+# A lookup may read samples without the lock if it pins the ring first. Then no sample that the copy refers to
+# is overwritten: a write that would overwrite one first moves the samples to other memory, and the last owner
+# of the old memory frees it.
+
+cdef enum HistoryInsert:
+    HISTORY_INSERTED
+    HISTORY_DUPLICATE
+    HISTORY_TOO_OLD
+    HISTORY_NO_MEMORY
+    HISTORY_FULL              # the memory would have to grow by more than the limit allows
+
+cdef enum:
+    LAST_CAPACITY = 0x7FFFFFFF      # samples
+
+# Zero a History before its first use; history_free zeroes it again except for the last three.
+cdef void history_free(History* history) noexcept nogil
+# Drops all samples and keeps the memory. Not for static histories.
+cdef void history_clear(History* history) noexcept nogil
+# Pin with the lock held. `copy` may be read without the lock until it is unpinned.
+cdef void history_pin(const History* history, History* copy) noexcept nogil
+cdef void history_unpin(History* copy) noexcept nogil
+# Moves the samples to new memory for `capacity` of them, at least `count`. HISTORY_INSERTED; or
+# HISTORY_FULL or HISTORY_NO_MEMORY, and nothing has changed. `growth_limit`: by how many bytes the memory may
+# grow.
+cdef HistoryInsert history_move(History* history, uint32_t capacity, size_t growth_limit) noexcept nogil
+
+
+# What the history answers for a time.
+
+cdef extern from *:
+    void __builtin_prefetch(const void* address) nogil
+
+
+cdef inline uint32_t history_guess(const History* history, int64_t time_ns) noexcept nogil:
+    # For this chapter only. The index of the sample before time_ns, if the stamps were even; below
+    # `count - 1`. For two samples or more and oldest_ns <= time_ns < newest_ns.
+    cdef uint32_t last = history.count - 1
+    cdef double part = <double>(time_ns - history.oldest_ns) / <double>(history.newest_ns - history.oldest_ns)
+    return min(<uint32_t>(part * <double>last), last - 1)
+
+
+cdef inline uint32_t history_prefetch(const History* history, int64_t time_ns) noexcept nogil:
+    # The hint for finding a time. Prefetches the memory that the search will need, so that in long histories
+    # the delays of several frames or times overlap.
+    cdef uint32_t guess, slot
+    if history.count < PREFETCH_FROM or time_ns >= history.newest_ns or time_ns < history.oldest_ns:
+        return NEWEST_HINT
+    guess = history_guess(history, time_ns)
+    slot = history_slot(history, guess)
+    __builtin_prefetch(&history.stamps[slot])
+    __builtin_prefetch(&history.samples[slot])
+    if slot + 1 < history.capacity:
+        __builtin_prefetch(&history.samples[slot + 1])
+    return guess + 1
+
+
+# Why the history does not answer; GAP_NONE: it does. Time 0 means the newest sample.
+cdef Gap history_gap(const History* history, int64_t time_ns) noexcept nogil
+# The samples on both sides of a time, and its relative position between them, 0 .. 1. If one sample is the
+# answer, both are that sample, and the position is 0. `hint`: where to look first, and afterwards where the
+# answer was.
+cdef Gap history_neighbours(const History* history, int64_t time_ns, uint32_t* hint, const Transform** older,
+                            const Transform** newer, double* ratio) noexcept nogil
+# Interpolated between the neighbours: linear translation, slerp of the rotation.
+cdef Gap history_transform_at(const History* history, int64_t time_ns, uint32_t hint,
+                              Transform* out) noexcept nogil
+# As history_transform_at, under a policy that is given. `used_ns`: the time, or the newest stamp where that
+# stands for it.
+cdef Gap history_transform_under(const History* history, int64_t time_ns, const Policy* policy,
+                                 Transform* out, int64_t* used_ns) noexcept nogil
+# The stamps around a time, for the error of GAP_LONG.
+cdef void history_stamps_around(const History* history, int64_t time_ns, int64_t* older_ns,
+                                int64_t* newer_ns) noexcept nogil
+
+
+cdef inline int64_t history_time_within(const History* history, int64_t time_ns,
+                                        int64_t tolerance_ns) noexcept nogil:
+    # The time for which the history answers for `time_ns`: its newest stamp, where that is at most so much
+    # earlier.
+    if history.kind == HISTORY_DYNAMIC and history.count and time_ns > history.newest_ns:
+        if time_ns - history.newest_ns <= tolerance_ns:
+            return history.newest_ns
+    return time_ns
+
+
+# NO_FRAME: the history does not answer.
+cdef FrameId history_parent_at(const History* history, int64_t time_ns) noexcept nogil
+
+
+# Changing it.
+
+cdef struct TimeRange:
+    # Both included; empty if first > last.
+    int64_t first           # ns, as all times
+    int64_t last
+
+
+cdef struct HistoryChange:
+    # What an insert has changed.
+    TimeRange covered       # times that have samples around them only since this insert; may be too large
+    uint32_t moved          # samples copied to other slots
+
+
+# `growth_limit`: by how many bytes the memory may grow. `change` is always filled.
+# `stamp_ns` >= 0, a unit rotation in `sample`.
+cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Sample* sample,
+                                  int64_t cache_time_ns, size_t growth_limit,
+                                  HistoryChange* change) noexcept nogil
+cdef HistoryInsert history_set_static(History* history, int64_t stamp_ns, const Sample* sample,
+                                      size_t growth_limit, HistoryChange* change) noexcept nogil
+# NULL, or which invariant does not hold.
+cdef const char* history_check(const History* history) noexcept nogil
+
+
+# Copying it into flat arrays, and back.
+
+cdef enum:
+    TRANSFORM_DOUBLES = 7       # per transform: translation x y z in metres, rotation x y z w
+
+# `count` elements each, oldest first. The history may be a pinned copy.
+cdef void history_export(const History* history, int64_t* stamps, double* transforms,
+                         uint32_t* parents) noexcept nogil
+# Fills a history that has a kind, memory for at least `count` samples, and no samples. It checks nothing; see
+# history_check.
+cdef void history_import(History* history, uint32_t count, const int64_t* stamps, const double* transforms,
+                         const uint32_t* parents) noexcept nogil

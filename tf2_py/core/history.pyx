@@ -1,0 +1,708 @@
+"""Keep the history of one frame: its memory, finding a time and interpolating there, inserting, copying."""
+
+# Memory: growing, shrinking, pinning.
+
+cdef extern from *:
+    """
+    #ifdef _WIN32
+    #include <malloc.h>
+    #define TF2_ALLOCATE_ALIGNED(alignment, size) _aligned_malloc(size, alignment)
+    #define TF2_FREE_ALIGNED _aligned_free
+    #else
+    #include <stdlib.h>
+    #define TF2_ALLOCATE_ALIGNED aligned_alloc
+    #define TF2_FREE_ALIGNED free
+    #endif
+    """
+    # NULL: no memory. The size is a multiple of the alignment.
+    void* _allocate_aligned "TF2_ALLOCATE_ALIGNED"(size_t alignment, size_t size) nogil
+    void _free_aligned "TF2_FREE_ALIGNED"(void* memory) nogil
+
+cdef extern from *:
+    """
+    #define TF2_ADD(where, what) __atomic_add_fetch(where, what, __ATOMIC_ACQ_REL)
+    #define TF2_LOAD(where) __atomic_load_n(where, __ATOMIC_ACQUIRE)
+    #define TF2_STORE(where, what) __atomic_store_n(where, what, __ATOMIC_RELAXED)
+    """
+    uint32_t _add "TF2_ADD"(uint32_t* where, uint32_t what) nogil
+    uint32_t _load "TF2_LOAD"(const uint32_t* where) nogil
+    void _store "TF2_STORE"(uint32_t* where, uint32_t what) nogil
+
+
+cdef enum:
+    FIRST_CAPACITY = 8              # samples, of a dynamic history
+    SHRINK_ABOVE = 64               # samples; smaller rings are not worth shrinking
+
+
+cdef inline size_t _whole_lines(size_t size) noexcept nogil:
+    # In bytes, as `size`.
+    return (size + LINE_BYTES - 1) // LINE_BYTES * LINE_BYTES
+
+
+cdef inline size_t _memory_bytes(uint32_t capacity) noexcept nogil:
+    return (_whole_lines(sizeof(HistoryMemory)) + _whole_lines(capacity * sizeof(int64_t))
+            + capacity * sizeof(Sample))
+
+
+cdef inline void _release(HistoryMemory* memory) noexcept nogil:
+    if memory != NULL and _add(&memory.owners, <uint32_t>-1) == 0:
+        _free_aligned(memory)
+
+
+cdef bint history_is_pinned(const History* history) noexcept nogil:
+    return history.memory != NULL and _load(&history.memory.owners) > 1
+
+
+cdef void history_pin(const History* history, History* copy) noexcept nogil:
+    copy[0] = history[0]
+    # All that pin between the same two writes find the same head.
+    if history.memory != NULL and _add(&history.memory.owners, 1) == 2:
+        _store(&history.memory.pinned_from, history.head)
+
+
+cdef void history_unpin(History* copy) noexcept nogil:
+    _release(copy.memory)
+
+
+cdef uint32_t _pinned_before_head(const History* history) noexcept nogil:
+    # How many slots before the head hold samples that have been pruned here and are still read by a copy.
+    cdef uint32_t pinned_from
+    if not history_is_pinned(history):
+        return 0
+    pinned_from = _load(&history.memory.pinned_from)
+    if history.head >= pinned_from:
+        return history.head - pinned_from
+    return history.head + history.capacity - pinned_from
+
+
+cdef int _resize(History* history, uint32_t capacity) noexcept nogil:
+    # -1: no memory, and nothing has changed.
+    cdef History old = history[0]
+    cdef HistoryMemory* memory = <HistoryMemory*>_allocate_aligned(LINE_BYTES, _memory_bytes(capacity))
+    cdef uint32_t first
+    if memory == NULL:
+        return -1
+    memory.owners = 1
+    memory.bytes = _memory_bytes(capacity)
+    history.memory = memory
+    history.stamps = <int64_t*>(<char*>memory + _whole_lines(sizeof(HistoryMemory)))
+    history.samples = <Sample*>(<char*>history.stamps + _whole_lines(capacity * sizeof(int64_t)))
+    history.capacity = capacity
+    history.head = 0
+    if old.count:
+        first = min(old.count, old.capacity - old.head)
+        memcpy(history.stamps, old.stamps + old.head, first * sizeof(int64_t))
+        memcpy(history.stamps + first, old.stamps, (old.count - first) * sizeof(int64_t))
+        memcpy(history.samples, old.samples + old.head, first * sizeof(Sample))
+        memcpy(history.samples + first, old.samples, (old.count - first) * sizeof(Sample))
+    _release(old.memory)
+    return 0
+
+
+cdef HistoryInsert history_move(History* history, uint32_t capacity, size_t growth_limit) noexcept nogil:
+    if _memory_bytes(capacity) > history_allocated(history) + growth_limit:
+        return HISTORY_FULL
+    return HISTORY_INSERTED if _resize(history, capacity) == 0 else HISTORY_NO_MEMORY
+
+
+cdef HistoryInsert history_reserve_one(History* history, bint at_the_end, size_t growth_limit) noexcept nogil:
+    # Ensures a free slot behind the newest sample or, if not `at_the_end`, anywhere. Returns the same as
+    # history_move.
+    cdef uint32_t capacity = history.capacity
+    cdef HistoryInsert outcome
+    if at_the_end and history.count + _pinned_before_head(history) < capacity:
+        return HISTORY_INSERTED
+    if not at_the_end and history.count < capacity and not history_is_pinned(history):
+        return HISTORY_INSERTED
+    if capacity == LAST_CAPACITY and history.count == capacity:
+        return HISTORY_FULL
+    if history.count >= capacity - capacity // 4:
+        # By half: at most 1.5 x 72 bytes per sample. This cannot overflow 32 bits, see LAST_CAPACITY.
+        capacity = capacity + capacity // 2 if capacity else FIRST_CAPACITY
+    outcome = history_move(history, min(capacity, <uint32_t>LAST_CAPACITY), growth_limit)
+    if outcome == HISTORY_FULL and history.count < history.capacity:
+        outcome = history_move(history, history.capacity, growth_limit)
+    return outcome
+
+
+cdef void history_shrink(History* history) noexcept nogil:
+    # Called after each insert. A burst leaves a large ring behind. It is halved after as many inserts as it
+    # has slots, so that the copy costs O(1) per insert. Without memory for the smaller copy, the large ring
+    # stays.
+    if history.capacity <= SHRINK_ABOVE or history.count >= history.capacity // 4:
+        history.mostly_empty_for = 0
+        return
+    history.mostly_empty_for += 1
+    if history.mostly_empty_for > history.capacity:
+        history.mostly_empty_for = 0
+        _resize(history, history.capacity // 2)
+
+
+cdef inline void _drop_memory(History* history) noexcept nogil:
+    _release(history.memory)
+    history.memory = NULL
+    history.stamps = NULL
+    history.samples = NULL
+    history.capacity = 0
+
+
+cdef inline void _drop_samples(History* history) noexcept nogil:
+    history.head = history.count = history.parent_changes = 0
+    history.newest_ns = history.oldest_ns = 0
+
+
+cdef void history_free(History* history) noexcept nogil:
+    _drop_memory(history)
+    _drop_samples(history)
+    history.mostly_empty_for = 0
+    history.kind = HISTORY_NONE
+
+
+cdef void history_clear(History* history) noexcept nogil:
+    if history_is_pinned(history):
+        _drop_memory(history)
+    _drop_samples(history)
+
+
+# Finding a time, and interpolating there.
+
+cdef uint32_t history_first_after(const History* history, int64_t time_ns) noexcept nogil:
+    # The index of the first sample with a later stamp; `count`: there is none.
+    # Most stamps arrive at a steady rate: guess the index from the ends, step away from the guess in doubling
+    # strides, halve the rest. O(log n) for any stamps, a few probes for even ones.
+    cdef uint32_t count = history.count
+    cdef uint32_t low, high, stride, middle
+    if count == 0 or history.newest_ns <= time_ns:
+        return count
+    if history.oldest_ns > time_ns:
+        return 0
+    # From here on: stamp(low) <= time_ns < stamp(high).
+    low = 0
+    high = count - 1
+    middle = history_guess(history, time_ns)
+    stride = 1
+    if history.stamps[history_slot(history, middle)] <= time_ns:
+        low = middle
+        while high - low > stride and history.stamps[history_slot(history, low + stride)] <= time_ns:
+            low += stride
+            stride *= 2
+        if high - low > stride:
+            high = low + stride
+    else:
+        high = middle
+        while high - low > stride and history.stamps[history_slot(history, high - stride)] > time_ns:
+            high -= stride
+            stride *= 2
+        if high - low > stride:
+            low = high - stride
+    while high - low > 1:
+        middle = low + (high - low) // 2
+        if history.stamps[history_slot(history, middle)] <= time_ns:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+cdef inline Gap _find_slots(const History* history, int64_t time_ns, uint32_t* hint, uint32_t* older,
+                            uint32_t* newer) noexcept nogil:
+    # As history_neighbours, but slots. Of equal stamps the last arrival answers; where they are the oldest
+    # of several, the first. `hint` is the index of the newer sample.
+    cdef uint32_t count = history.count
+    cdef uint32_t index
+    if count == 0:
+        return GAP_EMPTY
+    if history.kind == HISTORY_STATIC:
+        older[0] = newer[0] = history.head
+        return GAP_NONE
+    if time_ns == 0 or time_ns == history.newest_ns:
+        older[0] = newer[0] = history_slot(history, count - 1)
+        return GAP_NONE
+    if count == 1:
+        return GAP_SINGLE
+    if time_ns > history.newest_ns:
+        return GAP_FUTURE
+    if time_ns == history.oldest_ns:
+        older[0] = newer[0] = history.head
+        return GAP_NONE
+    if time_ns < history.oldest_ns:
+        return GAP_PAST
+    index = min(hint[0], count - 1)
+    if history.stamps[history_slot(history, index)] <= time_ns:
+        # A series looks up its times in order, so the next interval is as likely as this one.
+        index += 1
+        if history.stamps[history_slot(history, index)] <= time_ns:
+            index = history_first_after(history, time_ns)
+    elif history.stamps[history_slot(history, index - 1)] > time_ns:
+        index -= 1
+        if history.stamps[history_slot(history, index - 1)] > time_ns:
+            index = history_first_after(history, time_ns)
+    hint[0] = index
+    older[0] = history_slot(history, index - 1)
+    newer[0] = history_slot(history, index)
+    if (history.stamps[older[0]] == time_ns
+            or history.samples[older[0]].parent != history.samples[newer[0]].parent):
+        newer[0] = older[0]
+    return GAP_NONE
+
+
+cdef Gap history_gap(const History* history, int64_t time_ns) noexcept nogil:
+    cdef uint32_t older, newer
+    cdef uint32_t hint = NEWEST_HINT
+    return _find_slots(history, time_ns, &hint, &older, &newer)
+
+
+cdef Gap history_neighbours(const History* history, int64_t time_ns, uint32_t* hint, const Transform** older,
+                            const Transform** newer, double* ratio) noexcept nogil:
+    cdef uint32_t a, b
+    cdef Gap gap = _find_slots(history, time_ns, hint, &a, &b)
+    if gap != GAP_NONE:
+        return gap
+    older[0] = &history.samples[a].transform
+    newer[0] = &history.samples[b].transform
+    if a == b:
+        ratio[0] = 0.0
+    else:
+        ratio[0] = (<double>(time_ns - history.stamps[a])) / (<double>(history.stamps[b] - history.stamps[a]))
+    return GAP_NONE
+
+
+cdef Gap history_transform_at(const History* history, int64_t time_ns, uint32_t hint,
+                              Transform* out) noexcept nogil:
+    cdef const Transform* a
+    cdef const Transform* b
+    cdef double ratio
+    cdef Gap gap = history_neighbours(history, time_ns, &hint, &a, &b, &ratio)
+    if gap != GAP_NONE:
+        return gap
+    if a == b:
+        out[0] = a[0]
+        return GAP_NONE
+    out.translation[0] = (1.0 - ratio) * a.translation[0] + ratio * b.translation[0]
+    out.translation[1] = (1.0 - ratio) * a.translation[1] + ratio * b.translation[1]
+    out.translation[2] = (1.0 - ratio) * a.translation[2] + ratio * b.translation[2]
+    quaternion_interpolate(a.rotation, b.rotation, ratio, out.rotation)
+    return GAP_NONE
+
+
+cdef inline bint _is_interval(const History* history, uint32_t index) noexcept nogil:
+    # Whether a sample and the one after it have the same parent and different stamps; any index.
+    cdef uint32_t older, newer
+    if index >= history.count - 1:
+        return False
+    older, newer = history_slot(history, index), history_slot(history, index + 1)
+    return (history.stamps[older] < history.stamps[newer]
+            and history.samples[older].parent == history.samples[newer].parent)
+
+
+cdef double _mean_velocity(const History* history, uint32_t index, double* linear,
+                           double* angular) noexcept nogil:
+    # From one sample to the next, which form an interval, whose seconds are returned. The angular velocity is
+    # in the axes of the frame itself, and so the same at both samples.
+    cdef const Transform* a = &history.samples[history_slot(history, index)].transform
+    cdef const Transform* b = &history.samples[history_slot(history, index + 1)].transform
+    cdef double seconds = 1e-9 * <double>(history.stamps[history_slot(history, index + 1)]
+                                          - history.stamps[history_slot(history, index)])
+    cdef int i
+    for i in range(3):
+        linear[i] = (b.translation[i] - a.translation[i]) / seconds
+    rotation_vector_between(a.rotation, b.rotation, angular)
+    for i in range(3):
+        angular[i] /= seconds
+    return seconds
+
+
+cdef void _velocity_at(const History* history, uint32_t index, double* linear,
+                       double* angular) noexcept nogil:
+    # Of a sample that at least one interval has as its end: the mean of the intervals on both sides, each
+    # weighted with the length of the other, which is the slope of the parabola through three points.
+    cdef double linear_before[3]
+    cdef double angular_before[3]
+    cdef double before, after, weight
+    cdef int i
+    if not _is_interval(history, index):
+        _mean_velocity(history, index - 1, linear, angular)
+        return
+    after = _mean_velocity(history, index, linear, angular)
+    if index == 0 or not _is_interval(history, index - 1):
+        return
+    before = _mean_velocity(history, index - 1, linear_before, angular_before)
+    weight = after / (before + after)
+    for i in range(3):
+        linear[i] += weight * (linear_before[i] - linear[i])
+        angular[i] += weight * (angular_before[i] - angular[i])
+
+
+cdef void _interpolate_cubic(const History* history, uint32_t index, double ratio,
+                             Transform* out) noexcept nogil:
+    # Between a sample and the next one, with the velocities that neighbouring intervals share: a cubic
+    # Hermite curve, and for the rotation its counterpart of M.-J. Kim, M.-S. Kim, S. Y. Shin: A General
+    # Construction Scheme for Unit Quaternion Curves with Simple High Order Derivatives, SIGGRAPH 1995.
+    cdef const Transform* a = &history.samples[history_slot(history, index)].transform
+    cdef const Transform* b = &history.samples[history_slot(history, index + 1)].transform
+    cdef double seconds = 1e-9 * <double>(history.stamps[history_slot(history, index + 1)]
+                                          - history.stamps[history_slot(history, index)])
+    cdef double linear_a[3]
+    cdef double linear_b[3]
+    cdef double first[3]
+    cdef double middle[3]
+    cdef double last[3]
+    cdef double near_a[4]
+    cdef double near_b[4]
+    cdef double rest = 1.0 - ratio
+    cdef double cubed = ratio * ratio * ratio
+    cdef double from_b = ratio * ratio * (3.0 - 2.0 * ratio)
+    cdef int i
+    _velocity_at(history, index, linear_a, first)
+    _velocity_at(history, index + 1, linear_b, last)
+    for i in range(3):
+        out.translation[i] = (
+            (1.0 - from_b) * a.translation[i] + from_b * b.translation[i]
+            + seconds * ratio * rest * (rest * linear_a[i] - ratio * linear_b[i]))
+        first[i] *= seconds / 3.0
+        last[i] *= seconds / 3.0
+    # The curve is a exp(f1 first) exp(f2 middle) exp(f3 last), and middle is such that it ends at b.
+    quaternion_turn(a.rotation, first, 1.0, near_a)
+    quaternion_turn(b.rotation, last, -1.0, near_b)
+    rotation_vector_between(near_a, near_b, middle)
+    quaternion_turn(a.rotation, first, 1.0 - rest * rest * rest, out.rotation)
+    quaternion_turn(out.rotation, middle, from_b, out.rotation)
+    quaternion_turn(out.rotation, last, cubed, out.rotation)
+
+
+cdef inline bint _is_finite(const Transform* transform) noexcept nogil:
+    cdef double total = 0.0
+    cdef int i
+    for i in range(3):
+        total += transform.translation[i]
+    for i in range(4):
+        total += transform.rotation[i]
+    return isfinite(total)
+
+
+cdef void _extrapolate(const History* history, int64_t time_ns, Transform* out) noexcept nogil:
+    # After the newest sample, at the velocity between it and the one before; where there is none that forms
+    # an interval with it, it stays.
+    cdef const Transform* newest = history_newest_transform(history)
+    cdef double seconds = 1e-9 * <double>(time_ns - history.newest_ns)
+    cdef double linear[3]
+    cdef double angular[3]
+    cdef int i
+    out[0] = newest[0]
+    if history.count < 2 or not _is_interval(history, history.count - 2):
+        return
+    _mean_velocity(history, history.count - 2, linear, angular)
+    for i in range(3):
+        out.translation[i] += seconds * linear[i]
+    quaternion_turn(newest.rotation, angular, seconds, out.rotation)
+
+
+cdef Gap history_transform_under(const History* history, int64_t time_ns, const Policy* policy,
+                                 Transform* out, int64_t* used_ns) noexcept nogil:
+    cdef uint32_t older, newer
+    cdef uint32_t hint = NEWEST_HINT
+    cdef int64_t found_ns = history_time_within(history, time_ns, policy.tolerance_ns)
+    cdef Gap gap = _find_slots(history, found_ns, &hint, &older, &newer)
+    used_ns[0] = time_ns
+    if gap != GAP_NONE:
+        return gap
+    if found_ns != time_ns and policy.extrapolates:
+        _extrapolate(history, time_ns, out)
+        if _is_finite(out):     # otherwise the differences of two translations are too large
+            return GAP_NONE
+    used_ns[0] = found_ns
+    if older != newer and history.stamps[newer] - history.stamps[older] > policy.max_gap_ns:
+        return GAP_LONG
+    if older == newer or not policy.is_cubic:
+        return history_transform_at(history, found_ns, hint, out)
+    _interpolate_cubic(history, hint - 1, (
+        <double>(found_ns - history.stamps[older])
+        / <double>(history.stamps[newer] - history.stamps[older])), out)
+    return GAP_NONE if _is_finite(out) else history_transform_at(history, found_ns, hint, out)
+
+
+cdef void history_stamps_around(const History* history, int64_t time_ns, int64_t* older_ns,
+                                int64_t* newer_ns) noexcept nogil:
+    cdef uint32_t older, newer
+    cdef uint32_t hint = NEWEST_HINT
+    if _find_slots(history, time_ns, &hint, &older, &newer) == GAP_NONE:
+        older_ns[0], newer_ns[0] = history.stamps[older], history.stamps[newer]
+
+
+cdef FrameId history_parent_at(const History* history, int64_t time_ns) noexcept nogil:
+    cdef uint32_t older, newer
+    cdef uint32_t hint = NEWEST_HINT
+    if _find_slots(history, time_ns, &hint, &older, &newer) != GAP_NONE:
+        return NO_FRAME
+    return history.samples[older].parent
+
+
+# Inserting, pruning, replacing.
+
+cdef enum:
+    MAX_PER_STAMP = 64      # samples; of more, the last is replaced
+
+
+cdef inline uint32_t _differ(const History* history, uint32_t index, FrameId parent) noexcept nogil:
+    # How many of the neighbours of a sample have another parent.
+    cdef uint32_t count = 0
+    if index > 0:
+        count += history_parent_of(history, index - 1) != parent
+    if index + 1 < history.count:
+        count += history_parent_of(history, index + 1) != parent
+    return count
+
+
+cdef inline void _clear_change(HistoryChange* change) noexcept nogil:
+    change.covered.first = INT64_MAX
+    change.covered.last = INT64_MIN
+    change.moved = 0
+
+
+cdef HistoryInsert _change_kind(History* history, HistoryKind kind, uint32_t capacity,
+                                size_t growth_limit) noexcept nogil:
+    # A frame that changes from dynamic to static or back loses its history, but only when there is memory.
+    cdef History fresh
+    cdef HistoryInsert outcome
+    memset(&fresh, 0, sizeof(History))
+    fresh.kind = kind
+    fresh.authority = history.authority
+    fresh.is_parent = history.is_parent     # is_hidden is False: a transform uses the frame
+    outcome = history_move(&fresh, capacity, history_allocated(history) + growth_limit)
+    if outcome == HISTORY_INSERTED:
+        history_free(history)
+        history[0] = fresh
+    return outcome
+
+
+cdef void _prune(History* history, int64_t horizon_ns) noexcept nogil:
+    # Drop all samples older than that, except for the newest one.
+    cdef uint32_t pruned, i
+    if history.count < 2 or history.oldest_ns >= horizon_ns:
+        return
+    pruned = 1      # which is what most inserts leave behind
+    if history.stamps[history_slot(history, 1)] < horizon_ns:
+        pruned = min(history_first_after(history, horizon_ns - 1), history.count - 1)
+    for i in range(pruned if history.parent_changes else 0):
+        history.parent_changes -= history_parent_of(history, i) != history_parent_of(history, i + 1)
+    history.head = history_slot(history, pruned)
+    history.count -= pruned
+    history.oldest_ns = history.stamps[history.head]
+
+
+cdef inline bint _same(const Sample* a, const Sample* b) noexcept nogil:
+    return (a.parent == b.parent
+            and a.transform.translation[0] == b.transform.translation[0]
+            and a.transform.translation[1] == b.transform.translation[1]
+            and a.transform.translation[2] == b.transform.translation[2]
+            and a.transform.rotation[0] == b.transform.rotation[0]
+            and a.transform.rotation[1] == b.transform.rotation[1]
+            and a.transform.rotation[2] == b.transform.rotation[2]
+            and a.transform.rotation[3] == b.transform.rotation[3])
+
+
+cdef void _make_slot(History* history, uint32_t index) noexcept nogil:
+    # Free the slot of `index` by moving the shorter side one slot outwards.
+    cdef uint32_t i, source, target
+    if index < history.count - index:
+        history.head = (history.head if history.head else history.capacity) - 1
+        for i in range(index):
+            target = history_slot(history, i)
+            source = history_slot(history, i + 1)
+            history.stamps[target] = history.stamps[source]
+            history.samples[target] = history.samples[source]
+    else:
+        i = history.count
+        while i > index:
+            target = history_slot(history, i)
+            source = history_slot(history, i - 1)
+            history.stamps[target] = history.stamps[source]
+            history.samples[target] = history.samples[source]
+            i -= 1
+    history.count += 1
+
+
+cdef void _replace_last_of_stamp(History* history, uint32_t index, const Sample* sample) noexcept nogil:
+    # Of all samples of one stamp only the first and the last answer, so the others need not be kept.
+    cdef Sample* last = &history.samples[history_slot(history, index)]
+    history.parent_changes -= _differ(history, index, last.parent)
+    history.parent_changes += _differ(history, index, sample.parent)
+    last[0] = sample[0]
+
+
+cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Sample* sample,
+                                  int64_t cache_time_ns, size_t growth_limit,
+                                  HistoryChange* change) noexcept nogil:
+    # As in tf2: prune against the newest stamp before this insert, then refuse what is older than that.
+    cdef uint32_t index, i, slot
+    cdef HistoryInsert outcome = HISTORY_INSERTED
+    _clear_change(change)
+    if history.kind != HISTORY_DYNAMIC:
+        outcome = _change_kind(history, HISTORY_DYNAMIC, FIRST_CAPACITY, growth_limit)
+        if outcome != HISTORY_INSERTED:
+            return outcome
+    _prune(history, history.newest_ns - cache_time_ns)
+    if history.count and stamp_ns < history.newest_ns - cache_time_ns:
+        return HISTORY_TOO_OLD
+    index = history_first_after(history, stamp_ns)
+    i = index
+    while i > 0:
+        slot = history_slot(history, i - 1)
+        if history.stamps[slot] != stamp_ns:
+            break
+        if _same(&history.samples[slot], sample):
+            return HISTORY_DUPLICATE
+        i -= 1
+    if index - i >= MAX_PER_STAMP:
+        if history_is_pinned(history):
+            outcome = history_move(history, history.capacity, growth_limit)
+        if outcome == HISTORY_INSERTED:
+            _replace_last_of_stamp(history, index - 1, sample)
+        return outcome
+    outcome = history_reserve_one(history, index == history.count, growth_limit)
+    if outcome == HISTORY_FULL and index == history.count:
+        # Prune now what the next insert would prune, because without memory there would be no next insert.
+        _prune(history, stamp_ns - cache_time_ns)
+        index = history.count
+        outcome = history_reserve_one(history, True, growth_limit)
+    if outcome != HISTORY_INSERTED:
+        return outcome
+    if index == 0 or index == history.count:
+        change.covered.first = history.newest_ns if index else stamp_ns
+        change.covered.last = stamp_ns if index or history.count == 0 else history.oldest_ns
+    if index > 0 and index < history.count:
+        # These two are no longer neighbours.
+        history.parent_changes -= history_parent_of(history, index - 1) != history_parent_of(history, index)
+    change.moved = min(index, history.count - index)
+    _make_slot(history, index)
+    slot = history_slot(history, index)
+    history.stamps[slot] = stamp_ns
+    history.samples[slot] = sample[0]
+    history.parent_changes += _differ(history, index, sample.parent)
+    history.newest_ns = history.stamps[history_slot(history, history.count - 1)]
+    history.oldest_ns = history.stamps[history.head]
+    history_shrink(history)
+    # Where the next sample goes: that memory has not been used for the whole cache time.
+    __builtin_prefetch(&history.samples[history_slot(history, history.count)])
+    return HISTORY_INSERTED
+
+
+cdef HistoryInsert history_set_static(History* history, int64_t stamp_ns, const Sample* sample,
+                                      size_t growth_limit, HistoryChange* change) noexcept nogil:
+    cdef HistoryInsert outcome = HISTORY_INSERTED
+    cdef bint was_static = history.kind == HISTORY_STATIC
+    _clear_change(change)
+    if not was_static:
+        outcome = _change_kind(history, HISTORY_STATIC, 1, growth_limit)
+    elif history_is_pinned(history):
+        outcome = history_move(history, 1, growth_limit)
+    if outcome != HISTORY_INSERTED:
+        return outcome
+    if not was_static or memcmp(&history.samples[0], sample, sizeof(Sample)) != 0:
+        change.covered.first = INT64_MIN
+        change.covered.last = INT64_MAX
+    history.count = 1
+    history.stamps[0] = stamp_ns
+    history.samples[0] = sample[0]
+    return HISTORY_INSERTED
+
+
+cdef const char* _transform_check(const Transform* transform) noexcept nogil:
+    cdef const double* t = transform.translation
+    cdef const double* q = transform.rotation
+    cdef Transform copy = transform[0]
+    cdef int i
+    if not (isfinite(t[0]) and isfinite(t[1]) and isfinite(t[2])):
+        return "a translation that is not finite"
+    # Not "> 1e-12": that is false for NaN.
+    if not fabs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0) <= 1e-12:
+        return "a rotation that is not normalised"
+    quaternion_canonicalise(copy.rotation)
+    for i in range(4):
+        if copy.rotation[i] != q[i]:
+            return "a rotation without the canonical sign"
+    return NULL
+
+
+cdef const char* history_check(const History* history) noexcept nogil:
+    cdef uint32_t i, slot, previous
+    cdef uint32_t changes = 0
+    cdef uint32_t same_stamp = 1
+    cdef const char* problem
+    if history.count > history.capacity or (history.capacity and history.head >= history.capacity):
+        return "count or head beyond capacity"
+    if history.kind == HISTORY_NONE and history.capacity:
+        return "a frame that was never a child owns memory"
+    # A smaller one would not grow by half.
+    if history.kind == HISTORY_DYNAMIC and history.capacity and history.capacity < FIRST_CAPACITY:
+        return "a dynamic history of less than the first capacity"
+    if history.kind == HISTORY_STATIC and (history.count != 1 or history.newest_ns != 0):
+        return "a static history without its one sample"
+    for i in range(history.count):
+        slot = history_slot(history, i)
+        if history.stamps[slot] < 0 or history.stamps[slot] > MAX_STAMP_NS:
+            return "a sample with a stamp that no message holds"
+        if history.samples[slot].parent == NO_FRAME:
+            return "a sample without parent"
+        problem = _transform_check(&history.samples[slot].transform)
+        if problem != NULL:
+            return problem
+        if i:
+            previous = history_slot(history, i - 1)
+            if history.stamps[previous] > history.stamps[slot]:
+                return "stamps out of order"
+            same_stamp = same_stamp + 1 if history.stamps[previous] == history.stamps[slot] else 1
+            if same_stamp > MAX_PER_STAMP:
+                return "too many samples of one stamp"
+            changes += history.samples[previous].parent != history.samples[slot].parent
+    if changes != history.parent_changes:
+        return "parent_changes miscounted"
+    if history.kind == HISTORY_DYNAMIC and history.count:
+        if history.newest_ns != history.stamps[history_slot(history, history.count - 1)]:
+            return "newest_ns is not the newest stamp"
+        if history.oldest_ns != history.stamps[history.head]:
+            return "oldest_ns is not the oldest stamp"
+    elif history.newest_ns != 0 or history.oldest_ns != 0:
+        return "a stamp without a sample"
+    return NULL
+
+
+# Copying into flat arrays, and back.
+
+cdef inline void _export_run(const History* history, uint32_t slot, uint32_t count, int64_t* stamps,
+                             double* transforms, uint32_t* parents) noexcept nogil:
+    # Samples that lie in one piece.
+    cdef const Sample* sample = history.samples + slot
+    cdef uint32_t i
+    memcpy(stamps, history.stamps + slot, count * sizeof(int64_t))
+    for i in range(count):
+        memcpy(transforms + <size_t>i * TRANSFORM_DOUBLES, &sample[i].transform, sizeof(Transform))
+        parents[i] = sample[i].parent
+
+
+cdef void history_export(const History* history, int64_t* stamps, double* transforms,
+                         uint32_t* parents) noexcept nogil:
+    cdef uint32_t first = min(history.count, history.capacity - history.head)
+    if history.count == 0:
+        return
+    _export_run(history, history.head, first, stamps, transforms, parents)
+    _export_run(history, 0, history.count - first, stamps + first,
+                transforms + <size_t>first * TRANSFORM_DOUBLES, parents + first)
+
+
+cdef void history_import(History* history, uint32_t count, const int64_t* stamps, const double* transforms,
+                         const uint32_t* parents) noexcept nogil:
+    cdef uint32_t i
+    cdef Sample* sample
+    history.count = count
+    if count == 0:
+        return
+    memcpy(history.stamps, stamps, count * sizeof(int64_t))
+    for i in range(count):
+        sample = history.samples + i
+        memcpy(&sample.transform, transforms + <size_t>i * TRANSFORM_DOUBLES, sizeof(Transform))
+        sample.parent = parents[i]
+        history.parent_changes += i > 0 and sample.parent != history.samples[i - 1].parent
+    if history.kind == HISTORY_DYNAMIC:
+        history.oldest_ns = history.stamps[history_slot(history, 0)]
+        history.newest_ns = history.stamps[history_slot(history, count - 1)]

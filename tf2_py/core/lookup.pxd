@@ -1,0 +1,75 @@
+"""
+The lookup: the query, the walk between two frames, and the answer along their path.
+
+All functions read the tree only; the caller holds its lock.
+"""
+
+cdef struct Path:
+    # The frames whose samples lie between two frames: each hop leads from the frame named to its parent.
+    FrameId source[MAX_HOPS + 1]    # up from the source; one entry more than hops count
+    FrameId target[MAX_HOPS + 1]    # up from the target; the same
+    uint32_t source_hops            # 0: the source is the top
+    uint32_t target_hops            # 0: the target is the top
+    FrameId top                     # the common ancestor at which the two sides meet
+
+
+cdef inline int64_t _oldest_of_newest(const Tree* tree, const FrameId* frames, uint32_t hops,
+                                      int64_t common_ns) noexcept nogil:
+    # Static frames and those whose newest stamp is 0 do not count.
+    cdef uint32_t i
+    cdef int64_t newest_ns
+    for i in range(hops):
+        newest_ns = tree.histories[frames[i]].newest_ns
+        if newest_ns != 0 and newest_ns < common_ns:
+            common_ns = newest_ns
+    return common_ns
+
+
+cdef inline int64_t path_common_time(const Tree* tree, const Path* path) noexcept nogil:
+    # The newest time that the history of every dynamic frame on the path covers; 0 if none is dynamic.
+    cdef int64_t common_ns = INT64_MAX
+    common_ns = _oldest_of_newest(tree, path.source, path.source_hops, common_ns)
+    common_ns = _oldest_of_newest(tree, path.target, path.target_hops, common_ns)
+    return 0 if common_ns == INT64_MAX else common_ns
+
+
+# Walks through the tree, and answers along the path found. `time_ns` 0 means the latest common time. If `out`
+# is NULL, only the status is computed. `stamp_ns` receives the time looked up. `path` is scratch
+# memory and holds the path after a successful lookup.
+cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, Path* path,
+                        Transform* out, int64_t* stamp_ns) noexcept nogil
+cdef Status walk_common_time(const Tree* tree, FrameId target, FrameId source, Path* path,
+                             int64_t* common_ns) noexcept nogil
+# Finds only the path, at a time or at NEWEST, in a tree in which no link ever closed a loop, between two
+# different frames. False: no path, or too many hops. `mixed` is set if a visited frame had several
+# parents, so that the path may differ at other times.
+cdef bint walk_climb(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, Path* path,
+                     bint* mixed) noexcept nogil
+
+
+cdef struct Query:
+    const char* target          # names as UTF-8, owned by the caller's objects
+    Py_ssize_t target_size      # bytes
+    const char* source          # the same
+    Py_ssize_t source_size
+    const char* fixed           # NULL: a simple lookup
+    Py_ssize_t fixed_size
+    int64_t target_ns           # the target's time in a two-time lookup; 0: the latest common time
+    int64_t source_ns           # the source's time, or the time of a simple lookup; 0: the latest common time
+    Policy policy
+
+
+# If `out` is NULL, only the status is computed. `stamp_ns` receives the time looked up or, if a policy let a
+# frame stay at its newest sample, the oldest stamp of such samples.
+cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
+                         int64_t* stamp_ns) noexcept nogil
+# The ids of the target and the source; a bad status if one of the names is invalid or unknown.
+cdef Status query_end_frames(const Tree* tree, const Query* query, FrameId* target,
+                             FrameId* source) noexcept nogil
+# NO_FRAME if the name is invalid or unknown.
+cdef FrameId query_fixed_frame(const Tree* tree, const Query* query) noexcept nogil
+# Whether a simple query with a policy that failed with `status` will fail as long as frames keep their
+# parents, because a frame on its path refuses data of that time. Then `status` is about that frame.
+cdef bint query_is_hopeless(const Tree* tree, const Query* query, Status* status) noexcept nogil
+# Whether this is a simple lookup between equal names, for which the frame need not be known.
+cdef bint query_is_identity(const Query* query) noexcept nogil

@@ -1,0 +1,478 @@
+"""Look a transform up: names to frames, the path between them, and what is computed along it."""
+
+# Along a known path: the composed transform, or which history does not answer.
+
+cdef Status gap_status(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil:
+    # The status of a lookup for which the history of this frame has no answer.
+    cdef const History* history = &tree.histories[frame]
+    cdef Gap gap = history_gap(history, time_ns)
+    cdef Status status
+    status.code = STATUS_EXTRAPOLATION
+    status.half = HALF_NONE
+    status.gap = gap
+    status.on_path = False
+    status.child = frame
+    status.parent = history_oldest_parent(history) if gap == GAP_PAST else tree_newest_parent(tree, frame)
+    status.requested_ns = time_ns
+    status.edge_ns = history.oldest_ns if gap == GAP_PAST else history.newest_ns
+    return status
+
+
+cdef Status _first_gap(const Tree* tree, const Path* path, int64_t time_ns) noexcept nogil:
+    # The first gap, target side first; STATUS_OK: there is none.
+    cdef uint32_t i
+    cdef FrameId frame = NO_FRAME
+    cdef Status status
+    for i in range(path.target_hops):
+        if frame == NO_FRAME and history_gap(&tree.histories[path.target[i]], time_ns) != GAP_NONE:
+            frame = path.target[i]
+    for i in range(path.source_hops):
+        if frame == NO_FRAME and history_gap(&tree.histories[path.source[i]], time_ns) != GAP_NONE:
+            frame = path.source[i]
+    if frame == NO_FRAME:
+        return status_of(STATUS_OK)
+    status = gap_status(tree, frame, time_ns)
+    status.on_path = True
+    return status
+
+
+cdef inline void _prefetch_side(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t time_ns,
+                                uint32_t* hints) noexcept nogil:
+    cdef uint32_t i
+    for i in range(hops):
+        hints[i] = history_prefetch(&tree.histories[frames[i]], time_ns)
+
+
+cdef inline bint _compose_side(const Tree* tree, const FrameId* frames, const uint32_t* hints, uint32_t hops,
+                               int64_t time_ns, Transform* out) noexcept nogil:
+    # From frames[0] up all hops; hops > 0. False, and `out` undefined: a history does not answer.
+    cdef Transform hop
+    cdef uint32_t i
+    if history_transform_at(&tree.histories[frames[0]], time_ns, hints[0], out) != GAP_NONE:
+        return False
+    for i in range(1, hops):
+        if history_transform_at(&tree.histories[frames[i]], time_ns, hints[i], &hop) != GAP_NONE:
+            return False
+        transform_compose(&hop, out, out)
+    return True
+
+
+cdef Status path_transform(const Tree* tree, const Path* path, int64_t time_ns,
+                           Transform* out) noexcept nogil:
+    # From the source to the target at a time; with `out` NULL, only whether every history answers.
+    cdef Transform source_side, target_side
+    cdef uint32_t source_hints[MAX_HOPS + 1]
+    cdef uint32_t target_hints[MAX_HOPS + 1]
+    if out == NULL:
+        return _first_gap(tree, path, time_ns)
+    transform_identity(&source_side)
+    transform_identity(&target_side)
+    _prefetch_side(tree, path.target, path.target_hops, time_ns, target_hints)
+    _prefetch_side(tree, path.source, path.source_hops, time_ns, source_hints)
+    if path.target_hops and not _compose_side(
+            tree, path.target, target_hints, path.target_hops, time_ns, &target_side):
+        return _first_gap(tree, path, time_ns)
+    if path.source_hops and not _compose_side(
+            tree, path.source, source_hints, path.source_hops, time_ns, &source_side):
+        return _first_gap(tree, path, time_ns)
+    if path.target_hops:
+        transform_between(&target_side, &source_side, out)
+    else:
+        out[0] = source_side
+    # Rounding makes long chains drift from unit length.
+    quaternion_normalise(out.rotation)
+    quaternion_canonicalise(out.rotation)
+    return status_of(STATUS_OK)
+
+
+# Walks in the order of tf2, the reference: up from the source to its root or first gap, then up from the
+# target. The order decides which of several errors is reported, and what a tree that contains a loop answers.
+# Lookups that succeed in trees without a loop do not need it. Target and source differ.
+
+cdef inline FrameId _parent_within(const Tree* tree, FrameId frame, int64_t time_ns,
+                                   int64_t tolerance_ns) noexcept nogil:
+    cdef const History* history = &tree.histories[frame]
+    return history_parent_at(history, history_time_within(history, time_ns, tolerance_ns))
+
+
+cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
+                           int64_t tolerance_ns, Path* path) noexcept nogil:
+    # The path at a time, for which frames answer that end at most `tolerance_ns` before it.
+    cdef FrameId frame = source
+    cdef FrameId top = source
+    cdef FrameId parent
+    cdef FrameId source_gap = NO_FRAME
+    path.source_hops = path.target_hops = 0
+    while frame != NO_FRAME:
+        top = frame
+        if tree.histories[frame].kind == HISTORY_NONE:
+            break
+        parent = _parent_within(tree, frame, time_ns, tolerance_ns)
+        if parent == NO_FRAME:
+            source_gap = frame
+            break
+        if frame == target:
+            path.top = frame
+            return status_of(STATUS_OK)
+        if path.source_hops == MAX_HOPS:
+            return status_of(STATUS_LOOP)
+        path.source[path.source_hops] = frame
+        path.source_hops += 1
+        frame = parent
+    frame = target
+    while frame != top:
+        if tree.histories[frame].kind == HISTORY_NONE:
+            break
+        parent = _parent_within(tree, frame, time_ns, tolerance_ns)
+        if parent == NO_FRAME:
+            return gap_status(tree, frame, time_ns)
+        if frame == source:
+            path.top = frame
+            path.source_hops = 0
+            return status_of(STATUS_OK)
+        if path.target_hops == MAX_HOPS:
+            return status_of(STATUS_LOOP)
+        path.target[path.target_hops] = frame
+        path.target_hops += 1
+        frame = parent
+    if frame == top:
+        path.top = top
+        return status_of(STATUS_OK)
+    if source_gap != NO_FRAME:
+        return gap_status(tree, source_gap, time_ns)
+    return status_of(STATUS_UNCONNECTED)
+
+
+cdef Status reference_common_time(const Tree* tree, FrameId target, FrameId source, Path* path,
+                                  int64_t* common_ns) noexcept nogil:
+    # The latest common time of the path at the newest stamps.
+    cdef FrameId frame = source
+    cdef uint32_t i
+    path.source_hops = path.target_hops = 0
+    while True:
+        path.source[path.source_hops] = frame
+        frame = tree_newest_parent(tree, frame)
+        if frame == NO_FRAME:
+            break
+        path.source_hops += 1
+        if frame == target:
+            common_ns[0] = path_common_time(tree, path)
+            return status_of(STATUS_OK)
+        if path.source_hops > MAX_HOPS:
+            return status_of(STATUS_LOOP)
+    frame = target
+    while True:
+        path.target[path.target_hops] = frame
+        frame = tree_newest_parent(tree, frame)
+        if frame == NO_FRAME:
+            return status_of(STATUS_UNCONNECTED)
+        path.target_hops += 1
+        for i in range(path.source_hops):
+            if path.source[i + 1] == frame:
+                path.source_hops = i + 1
+                common_ns[0] = path_common_time(tree, path)
+                return status_of(STATUS_OK)
+        if frame == source:
+            path.source_hops = 0
+            common_ns[0] = path_common_time(tree, path)
+            return status_of(STATUS_OK)
+        if path.target_hops > MAX_HOPS:
+            return status_of(STATUS_LOOP)
+
+
+# The path between two frames: up from both, to their lowest common ancestor.
+
+cdef enum:
+    SEEN_WORDS = 8          # 512 bits for each side
+
+
+cdef struct Side:
+    # One of the two climbs, and the frames that it has visited.
+    FrameId* frames             # in the order of the visits
+    uint32_t count
+    FrameId top                 # the last one; NO_FRAME: it has no parent
+    uint64_t bits[SEEN_WORDS]   # a Bloom filter of the frames: if the bit is set, the list is searched
+
+
+cdef inline void side_begin(Side* side, FrameId* frames, FrameId frame) noexcept nogil:
+    memset(side.bits, 0, sizeof(side.bits))
+    side.frames = frames
+    side.count = 0
+    side_add(side, frame)
+
+
+cdef inline void side_add(Side* side, FrameId frame) noexcept nogil:
+    side.bits[(frame >> 6) & (SEEN_WORDS - 1)] |= (<uint64_t>1) << (frame & 63)
+    side.frames[side.count] = frame
+    side.count += 1
+    side.top = frame
+
+
+cdef inline uint32_t side_position(const Side* side, FrameId wanted) noexcept nogil:
+    # The index of `wanted` among the frames; `count`: it is not among them.
+    cdef uint32_t i
+    if not (side.bits[(wanted >> 6) & (SEEN_WORDS - 1)] >> (wanted & 63)) & 1:
+        return side.count
+    for i in range(side.count):
+        if side.frames[i] == wanted:
+            return i
+    return side.count
+
+
+cdef inline FrameId _parent_at(const Tree* tree, FrameId frame, int64_t time_ns, bint* mixed) noexcept nogil:
+    cdef uint32_t parent = tree.parents[frame]
+    if not parent & MIXED_PARENTS:
+        return parent
+    mixed[0] = True
+    if time_ns == NEWEST:
+        return parent & ~<uint32_t>MIXED_PARENTS
+    return history_parent_at(&tree.histories[frame], time_ns)
+
+
+cdef inline bint side_step(const Tree* tree, Side* side, const Side* other, int64_t time_ns, bint* mixed,
+                           uint32_t* met_at) noexcept nogil:
+    # One hop up. True: that is a frame of the other side, with the index `met_at`.
+    side.top = NO_FRAME if side.count > MAX_HOPS else _parent_at(tree, side.top, time_ns, mixed)
+    if side.top == NO_FRAME:
+        return False
+    met_at[0] = side_position(other, side.top)
+    if met_at[0] < other.count:
+        return True
+    side_add(side, side.top)
+    __builtin_prefetch(&tree.histories[side.top])
+    return False
+
+
+cdef bint walk_climb(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, Path* path,
+                     bint* mixed) noexcept nogil:
+    # Climb from both ends in turn to the lowest common ancestor, so the cost depends on their distance.
+    cdef Side source_side, target_side
+    cdef uint32_t met_at
+    __builtin_prefetch(&tree.histories[source])
+    __builtin_prefetch(&tree.histories[target])
+    side_begin(&source_side, path.source, source)
+    side_begin(&target_side, path.target, target)
+    while source_side.top != NO_FRAME or target_side.top != NO_FRAME:
+        if source_side.top != NO_FRAME and side_step(
+                tree, &source_side, &target_side, time_ns, mixed, &met_at):
+            path.top = source_side.top
+            path.source_hops = source_side.count
+            path.target_hops = met_at
+            return True
+        if target_side.top != NO_FRAME and side_step(
+                tree, &target_side, &source_side, time_ns, mixed, &met_at):
+            path.top = target_side.top
+            path.source_hops = met_at
+            path.target_hops = target_side.count
+            return True
+    return False
+
+
+cdef Status walk_common_time(const Tree* tree, FrameId target, FrameId source, Path* path,
+                             int64_t* common_ns) noexcept nogil:
+    cdef bint mixed = False
+    if target == source:
+        common_ns[0] = tree.histories[source].newest_ns
+        return status_of(STATUS_OK)
+    if not tree.ever_looped and walk_climb(tree, target, source, NEWEST, path, &mixed):
+        common_ns[0] = path_common_time(tree, path)
+        return status_of(STATUS_OK)
+    return reference_common_time(tree, target, source, path, common_ns)
+
+
+cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, Path* path,
+                        Transform* out, int64_t* stamp_ns) noexcept nogil:
+    cdef bint mixed = False
+    cdef bint latest = time_ns == 0
+    cdef bint found
+    cdef Status status
+    path.source_hops = path.target_hops = 0
+    path.top = source
+    stamp_ns[0] = time_ns
+    if target == source:
+        if latest:
+            stamp_ns[0] = tree.histories[source].newest_ns
+        if out != NULL:
+            transform_identity(out)
+        return status_of(STATUS_OK)
+    found = (not tree.ever_looped
+             and walk_climb(tree, target, source, NEWEST if latest else time_ns, path, &mixed))
+    if latest:
+        if found:
+            stamp_ns[0] = path_common_time(tree, path)
+        else:
+            status = reference_common_time(tree, target, source, path, stamp_ns)
+            if status.code != STATUS_OK:
+                return status
+        if found and mixed:
+            # At the common time a frame may have another parent than at its newest stamp.
+            found = walk_climb(tree, target, source, stamp_ns[0], path, &mixed)
+    if not found:
+        status = reference_walk(tree, target, source, stamp_ns[0], 0, path)
+        if status.code != STATUS_OK:
+            return status
+    return path_transform(tree, path, stamp_ns[0], out)
+
+
+# Under a policy.
+
+cdef Status _compose_side_under(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t time_ns,
+                                const Policy* policy, Transform* out, int64_t* stamp_ns) noexcept nogil:
+    # From frames[0] up all hops. `stamp_ns` falls to the oldest stamp used.
+    cdef Transform hop
+    cdef Gap gap
+    cdef int64_t used_ns
+    cdef Status status
+    cdef uint32_t i
+    transform_identity(out)
+    for i in range(hops):
+        gap = history_transform_under(&tree.histories[frames[i]], time_ns, policy, &hop, &used_ns)
+        if gap != GAP_NONE:
+            status = gap_status(tree, frames[i], time_ns)
+            status.on_path = True
+            if gap == GAP_LONG:
+                status.gap = GAP_LONG
+                history_stamps_around(&tree.histories[frames[i]], time_ns, &status.edge_ns, &status.newer_ns)
+            return status
+        stamp_ns[0] = min(stamp_ns[0], used_ns)
+        transform_compose(&hop, out, out)
+    return status_of(STATUS_OK)
+
+
+cdef Status walk_under(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
+                       const Policy* policy, Path* path, Transform* out, int64_t* stamp_ns) noexcept nogil:
+    # As walk_lookup, under a policy that is given. Target and source differ.
+    cdef Transform source_side, target_side
+    cdef Status status = status_of(STATUS_OK)
+    if time_ns == 0:
+        status = walk_common_time(tree, target, source, path, &time_ns)
+    if status.code == STATUS_OK:
+        status = reference_walk(tree, target, source, time_ns, policy.tolerance_ns, path)
+    stamp_ns[0] = time_ns
+    # In tf2's order both sides lead to the root; above the common ancestor they are the same.
+    while (status.code == STATUS_OK and path.source_hops and path.target_hops
+           and path.source[path.source_hops - 1] == path.target[path.target_hops - 1]):
+        path.source_hops -= 1
+        path.target_hops -= 1
+        path.top = path.source[path.source_hops]
+    if status.code == STATUS_OK:
+        status = _compose_side_under(
+            tree, path.target, path.target_hops, time_ns, policy, &target_side, stamp_ns)
+    if status.code == STATUS_OK:
+        status = _compose_side_under(
+            tree, path.source, path.source_hops, time_ns, policy, &source_side, stamp_ns)
+    if status.code == STATUS_OK and out != NULL:
+        transform_between(&target_side, &source_side, out)
+        quaternion_normalise(out.rotation)
+        quaternion_canonicalise(out.rotation)
+    return status
+
+
+# The query: names to frames, the halves of a two-time lookup.
+
+cdef inline Status _walk(const Tree* tree, const Query* query, FrameId target, FrameId source,
+                         int64_t time_ns, Path* path, Transform* out, int64_t* stamp_ns) noexcept nogil:
+    if query.policy.is_given and target != source:
+        return walk_under(tree, target, source, time_ns, &query.policy, path, out, stamp_ns)
+    return walk_lookup(tree, target, source, time_ns, path, out, stamp_ns)
+
+
+cdef inline FrameId query_frame(const Tree* tree, const char* name, Py_ssize_t size) noexcept nogil:
+    return NO_FRAME if name_is_invalid(name, size) else tree_frame(tree, name, size)
+
+
+cdef Status query_end_frames(const Tree* tree, const Query* query, FrameId* target,
+                             FrameId* source) noexcept nogil:
+    target[0] = query_frame(tree, query.target, query.target_size)
+    source[0] = query_frame(tree, query.source, query.source_size)
+    if target[0] == NO_FRAME:
+        return status_of(STATUS_BAD_TARGET)
+    if source[0] == NO_FRAME:
+        return status_of(STATUS_BAD_SOURCE)
+    return status_of(STATUS_OK)
+
+
+cdef FrameId query_fixed_frame(const Tree* tree, const Query* query) noexcept nogil:
+    return query_frame(tree, query.fixed, query.fixed_size)
+
+
+cdef bint query_is_identity(const Query* query) noexcept nogil:
+    return (query.fixed == NULL and query.target_size == query.source_size
+            and memcmp(query.target, query.source, query.source_size) == 0)
+
+
+cdef FrameId _hopeless_frame(const Tree* tree, const FrameId* frames, uint32_t hops,
+                             int64_t time_ns) noexcept nogil:
+    # The first frame of one side whose history does not reach back to a time, and never will; NO_FRAME: none.
+    # Above a frame that still lacks data for the time, the path may become another one.
+    cdef const History* history
+    cdef Gap gap
+    cdef uint32_t i
+    for i in range(hops):
+        history = &tree.histories[frames[i]]
+        gap = history_gap(history, time_ns)
+        if gap in (GAP_PAST, GAP_SINGLE) and time_ns < history.newest_ns - tree.cache_time_ns:
+            return frames[i]
+        if gap != GAP_NONE:
+            return NO_FRAME
+    return NO_FRAME
+
+
+cdef bint query_is_hopeless(const Tree* tree, const Query* query, Status* status) noexcept nogil:
+    cdef FrameId target, source, hopeless
+    cdef Path path
+    cdef bint mixed = False
+    if not query.policy.is_given or query.fixed != NULL or query.source_ns == 0:
+        return False
+    if status.code != STATUS_EXTRAPOLATION:
+        return False
+    query_end_frames(tree, query, &target, &source)
+    if tree.ever_looped or not walk_climb(tree, target, source, NEWEST, &path, &mixed) or mixed:
+        return False
+    hopeless = _hopeless_frame(tree, path.source, path.source_hops, query.source_ns)
+    if hopeless == NO_FRAME:
+        hopeless = _hopeless_frame(tree, path.target, path.target_hops, query.source_ns)
+    if hopeless != NO_FRAME:
+        status[0] = gap_status(tree, hopeless, query.source_ns)
+    return hopeless != NO_FRAME
+
+
+cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
+                         int64_t* stamp_ns) noexcept nogil:
+    cdef Path path
+    cdef FrameId target, source, fixed
+    cdef Status status
+    cdef Transform source_half
+    cdef int64_t source_stamp_ns
+    if query_is_identity(query):
+        source = tree_frame(tree, query.source, query.source_size)
+        return walk_lookup(tree, source, source, query.source_ns, &path, out, stamp_ns)
+    status = query_end_frames(tree, query, &target, &source)
+    if status.code != STATUS_OK:
+        return status
+    if query.fixed == NULL:
+        return _walk(tree, query, target, source, query.source_ns, &path, out, stamp_ns)
+    fixed = query_fixed_frame(tree, query)
+    if fixed == NO_FRAME:
+        return status_of(STATUS_BAD_FIXED)
+    if out == NULL:
+        # The reason names the half that fails first. tf2's can_transform begins with the target's ...
+        status = _walk(tree, query, target, fixed, query.target_ns, &path, NULL, stamp_ns)
+        status.half = HALF_TARGET
+        if status.code != STATUS_OK:
+            return status
+        status = _walk(tree, query, fixed, source, query.source_ns, &path, NULL, &source_stamp_ns)
+        status.half = HALF_SOURCE
+        return status
+    # ... and its lookup with the source's.
+    status = _walk(tree, query, fixed, source, query.source_ns, &path, &source_half, &source_stamp_ns)
+    status.half = HALF_SOURCE
+    if status.code != STATUS_OK:
+        return status
+    status = _walk(tree, query, target, fixed, query.target_ns, &path, out, stamp_ns)
+    status.half = HALF_TARGET
+    if status.code != STATUS_OK:
+        return status
+    transform_compose(out, &source_half, out)
+    quaternion_canonicalise(out.rotation)
+    return status

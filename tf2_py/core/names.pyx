@@ -1,0 +1,234 @@
+"""Names: one append-only text arena, one hash table from bytes to id."""
+
+cdef enum:
+    FIRST_SLOTS = 64
+    FIRST_TEXT = 1024
+    LAST_ID = 0x7FFFFFFE    # ids stay below 2^31: the tree keeps a flag in the bit above
+    # In a table that is half full, a million names make a run this long by chance once in 10^15 tables.
+    LONGEST_RUN = 256
+
+cdef uint64_t KEY[2]        # the secret of this process
+
+
+cdef int _draw_key() except -1:
+    cdef bytes drawn = os.urandom(sizeof(KEY))
+    memcpy(KEY, <const char*>drawn, sizeof(KEY))
+    return 0
+
+
+_draw_key()
+
+
+# SipHash-1-3: J.-P. Aumasson and D. J. Bernstein, SipHash: a fast short-input PRF, 2012, with one round per
+# word and three at the end, as Python, Rust and Ruby hash their strings.
+
+cdef inline uint64_t _rotated(uint64_t word, int bits) noexcept nogil:
+    return word << bits | word >> (64 - bits)
+
+
+cdef inline void _round(uint64_t* v) noexcept nogil:
+    v[0] += v[1]
+    v[2] += v[3]
+    v[1] = _rotated(v[1], 13) ^ v[0]
+    v[3] = _rotated(v[3], 16) ^ v[2]
+    v[0] = _rotated(v[0], 32)
+    v[2] += v[1]
+    v[0] += v[3]
+    v[1] = _rotated(v[1], 17) ^ v[2]
+    v[3] = _rotated(v[3], 21) ^ v[0]
+    v[2] = _rotated(v[2], 32)
+
+
+cdef inline uint64_t _last_word(const char* text, size_t size) noexcept nogil:
+    # The last size % 8 bytes, little-endian, and the size in the highest byte. The reads overlap, so that
+    # the compiler knows the length of each.
+    cdef size_t left = size & 7
+    cdef uint64_t word = 0
+    cdef uint64_t high = 0
+    if left and size >= 8:
+        memcpy(&word, text + size - 8, 8)
+        word >>= 8 * (8 - left)
+    elif left >= 4:
+        memcpy(&word, text, 4)
+        memcpy(&high, text + left - 4, 4)
+        word |= high << 8 * (left - 4)
+    elif left:
+        word = (<uint64_t><unsigned char>text[0]
+                | <uint64_t><unsigned char>text[left // 2] << 8 * (left // 2)
+                | <uint64_t><unsigned char>text[left - 1] << 8 * (left - 1))
+    return word | <uint64_t>size << 56
+
+
+cdef inline uint64_t _siphash(const char* text, size_t size, uint64_t key_low,
+                              uint64_t key_high) noexcept nogil:
+    # The words are those of a little-endian machine; on another one only the published values would differ.
+    cdef uint64_t v[4]
+    cdef uint64_t word
+    cdef size_t at
+    v[0] = key_low ^ <uint64_t>0x736F6D6570736575     # "somepseudorandomlygeneratedbytes"
+    v[1] = key_high ^ <uint64_t>0x646F72616E646F6D
+    v[2] = key_low ^ <uint64_t>0x6C7967656E657261
+    v[3] = key_high ^ <uint64_t>0x7465646279746573
+    for at in range(0, size & ~<size_t>7, 8):
+        memcpy(&word, text + at, 8)
+        v[3] ^= word
+        _round(v)
+        v[0] ^= word
+    word = _last_word(text, size)
+    v[3] ^= word
+    _round(v)
+    v[0] ^= word
+    v[2] ^= 0xFF
+    _round(v)
+    _round(v)
+    _round(v)
+    return v[0] ^ v[1] ^ v[2] ^ v[3]
+
+
+cdef uint64_t name_hash(const char* text, size_t size) noexcept nogil:
+    return _siphash(text, size, KEY[0], KEY[1])
+
+
+def hash_with_key(bytes text, bytes key=None):
+    """
+    The hash of a name, for tests: the one Python function of this package.
+
+    :param key: 16 bytes; None: the secret of this process.
+    """
+    cdef uint64_t words[2]
+    if key is None:
+        return name_hash(text, len(text))
+    if len(key) != sizeof(words):
+        raise ValueError(f"a key has {sizeof(words)} bytes, not {len(key)}")
+    memcpy(words, <const char*>key, sizeof(words))
+    return _siphash(text, len(text), words[0], words[1])
+
+
+cdef inline uint32_t _find_hashed(const Names* names, const char* text, size_t size,
+                                  uint32_t hash) noexcept nogil:
+    cdef uint32_t slot = hash & names.slot_mask
+    cdef uint32_t id
+    cdef const Name* name
+    while names.slots[slot]:
+        id = names.slots[slot] - 1
+        name = &names.names[id]
+        if name.hash == hash and name.size == size and memcmp(names.text + name.start, text, size) == 0:
+            return id
+        slot = (slot + 1) & names.slot_mask
+    return NAME_UNKNOWN
+
+
+cdef int names_init(Names* names) noexcept nogil:
+    names.slots = <uint32_t*>calloc(FIRST_SLOTS, sizeof(uint32_t))
+    if names.slots == NULL:
+        return -1
+    names.slot_mask = FIRST_SLOTS - 1
+    names.bytes = FIRST_SLOTS * sizeof(uint32_t)
+    return 0
+
+
+cdef void names_free(Names* names) noexcept nogil:
+    free(names.text)
+    free(names.names)
+    free(names.slots)
+
+
+cdef uint32_t names_find(const Names* names, const char* text, size_t size) noexcept nogil:
+    return _find_hashed(names, text, size, <uint32_t>name_hash(text, size))
+
+
+cdef int _reserve(Names* names, size_t size) noexcept nogil:
+    # Memory for one more name of `size` bytes. -1: there is none, and every name is where it was.
+    cdef size_t wanted
+    cdef uint32_t slot, id, capacity
+    cdef void* grown
+    # Also for an empty name: memcpy must not get NULL.
+    if names.text == NULL or names.text_size + size > names.text_capacity:
+        wanted = names.text_capacity * 2 if names.text_capacity else FIRST_TEXT
+        while wanted < names.text_size + size:
+            wanted *= 2
+        grown = realloc(names.text, wanted)
+        if grown == NULL:
+            return -1
+        names.text = <char*>grown
+        names.bytes += wanted - names.text_capacity
+        names.text_capacity = wanted
+    if names.count == names.capacity:
+        capacity = names.capacity * 2 if names.capacity else FIRST_SLOTS // 2
+        grown = realloc(names.names, capacity * sizeof(Name))
+        if grown == NULL:
+            return -1
+        names.names = <Name*>grown
+        names.bytes += (capacity - names.capacity) * sizeof(Name)
+        names.capacity = capacity
+    if (names.count + 1) * <size_t>2 > names.slot_mask + <size_t>1:
+        # More than half full: probes stay short.
+        capacity = (names.slot_mask + 1) * 2
+        grown = calloc(capacity, sizeof(uint32_t))
+        if grown == NULL:
+            return -1
+        free(names.slots)
+        names.slots = <uint32_t*>grown
+        names.bytes += (capacity - names.slot_mask - 1) * sizeof(uint32_t)
+        names.slot_mask = capacity - 1
+        for id in range(names.count):
+            slot = names.names[id].hash & names.slot_mask
+            while names.slots[slot]:
+                slot = (slot + 1) & names.slot_mask
+            names.slots[slot] = id + 1
+    return 0
+
+
+cdef uint32_t names_intern(Names* names, const char* text, size_t size) noexcept nogil:
+    cdef uint32_t hash = <uint32_t>name_hash(text, size)
+    cdef uint32_t id = _find_hashed(names, text, size, hash)
+    cdef uint32_t slot
+    if id != NAME_UNKNOWN:
+        return id
+    if names.count == LAST_ID or size > UINT32_MAX or _reserve(names, size) != 0:
+        return NAME_NO_MEMORY
+    id = names.count
+    memcpy(names.text + names.text_size, text, size)
+    names.names[id].start = names.text_size
+    names.names[id].size = <uint32_t>size
+    names.names[id].hash = hash
+    names.text_size += size
+    names.count += 1
+    slot = hash & names.slot_mask
+    while names.slots[slot]:
+        slot = (slot + 1) & names.slot_mask
+    names.slots[slot] = id + 1
+    return id
+
+
+cdef void names_drop(Names* names, uint32_t count) noexcept nogil:
+    # No probe for an earlier name passes the slot of a later one, so an emptied slot ends no probe too early.
+    cdef uint32_t slot
+    while names.count > count:
+        names.count -= 1
+        names.text_size -= names.names[names.count].size
+        slot = names.names[names.count].hash & names.slot_mask
+        while names.slots[slot] != names.count + 1:
+            slot = (slot + 1) & names.slot_mask
+        names.slots[slot] = 0
+
+
+cdef const char* names_check(const Names* names) noexcept nogil:
+    cdef uint32_t id, slot, run
+    cdef const Name* name
+    for id in range(names.count):
+        name = &names.names[id]
+        if name.start > names.text_size or name.size > names.text_size - name.start:
+            return "a name beyond the text of all names"
+        if name.hash != <uint32_t>name_hash(names.text + name.start, name.size):
+            return "a name with the hash of another"
+        slot = name.hash & names.slot_mask
+        run = 0
+        while names.slots[slot] != id + 1:
+            if names.slots[slot] == 0:
+                return "a name that its hash does not lead to"
+            slot = (slot + 1) & names.slot_mask
+            run += 1
+            if run > LONGEST_RUN:
+                return "names that collide in the hash table"
+    return NULL

@@ -1,0 +1,39 @@
+"""Lookups at many times in one call."""
+
+cdef struct TimeSeries:
+    # The times of one call and the memory for its answers: `translations` and `rotations`, or `points` and
+    # `transformed`, or `linear` and `angular`; the others are NULL.
+    const int64_t* times_ns     # the source's times
+    Py_ssize_t count            # of the times
+    double* translations        # (count, 3), metres
+    double* rotations           # (count, 4), x y z w
+    const double* points        # (count, 3), metres: to be transformed, each with its own time
+    double* transformed         # (count, 3), metres: the transformed points
+    double* linear              # (count, 3), m/s: the mean twist of the source around each time
+    double* angular             # (count, 3), rad/s; both in the axes of the target
+    int64_t interval_ns         # over which a twist is a mean
+    int64_t common_ns           # the latest common time, at which the interval ends at the latest; 0: none
+    bint nan_missing            # fill in NaN if there is no answer, instead of stopping
+
+
+# Answers `query` at each of the times, which replace its source time. Returns how many are answered; fewer
+# than `count`: the next one failed with `status`. Call it without the lock: it holds it for short times.
+cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, const TimeSeries* series,
+                              Status* status) noexcept nogil
+# The same for many queries, whose rows follow one another in `translations` and `rotations`, of count times
+# the number of times: an edge that lies on several paths is interpolated once for all of them. Returns the
+# first query that is not answered at all times, and sets `answered` to how many of its times are; `queries`:
+# all are answered. -1: no memory. Up to SERIES_GROUP queries in turn are answered from one state of the tree.
+cdef Py_ssize_t series_lookup_many(const Tree* tree, Lock* lock, const Query* queries, Py_ssize_t query_count,
+                                   const TimeSeries* series, Py_ssize_t* answered,
+                                   Status* status) noexcept nogil
+
+
+cdef inline void twist_interval(int64_t time_ns, int64_t interval_ns, int64_t common_ns,
+                                int64_t* start_ns, int64_t* end_ns) noexcept nogil:
+    # From when to when the mean twist around a time, which is at least 1, is taken. Neither is 0, "latest".
+    cdef int64_t after_ns = interval_ns - interval_ns // 2
+    start_ns[0] = max(time_ns - interval_ns // 2, 1)
+    end_ns[0] = time_ns + min(after_ns, INT64_MAX - time_ns)
+    if common_ns and end_ns[0] > common_ns:
+        end_ns[0] = common_ns

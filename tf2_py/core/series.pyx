@@ -1,0 +1,645 @@
+"""Look up at many times: the path is found once, the times are computed along it in batches."""
+
+# Transforms of one batch of times at once, on plain arrays of doubles. All BATCH_TIMES entries are computed;
+# those from `count` on, and the missing ones, hold a filler. The numbers are those of history_transform_at
+# and of the functions in geometry.pxd, to the last bit.
+
+cdef enum:
+    BATCH_TIMES = 64        # times; all arrays of a SeriesWork fit into the first-level cache
+
+
+cdef struct Columns:
+    # One transform per time: translation x y z in metres, rotation x y z w.
+    double tx[BATCH_TIMES]
+    double ty[BATCH_TIMES]
+    double tz[BATCH_TIMES]
+    double qx[BATCH_TIMES]
+    double qy[BATCH_TIMES]
+    double qz[BATCH_TIMES]
+    double qw[BATCH_TIMES]
+
+
+cdef struct SeriesWork "tf2_work":
+    # All arrays are in one struct, so that the compiler knows that no two of them overlap. Each has one entry
+    # per time.
+    Columns older                   # the sample before the time ...
+    Columns newer                   # ... the one after it ...
+    double ratio[BATCH_TIMES]       # ... and how far between them the time lies, 0 .. 1
+    double distance[BATCH_TIMES]    # of the two rotations, see interpolation_weights
+    double sign[BATCH_TIMES]        # of their dot product: 1 or -1
+    Columns hop                     # of the current frame, child to parent
+    Columns source                  # from the source up to the current frame's parent
+    Columns target                  # the same from the target
+    Columns result                  # the answers
+    unsigned char missing[BATCH_TIMES]      # 1: some history does not answer for this time
+
+
+cdef extern from *:
+    """
+    /* The functions below are compiled once for every x86-64 and once for AVX2, and the loader selects one.
+       The numbers are the same: -ffp-contract=off keeps multiply and add apart. Only glibc's loader can. */
+    #if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
+    struct tf2_work;
+    #define TF2_WIDE __attribute__((target_clones("avx2", "default")))
+    static void tf2_interpolate(struct tf2_work *) TF2_WIDE;
+    static void tf2_climb_source(struct tf2_work *) TF2_WIDE;
+    static void tf2_climb_target(struct tf2_work *) TF2_WIDE;
+    static void tf2_finish(struct tf2_work *) TF2_WIDE;
+    static void tf2_between(struct tf2_work *) TF2_WIDE;
+    static void tf2_apply(struct tf2_work *) TF2_WIDE;
+    #endif
+    """
+
+
+cdef inline void _put(Columns* columns, uint32_t i, const Transform* value) noexcept nogil:
+    columns.tx[i] = value.translation[0]
+    columns.ty[i] = value.translation[1]
+    columns.tz[i] = value.translation[2]
+    columns.qx[i] = value.rotation[0]
+    columns.qy[i] = value.rotation[1]
+    columns.qz[i] = value.rotation[2]
+    columns.qw[i] = value.rotation[3]
+
+
+cdef inline void _take(const Columns* columns, uint32_t i, Transform* value) noexcept nogil:
+    value.translation[0] = columns.tx[i]
+    value.translation[1] = columns.ty[i]
+    value.translation[2] = columns.tz[i]
+    value.rotation[0] = columns.qx[i]
+    value.rotation[1] = columns.qy[i]
+    value.rotation[2] = columns.qz[i]
+    value.rotation[3] = columns.qw[i]
+
+
+cdef inline void _put_identity(Columns* columns, uint32_t i) noexcept nogil:
+    columns.tx[i] = columns.ty[i] = columns.tz[i] = 0.0
+    columns.qx[i] = columns.qy[i] = columns.qz[i] = 0.0
+    columns.qw[i] = 1.0
+
+
+cdef void _put_identities(Columns* columns) noexcept nogil:
+    cdef uint32_t i
+    for i in range(BATCH_TIMES):
+        _put_identity(columns, i)
+
+
+cdef void _gather(SeriesWork* work, const History* history, const int64_t* times_ns, uint32_t count,
+                  uint32_t* hint) noexcept nogil:
+    cdef uint32_t hints[BATCH_TIMES]
+    cdef uint32_t i
+    cdef const Transform* older
+    cdef const Transform* newer
+    for i in range(count):
+        hints[i] = history_prefetch(history, times_ns[i])
+    for i in range(count):
+        # In a short history the place of the previous time is the better hint.
+        if hints[i] != NEWEST_HINT:
+            hint[0] = hints[i]
+        if history_neighbours(history, times_ns[i], hint, &older, &newer, &work.ratio[i]) != GAP_NONE:
+            work.missing[i] = 1
+            _put_identity(&work.older, i)
+            _put_identity(&work.newer, i)
+            work.ratio[i] = 0.0
+            continue
+        _put(&work.older, i, older)
+        _put(&work.newer, i, newer)
+    for i in range(count, BATCH_TIMES):
+        _put_identity(&work.older, i)
+        _put_identity(&work.newer, i)
+        work.ratio[i] = 0.0
+
+
+cdef inline void _weigh(SeriesWork* work, uint32_t i, double weight_a, double weight_b) noexcept nogil:
+    work.hop.qx[i] = weight_a * work.older.qx[i] + weight_b * work.newer.qx[i]
+    work.hop.qy[i] = weight_a * work.older.qy[i] + weight_b * work.newer.qy[i]
+    work.hop.qz[i] = weight_a * work.older.qz[i] + weight_b * work.newer.qz[i]
+    work.hop.qw[i] = weight_a * work.older.qw[i] + weight_b * work.newer.qw[i]
+
+
+cdef void _interpolate "tf2_interpolate"(SeriesWork* work) noexcept nogil:
+    # As history_transform_at, whose weights these are.
+    cdef uint32_t i
+    cdef double ratio, weight_a, weight_b
+    for i in range(BATCH_TIMES):
+        ratio = work.ratio[i]
+        work.hop.tx[i] = (1.0 - ratio) * work.older.tx[i] + ratio * work.newer.tx[i]
+        work.hop.ty[i] = (1.0 - ratio) * work.older.ty[i] + ratio * work.newer.ty[i]
+        work.hop.tz[i] = (1.0 - ratio) * work.older.tz[i] + ratio * work.newer.tz[i]
+        work.distance[i] = interpolation_weights(
+            work.older.qx[i], work.older.qy[i], work.older.qz[i], work.older.qw[i],
+            work.newer.qx[i], work.newer.qy[i], work.newer.qz[i], work.newer.qw[i],
+            ratio, &work.sign[i], &weight_a, &weight_b)
+        _weigh(work, i, weight_a, weight_b)
+    for i in range(BATCH_TIMES):
+        if work.distance[i] > FAR_APART:
+            far_interpolation_weights(work.distance[i], work.ratio[i], work.sign[i], &weight_a, &weight_b)
+            _weigh(work, i, weight_a, weight_b)
+
+
+cdef void work_hop(SeriesWork* work, const History* history, const int64_t* times_ns, uint32_t count,
+                   uint32_t* hint) noexcept nogil:
+    # hop = the frame's transforms at the times. `hint`: as in history_neighbours.
+    cdef uint32_t i
+    if history.kind == HISTORY_STATIC:
+        for i in range(BATCH_TIMES):
+            _put(&work.hop, i, history_newest_transform(history))
+        return
+    _gather(work, history, times_ns, count, hint)
+    _interpolate(work)
+
+
+cdef inline void _compose(Columns* a, Columns* b) noexcept nogil:
+    # b = a b, as transform_compose
+    cdef uint32_t i
+    cdef double ux, uy, uz, w, vx, vy, vz, cx, cy, cz, bx, by, bz, bw
+    for i in range(BATCH_TIMES):
+        ux = a.qx[i]
+        uy = a.qy[i]
+        uz = a.qz[i]
+        w = a.qw[i]
+        vx = b.tx[i]
+        vy = b.ty[i]
+        vz = b.tz[i]
+        cx = 2.0 * (uy * vz - uz * vy)
+        cy = 2.0 * (uz * vx - ux * vz)
+        cz = 2.0 * (ux * vy - uy * vx)
+        b.tx[i] = vx + w * cx + (uy * cz - uz * cy) + a.tx[i]
+        b.ty[i] = vy + w * cy + (uz * cx - ux * cz) + a.ty[i]
+        b.tz[i] = vz + w * cz + (ux * cy - uy * cx) + a.tz[i]
+        bx = b.qx[i]
+        by = b.qy[i]
+        bz = b.qz[i]
+        bw = b.qw[i]
+        b.qx[i] = w * bx + ux * bw + uy * bz - uz * by
+        b.qy[i] = w * by + uy * bw + uz * bx - ux * bz
+        b.qz[i] = w * bz + uz * bw + ux * by - uy * bx
+        b.qw[i] = w * bw - ux * bx - uy * by - uz * bz
+
+
+cdef void _climb_source "tf2_climb_source"(SeriesWork* work) noexcept nogil:
+    # source = hop source
+    _compose(&work.hop, &work.source)
+
+
+cdef void _climb_target "tf2_climb_target"(SeriesWork* work) noexcept nogil:
+    # target = hop target
+    _compose(&work.hop, &work.target)
+
+
+cdef void _between "tf2_between"(SeriesWork* work) noexcept nogil:
+    # result = target^-1 source, as transform_between
+    cdef uint32_t i
+    cdef double ux, uy, uz, w, vx, vy, vz, cx, cy, cz
+    for i in range(BATCH_TIMES):
+        ux = -work.target.qx[i]
+        uy = -work.target.qy[i]
+        uz = -work.target.qz[i]
+        w = work.target.qw[i]
+        vx = work.source.tx[i] - work.target.tx[i]
+        vy = work.source.ty[i] - work.target.ty[i]
+        vz = work.source.tz[i] - work.target.tz[i]
+        cx = 2.0 * (uy * vz - uz * vy)
+        cy = 2.0 * (uz * vx - ux * vz)
+        cz = 2.0 * (ux * vy - uy * vx)
+        work.result.tx[i] = vx + w * cx + (uy * cz - uz * cy)
+        work.result.ty[i] = vy + w * cy + (uz * cx - ux * cz)
+        work.result.tz[i] = vz + w * cz + (ux * cy - uy * cx)
+        vx = work.source.qx[i]
+        vy = work.source.qy[i]
+        vz = work.source.qz[i]
+        cx = work.source.qw[i]
+        work.result.qx[i] = w * vx + ux * cx + uy * vz - uz * vy
+        work.result.qy[i] = w * vy + uy * cx + uz * vx - ux * vz
+        work.result.qz[i] = w * vz + uz * cx + ux * vy - uy * vx
+        work.result.qw[i] = w * cx - ux * vx - uy * vy - uz * vz
+
+
+cdef inline void _canonicalise(SeriesWork* work) noexcept nogil:
+    # As quaternion_canonicalise; without branches
+    cdef uint32_t i
+    cdef double lead, sign
+    for i in range(BATCH_TIMES):
+        lead = work.result.qx[i]
+        lead = work.result.qy[i] if fabs(work.result.qy[i]) > fabs(lead) else lead
+        lead = work.result.qz[i] if fabs(work.result.qz[i]) > fabs(lead) else lead
+        lead = lead if 4.0 * work.result.qw[i] * work.result.qw[i] <= 1.0 else work.result.qw[i]
+        sign = -1.0 if lead < 0.0 else 1.0
+        work.result.qx[i] *= sign
+        work.result.qy[i] *= sign
+        work.result.qz[i] *= sign
+        work.result.qw[i] *= sign
+
+
+cdef void _finish "tf2_finish"(SeriesWork* work) noexcept nogil:
+    # Unit length and canonical sign, as at the end of a single lookup.
+    cdef uint32_t i
+    cdef double scale
+    for i in range(BATCH_TIMES):
+        scale = 1.0 / sqrt(work.result.qx[i] * work.result.qx[i] + work.result.qy[i] * work.result.qy[i]
+                           + work.result.qz[i] * work.result.qz[i] + work.result.qw[i] * work.result.qw[i])
+        work.result.qx[i] *= scale
+        work.result.qy[i] *= scale
+        work.result.qz[i] *= scale
+        work.result.qw[i] *= scale
+    _canonicalise(work)
+
+
+cdef void work_result(SeriesWork* work, bint with_target) noexcept nogil:
+    # result = target^-1 source, or source; with unit length and canonical sign.
+    if with_target:
+        _between(work)
+    else:
+        work.result = work.source
+    _finish(work)
+
+
+cdef void _apply "tf2_apply"(SeriesWork* work) noexcept nogil:
+    _compose(&work.hop, &work.result)
+    _canonicalise(work)
+
+
+cdef void work_apply(SeriesWork* work, const Transform* after) noexcept nogil:
+    # result = after result
+    cdef uint32_t i
+    for i in range(BATCH_TIMES):
+        _put(&work.hop, i, after)
+    _apply(work)
+
+
+cdef void work_store(const SeriesWork* work, uint32_t count, double* translations,
+                     double* rotations) noexcept nogil:
+    # The first `count` results, to rows of three and four numbers.
+    cdef uint32_t i
+    for i in range(count):
+        translations[3 * i] = work.result.tx[i]
+        translations[3 * i + 1] = work.result.ty[i]
+        translations[3 * i + 2] = work.result.tz[i]
+        rotations[4 * i] = work.result.qx[i]
+        rotations[4 * i + 1] = work.result.qy[i]
+        rotations[4 * i + 2] = work.result.qz[i]
+        rotations[4 * i + 3] = work.result.qw[i]
+
+
+cdef void work_transform_points(const SeriesWork* work, uint32_t count, const double* points,
+                                double* out) noexcept nogil:
+    # Each point with the result of its own time: rows of x y z in metres; `out` may be `points`.
+    cdef uint32_t i
+    cdef double q[4]
+    for i in range(count):
+        q[0] = work.result.qx[i]
+        q[1] = work.result.qy[i]
+        q[2] = work.result.qz[i]
+        q[3] = work.result.qw[i]
+        vector_rotate(q, points + 3 * i, out + 3 * i)
+        out[3 * i] += work.result.tx[i]
+        out[3 * i + 1] += work.result.ty[i]
+        out[3 * i + 2] += work.result.tz[i]
+
+
+# A call may take long, so it pins the histories that it reads and releases the lock. Then no insert waits for
+# it, and all of its answers belong to one state of the buffer.
+
+cdef enum:
+    LONG_PATH = 64          # hops; the data of a batch along a longer path would not fit into the cache
+    SERIES_GROUP = 16       # lookups that are pinned under one lock
+    SHARED_HOPS = 64        # of a group: 230 kB, which fit into the second-level cache
+
+
+cdef struct SharedHop:
+    # A moving frame on the paths of several lookups of a group.
+    const History* history  # pinned by one of the lookups
+    FrameId frame
+    uint32_t uses           # how many of the lookups need it
+    uint32_t hint           # where the last time was found
+    bint is_current         # the following are those of the current batch
+    Columns hop
+    unsigned char missing[BATCH_TIMES]
+
+
+cdef struct PinnedLookup:
+    # A lookup, and pinned copies of what it reads. There are two ways to answer.
+    # In batches: one path serves all times, and all answers belong to one state of the buffer.
+    bint by_batches
+    Path path
+    History histories[LONG_PATH]         # by hop, pinned: source side first
+    uint32_t hints[LONG_PATH]       # by hop: where the last time was found
+    const SharedHop* shared[LONG_PATH]      # by hop: it is computed there, for several lookups; NULL: here
+    uint32_t hops
+    int64_t common_ns       # the latest common time, which time 0 means
+    # Otherwise, each time is a separate lookup in the tree.
+    FrameId target          # of a two-time lookup: the fixed frame
+    FrameId source
+    bint has_fixed          # a two-time lookup: to be composed with `fixed_to_target`
+    Transform fixed_to_target
+
+
+cdef void _pin_lookup(const Tree* tree, const Query* query, PinnedLookup* pinned) noexcept nogil:
+    # With the lock held. Lookups that fail at any time are left to the tree.
+    cdef FrameId fixed
+    cdef Path path
+    cdef int64_t stamp_ns
+    cdef bint mixed = False
+    pinned.has_fixed = query.fixed != NULL
+    pinned.hops = pinned.path.source_hops = pinned.path.target_hops = 0
+    pinned.by_batches = query_is_identity(query)
+    if pinned.by_batches or query.policy.is_given:
+        return
+    if query_end_frames(tree, query, &pinned.target, &pinned.source).code != STATUS_OK:
+        return
+    if pinned.has_fixed:
+        fixed = query_fixed_frame(tree, query)
+        if fixed == NO_FRAME:
+            return
+        if walk_lookup(tree, pinned.target, fixed, query.target_ns, &path, &pinned.fixed_to_target,
+                       &stamp_ns).code != STATUS_OK:
+            return
+        pinned.target = fixed
+    if not tree.ever_looped and (
+            pinned.target == pinned.source
+            or walk_climb(tree, pinned.target, pinned.source, NEWEST, &pinned.path, &mixed)):
+        pinned.by_batches = not mixed and pinned.path.source_hops + pinned.path.target_hops <= LONG_PATH
+    if pinned.by_batches:
+        pinned.common_ns = path_common_time(tree, &pinned.path)
+        _pin_path(tree, pinned)
+
+
+cdef void _pin_path(const Tree* tree, PinnedLookup* pinned) noexcept nogil:
+    cdef uint32_t i
+    for i in range(pinned.path.source_hops):
+        history_pin(&tree.histories[pinned.path.source[i]], &pinned.histories[i])
+    pinned.hops = pinned.path.source_hops
+    for i in range(pinned.path.target_hops):
+        history_pin(&tree.histories[pinned.path.target[i]], &pinned.histories[pinned.hops + i])
+    pinned.hops += pinned.path.target_hops
+    for i in range(pinned.hops):
+        pinned.hints[i] = NEWEST_HINT
+        pinned.shared[i] = NULL
+
+
+cdef void _unpin_lookup(PinnedLookup* pinned) noexcept nogil:
+    cdef uint32_t i
+    for i in range(pinned.hops):
+        history_unpin(&pinned.histories[i])
+
+
+cdef void _hop(PinnedLookup* pinned, uint32_t k, const int64_t* times_ns, uint32_t count,
+               SeriesWork* work) noexcept nogil:
+    cdef const SharedHop* shared = pinned.shared[k]
+    cdef uint32_t i
+    if shared == NULL or not shared.is_current:
+        work_hop(work, &pinned.histories[k], times_ns, count, &pinned.hints[k])
+        return
+    work.hop = shared.hop
+    for i in range(BATCH_TIMES):
+        work.missing[i] |= shared.missing[i]
+
+
+cdef void _answer_batch(PinnedLookup* pinned, const int64_t* asked_ns, uint32_t count,
+                        SeriesWork* work) noexcept nogil:
+    cdef const Path* path = &pinned.path
+    cdef int64_t times_ns[BATCH_TIMES]
+    cdef uint32_t i, k
+    memset(work.missing, 0, BATCH_TIMES)
+    for i in range(count):
+        times_ns[i] = asked_ns[i] if asked_ns[i] else pinned.common_ns
+    if path.source_hops == 0 and path.target_hops == 0:
+        _put_identities(&work.result)
+    else:
+        for i in range(path.target_hops):
+            k = path.source_hops + i
+            _hop(pinned, k, times_ns, count, work)
+            if i == 0:
+                work.target = work.hop
+            else:
+                _climb_target(work)
+        for i in range(path.source_hops):
+            _hop(pinned, i, times_ns, count, work)
+            if i == 0:
+                work.source = work.hop
+            else:
+                _climb_source(work)
+        if path.source_hops == 0:
+            _put_identities(&work.source)
+        work_result(work, path.target_hops > 0)
+    if pinned.has_fixed:
+        work_apply(work, &pinned.fixed_to_target)
+
+
+cdef Status _answer_one(const Tree* tree, Lock* lock, const Query* query, int64_t time_ns,
+                        Transform* out) noexcept nogil:
+    cdef Query single = query[0]
+    cdef Status status
+    cdef int64_t stamp_ns
+    single.source_ns = time_ns
+    lock_acquire(lock)
+    status = query_answer(tree, &single, out, &stamp_ns)
+    lock_release(lock)
+    return status
+
+
+cdef uint32_t _answer_times(const Tree* tree, Lock* lock, const Query* query, PinnedLookup* pinned,
+                            const int64_t* times_ns, uint32_t count, bint nan_missing, SeriesWork* work,
+                            Status* status) noexcept nogil:
+    # Up to BATCH_TIMES times: those that a batch does not answer, one by one. Returns how many of `count` are
+    # answered; see series_lookup.
+    cdef Transform transform
+    cdef uint32_t i
+    cdef int k
+    if pinned.by_batches:
+        _answer_batch(pinned, times_ns, count, work)
+    for i in range(count):
+        if pinned.by_batches and not work.missing[i]:
+            continue
+        if not (pinned.by_batches and nan_missing):
+            status[0] = _answer_one(tree, lock, query, times_ns[i], &transform)
+            if status.code == STATUS_OK:
+                _put(&work.result, i, &transform)
+                continue
+            if not nan_missing:
+                return i
+        for k in range(3):
+            transform.translation[k] = NAN
+        for k in range(4):
+            transform.rotation[k] = NAN
+        _put(&work.result, i, &transform)
+    return count
+
+
+cdef uint32_t _answer_twists(const Tree* tree, Lock* lock, const Query* query, PinnedLookup* pinned,
+                             const TimeSeries* series, Py_ssize_t first, uint32_t count, SeriesWork* work,
+                             Status* status) noexcept nogil:
+    # As _answer_times, but stores mean twists.
+    cdef int64_t starts_ns[BATCH_TIMES]
+    cdef int64_t times_ns[BATCH_TIMES]
+    cdef int64_t ends_ns[BATCH_TIMES]
+    cdef Columns starts, ends
+    cdef Transform start, end
+    cdef bint in_between = pinned.by_batches    # where both ends have an answer, the time itself has one
+    cdef uint32_t i
+    cdef int k
+    for i in range(count):
+        times_ns[i] = max(series.times_ns[first + i], 1)
+        twist_interval(times_ns[i], series.interval_ns, series.common_ns, &starts_ns[i], &ends_ns[i])
+        in_between = in_between and times_ns[i] <= ends_ns[i]
+    # Each line answers no more times than the one before it, so the error is that of the first time.
+    count = _answer_times(tree, lock, query, pinned, starts_ns, count, series.nan_missing, work, status)
+    starts = work.result
+    count = _answer_times(tree, lock, query, pinned, ends_ns, count, series.nan_missing, work, status)
+    ends = work.result
+    if not in_between:
+        count = _answer_times(tree, lock, query, pinned, times_ns, count, series.nan_missing, work, status)
+    for i in range(count):
+        _take(&starts, i, &start)
+        _take(&ends, i, &end)
+        twist_between(&start, &end, <double>(ends_ns[i] - starts_ns[i]) * 1e-9,
+                      series.linear + 3 * (first + i), series.angular + 3 * (first + i))
+        if isnan(work.result.tx[i]):
+            for k in range(3):
+                series.linear[3 * (first + i) + k] = series.angular[3 * (first + i) + k] = NAN
+    return count
+
+
+cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, const TimeSeries* series,
+                              Status* status) noexcept nogil:
+    cdef SeriesWork work
+    cdef PinnedLookup pinned
+    cdef Py_ssize_t start = 0
+    cdef uint32_t count = 0
+    cdef uint32_t answered = 0
+    lock_acquire(lock)
+    _pin_lookup(tree, query, &pinned)
+    lock_release(lock)
+    while start < series.count and answered == count:
+        count = <uint32_t>min(<Py_ssize_t>BATCH_TIMES, series.count - start)
+        if series.linear != NULL:
+            answered = _answer_twists(tree, lock, query, &pinned, series, start, count, &work, status)
+            start += answered
+            continue
+        answered = _answer_times(tree, lock, query, &pinned, series.times_ns + start, count,
+                                 series.nan_missing, &work, status)
+        if series.points != NULL:
+            work_transform_points(&work, answered, series.points + 3 * start, series.transformed + 3 * start)
+        else:
+            work_store(&work, answered, series.translations + 3 * start, series.rotations + 4 * start)
+        start += answered
+    _unpin_lookup(&pinned)
+    return start
+
+
+# Many lookups at the same times.
+
+cdef struct Group:
+    PinnedLookup lookups[SERIES_GROUP]
+    SharedHop hops[SHARED_HOPS]
+    uint32_t hop_count
+    SeriesWork work
+
+
+cdef uint32_t _find_hop(const Group* group, FrameId frame) noexcept nogil:
+    # SHARED_HOPS: it is not among them, and there is no place for another one.
+    cdef uint32_t i
+    for i in range(group.hop_count):
+        if group.hops[i].frame == frame:
+            return i
+    return group.hop_count
+
+
+cdef void _share_hops(Group* group, uint32_t lookups) noexcept nogil:
+    # Count how many lookups need each moving frame, then refer those that are not the only one to it.
+    cdef PinnedLookup* pinned
+    cdef SharedHop* shared
+    cdef FrameId frame
+    cdef uint32_t i, k, place
+    cdef bint is_counted = False
+    group.hop_count = 0
+    while True:
+        for i in range(lookups):
+            pinned = &group.lookups[i]
+            for k in range(pinned.hops):
+                if pinned.histories[k].kind == HISTORY_STATIC:
+                    continue
+                if k < pinned.path.source_hops:
+                    frame = pinned.path.source[k]
+                else:
+                    frame = pinned.path.target[k - pinned.path.source_hops]
+                place = _find_hop(group, frame)
+                if place == SHARED_HOPS:
+                    continue
+                shared = &group.hops[place]
+                if place == group.hop_count:
+                    group.hop_count += 1
+                    shared.history, shared.frame, shared.uses = &pinned.histories[k], frame, 0
+                    shared.hint = NEWEST_HINT
+                if not is_counted:
+                    shared.uses += 1
+                elif shared.uses > 1:
+                    pinned.shared[k] = shared
+        if is_counted:
+            return
+        is_counted = True
+
+
+cdef void _compute_hops(Group* group, const int64_t* times_ns, uint32_t count) noexcept nogil:
+    cdef SeriesWork* work = &group.work
+    cdef SharedHop* shared
+    cdef uint32_t i
+    cdef bint is_latest = False     # time 0, which means another time for each lookup
+    for i in range(count):
+        is_latest = is_latest or times_ns[i] == 0
+    for i in range(group.hop_count):
+        shared = &group.hops[i]
+        shared.is_current = shared.uses > 1 and not is_latest
+        if shared.is_current:
+            memset(work.missing, 0, BATCH_TIMES)
+            work_hop(work, shared.history, times_ns, count, &shared.hint)
+            shared.hop = work.hop
+            memcpy(shared.missing, work.missing, BATCH_TIMES)
+
+
+cdef uint32_t _answer_group(const Tree* tree, Lock* lock, const Query* queries, uint32_t lookups,
+                            Group* group, const TimeSeries* series, Py_ssize_t row, Py_ssize_t* answered,
+                            Status* status) noexcept nogil:
+    # As series_lookup_many; `row`: the first one of the first query.
+    cdef Py_ssize_t start = 0
+    cdef uint32_t count, done, i
+    cdef Status one
+    while start < series.count and lookups:
+        count = <uint32_t>min(<Py_ssize_t>BATCH_TIMES, series.count - start)
+        _compute_hops(group, series.times_ns + start, count)
+        for i in range(lookups):
+            done = _answer_times(tree, lock, &queries[i], &group.lookups[i], series.times_ns + start, count,
+                                 series.nan_missing, &group.work, &one)
+            if done < count:
+                # Those before it may still fail at a later time.
+                lookups, answered[0], status[0] = i, start + done, one
+                break
+            work_store(&group.work, count, series.translations + 3 * (row + i * series.count + start),
+                       series.rotations + 4 * (row + i * series.count + start))
+        start += count
+    return lookups
+
+
+cdef Py_ssize_t series_lookup_many(const Tree* tree, Lock* lock, const Query* queries, Py_ssize_t query_count,
+                                   const TimeSeries* series, Py_ssize_t* answered,
+                                   Status* status) noexcept nogil:
+    cdef Group* group = <Group*>malloc(sizeof(Group))
+    cdef Py_ssize_t first = 0
+    cdef uint32_t lookups = 0
+    cdef uint32_t done = 0
+    cdef uint32_t i
+    if group == NULL:
+        return -1
+    while first < query_count and done == lookups:
+        lookups = <uint32_t>min(<Py_ssize_t>SERIES_GROUP, query_count - first)
+        lock_acquire(lock)
+        for i in range(lookups):
+            _pin_lookup(tree, &queries[first + i], &group.lookups[i])
+        lock_release(lock)
+        _share_hops(group, lookups)
+        done = _answer_group(tree, lock, queries + first, lookups, group, series, first * series.count,
+                             answered, status)
+        for i in range(lookups):
+            _unpin_lookup(&group.lookups[i])
+        first += done
+    free(group)
+    return first

@@ -1,0 +1,102 @@
+"""The tree: names, parents and every frame's history; and what an insert changes."""
+
+cdef enum:
+    TREE_NO_MEMORY = 0x40000000     # what tree_insert returns without memory; no REFUSED_* bit
+
+
+cdef struct Limits:
+    # Anything that would exceed a limit is refused; nothing is dropped.
+    uint32_t frames         # names
+    size_t bytes            # of names and histories; one doubling of the table of names may exceed it
+    uint32_t waiters        # lookups that wait
+
+
+cdef struct Tree:
+    Names names                     # a frame's id is its name's; id 0 is the reserved NO_PARENT
+    Names authorities               # who has sent transforms; id 0: all beyond the limit
+    History* histories              # by frame; [0] stays empty
+    uint32_t* parents               # by frame: parent of the newest sample | MIXED_PARENTS; NO_FRAME: none
+    uint32_t capacity               # frames allocated in the two arrays above
+    int64_t cache_time_ns           # how far a history reaches back from its newest stamp; >= 0
+    Limits limits                   # of the buffer
+    uint32_t hidden                 # frames whose names count as unknown
+    bint ever_looped                # a parent link once closed a loop: then walks are made in tf2's order
+    uint64_t work                   # extra cost of all inserts so far; 1 is the cost of an ordinary insert
+    uint64_t samples                # in all histories
+    size_t history_bytes            # allocated for all histories
+    uint64_t taken                  # transforms accepted, duplicates included
+    uint64_t refused[REFUSAL_KINDS]     # transforms refused, by reason (bit number)
+
+
+# What an insert has changed, for the lookups that wait.
+
+cdef enum ChangeKind:
+    CHANGE_NAME             # a name is new
+    CHANGE_DATA             # the frame had no samples around these times, and has them now
+    CHANGE_FRAME            # anything else about the frame: its parents, whether its newest stamp counts
+
+cdef enum:
+    MAX_CHANGE_ITEMS = 3    # two names, and one of the frame
+
+
+cdef struct ChangeItem:
+    # From first to last, both included: times in ns; of CHANGE_NAME the hash of the name, of CHANGE_FRAME 0.
+    ChangeKind kind
+    int64_t first
+    int64_t last
+
+
+cdef struct Change:
+    # A failed lookup whose walk depends on none of this fails again.
+    FrameId frame           # the child; NO_FRAME: no history was touched
+    bint everything         # any failed lookup may have an answer now
+    uint32_t count          # of the items
+    ChangeItem items[MAX_CHANGE_ITEMS]
+
+
+cdef extern from *:
+    """
+    #define TF2_DEFAULT_CACHE_TIME_NS 10000000000LL
+    """
+    const int64_t DEFAULT_CACHE_TIME_NS "TF2_DEFAULT_CACHE_TIME_NS"     # as tf2's
+
+# A text, compared as a pointer.
+cdef const char* TREE_LACKS_MEMORY
+
+
+# Zero a Tree before tree_init; after a failed tree_init, tree_free is still due.
+cdef int tree_init(Tree* tree, int64_t cache_time_ns, const Limits* limits) noexcept nogil  # 0; -1: no memory
+cdef void tree_free(Tree* tree) noexcept nogil
+# The id of an authority; if there are too many, of a name that says so. NAME_NO_MEMORY: none.
+cdef uint32_t tree_authority(Tree* tree, const char* name, size_t size) noexcept nogil
+cdef FrameId tree_frame(const Tree* tree, const char* name, size_t size) noexcept nogil    # NO_FRAME: unknown
+
+# Every reason to refuse a transform that does not depend on the tree: REFUSED_* bits. Strips one leading '/'
+# from the names and normalises the rotation, both in `incoming`.
+cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil
+# Inserts a transform. 0, or REFUSED_* bits, or TREE_NO_MEMORY and the tree is unchanged. Changes `incoming`
+# as incoming_refusals does. `change` is always filled, because even a transform that is too old adds its
+# names; NULL: it is not needed.
+cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
+                          Change* change) noexcept nogil
+# The parent that a walk at a time, or at NEWEST, follows; NO_FRAME: there is none, or it is not known.
+cdef FrameId tree_parent(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil
+
+
+cdef inline FrameId tree_newest_parent(const Tree* tree, FrameId frame) noexcept nogil:
+    return tree.parents[frame] & ~<uint32_t>MIXED_PARENTS
+
+
+# Drops all dynamic histories; names, authorities and static transforms stay.
+cdef void tree_clear(Tree* tree) noexcept nogil
+# Drops all samples of a frame, and hides every frame that has no samples and is named by none. Returns
+# whether the frame had samples.
+cdef bint tree_forget(Tree* tree, FrameId frame) noexcept nogil
+# Allocated for names and histories.
+cdef size_t tree_bytes(const Tree* tree) noexcept nogil
+# NULL, or which invariant does not hold, or TREE_LACKS_MEMORY: it could not be checked whether all do.
+cdef const char* tree_check(const Tree* tree) noexcept nogil
+# A new frame, regardless of the limits. NO_FRAME: it failed, see `refused`. `change` may be NULL. The name
+# must be unknown.
+cdef FrameId tree_add_frame(Tree* tree, const char* name, size_t size, Change* change,
+                            uint32_t* refused) noexcept nogil

@@ -1,0 +1,450 @@
+"""The tree of frames: insert transforms, and find the parents of frames."""
+
+cdef enum:
+    # Each of these costs as much time as inserting one transform.
+    SAMPLES_PER_INSERT = 128        # samples moved or read
+    HOPS_PER_INSERT = 32            # parent links followed
+    NAME_BYTES_PER_INSERT = 256     # bytes of names hashed
+
+TREE_LACKS_MEMORY = "no memory"
+
+cdef const char* RESERVED_NAME = "NO_PARENT"
+cdef size_t RESERVED_NAME_SIZE = 9
+cdef const char* TOO_MANY_AUTHORITIES = "(too many authorities)"
+cdef size_t TOO_MANY_AUTHORITIES_SIZE = 22
+
+
+cdef inline void change_begin(Change* change) noexcept nogil:
+    change.count = 0
+    change.everything = False
+    change.frame = NO_FRAME
+
+
+cdef inline void change_add(Change* change, ChangeKind kind, int64_t first, int64_t last) noexcept nogil:
+    # No effect on an empty range.
+    cdef ChangeItem* item = &change.items[change.count]
+    if first <= last:
+        item.kind = kind
+        item.first = first
+        item.last = last
+        change.count += 1
+
+
+cdef int tree_init(Tree* tree, int64_t cache_time_ns, const Limits* limits) noexcept nogil:
+    cdef uint32_t refused = 0
+    tree.cache_time_ns = cache_time_ns
+    tree.limits = limits[0]
+    if names_init(&tree.names) != 0 or names_init(&tree.authorities) != 0:
+        return -1
+    # This authority and the reserved frame have the id 0.
+    if names_intern(&tree.authorities, TOO_MANY_AUTHORITIES, TOO_MANY_AUTHORITIES_SIZE) == NAME_NO_MEMORY:
+        return -1
+    tree_add_frame(tree, RESERVED_NAME, RESERVED_NAME_SIZE, NULL, &refused)
+    return -1 if refused else 0
+
+
+cdef uint32_t tree_authority(Tree* tree, const char* name, size_t size) noexcept nogil:
+    cdef uint32_t id = names_find(&tree.authorities, name, size)
+    if id != NAME_UNKNOWN:
+        return id
+    if tree.authorities.count > tree.limits.frames or size > _bytes_left(tree):
+        return 0
+    return names_intern(&tree.authorities, name, size)
+
+
+cdef void tree_free(Tree* tree) noexcept nogil:
+    cdef uint32_t id
+    for id in range(tree.names.count if tree.histories != NULL else 0):
+        history_free(&tree.histories[id])
+    free(tree.histories)
+    free(tree.parents)
+    names_free(&tree.names)
+    names_free(&tree.authorities)
+
+
+cdef FrameId tree_frame(const Tree* tree, const char* name, size_t size) noexcept nogil:
+    cdef uint32_t id = names_find(&tree.names, name, size)
+    return NO_FRAME if id == NAME_UNKNOWN or tree.histories[id].is_hidden else id
+
+
+cdef inline size_t _bytes_left(const Tree* tree) noexcept nogil:
+    # That may still be allocated.
+    cdef size_t used = tree_bytes(tree)
+    return tree.limits.bytes - used if used < tree.limits.bytes else 0
+
+
+cdef FrameId tree_add_frame(Tree* tree, const char* name, size_t size, Change* change,
+                            uint32_t* refused) noexcept nogil:
+    cdef uint32_t id
+    cdef uint32_t capacity
+    cdef int64_t hash = <int64_t>name_hash(name, size)
+    cdef void* grown
+    if tree.names.count == tree.capacity:
+        capacity = tree.capacity * 2 if tree.capacity else 32
+        grown = realloc(tree.histories, capacity * sizeof(History))
+        if grown != NULL:
+            tree.histories = <History*>grown
+            grown = realloc(tree.parents, capacity * sizeof(uint32_t))
+        if grown == NULL:
+            refused[0] = TREE_NO_MEMORY
+            return NO_FRAME
+        tree.parents = <uint32_t*>grown
+        tree.capacity = capacity
+    id = names_intern(&tree.names, name, size)
+    if id == NAME_NO_MEMORY:
+        refused[0] = TREE_NO_MEMORY
+        return NO_FRAME
+    if change != NULL:
+        change_add(change, CHANGE_NAME, hash, hash)
+    memset(&tree.histories[id], 0, sizeof(History))
+    tree.histories[id].authority = NAME_UNKNOWN
+    tree.parents[id] = NO_FRAME
+    return id
+
+
+cdef FrameId _intern_frame(Tree* tree, const char* name, size_t size, Change* change,
+                           uint32_t* refused) noexcept nogil:
+    # The id of the frame, a new one if the name is unknown; NO_FRAME: it failed, see `refused`.
+    cdef uint32_t id = names_find(&tree.names, name, size)
+    cdef int64_t hash
+    if id != NAME_UNKNOWN:
+        if tree.histories[id].is_hidden:
+            tree.histories[id].is_hidden = False
+            tree.hidden -= 1
+            hash = <int64_t>name_hash(name, size)
+            if change != NULL:
+                change_add(change, CHANGE_NAME, hash, hash)
+        return id
+    # The reserved name is not counted.
+    if tree.names.count > tree.limits.frames:
+        refused[0] = REFUSED_FRAMES
+    elif size + sizeof(History) > _bytes_left(tree):
+        refused[0] = REFUSED_BYTES
+    else:
+        return tree_add_frame(tree, name, size, change, refused)
+    return NO_FRAME
+
+
+cdef inline bint _is_reserved(const char* name, size_t size) noexcept nogil:
+    return size == RESERVED_NAME_SIZE and memcmp(name, RESERVED_NAME, RESERVED_NAME_SIZE) == 0
+
+
+cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil:
+    cdef double* t = incoming.transform.translation
+    cdef double* q = incoming.transform.rotation
+    cdef uint32_t refused = 0
+    name_strip(&incoming.parent, &incoming.parent_size)
+    name_strip(&incoming.child, &incoming.child_size)
+    if incoming.parent_size == incoming.child_size \
+            and memcmp(incoming.parent, incoming.child, incoming.child_size) == 0:
+        refused |= REFUSED_SELF_TRANSFORM
+    if incoming.parent_size == 0:
+        refused |= REFUSED_NO_PARENT
+    if incoming.child_size == 0:
+        refused |= REFUSED_NO_CHILD
+    if _is_reserved(incoming.parent, incoming.parent_size) \
+            or _is_reserved(incoming.child, incoming.child_size):
+        refused |= REFUSED_RESERVED_NAME
+    if isnan(t[0]) or isnan(t[1]) or isnan(t[2]) or isnan(q[0]) or isnan(q[1]) or isnan(q[2]) or isnan(q[3]):
+        refused |= REFUSED_NAN
+    elif not (isfinite(t[0]) and isfinite(t[1]) and isfinite(t[2])):
+        refused |= REFUSED_INFINITE
+    if incoming.stamp_ns < 0:
+        refused |= REFUSED_NEGATIVE_STAMP
+    elif incoming.stamp_ns > MAX_STAMP_NS:
+        refused |= REFUSED_STAMP_TOO_LATE
+    if quaternion_normalise_once(q):
+        quaternion_canonicalise(q)
+    else:
+        refused |= REFUSED_QUATERNION
+    return refused
+
+
+cdef bint _can_reach(Tree* tree, FrameId start, FrameId wanted) noexcept nogil:
+    # Whether parent links of any time lead from `start` up to `wanted`. Needed once per new link.
+    cdef FrameId frame = start
+    cdef uint32_t hops = 0
+    while not tree.parents[frame] & MIXED_PARENTS:
+        hops += 1
+        if hops % HOPS_PER_INSERT == 0:
+            tree.work += 1
+        if frame == wanted:
+            return True
+        if frame == NO_FRAME:
+            return False
+        frame = tree.parents[frame]
+    return _can_reach_by_any_parent(tree, frame, wanted)
+
+
+cdef bint _can_reach_by_any_parent(Tree* tree, FrameId start, FrameId wanted) noexcept nogil:
+    # Depth first. Without memory for it the answer is yes, which costs speed but not correctness.
+    cdef size_t frames = tree.names.count
+    cdef char* seen = <char*>calloc(frames, 1)
+    cdef FrameId* todo = <FrameId*>malloc(frames * sizeof(FrameId))
+    cdef uint32_t todo_count = 1
+    cdef uint32_t i
+    cdef FrameId frame, parent
+    cdef const History* history
+    cdef bint found = False
+    if seen == NULL or todo == NULL:
+        free(seen)
+        free(todo)
+        return True
+    seen[start] = 1
+    todo[0] = start
+    while todo_count and not found:
+        todo_count -= 1
+        frame = todo[todo_count]
+        found = frame == wanted
+        history = &tree.histories[frame]
+        tree.work += 1 + history.count // SAMPLES_PER_INSERT
+        for i in range(history.count):
+            parent = history_parent_of(history, i)
+            if not seen[parent]:
+                seen[parent] = 1
+                todo[todo_count] = parent
+                todo_count += 1
+    free(seen)
+    free(todo)
+    return found
+
+
+cdef bint _has_parent(Tree* tree, const History* history, FrameId parent) noexcept nogil:
+    # Newest first, because it nearly always names the parent.
+    cdef uint32_t i = history.count
+    while i:
+        i -= 1
+        if history_parent_of(history, i) == parent:
+            return True
+        if history.parent_changes == 0:
+            return False
+    tree.work += history.count // SAMPLES_PER_INSERT
+    return False
+
+
+cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
+                          Change* change) noexcept nogil:
+    cdef uint32_t refused = incoming_refusals(incoming)
+    cdef FrameId child, parent
+    cdef uint32_t known = tree.names.count
+    cdef uint32_t bit
+    tree.work += (incoming.child_size + incoming.parent_size) // NAME_BYTES_PER_INSERT
+    if change != NULL:
+        change_begin(change)
+    # As in tf2: the child gets its id first, and both keep theirs even if the sample is too old.
+    if refused == 0:
+        child = _intern_frame(tree, incoming.child, incoming.child_size, change, &refused)
+    if refused == 0:
+        parent = _intern_frame(tree, incoming.parent, incoming.parent_size, change, &refused)
+    if refused == 0:
+        refused = _insert(tree, child, parent, incoming, authority, is_static, change)
+    if refused == TREE_NO_MEMORY:
+        # No other thread has seen them.
+        names_drop(&tree.names, known)
+    elif refused:
+        for bit in range(<uint32_t>REFUSAL_KINDS):
+            tree.refused[bit] += (refused >> bit) & 1
+    return refused
+
+
+cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming* incoming, uint32_t authority,
+                      bint is_static, Change* change) noexcept nogil:
+    # As tree_insert, once the names have their ids.
+    cdef History* history = &tree.histories[child]
+    cdef Sample sample
+    cdef HistoryInsert outcome
+    cdef HistoryChange changed
+    cdef uint32_t before = tree.parents[child]
+    cdef bint had_stamp = history.newest_ns != 0
+    cdef bint ever_looped = tree.ever_looped
+    # Only a frame that has children can close a loop.
+    cdef bint may_loop = not ever_looped and history.is_parent and not _has_parent(tree, history, parent)
+    cdef uint32_t count = history.count
+    cdef size_t bytes_before = history_allocated(history)
+    cdef size_t growth_limit = _bytes_left(tree)
+    sample.transform = incoming.transform
+    sample.parent = parent
+    if is_static:
+        outcome = history_set_static(history, incoming.stamp_ns, &sample, growth_limit, &changed)
+    else:
+        outcome = history_insert(history, incoming.stamp_ns, &sample, tree.cache_time_ns, growth_limit,
+                                 &changed)
+    tree.samples += history.count - <uint64_t>count
+    tree.history_bytes += history_allocated(history) - bytes_before
+    # In any case, the history may have been pruned.
+    tree.parents[child] = history_newest_parent(history) | (MIXED_PARENTS if history.parent_changes else 0)
+    if outcome == HISTORY_INSERTED or outcome == HISTORY_DUPLICATE:
+        if may_loop:
+            tree.ever_looped = _can_reach(tree, parent, child)
+        tree.histories[parent].is_parent = True
+        history.authority = authority
+        tree.taken += 1
+    tree.work += changed.moved // SAMPLES_PER_INSERT
+    if change != NULL:
+        change.frame = child
+        # Once a link has closed a loop, all walks are made in tf2's order.
+        change.everything = tree.ever_looped != ever_looped
+        if (before != tree.parents[child] or before & MIXED_PARENTS
+                or (history.newest_ns != 0) != had_stamp):
+            change_add(change, CHANGE_FRAME, 0, 0)
+        else:
+            change_add(change, CHANGE_DATA, changed.covered.first, changed.covered.last)
+    if outcome == HISTORY_TOO_OLD:
+        return REFUSED_OLD
+    if outcome == HISTORY_FULL:
+        return REFUSED_BYTES
+    return TREE_NO_MEMORY if outcome == HISTORY_NO_MEMORY else 0
+
+
+cdef FrameId tree_parent(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil:
+    cdef uint32_t parent = tree.parents[frame]
+    if time_ns == NEWEST:
+        return parent & ~<uint32_t>MIXED_PARENTS
+    if not parent & MIXED_PARENTS and not tree.ever_looped:
+        return parent
+    return history_parent_at(&tree.histories[frame], time_ns)
+
+
+cdef void tree_clear(Tree* tree) noexcept nogil:
+    cdef uint32_t id
+    for id in range(1, tree.names.count):
+        if tree.histories[id].kind == HISTORY_DYNAMIC:
+            tree.samples -= tree.histories[id].count
+            tree.history_bytes -= history_allocated(&tree.histories[id])
+            history_clear(&tree.histories[id])
+            tree.history_bytes += history_allocated(&tree.histories[id])
+            tree.parents[id] = NO_FRAME
+
+
+cdef inline uint32_t _links(const History* history) noexcept nogil:
+    # How many samples name all parents of a frame.
+    return history.count if history.parent_changes else min(history.count, <uint32_t>1)
+
+
+cdef void _hide_isolated(Tree* tree) noexcept nogil:
+    # Without hiding, is_parent may stay set for a frame that is a parent no more.
+    cdef const History* history
+    cdef FrameId id
+    cdef uint32_t i
+    for id in range(tree.names.count):
+        tree.histories[id].is_parent = False
+    for id in range(tree.names.count):
+        history = &tree.histories[id]
+        for i in range(_links(history)):
+            tree.histories[history_parent_of(history, i)].is_parent = True
+    for id in range(1, tree.names.count):
+        history = &tree.histories[id]
+        if history.kind == HISTORY_NONE and not history.is_parent and not history.is_hidden:
+            tree.histories[id].is_hidden = True
+            tree.hidden += 1
+
+
+cdef bint tree_forget(Tree* tree, FrameId frame) noexcept nogil:
+    cdef History* history = &tree.histories[frame]
+    cdef bint had_samples = history.count > 0
+    tree.samples -= history.count
+    tree.history_bytes -= history_allocated(history)
+    history_free(history)
+    tree.parents[frame] = NO_FRAME
+    _hide_isolated(tree)
+    return had_samples
+
+
+cdef size_t tree_bytes(const Tree* tree) noexcept nogil:
+    return (tree.names.bytes + tree.authorities.bytes + tree.history_bytes
+            + tree.capacity * (sizeof(History) + sizeof(uint32_t)))
+
+
+cdef const char* _check_parents(const Tree* tree, FrameId frame) noexcept nogil:
+    cdef const History* history = &tree.histories[frame]
+    cdef FrameId parent
+    cdef uint32_t i
+    for i in range(_links(history)):
+        parent = history_parent_of(history, i)
+        if parent >= tree.names.count:
+            return "a parent that is not a frame"
+        if parent == frame:
+            return "a frame that is its own parent"
+        if not tree.histories[parent].is_parent:
+            return "a parent that is not marked as one"
+        if tree.histories[parent].is_hidden:
+            return "a parent that is hidden"
+    return NULL
+
+
+cdef const char* _check_loops(const Tree* tree) noexcept nogil:
+    # Depth first along the parents of all times: no walk may end where it began.
+    cdef size_t frames = tree.names.count
+    cdef uint32_t* next_link = <uint32_t*>calloc(frames, sizeof(uint32_t))
+    cdef FrameId* path = <FrameId*>malloc(frames * sizeof(FrameId))
+    cdef char* state = <char*>calloc(frames, 1)     # 0: not seen; 1: on the path; 2: no loop is above it
+    cdef const char* problem = NULL
+    cdef FrameId frame, parent, start
+    cdef uint32_t hops
+    if next_link == NULL or path == NULL or state == NULL:
+        problem = TREE_LACKS_MEMORY
+        frames = 0
+    for start in range(frames):
+        hops = 0
+        if state[start] == 0:
+            path[0] = start
+            state[start] = hops = 1
+        while hops and problem == NULL:
+            frame = path[hops - 1]
+            if next_link[frame] == _links(&tree.histories[frame]):
+                state[frame] = 2
+                hops -= 1
+                continue
+            parent = history_parent_of(&tree.histories[frame], next_link[frame])
+            next_link[frame] += 1
+            if state[parent] == 1:
+                problem = "a loop that is not marked"
+            elif state[parent] == 0:
+                state[parent] = 1
+                path[hops] = parent
+                hops += 1
+    free(next_link)
+    free(path)
+    free(state)
+    return problem
+
+
+cdef const char* tree_check(const Tree* tree) noexcept nogil:
+    cdef uint32_t id, expected
+    cdef uint64_t samples = 0
+    cdef size_t history_bytes = 0
+    cdef uint32_t hidden = 0
+    cdef const History* history
+    cdef const char* problem
+    if tree.names.count == 0 or tree.names.count > tree.capacity:
+        return "frame count beyond capacity"
+    problem = names_check(&tree.names)
+    if problem == NULL:
+        problem = names_check(&tree.authorities)
+    if problem != NULL:
+        return problem
+    if tree.histories[0].kind != HISTORY_NONE:
+        return "the reserved frame has a history"
+    for id in range(tree.names.count):
+        history = &tree.histories[id]
+        problem = history_check(history)
+        if problem != NULL:
+            return problem
+        expected = history_newest_parent(history) | (MIXED_PARENTS if history.parent_changes else 0)
+        hidden += history.is_hidden
+        if history.is_hidden and history.kind != HISTORY_NONE:
+            return "a hidden frame that has samples"
+        if tree.parents[id] != expected:
+            return "parents disagrees with the history"
+        problem = _check_parents(tree, id)
+        if problem != NULL:
+            return problem
+        if history.authority != NAME_UNKNOWN and history.authority >= tree.authorities.count:
+            return "an authority that is not a name"
+        samples += history.count
+        history_bytes += history_allocated(history)
+    if samples != tree.samples or history_bytes != tree.history_bytes:
+        return "samples or their bytes miscounted"
+    if hidden != tree.hidden:
+        return "hidden frames miscounted"
+    return NULL if tree.ever_looped else _check_loops(tree)

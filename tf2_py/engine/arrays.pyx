@@ -1,0 +1,231 @@
+"""Convert the arrays that callers pass to one dtype and shape, and to C pointers; convert rotations."""
+
+
+# Not typed memoryviews: what Cython needs for them is as large as half of this extension.
+
+cdef void* _numbers(object array, const char* formats, Py_ssize_t size, Py_ssize_t width) except NULL:
+    cdef Py_buffer view
+    cdef bint fits
+    PyObject_GetBuffer(array, &view, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT)
+    # A format of one character: native byte order, and one number for each element.
+    fits = (view.itemsize == size and strlen(view.format) == 1 and strchr(formats, view.format[0]) != NULL
+            and (view.ndim == 2 and view.shape[1] == width if width else view.ndim == 1))
+    PyBuffer_Release(&view)
+    if not fits:
+        raise ValueError(f"unexpected dtype or shape: {array.dtype}, {array.shape}")
+    return view.buf
+
+
+cdef double* doubles_of(object array, Py_ssize_t width) except NULL:
+    return <double*>_numbers(array, "d", sizeof(double), width)
+
+
+cdef int64_t* int64s_of(object array) except NULL:
+    return <int64_t*>_numbers(array, "lq", sizeof(int64_t), 0)
+
+
+cdef uint32_t* uint32s_of(object array, Py_ssize_t width) except NULL:
+    return <uint32_t*>_numbers(array, "IL", sizeof(uint32_t), width)
+
+
+# NumPy is imported by the first call that needs it, because the engine itself does not.
+
+cdef object new_rows(Py_ssize_t count, Py_ssize_t width):
+    # An uninitialised float64 array of shape (count, width).
+    import numpy as np
+    return np.empty((count, width))
+
+
+cdef object new_array(tuple shape, str dtype):
+    # An uninitialised array.
+    import numpy as np
+    return np.empty(shape, dtype)
+
+
+cdef object received_array(value, tuple shape, str dtype):
+    # An array from outside, made contiguous, aligned and of this machine's byte order; a copy if necessary.
+    # ValueError, whose text continues the name of the array: it does not have this shape, in which None is
+    # any number, or this dtype, in either byte order.
+    import numpy as np
+    if type(value) is not np.ndarray:
+        raise ValueError(f"is not an array but {type(value).__name__}")
+    if value.dtype.newbyteorder("=") != np.dtype(dtype):
+        raise ValueError(f"is of dtype {value.dtype}, not {dtype}")
+    if value.ndim != len(shape) or any([w not in (None, n) for w, n in zip(shape, value.shape)]):
+        wanted = ", ".join(["N" if w is None else str(w) for w in shape])
+        raise ValueError(f"is of shape {value.shape}, not ({wanted})")
+    return np.require(value, dtype, ["C_CONTIGUOUS", "ALIGNED"])
+
+
+def mask_of(values):
+    """
+    The mask of a masked array of NumPy; None if nothing is masked, and for anything else.
+
+    This does not use ``numpy.ma``, which NumPy imports when it is first used: a fork meanwhile would leave
+    the lock of that import taken.
+    """
+    import numpy as np
+    mask = getattr(values, "mask", None)
+    return mask if isinstance(mask, np.ndarray) else None
+
+
+def as_times_ns(times):
+    """Times as contiguous int64 nanoseconds of shape (N,); its errors state what is expected."""
+    import numpy as np
+    wanted = "times must be integer nanoseconds of shape (N,), datetime64, or a sequence of time objects"
+    if isinstance(times, str) or not (isinstance(times, Sequence) or hasattr(times, "__array__")):
+        raise TypeError(f"{wanted}, not {type(times).__name__}")
+    if isinstance(times, Sequence) and not _are_numbers(times):
+        times = _nanoseconds(times, wanted)
+    try:
+        array = _as_array(times)
+    except OverflowError as error:
+        raise ValueError(f"{wanted} that fit into 64 bits: {error}") from None
+    mask = mask_of(times)
+    if mask is not None and mask.any():
+        raise ValueError(f"{wanted}; some are masked")
+    if array.size == 0 and not isinstance(times, np.ndarray):
+        array = array.astype(np.int64)
+    if array.ndim != 1:
+        raise ValueError(f"{wanted}; the shape is {array.shape}")
+    if array.dtype == object:
+        array = np.array(_nanoseconds(array, wanted), dtype=np.int64)
+    if array.dtype.kind == "M":
+        return _since_1970(array)
+    if array.dtype.kind not in "iu":
+        seconds = ": multiply seconds by 1e9, and round them to int64" if array.dtype.kind == "f" else ""
+        raise TypeError(f"{wanted}, not of dtype {array.dtype}{seconds}")
+    if array.dtype.kind == "u" and array.size and int(array.max()) > np.iinfo(np.int64).max:
+        raise ValueError(f"{wanted} that fit into 64 bits; the largest is {array.max()}")
+    return np.ascontiguousarray(array, dtype=np.int64)
+
+
+cdef bint _are_numbers(times):
+    # Whether all are numbers, or all datetime64: in a mixture, NumPy gives ints the unit of the datetime64.
+    import numpy as np
+    classes = set(map(type, times))
+    numbers = bool not in classes and all([issubclass(each, (int, float, np.number)) for each in classes])
+    return numbers or classes == {np.datetime64}
+
+
+cdef object _as_array(times):
+    import numpy as np
+    # Times of pandas with a time zone become objects; only with an explicit dtype do they become UTC.
+    unit = getattr(getattr(times, "dtype", None), "unit", None)
+    return np.asarray(times, dtype=None if unit is None else f"datetime64[{unit}]")
+
+
+cdef object _since_1970(times):
+    # The nanoseconds of datetime64 of any unit.
+    import numpy as np
+    try:
+        exact = times.astype("datetime64[ns]")
+        if (exact.astype(times.dtype) == times).all():  # NaT differs from itself
+            return np.ascontiguousarray(exact).view(np.int64)
+    except OverflowError:  # NumPy before 2.5 wraps around instead
+        pass
+    [i, *_] = [i for i, time in enumerate(times) if not _is_exact(time)]
+    raise ValueError(f"times[{i}] is {times[i]}: not a whole number of nanoseconds that fits into 64 bits")
+
+
+cdef bint _is_exact(time):
+    try:
+        nanoseconds(time, "time")
+    except (OverflowError, ValueError):
+        return False
+    return True
+
+
+cdef list _nanoseconds(times, str wanted):
+    try:
+        return [nanoseconds(time, f"times[{i}]") for i, time in enumerate(times)]
+    except TypeError as error:
+        raise TypeError(f"{wanted}: {error}") from None
+    except OverflowError as error:
+        raise ValueError(f"{wanted} that fit into 64 bits: {error}") from None
+
+
+cdef tuple as_points(points):
+    # Points as contiguous float64 rows of shape (N, 3), and the dtype of the result: float64 for integers.
+    import numpy as np
+    if isinstance(points, str):
+        raise TypeError(
+            "points must be an array of shape (N, 3), not str: the frames follow points and times"
+        )
+    array = np.asarray(points)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ValueError(f"points must have shape (N, 3); the shape is {array.shape}")
+    if array.dtype.kind in "iu":
+        array = array.astype(np.float64)
+    if array.dtype not in (np.float32, np.float64):
+        raise TypeError(f"points must be float32, float64 or integers, not {array.dtype}")
+    return np.ascontiguousarray(array, dtype=np.float64), array.dtype
+
+
+# The engine's quaternion maths on rows.
+
+def normalise(rotations, *, bint nan_missing=False):
+    """
+    Normalise each row, a quaternion x y z w, in place.
+
+    :param rotations: float64, shape (N, 4), contiguous and writable.
+    :param nan_missing: accept rows in which everything is NaN, and leave them unchanged.
+    :return: the index of the first row without a finite length above zero, at which this stops; -1: none.
+    """
+    cdef double* row = doubles_of(rotations, 4)
+    cdef Py_ssize_t i
+    for i in range(len(rotations)):
+        if not quaternion_normalise_any(row):
+            if not (nan_missing and isnan(row[0]) and isnan(row[1]) and isnan(row[2]) and isnan(row[3])):
+                return i
+        row += 4
+    return -1
+
+
+def matrices_from_rotations(rotations):
+    """
+    Convert each row to a matrix.
+
+    :param rotations: N rows: unit quaternions x y z w, or NaN; float64, contiguous.
+    :return: float64, shape (N, 3, 3).
+    """
+    cdef Py_ssize_t count = len(rotations)
+    cdef const double* row = doubles_of(rotations, 4)
+    cdef Py_ssize_t i
+    cdef double* matrix
+    matrices = new_rows(count, 9)
+    matrix = doubles_of(matrices, 9)
+    for i in range(count):
+        matrix_from_quaternion(row + 4 * i, matrix + 9 * i)
+    return matrices.reshape(count, 3, 3)
+
+
+def rotations_from_matrices(matrices, double tolerance):
+    """
+    Convert each matrix to a quaternion.
+
+    :param matrices: N rows of the 9 numbers of a matrix, row by row; NaN throughout, or finite; float64,
+        contiguous.
+    :param tolerance: by how much an element of R R^T may differ from the identity.
+    :return: quaternions x y z w of length one with w >= 0, or NaN, float64, shape (N, 4); the index of the
+        first row that is not a rotation, at which this stops, or -1; and by how much that row differs from an
+        orthogonal matrix: if this is within the tolerance, it is a reflection.
+    """
+    cdef Py_ssize_t count = len(matrices)
+    cdef const double* matrix = doubles_of(matrices, 9)
+    cdef Py_ssize_t i
+    cdef double* row
+    cdef double defect
+    rotations = new_rows(count, 4)
+    row = doubles_of(rotations, 4)
+    for i in range(count):
+        if isnan(matrix[0]):
+            row[0] = row[1] = row[2] = row[3] = matrix[0]
+        else:
+            defect = matrix_defect(matrix)
+            if defect > tolerance or matrix_determinant(matrix) < 0.0:
+                return rotations, i, defect
+            quaternion_from_matrix(matrix, row)
+        matrix += 9
+        row += 4
+    return rotations, -1, 0.0

@@ -1,0 +1,150 @@
+"""The tree behind its lock, with the waiters for it."""
+
+cdef enum:
+    SLICE = 64      # what is done under one lock, in inserts of one transform: some tens of microseconds
+    RECENTLY = 2    # of Inbox.read
+
+
+cdef enum Removal:
+    REMOVED_NOTHING
+    REMOVED_NAMES           # the frame had no samples
+    REMOVED_SAMPLES
+    REMOVAL_ERROR           # an exception was raised
+
+
+cdef class Inbox:
+    # Holds what has arrived for an engine until somebody reads the engine, or a waiter needs it. The words
+    # are read and written without a lock, in any thread (sync.pxd).
+    cdef Inbox following            # the next one of the same engine
+    cdef uint32_t* pending          # not 0: something may have arrived
+    cdef uint32_t* armed            # not 0: what arrives is to be inserted at once
+    cdef uint32_t* read             # set to RECENTLY by each read; the inbox counts down
+    # Inserts all that has arrived. It runs no code of a program, and nothing that waits for the GIL.
+    cdef int drain(self) except -1
+
+
+cdef class Tap:
+    # Its methods are called, with the GIL and without a lock, when a program itself changes an engine.
+    # A batch is about to be inserted; it includes what will be refused.
+    cdef void inserting(self, const Batch* batch) noexcept
+    # Every dynamic transform was removed; or, with a name, all of one frame.
+    cdef void removed(self, const char* name, size_t size) noexcept
+
+
+cdef class WaiterOwner:
+    # The base of what waits with a Waiter. It holds its engine, and removes the waiter before it is
+    # destroyed.
+    # Called once, with the GIL and without the lock, when the waiter has an answer and has been removed.
+    # Returns a callable that runs a user's code, to be called later, or None.
+    cdef object deliver(self)
+    # One line: what it waits for, and what it lacks at the moment.
+    cpdef str lacks(self)
+
+
+@cython.no_gc_clear     # threads without the GIL count `_observers`
+cdef class Engine:
+    # Nothing outside this class takes `_lock`, or reads or writes `_tree` and `_waiters`.
+    cdef object __weakref__
+    cdef Tree _tree                     # with the waiters, read and written under _lock only
+    cdef Waiters _waiters
+    cdef Lock _lock
+    cdef ForkedLock _forked             # _lock
+    cdef readonly object _throttle      # of log lines
+    cdef unsigned long long _malformed      # messages; guarded by the GIL
+    cdef unsigned long long _waits_refused  # likewise
+    cdef Advice _advice                 # what error texts add
+    cdef list _names                    # of the tree, by id, as far as some text has needed them
+    cdef list _authorities              # likewise
+    cdef list _observers                # called after every insert; changed with the GIL, counted without
+    cdef Inbox _inboxes                 # the first of those that fill this engine, or None
+    cdef Tap _tap                       # of what a program inserts here; or None
+
+    # The inboxes that fill this engine. A read first inserts what has arrived.
+    cdef int add_inbox(self, Inbox inbox) except -1
+    cdef int remove_inbox(self, Inbox inbox) except -1
+    cdef int drain_inboxes(self) except -1
+    # Arms the inboxes; `rest` undoes that for one of them, unless something waits.
+    cdef void arm(self) noexcept
+    cdef void rest(self, uint32_t* armed) noexcept nogil
+
+    # Inserting. `insert_some` inserts a slice of a begun batch and returns whether more is left. Where
+    # `batch.needs_report` is set after the last one, `report` is due, with the GIL and while the batch and
+    # its names still exist. `insert` does the same with the whole batch; what takes longer than one slice
+    # lets other threads run.
+    cdef bint insert_some(self, Batch* batch) noexcept nogil
+    cdef void insert(self, Batch* batch)
+    # `later`: a list that receives the callables that run a user's code, for the caller to hand over; None:
+    # they run at once.
+    cdef int report(self, Batch* batch, list later) except -1
+    # Counts a message that could not be read, and returns the ValueError that states why. `size`: its bytes.
+    # With a topic, logs the error as well.
+    cdef object malformed(self, const Batch* batch, size_t size, str topic=*)
+    # Removes every dynamic transform; or, with a name, all of one frame. With `before_ns`, only if the frame
+    # is dynamic and its newest transform is earlier.
+    cdef Removal remove(self, const char* name, size_t size, int64_t before_ns=*) except REMOVAL_ERROR
+    # The same without the GIL and the tap, as an insert: `insert_some` and `report` do the rest.
+    cdef Removal begin_to_remove(self, Batch* batch, const char* name, size_t size,
+                                 int64_t before_ns=*) noexcept nogil
+    # Resets the engine as if it were new; pending waits go on.
+    cdef int start_over(self, int64_t cache_time_ns, const Limits* limits) except -1
+    # Everything that the buffer holds at one moment, and restoring it; pending waits go on. If restoring
+    # raises, nothing has changed.
+    cdef dict export(self)
+    cdef int restore(self, dict state) except -1
+
+    # Looking up. With `out` NULL, only whether there is an answer.
+    cdef Status lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil
+    # As series_lookup; -1 if the lookup fails at any time.
+    cdef Py_ssize_t lookup_series(self, const Query* query, const TimeSeries* series,
+                                  Status* status) noexcept nogil
+    # As series_lookup_many; an `answered` of -1: the lookup fails at any time.
+    cdef Py_ssize_t lookup_series_many(self, const Query* queries, Py_ssize_t count, const TimeSeries* series,
+                                       Py_ssize_t* answered, Status* status) noexcept nogil
+    # Both for simple lookups only; the path is that at `query.source_ns`.
+    cdef Status common_time(self, const Query* query, int64_t* common_ns) noexcept nogil
+    cdef Status find_path(self, const Query* query, Path* path) noexcept nogil
+    # The names of the frames on the path of a two-time lookup: from the source up to the common ancestor and
+    # down to the target, through the fixed frame, each once. Raises what the lookup raises.
+    cdef list chain(self, target_frame, int64_t target_ns, source_frame, int64_t source_ns, fixed_frame)
+    # The exception for a status; `call` is the function that the text names.
+    cdef object error(self, const Query* query, Status status, str call=*)
+
+    # Waiting. The status is that of the first attempt; raises if there are too many waiters.
+    cdef int add_waiter(self, Waiter* waiter, Status* status) except -1
+    # Returns whether it was pending. No effect on one that was removed before, or is forgotten.
+    cdef bint remove_waiter(self, Waiter* waiter) noexcept nogil
+    # Whether it was added before the fork that created this process: then it never gets an answer.
+    cdef bint has_forgotten(self, const Waiter* waiter) noexcept nogil
+    # The owners of at most `most` pending waiters.
+    cdef list pending(self, size_t most)
+    # What a wait for a lookup, or for another answer than the latest, lacks now, in words.
+    cdef str lack(self, const Query* query, bint only_new)
+
+    # Listing, as snapshot_frames, learn_names and snapshot_span.
+    cdef list frame_facts(self, bint roots=*)
+    cdef list frame_names(self, frames)
+    # The id of a name that was ever a parent or child, or of the reserved one; NAME_UNKNOWN: of neither.
+    cdef uint32_t find_name(self, const char* name, size_t size) noexcept nogil
+    # Of the newest sample, where the time is 0; NO_FRAME: none, or no data for the time.
+    cdef FrameId parent_at(self, const char* name, size_t size, int64_t time_ns) noexcept nogil
+    cdef bint span(self, int64_t* oldest_ns, int64_t* newest_ns) noexcept nogil
+    cdef dict counts(self)              # see BufferCore.statistics
+    cdef const char* check(self) noexcept nogil     # NULL, or which invariant does not hold
+
+    cdef Removal _forget(self, FrameId frame, int64_t before_ns) noexcept nogil
+    cdef list _frames_between(self, target_frame, source_frame, int64_t time_ns)
+    cdef Status _check_names(self, const Query* query) noexcept nogil
+    cdef int _begin_advice(self) except -1
+    cdef int _log_refused(self, Batch* batch) except -1
+    cdef void _insert_next(self, Batch* batch, uint32_t authority) noexcept nogil
+    # Returns the first of the errors that were raised, or None.
+    cdef object _deliver(self, Batch* batch, list later)
+    # Takes the tree over.
+    cdef int _replace_tree(self, const Tree* tree, unsigned long long malformed) except -1
+    cdef void _begin_to_wake_all(self, Batch* batch) noexcept nogil
+    cdef int _wake_all(self, Batch* batch) except -1
+
+
+# To be called, with the GIL, before the engine is read for a program.
+cdef inline int catch_up(Engine engine) except -1:
+    return 0 if engine._inboxes is None else engine.drain_inboxes()

@@ -1,0 +1,745 @@
+"""Insert, look up and wait: the tree under its lock, and what follows outside the lock."""
+
+# Limits how often something is logged, so that a flood of messages does not become a flood of lines.
+
+cdef int64_t PERIOD_NS = 1000000000
+
+cdef enum:
+    LINES_PER_MESSAGE = 10
+    LINES_PER_SECOND = 20
+
+
+cdef struct Recent:
+    # What was logged within the last second.
+    uint64_t keys[LINES_PER_SECOND]
+    int64_t until_ns[LINES_PER_SECOND]      # steady time; an entry whose time has passed is free
+
+
+cdef enum Verdict:
+    VERDICT_NEW             # not logged within the last second
+    VERDICT_REPEATED        # logged within the last second
+    VERDICT_TOO_MUCH        # LINES_PER_SECOND are logged already
+
+
+cdef Verdict _judge(Recent* recent, uint64_t key, int64_t now_ns, bint is_full) noexcept nogil:
+    cdef int place
+    cdef int free = -1
+    for place in range(LINES_PER_SECOND):
+        if recent.until_ns[place] <= now_ns:
+            free = place
+        elif recent.keys[place] == key:
+            return VERDICT_REPEATED
+    if free < 0 or is_full:
+        return VERDICT_TOO_MUCH
+    recent.keys[free] = key
+    recent.until_ns[free] = now_ns + PERIOD_NS
+    return VERDICT_NEW
+
+
+cdef class Throttle:
+    """Lets each key pass once a second, and at most LINES_PER_SECOND keys."""
+
+    # Read and written with the GIL held.
+    cdef Recent _refused
+    cdef Recent _others
+    cdef uint64_t _unlogged             # refused transforms that were not logged, since the last summary
+    cdef int64_t _summary_ns            # steady time before which there is no further summary
+
+    def passes(self, what):
+        """Whether a line about ``what``, hashable, is to be logged now."""
+        return _judge(&self._others, <uint64_t><Py_ssize_t>hash(what), monotonic_ns(), False) == VERDICT_NEW
+
+    cdef size_t choose(self, const Batch* batch, size_t* chosen, uint64_t* more) noexcept:
+        # The entries to log, at most LINES_PER_MESSAGE of them, into `chosen`; their number is returned.
+        # `more` receives how many others a summary is to count, 0 where none is due.
+        cdef int64_t now_ns = monotonic_ns()
+        cdef size_t count = 0
+        cdef size_t i
+        cdef uint64_t key
+        cdef const Entry* entry
+        cdef Verdict verdict
+        for i in range(batch.count):
+            entry = &batch.entries[i]
+            if entry.refused == 0:
+                continue
+            # The reasons change the key of a child; the multiplier, 2^64 / golden ratio, spreads them.
+            key = name_hash(entry.incoming.child, entry.incoming.child_size)
+            key ^= entry.refused * <uint64_t>0x9E3779B97F4A7C15
+            verdict = _judge(&self._refused, key, now_ns, count == LINES_PER_MESSAGE)
+            if verdict == VERDICT_NEW:
+                chosen[count] = i
+                count += 1
+            elif verdict == VERDICT_TOO_MUCH:
+                self._unlogged += 1
+        more[0] = 0
+        if self._unlogged and self._summary_ns <= now_ns:
+            more[0] = self._unlogged
+            self._unlogged = 0
+            self._summary_ns = now_ns + PERIOD_NS
+        return count
+
+
+# The self check of debug builds, which are compiled with ``-DTF2_SELF_CHECK``: releasing a lock after writing
+# checks every invariant of what it guards, and ends the process if one does not hold.
+
+cdef extern from *:
+    """
+    #ifdef TF2_SELF_CHECK
+    #include <stdio.h>
+    #include <stdlib.h>
+    #define TF2_SELF_CHECKS 1
+    static _Thread_local uint64_t tf2_work_allowed;
+    static void tf2_broken(const char *problem) {
+        fputs("tf2 self check: ", stderr);
+        fputs(problem, stderr);
+        fputs("\\n", stderr);
+        abort();
+    }
+    #else
+    #define TF2_SELF_CHECKS 0
+    #define tf2_work_allowed (*(uint64_t *)0)
+    #define tf2_broken(problem) ((void)(problem))
+    #endif
+    """
+    bint SELF_CHECKS "TF2_SELF_CHECKS"
+    uint64_t _work_allowed "tf2_work_allowed"       # of this thread
+    void _broken "tf2_broken"(const char* problem) nogil
+
+cdef enum:
+    # The work that each operation may spend on its check, in frames, samples and the like. A buffer that
+    # holds no more is checked after every operation, a larger one less often.
+    CHECK_WORK = 2000
+    WORK_OF_WAITER = 10     # its lookup is tried
+
+
+cdef inline bint _is_affordable(const Tree* tree, const Waiters* waiters) noexcept nogil:
+    global _work_allowed
+    cdef uint64_t work = tree.names.count + tree.authorities.count + tree.samples
+    if waiters != NULL:
+        work += waiters.frames_capacity + WORK_OF_WAITER * <uint64_t>waiters.count
+    _work_allowed += CHECK_WORK
+    if work > _work_allowed:
+        return False
+    _work_allowed = 0
+    return True
+
+
+# `waiters`: NULL where they cannot have been touched.
+cdef inline void unlock_written(Lock* lock, const Tree* tree, const Waiters* waiters) noexcept nogil:
+    cdef const char* problem
+    if SELF_CHECKS and _is_affordable(tree, waiters):
+        problem = tree_check(tree)
+        if problem == NULL and waiters != NULL:
+            problem = waiters_check(waiters, tree)
+        if problem != NULL:
+            _broken(problem)
+    lock_release(lock)
+
+
+# The engine.
+
+cdef extern from "Python.h":
+    ctypedef struct CPythonSized "PyVarObject":
+        Py_ssize_t ob_size
+
+cdef Limits NO_LIMITS
+NO_LIMITS.frames = NO_LIMITS.waiters = UINT32_MAX
+NO_LIMITS.bytes = SIZE_MAX
+
+
+cdef inline bint _is_filled(void* objects) noexcept nogil:
+    # Of a list, without the GIL.
+    return (<CPythonSized*>objects).ob_size > 0
+
+
+cdef class WaiterOwner:
+    """What a Waiter belongs to."""
+
+    cdef object deliver(self):
+        raise NotImplementedError
+
+    cpdef str lacks(self):
+        raise NotImplementedError
+
+
+cdef void _forget_waiters(void* owner) noexcept nogil:
+    waiters_forget(&(<Engine>owner)._waiters)
+
+
+cdef class Inbox:
+    """What has arrived for an engine and is not inserted yet."""
+
+    cdef int drain(self) except -1:
+        raise NotImplementedError
+
+
+cdef class Tap:
+    """Passes on what a program itself inserts."""
+
+    cdef void inserting(self, const Batch* batch) noexcept:
+        pass
+
+    cdef void removed(self, const char* name, size_t size) noexcept:
+        pass
+
+
+@cython.no_gc_clear
+cdef class Engine:
+    """The tree of a BufferCore, and all that is done to it under its lock."""
+
+    def __cinit__(self, *args, **kwargs):
+        if lock_init(&self._lock) != 0:
+            raise MemoryError
+        self._forked.owner = <void*>self
+        self._forked.in_child = _forget_waiters
+        fork_watch(&self._forked, &self._lock, FORK_INNER)
+        if tree_init(&self._tree, DEFAULT_CACHE_TIME_NS, &NO_LIMITS) != 0:
+            raise MemoryError
+        self._throttle = Throttle()
+        self._advice = Advice()
+        self._observers = []
+        self._names, self._authorities = [], []
+
+    def __dealloc__(self):
+        fork_forget(&self._forked)
+        # No waiter is left: each owner holds its engine.
+        waiters_free(&self._waiters)
+        tree_free(&self._tree)
+        lock_free(&self._lock)
+
+    cdef int add_inbox(self, Inbox inbox) except -1:
+        inbox.following = self._inboxes
+        self._inboxes = inbox
+        lock_acquire(&self._lock)
+        if self._waiters.count:
+            word_store(inbox.armed, 1)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
+        return 0
+
+    cdef int remove_inbox(self, Inbox inbox) except -1:
+        cdef Inbox one = self._inboxes
+        if one is inbox:
+            self._inboxes = inbox.following
+        else:
+            while one is not None and one.following is not inbox:
+                one = one.following
+            if one is None:
+                return 0
+            one.following = inbox.following
+        inbox.following = None
+        return 0
+
+    cdef int drain_inboxes(self) except -1:
+        cdef Inbox inbox = self._inboxes
+        cdef Inbox following
+        while inbox is not None:
+            following = inbox.following     # draining may remove it
+            if word_load(inbox.read) != RECENTLY:
+                word_store(inbox.read, RECENTLY)
+            if word_load(inbox.pending):
+                inbox.drain()
+            inbox = following
+        return 0
+
+    cdef void arm(self) noexcept:
+        cdef Inbox inbox = self._inboxes
+        while inbox is not None:
+            word_store(inbox.armed, 1)
+            inbox = inbox.following
+
+    cdef void rest(self, uint32_t* armed) noexcept nogil:
+        # Under the lock: a waiter is added under it, and arms the inboxes there.
+        lock_acquire(&self._lock)
+        if self._waiters.count == 0:
+            word_store(armed, 0)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
+
+    cdef void insert(self, Batch* batch):
+        if self._tap is not None:
+            self._tap.inserting(batch)
+        batch_begin(batch)
+        if self.insert_some(batch):
+            with nogil:
+                while self.insert_some(batch):
+                    pass
+
+    cdef bint insert_some(self, Batch* batch) noexcept nogil:
+        cdef uint32_t authority = 0
+        cdef uint32_t cost
+        cdef uint64_t work
+        cdef int64_t left = SLICE
+        lock_acquire(&self._lock)
+        if batch.done < batch.count:
+            # Each time, because the buffer may have been emptied meanwhile, with its names.
+            authority = tree_authority(&self._tree, batch.authority, batch.authority_size)
+            batch.no_memory = batch.no_memory or authority == NAME_NO_MEMORY
+        while left > 0 and (batch.waking or batch.done < batch.count):
+            if batch.waking:
+                cost = wake_step(&self._waiters, &self._tree, &batch.wake, &batch.ready)
+                batch.waking = cost > 0
+                left -= cost
+            else:
+                work = self._tree.work
+                self._insert_next(batch, authority)
+                left -= <int64_t>(1 + self._tree.work - work)
+        batch.needs_report = batch.refused > 0 or batch.no_memory or batch.ready.first != NULL
+        batch.needs_report = batch.needs_report or _is_filled(<void*>self._observers)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
+        return batch.waking or batch.done < batch.count
+
+    cdef void _insert_next(self, Batch* batch, uint32_t authority) noexcept nogil:
+        cdef Entry* entry = &batch.entries[batch.done]
+        cdef Change* change = &batch.wake.change if self._waiters.count else NULL
+        batch.done += 1
+        entry.refused = 0
+        if batch.no_memory:
+            return
+        entry.refused = tree_insert(&self._tree, &entry.incoming, authority, batch.is_static, change)
+        if entry.refused == 0:
+            batch.taken += 1
+        elif entry.refused == TREE_NO_MEMORY:
+            entry.refused = 0
+            batch.no_memory = True
+        else:
+            batch.refused += 1
+        if change != NULL:
+            wake_begin(&self._waiters, &batch.wake)
+            batch.waking = True
+
+    cdef int report(self, Batch* batch, list later) except -1:
+        error = self._deliver(batch, later)
+        if later is not None:
+            # Once for all batches that are reported together.
+            later += [observer for observer in self._observers if observer not in later]
+        else:
+            for observer in list(self._observers):
+                try:
+                    observer()
+                except BaseException as raised:
+                    if error is None:
+                        error = raised
+        self._log_refused(batch)
+        if error is not None:
+            raise error
+        if batch.no_memory:
+            raise MemoryError
+        return 0
+
+    cdef int _log_refused(self, Batch* batch) except -1:
+        # Only what is printed is converted to text.
+        cdef size_t chosen[LINES_PER_MESSAGE]
+        cdef size_t count, i
+        cdef uint64_t more
+        cdef const Incoming* incoming
+        if batch.refused == 0:
+            return 0
+        count = (<Throttle>self._throttle).choose(batch, chosen, &more)
+        for i in range(count):
+            incoming = &batch.entries[chosen[i]].incoming
+            log.refused(
+                batch.entries[chosen[i]].refused,
+                name_for_log(incoming.parent, incoming.parent_size),
+                name_for_log(incoming.child, incoming.child_size),
+                name_for_log(batch.authority, batch.authority_size),
+                incoming.stamp_ns,
+            )
+        if more:
+            log.not_logged(more)
+        return 0
+
+    cdef object malformed(self, const Batch* batch, size_t size, str topic=None):
+        self._malformed += 1
+        error = batch_error(batch, size)
+        if topic is not None:
+            log.malformed(self._throttle, topic, str(error))
+        return error
+
+    @property
+    def _new_data_callbacks(self):
+        """The callables that run after every insert, in the thread that runs users' code."""
+        return self._observers
+
+    cdef object _deliver(self, Batch* batch, list later):
+        # One at a time, because callbacks may insert, wait or cancel. All are called, even if one raises.
+        cdef Waiter* waiter
+        error = None
+        while True:
+            lock_acquire(&self._lock)
+            waiter = waiters_next_ready(&self._waiters, &batch.wake, &batch.ready)
+            unlock_written(&self._lock, &self._tree, &self._waiters)
+            if waiter == NULL:
+                return error
+            # The owner still exists: it removes its waiter, with the GIL, before it is destroyed.
+            try:
+                rest = (<WaiterOwner>waiter.owner).deliver()
+                if rest is None:
+                    continue
+                if later is None:
+                    rest()
+                else:
+                    later.append(rest)
+            except BaseException as raised:
+                if error is None:
+                    error = raised
+
+    cdef Removal remove(self, const char* name, size_t size,
+                        int64_t before_ns=INT64_MAX) except REMOVAL_ERROR:
+        cdef Batch batch
+        cdef Removal removal
+        catch_up(self)
+        # Until the tap knows of it, no other code in Python runs, and so none that inserts.
+        removal = self.begin_to_remove(&batch, name, size, before_ns)
+        if removal == REMOVED_NOTHING:
+            return removal
+        if self._tap is not None:
+            self._tap.removed(name, size)
+        self._wake_all(&batch)
+        return removal
+
+    cdef Removal begin_to_remove(self, Batch* batch, const char* name, size_t size,
+                                 int64_t before_ns=INT64_MAX) noexcept nogil:
+        cdef Removal removal = REMOVED_SAMPLES
+        cdef FrameId frame
+        lock_acquire(&self._lock)
+        if name == NULL:
+            tree_clear(&self._tree)
+        else:
+            frame = tree_frame(&self._tree, name, size)
+            removal = self._forget(frame, before_ns)
+        batch.count = 0
+        batch_begin(batch)
+        if removal != REMOVED_NOTHING:
+            # Less data may end a loop, and the waiters are no longer filed under what they lack.
+            self._begin_to_wake_all(batch)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
+        return removal
+
+    cdef Removal _forget(self, FrameId frame, int64_t before_ns) noexcept nogil:
+        cdef const History* history = &self._tree.histories[frame]
+        if frame == NO_FRAME or (before_ns != INT64_MAX and (
+                history.kind != HISTORY_DYNAMIC or history.newest_ns >= before_ns)):
+            return REMOVED_NOTHING
+        return REMOVED_SAMPLES if tree_forget(&self._tree, frame) else REMOVED_NAMES
+
+    cdef int start_over(self, int64_t cache_time_ns, const Limits* limits) except -1:
+        cdef Tree empty
+        memset(&empty, 0, sizeof(Tree))
+        if tree_init(&empty, cache_time_ns, limits) != 0:
+            tree_free(&empty)
+            raise MemoryError
+        return self._replace_tree(&empty, 0)
+
+    cdef dict export(self):
+        catch_up(self)
+        return state_of(&self._tree, &self._lock, self._malformed)
+
+    cdef int restore(self, dict state) except -1:
+        cdef Tree restored
+        cdef unsigned long long malformed
+        catch_up(self)
+        read_state(state, &restored, &malformed)
+        return self._replace_tree(&restored, malformed)
+
+    cdef int _replace_tree(self, const Tree* tree, unsigned long long malformed) except -1:
+        cdef Tree old
+        cdef Batch batch
+        cdef list names = []
+        cdef list authorities = []
+        lock_acquire(&self._lock)
+        old = self._tree
+        self._tree = tree[0]
+        # The waiters are filed under the old tree's frames.
+        self._begin_to_wake_all(&batch)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
+        self._names, self._authorities = names, authorities
+        with nogil:
+            tree_free(&old)
+        self._malformed = malformed
+        self._advice.forget()
+        return self._wake_all(&batch)
+
+    cdef void _begin_to_wake_all(self, Batch* batch) noexcept nogil:
+        # As after an insert that may complete every waiter. With the lock held.
+        batch.count = 0
+        batch_begin(batch)
+        batch.wake.change.everything = True
+        batch.wake.change.count = 0
+        batch.waking = True
+        wake_begin(&self._waiters, &batch.wake)
+
+    cdef int _wake_all(self, Batch* batch) except -1:
+        with nogil:
+            while self.insert_some(batch):
+                pass
+        error = self._deliver(batch, None)
+        if error is not None:
+            raise error
+        return 0
+
+    cdef Status lookup(self, const Query* query, Transform* out, int64_t* stamp_ns) noexcept nogil:
+        cdef Status status
+        lock_acquire(&self._lock)
+        status = query_answer(&self._tree, query, out, stamp_ns)
+        lock_release(&self._lock)
+        return status
+
+    cdef Status _check_names(self, const Query* query) noexcept nogil:
+        cdef FrameId target, source
+        cdef Status status
+        lock_acquire(&self._lock)
+        status = query_end_frames(&self._tree, query, &target, &source)
+        if query_is_identity(query):
+            status.code = STATUS_OK
+        elif status.code == STATUS_OK and query.fixed != NULL:
+            if query_fixed_frame(&self._tree, query) == NO_FRAME:
+                status.code = STATUS_BAD_FIXED
+        lock_release(&self._lock)
+        return status
+
+    cdef Py_ssize_t lookup_series(self, const Query* query, const TimeSeries* series,
+                                  Status* status) noexcept nogil:
+        status[0] = self._check_names(query)
+        if status.code != STATUS_OK:
+            return -1
+        return series_lookup(&self._tree, &self._lock, query, series, status)
+
+    cdef Py_ssize_t lookup_series_many(self, const Query* queries, Py_ssize_t count, const TimeSeries* series,
+                                       Py_ssize_t* answered, Status* status) noexcept nogil:
+        cdef Py_ssize_t i
+        answered[0] = -1
+        for i in range(count):
+            status[0] = self._check_names(&queries[i])
+            if status.code != STATUS_OK:
+                return i
+        return series_lookup_many(&self._tree, &self._lock, queries, count, series, answered, status)
+
+    cdef Status common_time(self, const Query* query, int64_t* common_ns) noexcept nogil:
+        cdef Path path
+        cdef FrameId target, source
+        cdef Status status
+        lock_acquire(&self._lock)
+        status = query_end_frames(&self._tree, query, &target, &source)
+        if status.code == STATUS_OK:
+            status = walk_common_time(&self._tree, target, source, &path, common_ns)
+        lock_release(&self._lock)
+        return status
+
+    cdef Status find_path(self, const Query* query, Path* path) noexcept nogil:
+        cdef FrameId target, source
+        cdef Status status
+        cdef int64_t stamp_ns
+        lock_acquire(&self._lock)
+        status = query_end_frames(&self._tree, query, &target, &source)
+        if status.code == STATUS_OK:
+            status = walk_lookup(&self._tree, target, source, query.source_ns, path, NULL, &stamp_ns)
+        lock_release(&self._lock)
+        return status
+
+    cdef list chain(self, target_frame, int64_t target_ns, source_frame, int64_t source_ns, fixed_frame):
+        cdef list chain = []
+        _extend(chain, self._frames_between(fixed_frame, source_frame, source_ns))
+        _extend(chain, self._frames_between(target_frame, fixed_frame, target_ns))
+        return self.frame_names(chain)
+
+    cdef list _frames_between(self, target_frame, source_frame, int64_t time_ns):
+        # Ids. In a tree that ever had a loop the path may pass its top, and come back.
+        cdef list frames = []
+        cdef Query query
+        cdef Path path
+        cdef Status status
+        cdef uint32_t i
+        query_frames(&query, target_frame, source_frame)
+        query.source_ns = time_ns
+        status = self.find_path(&query, &path)
+        if status.code != STATUS_OK:
+            raise self.error(&query, status)
+        _extend(frames, [path.source[i] for i in range(path.source_hops)])
+        _extend(frames, [path.top])
+        _extend(frames, [path.target[i - 1] for i in range(path.target_hops, 0, -1)])
+        return frames
+
+    cdef object error(self, const Query* query, Status status, str call="lookupTransform"):
+        cdef str child = None
+        cdef str parent = None
+        if status.code == STATUS_EXTRAPOLATION:
+            child, parent = self.frame_names((status.child, status.parent))
+        self._begin_advice()
+        return query_error(query, status, child, parent, call, self._advice, self)
+
+    cdef int _begin_advice(self) except -1:
+        cdef size_t count
+        lock_acquire(&self._lock)
+        count = self._tree.names.count - 1 - self._tree.hidden      # without the reserved name
+        lock_release(&self._lock)
+        return self._advice.begin(self, count)
+
+    def _known_names(self):
+        """Every frame name, in the order of first appearance."""
+        cdef list names = self._names
+        if self._tree.hidden:
+            return [one.name for one in snapshot_frames(
+                &self._tree, &self._lock, True, names, self._authorities)]
+        learn_names(&self._tree.names, &self._lock, names)
+        return names[1:]
+
+    def _ask_for_silence(self, find_silence):
+        """
+        Have errors report which topics are silent.
+
+        :param find_silence: called with this buffer when an error is made. Returns two clauses, about all
+            topics that fill the buffer, and about those of dynamic transforms; ``""`` if none is silent. It
+            must not refer to the buffer. The answer is kept for 0.1 s, except that an error about known
+            frames calls it again before it reports a silent topic.
+        """
+        self._advice.ask(find_silence)
+
+    cdef int add_waiter(self, Waiter* waiter, Status* status) except -1:
+        cdef bint too_many
+        cdef uint32_t most
+        catch_up(self)
+        lock_acquire(&self._lock)
+        status[0] = waiters_add(&self._waiters, &self._tree, waiter)
+        most = self._tree.limits.waiters
+        too_many = not waiter.answered and self._waiters.count > most
+        if too_many:
+            waiters_remove(&self._waiters, waiter)
+        elif not waiter.answered:
+            self.arm()
+        unlock_written(&self._lock, &self._tree, &self._waiters)
+        if too_many:
+            self._waits_refused += 1
+            error = errors.too_many_waiters(most)
+            log.too_many_waiters(self._throttle, str(error))
+            raise error
+        if not waiter.answered:
+            catch_up(self)      # with what arrived before the inboxes were armed
+        return 0
+
+    cdef bint remove_waiter(self, Waiter* waiter) noexcept nogil:
+        cdef bint was_pending
+        lock_acquire(&self._lock)
+        was_pending = waiters_remove(&self._waiters, waiter)
+        unlock_written(&self._lock, &self._tree, &self._waiters)
+        return was_pending
+
+    cdef bint has_forgotten(self, const Waiter* waiter) noexcept nogil:
+        return waiter.arrival <= self._waiters.forgotten
+
+    cdef list pending(self, size_t most):
+        # No object is made before all owners are referenced, because the collector might then run and destroy
+        # some. Until then they exist, because the GIL is held. Referencing one runs no code.
+        cdef void** owners = <void**>malloc((most + 1) * sizeof(void*))
+        cdef size_t count, i
+        if owners == NULL:
+            raise MemoryError
+        lock_acquire(&self._lock)
+        count = _copy_owners(&self._waiters.filed, owners, 0, most)
+        count = _copy_owners(&self._waiters.any, owners, count, most)
+        count = _copy_owners(&self._waiters.due, owners, count, most)
+        lock_release(&self._lock)
+        try:
+            return [<object>owners[i] for i in range(count)]
+        finally:
+            for i in range(count):
+                Py_DECREF(<object>owners[i])
+            free(owners)
+
+    cdef str lack(self, const Query* query, bint only_new):
+        cdef int64_t stamp_ns
+        cdef Status status = self.lookup(query, NULL, &stamp_ns)
+        child, = self.frame_names((status.child if status.code == STATUS_EXTRAPOLATION else NO_FRAME,))
+        if only_new and status.code == STATUS_OK:
+            status.code = STATUS_NOT_NEW
+        self._begin_advice()
+        return query_lack(query, status, child, self._advice, self._known_names)
+
+    cdef list frame_facts(self, bint roots=False):
+        catch_up(self)
+        return snapshot_frames(&self._tree, &self._lock, roots, self._names, self._authorities)
+
+    cdef list frame_names(self, frames):
+        cdef list names = self._names
+        learn_names(&self._tree.names, &self._lock, names)
+        return [name_of(names, frame) for frame in frames]
+
+    cdef uint32_t find_name(self, const char* name, size_t size) noexcept nogil:
+        cdef uint32_t found
+        lock_acquire(&self._lock)
+        found = names_find(&self._tree.names, name, size)
+        if found != NAME_UNKNOWN and self._tree.histories[found].is_hidden:
+            found = NAME_UNKNOWN
+        lock_release(&self._lock)
+        return found
+
+    cdef FrameId parent_at(self, const char* name, size_t size, int64_t time_ns) noexcept nogil:
+        cdef FrameId parent
+        lock_acquire(&self._lock)
+        parent = history_parent_at(&self._tree.histories[tree_frame(&self._tree, name, size)], time_ns)
+        lock_release(&self._lock)
+        return parent
+
+    cdef bint span(self, int64_t* oldest_ns, int64_t* newest_ns) noexcept nogil:
+        return snapshot_span(&self._tree, &self._lock, oldest_ns, newest_ns)
+
+    cdef dict counts(self):
+        cdef Tree tree
+        cdef size_t size
+        cdef uint32_t bit, waiters
+        catch_up(self)
+        lock_acquire(&self._lock)
+        tree = self._tree
+        waiters = self._waiters.count
+        size = tree_bytes(&self._tree)
+        lock_release(&self._lock)
+        return {
+            "taken": tree.taken,
+            "refused": {log.REFUSALS[bit][1]: tree.refused[bit] for bit in range(REFUSAL_KINDS)},
+            "frames": tree.names.count - 1 - tree.hidden,
+            "samples": tree.samples,
+            "bytes": size,
+            "waiters": waiters,
+            "waits_refused": self._waits_refused,
+            "malformed_messages": self._malformed,
+        }
+
+    cdef const char* check(self) noexcept nogil:
+        cdef const char* problem
+        lock_acquire(&self._lock)
+        problem = tree_check(&self._tree)
+        if problem == NULL:
+            problem = waiters_check(&self._waiters, &self._tree)
+        lock_release(&self._lock)
+        return problem
+
+    @property
+    def cache_time_ns(self):
+        """How far each frame's history reaches back, in nanoseconds."""
+        cdef int64_t cache_time_ns
+        lock_acquire(&self._lock)
+        cache_time_ns = self._tree.cache_time_ns
+        lock_release(&self._lock)
+        return cache_time_ns
+
+
+cdef _extend(list chain, list frames):
+    # A frame that occurs again closes a detour, which is cut off.
+    for frame in frames:
+        if frame in chain:
+            del chain[chain.index(frame):]
+        chain.append(frame)
+
+
+cdef size_t _copy_owners(const WaiterList* waiters, void** owners, size_t count, size_t most) noexcept:
+    cdef const Waiter* waiter = waiters.first
+    while waiter != NULL and count < most:
+        owners[count] = waiter.owner
+        Py_INCREF(<object>waiter.owner)
+        count += 1
+        waiter = waiter.next
+    return count
+
+
+def keep_for_ever(*things):
+    """Never destroy these, not even at the interpreter's end."""
+    for thing in things:
+        Py_INCREF(thing)

@@ -1,0 +1,388 @@
+"""
+Convert messages to C structs and back through the offsets of their slots, and serialise them.
+
+rosidl's classes are slow to construct and to read through their properties. A Layout assumes the following of
+a class, and checks it when it is made:
+
+1. Its fields are slots: ``_x`` behind a property ``x``, or ``x`` itself. It has no other slots but
+   ``_check_fields``, no ``__dict__`` and no ``__new__`` of its own.
+2. CPython keeps a slot as one pointer to an object, at the offset in the class's member descriptor
+   (``PyMemberDef.offset``); NULL means a deleted attribute.
+3. A property returns the object of its slot. A message made in the ordinary way proves this.
+4. The constructor stores the same ``_check_fields`` in every message, and nothing else besides the fields.
+
+If one of these does not hold, ``by_slot`` is False: messages of the class are made with its constructor and
+read and filled through their attributes, with the same results. Tested with the messages of ROS 2 Jazzy
+(CPython 3.10 to 3.13) and Kilted; tests/core/test_messages.py has a test for each assumption.
+"""
+
+cdef extern from "Python.h":
+    ctypedef struct PyMemberDef:
+        int type
+        Py_ssize_t offset
+    ctypedef struct PyMemberDescrObject:
+        PyMemberDef* d_member
+    object PyType_GenericAlloc(PyTypeObject* cls, Py_ssize_t count)
+    const char* PyUnicode_AsUTF8AndSize(object text, Py_ssize_t* size) except NULL
+
+cdef enum:
+    SLOT_OBJECT = 16        # T_OBJECT_EX, what __slots__ makes
+
+
+@cython.final
+cdef class Layout:
+    def __init__(self, message_class, tuple fields):
+        self.message_class = message_class
+        self.fields = fields
+        self.by_slot = self._find_slots()
+
+    cdef bint _find_slots(self) except -1:
+        cdef Py_ssize_t i
+        cls = self.message_class
+        slots = [name for base in cls.__mro__ for name in base.__dict__.get("__slots__", ())]
+        prefix = "_" if all("_" + name in slots for name in self.fields) else ""
+        expected = {prefix + name for name in self.fields}
+        if set(slots) - {"_check_fields"} != expected or len(self.fields) > MAX_FIELDS:
+            return False
+        if cls.__dictoffset__ or cls.__new__ is not object.__new__:
+            return False
+        for i, name in enumerate(self.fields):
+            self.offsets[i] = _slot_offset(cls, prefix + name)
+        self.check_offset = _slot_offset(cls, "_check_fields") if "_check_fields" in slots else 0
+        if self.check_offset < 0 or min(self.offsets[i] for i in range(len(self.fields))) <= 0:
+            return False
+        # The proof: an ordinary message has the values of its attributes at these offsets.
+        ordinary = cls()
+        for i, name in enumerate(self.fields):
+            value = getattr(ordinary, name)
+            if _slot(ordinary, self.offsets[i])[0] != <PyObject*>value:
+                return False
+        if self.check_offset:
+            self.check_fields = ordinary._check_fields
+        return True
+
+    cdef object new(self):
+        if not self.by_slot:
+            return self.message_class()
+        message = PyType_GenericAlloc(<PyTypeObject*>self.message_class, 0)
+        if self.check_offset:
+            Py_INCREF(self.check_fields)
+            _slot(message, self.check_offset)[0] = <PyObject*>self.check_fields
+        return message
+
+    cdef PyObject* peek(self, object message, int index) noexcept:
+        if self.by_slot and type(message) is self.message_class:
+            return _slot(message, self.offsets[index])[0]
+        return NULL
+
+    cdef object get(self, object message, int index):
+        cdef PyObject* value = self.peek(message, index)
+        if value != NULL:
+            return <object>value
+        return getattr(message, self.fields[index])
+
+    cdef int put(self, object message, int index, object value) except -1:
+        if not self.by_slot:
+            return self._put_attribute(message, index, value)
+        Py_INCREF(value)
+        _slot(message, self.offsets[index])[0] = <PyObject*>value
+        return 0
+
+    cdef int _put_attribute(self, object message, int index, object value) except -1:
+        setattr(message, self.fields[index], value)
+        return 0
+
+    cdef int get_doubles(self, object message, double* out, int count) except -1:
+        cdef int i
+        for i in range(count):
+            value = self.get(message, i)
+            out[i] = PyFloat_AS_DOUBLE(value) if PyFloat_CheckExact(value) else PyFloat_AsDouble(value)
+        return 0
+
+    cdef object new_doubles(self, const double* values, int count):
+        cdef int i
+        message = self.new()
+        for i in range(count):
+            self.put(message, i, PyFloat_FromDouble(values[i]))
+        return message
+
+
+cdef inline PyObject** _slot(object message, Py_ssize_t offset):
+    return <PyObject**>(<char*><PyObject*>message + offset)
+
+
+cdef Py_ssize_t _slot_offset(cls, str name):
+    # -1 if the attribute is not a slot that holds an object.
+    cdef PyMemberDef* member
+    descriptor = getattr(cls, name, None)
+    if type(descriptor) is not types.MemberDescriptorType:
+        return -1
+    member = (<PyMemberDescrObject*>descriptor).d_member
+    return member.offset if member.type == SLOT_OBJECT else -1
+
+
+# Messages of transforms and C structs, in both directions.
+
+# The fields of each class, in the order of its layout.
+cdef enum:
+    HEADER_STAMP = 0
+    HEADER_FRAME_ID = 1
+    TRANSFORM_TRANSLATION = 0
+    TRANSFORM_ROTATION = 1
+    STAMPED_HEADER = 0
+    STAMPED_CHILD_FRAME_ID = 1
+    STAMPED_TRANSFORM = 2
+
+cdef Layout header_layout = None
+cdef Layout vector3_layout = None
+cdef Layout quaternion_layout = None
+cdef Layout transform_layout = None
+cdef Layout transform_stamped_layout = None
+
+
+cdef int load_layouts() except -1:
+    """Import the message packages, once, when the first message is read or made."""
+    global header_layout, vector3_layout, quaternion_layout, transform_layout
+    global transform_stamped_layout
+    if transform_stamped_layout is not None:
+        return 0
+    from tf2_py._objects.message_classes import Header, Quaternion, Transform, TransformStamped, Vector3
+    load_time()
+    header_layout = Layout(Header, ("stamp", "frame_id"))
+    vector3_layout = Layout(Vector3, ("x", "y", "z"))
+    quaternion_layout = Layout(Quaternion, ("x", "y", "z", "w"))
+    transform_layout = Layout(Transform, ("translation", "rotation"))
+    transform_stamped_layout = Layout(TransformStamped, ("header", "child_frame_id", "transform"))
+    return 0
+
+
+cdef const char* name_utf8(object name, Py_ssize_t* size) except NULL:
+    cdef const char* text
+    if not PyUnicode_Check(name):
+        raise TypeError(f"a frame name must be a str, not {type(name).__name__}")
+    text = PyUnicode_AsUTF8AndSize(name, size)
+    if memchr(text, 0, size[0]) != NULL:
+        raise ValueError(f"a frame name cannot hold a NUL character: {name!r}")
+    return text
+
+
+cdef const char* authority_utf8(object authority, Py_ssize_t* size) except NULL:
+    if not PyUnicode_Check(authority):
+        raise TypeError(f"authority must be a str, not {type(authority).__name__}")
+    return name_utf8(authority, size)
+
+
+cdef int _read_transform(object transform, Transform* out) except -1:
+    vector3_layout.get_doubles(transform_layout.get(transform, TRANSFORM_TRANSLATION), out.translation, 3)
+    quaternion_layout.get_doubles(transform_layout.get(transform, TRANSFORM_ROTATION), out.rotation, 4)
+    return 0
+
+
+cdef _misfit(object message, str wanted, AttributeError missing, str advice=""):
+    given = f"the class {message.__name__}" if isinstance(message, type) else type(message).__name__
+    return MalformedObjectError(
+        f"expected {wanted} or an object with its fields, got {given}: {missing}{advice}"
+    )
+
+
+cdef int read_any_rotation(object message, Transform* out) except -1:
+    cdef double squared
+    cdef double* q = out.rotation
+    transform = message
+    load_layouts()
+    try:
+        if type(message) is transform_stamped_layout.message_class:
+            transform = transform_stamped_layout.get(message, STAMPED_TRANSFORM)
+        elif hasattr(message, "transform"):
+            transform = message.transform
+        _read_transform(transform, out)
+    except AttributeError as missing:
+        wanted = "a geometry_msgs/TransformStamped or Transform"
+        raise _misfit(message, wanted, missing, "; pass the message first, then the transform") from None
+    squared = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    if not isfinite(squared):
+        raise ValueError("the rotation of a transform must have a finite length")
+    if squared < DBL_EPSILON:
+        q[0] = q[1] = q[2] = 0.0
+        q[3] = 1.0
+    return 0
+
+
+cdef int read_transform(object message, Transform* out) except -1:
+    read_any_rotation(message, out)
+    quaternion_normalise(out.rotation)
+    return 0
+
+
+cdef int read_transform_stamped(object message, Incoming* out, list keep) except -1:
+    cdef Py_ssize_t size
+    load_layouts()
+    try:
+        header = transform_stamped_layout.get(message, STAMPED_HEADER)
+        child = transform_stamped_layout.get(message, STAMPED_CHILD_FRAME_ID)
+        transform = transform_stamped_layout.get(message, STAMPED_TRANSFORM)
+        parent = header_layout.get(header, HEADER_FRAME_ID)
+        _read_transform(transform, &out.transform)
+        out.stamp_ns = nanoseconds(header_layout.get(header, HEADER_STAMP), "header.stamp")
+    except AttributeError as missing:
+        raise _misfit(message, "a geometry_msgs/TransformStamped", missing) from None
+    # This comes last, so that no Python code runs between taking these pointers and using them.
+    out.parent = name_utf8(parent, &size)
+    out.parent_size = size
+    out.child = name_utf8(child, &size)
+    out.child_size = size
+    if keep is not None:
+        keep.append(parent)
+        keep.append(child)
+    return 0
+
+
+cdef inline bint _is_exact_class(Layout layout, object message, int count):
+    # Whether it is of exactly this class, and its first `count` fields are floats.
+    cdef int i
+    if not layout.by_slot or type(message) is not layout.message_class:
+        return False
+    for i in range(count):
+        if not PyFloat_CheckExact(layout.get(message, i)):
+            return False
+    return True
+
+
+cdef bint is_exact_transform_stamped(object message) except -1:
+    load_layouts()
+    if not (_is_exact_class(transform_stamped_layout, message, 0)):
+        return False
+    header = transform_stamped_layout.get(message, STAMPED_HEADER)
+    transform = transform_stamped_layout.get(message, STAMPED_TRANSFORM)
+    if not (_is_exact_class(header_layout, header, 0) and _is_exact_class(transform_layout, transform, 0)):
+        return False
+    stamp = header_layout.get(header, HEADER_STAMP)
+    if not _is_exact_class(time_layout, stamp, 0):
+        return False
+    sec, nanosec = time_layout.get(stamp, TIME_SEC), time_layout.get(stamp, TIME_NANOSEC)
+    return (type(sec) is int and -0x80000000 <= sec < 0x80000000
+            and type(nanosec) is int and 0 <= nanosec < NS_PER_S
+            and type(header_layout.get(header, HEADER_FRAME_ID)) is str
+            and type(transform_stamped_layout.get(message, STAMPED_CHILD_FRAME_ID)) is str
+            and _is_exact_class(vector3_layout, transform_layout.get(transform, TRANSFORM_TRANSLATION), 3)
+            and _is_exact_class(quaternion_layout, transform_layout.get(transform, TRANSFORM_ROTATION), 4))
+
+
+cdef object new_header(int64_t stamp_ns, object frame_id):
+    header = header_layout.new()
+    header_layout.put(header, HEADER_STAMP, new_stamp(stamp_ns))
+    header_layout.put(header, HEADER_FRAME_ID, frame_id)
+    return header
+
+
+cdef object new_transform_stamped(const Transform* transform, int64_t stamp_ns, object frame_id,
+                                  object child_frame_id):
+    load_layouts()
+    inner = transform_layout.new()
+    transform_layout.put(inner, TRANSFORM_TRANSLATION, vector3_layout.new_doubles(transform.translation, 3))
+    transform_layout.put(inner, TRANSFORM_ROTATION, quaternion_layout.new_doubles(transform.rotation, 4))
+    message = transform_stamped_layout.new()
+    transform_stamped_layout.put(message, STAMPED_HEADER, new_header(stamp_ns, frame_id))
+    transform_stamped_layout.put(message, STAMPED_CHILD_FRAME_ID, child_frame_id)
+    transform_stamped_layout.put(message, STAMPED_TRANSFORM, inner)
+    return message
+
+
+# Whether every buffer refuses a transform, and why.
+
+cdef str refusal_text(Incoming* incoming):
+    cdef uint32_t reasons = incoming_refusals(incoming)
+    if not reasons:
+        return None
+    return log.refusal(
+        reasons,
+        "buffers refuse",
+        name_for_log(incoming.parent, incoming.parent_size),
+        name_for_log(incoming.child, incoming.child_size),
+    )
+
+
+cdef str _refusal(object transform):
+    cdef Incoming incoming
+    cdef list keep = []
+    read_transform_stamped(transform, &incoming, keep)
+    return refusal_text(&incoming)
+
+
+def raise_refused(list transforms):
+    """
+    Raise if one of these would be refused by every buffer.
+
+    :param transforms: objects with the fields of a ``geometry_msgs/TransformStamped``.
+    :raises ValueError: one would be refused; the text names its frames and the reasons.
+    :raises TypeError, OverflowError: as ``BufferCore.set_transform``.
+    """
+    for transform in transforms:
+        text = _refusal(transform)
+        if text is not None:
+            raise ValueError(text)
+
+
+def refused(list transforms):
+    """
+    The transforms that every buffer refuses.
+
+    :param transforms: a list; those with a part that is not exactly of its class are skipped.
+    :return: a list of pairs: the ``child_frame_id``, and the text of the error of :func:`raise_refused`.
+    """
+    cdef list found = []
+    for transform in transforms:
+        if is_exact_transform_stamped(transform):
+            try:
+                text = _refusal(transform)
+            except ValueError as error:     # an invalid name: a NUL, or a lone surrogate
+                text = str(error)
+            if text is not None:
+                found.append((transform.child_frame_id, text))
+    return found
+
+
+# Serialise the messages that broadcasters send.
+
+def serialize_transforms(list transforms):
+    """
+    The ``tf2_msgs/TFMessage`` of these transforms as plain CDR, ready for a publisher.
+
+    :param transforms: a list of ``geometry_msgs/TransformStamped``.
+    :return: the bytes, and the transforms that every buffer refuses, as pairs of ``child_frame_id`` and
+        reason. None if a part of one is not exactly of its class but, for example, of a subclass: then ROS's
+        own conversion decides.
+    """
+    cdef Batch batch
+    cdef Writer writer
+    cdef size_t i
+    cdef list keep = []
+    cdef list refused = []
+    for transform in transforms:
+        if not is_exact_transform_stamped(transform):
+            return None
+    memset(&batch, 0, sizeof(Batch))
+    if batch_reserve(&batch, len(transforms)) != 0:
+        raise MemoryError
+    try:
+        batch.count = len(transforms)
+        for i in range(batch.count):
+            try:
+                read_transform_stamped(transforms[i], &batch.entries[i].incoming, keep)
+            except ValueError:      # an invalid name: a NUL, or a lone surrogate
+                return None
+        writer_init(&writer, NULL, <unsigned int>batch.count)
+        for i in range(batch.count):
+            writer_transform(&writer, &batch.entries[i].incoming)
+        data = PyBytes_FromStringAndSize(NULL, writer.position)
+        writer_init(&writer, <unsigned char*>PyBytes_AS_STRING(data), <unsigned int>batch.count)
+        for i in range(batch.count):
+            writer_transform(&writer, &batch.entries[i].incoming)
+        # After writing, because asking for the refusals changes the names and the rotation.
+        for i in range(batch.count):
+            text = refusal_text(&batch.entries[i].incoming)
+            if text is not None:
+                refused.append((transforms[i].child_frame_id, text))
+        return data, refused
+    finally:
+        batch_free(&batch)

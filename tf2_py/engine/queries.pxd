@@ -1,0 +1,65 @@
+"""The arguments of a lookup, and the texts of its errors."""
+
+# Read the caller's objects; TypeError, ValueError or OverflowError where they do not fit.
+# Only the frames of a simple lookup, without its time.
+cdef int query_frames(Query* query, object target_frame, object source_frame) except -1
+cdef int query_fill(Query* query, object target_frame, object source_frame, object time) except -1
+cdef int query_fill_full(Query* query, object target_frame, object target_time, object source_frame,
+                         object source_time, object fixed_frame) except -1
+# A lookup at many times, which are given elsewhere; a two-time lookup if fixed_frame and target_time are not
+# None.
+cdef int query_fill_series(Query* query, object target_frame, object source_frame, object fixed_frame,
+                           object target_time) except -1
+
+
+cdef class PolicyObject:
+    # What a lookup accepts beyond tf2's.
+    cdef Policy policy
+
+# None: no policy.
+cdef int query_set_policy(Query* query, PolicyObject policy) except -1
+
+
+# Frame names as Python text.
+
+# For log lines: the name, which is UTF-8; only the beginning of a long one, and its size in bytes.
+cdef str name_for_log(const char* text, size_t size)
+
+
+# What error texts add: which known name may have been meant, and which topics are silent.
+
+cdef class Advice:
+    # Belongs to one buffer. Read and written with the GIL held, without a lock. Programs repeat failing
+    # lookups at high rates, so suggestions are remembered.
+    cdef object _find_silence       # called with the buffer, returns `_silence`; None: no listener fills it
+    cdef tuple _silence             # which topics are silent: all topics, only those of dynamic transforms
+    cdef int64_t _silence_until_ns  # steady time until which `_silence` is reused
+    cdef dict _suggestions          # by unknown name, for the names that are known now
+    cdef size_t _count              # number of known names
+
+    # From now on, call this to find silent topics.
+    cdef int ask(self, object find_silence) except -1
+    # Must be called before each of the following. `count`: the number of known names.
+    cdef int begin(self, object buffer, size_t count) except -1
+    # The text of the error about an unknown name; `list_names` returns the known ones.
+    cdef str unknown(self, str name, str argument, str call, object list_names)
+    # A question that suggests similar names; "": none is similar, or there are too many to compare.
+    cdef str suggestion(self, str name, object list_names)
+    # Adds to the error which topics are silent now: of all topics, or only of those of dynamic transforms.
+    cdef object with_silence(self, object error, object buffer, bint dynamic_only)
+    # Must be called when the known names have changed.
+    cdef int forget(self) except -1
+
+    cdef int _look_for_silence(self, object buffer) except -1
+    cdef str _state(self)
+
+
+# Why a lookup has no answer: as an exception, and as a sentence about a wait.
+
+# The only function that converts a status to an exception; the names are those of status.child and
+# status.parent. `advice` was begun with `buffer`.
+cdef object query_error(const Query* query, Status status, str child, str parent, str call, Advice advice,
+                        object buffer)
+# What a wait for the lookup waits for, and what it lacks; `child` is the name of status.child, `list_names`
+# returns all names.
+cdef str query_lack(const Query* query, Status status, str child, Advice advice, object list_names)

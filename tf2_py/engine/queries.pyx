@@ -1,0 +1,259 @@
+"""The arguments of a lookup, and why it has no answer: as an exception, or as what a wait lacks."""
+
+cdef const char* _name(object name, str argument, Py_ssize_t* size) except NULL:
+    if not isinstance(name, str):
+        raise TypeError(f"{argument}: a frame name must be a str, not {type(name).__name__}")
+    return name_utf8(name, size)
+
+
+cdef int query_frames(Query* query, object target_frame, object source_frame) except -1:
+    query.target = _name(target_frame, "target_frame", &query.target_size)
+    query.source = _name(source_frame, "source_frame", &query.source_size)
+    query.fixed = NULL
+    query.policy.is_given = False
+    return 0
+
+
+cdef int query_fill(Query* query, object target_frame, object source_frame, object time) except -1:
+    query_frames(query, target_frame, source_frame)
+    query.source_ns = stamp_nanoseconds(time, "time")
+    return 0
+
+
+cdef int query_fill_full(Query* query, object target_frame, object target_time, object source_frame,
+                         object source_time, object fixed_frame) except -1:
+    query_frames(query, target_frame, source_frame)
+    query.source_ns = stamp_nanoseconds(source_time, "source_time")
+    query.fixed = _name(fixed_frame, "fixed_frame", &query.fixed_size)
+    query.target_ns = stamp_nanoseconds(target_time, "target_time")
+    return 0
+
+
+cdef int query_fill_series(Query* query, object target_frame, object source_frame, object fixed_frame,
+                           object target_time) except -1:
+    if (fixed_frame is None) != (target_time is None):
+        raise TypeError("fixed_frame and target_time go together: both or neither")
+    query_frames(query, target_frame, source_frame)
+    if fixed_frame is not None:
+        query.fixed = _name(fixed_frame, "fixed_frame", &query.fixed_size)
+        query.target_ns = stamp_nanoseconds(target_time, "target_time")
+    return 0
+
+
+cdef class PolicyObject:
+    """What a lookup accepts beyond tf2's; made by :func:`policy_of`."""
+
+
+def policy_of(tolerance=None, extrapolate=False, max_gap=None, interpolation="linear"):
+    """
+    The policy of these arguments, which are those of ``Buffer.lookup_transform``; None: all are defaults.
+
+    :raises TypeError: one of them has the wrong type.
+    :raises ValueError: a duration is negative, or the interpolation is unknown.
+    """
+    cdef PolicyObject made
+    if interpolation not in ("linear", "cubic"):
+        raise ValueError(f"interpolation must be 'linear' or 'cubic', not {interpolation!r}")
+    if tolerance is None and extrapolate:
+        raise TypeError("extrapolate needs a tolerance: how far it may extrapolate")
+    if tolerance is None and max_gap is None and interpolation == "linear":
+        return None
+    made = PolicyObject()
+    made.policy.is_given = True
+    made.policy.extrapolates = extrapolate
+    made.policy.is_cubic = interpolation == "cubic"
+    made.policy.tolerance_ns = 0 if tolerance is None else duration_or_seconds(tolerance, "tolerance")
+    made.policy.max_gap_ns = INT64_MAX if max_gap is None else duration_or_seconds(max_gap, "max_gap")
+    if made.policy.tolerance_ns < 0 or made.policy.max_gap_ns < 0:
+        raise ValueError("tolerance and max_gap must not be negative")
+    return made
+
+
+cdef int query_set_policy(Query* query, PolicyObject policy) except -1:
+    if policy is not None:
+        query.policy = policy.policy
+    return 0
+
+
+def frame_name(name, str argument):
+    """The name, if lookups accept it; otherwise raises the errors of a lookup."""
+    cdef Py_ssize_t size
+    _name(name, argument, &size)
+    return name
+
+
+# Frame names as text.
+
+cdef enum:
+    LOGGED_BYTES = 256      # of a name
+
+
+cdef str name_for_log(const char* text, size_t size):
+    if size <= LOGGED_BYTES:
+        return text[:size].decode("utf-8")
+    # The cut may split a character.
+    return f"{text[:LOGGED_BYTES].decode('utf-8', 'ignore')}... ({size} bytes)"
+
+
+# What error texts say of unknown names and of silent topics.
+
+cdef enum:
+    MOST_COMPARED = 500         # known names: comparing takes some 2 us for each, with the GIL held
+    MOST_REMEMBERED = 64        # suggestions
+    LONGEST_REMEMBERED = 100    # characters of an unknown name
+
+cdef int64_t SILENCE_NS = 100000000         # how often the topics are checked while nothing is new
+
+
+cdef class Advice:
+    """What the errors of one buffer say beyond what has failed."""
+
+    def __cinit__(self):
+        self._silence = ("", "")
+        self._suggestions = {}
+
+    cdef int ask(self, object find_silence) except -1:
+        self._find_silence = find_silence
+        self._silence_until_ns = 0
+        return 0
+
+    cdef int begin(self, object buffer, size_t count) except -1:
+        # New names were received on some topic.
+        if count != self._count:
+            self.forget()
+        if count != self._count or monotonic_ns() >= self._silence_until_ns:
+            self._count = count
+            self._look_for_silence(buffer)
+        return 0
+
+    cdef str unknown(self, str name, str argument, str call, object list_names):
+        text = str(bad_name(name, argument, call))
+        for sentence in (self.suggestion(name, list_names), self._state()):
+            if sentence:
+                text += f"{'' if text.endswith('?') else '.'} {sentence}"
+        return text
+
+    cdef str suggestion(self, str name, object list_names):
+        # If the names change meanwhile, this dict is not used any more.
+        cdef dict suggestions = self._suggestions
+        if not 0 < self._count <= MOST_COMPARED or len(name) > LONGEST_REMEMBERED:
+            return ""
+        if name not in suggestions:
+            found = errors.closest(name, list_names())
+            text = f"Did you mean {' or '.join([f'[{printable(one)}]' for one in found])}?" if found else ""
+            if len(suggestions) >= MOST_REMEMBERED:
+                suggestions.clear()
+            suggestions[name] = text
+        return suggestions[name]
+
+    cdef object with_silence(self, object error, object buffer, bint dynamic_only):
+        if self._silence[dynamic_only]:
+            # The error describes the present content of the buffer, and must not contradict itself.
+            self._look_for_silence(buffer)
+        silence = self._silence[dynamic_only]
+        if not silence:
+            return error
+        text = str(error)
+        added = f" {_sentence(silence)}" if text.endswith(".") else f"; {silence}"
+        return type(error)(text + added)
+
+    cdef int forget(self) except -1:
+        self._suggestions = {}
+        return 0
+
+    cdef int _look_for_silence(self, object buffer) except -1:
+        self._silence_until_ns = monotonic_ns() + SILENCE_NS
+        if self._find_silence is not None:
+            self._silence = self._find_silence(buffer)
+        return 0
+
+    cdef str _state(self):
+        silence = self._silence[0]
+        if self._count == 0:
+            return f"The buffer is empty: {silence}" if silence else "The buffer is empty"
+        return _sentence(silence)
+
+
+cdef str _sentence(str clause):
+    return clause[:1].upper() + clause[1:]
+
+
+# The status of a lookup as an exception, or as what a wait for it lacks.
+
+cdef tuple GAP_NAMES = ("none", "empty", "single", "future", "past", "long")
+
+
+cdef tuple _query_names(const Query* query):
+    # Target, source, fixed frame or None.
+    return (
+        query.target[:query.target_size].decode("utf-8"),
+        query.source[:query.source_size].decode("utf-8"),
+        None if query.fixed == NULL else query.fixed[:query.fixed_size].decode("utf-8"),
+    )
+
+
+cdef tuple _ends(const Query* query, Status status):
+    # As in tf2, which does a two-time lookup in halves, the text names the ends of the half that failed.
+    target, source, fixed = _query_names(query)
+    if status.half == HALF_SOURCE:
+        target = fixed
+    elif status.half == HALF_TARGET:
+        source = fixed
+    return target, source
+
+
+cdef object _bad_name(str name, str argument, str call, Advice advice, object list_names):
+    if errors.is_invalid_name(name):
+        return errors.bad_name(name, argument, call)
+    return errors.LookupException(advice.unknown(name, argument, call, list_names))
+
+
+cdef object query_error(const Query* query, Status status, str child, str parent, str call, Advice advice,
+                        object buffer):
+    target, source, fixed = _query_names(query)
+    if status.code == STATUS_BAD_TARGET:
+        return _bad_name(target, "target_frame", call, advice, buffer._known_names)
+    if status.code == STATUS_BAD_SOURCE:
+        return _bad_name(source, "source_frame", call, advice, buffer._known_names)
+    if status.code == STATUS_BAD_FIXED:
+        return _bad_name(fixed, "fixed_frame", call, advice, buffer._known_names)
+    target, source = _ends(query, status)
+    if status.code == STATUS_UNCONNECTED:
+        return advice.with_silence(errors.unconnected(target, source), buffer, dynamic_only=False)
+    if status.code == STATUS_LOOP:
+        return errors.loop(target, source)
+    if status.gap == GAP_LONG:
+        return errors.long_gap(
+            child, parent, status.requested_ns, status.edge_ns, status.newer_ns, query.policy.max_gap_ns,
+            target, source,
+        )
+    error = errors.extrapolation(
+        GAP_NAMES[<int>status.gap], child, parent, status.requested_ns, status.edge_ns, target, source
+    )
+    # Data that may still arrive does not help with the past.
+    if status.gap == GAP_EMPTY or status.requested_ns > status.edge_ns:
+        return advice.with_silence(error, buffer, dynamic_only=True)
+    return error
+
+
+cdef str query_lack(const Query* query, Status status, str child, Advice advice, object list_names):
+    target, source, fixed = _query_names(query)
+    lack = unknown = None
+    if status.code == STATUS_BAD_TARGET:
+        unknown = target
+    elif status.code == STATUS_BAD_SOURCE:
+        unknown = source
+    elif status.code == STATUS_BAD_FIXED:
+        unknown = fixed
+    elif status.code == STATUS_UNCONNECTED:
+        lack = errors.lacks_connection(*_ends(query, status))
+    elif status.code == STATUS_NOT_NEW:
+        lack = errors.LACKS_CHANGE
+    elif status.code == STATUS_LOOP:
+        lack = errors.lacks_no_loop(*_ends(query, status))
+    elif status.code != STATUS_OK:
+        lack = errors.lacks_data(GAP_NAMES[<int>status.gap], child, status.requested_ns, status.edge_ns)
+    if unknown is not None:
+        lack = ". ".join(filter(None, (errors.lacks_frame(unknown), advice.suggestion(unknown, list_names))))
+    target_ns = query.source_ns if query.fixed == NULL else query.target_ns
+    return errors.waits_for(target, target_ns, source, query.source_ns, fixed, lack)

@@ -1,0 +1,282 @@
+"""
+Convert times and durations to nanoseconds.
+
+rclpy's Time and Duration keep their number behind a pybind11 property that takes 0.1 us to call. Reading a
+Time faster relies on this: ``_time_handle`` is a pybind11 object, which holds, directly after the object
+head, a pointer to rcl's ``rcl_time_point_t``, which begins with the nanoseconds. This is checked once, with
+Times of known numbers; if it does not hold, the property is called. Tested with rclpy of ROS 2 Jazzy
+(CPython 3.10 to 3.13) and Kilted.
+"""
+
+TIMES_TO_USE = (
+    "Time(seconds=...), node.get_clock().now(), an int of nanoseconds, a datetime64, or Time() for the latest"
+)
+TIMES_WITHOUT_ROS = "an int of nanoseconds, as round(seconds * 1e9), a datetime64, or 0 for the latest"
+DURATION_TO_USE = "Duration(seconds=...)"
+# Integers that mean years in seconds, and 0.1 s to a day in nanoseconds.
+LIKE_NANOSECONDS = range(10**8, 10**14)
+FOR_EVER_NS = 2**62     # 146 years; added to a steady time, it still fits into 64 bits
+
+cdef int64_t MAX_SECONDS = INT64_MAX // NS_PER_S
+
+cdef Layout time_layout = None
+cdef object _time_class = None      # rclpy's class that was looked at, or None
+cdef object _handle_class = None    # the class of its handles; None: not readable directly
+
+
+cdef int load_time() except -1:
+    global time_layout
+    if time_layout is None:
+        from tf2_py._objects.message_classes import Time
+        time_layout = Layout(Time, ("sec", "nanosec"))
+    return 0
+
+
+cdef int64_t _whole(object value, str field) except? -1:
+    try:
+        return PyLong_AsLongLong(value)
+    except TypeError:
+        raise TypeError(f"{field} must be an int, not {type(value).__name__}") from None
+    except OverflowError:
+        raise OverflowError(f"{field} = {value} does not fit into 64-bit nanoseconds") from None
+
+
+cdef int64_t _from_parts(object sec, object nanosec) except? -1:
+    cdef int64_t seconds = _whole(sec, "sec")
+    cdef int64_t rest = _whole(nanosec, "nanosec")
+    if -MAX_SECONDS < seconds < MAX_SECONDS and 0 <= rest < NS_PER_S:
+        return stamp_join(seconds, rest)
+    return _whole(int(sec) * NS_PER_S + int(nanosec), "sec and nanosec")
+
+
+cdef object _rclpy_time():
+    # None if it was never imported, because then no object of the class exists.
+    return getattr(sys.modules.get("rclpy.time"), "Time", None)
+
+
+cdef str _times_to_use():
+    return TIMES_WITHOUT_ROS if _rclpy_time() is None else TIMES_TO_USE
+
+
+cdef inline int64_t* _handle_ns(object handle):
+    return (<int64_t**>(<char*><PyObject*>handle + sizeof(PyObject)))[0]
+
+
+cdef int _look_at_time_class(cls) except -1:
+    global _time_class, _handle_class
+    cdef int64_t known_ns
+    _time_class = cls
+    _handle_class = None
+    for known_ns in (0x0123456789ABCDEF, 1):
+        ordinary = cls(nanoseconds=known_ns)
+        handle = getattr(ordinary, "_time_handle", None)
+        handle_class = type(handle)
+        if type(handle_class).__name__ != "pybind11_type" or _handle_ns(handle) == NULL:
+            return 0
+        if _handle_ns(handle)[0] != known_ns or ordinary.nanoseconds != known_ns:
+            return 0
+    _handle_class = handle_class
+    return 0
+
+
+cdef int64_t nanoseconds(object value, str argument) except? -1:
+    if type(value) is _time_class and _handle_class is not None:
+        handle = value._time_handle
+        if type(handle) is _handle_class and _handle_ns(handle) != NULL:
+            return _handle_ns(handle)[0]
+    load_time()
+    if type(value) is time_layout.message_class:
+        return _from_parts(time_layout.get(value, TIME_SEC), time_layout.get(value, TIME_NANOSEC))
+    if PyLong_CheckExact(value):
+        return _whole(value, argument)
+    if isinstance(value, datetime.datetime):
+        return _datetime64_ns(value, argument)
+    _refuse_timedelta(value, argument, True)
+    found = getattr(value, "nanoseconds", None)
+    if found is not None:
+        _refuse_duration(value, found, argument)
+        if type(value) is not _time_class and type(value) is _rclpy_time():
+            _look_at_time_class(type(value))
+        return _whole(found, "nanoseconds")
+    if hasattr(value, "sec") and hasattr(value, "nanosec"):
+        _refuse_duration(value, value.sec or value.nanosec, argument)
+        return _from_parts(value.sec, value.nanosec)
+    number = _integer(value)
+    return _datetime64_ns(value, argument) if number is None else _whole(number, argument)
+
+
+cdef int64_t stamp_nanoseconds(object value, str argument) except? -1:
+    cdef int64_t stamp_ns = nanoseconds(value, argument)
+    if not MIN_STAMP_NS <= stamp_ns <= MAX_STAMP_NS:
+        raise OverflowError(f"the time {errors.seconds(stamp_ns)} s does not fit into the stamp of a message")
+    return stamp_ns
+
+
+cdef object _integer(object value):
+    # An int, or None. A bool is a mistake, but NumPy's bool is an index in older versions of NumPy. Its
+    # timedelta64 calls itself Integral, but is not an index.
+    if isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", None) == "b":
+        return None
+    try:
+        return operator.index(value)
+    except TypeError:
+        return None
+
+
+cdef int64_t _datetime64_ns(object value, str argument) except? -1:
+    if hasattr(value, "to_datetime64"):     # of pandas, NaT included; datetime itself may mean any time zone
+        value = value.to_datetime64()
+    # If NumPy was not imported, no object of its class exists.
+    numpy = sys.modules.get("numpy")
+    if numpy is None or not isinstance(value, numpy.datetime64):
+        raise TypeError(f"{_without_fields(argument, value)}: use {_times_to_use()}")
+    if numpy.isnat(value):
+        raise ValueError(f"{argument} is NaT, which is no time: use 0 for the latest")
+    try:
+        converted = value.astype("datetime64[ns]")
+        is_exact = converted.astype(value.dtype) == value   # NumPy before 2.5 wraps around; later ones raise
+    except OverflowError:
+        is_exact = False
+    if not is_exact:
+        raise OverflowError(f"{argument} = {value} is not a whole number of 64-bit nanoseconds")
+    return converted.astype("int64")
+
+
+cdef str _without_fields(str argument, object value):
+    return f"{argument} must have nanoseconds, or sec and nanosec; {type(value).__name__} has neither"
+
+
+cdef int _refuse_timedelta(object value, str argument, bint is_time) except -1:
+    # In the timedelta of pandas, `nanoseconds` is only the part below a microsecond.
+    if isinstance(value, datetime.timedelta):
+        instead = _times_to_use() if is_time else DURATION_TO_USE
+        raise TypeError(f"{argument} is a {type(value).__name__}: use {instead}")
+    return 0
+
+
+cdef int _refuse_duration(object value, object amount, str argument) except -1:
+    # Programs for tf2 also use a Duration of zero for the latest time.
+    if type(value).__name__ != "Duration" or not amount:
+        return 0
+    for module in ("rclpy.duration", "builtin_interfaces.msg"):
+        if isinstance(value, getattr(sys.modules.get(module), "Duration", ())):
+            raise TypeError(
+                f"{argument} is a Duration, which says how long and not when: use {_times_to_use()}"
+            )
+    return 0
+
+
+cdef bint _has_fields(object value) except -1:
+    return hasattr(value, "nanoseconds") or (hasattr(value, "sec") and hasattr(value, "nanosec"))
+
+
+cdef int64_t duration_nanoseconds(object value, str argument) except? -1:
+    _refuse_timedelta(value, argument, False)
+    if not _has_fields(value):
+        raise TypeError(f"{_without_fields(argument, value)}: use {DURATION_TO_USE}")
+    found = getattr(value, "nanoseconds", None)
+    return _from_parts(value.sec, value.nanosec) if found is None else _whole(found, "nanoseconds")
+
+
+cdef int64_t duration_or_seconds(object value, str argument) except? -1:
+    return duration_nanoseconds(value, argument) if _has_fields(value) else timeout_ns(value, argument)
+
+
+cdef object new_stamp(int64_t stamp_ns):
+    cdef int64_t sec
+    cdef uint32_t nanosec
+    stamp_split(stamp_ns, &sec, &nanosec)
+    load_time()
+    stamp = time_layout.new()
+    time_layout.put(stamp, TIME_SEC, sec)
+    time_layout.put(stamp, TIME_NANOSEC, nanosec)
+    return stamp
+
+
+cdef object new_time(int64_t time_ns):
+    try:
+        from rclpy.time import Time
+    except ModuleNotFoundError:
+        return new_stamp(time_ns)
+    return Time(nanoseconds=time_ns)
+
+
+def time_ns(time, str argument):
+    """
+    The nanoseconds of a time: of anything with ``nanoseconds``, or with ``sec`` and ``nanosec``; of an
+    integer of nanoseconds; of a ``numpy.datetime64``; or of a ``pandas.Timestamp``.
+
+    :param argument: its name in errors.
+    :raises TypeError: it is none of these, or its fields are not integers.
+    :raises ValueError: it is NaT.
+    :raises OverflowError: it does not fit into 64 bits, or is not a whole number of nanoseconds.
+    """
+    return nanoseconds(time, argument)
+
+
+def duration_ns(duration, str argument):
+    """
+    The nanoseconds of a duration: an rclpy ``Duration``, a message, or anything with their fields.
+
+    :param argument: its name in errors.
+    :raises TypeError: it has neither ``nanoseconds`` nor ``sec`` and ``nanosec``, or is a
+        ``datetime.timedelta``.
+
+    Durations beyond plus or minus FOR_EVER_NS, including infinite floats, are limited to it.
+    """
+    _refuse_timedelta(duration, argument, False)
+    if not _has_fields(duration):
+        raise TypeError(f"{_without_fields(argument, duration)}: use {DURATION_TO_USE}")
+    if hasattr(duration, "nanoseconds"):
+        return _at_most_for_ever(duration.nanoseconds)
+    return _at_most_for_ever(duration.sec * <object>NS_PER_S + duration.nanosec)
+
+
+def timeout_ns(timeout, str argument="timeout"):
+    """
+    The nanoseconds of a timeout: of a duration, as :func:`duration_ns`; or of a number of seconds.
+
+    :param argument: its name in errors.
+    :raises TypeError: it is neither, or it is a time.
+    :raises ValueError: it is NaN.
+    """
+    load_time()
+    rclpy_time = _rclpy_time()
+    if isinstance(timeout, time_layout.message_class) or (
+        rclpy_time is not None and isinstance(timeout, rclpy_time)
+    ):
+        raise TypeError(f"{argument} is a Time, which says when and not how long: use {DURATION_TO_USE}")
+    _refuse_timedelta(timeout, argument, False)
+    if _has_fields(timeout):
+        return duration_ns(timeout, argument)
+    seconds = _integer(timeout)
+    if seconds is not None and seconds in LIKE_NANOSECONDS:
+        years = seconds // (365 * 86400)
+        warnings.warn(f"{argument}={seconds} is {years} years, because a number is seconds", stacklevel=2)
+    if seconds is None and isinstance(timeout, Real) and not isinstance(timeout, Integral):
+        seconds = float(timeout)
+    if seconds is None:
+        raise TypeError(
+            f"{argument} must be a duration or seconds, not {type(timeout).__name__}: use {DURATION_TO_USE}"
+        )
+    if seconds != seconds:
+        raise ValueError(f"{argument} is NaN: use seconds, or {DURATION_TO_USE}")
+    return _at_most_for_ever(seconds * <object>NS_PER_S)
+
+
+cdef object _at_most_for_ever(object duration_ns):
+    # Limited before the conversion to an int, because it may be an infinite float.
+    return int(max(-FOR_EVER_NS, min(duration_ns, FOR_EVER_NS)))
+
+
+def stamp_parts(time, str argument):
+    """
+    The ``(sec, nanosec)`` of a time as a stamp; ``nanosec`` is never negative. Raises as :func:`time_ns`.
+
+    :param argument: its name in errors.
+    :raises OverflowError: also if no message can hold it.
+    """
+    cdef int64_t sec
+    cdef uint32_t nanosec
+    stamp_split(stamp_nanoseconds(time, argument), &sec, &nanosec)
+    return sec, nanosec

@@ -1,0 +1,22 @@
+"""The wait for one lookup."""
+
+
+@cython.final
+@cython.no_gc_clear
+cdef class Wait(WaiterOwner):
+    # Waits for one lookup, from its creation until it is answered, cancelled or dropped; a forked child does
+    # not take over the waits of its parent. The collector must not clear it: `_engine` is needed to remove
+    # the waiter.
+    cdef Waiter _waiter                 # under the engine's lock
+    cdef Engine _engine
+    cdef tuple _names                   # keeps the query's UTF-8 alive
+    cdef object _notify                 # called with the answer, or None: a thread blocks
+    cdef Event _woken                   # set with the answer, where a thread blocks
+
+    cdef bint _is_hopeless(self) noexcept
+    # To be called before `begin`: wait for another answer than that of a previous wait or, if that has none,
+    # than the one that it was to differ from.
+    cdef void only_after(self, Wait previous) noexcept
+    # Called once, on a new one. `names`: target, source and fixed frame. Raises if the buffer has too many
+    # waiters, or if a name can never be looked up.
+    cdef int begin(self, Engine engine, tuple names, const Query* query, object notify) except -1

@@ -1,0 +1,132 @@
+"""Wait for one lookup: its answer as a message, and the thread that blocks until it is available."""
+
+# How often a blocked thread checks whether its context has ended ...
+cdef int64_t WAKE_CHECK_NS = 100 * <int64_t>1000000
+# ... and the main thread also checks for signals, which do not end its sleep. tf2's waits do so as often.
+cdef int64_t SIGNAL_CHECK_NS = 20 * <int64_t>1000000
+
+
+cdef bint _post(Waiter* waiter) noexcept nogil:
+    # A blocked thread gets its answer without the GIL.
+    event_set(<Event*>waiter.woken)
+    return True
+
+
+cdef bint _leave_ready(Waiter* waiter) noexcept nogil:
+    return False
+
+
+@cython.final
+@cython.no_gc_clear
+cdef class Wait(WaiterOwner):
+    """The wait for one lookup. Engines make them; dropping the last reference ends the wait."""
+
+    def __init__(self):
+        raise TypeError("a Wait is made by BufferCore._wait()")
+
+    def __dealloc__(self):
+        if self._engine is not None:
+            self._engine.remove_waiter(&self._waiter)
+            if self._notify is None and not self._engine.has_forgotten(&self._waiter):
+                event_free(&self._woken)
+        waiter_free(&self._waiter)
+
+    cdef object deliver(self):
+        return self._notify(self.answer)
+
+    cdef bint _is_hopeless(self) noexcept:
+        return flag_is_set(&self._waiter.answered) and self._waiter.hopeless.code != STATUS_OK
+
+    cdef void only_after(self, Wait previous) noexcept:
+        self._waiter.only_new = previous._waiter.only_new or flag_is_set(&previous._waiter.answered)
+        self._waiter.answer = previous._waiter.answer
+        self._waiter.stamp_ns = previous._waiter.stamp_ns
+
+    cdef int begin(self, Engine engine, tuple names, const Query* query, object notify) except -1:
+        cdef Status status
+        if notify is None and event_init(&self._woken) != 0:
+            raise MemoryError
+        self._names = names
+        self._notify = notify
+        self._waiter.query = query[0]
+        self._waiter.owner = <void*>self
+        self._waiter.woken = &self._woken
+        self._waiter.deliver = _post if notify is None else _leave_ready
+        self._engine = engine
+        engine.add_waiter(&self._waiter, &status)
+        if status.code == STATUS_OK:
+            return 0
+        # With such a name there will never be an answer.
+        if name_is_invalid(query.target, query.target_size):
+            status.code = STATUS_BAD_TARGET
+        elif name_is_invalid(query.source, query.source_size):
+            status.code = STATUS_BAD_SOURCE
+        elif query.fixed != NULL and name_is_invalid(query.fixed, query.fixed_size):
+            status.code = STATUS_BAD_FIXED
+        else:
+            return 0
+        engine.remove_waiter(&self._waiter)
+        raise engine.error(query, status)
+
+    @property
+    def answer(self):
+        """A new message of the answer; None if there is none yet, or never will be."""
+        if not flag_is_set(&self._waiter.answered) or self._is_hopeless():
+            return None
+        target, source, _ = self._names
+        return new_transform_stamped(&self._waiter.answer, self._waiter.stamp_ns, target, source)
+
+    @property
+    def is_hopeless(self):
+        """Whether the wait has ended because there will never be an answer."""
+        return self._is_hopeless()
+
+    def cancel(self):
+        """End the wait. Returns whether it was pending, that is, not answered and not ended before."""
+        return self._engine.remove_waiter(&self._waiter)
+
+    def reason(self):
+        """The exception that a lookup would raise now, or None."""
+        cdef int64_t stamp_ns
+        if self._is_hopeless():
+            error = self._engine.error(&self._waiter.query, self._waiter.hopeless)
+            return type(error)(errors.no_longer(str(error), self._engine.cache_time_ns))
+        # With NULL instead, the halves of a two-time lookup would be tried in the order of can_transform.
+        cdef Transform not_needed
+        cdef Status status = self._engine.lookup(&self._waiter.query, &not_needed, &stamp_ns)
+        return None if status.code == STATUS_OK else self._engine.error(&self._waiter.query, status)
+
+    cpdef str lacks(self):
+        """One line, for debugging a wait that never ends: what it waits for, and what it lacks now."""
+        return self._engine.lack(&self._waiter.query, self._waiter.only_new)
+
+    def wait_for(self, int64_t timeout_ns, alive):
+        """
+        Sleep, without the GIL, until the answer is available.
+
+        :param timeout_ns: nanoseconds of steady time.
+        :param alive: called without arguments, at least every 100 ms; False ends the wait.
+        :return: whether there is an answer. The wait ends in any case, even if a signal handler raises.
+        """
+        cdef int64_t deadline_ns = monotonic_ns() + timeout_ns
+        cdef int64_t check_ns = SIGNAL_CHECK_NS
+        cdef int64_t left_ns = timeout_ns
+        cdef bint is_woken = False
+        try:
+            while not flag_is_set(&self._waiter.answered):
+                if self._engine.has_forgotten(&self._waiter) or not alive():
+                    break
+                with nogil:
+                    is_woken = event_wait(&self._woken, max(min(left_ns, check_ns), 0))
+                PyErr_CheckSignals()
+                if is_woken:
+                    continue
+                left_ns = deadline_ns - monotonic_ns()
+                if left_ns <= 0:
+                    break
+                if check_ns == SIGNAL_CHECK_NS and get_ident() != main_thread().ident:
+                    check_ns = WAKE_CHECK_NS
+        finally:
+            self._engine.remove_waiter(&self._waiter)
+        # The waiter may have been answered between the last sleep and the removal.
+        return self._waiter.answered and not self._is_hopeless()

@@ -1,0 +1,256 @@
+"""
+Make hidden nodes, spin nodes in threads, and keep forked children from destroying nodes; find out which
+contexts the waits of a buffer depend on, and whether they were shut down.
+"""
+
+import atexit
+import threading
+import weakref
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any
+
+from rclpy.context import Context
+from rclpy.exceptions import InvalidHandle
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.utilities import get_default_context
+
+from tf2_ros._forking import LOCK, LiveObjects, keep_for_ever, register_for_fork
+from tf2_ros._rcl import skip_exit_handlers
+from tf2_ros._rclpy import (
+    RCLError,
+    context_was_shut_down,
+    enter_handle,
+    executor_handles,
+    executor_wake_handle,
+    is_shut_down,
+    mark_shut_down,
+    node_handles,
+)
+
+END_WAIT_S = 1.0  # for a callback that runs when the thread is to end
+
+
+def hidden_node(
+    prefix: str,
+    owner: object,
+    *,
+    context: Context | None = None,
+    namespace: str | None = None,
+    use_global_arguments: bool = True,
+) -> Node:
+    """
+    Make a node whose name begins with ``prefix`` and is unique in this process while ``owner`` lives.
+
+    Nothing in it depends on ROS time, and programs do not configure it. So it has no services,
+    does not log to /rosout, and does not use simulated time.
+    """
+    options: dict[str, Any] = {"context": context, "namespace": namespace}
+    return Node(
+        f"{prefix}_{id(owner):010x}",
+        **options,
+        use_global_arguments=use_global_arguments,
+        enable_rosout=False,
+        start_parameter_services=False,
+        parameter_overrides=[
+            Parameter("use_sim_time", value=False),
+            # rclpy never frees this service: 107 kB for each node.
+            Parameter("start_type_description_service", value=False),
+        ],
+    )
+
+
+class NodeUse:
+    """
+    A node through which this process communicates.
+
+    A forked child lacks the threads of the middleware, so destroying any part of the node may hang, also at
+    the child's exit. As long as this object exists, the child never destroys any part of the node.
+    """
+
+    def __init__(self, node: Any) -> None:
+        self.forked = False  # whether the node is that of a parent process
+        self._node = weakref.ref(node) if isinstance(node, Node) else None
+        register_for_fork(self)
+
+    def after_fork(self) -> None:
+        """See the class."""
+        self.forked = True
+        node = None if self._node is None else self._node()
+        if node is not None:
+            keep_for_ever(*node_handles(node))
+        # The middleware's exit handlers join threads that the child does not have.
+        skip_exit_handlers()
+
+
+_running: "LiveObjects[Spinner]" = LiveObjects()
+
+
+class Spinner:
+    """
+    Spins a node in a separate thread.
+
+    :param daemon: let the interpreter exit while the thread runs. Otherwise the program continues until the
+        node's context is shut down.
+    :param owner: kept alive by the thread.
+    :param at_end: called by the thread when it ends, to destroy what only it uses.
+
+    The thread ends with :meth:`stop`, with the shutdown of ``executor``, and with the node's context. It
+    idles when another executor takes the node.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        *,
+        daemon: bool,
+        owner: object = None,
+        at_end: Callable[[], None] | None = None,
+    ) -> None:
+        self._owner = owner
+        self._at_end = at_end
+        self.executor = SingleThreadedExecutor(context=node.context)
+        self._wake_handle = executor_wake_handle(self.executor)
+        self._node_use = NodeUse(node)
+        self.executor.add_node(node)
+        self.thread = threading.Thread(target=self._run, name="tf2_ros listener", daemon=daemon)
+        # It must not run while the interpreter is finalized, which waits for threads that are not daemons
+        # unless it is interrupted.
+        _running.add(self)
+        register_for_fork(self)
+        self.thread.start()
+
+    def stop(self, *, wait: bool = True) -> None:
+        """
+        End the thread.
+
+        :param wait: wait until it has ended, for END_WAIT_S at most, unless this is that thread. Not in a
+            finalizer, which may run inside any other function, also one that holds a lock that joining needs.
+        """
+        if self._node_use.forked:
+            return
+        # The spinning thread does the rest of the shutdown: another one could destroy what is in use.
+        mark_shut_down(self.executor, self._wake_handle)
+        # It does not live if a signal handler raised before it was started.
+        if wait and self.thread.is_alive() and self.thread is not threading.current_thread():
+            self.thread.join(END_WAIT_S)
+
+    def after_fork(self) -> None:
+        """End in a forked child."""
+        _running.discard(self)
+        self._owner = self._at_end = None
+        keep_for_ever(self._wake_handle, *executor_handles(self.executor))
+
+    def _run(self) -> None:
+        try:
+            self._spin()
+        except ExternalShutdownException:
+            return
+        except (AttributeError, RCLError):
+            if self.executor.context.ok() and not is_shut_down(self.executor):
+                raise
+            # The context ended, or a program shut the executor down, between two checks of the executor.
+        finally:
+            self._owner = None
+            for node in self.executor.get_nodes():
+                self.executor.remove_node(node)
+            self.executor.shutdown()
+            at_end, self._at_end = self._at_end, None
+            if at_end is not None:
+                at_end()
+
+    def _spin(self) -> None:
+        while self.executor.context.ok() and not is_shut_down(self.executor):
+            try:
+                self.executor.spin()
+            except InvalidHandle:
+                continue  # a part of the node was destroyed while the executor gathered them
+
+
+@atexit.register
+def _stop_all() -> None:
+    for spinner in _running:
+        spinner.stop()
+
+
+# What ends waits.
+
+
+class WaitContexts:
+    """
+    The contexts of everything that fills one buffer: that of its node, and those of its listeners, also of
+    ended ones.
+
+    :param contexts: those that are known already.
+    """
+
+    def __init__(self, *contexts: Any) -> None:
+        self.known = contexts  # replaced, never changed: read without a lock
+        self._listening: weakref.ref[Node] | None = None
+
+    def add(self, context: Any) -> None:
+        """Add a context, and drop those that were shut down before."""
+        with LOCK:
+            others = (one for one in self.known if one is not context and not context_was_shut_down(one))
+            self.known = (*others, context)
+
+    def listen(self, node: Node) -> None:
+        """Note that a listener of this node fills the buffer from now on."""
+        self._listening = weakref.ref(node)
+
+    def listening_node(self) -> Node | None:
+        """The node of the latest listener that fills the buffer, if it exists."""
+        return None if self._listening is None else self._listening()
+
+
+_NOTHING_KNOWN = WaitContexts()
+
+
+def fills(node: object, buffer: object, *, listener: bool = False) -> None:
+    """
+    Note that something of this node fills the buffer from now on; without effect unless it is a ``Buffer``.
+
+    :param listener: whether it is a listener, whose node runs callbacks of futures.
+    """
+    contexts = getattr(buffer, "_wait_contexts", None)
+    if isinstance(node, Node) and isinstance(contexts, WaitContexts):
+        contexts.add(node.context)
+        if listener:
+            contexts.listen(node)
+
+
+class Shutdown:
+    """
+    The shutdown that ends one wait, which begins when this is made.
+
+    :param core: the buffer; this does not keep it alive.
+
+    Nothing is inserted any more when every context of what fills the buffer was shut down. If no such context
+    is known, the program inserts transforms itself. Then only a shutdown of the default context during the
+    wait ends it, so that Ctrl-C does.
+    """
+
+    __slots__ = ("_contexts", "_default")
+
+    def __init__(self, core: object) -> None:
+        self._contexts: WaitContexts = getattr(core, "_wait_contexts", _NOTHING_KNOWN)
+        self._default = None
+        if not self._contexts.known:
+            default = get_default_context()
+            if not context_was_shut_down(default):
+                self._default = default
+
+    def happened(self) -> bool:
+        """Whether there was a shutdown, also before the wait."""
+        return all(context_was_shut_down(one) for one in self._contexts.known or (self._default,))
+
+
+def node_has_ended(node: object) -> bool:
+    """Whether a node receives nothing any more, because it was destroyed or its context was shut down."""
+    if not isinstance(node, Node):
+        return False  # of a program's own kind
+    with ExitStack() as uses:
+        exists = enter_handle(node.handle, uses)
+    return not exists or context_was_shut_down(node.context)

@@ -1,0 +1,742 @@
+"""
+Keep what has arrived for a buffer until somebody reads it.
+
+A source says what has arrived: the subscriptions of a listener (`subscriptions`), or the ring of another
+process (`tf2_ros._shared.ring`). Every read of the buffer takes the messages and inserts them (`drain`). So
+does one thread of the process: as soon as many messages wait, ROUND_NS after the first one, and at once while
+something waits for a transform, or while the buffer is read more often than the thread has rounds, so that
+such a reader finds everything inserted. Log lines, the completion of waits and everything else that follows
+from an insert and needs the GIL are left to a second thread (`run_reports`). So nothing here runs code of a
+program, and the first thread never waits for the GIL.
+
+Nothing here needs ROS, because buffers can also be shared without it.
+"""
+
+from libc.stddef cimport size_t
+from libc.stdint cimport INT64_MAX, int64_t, uint32_t, uintptr_t
+from libc.stdlib cimport calloc, free, malloc, realloc
+from libc.string cimport memset
+
+from tf2_py._internal cimport (
+    FORK_INBOX,
+    FORK_INBOXES,
+    PLACE_NONE,
+    Batch,
+    Engine,
+    ForkedLock,
+    Inbox,
+    Lock,
+    Tap,
+    Waiter,
+    batch_begin,
+    batch_free,
+    batch_read_cdr,
+    condition_init,
+    condition_wait,
+    fork_forget,
+    fork_watch,
+    lock_acquire,
+    lock_free,
+    lock_init,
+    lock_release,
+    monotonic_ns,
+    name_utf8,
+    pthread_cond_signal,
+    pthread_cond_t,
+    pthread_mutex_init,
+    pthread_mutex_lock,
+    pthread_mutex_t,
+    pthread_mutex_unlock,
+    word_exchange,
+    word_load,
+    word_replace,
+    word_store,
+)
+import traceback
+import weakref
+
+from tf2_py._internal import log
+
+cdef enum:
+    READ_SLICE = 64             # messages that a read inserts before it releases the GIL
+    MAX_REPORTS = 64            # messages whose refused transforms are kept for the log
+    KEEP_BYTES = 1 << 20        # bytes of memory that are kept from one message to the next, at most
+    BEING_INSERTED = 2          # of State.pending: nothing has arrived since a thread began to insert
+
+# How often to ask who gets the messages, while some arrive.
+cdef int64_t ASK_NS = 1000000000
+# How long the threads sleep while nothing arrives. This has an end: see the conditions in sync.pxd.
+cdef int64_t IDLE_NS = 1500000000
+
+
+cdef struct Signal:
+    # What one thread waits for.
+    pthread_mutex_t mutex
+    pthread_cond_t changed
+    uint32_t is_set             # atomic
+
+
+cdef Signal _work               # for the thread that drains
+cdef Signal _reporting          # for the thread that reports
+cdef Lock _list_lock            # guards the list of all, and is held while its members are drained in turn
+cdef ForkedLock _list_forked
+cdef State* _first = NULL
+cdef uint32_t _is_idle = 0      # atomic: the thread sleeps until something arrives
+cdef uint32_t _is_stopping = 0  # atomic
+
+
+cdef int _signal_init(Signal* signal) except -1:
+    signal.is_set = 0
+    if pthread_mutex_init(&signal.mutex, NULL) != 0 or condition_init(&signal.changed) != 0:
+        raise MemoryError
+    return 0
+
+
+cdef void _signal_set(Signal* signal) noexcept nogil:
+    if word_exchange(&signal.is_set, 1):
+        return      # the thread that set it before wakes the sleeper
+    pthread_mutex_lock(&signal.mutex)
+    pthread_cond_signal(&signal.changed)
+    pthread_mutex_unlock(&signal.mutex)
+
+
+cdef void _signal_wait(Signal* signal, int64_t ns) noexcept nogil:
+    pthread_mutex_lock(&signal.mutex)
+    if not word_load(&signal.is_set) and ns > 0:
+        condition_wait(&signal.changed, &signal.mutex, ns)
+    word_store(&signal.is_set, 0)
+    pthread_mutex_unlock(&signal.mutex)
+
+
+# What sources call.
+
+cdef bint inbox_wants_all(State* inbox) noexcept nogil:
+    if word_load(&inbox.armed) or word_load(&inbox.read) or word_load(&inbox.wants_each):
+        return True
+    if inbox.executor != NULL and inbox.executor_is_armed(inbox.executor):
+        return True
+    return inbox.copier != NULL and inbox.copier.is_wanted(inbox.copier)
+
+
+cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil:
+    word_store(&inbox.pending, 1)
+    if is_full or inbox_wants_all(inbox) or word_load(&_is_idle):
+        _signal_set(&_work)
+
+
+cdef void inbox_needs_report(State* inbox) noexcept nogil:
+    word_store(&inbox.needs_report, 1)
+    _signal_set(&_reporting)
+
+
+# Parcels.
+
+# The memory of messages is C's, also where rcl fills it.
+
+cdef void* _allocate(size_t size, void* _) noexcept nogil:
+    return malloc(size)
+
+
+cdef void _deallocate(void* memory, void* _) noexcept nogil:
+    free(memory)
+
+
+cdef void* _reallocate(void* memory, size_t size, void* _) noexcept nogil:
+    return realloc(memory, size)
+
+
+cdef void* _allocate_zeros(size_t count, size_t size, void* _) noexcept nogil:
+    return calloc(count, size)
+
+
+cdef void _message_init(Message* message) noexcept nogil:
+    memset(message, 0, sizeof(message[0]))
+    message.allocate = <void*>_allocate
+    message.deallocate = <void*>_deallocate
+    message.reallocate = <void*>_reallocate
+    message.zero_allocate = <void*>_allocate_zeros
+
+
+cdef Parcel* _new_parcel() noexcept nogil:
+    cdef Parcel* parcel = <Parcel*>calloc(1, sizeof(Parcel))
+    if parcel != NULL:
+        _message_init(&parcel.message)
+    return parcel
+
+
+cdef void _free_parcel(Parcel* parcel) noexcept nogil:
+    if parcel != NULL:
+        batch_free(&parcel.batch)
+        free(parcel.message.data)
+        free(parcel)
+
+
+cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil:
+    cdef void* memory
+    if size > parcel.message.capacity or parcel.message.data == NULL:
+        memory = realloc(parcel.message.data, size + 1)
+        if memory == NULL:
+            return NULL
+        parcel.message.data = <unsigned char*>memory
+        parcel.message.capacity = size + 1
+    parcel.message.size = size
+    return parcel.message.data
+
+
+cdef void _free_parcels(Parcels* parcels) noexcept:
+    cdef Parcel* parcel = parcels.first
+    cdef Parcel* next_parcel
+    cdef Waiter* waiter
+    while parcel != NULL:
+        next_parcel = parcel.next
+        # Waiters that are ready were not reported, so all of this is garbage, and the collector frees waiters
+        # and inbox in any order. The GIL is held, as by everything that removes such a waiter.
+        waiter = parcel.batch.ready.first
+        while waiter != NULL:
+            waiter.place = PLACE_NONE
+            waiter = waiter.next
+        _free_parcel(parcel)
+        parcel = next_parcel
+    parcels.first = parcels.last = NULL
+    parcels.count = 0
+
+
+cdef bint inbox_has_parcel(State* inbox) noexcept nogil:
+    # Whether there is memory for one more message, also if that is kept.
+    if inbox.parcel == NULL:
+        inbox.parcel = _new_parcel()
+    if inbox.spare == NULL:
+        inbox.spare = _new_parcel()
+    return inbox.parcel != NULL and inbox.spare != NULL
+
+
+cdef void _take_reports(State* inbox, Parcels* reports) noexcept nogil:
+    reports[0] = inbox.reports
+    inbox.reports.first = inbox.reports.last = NULL
+    inbox.reports.count = 0
+
+
+cdef void _move_to(Parcels* parcels, State* inbox) noexcept nogil:
+    # Puts the current parcel into a list.
+    if parcels.last != NULL:
+        parcels.last.next = inbox.parcel
+    else:
+        parcels.first = inbox.parcel
+    parcels.last = inbox.parcel
+    parcels.count += 1
+    inbox.parcel = inbox.spare
+    inbox.spare = NULL
+
+
+# Draining; with the inbox's lock held.
+
+cdef bint _insert_some(Engine engine, Batch* batch) noexcept nogil:
+    return engine.insert_some(batch)
+
+
+cdef void _begin_to_remove(Engine engine, Batch* batch, const char* name, size_t size) noexcept nogil:
+    engine.begin_to_remove(batch, name, size)
+
+
+cdef void _rest(Engine engine, uint32_t* armed) noexcept nogil:
+    engine.rest(armed)
+
+
+# Without the GIL references cannot be counted, so the state has only the address of the engine.
+ctypedef bint (*InsertSome)(void* engine, Batch* batch) noexcept nogil
+ctypedef void (*BeginToRemove)(void* engine, Batch* batch, const char* name, size_t size) noexcept nogil
+ctypedef void (*Rest)(void* engine, uint32_t* armed) noexcept nogil
+cdef InsertSome insert_some = <InsertSome>_insert_some
+cdef BeginToRemove begin_to_remove = <BeginToRemove>_begin_to_remove
+cdef Rest rest = <Rest>_rest
+
+
+cdef size_t _drop_later(Batch* batch, int64_t until_ns) noexcept nogil:
+    # Returns how many.
+    cdef size_t i
+    cdef size_t count = 0
+    cdef size_t before = batch.count
+    for i in range(batch.count):
+        if batch.entries[i].incoming.stamp_ns <= until_ns:
+            batch.entries[count] = batch.entries[i]
+            count += 1
+    batch.count = count
+    return before - count
+
+
+cdef void _report_later(State* inbox) noexcept nogil:
+    # A flood of refused transforms must not fill the memory. Answers are never lost.
+    if inbox.reports.count >= MAX_REPORTS and inbox.parcel.batch.ready.first == NULL:
+        return
+    _move_to(&inbox.reports, inbox)
+    inbox_needs_report(inbox)
+
+
+cdef bint inbox_read(State* inbox, size_t topic, bint is_static) noexcept nogil:
+    cdef Parcel* parcel = inbox.parcel
+    parcel.topic = topic
+    parcel.batch.is_static = is_static
+    parcel.batch.authority = inbox.authority
+    parcel.batch.authority_size = inbox.authority_size
+    batch_begin(&parcel.batch)
+    return batch_read_cdr(&parcel.batch, parcel.message.data, parcel.message.size)
+
+
+cdef void inbox_insert(State* inbox, bint is_readable) noexcept nogil:
+    cdef Parcel* parcel = inbox.parcel
+    cdef size_t dropped = 0
+    if inbox.until_ns != INT64_MAX and is_readable and not parcel.batch.is_static:
+        dropped = _drop_later(&parcel.batch, inbox.until_ns)
+    if inbox.copier != NULL and is_readable and (parcel.batch.count or not dropped):
+        inbox.copier.copy(inbox.copier, parcel, dropped == 0 and not parcel.batch.is_prefixed)
+    while is_readable and insert_some(inbox.engine, &parcel.batch):
+        pass
+    if not is_readable or parcel.batch.needs_report:
+        _report_later(inbox)
+    if inbox.parcel == parcel and parcel.message.capacity > KEEP_BYTES:
+        batch_free(&parcel.batch)
+        free(parcel.message.data)
+        _message_init(&parcel.message)
+
+
+cdef void inbox_remove(State* inbox, const char* name, size_t size) noexcept nogil:
+    cdef Batch* batch = &inbox.parcel.batch
+    inbox.parcel.message.size = 0
+    begin_to_remove(inbox.engine, batch, name, size)
+    while insert_some(inbox.engine, batch):
+        pass
+    if batch.needs_report:
+        _report_later(inbox)
+
+
+cdef void inbox_refuse(State* inbox, size_t topic, const char* problem) noexcept nogil:
+    cdef Parcel* parcel = inbox.parcel
+    parcel.topic = topic
+    parcel.message.size = 0
+    batch_begin(&parcel.batch)
+    parcel.batch.count = 0
+    parcel.batch.problem = problem
+    parcel.batch.problem_at = 0
+    _report_later(inbox)
+
+
+cdef bint _take(State* inbox, size_t most) noexcept nogil:
+    # Inserts at most this many messages; returns whether more may be left.
+    cdef size_t taken
+    if inbox.is_closed or inbox.is_held or inbox.engine == NULL:
+        word_store(&inbox.pending, 0)
+        return False
+    # First this, then the messages: `inbox_arrived` is called after its message has arrived. Until they are
+    # inserted, readers must find something pending, and wait here.
+    word_store(&inbox.pending, BEING_INSERTED)
+    taken = inbox.take(inbox, most)
+    word_replace(&inbox.pending, BEING_INSERTED, 0)
+    if taken:
+        inbox.has_arrived = True
+        if inbox.executor != NULL:
+            inbox.executor_arrived(inbox.executor)
+    return taken == most
+
+
+# The thread that drains.
+
+cdef bint inbox_serve(State* inbox, int64_t now_ns, bint* is_behind) noexcept nogil:
+    cdef bint more, has_arrived
+    lock_acquire(&inbox.lock)
+    # A reader may have taken the rest since the last slice.
+    more = word_load(&inbox.pending) and _take(inbox, SLICE)
+    has_arrived = inbox.has_arrived
+    if (has_arrived or inbox.engine == NULL) and inbox.asked_ns + ASK_NS < now_ns:
+        inbox.asked_ns = now_ns
+        inbox_needs_report(inbox)
+    if more:
+        is_behind[0] = True
+    else:
+        inbox.has_arrived = False
+        if word_load(&inbox.armed) and inbox.engine != NULL:
+            rest(inbox.engine, &inbox.armed)
+    lock_release(&inbox.lock)
+    return has_arrived
+
+
+cdef void inbox_count_round(State* inbox, int64_t now_ns) noexcept nogil:
+    cdef uint32_t read = word_load(&inbox.read)
+    if read > 0:
+        word_store(&inbox.read, read - 1)   # this may undo a read of just now: the next one counts
+    if inbox.copier != NULL:
+        inbox.copier.count_round(inbox.copier, now_ns)
+
+
+cdef bint _serve_all(bint is_round, int64_t now_ns) noexcept nogil:
+    cdef State* inbox
+    cdef bint counts_round = is_round
+    cdef bint has_arrived = False
+    cdef bint is_behind = True
+    while is_behind:
+        # Between two slices other threads may change the list, or fork: they hold the GIL while they do.
+        is_behind = False
+        lock_acquire(&_list_lock)
+        inbox = _first
+        while inbox != NULL:
+            if counts_round:
+                inbox_count_round(inbox, now_ns)
+            if is_round or inbox_wants_all(inbox) or inbox.is_full(inbox):
+                has_arrived = inbox_serve(inbox, now_ns, &is_behind) or has_arrived
+            inbox = inbox.after
+        lock_release(&_list_lock)
+        is_round = True     # the rest of a slice is due
+        counts_round = False
+    return has_arrived
+
+
+cdef bint _is_anything_pending() noexcept nogil:
+    cdef State* inbox
+    cdef bint found = False
+    lock_acquire(&_list_lock)
+    inbox = _first
+    while inbox != NULL:
+        found = found or word_load(&inbox.pending)
+        inbox = inbox.after
+    lock_release(&_list_lock)
+    return found
+
+
+cdef void _run() noexcept nogil:
+    cdef int64_t now_ns
+    cdef int64_t round_ns = 0           # when the next round is due
+    cdef bint has_arrived = False       # since the last round
+    while not word_load(&_is_stopping):
+        now_ns = monotonic_ns()
+        has_arrived = _serve_all(now_ns >= round_ns, now_ns) or has_arrived
+        if now_ns >= round_ns:
+            if not has_arrived:
+                # What arrives from here on wakes it.
+                word_store(&_is_idle, 1)
+                if not _is_anything_pending():
+                    _signal_wait(&_work, IDLE_NS)
+                word_store(&_is_idle, 0)
+                round_ns = monotonic_ns() + ROUND_NS
+                continue
+            has_arrived = False
+            round_ns = now_ns + ROUND_NS
+        _signal_wait(&_work, round_ns - monotonic_ns())
+
+
+def run_inboxes():
+    """Drain the inboxes of the process when that is due, without the GIL, until :func:`stop_inboxes`."""
+    with nogil:
+        _run()
+
+
+def run_reports(report):
+    """
+    Call ``report()`` whenever an inbox has something to report, until :func:`stop_inboxes`.
+
+    It is called with the GIL, and never by the thread that drains.
+    """
+    while not word_load(&_is_stopping):
+        report()
+        with nogil:
+            _signal_wait(&_reporting, IDLE_NS)
+
+
+def stop_inboxes():
+    """Have the two functions above return, and return at once from now on."""
+    word_store(&_is_stopping, 1)
+    _signal_set(&_work)
+    _signal_set(&_reporting)
+
+
+cdef void _close_in_child(void* state) noexcept nogil:
+    cdef State* inbox = <State*>state
+    inbox.is_closed = True
+    word_store(&inbox.pending, 0)
+
+
+cdef void _empty_list_in_child(void* _) noexcept nogil:
+    global _first
+    _first = NULL
+    word_store(&_is_idle, 0)
+    word_store(&_work.is_set, 0)
+    word_store(&_reporting.is_set, 0)
+    pthread_mutex_init(&_work.mutex, NULL)
+    pthread_mutex_init(&_reporting.mutex, NULL)
+    condition_init(&_work.changed)
+    condition_init(&_reporting.changed)
+
+
+cdef class Copying(Tap):
+    """Has copied what a buffer receives."""
+
+
+cdef class MessageInbox(Inbox):
+    """Keeps what has arrived for a buffer. A subclass is the source, and decides who gets the messages."""
+
+    survives_fork = False       # whether it still works in a forked child
+
+    def __cinit__(self, *_, **__):
+        if lock_init(&self._state.lock) != 0:
+            raise MemoryError
+        self.pending = &self._state.pending
+        self.armed = &self._state.armed
+        self.read = &self._state.read
+        self._names = []
+        self._rounds = []
+        self._state.is_closed = True
+        self._state.until_ns = INT64_MAX
+        self._state.forked.in_child = _close_in_child
+        self._state.forked.owner = <void*>&self._state
+        fork_watch(&self._state.forked, &self._state.lock, FORK_INBOX)
+
+    cdef int _set_authority(self, str authority) except -1:
+        cdef Py_ssize_t size
+        self._authority = authority
+        self._state.authority = name_utf8(authority, &size)
+        self._state.authority_size = size
+        return 0
+
+    def __dealloc__(self):
+        self._discharge()
+        fork_forget(&self._state.forked)
+        _free_parcel(self._state.parcel)
+        _free_parcel(self._state.spare)
+        _free_parcels(&self._state.reports)
+        lock_free(&self._state.lock)
+
+    cdef void _enlist(self) noexcept:
+        global _first
+        lock_acquire(&_list_lock)
+        self._state.after = _first
+        if _first != NULL:
+            _first.before = &self._state
+        _first = &self._state
+        lock_release(&_list_lock)
+
+    cdef void _discharge(self) noexcept:
+        global _first
+        if self._state.is_closed:
+            return
+        lock_acquire(&_list_lock)
+        if self._state.after != NULL:
+            self._state.after.before = self._state.before
+        if self._state.before != NULL:
+            self._state.before.after = self._state.after
+        elif _first == &self._state:
+            _first = self._state.after
+        lock_release(&_list_lock)
+        lock_acquire(&self._state.lock)
+        self._state.is_closed = True
+        lock_release(&self._state.lock)
+
+    def _forget_engine(self, _):
+        lock_acquire(&self._state.lock)
+        self._state.engine = NULL
+        self._engine_changed()
+        lock_release(&self._state.lock)
+
+    def close(self):
+        """Receive nothing more. What has arrived is dropped; what was inserted is reported."""
+        engine = self._engine()
+        if engine is not None:
+            (<Engine>engine).remove_inbox(self)
+        self._discharge()
+        if engine is not None:
+            self.report(engine)
+
+    def inform(self, rounds):
+        """
+        Inform an executor of what arrives.
+
+        :param rounds: its ``ExecutorRounds``, which need ROS, as this does not; kept. None: no executor.
+        """
+        # Threads may still use those of before.
+        if rounds is not None and rounds not in self._rounds:
+            self._rounds.append(rounds)
+        state, arrived, is_armed = (0, 0, 0) if rounds is None else rounds.addresses()
+        lock_acquire(&self._state.lock)
+        if rounds is not None:
+            self._state.executor_arrived = <ExecutorArrived><uintptr_t>arrived
+            self._state.executor_is_armed = <ExecutorIsArmed><uintptr_t>is_armed
+        self._state.executor = <void*><uintptr_t>state
+        lock_release(&self._state.lock)
+
+    cdef object _engine(self):
+        return None if self._reference is None else self._reference()
+
+    def fills(self, Engine buffer not None):
+        """Whether the transforms go into this buffer."""
+        return self._state.engine == <void*>buffer
+
+    def fill(self, Engine buffer not None):
+        """Insert from now on into this buffer, which is not kept alive."""
+        cdef Parcels parcels
+        cdef Copying copying = buffer._tap if isinstance(buffer._tap, Copying) else None
+        reference = weakref.ref(buffer, _weakly(self))
+        # From here to the report no code in Python runs, and so no other thread that fills or drains.
+        engine = self._engine()
+        if engine is not None:
+            (<Engine>engine).remove_inbox(self)
+        self._reference = reference
+        lock_acquire(&self._state.lock)
+        _take_reports(&self._state, &parcels)
+        self._state.engine = <void*>buffer
+        self._state.copier = NULL if copying is None else &copying.copier
+        self._engine_changed()
+        lock_release(&self._state.lock)
+        self._copying = copying     # nothing uses the memory of the previous one any more
+        buffer.add_inbox(self)
+        if engine is not None:
+            self._report_parcels(engine, &parcels)
+        else:
+            # What is ready in them holds its engine: nothing is.
+            _free_parcels(&parcels)
+        inbox_arrived(&self._state, True)       # messages may have arrived while there was no buffer
+
+    cdef void _engine_changed(self) noexcept:
+        pass
+
+    cdef int64_t _arrived_by_now(self) noexcept:
+        return 0
+
+    cdef int drain(self) except -1:
+        cdef bint more
+        cdef int64_t left
+        # With the GIL: whoever holds the lock needs none, and getting it back may take long.
+        lock_acquire(&self._state.lock)
+        self._state.asked_ns = monotonic_ns()
+        # No more than this had arrived before the call. What arrives during it must not delay its return.
+        left = self._arrived_by_now()
+        more = _take(&self._state, READ_SLICE)
+        lock_release(&self._state.lock)
+        if more:
+            with nogil:
+                left -= READ_SLICE
+                while more and left > 0:
+                    lock_acquire(&self._state.lock)
+                    more = _take(&self._state, SLICE)
+                    lock_release(&self._state.lock)
+                    left -= SLICE
+        return 0
+
+    def catch_up(self):
+        """Insert what has arrived, if anything has."""
+        if word_load(self.pending):
+            self.drain()
+
+    def has_pending(self):
+        """Whether anything has arrived that is not inserted."""
+        return bool(word_load(self.pending))
+
+    def forget_reads(self):
+        """Stop inserting at once because of the latest read of the buffer; for tests."""
+        word_store(&self._state.read, 0)
+
+    def before_sleep(self, in_user_code):
+        """
+        An executor of the node is about to sleep.
+
+        :param in_user_code: whether user code called it, which continues if something has arrived.
+        """
+        if in_user_code and word_load(self.pending):
+            self.drain()    # which informs the executor
+        else:
+            self.decide()
+
+    def decide(self):
+        """
+        Find out who gets the messages; for a subclass.
+
+        :return: whether this inbox gets those of at least one of its topics.
+        """
+        return True
+
+    def hold(self):
+        """Let what has arrived wait, also for readers, until :meth:`release`."""
+        lock_acquire(&self._state.lock)
+        self._state.is_held = True
+        lock_release(&self._state.lock)
+
+    def release(self, int64_t until_ns):
+        """Insert what has arrived, except dynamic transforms that are stamped later than ``until_ns``."""
+        cdef bint more = True
+        lock_acquire(&self._state.lock)
+        self._state.is_held = False
+        self._state.until_ns = until_ns
+        word_store(&self._state.pending, 1)
+        while more:
+            more = _take(&self._state, SLICE)
+        self._state.until_ns = INT64_MAX
+        lock_release(&self._state.lock)
+
+    def report_pending(self):
+        """
+        Do what follows from what was inserted: complete waits, and log what was refused.
+
+        :return: whether :meth:`decide` must be called, because it was not called for long.
+        """
+        if word_exchange(&self._state.needs_report, 0):
+            engine = self._engine()
+            if engine is not None:
+                self.report(engine)
+            return not self._state.is_closed
+        return False
+
+    def hand_over(self, calls):
+        """Have these called. They run code of a program. For a subclass."""
+
+    def report_events(self):
+        """Log events other than messages; for a subclass."""
+
+    def stop(self):
+        """End, for good; for a subclass."""
+
+    def after_fork(self):
+        """End in a forked child, and return whether the parent's inbox still works; for a subclass."""
+        return False
+
+    cdef int report(self, Engine engine) except -1:
+        cdef Parcels parcels
+        parcels.first = NULL
+        lock_acquire(&self._state.lock)
+        if self._state.engine == <void*>engine:     # otherwise they are of another one by now
+            _take_reports(&self._state, &parcels)
+        lock_release(&self._state.lock)
+        return self._report_parcels(engine, &parcels)
+
+    cdef int _report_parcels(self, Engine engine, Parcels* parcels) except -1:
+        cdef Parcel* parcel = parcels.first
+        cdef list later = []
+        while parcel != NULL:
+            try:
+                if parcel.batch.problem != NULL:
+                    engine.malformed(&parcel.batch, parcel.message.size, self._names[parcel.topic])
+                else:
+                    engine.report(&parcel.batch, later)
+            except BaseException:
+                # Usually for lack of memory; the next message may succeed.
+                log.receiving_failed(engine._throttle, traceback.format_exc())
+            parcel = parcel.next
+        _free_parcels(parcels)
+        if later:
+            self.hand_over(later)
+        return 0
+
+
+cdef object _weakly(MessageInbox inbox):
+    # Returns the callback of a weak reference to the engine.
+    reference = weakref.ref(inbox)
+
+    def forget(_):
+        found = reference()
+        if found is not None:
+            found._forget_engine(_)
+
+    return forget
+
+
+_signal_init(&_work)
+_signal_init(&_reporting)
+if lock_init(&_list_lock) != 0:
+    raise MemoryError
+_list_forked.in_child = _empty_list_in_child
+fork_watch(&_list_forked, &_list_lock, FORK_INBOXES)

@@ -1,0 +1,172 @@
+"""
+List the inboxes of the process, run the threads that serve them, and find those that fill a buffer.
+
+Nothing here needs ROS, because buffers can also be shared without it.
+"""
+
+import atexit
+import logging
+import os
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from functools import partial
+from typing import Protocol
+
+from tf2_py import BufferCore
+from tf2_py._internal import log
+from tf2_ros._forking import LiveObjects
+from tf2_ros._receive.inbox import MessageInbox, run_inboxes, run_reports, stop_inboxes
+
+CHECK_S = 0.7  # between two checks of what is shared, at least: an idle thread wakes every 1.5 s
+END_WAIT_S = 5.0  # how long to wait for a thread to end; only a very busy machine needs this long
+
+
+class Checked(Protocol):
+    """Something that is checked every one or two seconds."""
+
+    def check(self) -> None: ...
+
+
+_inboxes: LiveObjects[MessageInbox] = LiveObjects()
+_checked: LiveObjects[Checked] = LiveObjects()
+_checked_at = 0.0
+
+
+def add_inbox(inbox: MessageInbox) -> None:
+    """Let the functions below include this inbox."""
+    _inboxes.add(inbox)
+
+
+def check_regularly(checked: Checked) -> None:
+    """Call ``check()`` of this object every one or two seconds, as long as something else refers to it."""
+    _checked.add(checked)
+    threads.start_reports()
+
+
+def _filling(buffer: BufferCore) -> list[MessageInbox]:
+    return [inbox for inbox in _inboxes if inbox.fills(buffer)]
+
+
+def insert_arrived(buffer: BufferCore) -> None:
+    """Insert what has arrived for a buffer."""
+    for inbox in _filling(buffer):
+        inbox.catch_up()
+
+
+def attribute_changed(buffer: BufferCore) -> None:
+    """Have every inbox that fills a buffer find out again who gets its messages."""
+    for inbox in _filling(buffer):
+        inbox.decide()
+
+
+def hold(buffer: BufferCore) -> None:
+    """Let what has arrived for a buffer wait until :func:`release`."""
+    for inbox in _filling(buffer):
+        inbox.hold()
+
+
+def release(buffer: BufferCore, until_ns: int) -> None:
+    """Insert what has arrived, except dynamic transforms that are stamped later than ``until_ns``."""
+    for inbox in _filling(buffer):
+        inbox.release(until_ns)
+
+
+class _Threads:
+    """The thread that drains the inboxes of the process, and the one that reports what follows from that."""
+
+    def __init__(self) -> None:
+        self._running: dict[str, threading.Thread] = {}  # by their names; several may start them at once
+
+    def start(self) -> None:
+        """Start both, if they do not run. If that fails, the next listener tries again."""
+        self._start("tf2_ros receiver", run_inboxes)
+        self.start_reports()
+
+    def start_reports(self) -> None:
+        """Start only the second one."""
+        self._start("tf2_ros reports", partial(run_reports, _report))
+
+    def stop(self) -> None:
+        """End both."""
+        stop_inboxes()
+        for thread in list(self._running.values()):
+            if thread is not threading.current_thread():
+                thread.join(END_WAIT_S)
+
+    def after_fork(self) -> None:
+        """Forget the threads, which are the parent's."""
+        self._running = {}
+
+    def _start(self, name: str, target: Callable[[], None]) -> None:
+        if name in self._running:
+            return
+        # Daemons, so that the interpreter does not wait for them before it runs the exit handlers.
+        thread = threading.Thread(target=target, name=name, daemon=True)
+        if self._running.setdefault(name, thread) is not thread:
+            return
+        try:
+            thread.start()
+        except BaseException:
+            if not thread.is_alive():
+                self._running.pop(name, None)
+            raise
+
+
+def _report() -> None:
+    for inbox in _inboxes:
+        try:
+            if inbox.report_pending():
+                inbox.decide()
+            inbox.report_events()
+        except Exception:
+            log.logger("tf2_ros").error(f"In what follows from received transforms: {traceback.format_exc()}")
+    _check()
+
+
+def _check() -> None:
+    global _checked_at
+    now = time.monotonic()
+    if now - _checked_at < CHECK_S:
+        return
+    _checked_at = now
+    for checked in _checked:
+        try:
+            checked.check()
+        except Exception:
+            log.logger("tf2_ros").error(f"In a check of shared buffers: {traceback.format_exc()}")
+
+
+threads = _Threads()
+
+
+@atexit.register
+def _stop_all() -> None:
+    for inbox in _inboxes:
+        inbox.stop()
+    threads.stop()
+
+
+def _before_fork() -> None:
+    # The child needs what has arrived.
+    for inbox in _inboxes:
+        if not inbox.survives_fork:
+            inbox.catch_up()
+
+
+def _after_fork_in_child() -> None:
+    threads.after_fork()
+    dead = [inbox for inbox in _inboxes if not inbox.survives_fork]
+    lost = sum([inbox.after_fork() for inbox in dead])
+    for inbox in dead:
+        _inboxes.discard(inbox)
+    if lost:
+        # Not logged through ROS, whose locks another thread may have held.
+        logging.getLogger("tf2_ros").warning(
+            f"Process {os.getpid()} is a fork of one with {lost} TransformListener(s), which receive nothing "
+            "here. Spawn the process instead of forking it, and make its own listeners."
+        )
+
+
+os.register_at_fork(before=_before_fork, after_in_child=_after_fork_in_child)

@@ -1,0 +1,350 @@
+"""
+The inbox of a listener's subscriptions.
+
+The middleware reports each arrival, which is only counted; messages are taken from a subscription when the
+inbox is drained.
+"""
+
+cimport cython
+from libc.stddef cimport size_t
+from libc.stdint cimport int64_t, uint32_t, uint64_t, uintptr_t
+
+from tf2_py._internal cimport (
+    Engine,
+    batch_prefix,
+    lock_acquire,
+    lock_release,
+    monotonic_ns,
+    name_utf8,
+    system_ns,
+    word_add,
+    word_exchange,
+    word_load,
+    word_store,
+)
+from tf2_ros._rcl cimport (
+    RCL_RET_OK,
+    RMW_GID_STORAGE_SIZE,
+    c_bool,
+    rcl_clock_get_now,
+    rcl_clock_t,
+    rcl_event_set_callback,
+    rcl_event_t,
+    rcl_is_enabled_ros_time_override,
+    rcl_last_error,
+    rcl_serialized_message_t,
+    rcl_subscription_set_on_new_message_callback,
+    rcl_subscription_t,
+    rcl_take_serialized_message,
+    rcutils_reset_error,
+    require_rcl,
+    rmw_message_info_t,
+)
+from tf2_ros._receive.inbox cimport (
+    GID_BYTES,
+    Message,
+    MessageInbox,
+    Origin,
+    Parcel,
+    State,
+    inbox_arrived,
+    inbox_has_parcel,
+    inbox_insert,
+    inbox_needs_report,
+    inbox_read,
+)
+from tf2_ros.records cimport Recording, Records, records_add, records_add_malformed
+
+cdef enum:
+    MAX_TOPICS = 2              # of a listener: static and dynamic transforms
+    THRESHOLD = 16              # messages of a topic that may wait, which a lookup would have to insert first
+    QUEUE_SHARE = 4             # nor may more wait than this part of the subscription's queue
+
+
+cdef struct Topic:
+    # The middleware's threads touch only `arrived` and `inbox`.
+    uint32_t arrived            # atomic, and a hint: 0: no message waits
+    State* inbox
+    const rcl_subscription_t* subscription      # NULL: executors take from it
+    const rcl_event_t* event    # of publishers with incompatible QoS; or NULL
+    bint is_static
+    uint32_t threshold          # messages that may wait
+    uint32_t depth              # of the subscription's queue
+    uint64_t taken              # messages since the beginning
+    int64_t taken_at_ns         # steady time of the last of these
+
+
+cdef struct Subscriptions:
+    # Guarded by the inbox's lock, but for `has_event`.
+    Topic topics[MAX_TOPICS]    # static transforms first, because others may need them
+    uint32_t has_event          # atomic: an event happened on one of the topics
+    Records* records            # NULL: nothing is recorded
+    const char* prefix          # of all names; NULL: they stay as they are
+    size_t prefix_size
+    rcl_clock_t* clock          # of the buffer, where something is recorded; or NULL
+
+
+# The middleware calls the next two, under its own locks, in any thread, perhaps with the GIL.
+
+cdef void _arrived(const void* data, size_t count) noexcept nogil:
+    cdef Topic* topic = <Topic*>data
+    cdef uint32_t before = word_add(&topic.arrived, <uint32_t>count)
+    inbox_arrived(topic.inbox, before + count >= topic.threshold)
+
+
+cdef void _happened(const void* data, size_t _) noexcept nogil:
+    cdef State* inbox = <State*>data
+    word_store(&(<Subscriptions*>inbox.source).has_event, 1)
+    inbox_needs_report(inbox)
+
+
+# Taking; with the inbox's lock held.
+
+cdef bint _is_any_full(const State* inbox) noexcept nogil:
+    cdef const Subscriptions* source = <const Subscriptions*>inbox.source
+    cdef size_t number
+    for number in range(MAX_TOPICS):
+        if word_load(&source.topics[number].arrived) >= source.topics[number].threshold:
+            return True
+    return False
+
+
+cdef bint _simulated_now(rcl_clock_t* clock, int64_t* now_ns) noexcept nogil:
+    # Returns whether the clock's time is simulated; only then, sets the time.
+    cdef c_bool simulated = False
+    if clock == NULL or rcl_is_enabled_ros_time_override(clock, &simulated) != RCL_RET_OK or not simulated:
+        return False
+    return rcl_clock_get_now(clock, now_ns) == RCL_RET_OK
+
+
+cdef void _record(State* inbox, const Origin* origin, bint is_readable) noexcept nogil:
+    cdef Subscriptions* source = <Subscriptions*>inbox.source
+    cdef int64_t received_ns = origin.received_ns
+    if not is_readable:
+        records_add_malformed(source.records)
+        return
+    # A simulated clock must be read when a message arrives.
+    is_simulated = _simulated_now(source.clock, &received_ns)
+    word_store(&inbox.wants_each, is_simulated)
+    if not is_simulated and received_ns <= 0:
+        received_ns = system_ns()
+    records_add(source.records, &inbox.parcel.batch, received_ns, origin.publisher, RMW_GID_STORAGE_SIZE)
+
+
+cdef bint _take_message(State* inbox, size_t number, int64_t now_ns) noexcept nogil:
+    # Takes one message and inserts it; False if there was none.
+    cdef Subscriptions* source = <Subscriptions*>inbox.source
+    cdef Topic* topic = &source.topics[number]
+    cdef Parcel* parcel = inbox.parcel
+    cdef rmw_message_info_t information
+    cdef bint wants_origin = source.records != NULL or inbox.copier != NULL
+    cdef bint is_readable
+    if rcl_take_serialized_message(
+            topic.subscription, <rcl_serialized_message_t*>&parcel.message,
+            &information if wants_origin else NULL, NULL,
+            ) != RCL_RET_OK:
+        rcutils_reset_error()
+        return False
+    topic.taken += 1
+    topic.taken_at_ns = now_ns
+    if wants_origin:
+        parcel.origin.received_ns = information.received_timestamp
+        parcel.origin.publisher = information.publisher_gid.data
+    is_readable = inbox_read(inbox, number, topic.is_static)
+    if is_readable and source.prefix != NULL:
+        batch_prefix(&parcel.batch, source.prefix, source.prefix_size)
+    if source.records != NULL:
+        _record(inbox, &parcel.origin, is_readable)
+    inbox_insert(inbox, is_readable)
+    return True
+
+
+cdef size_t _take_subscribed(State* inbox, size_t most) noexcept nogil:
+    cdef Subscriptions* source = <Subscriptions*>inbox.source
+    cdef int64_t now_ns = monotonic_ns()
+    cdef size_t number
+    cdef size_t left = most
+    cdef Topic* topic
+    for number in range(MAX_TOPICS):
+        topic = &source.topics[number]
+        # First the count, then the messages: `_arrived` is called after its message has arrived.
+        if topic.subscription == NULL or not word_exchange(&topic.arrived, 0):
+            continue
+        while left > 0 and inbox_has_parcel(inbox):
+            if not _take_message(inbox, number, now_ns):
+                break
+            left -= 1
+        else:
+            # Without memory, the next round tries again.
+            word_store(&topic.arrived, 1)
+            word_store(&inbox.pending, 1)
+            break
+    return most - left
+
+
+@cython.no_gc_clear     # the handles must exist until the middleware no longer reports anything
+cdef class RclInbox(MessageInbox):
+    """The inbox of a listener; a subclass decides who gets the messages."""
+
+    cdef Subscriptions _source
+    cdef Recording _recording       # keeps the records
+    cdef str _prefix                # keeps its UTF-8 alive
+    cdef list _handles              # what the topics use, by their index
+
+    def __cinit__(self, *_, **__):
+        cdef size_t number
+        require_rcl()
+        self._handles = [None] * MAX_TOPICS
+        self._names = [""] * MAX_TOPICS
+        self._state.take = _take_subscribed
+        self._state.is_full = _is_any_full
+        self._state.source = &self._source
+        for number in range(MAX_TOPICS):
+            self._source.topics[number].inbox = &self._state
+
+    def set_up(self, str authority not None, rounds, Recording recording=None, str prefix=""):
+        """
+        Set this up once, before anything else.
+
+        :param authority: of the transforms.
+        :param rounds: of the executor that is informed of what arrives.
+        :param recording: notes the sender and time of each transform; or None.
+        :param prefix: put before all names.
+        """
+        cdef Py_ssize_t size
+        if prefix:
+            self._prefix = prefix
+            self._source.prefix = name_utf8(prefix, &size)
+            self._source.prefix_size = size
+        self._set_authority(authority)
+        self.inform(rounds)
+        self._recording = recording
+        self._source.records = NULL if recording is None else &recording._records
+        self._state.is_closed = False
+        self._enlist()
+
+    def __dealloc__(self):
+        self._discharge()
+
+    cdef void _discharge(self) noexcept:
+        cdef size_t number
+        if self._state.is_closed:
+            return
+        for number in range(MAX_TOPICS):
+            self._silence(number)
+        MessageInbox._discharge(self)
+
+    cdef void _silence(self, size_t number, bint is_told=True) noexcept:
+        # The middleware waits for calls that are running, and these wait for nothing.
+        cdef Topic* topic = &self._source.topics[number]
+        if topic.subscription == NULL:
+            return
+        if is_told and rcl_subscription_set_on_new_message_callback(
+                topic.subscription, NULL, NULL) != RCL_RET_OK:
+            rcutils_reset_error()
+        if topic.event != NULL and rcl_event_set_callback(topic.event, NULL, NULL) != RCL_RET_OK:
+            rcutils_reset_error()
+        lock_acquire(&self._state.lock)
+        topic.subscription = NULL
+        topic.event = NULL
+        lock_release(&self._state.lock)
+
+    def subscribe(self, size_t number, handles, subscription, event, str name not None, bint is_static,
+                  uint32_t depth):
+        """
+        Receive on a topic.
+
+        :param number: of the topic: 0 for static transforms, 1 for others.
+        :param handles: of these two; kept as long as the addresses are used.
+        :param subscription: address of an ``rcl_subscription_t``.
+        :param event: address of an ``rcl_event_t``, or 0.
+        :param depth: of the subscription's queue.
+        :raises RuntimeError: the middleware does not report arrivals.
+        """
+        cdef Topic* topic
+        if number >= MAX_TOPICS:
+            raise ValueError(f"a topic has the number {number}, {MAX_TOPICS} are possible")
+        topic = &self._source.topics[number]
+        self._handles[number] = handles
+        self._names[number] = name
+        lock_acquire(&self._state.lock)
+        topic.is_static = is_static
+        topic.depth = depth
+        topic.threshold = max(min(<uint32_t>THRESHOLD, depth // QUEUE_SHARE), 1)
+        topic.subscription = <const rcl_subscription_t*><uintptr_t>subscription
+        topic.event = <const rcl_event_t*><uintptr_t>event
+        lock_release(&self._state.lock)
+        # Without the lock: what has arrived is reported at once.
+        if rcl_subscription_set_on_new_message_callback(
+                topic.subscription, _arrived, <void*>topic) != RCL_RET_OK:
+            error = rcl_last_error()
+            topic.subscription = NULL
+            topic.event = NULL
+            self._handles[number] = None
+            raise RuntimeError(error)
+        if topic.event != NULL and rcl_event_set_callback(
+                topic.event, _happened, <void*>&self._state) != RCL_RET_OK:
+            rcutils_reset_error()
+            topic.event = NULL
+
+    def unsubscribe(self, size_t number, bint is_told=True):
+        """
+        Receive nothing more on a topic; what was not inserted stays with its subscription.
+
+        :param is_told: whether the middleware still reports arrivals to this object.
+        """
+        if number >= MAX_TOPICS:
+            raise ValueError(f"a topic has the number {number}, {MAX_TOPICS} are possible")
+        if not self._state.is_closed:
+            self._silence(number, is_told)
+            self._handles[number] = None
+
+    def fill(self, Engine buffer not None, clock=0):
+        """
+        Insert from now on into this buffer, which is not kept alive.
+
+        :param clock: address of its ``rcl_clock_t``, or 0. If it is simulated, what is recorded has its time.
+        """
+        cdef int64_t now_ns
+        MessageInbox.fill(self, buffer)
+        if self._recording is None or not clock:
+            return
+        lock_acquire(&self._state.lock)
+        self._source.clock = <rcl_clock_t*><uintptr_t>clock
+        word_store(&self._state.wants_each, _simulated_now(self._source.clock, &now_ns))
+        lock_release(&self._state.lock)
+
+    cdef void _engine_changed(self) noexcept:
+        self._source.clock = NULL
+        word_store(&self._state.wants_each, 0)
+
+    cdef int drain(self) except -1:
+        if self.decide():
+            MessageInbox.drain(self)
+        return 0
+
+    cdef int64_t _arrived_by_now(self) noexcept:
+        cdef int64_t count = 0
+        cdef size_t number
+        for number in range(MAX_TOPICS):
+            count += self._source.topics[number].depth
+        return count
+
+    def had_event(self):
+        """Whether an event happened since the last call."""
+        return bool(word_exchange(&self._source.has_event, 0))
+
+    def taken(self, size_t number):
+        """Return how many messages of a topic were taken, and the steady time of the last in nanoseconds."""
+        cdef uint64_t count
+        cdef int64_t at_ns
+        if number >= MAX_TOPICS:
+            raise ValueError(f"a topic has the number {number}, {MAX_TOPICS} are possible")
+        lock_acquire(&self._state.lock)
+        count, at_ns = self._source.topics[number].taken, self._source.topics[number].taken_at_ns
+        lock_release(&self._state.lock)
+        return count, at_ns
+
+
+if sizeof(Message) != sizeof(rcl_serialized_message_t) or <int>GID_BYTES != <int>RMW_GID_STORAGE_SIZE:
+    raise ImportError("messages are not as rcl has them")

@@ -1,0 +1,162 @@
+"""Map, read, write and sleep on a file in memory, which any process of the user may truncate meanwhile."""
+
+from libc.stddef cimport size_t
+from libc.stdint cimport int64_t, uint32_t, uint64_t
+
+cdef extern from * nogil:
+    """
+    #include <errno.h>
+    #include <fcntl.h>
+    #include <linux/falloc.h>
+    #include <linux/futex.h>
+    #include <signal.h>
+    #include <stdint.h>
+    #include <sys/mman.h>
+    #include <sys/stat.h>
+    #include <sys/syscall.h>
+    #include <sys/uio.h>
+    #include <time.h>
+    #include <unistd.h>
+
+    static int tf2_commit(int descriptor, size_t start, size_t size)
+    {
+        int result;
+        do
+            result = posix_fallocate(descriptor, (off_t)start, (off_t)size);
+        while (result == EINTR);
+        return result ? -1 : 0;
+    }
+
+    static void tf2_give_back(int descriptor, size_t start, size_t size)
+    {
+        /* A kernel that cannot do this keeps the memory, which does no harm. */
+        (void)!fallocate(descriptor, FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, (off_t)start, (off_t)size);
+    }
+
+    static int tf2_read(int descriptor, void *to, size_t size, size_t start)
+    {
+        return pread(descriptor, to, size, (off_t)start) == (ssize_t)size ? 0 : -1;
+    }
+
+    static int tf2_write(int descriptor, const void *first, size_t first_size, const void *second,
+                         size_t second_size, const void *third, size_t third_size, size_t start)
+    {
+        struct iovec parts[3] = {
+            {(void *)first, first_size}, {(void *)second, second_size}, {(void *)third, third_size}};
+        ssize_t size = (ssize_t)(first_size + second_size + third_size);
+        return pwritev(descriptor, parts, 3, (off_t)start) == size ? 0 : -1;
+    }
+
+    static size_t tf2_file_size(int descriptor)
+    {
+        struct stat facts;
+        return fstat(descriptor, &facts) == 0 ? (size_t)facts.st_size : 0;
+    }
+
+    static void tf2_futex_wake(const void *word)
+    {
+        syscall(SYS_futex, word, FUTEX_WAKE, 0x7fffffff, NULL, NULL, 0);
+    }
+
+    static void tf2_futex_wait(const void *word, uint32_t seen, int64_t ns)
+    {
+        struct timespec duration = {.tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000};
+        if (ns > 0)
+            syscall(SYS_futex, word, FUTEX_WAIT, seen, &duration, NULL, 0);
+    }
+
+    #define TF2_MAPPED_BYTES 4096
+    #define TF2_MAPPINGS 2048
+
+    /* What is mapped. The handler reads this without the GIL. */
+    static struct {
+        char *volatile base;
+        uint32_t *lost;
+    } tf2_mappings[TF2_MAPPINGS];
+    static struct sigaction tf2_before;     /* the handler that this one replaced */
+
+    /* A truncated file has no memory behind its end. Zeros take its place, and `lost` is set. */
+    static void tf2_on_bus_error(int number, siginfo_t *information, void *context)
+    {
+        char *at = information->si_addr;
+        for (int i = 0; i < TF2_MAPPINGS; ++i) {
+            char *base = tf2_mappings[i].base;
+            if (base && at >= base && at < base + TF2_MAPPED_BYTES) {
+                int saved = errno;
+                void *made = mmap(base, TF2_MAPPED_BYTES, PROT_READ | PROT_WRITE,
+                                  MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE | MAP_FIXED, -1, 0);
+                errno = saved;
+                if (made == base) {
+                    __atomic_store_n(tf2_mappings[i].lost, 1, __ATOMIC_SEQ_CST);
+                    return;
+                }
+            }
+        }
+        /* The address is not one of these: pass the signal on to the previous handler. */
+        if (tf2_before.sa_flags & SA_SIGINFO)
+            tf2_before.sa_sigaction(number, information, context);
+        else if (tf2_before.sa_handler != SIG_DFL && tf2_before.sa_handler != SIG_IGN)
+            tf2_before.sa_handler(number);
+        else {
+            sigaction(number, &tf2_before, NULL);   /* the access is repeated, and ends the process */
+            if (information->si_code <= 0)
+                raise(number);                      /* a signal that was sent is not repeated */
+        }
+    }
+
+    static void *tf2_map(int descriptor, uint32_t *lost)
+    {
+        static int watches;
+        for (int i = 0; i < TF2_MAPPINGS; ++i)
+            if (!tf2_mappings[i].base) {
+                void *made = mmap(NULL, TF2_MAPPED_BYTES, PROT_READ | PROT_WRITE, MAP_SHARED, descriptor, 0);
+                if (made == MAP_FAILED)
+                    return NULL;
+                tf2_mappings[i].lost = lost;
+                tf2_mappings[i].base = made;
+                if (!watches) {
+                    struct sigaction action = {.sa_sigaction = tf2_on_bus_error, .sa_flags = SA_SIGINFO};
+                    sigemptyset(&action.sa_mask);
+                    watches = sigaction(SIGBUS, &action, &tf2_before) == 0;
+                }
+                return made;
+            }
+        errno = EMFILE;
+        return NULL;
+    }
+
+    static void tf2_unmap(void *base)
+    {
+        for (int i = 0; i < TF2_MAPPINGS; ++i)
+            if (base && tf2_mappings[i].base == base) {
+                tf2_mappings[i].base = NULL;
+                munmap(base, TF2_MAPPED_BYTES);
+            }
+    }
+
+    #define TF2_LOAD64(place) __atomic_load_n(place, __ATOMIC_ACQUIRE)
+    #define TF2_STORE64(place, value) __atomic_store_n(place, value, __ATOMIC_RELEASE)
+    #define TF2_FENCE() __atomic_thread_fence(__ATOMIC_SEQ_CST)
+    """
+    const size_t MAPPED_BYTES "TF2_MAPPED_BYTES"
+    int errno
+
+    # These three return 0; or -1 if it was not possible, or only for a part of the bytes.
+    int commit_file "tf2_commit"(int descriptor, size_t start, size_t size)
+    int read_file "tf2_read"(int descriptor, void* to, size_t size, size_t start)
+    int write_file "tf2_write"(int descriptor, const void* first, size_t first_size, const void* second,
+                               size_t second_size, const void* third, size_t third_size, size_t start)
+    void give_back "tf2_give_back"(int descriptor, size_t start, size_t size)
+    size_t file_size "tf2_file_size"(int descriptor)    # 0: it cannot be determined
+    int close_file "close"(int descriptor)
+
+    # Maps the first MAPPED_BYTES of a file; NULL: see errno. When the file is truncated, zeros take the place
+    # of the memory, and `lost` becomes 1.
+    void* map_file "tf2_map"(int descriptor, uint32_t* lost)
+    void unmap_file "tf2_unmap"(void* base)             # NULL is allowed
+    # Of words in mapped memory. With `ns` of 0 or less, do not wait.
+    void futex_wake "tf2_futex_wake"(const void* word)
+    void futex_wait "tf2_futex_wait"(const void* word, uint32_t seen, int64_t ns)
+    uint64_t load64 "TF2_LOAD64"(const uint64_t* place)
+    void store64 "TF2_STORE64"(uint64_t* place, uint64_t value)
+    void fence "TF2_FENCE"()

@@ -1,0 +1,428 @@
+"""A reader's half of a ring: copy records, check them, and insert them. It trusts nothing in the file."""
+
+cdef enum:
+    LEAST_STEPS = 16            # of a ring
+    CHUNK_BYTES = 1 << 15       # that a reader copies at once, or else one record; it keeps this memory
+    TRIES = 100                 # to find head and records consistent
+    LAPS = 3                    # for how often the owner may overtake a reader within one round
+    OFTEN = 3                   # reads in a round, from which on the thread inserts each message at once
+    CLOSE_ROUNDS = 2            # for which it does
+
+cdef uint64_t MOST_BYTES = 1 << 40              # of a ring
+
+# For how long the thread that follows the ring stays when nothing needs it.
+cdef int64_t LINGER_NS = 1000000000
+
+
+cdef struct Reading:
+    # Guarded by the inbox's lock, except for what is mapped and the words of the thread.
+    int descriptor
+    const Head* head
+    uint32_t is_lost            # atomic: the file was truncated
+    uint64_t capacity           # as found at first
+    uint64_t begun              # position at which it began, or began again; it has read everything since
+    uint64_t tail               # position of the next record to read
+    unsigned char* chunk        # what was copied of the ring
+    size_t chunk_capacity
+    uint64_t chunk_from         # positions
+    uint64_t chunk_to
+    const char* problem         # why what was found cannot be read; or NULL
+    bint is_lapped              # the owner has dropped the record at `tail`
+    uint32_t reads              # atomic: of the buffer, in this round
+    int64_t round_ns            # steady time at which the round ends, while readers count them
+    uint32_t runs               # atomic: there is a thread, see `follow`
+    uint32_t is_stopping        # atomic: it must end
+    uint32_t is_quiet           # atomic: it sleeps on `nudges`, because nothing needs it
+    uint32_t nudges
+    uint32_t polls              # atomic: an executor's tasks may look at the buffer in each of its rounds
+
+
+cdef bint _has_new(Reading* reading) noexcept nogil:
+    return load64(&reading.head.next) != load64(&reading.tail)
+
+
+cdef void _move_to(Reading* reading, uint64_t position) noexcept nogil:
+    store64(&reading.tail, position)
+    reading.chunk_from = reading.chunk_to = position
+
+
+cdef bint _fill_chunk(Reading* reading, uint64_t size) noexcept nogil:
+    # Copies this many bytes from the tail on; False: see `problem`, or it was lapped.
+    cdef void* memory
+    if size > reading.chunk_capacity:
+        memory = realloc(reading.chunk, size)
+        if memory == NULL:
+            return False
+        reading.chunk = <unsigned char*>memory
+        reading.chunk_capacity = size
+    reading.chunk_from = reading.chunk_to = reading.tail
+    if read_file(reading.descriptor, reading.chunk, size, RING_AT + reading.tail % reading.capacity) != 0:
+        reading.problem = "the shared memory was truncated"
+        return False
+    fence()
+    if load64(&reading.head.oldest) > reading.tail:
+        return False
+    reading.chunk_to = reading.tail + size
+    return True
+
+
+cdef const Record* _next_record(Reading* reading) noexcept nogil:
+    # NULL: there is none, or see `problem` and `is_lapped`. The record stays valid until the next call.
+    cdef const Head* head = reading.head
+    cdef uint64_t capacity = reading.capacity
+    cdef uint64_t oldest, end, most, copied, length
+    cdef const Record* record
+    for _ in range(TRIES):
+        if word_load(&reading.is_lost):
+            return NULL
+        end = load64(&head.next)
+        oldest = load64(&head.oldest)
+        if end == reading.tail:
+            return NULL
+        if oldest > end or end - oldest > capacity or reading.tail > end:
+            continue        # the owner has just written; or this never becomes right
+        if reading.tail < oldest:
+            reading.is_lapped = True
+            return NULL
+        most = min(end - reading.tail, capacity - reading.tail % capacity)
+        if most % sizeof(Record) or reading.tail % sizeof(Record):
+            break
+        copied = reading.chunk_to - reading.tail
+        record = <const Record*>(reading.chunk + (reading.tail - reading.chunk_from))
+        length = sizeof(Record) if copied < sizeof(Record) else record_length(record)
+        if length > min(most, <uint64_t>MOST_RECORD):
+            break
+        if length > copied:
+            if not _fill_chunk(reading, min(most, max(length, <uint64_t>CHUNK_BYTES))) and (
+                    reading.problem != NULL):
+                break
+        elif record.position == reading.tail:
+            return record
+        else:
+            break
+    if reading.problem == NULL:
+        reading.problem = "the shared memory holds what is not a record"
+    return NULL
+
+
+cdef bint _take_record(State* inbox, const Record* record) noexcept nogil:
+    # Inserts the record at the tail, if it is new; False: there is no memory.
+    cdef Reading* reading = <Reading*>inbox.source
+    cdef Parcel* parcel = inbox.parcel
+    cdef size_t size = record.size
+    cdef size_t authority_size = record.authority_size
+    cdef uint32_t kind = record.kind
+    cdef const unsigned char* content = <const unsigned char*>record + sizeof(Record)
+    cdef unsigned char* memory
+    # A record that was written again is new only to a reader that began after it was written before.
+    if kind != KIND_PADDING and (record.previous == record.position or record.previous < reading.begun):
+        memory = parcel_reserve(parcel, size + authority_size)
+        if memory == NULL:
+            return False
+        # The copy of the authority follows that of the message, and so exists as long.
+        memcpy(memory, content + authority_size, size)
+        memcpy(memory + size, content, authority_size)
+        parcel.message.size = size
+        parcel.origin = record.origin
+        if kind == KIND_CLEAR:
+            inbox_remove(inbox, NULL, 0)
+        elif kind == KIND_FORGET:
+            inbox_remove(inbox, <const char*>memory, size)
+        elif kind == KIND_STATIC or kind == KIND_DYNAMIC:
+            is_readable = inbox_read(inbox, 0, kind == KIND_STATIC)
+            if is_utf8(memory + size, authority_size):
+                parcel.batch.authority = <const char*>memory + size
+                parcel.batch.authority_size = authority_size
+            inbox_insert(inbox, is_readable)
+        else:
+            inbox_refuse(inbox, 0, "the shared memory holds a record of an unknown kind")
+    # Only now: a thread that finds no new record relies on all of them being inserted.
+    store64(&reading.tail, reading.tail + record_length(record))
+    return True
+
+
+cdef void _begin_anew(State* inbox) noexcept nogil:
+    # At the oldest record. Of what was before it, only a clear and static transforms matter, and those were
+    # written again.
+    cdef Reading* reading = <Reading*>inbox.source
+    cdef uint64_t cleared
+    reading.is_lapped = False
+    reading.begun = load64(&reading.head.oldest)
+    cleared = load64(&reading.head.cleared)     # only now: the ring may be cleared and lapped in between
+    if reading.tail < cleared <= reading.begun:
+        inbox_remove(inbox, NULL, 0)
+    _move_to(reading, reading.begun)
+
+
+cdef size_t _take(State* inbox, size_t most) noexcept nogil:
+    cdef Reading* reading = <Reading*>inbox.source
+    cdef const Record* record
+    cdef size_t taken = 0
+    cdef int laps = 0
+    while taken < most and inbox_has_parcel(inbox):
+        record = _next_record(reading)
+        if record != NULL:
+            if not _take_record(inbox, record):
+                return taken
+            taken += 1
+        elif reading.is_lapped and laps < LAPS:
+            _begin_anew(inbox)
+            laps += 1
+        elif reading.problem != NULL:
+            # Continue behind it, as after a malformed message.
+            inbox_refuse(inbox, 0, reading.problem)
+            reading.problem = NULL
+            reading.begun = load64(&reading.head.next)
+            _move_to(reading, reading.begun)
+            taken += 1
+        else:
+            break
+    if taken < most and reading.chunk_capacity > CHUNK_BYTES:
+        free(reading.chunk)
+        reading.chunk = NULL
+        reading.chunk_capacity = 0
+        _move_to(reading, reading.tail)
+    return taken
+
+
+cdef bint _is_full(const State* inbox) noexcept nogil:
+    return False
+
+
+cdef void _want(Reading* reading) noexcept nogil:
+    if word_load(&board_of(reading.head).wanted) != WANTED_ROUNDS:
+        word_store(&board_of(reading.head).wanted, WANTED_ROUNDS)
+
+
+cdef void _nudge(Reading* reading) noexcept nogil:
+    word_store(&reading.nudges, reading.nudges + 1)
+    futex_wake(&reading.nudges)
+
+
+cdef void _catch_up(State* inbox) noexcept nogil:
+    cdef Reading* reading = <Reading*>inbox.source
+    cdef bint is_behind = True
+    while is_behind and not word_load(&reading.is_stopping):
+        is_behind = False
+        word_store(&inbox.pending, 1)
+        inbox_serve(inbox, monotonic_ns(), &is_behind)
+
+
+cdef bint _needs_thread(State* inbox) noexcept nogil:
+    return inbox.engine != NULL and not word_load(&(<Reading*>inbox.source).is_stopping) and (
+        inbox_wants_all(inbox) or word_load(&(<Reading*>inbox.source).polls))
+
+
+cdef void _follow(State* inbox) noexcept nogil:
+    # Returns when nothing has needed it for LINGER_NS.
+    cdef Reading* reading = <Reading*>inbox.source
+    cdef int64_t now_ns
+    cdef int64_t round_ns = 0
+    cdef int64_t needed_ns = 0
+    cdef uint32_t seen, nudges
+    while not word_load(&reading.is_stopping) and inbox.engine != NULL:
+        now_ns = monotonic_ns()
+        if now_ns >= round_ns:
+            inbox_count_round(inbox, now_ns)
+            word_store(&reading.reads, 0)
+            round_ns = now_ns + ROUND_NS
+        nudges = word_load(&reading.nudges)
+        seen = word_load(&reading.head.arrivals)
+        if inbox_wants_all(inbox):
+            needed_ns = now_ns
+            _want(reading)
+            if not inbox.is_held:
+                _catch_up(inbox)
+            # First this, then the count; the owner does this in the opposite order.
+            word_store(&board_of(reading.head).sleeps, 1)
+            if word_load(&reading.head.arrivals) == seen:
+                futex_wait(&reading.head.arrivals, seen, round_ns - monotonic_ns())
+        elif word_load(&reading.polls):
+            needed_ns = now_ns
+            if inbox.executor != NULL and _has_new(reading):
+                inbox.executor_arrived(inbox.executor)
+            _sleep_quietly(inbox, nudges, round_ns - now_ns)
+        elif now_ns < needed_ns + LINGER_NS:
+            _sleep_quietly(inbox, nudges, needed_ns + LINGER_NS - now_ns)
+        else:
+            return
+
+
+cdef void _sleep_quietly(State* inbox, uint32_t nudges, int64_t ns) noexcept nogil:
+    cdef Reading* reading = <Reading*>inbox.source
+    word_store(&reading.is_quiet, 1)
+    if not inbox_wants_all(inbox) and not word_load(&reading.is_stopping):
+        futex_wait(&reading.nudges, nudges, ns)
+    word_store(&reading.is_quiet, 0)
+
+
+cdef void _without_thread(void* state) noexcept nogil:
+    # In a forked child. The next read starts a thread there; executors are those of the parent.
+    cdef Reading* reading = <Reading*>(<State*>state).source
+    (<State*>state).executor = NULL
+    word_store(&reading.runs, 0)
+    word_store(&reading.is_quiet, 0)
+    word_store(&reading.polls, 0)
+
+
+@cython.no_gc_clear
+cdef class RingInbox(MessageInbox):
+    """
+    Receives what another process shares.
+
+    :param descriptor: of its file; it is closed with this object.
+    :param authority: of messages that have none.
+    :raises ValueError: the file is not that of a shared buffer; the text says why.
+    :raises OSError: it cannot be mapped.
+    """
+
+    cdef Reading _reading
+    cdef uint32_t _always       # `pending` points to it, because reads compare with the head
+    cdef uint32_t _was_read     # `read` points to it, because `drain` counts the reads
+
+    def __cinit__(self, *_, **__):
+        self._reading.descriptor = -1
+        self._always = 1
+        self.pending = &self._always
+        self.read = &self._was_read
+        self._names = ["shared memory"]
+        self._state.take = _take
+        self._state.is_full = _is_full
+        self._state.source = &self._reading
+        self._state.forked.in_child = _without_thread
+
+    def __init__(self, int descriptor, str authority not None):
+        cdef Reading* reading = &self._reading
+        cdef Head found
+        reading.descriptor = descriptor
+        if read_file(descriptor, &found, sizeof(Head), 0) != 0 or found.magic != MAGIC:
+            raise ValueError("it is not a shared buffer")
+        if found.layout != LAYOUT:
+            raise ValueError("it is of another version of this package")
+        if found.capacity < LEAST_STEPS * STEP or found.capacity > MOST_BYTES or found.capacity % STEP:
+            raise ValueError("its sizes are wrong")
+        if file_size(descriptor) < RING_AT + found.capacity:
+            raise ValueError("it was truncated")
+        reading.capacity = found.capacity
+        reading.head = map_head(descriptor, &reading.is_lost)
+        reading.begun = load64(&reading.head.oldest)
+        _move_to(reading, reading.begun)
+        self._set_authority(authority)
+        self._state.is_closed = False
+
+    def __dealloc__(self):
+        # The thread refers to this object, so there is no thread.
+        self._discharge()
+        unmap_file(<void*>self._reading.head)
+        free(self._reading.chunk)
+        if self._reading.descriptor >= 0:
+            close_file(self._reading.descriptor)
+
+    cdef void _engine_changed(self) noexcept:
+        _nudge(&self._reading)
+
+    cdef int64_t _arrived_by_now(self) noexcept:
+        # No record is shorter. What the file says may be wrong.
+        return min((load64(&self._reading.head.next) - self._reading.tail) // sizeof(Record) + 1,
+                   self._reading.capacity // sizeof(Record))
+
+    cdef int drain(self) except -1:
+        cdef Reading* reading = &self._reading
+        cdef bint has_new = _has_new(reading)
+        _want(reading)
+        if word_load(&reading.runs) and not word_load(&reading.is_quiet):
+            self._count_read()
+        else:
+            if has_new:
+                self._count_rounds()
+                self._count_read()
+            self._have_thread()
+        if has_new:
+            MessageInbox.drain(self)
+        return 0
+
+    cdef void _count_read(self) noexcept:
+        cdef uint32_t reads = word_load(&self._reading.reads)
+        if reads < OFTEN:
+            word_store(&self._reading.reads, reads + 1)
+        elif word_load(&self._state.read) != CLOSE_ROUNDS:
+            word_store(&self._state.read, CLOSE_ROUNDS)
+
+    cdef void _count_rounds(self) noexcept:
+        # As the thread does.
+        cdef int64_t now_ns = monotonic_ns()
+        if now_ns >= self._reading.round_ns:
+            self._reading.round_ns = now_ns + ROUND_NS
+            word_store(&self._reading.reads, 0)
+
+    cdef int _have_thread(self) except -1:
+        # First the need, then this; the thread does this in the opposite order.
+        if _needs_thread(&self._state):
+            if not word_load(&self._reading.runs):
+                self.begin()
+            elif word_load(&self._reading.is_quiet):
+                _nudge(&self._reading)
+        return 0
+
+    def begin(self):
+        """Have a thread call :meth:`follow`; for a subclass."""
+
+    def follow(self):
+        """Keep the buffer up to date while something waits or reads it often, and a second longer."""
+        cdef Reading* reading = &self._reading
+        while not word_exchange(&reading.runs, 1):
+            with nogil:
+                _follow(&self._state)
+            word_store(&reading.runs, 0)
+            if not _needs_thread(&self._state):
+                break
+
+    def stop(self):
+        """Have :meth:`follow` return soon, and for good."""
+        word_store(&self._reading.is_stopping, 1)
+        _nudge(&self._reading)
+        if self._reading.head != NULL:
+            futex_wake(&self._reading.head.arrivals)
+
+    @property
+    def is_wanted(self):
+        """Whether something waits for what arrives."""
+        return bool(inbox_wants_all(&self._state))
+
+    def set_pace(self, bint polls):
+        """Set whether an executor's tasks may look at the buffer in each of its rounds."""
+        word_store(&self._reading.polls, polls)
+        self._have_thread()
+
+    @property
+    def problem(self):
+        """Why nothing arrives any more, whether or not the owner exists; or None."""
+        if word_load(&self._reading.is_lost) or (
+                file_size(self._reading.descriptor) < RING_AT + self._reading.capacity):
+            return "its memory was truncated"
+        return None
+
+    @property
+    def is_over(self):
+        """Whether the owner has ended sharing."""
+        return bool(word_load(&self._reading.head.is_over))
+
+    @property
+    def descriptor(self):
+        """Of the file."""
+        return self._reading.descriptor
+
+    @property
+    def short_ns(self):
+        """How far back the ring reaches, in nanoseconds, if that is less than its owner wanted; or 0."""
+        return load64(&self._reading.head.short_ns)
+
+    @property
+    def missing(self):
+        """How many messages its owner had no memory for."""
+        return load64(&self._reading.head.missing)
+
+    @property
+    def descriptions(self):
+        """How often the description has changed."""
+        return word_load(&self._reading.head.descriptions)

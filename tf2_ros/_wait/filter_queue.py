@@ -1,0 +1,382 @@
+"""Decide when a message filter passes or drops each message, and iterate over messages asynchronously."""
+
+import itertools
+import threading
+import time
+from collections import OrderedDict, deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from enum import Enum
+from functools import partial
+from typing import Any, Generic, TypeVar
+
+from tf2_py import BufferCore, TransformException
+from tf2_py._internal import frame_name, time_ns
+from tf2_ros._forking import register_for_fork
+from tf2_ros._wait.futures import WakingFuture
+from tf2_ros._wait.lookup import LongWait, Lookup, report_if_long
+from tf2_ros._wait.timers import deadlines
+from tf2_ros.buffer import Buffer
+
+SLICE = 16  # messages that are looked up again under one lock
+# Between two slices: a thread that takes a lock again at once gets it before those that wait.
+GIVE_WAY_S = 1e-4
+
+
+_Item = TypeVar("_Item")
+
+
+class FilterFailureReason(str, Enum):
+    """
+    Why a message filter dropped a message.
+
+    ``OUT_THE_BACK``: it is older than everything that the buffer keeps or accepts. ``EMPTY_FRAME_ID``: its
+    header names no frame. ``NO_TRANSFORM_FOUND``: the name of a frame is invalid, or the transform was not
+    available and ``buffer_timeout`` is zero. ``QUEUE_FULL``: it was the oldest when the queue overflowed.
+    ``TIMEOUT``: its transform was not available in time.
+
+    >>> from geometry_msgs.msg import PointStamped
+    >>> from queue import Queue
+    >>> from tf2_ros import Buffer, FilterFailureReason, MessageFilter
+    >>> reasons = Queue()
+    >>> with MessageFilter(None, Buffer(), "base_link", 100, node=node) as waiting:  # of a node that is spun
+    ...     key = waiting.registerFailureCallback(lambda message, reason: reasons.put(reason))
+    ...     waiting.add(PointStamped())
+    ...     reasons.get(timeout=5) is FilterFailureReason.EMPTY_FRAME_ID
+    True
+    """
+
+    OUT_THE_BACK = "OUT_THE_BACK"
+    EMPTY_FRAME_ID = "EMPTY_FRAME_ID"
+    NO_TRANSFORM_FOUND = "NO_TRANSFORM_FOUND"
+    QUEUE_FULL = "QUEUE_FULL"
+    TIMEOUT = "TIMEOUT"
+
+
+class _PendingMessage:
+    """One message that waits."""
+
+    __slots__ = (
+        "__weakref__",
+        "answer",  # the transform into the first target frame
+        "attempt",  # answers to earlier ones are ignored
+        "frame",
+        "lookups",
+        "message",
+        "missing",  # the wait of each lookup that has no answer, by its index in `lookups`
+        "number",  # in order of arrival; 0: not added yet
+        "owner",
+        "report",
+        "settings",  # which of `configure` its lookups are for
+        "stamp_ns",
+    )
+
+    def __init__(self, owner: "PendingMessages", message: Any) -> None:
+        self.owner = owner
+        self.number = 0
+        self.message = message
+        header = message.header
+        # Without a leading slash, which a buffer also removes from the names of transforms.
+        self.frame = frame_name(header.frame_id, "header.frame_id").removeprefix("/")
+        self.stamp_ns = time_ns(header.stamp, "header.stamp")
+        self.lookups: list[Lookup] = []
+        self.missing: dict[int, Any] = {}
+        self.attempt = 0
+        self.answer: Any = None
+        self.report: LongWait | None = None
+        self.settings = 0
+
+    def over(self) -> bool:
+        """Whether it no longer waits."""
+        return not self.missing
+
+    def expire(self) -> None:
+        """Drop the message, because its timeout has passed."""
+        self.owner.expire(self)
+
+    def is_answered(self) -> bool:
+        """Whether every missing answer is available, although this was not notified yet."""
+        return bool(self.missing) and all(wait.answer is not None for wait in self.missing.values())
+
+
+class PendingMessages:
+    """
+    Keeps messages until the buffer can transform them into every target frame.
+
+    :param passed: called with a message and its transform into the first target frame.
+    :param dropped: called with a message, the reason, and the text of the lookup's error, if one was tried.
+
+    One of them is called once for each message, in the thread that caused it, in the order of the causes,
+    with the lock held. They must not raise or run code of a program. Nothing else under the lock runs code of
+    a program: the buffer's own methods are called, not those of a subclass, and messages are read before. An
+    insert costs nothing for messages that it does not complete.
+    """
+
+    def __init__(
+        self,
+        buffer: Buffer,
+        passed: Callable[[Any, Any], None],
+        dropped: Callable[[Any, FilterFailureReason, str], None],
+    ) -> None:
+        self._buffer = buffer
+        self._passed = passed
+        self._dropped = dropped
+        self._lock = threading.RLock()
+        self._pending: OrderedDict[int, _PendingMessage] = OrderedDict()  # the oldest first
+        self.count = 0  # of all that were added
+        self._numbers = itertools.count(1)
+        self._settings = 0
+        self._target_frames: tuple[str, ...] = ()
+        self._tolerance_ns = 0
+        self._queue_size = 0
+        self._timeout_ns: int | None = None
+        register_for_fork(self)
+
+    def after_fork(self) -> None:
+        """Forget the messages in a forked child, where they do not wait any more."""
+        self._lock = threading.RLock()
+        for pending in self._pending.values():
+            self._stop(pending)
+        self._pending = OrderedDict()
+
+    def __len__(self) -> int:
+        return len(self._pending)
+
+    def configure(
+        self, target_frames: Sequence[str], tolerance_ns: int, queue_size: int, timeout_ns: int | None
+    ) -> None:
+        """
+        Set what messages wait for, including those that wait already.
+
+        :param tolerance_ns: how much later the transforms must be available, too.
+        :param queue_size: how many may wait; 0: any number.
+        :param timeout_ns: how long messages that are added from now on may wait, in steady time. 0: not at
+            all; None: forever.
+
+        From now on no message passes because of what was set before. Those that wait are looked up again when
+        this returns; other threads add messages and insert transforms meanwhile.
+        """
+        with self._lock:
+            outdated = []
+            if (tuple(target_frames), tolerance_ns) != (self._target_frames, self._tolerance_ns):
+                self._settings += 1
+                outdated = list(self._pending.values())
+            self._target_frames = tuple(target_frames)
+            self._tolerance_ns = tolerance_ns
+            self._queue_size = queue_size
+            self._timeout_ns = timeout_ns
+        for begin in range(0, len(outdated), SLICE):
+            with self._lock:
+                for pending in outdated[begin : begin + SLICE]:
+                    if pending.number in self._pending and pending.settings != self._settings:
+                        self._look_up(pending)
+            time.sleep(GIVE_WAY_S)
+        with self._lock:
+            self._keep_to_size()
+
+    def add(self, message: Any) -> None:
+        """
+        Keep a message, or let it pass at once, or drop it.
+
+        :raises AttributeError: its header lacks something.
+        :raises TypeError: the name or the stamp in its header is of another type.
+        """
+        pending = _PendingMessage(self, message)
+        with self._lock:
+            pending.number = next(self._numbers)
+            # No signal handler comes between these.
+            self.count += 1
+            self._pending[pending.number] = pending
+            try:
+                self._begin(pending)
+            except BaseException:
+                # A signal handler has raised: nothing would complete it.
+                if pending.number in self._pending:
+                    self._remove(pending)
+                    self.count -= 1
+                raise
+
+    def clear(self) -> int:
+        """Remove all messages that wait; return how many there were."""
+        with self._lock:
+            count = len(self._pending)
+            for pending in list(self._pending.values()):
+                self._remove(pending)
+            return count
+
+    def expire(self, pending: _PendingMessage) -> None:
+        """Drop a message, because its timeout has passed."""
+        with self._lock:
+            if pending.number in self._pending:
+                self._drop(pending, FilterFailureReason.TIMEOUT)
+
+    def _begin(self, pending: _PendingMessage) -> None:
+        if not pending.frame:
+            self._drop(pending, FilterFailureReason.EMPTY_FRAME_ID)
+            return
+        self._look_up(pending)
+        if pending.missing and self._is_out_the_back(pending):
+            self._drop(pending, FilterFailureReason.OUT_THE_BACK)
+        elif pending.missing:
+            pending.report = report_if_long(pending.missing.values())
+            self._await(pending)
+        # Those that were added before may have become too old while they waited.
+        while self._pending and self._is_out_the_back(oldest := next(iter(self._pending.values()))):
+            self._drop(oldest, FilterFailureReason.OUT_THE_BACK)
+
+    def _await(self, pending: _PendingMessage) -> None:
+        if self._timeout_ns is None:
+            self._keep_to_size()
+        elif self._timeout_ns <= 0:
+            self._drop(pending, FilterFailureReason.NO_TRANSFORM_FOUND)
+        else:
+            deadlines.add(time.monotonic_ns() + self._timeout_ns, pending)
+            self._keep_to_size()
+
+    def _keep_to_size(self) -> None:
+        while self._queue_size and len(self._pending) > self._queue_size:
+            self._drop(next(iter(self._pending.values())), FilterFailureReason.QUEUE_FULL)
+
+    def _look_up(self, pending: _PendingMessage) -> None:
+        # Begin anew: the answers of an earlier attempt are out of date.
+        self._stop(pending)
+        pending.settings = self._settings
+        attempt = pending.attempt
+        try:
+            pending.lookups = self._lookups(pending)
+            for place, lookup in enumerate(pending.lookups):
+                wait = lookup.wait(self._buffer, partial(self._receive_answer, pending, attempt, place))
+                answer = wait.answer
+                if answer is None:
+                    pending.missing[place] = wait
+                elif place == 0:
+                    pending.answer = answer
+        except (TransformException, OverflowError, ValueError) as error:
+            self._drop(pending, FilterFailureReason.NO_TRANSFORM_FOUND, str(error))
+            return
+        if not pending.missing:
+            self._pass(pending)
+
+    def _lookups(self, pending: _PendingMessage) -> list[Lookup]:
+        lookups = [Lookup.simple(target, pending.frame, pending.stamp_ns) for target in self._target_frames]
+        # The latest time has no later one.
+        if self._tolerance_ns and pending.stamp_ns:
+            later = pending.stamp_ns + self._tolerance_ns
+            lookups += [Lookup.simple(target, pending.frame, later) for target in self._target_frames]
+        return lookups
+
+    def _receive_answer(self, pending: _PendingMessage, attempt: int, place: int, answer: Any) -> None:
+        with self._lock:
+            if attempt != pending.attempt or pending.missing.pop(place, None) is None:
+                return
+            if place == 0:
+                pending.answer = answer
+            if pending.missing:
+                return
+            if len(pending.lookups) == 1 and pending.settings == self._settings:
+                self._pass(pending)
+            else:
+                # The buffer may have lost what was found first, or something else is needed by now.
+                self._look_up(pending)
+
+    def _is_out_the_back(self, pending: _PendingMessage) -> bool:
+        for place in pending.missing:
+            lookup = pending.lookups[place]
+            stamp_ns = lookup.source_time
+            try:
+                newest_ns = BufferCore.get_latest_common_time(
+                    self._buffer, lookup.target_frame, lookup.source_frame
+                ).nanoseconds
+            except TransformException:
+                continue  # not connected yet
+            # Every frame on the path now refuses data of this time.
+            if stamp_ns and newest_ns - self._buffer.cache_time_ns > stamp_ns:
+                return True
+        return False
+
+    def _pass(self, pending: _PendingMessage) -> None:
+        # One insert may also have answered older ones, in a thread that has not notified them yet.
+        while (oldest := next(iter(self._pending.values()))) is not pending and oldest.is_answered():
+            for place, wait in list(oldest.missing.items()):
+                self._receive_answer(oldest, oldest.attempt, place, wait.answer)
+        self._remove(pending)
+        self._passed(pending.message, pending.answer)
+
+    def _drop(self, pending: _PendingMessage, reason: FilterFailureReason, text: str = "") -> None:
+        if not text and pending.missing:
+            text = str(next(iter(pending.missing.values())).reason())
+        self._remove(pending)
+        self._dropped(pending.message, reason, text)
+
+    def _remove(self, pending: _PendingMessage) -> None:
+        del self._pending[pending.number]
+        self._stop(pending)
+
+    def _stop(self, pending: _PendingMessage) -> None:
+        for wait in pending.missing.values():
+            wait.cancel()
+        pending.missing.clear()
+        pending.attempt += 1
+
+
+class MessageStream(Generic[_Item]):
+    """
+    An asynchronous iterator over items that another thread puts in; ends, when closed, after the last.
+
+    :param has_ended: returns whether a shutdown prevents new items; this also ends the iteration.
+
+    If several iterate, each item is given to one of them.
+    """
+
+    def __init__(self, has_ended: Callable[[], bool]) -> None:
+        self._has_ended = has_ended
+        self._items: deque[_Item] = deque()
+        # Never replaced, so that one that is about to be added is found.
+        self._awaiting: deque[WakingFuture[None]] = deque()
+        self._closed = False
+
+    def put(self, item: _Item) -> None:
+        """Let the iteration continue with this item."""
+        self._items.append(item)
+        self._wake()
+
+    def close(self) -> None:
+        """End the iteration after what was put in."""
+        self._closed = True
+        self._wake()
+
+    def after_fork(self) -> None:
+        """End in a forked child, without waking tasks of the parent's loop."""
+        self._closed = True
+
+    def __aiter__(self) -> "MessageStream[_Item]":
+        return self
+
+    async def __anext__(self) -> _Item:
+        while True:
+            arrival = _Arrival(self._has_ended)
+            # First this, then the check; `put` does this in the opposite order.
+            self._awaiting.append(arrival)
+            try:
+                return self._items.popleft()
+            except IndexError:
+                if self._closed or self._has_ended():
+                    raise StopAsyncIteration from None
+                await arrival
+            finally:
+                with suppress(ValueError):  # it was woken
+                    self._awaiting.remove(arrival)
+
+    def _wake(self) -> None:
+        # Wake all of them, because a single one may be about to leave. Later ones check by themselves.
+        for _ in range(len(self._awaiting)):
+            with suppress(IndexError):  # one has left
+                self._awaiting.popleft().set_result(None)
+
+
+class _Arrival(WakingFuture[None]):
+    """Completed when the iteration is to look again."""
+
+    def end_with_context(self) -> None:
+        """Wake the iteration, because nothing arrives any more."""
+        self.set_result(None)

@@ -1,0 +1,257 @@
+"""
+Take part in the rounds of rclpy's executors: before one sleeps, and after it wakes.
+
+This is Cython because executors have thousands of rounds a second, and because no signal handler can
+interrupt it halfway. What it relies on inside rclpy has tests in tests/ros/test_rclpy_inside.py, and was
+tested with rclpy 7.1 (Jazzy) and 9.1 (Kilted); the Python part is ``tf2_ros._rclpy``.
+"""
+
+cimport cython
+from libc.stdint cimport int64_t, uintptr_t
+
+from tf2_py._internal cimport monotonic_ns
+from tf2_ros._rcl cimport (
+    RCL_RET_OK,
+    rcl_guard_condition_t,
+    rcl_last_error,
+    rcl_trigger_guard_condition,
+    rcutils_reset_error,
+    require_rcl,
+)
+
+import sys
+from collections import deque
+
+import rclpy
+from rclpy.executors import Executor
+from rclpy.waitable import NumberOfEntities
+
+from tf2_ros._rclpy import has_tasks
+
+cdef extern from *:
+    """
+    #define TF2_STORE(place, value) __atomic_store_n(place, value, __ATOMIC_SEQ_CST)
+    #define TF2_LOAD(place) __atomic_load_n(place, __ATOMIC_SEQ_CST)
+    #define TF2_EXCHANGE(place, value) __atomic_exchange_n(place, value, __ATOMIC_SEQ_CST)
+    """
+    void store "TF2_STORE"(bint* place, bint value) nogil
+    void store_ns "TF2_STORE"(int64_t* place, int64_t value) nogil
+    bint load "TF2_LOAD"(const bint* place) nogil
+    int64_t load_ns "TF2_LOAD"(const int64_t* place) nogil
+    bint exchange "TF2_EXCHANGE"(bint* place, bint value) nogil
+    int64_t exchange_ns "TF2_EXCHANGE"(int64_t* place, int64_t value) nogil
+
+# How often messages wake an executor in its own loop, at most. Signal handlers, tasks that poll and errors of
+# other threads are handled in its rounds, and programs rely on transforms to cause rounds.
+cdef int64_t BUSY_ROUND_NS = 100000000
+cdef int64_t IDLE_ROUND_NS = 1000000000     # where it has no tasks
+
+
+# Atomic: written by executors, with the GIL, and by threads without it. It exists as long as its object.
+cdef struct ExecutorState:
+    bint armed              # an executor sleeps between rounds of user code, and wakes for any arrival
+    bint arrived            # something has arrived that no round of an executor has accounted for
+    bint round_due          # an executor in its own loop was woken for what arrived
+    int64_t wake_at_ns      # steady time from which an executor in its own loop wakes; 0: none sleeps there
+    const rcl_guard_condition_t* guard  # wakes it; NULL: this has no executor
+
+
+cdef void executor_arrived(ExecutorState* state) noexcept nogil:
+    # A message has arrived. Wakes an executor that sleeps between rounds of user code, or whose own loop is
+    # due for a round; otherwise it is cheap. From any thread, with or without the GIL.
+    cdef int64_t wake_at_ns
+    if state.guard == NULL:
+        return
+    store(&state.arrived, True)
+    if exchange(&state.armed, False):
+        _wake(state)
+        return
+    wake_at_ns = load_ns(&state.wake_at_ns)
+    if wake_at_ns != 0 and monotonic_ns() >= wake_at_ns and exchange_ns(&state.wake_at_ns, 0) != 0:
+        store(&state.round_due, True)
+        _wake(state)
+
+
+cdef bint executor_is_armed(const ExecutorState* state) noexcept nogil:
+    # Whether an executor sleeps between rounds of user code, and must be informed of arrivals at once.
+    return load(&state.armed)
+
+
+cdef void _wake(ExecutorState* state) noexcept nogil:
+    if rcl_trigger_guard_condition(<rcl_guard_condition_t*>state.guard) != RCL_RET_OK:
+        rcutils_reset_error()
+
+
+# By the name of a file, the names of its functions that are an executor's own loops.
+cdef dict OWN_LOOPS = {
+    loop.__code__.co_filename: frozenset({"spin", "spin_until_future_complete"})
+    for loop in (rclpy.spin, Executor.spin)
+}
+
+
+def is_below_own_loop(frame):
+    """
+    Whether one of the own loops of executors (``rclpy.spin``, ``spin``, ``spin_until_future_complete``) runs.
+
+    Otherwise user code called the executor, and continues when ``spin_once()`` returns. Assumes that all
+    frames between an executor's loop and the waitable are in the files of OWN_LOOPS. Otherwise the result is
+    False, and the executor wakes whenever something arrives, as for a subscription.
+    """
+    while frame is not None:
+        code = frame.f_code
+        loops = OWN_LOOPS.get(code.co_filename)
+        if loops is None:
+            return False
+        if code.co_name in loops:
+            return True
+        frame = frame.f_back
+    return False
+
+
+@cython.no_gc_clear     # threads without the GIL use the guard condition until this is destroyed
+cdef class ExecutorRounds:
+    """The part of an ``rclpy.waitable.Waitable`` that an executor calls in each of its rounds."""
+
+    cdef ExecutorState state
+    cdef object _handle         # keeps the guard condition
+    cdef readonly object calls  # to be run, the oldest first
+    cdef public tuple sleepers  # called before an executor sleeps, with whether user code called it
+    # Called when the node moves between executors that wait for sets and others, with whether the new one
+    # waits for sets.
+    cdef public tuple moved
+    cdef readonly int64_t asked_ns  # steady time at which an executor last had a round with this; 0: never
+    cdef public bint running  # a thread is inside a call
+    cdef bint _in_user_code     # user code called the executor and continues before it sleeps again
+    cdef void* _wait_set        # of the executor that went to sleep last, if it has not woken yet
+    cdef public bint in_sets    # an executor adds this to sets that it waits for, or there is none
+
+    def __cinit__(self, *_, **__):
+        self.calls = deque()
+        self.sleepers = self.moved = ()
+        self._in_user_code = self.in_sets = True
+
+    def set_up(self, guard):
+        """
+        Let executors have rounds with this object; to be called before anything else.
+
+        :param guard: the guard condition that wakes an executor: a handle, whose ``pointer`` is the address
+            of its rcl struct as long as the handle exists.
+        """
+        require_rcl()
+        self._handle = guard
+        self.state.guard = <const rcl_guard_condition_t*><uintptr_t>guard.pointer
+
+    def __enter__(self):
+        """Do nothing, because the guard condition exists as long as this object."""
+
+    def __exit__(self, *_):
+        """Do nothing."""
+
+    def executor(self):
+        """The executor that has the node, or had it last; None if there was none, or if it is gone."""
+
+    def get_num_entities(self):
+        """One guard condition; none for rclpy's ``EventsExecutor``, which refuses them."""
+        executor = self.executor()
+        in_sets = executor is None or isinstance(executor, Executor)
+        if in_sets != self.in_sets:
+            self.in_sets = in_sets
+            for tell in self.moved:
+                tell(in_sets)
+        return NumberOfEntities(0, 1) if self.in_sets else NumberOfEntities()
+
+    def add_to_wait_set(self, wait_set):
+        """Prepare for an executor that is about to sleep."""
+        if not self.in_sets:
+            return
+        self.asked()
+        self._in_user_code = not is_below_own_loop(sys._getframe())
+        self._wait_set = <void*>wait_set
+        if self._in_user_code:
+            store_ns(&self.state.wake_at_ns, 0)
+            store(&self.state.armed, True)
+        else:
+            store(&self.state.armed, False)
+            store(&self.state.arrived, False)
+            period_ns = BUSY_ROUND_NS if has_tasks(self.executor()) else IDLE_ROUND_NS
+            store_ns(&self.state.wake_at_ns, self.asked_ns + <int64_t>period_ns)
+        for tell in self.sleepers:
+            tell(self._in_user_code)
+        # First armed, then checked; an arrival does this in the opposite order.
+        if self._is_due():
+            self.wake()
+        wait_set.add_guard_condition(self._handle)
+
+    def is_ready(self, wait_set):
+        """Whether something has arrived that the executor had to wake for, or a call must run."""
+        if self._wait_set != <void*>wait_set:
+            return False  # the node has moved to another executor, which must not miss anything
+        self._wait_set = NULL
+        self.asked()
+        due = self._is_due()
+        store(&self.state.armed, False)
+        store_ns(&self.state.wake_at_ns, 0)
+        store(&self.state.round_due, False)
+        store(&self.state.arrived, False)
+        return due
+
+    def take_data(self):
+        """Return how many calls there are, because later ones must not delay other callbacks."""
+        return len(self.calls)
+
+    def sleeps(self):
+        """Whether an executor sleeps, or has just been woken."""
+        return self._wait_set != NULL
+
+    def is_armed(self):
+        """Whether an executor sleeps between rounds of user code; for tests."""
+        return executor_is_armed(&self.state)
+
+    def sleep_on(self):
+        """Let no arrival wake the executor that is about to sleep; for what is called before it does."""
+        store_ns(&self.state.wake_at_ns, 0)
+
+    def arrived(self):
+        """Note that something has arrived; from any thread."""
+        executor_arrived(&self.state)
+
+    def addresses(self):
+        """The addresses of the state and of its functions, for inboxes, which do not need ROS."""
+        return <uintptr_t>&self.state, <uintptr_t>executor_arrived, <uintptr_t>executor_is_armed
+
+    def asked(self):
+        """Note that an executor has a round with this object."""
+        self.asked_ns = monotonic_ns()
+
+    def run(self, count):
+        """
+        Run at most this many calls, the oldest first, unless another thread runs some.
+
+        :return: whether it could. If a call raises, so does this, and the others remain.
+        """
+        if self.running:
+            return False
+        self.running = True
+        try:
+            for _ in range(count):
+                try:
+                    call = self.calls.popleft()
+                except IndexError:
+                    break
+                call()
+                del call
+        finally:
+            self.running = False
+        return True
+
+    def wake(self):
+        """Trigger the guard condition."""
+        if self._handle is not None and rcl_trigger_guard_condition(
+            <rcl_guard_condition_t*>self.state.guard
+        ) != RCL_RET_OK:
+            raise RuntimeError(rcl_last_error())
+
+    cdef bint _is_due(self):
+        if len(self.calls) > 0 and not self.running:
+            return True
+        return load(&self.state.arrived) if self._in_user_code else load(&self.state.round_due)

@@ -1,0 +1,186 @@
+"""Run threads that exist while they have work; one of them ends asynchronous waits at their deadlines."""
+
+import heapq
+import itertools
+import threading
+import time
+import traceback
+import weakref
+from collections import deque
+from contextlib import suppress
+from typing import Protocol
+
+from tf2_py._internal import log
+from tf2_ros._forking import register_for_fork
+
+# How long a thread without work waits for more. In a busy program, starting a thread takes longer than most
+# work.
+LINGER_S = 1.0
+FEW = 64  # deadlines; it is not worth removing ended ones from fewer
+FOR_EVER_NS = 2**63
+
+
+class Worker:
+    """
+    At most one daemon thread, whose work a subclass defines.
+
+    :param name: of the thread.
+
+    In the main thread, a signal handler may interrupt any step of this and raise. It must not leave anything
+    behind that prevents a thread from being started. A forked child does not have the thread.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self.after_fork()
+        register_for_fork(self)
+
+    def after_fork(self) -> None:
+        """Begin anew, without a thread."""
+        self._claims: dict[None, object] = {}  # at most one, of the thread that runs or is starting
+        # Released to wake the thread, so that an interrupted caller holds nothing.
+        self._asleep = threading.Lock()
+        self._asleep.acquire()
+
+    def begin(self) -> None:
+        """
+        Have a thread do the work; from any thread.
+
+        :raises RuntimeError: no thread can be started; the next call tries again.
+        """
+        claim = object()
+        try:
+            if self._claims.setdefault(None, claim) is not claim:
+                with suppress(RuntimeError):  # it is being woken already
+                    self._asleep.release()
+                return
+            threading.Thread(target=self._run, args=(claim,), name=self._name, daemon=True).start()
+        except BaseException:
+            # A thread that has started nevertheless finds that it has no claim.
+            if self._claims.get(None) is claim:
+                self._claims.pop(None, None)
+            raise
+
+    def runs(self) -> bool:
+        """Whether there is a thread."""
+        return None in self._claims
+
+    def _work(self) -> float:
+        """Do the work, and return how many seconds to sleep unless woken."""
+        raise NotImplementedError
+
+    def _has_work(self) -> bool:
+        """Whether there is work, or will be."""
+        raise NotImplementedError
+
+    def _call(self, call: object, where: str) -> None:
+        """Call something, and log what it raises, because no caller would catch it."""
+        try:
+            call()  # type: ignore[operator]
+        except BaseException:
+            log.logger("tf2_ros").error(f"{where}: {traceback.format_exc()}")
+
+    def _run(self, claim: object) -> None:
+        while self._claims.get(None) is claim:
+            try:
+                woken = True
+                while woken or self._has_work():
+                    woken = self._asleep.acquire(timeout=self._work())
+            finally:
+                if self._claims.get(None) is claim:
+                    del self._claims[None]
+            # Calls of `begin` just before the claim was given up relied on it.
+            if not self._has_work() or self._claims.setdefault(None, claim) is not claim:
+                return
+
+
+class Expiring(Protocol):
+    """A wait that has a deadline."""
+
+    def over(self) -> bool:
+        """Whether it ended before its deadline."""
+        ...
+
+    def expire(self) -> None:
+        """The deadline has passed."""
+
+
+_Entry = tuple[int, int, "weakref.ref[Expiring]"]
+
+
+class Deadlines(Worker):
+    """
+    Calls ``expire()`` of waits at their deadlines, unless they were over, or collected, before.
+
+    The thread starts with the first deadline and ends when none is left. Only it touches the heap; others
+    add to a deque, so that a signal handler or a finalizer can do so anywhere.
+    """
+
+    def __init__(self) -> None:
+        self._order = itertools.count()
+        super().__init__("tf2_ros deadlines")
+
+    def after_fork(self) -> None:
+        """Begin anew: the deadlines of before the fork are the parent's."""
+        super().after_fork()
+        self._added: deque[_Entry] = deque()
+        self._heap: list[_Entry] = []
+        self._sweep_at = FEW
+        self._sleeps_until_ns = 0
+
+    def add(self, deadline_ns: int, wait: Expiring) -> None:
+        """Call ``wait.expire()`` when ``time.monotonic_ns()`` is ``deadline_ns``; refers to it weakly."""
+        self._added.append((deadline_ns, next(self._order), weakref.ref(wait)))
+        if not self.runs() or deadline_ns < self._sleeps_until_ns or len(self._added) > FEW:
+            self.begin()
+
+    def entries(self) -> list[_Entry]:
+        """All entries that have not been removed yet; for tests."""
+        return [*self._added, *self._heap]
+
+    def _has_work(self) -> bool:
+        return bool(self._added or self._heap)
+
+    def _work(self) -> float:
+        self._sleeps_until_ns = 0
+        while True:
+            self._take_added()
+            left_ns = self._expire()
+            self._sleeps_until_ns = self._heap[0][0] if self._heap else FOR_EVER_NS
+            # First this, then the check; `add` does this in the opposite order.
+            if not self._added:
+                return min(left_ns / 1e9, LINGER_S)
+
+    def _expire(self) -> int:
+        """End all whose deadline has passed; return in how many nanoseconds the next one passes."""
+        while self._heap:
+            deadline_ns, _, reference = self._heap[0]
+            wait = _pending(reference)
+            left_ns = deadline_ns - time.monotonic_ns()
+            if wait is not None and left_ns > 0:
+                return left_ns
+            heapq.heappop(self._heap)
+            if wait is not None:
+                self._call(wait.expire, "At the end of a timeout")
+                del wait  # so that this frame does not keep it alive
+            self._take_added()
+        return FOR_EVER_NS
+
+    def _take_added(self) -> None:
+        with suppress(IndexError):
+            while True:
+                heapq.heappush(self._heap, self._added.popleft())
+        if len(self._heap) >= self._sweep_at:
+            # Waits usually end well before their deadline. Their entries would pile up until then.
+            self._heap = [entry for entry in self._heap if _pending(entry[2]) is not None]
+            heapq.heapify(self._heap)
+            self._sweep_at = 2 * len(self._heap) + FEW
+
+
+def _pending(reference: "weakref.ref[Expiring]") -> Expiring | None:
+    wait = reference()
+    return None if wait is None or wait.over() else wait
+
+
+# One for the whole process.
+deadlines = Deadlines()

@@ -1,0 +1,48 @@
+"""Note the sender and the time of reception of each transform that a receiver inserts."""
+
+from libc.stddef cimport size_t
+from libc.stdint cimport int64_t, uint16_t, uint32_t, uint64_t
+
+from tf2_py._internal cimport Batch, ForkedLock, Lock, Names
+
+
+cdef struct Record:
+    # The same as RECORD of records.pyx.
+    int64_t received_ns         # of the listener's clock
+    int64_t stamp_ns
+    uint32_t child              # id in `frames`
+    uint32_t parent             # likewise
+    uint32_t publisher          # id in `publishers`
+    uint16_t is_static          # 0 or 1
+    uint16_t refusals           # for what every buffer refuses it: REFUSED_* bits
+
+
+cdef struct Records:
+    Lock lock                   # guards the rest
+    ForkedLock forked           # lock
+    Record* records
+    size_t count                # records in use
+    size_t capacity             # records allocated
+    Names frames
+    Names publishers            # the bytes of their ids
+    uint64_t messages           # that could be read
+    uint64_t malformed          # messages that could not be read
+    uint64_t lost               # transforms for which there was no place or memory
+
+
+# Notes the transforms of a batch that was read from one message of the publisher with this gid.
+cdef void records_add(
+    Records* records, const Batch* batch, int64_t received_ns, const unsigned char* gid, size_t gid_size
+) noexcept nogil
+# Counts a message that could not be read.
+cdef void records_add_malformed(Records* records) noexcept nogil
+
+
+cdef class Recording:
+    cdef Records _records
+    cdef object _array          # owns _records.records
+    cdef list _frames           # names, by id, as far as they were asked for
+    cdef list _publishers       # likewise
+
+    cdef uint64_t _counted(self, const uint64_t* count) noexcept
+    cdef list _new_names(self, const Names* names, list known)

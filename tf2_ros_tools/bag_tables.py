@@ -1,0 +1,251 @@
+"""Look up poses for two commands of tf2_bag: lookup, in one recording, and batch, in many."""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentTypeError, Namespace
+from collections.abc import Callable
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+from tf2_ros_tools.bag_options import (
+    add_topics,
+    heard_of,
+    recorded_of,
+    reported_files,
+    topics_of,
+)
+from tf2_ros_tools.output import printable
+from tf2_ros_tools.program import (
+    FAILURE,
+    SUCCESS,
+    Parser,
+    RunError,
+    UsageError,
+    format_of,
+    listed_endings,
+    nanoseconds,
+    positive_number,
+    raise_if_signalled,
+    write_output,
+)
+
+if TYPE_CHECKING:
+    from argparse import _MutuallyExclusiveGroup
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tf2_ros_tools.loading import Heard
+    from tf2_ros_tools.tables import Table
+
+FORMATS = {
+    "csv": "comma-separated values, the default; stamp_ns is in nanoseconds",
+    "tum": "stamp x y z qx qy qz qw, the format of evo; stamp is in seconds",
+    "npz": "NumPy arrays: stamps_ns, translations, rotations, valid",
+    "parquet": "a Parquet table",
+}
+TEXTS = ("csv", "tum")
+
+
+def add_lookup(made: Parser) -> None:
+    """Add the arguments of lookup, besides the recording."""
+    made.add_argument("target", metavar="TARGET", type=_frame, help="the frame in which the pose is given")
+    made.add_argument("source", metavar="SOURCE", type=_frame, help="the frame whose pose is looked up")
+    when = made.add_mutually_exclusive_group()
+    when.add_argument(
+        "--times",
+        nargs="+",
+        metavar="T",
+        help="at these times, in seconds, or at those in the first column of a text file, which may be a CSV "
+        "file of this program",
+    )
+    _add_when(when)
+    kind = made.add_mutually_exclusive_group()
+    for name, summary in FORMATS.items():
+        kind.add_argument(f"--{name}", action="store_const", dest="format", const=name, help=summary)
+    summary = f"write this file; without a format, its name ends in {listed_endings(*FORMATS)}"
+    made.add_argument("-o", "--output", metavar="FILE", help=summary)
+
+
+def add_batch(made: Parser) -> None:
+    """Add the arguments of batch."""
+    made.add_argument(
+        "recordings",
+        nargs="+",
+        metavar="RECORDING",
+        help="a recording, or a folder that is searched for them",
+    )
+    ends = ("TARGET", "SOURCE")
+    summary = "the pose of SOURCE in TARGET"
+    made.add_argument("--lookup", nargs=2, metavar=ends, type=_frame, required=True, help=summary)
+    _add_when(made.add_mutually_exclusive_group())
+    made.add_argument("--out", metavar="DIR", required=True, help="where the tables are written")
+    how = made.add_mutually_exclusive_group()
+    how.add_argument("--workers", type=_count, metavar="N", help="processes; by default one per core")
+    how.add_argument(
+        "--scheduler", metavar="ADDRESS", help="the scheduler of a Dask cluster that does the work"
+    )
+    add_topics(made)
+
+
+def _add_when(group: _MutuallyExclusiveGroup) -> None:
+    group.add_argument("--at", metavar="TOPIC", help="at the stamps of the messages of another topic")
+    summary = "at this rate, while all frames on the path have data"
+    group.add_argument("--rate", type=positive_number, metavar="HZ", help=summary)
+
+
+def _frame(name: str) -> str:
+    return name.removeprefix("/")
+
+
+def _count(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and int(text) > 0):
+        raise ArgumentTypeError(f"must be a whole number above 0, not {text}")
+    return int(text)
+
+
+def lookup(options: Namespace) -> int:
+    """Look up, and write a table; return the exit status."""
+    from tf2_ros_tools import tables
+
+    kind = _format_of(options)
+    if options.output is None and kind not in TEXTS:
+        raise UsageError(f"--{kind} needs a file: -o FILE")
+    times_ns = None if options.times is None else _given_times(options.times)
+    heard = heard_of(options)
+    try:
+        table = _table(options, heard, times_ns)
+    except ValueError as failure:
+        raise RunError(str(failure)) from None
+    if not table.valid.any():
+        _refuse(heard, options, table)
+    if kind == "parquet":
+        contents = tables.as_parquet(table, options.file)
+    else:
+        contents = {"csv": tables.as_csv, "tum": tables.as_tum, "npz": tables.as_npz}[kind](table)
+    if options.output is None:
+        # Line by line: if an unbuffered stream can write only a part of a long text, it drops the rest.
+        for line in BytesIO(contents):
+            print(line.decode(), end="")
+    else:
+        write_output(options.output, contents)
+        print(options.output)
+    missing = len(table) - int(table.valid.sum())
+    if missing:
+        left_out = ", which are left out" if kind == "tum" else ""
+        print(
+            f"{options.parser.prog}: no answer at {missing} of {len(table)} times{left_out}", file=sys.stderr
+        )
+    return SUCCESS
+
+
+def batch(options: Namespace) -> int:
+    """Make the tables of many recordings; return the exit status."""
+    from tf2_ros_tools.fleet import map_recordings
+
+    target, source = options.lookup
+    with reported_files(options.recordings[0]):
+        try:
+            result = map_recordings(
+                options.recordings if len(options.recordings) > 1 else options.recordings[0],
+                target,
+                source,
+                options.out,
+                at=options.at,
+                rate=options.rate,
+                topics=topics_of(options),
+                partial=options.partial,
+                workers=options.workers,
+                scheduler=options.scheduler,
+            )
+            raise_if_signalled()
+        except ValueError as refusal:
+            raise RunError(str(refusal)) from None
+        except KeyboardInterrupt:
+            print(f"{options.parser.prog}: interrupted; the same command does the rest", file=sys.stderr)
+            raise
+    for problem in result.failed.values():
+        print(f"{options.parser.prog}: {problem}", file=sys.stderr)
+    for recording, reason in result.unanswered.items():
+        print(f"{options.parser.prog}: {printable(recording)}: {reason}", file=sys.stderr)
+    lack = f", {len(result.unanswered)} without an answer" if result.unanswered else ""
+    print(f"{len(result.done)} done, {len(result.skipped)} done before, {len(result.failed)} failed{lack}")
+    print(result.findings)
+    return FAILURE if result.failed or result.unanswered else SUCCESS
+
+
+def _format_of(options: Namespace) -> str:
+    if options.format is not None:
+        return str(options.format)
+    if options.output is None:
+        return next(iter(FORMATS))
+    ending = format_of(options.output)
+    if ending not in FORMATS:
+        formats = ", ".join(f"--{one}" for one in FORMATS)
+        raise UsageError(
+            f"-o {printable(options.output)} must end in {listed_endings(*FORMATS)}, or say {formats}"
+        )
+    return ending
+
+
+def _table(options: Namespace, heard: Heard, times_ns: NDArray[np.int64] | None) -> Table:
+    from tf2_ros_tools.reading import stamps_of
+    from tf2_ros_tools.tables import look_up_when
+
+    if options.at is not None:
+        with recorded_of(options) as recorded:
+            times_ns = stamps_of(recorded, options.at)
+    return look_up_when(heard, options.target, options.source, times_ns, options.rate)
+
+
+def _refuse(heard: Heard, options: Namespace, table: Table) -> None:
+    """Raise the reason why no time has an answer."""
+    target, source = options.target, options.source
+    time_ns = int(table.stamps_ns[0]) if len(table) else 0
+    heard.buffer.lookup_transform_core(target, source, time_ns)  # raises, unless there is another reason
+    if not len(table) and (options.at is not None or options.rate is not None):
+        raise RunError("the recording has no time to look up")
+    raise RunError(f"the frames between {target} and {source} were never all known at the same time")
+
+
+def _given_times(texts: list[str]) -> NDArray[np.int64]:
+    import numpy as np
+
+    try:
+        times = [nanoseconds(text) for text in texts]
+    except ArgumentTypeError as refusal:
+        if len(texts) > 1:
+            raise UsageError(f"--times: {refusal}") from None
+        times = _times_in(texts[0])
+    try:
+        return np.array(times, np.int64)
+    except OverflowError:
+        raise UsageError("--times: in nanoseconds, they must fit into 64 bits") from None
+
+
+def _times_in(path: str) -> list[int]:
+    from tf2_ros_tools import tables
+
+    try:
+        with open(path, encoding="utf-8") as file:
+            lines = [(number, line.replace(",", " ").split()) for number, line in enumerate(file, 1)]
+    except OSError as failure:
+        raise UsageError(f"--times: {path}: {failure.strerror}") from None
+    except UnicodeDecodeError:
+        raise UsageError(f"--times: {path} is not text") from None
+    times = []
+    read: Callable[[str], int] = nanoseconds
+    for number, words in lines:
+        if number == 1 and words and words[0].removeprefix("\ufeff") == tables.STAMP_NS:
+            read = int  # the program's own CSV
+        elif words and not words[0].startswith("#"):
+            try:
+                times.append(read(words[0]))
+            except ArgumentTypeError as refusal:
+                raise UsageError(f"--times: {path}, line {number}: {refusal}") from None
+            except ValueError:
+                raise UsageError(
+                    f"--times: {path}, line {number}: {words[0]!r} is not in nanoseconds"
+                ) from None
+    return times

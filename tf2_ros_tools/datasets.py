@@ -1,0 +1,267 @@
+"""Collect poses at the stamps of images of many recordings, for training: ``dataset``."""
+
+from __future__ import annotations
+
+import json
+import os
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from io import BytesIO
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tf2_py import LookupException
+from tf2_ros_tools.fleet import (
+    KEY,
+    Recordings,
+    Request,
+    find_recordings,
+    looked_up,
+    map_recordings,
+    request_of,
+)
+from tf2_ros_tools.loading import TOPICS, PoseTopics, Topics, Urdfs, progress_bar
+from tf2_ros_tools.output import counted, printable, write_whole
+from tf2_ros_tools.reading import BagError, BagWarning, needing
+from tf2_ros_tools.tables import PoseTable
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+S = 1_000_000_000
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Dataset:
+    """
+    The poses of F frames at the stamps of N messages of several recordings, in their order.
+
+    It is a sequence of rows, each a dict with the names of LeRobot: ``episode_index``, the number of the
+    recording in ``files``; ``frame_index``, the number of the message in the topic; ``timestamp``, the
+    seconds since its first message; and ``stamp`` in nanoseconds, ``pose``, ``valid`` and ``gap``, of shape
+    (F, 7) or (F,), the numbers as float32. A ``DataLoader`` of torch makes batches of them.
+
+    :param frames: their names.
+    :param relative_to: the frame whose coordinates the poses are in.
+    :param files: the paths of the recordings.
+    :param failed: maps the recordings that could not be read to what is wrong with them.
+    :param episodes: indices into ``files``, int64, shape (N,).
+    :param indices: the number of the message in its recording, int64, shape (N,).
+    :param stamps_ns: int64, shape (N,).
+    :param timestamps: seconds since the first message of the recording, float64, shape (N,).
+    :param poses: float64, shape (N, F, 7): x y z in metres, qx qy qz qw; NaN without an answer.
+    :param valid: bool, shape (N, F): whether there is an answer.
+    :param gaps: float64, shape (N, F): seconds between the two samples that the pose was interpolated from,
+        the longest of all frames in between; 0 at a sample, NaN without an answer.
+    """
+
+    frames: tuple[str, ...]
+    relative_to: str
+    files: tuple[str, ...]
+    failed: Mapping[str, str]
+    episodes: NDArray[np.int64]
+    indices: NDArray[np.int64]
+    stamps_ns: NDArray[np.int64]
+    timestamps: NDArray[np.float64]
+    poses: NDArray[np.float64]
+    valid: NDArray[np.bool_]
+    gaps: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+    def __repr__(self) -> str:
+        frames, files = counted(len(self.frames), "frame"), counted(len(self.files), "recording")
+        return f"<tf2_ros.bag.Dataset: {counted(len(self), 'row')} of {frames} in {files}>"
+
+    def __getitem__(self, row: int) -> dict[str, Any]:
+        return {
+            "episode_index": int(self.episodes[row]),
+            "frame_index": int(self.indices[row]),
+            "timestamp": float(self.timestamps[row]),
+            "stamp": int(self.stamps_ns[row]),
+            "pose": self.poses[row].astype(np.float32),
+            "valid": self.valid[row].copy(),
+            "gap": self.gaps[row].astype(np.float32),
+        }
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        return (self[row] for row in range(len(self)))
+
+    def where(self, mask: ArrayLike) -> Dataset:
+        """Get the rows for which a mask of bools, shape (N,), is true."""
+        chosen = np.asarray(mask)
+        if chosen.dtype != np.bool_ or chosen.shape != (len(self),):
+            raise ValueError(f"a mask must be {len(self)} bools, not {chosen.dtype} of shape {chosen.shape}")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in ROWS})
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """
+        Write a file in one step: ``.npz`` with the fields of this class, or ``.parquet``.
+
+        Parquet has the columns ``file``, ``episode_index``, ``frame_index``, ``timestamp`` and ``stamp``, and
+        ``<frame>.x`` to ``<frame>.qw``, ``<frame>.valid`` and ``<frame>.gap`` for each frame.
+
+        :raises ModuleNotFoundError: pyarrow, for Parquet, is not installed.
+        :raises ValueError: the name ends differently.
+        """
+        name = os.fspath(path)
+        written = BytesIO()
+        if name.endswith(".npz"):
+            texts = ("frames", "relative_to", "files")
+            arrays: dict[str, Any] = {field: np.asarray(getattr(self, field)) for field in (*texts, *ROWS)}
+            np.savez(written, **arrays)
+        elif name.endswith(".parquet"):
+            with needing("pyarrow", "fleet"):
+                import pyarrow
+                from pyarrow import parquet
+            table = PoseTable(self.frames, self.stamps_ns, self.poses, self.valid, self.gaps)
+            files = pyarrow.array([printable(one) for one in self.files], pyarrow.string())
+            columns = {
+                "file": pyarrow.DictionaryArray.from_arrays(self.episodes, files),
+                "episode_index": self.episodes,
+                "frame_index": self.indices,
+                "timestamp": self.timestamps,
+                **table.columns(),
+            }
+            parquet.write_table(pyarrow.table(columns), written)
+        else:
+            raise ValueError(f"the name of a dataset must end in .parquet or .npz, not {name!r}")
+        write_whole(name, written.getvalue())
+
+
+# The fields with a value for each row.
+ROWS = ("episodes", "indices", "stamps_ns", "timestamps", "poses", "valid", "gaps")
+
+
+def dataset(
+    recordings: Recordings,
+    frames: Iterable[str],
+    *,
+    at: str,
+    relative_to: str,
+    out: str | PathLike[str] | None = None,
+    topics: Topics = TOPICS,
+    poses: PoseTopics | None = None,
+    urdf: Urdfs = None,
+    partial: bool = False,
+    workers: int | None = None,
+    scheduler: str | Client | None = None,
+    progress: bool | None = None,
+) -> Dataset:
+    """
+    Look up the poses of frames at the stamp of each message of a topic, in one or many recordings.
+
+    :param recordings: see :func:`tf2_ros.bag.map_recordings`.
+    :param frames: the names of the frames.
+    :param at: the topic, for example of the images; see :func:`tf2_ros.bag.stamps`.
+    :param relative_to: the frame in whose coordinates the poses are.
+    :param out: a folder, into which :func:`tf2_ros.bag.map_recordings` writes a table of each recording, with
+        several processes; the next call reads these tables. None: nothing is written, and this process reads
+        the recordings one after the other.
+    :param topics: see :func:`tf2_ros.bag.load`.
+    :param poses: see the same function.
+    :param urdf: see the same function.
+    :param partial: use what can be read of a broken recording.
+    :param workers: see :func:`tf2_ros.bag.map_recordings`; only with ``out``.
+    :param scheduler: see the same function; only with ``out``.
+    :param progress: see the same function.
+    :raises FileNotFoundError: the folder does not exist, or contains no recording.
+    :raises BagError: none of the recordings can be read.
+    :raises LookupException: a frame has no pose at any time in any recording.
+    :raises InvalidArgumentException: a name of a frame is invalid.
+    :raises TypeError, ValueError: ``frames`` is a str, is empty or has equal names; or see
+        :func:`tf2_ros.bag.load`.
+
+    A recording that cannot be read does not stop the others; ``failed`` lists it.
+    """
+    if isinstance(frames, str):
+        raise TypeError(f"frames must be several names, use [{frames!r}]")
+    names = list(frames)
+    if out is None and (workers is not None or scheduler is not None):
+        raise ValueError("workers and scheduler need a folder for the tables, out")
+    how: dict[str, Any] = {"at": at, "topics": topics, "poses": poses, "urdf": urdf, "partial": partial}
+    request = request_of(relative_to, names, **how)
+    if out is None:
+        parts, failed = _read_here(request, find_recordings(recordings), progress)
+    else:
+        result = map_recordings(
+            recordings,
+            relative_to,
+            names,
+            out,
+            workers=workers,
+            scheduler=scheduler,
+            progress=progress,
+            **how,
+        )
+        failed = dict(result.failed)
+        tables = {**result.done, **result.skipped}
+        parts = {path: _read_table(names, tables[path]) for path in sorted(tables)}
+    if not parts:
+        path, problem = next(iter(failed.items()))
+        raise BagError(problem if path in problem else f"{printable(path)}: {problem}")
+    made = _joined(request, {path: table for path, (table, _) in parts.items()}, failed)
+    for i, name in enumerate(names):
+        if len(made) and not made.valid[:, i].any():
+            reasons = [reason[name] for _, reason in parts.values() if name in reason]
+            raise LookupException(reasons[0] if reasons else f"{name!r} has no pose at any stamp of {at}")
+    return made
+
+
+Parts = dict[str, tuple[PoseTable, dict[str, str]]]  # by recording, with why frames have no answer
+
+
+def _read_here(
+    request: Request, recordings: list[str], progress: bool | None
+) -> tuple[Parts, dict[str, str]]:
+    parts: Parts = {}
+    failed: dict[str, str] = {}
+    with progress_bar("dataset", len(recordings), " recordings", progress) as count:
+        for path in recordings:
+            try:
+                heard, table, found = looked_up(request, path)
+            except (BagError, OSError) as error:
+                failed[path] = str(error)
+            else:
+                assert isinstance(table, PoseTable)
+                if heard.problem is not None:
+                    warnings.warn(BagWarning(heard.problem), stacklevel=3)
+                parts[path] = table, {row.frame: row.text for row in found if row.kind == "lookup"}
+            if count is not None:
+                count(1)
+    return parts, failed
+
+
+def _read_table(frames: list[str], path: str) -> tuple[PoseTable, dict[str, str]]:
+    from pyarrow import parquet
+
+    table = parquet.read_table(path)
+    found = json.loads(table.schema.metadata[KEY])["found"]
+    names = [name for name in table.column_names if name != "file"]
+    columns = {name: table[name].to_numpy() for name in names}
+    reasons = {row["frame"]: row["text"] for row in found if row["kind"] == "lookup"}
+    return PoseTable.of_columns(frames, columns), reasons
+
+
+def _joined(request: Request, tables: dict[str, PoseTable], failed: dict[str, str]) -> Dataset:
+    counts = [len(table) for table in tables.values()]
+    begins = [table.stamps_ns[0] if len(table) else 0 for table in tables.values()]
+    stamps_ns = np.concatenate([table.stamps_ns for table in tables.values()])
+    return Dataset(
+        tuple(request.source),
+        request.target,
+        tuple(tables),
+        failed,
+        np.repeat(np.arange(len(tables)), counts),
+        np.concatenate([np.arange(count) for count in counts]),
+        stamps_ns,
+        (stamps_ns - np.repeat(np.array(begins, np.int64), counts)) / S,
+        np.concatenate([table.poses for table in tables.values()]),
+        np.concatenate([table.valid for table in tables.values()]),
+        np.concatenate([table.gaps for table in tables.values()]),
+    )

@@ -1,0 +1,491 @@
+"""Find what is wrong with received transforms, by rules and expectations, and describe it."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tf2_ros_tools.output import counted, printable, three_digits, write_whole
+from tf2_ros_tools.program import RunError, UsageError
+from tf2_ros_tools.streams import (
+    Refused,
+    Reported,
+    Settling,
+    Stream,
+    Streams,
+    newest_streams,
+    path_to_root,
+)
+
+if TYPE_CHECKING:
+    from tf2_ros_tools.loading import Heard
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What is expected of one frame; None: anything is accepted."""
+
+    parent: str | None = None
+    static: bool | None = None
+    min_rate: float | None = None  # Hz
+    max_delay: float | None = None  # seconds
+    max_future: float | None = None  # seconds by which its stamps may be in the future
+
+
+# By the name of the field: the type of its value, and what to call that type.
+_VALUES: Mapping[str, tuple[type | tuple[type, ...], str]] = {
+    "parent": (str, "a name"),
+    "static": (bool, "true or false"),
+    "min_rate": ((int, float), "a number"),
+    "max_delay": ((int, float), "a number"),
+    "max_future": ((int, float), "a number"),
+}
+assert set(_VALUES) == {field.name for field in fields(Expectation)}
+
+
+def read_expectations(path: str) -> dict[str, Expectation]:
+    """
+    Read expectations, by the names of their frames, from a YAML file.
+
+    :raises OSError: the file cannot be read.
+    :raises ValueError: it is not YAML, or contains something unknown; the text names it and its frame.
+    """
+    import yaml
+
+    with open(path, encoding="utf-8") as file:
+        try:
+            document = yaml.safe_load(file)
+        except yaml.YAMLError as error:
+            raise ValueError(" ".join(str(error).split())) from None
+    return parse_expectations(document)
+
+
+def parse_expectations(document: Any) -> dict[str, Expectation]:
+    """
+    The same for the parsed document: ``{"frames": {name: {field of Expectation: value}}}``.
+
+    :raises ValueError: see :func:`read_expectations`.
+    """
+    if not isinstance(document, dict) or set(document) != {"frames"}:
+        raise ValueError("it must have one key, frames")
+    frames = document["frames"]
+    if not isinstance(frames, dict):
+        raise ValueError("frames must be the names of frames, each with what is expected of it")
+    return {_name(name): _expectation(name, given) for name, given in frames.items()}
+
+
+def _name(name: Any) -> str:
+    if not isinstance(name, str):
+        raise ValueError(f"{name!r} is not a frame's name")
+    return name.removeprefix("/")
+
+
+def _expectation(name: Any, given: Any) -> Expectation:
+    if given is None:
+        return Expectation()
+    if not isinstance(given, dict):
+        raise ValueError(f"{name}: what is expected must be of the form parent: odom")
+    for key, value in given.items():
+        if key not in _VALUES:
+            raise ValueError(f"{name}: {key} is not one of {', '.join(_VALUES)}")
+        kinds, called = _VALUES[key]
+        if not isinstance(value, kinds) or (isinstance(value, bool) and kinds is not bool):
+            raise ValueError(f"{name}: {key} must be {called}, not {value!r}")
+        if value != value:
+            raise ValueError(f"{name}: {key} must be {called}, not NaN")
+    return Expectation(**given)
+
+
+# What may be wrong, in the order in which it is reported.
+KINDS = {
+    "nothing": "no transform was received",
+    "clock": "the clock jumped back",
+    "roots": "the frames are more than one tree",
+    "loop": "frames are each other's ancestors",
+    "parents": "a frame has two parents in turn",
+    "publishers": "a frame has two publishers",
+    "mixed": "a frame is both static and dynamic",
+    "refused": "buffers refuse transforms of a frame",
+    "stale": "a frame is no longer published, or its stamps stand still",
+    "future": "stamps are in the future",
+    "gap": "a frame was not published for many of its periods",
+    "rate": "a frame is published less often than it must be",
+    "missing": "an expected frame is not published",
+    "parent": "a frame has another parent than expected",
+    "delay": "transforms are older than expected",
+    "static": "a frame is static where a dynamic one is expected, or dynamic",
+}
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The limits beyond which something is wrong; times are in seconds."""
+
+    min_rate: float | None = None  # Hz, of every dynamic frame
+    future: float = 0.1  # a stamp may be so far ahead of the clock
+    stale: float = 1.0  # a frame may be silent so long ...
+    stale_periods: float = 10.0  # ... and for so many of its periods, whichever is longer
+    gap: float = 0.2  # two transforms may be so far apart ...
+    gap_periods: float = 5.0  # ... and so many periods
+    gap_count: int = 5  # with fewer transforms a period is a guess
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A problem: one of :data:`KINDS`, with a sentence, and the figures in it."""
+
+    kind: str
+    frame: str  # or "", where it is about all of them
+    text: str
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+
+
+def find(
+    streams: Sequence[Stream],
+    limits: Limits,
+    expectations: Mapping[str, Expectation] = {},
+    alive: Collection[int] | None = None,
+    *,
+    refused: Sequence[Refused] = (),
+    recorded: bool = False,
+    jump_back: float | None = None,
+    where: str = "",
+) -> list[Finding]:
+    """
+    Find what is wrong.
+
+    :param streams: as ``Streams.report`` returns them.
+    :param expectations: of frames, by their names.
+    :param alive: ids of the publishers that still exist; None: this is unknown, so all count.
+    :param refused: as ``Streams.report`` returns them.
+    :param recorded: the time of the report is the end of a recording. The rate of a frame is then computed
+        over the time in which it was published.
+    :param jump_back: how far the clock has jumped back, in seconds; None: it has not.
+    :param where: a phrase that names the topics, for a report that nothing was received.
+    """
+    found = [*_in_the_tree(streams)]
+    if jump_back is not None:
+        what = "only what was received after that is judged"
+        text = f"the clock jumped back by {three_digits(jump_back)} s; {what}"
+        found.append(Finding("clock", "", text, {"jump": jump_back}))
+    if not streams:
+        which = " that buffers accept" if refused else ""
+        text = f"no transform{which} was received{where and f' {where}'}"
+        found.append(Finding("nothing", "", text))
+    by_frame: dict[str, list[Stream]] = {}
+    for stream in streams:
+        by_frame.setdefault(stream.frame, []).append(stream)
+    for frame, own in by_frame.items():
+        expected = expectations.get(frame, Expectation())
+        found += _of_frame(frame, own, alive)
+        found += _as_expected(frame, newest_streams(own)[frame], expected)
+        for stream in own:
+            if not stream.static:
+                found += _of_stream(stream, limits, expected, recorded)
+    # The static transforms of a publisher that has exited no longer reach anybody.
+    refused = [one for one in refused if not one.static or alive is None or one.publisher_id in alive]
+    found += map(_of_refused, refused)
+    for frame in expectations.keys() - by_frame.keys():
+        only = any(one.frame == frame for one in refused)
+        lack = "all its transforms are refused" if only else "nobody publishes it"
+        found.append(Finding("missing", frame, f"{frame} is expected, and {lack}"))
+    order = list(KINDS)
+    return sorted(found, key=lambda one: (order.index(one.kind), one.frame))
+
+
+def _in_the_tree(streams: Sequence[Stream]) -> Iterator[Finding]:
+    newest = newest_streams(streams)
+    trees: dict[str, int] = {}  # frames below each root, by its name
+    in_loops: set[str] = set()
+    for frame in newest:
+        path = path_to_root(newest, frame)
+        top = path[-1]
+        if top not in newest:
+            trees[top] = trees.get(top, 1) + 1
+        elif frame not in in_loops and newest[top].parent == frame:
+            in_loops.update(path)
+            text = f"the frames {' -> '.join([*path, frame])} form a loop"
+            yield Finding("loop", frame, text, {"frames": path})
+    if len(trees) > 1:
+        parts = ", ".join(f"{root} ({counted(count, 'frame')})" for root, count in sorted(trees.items()))
+        yield Finding("roots", "", f"{len(trees)} unconnected trees: {parts}", {"roots": sorted(trees)})
+
+
+def _of_frame(frame: str, own: Sequence[Stream], alive: Collection[int] | None) -> Iterator[Finding]:
+    own = [one for one in own if not one.static or alive is None or one.publisher_id in alive]
+    parents = sorted({one.parent for one in own})
+    if len(parents) > 1:
+        text = f"{frame} has {len(parents)} parents in turn: {', '.join(parents)}"
+        yield Finding("parents", frame, text, {"parents": parents})
+    by_kind = {
+        static: {one.publisher_id: one.publisher for one in own if one.static == static}
+        for static in (True, False)
+    }
+    for publishers in by_kind.values():
+        if len(publishers) > 1:
+            names = sorted(publishers.values())
+            text = f"{frame} is published by {len(names)} publishers: {', '.join(names)}"
+            yield Finding("publishers", frame, text, {"publishers": names})
+    if all(by_kind.values()):
+        still, moving = (sorted({*by_kind[static].values()}) for static in (True, False))
+        text = f"{frame} is static by {', '.join(still)} and dynamic by {', '.join(moving)}"
+        yield Finding("mixed", frame, text, {"static": still, "dynamic": moving})
+
+
+def _of_refused(one: Refused) -> Finding:
+    which = f"{one.count} of {one.received} transforms of {one.frame or repr('')} by {one.publisher}"
+    numbers = {"refused": one.count, "received": one.received, "publisher": one.publisher}
+    return Finding("refused", one.frame, f"{which} are refused: {one.because}", numbers)
+
+
+def _of_stream(stream: Stream, limits: Limits, expected: Expectation, recorded: bool) -> Iterator[Finding]:
+    frame = stream.frame
+    future = limits.future if expected.max_future is None else expected.max_future
+    if stream.delay_min is not None and -stream.delay_min > future:
+        ahead = -stream.delay_min
+        yield Finding(
+            "future", frame, f"{frame} is stamped up to {three_digits(ahead)} s ahead", {"ahead": ahead}
+        )
+    if stream.period is not None:
+        yield from _of_intervals(stream, stream.period, limits, recorded)
+    min_rate = limits.min_rate if expected.min_rate is None else expected.min_rate
+    rate = stream.rate if recorded and stream.rate is not None else _rate_at_most(stream)
+    if min_rate is not None and rate is not None and rate < min_rate:
+        text = f"{frame} is published at {three_digits(rate)} Hz, less than {min_rate:g} Hz"
+        yield Finding("rate", frame, text, {"rate": rate, "min_rate": min_rate})
+
+
+def _of_intervals(stream: Stream, period: float, limits: Limits, recorded: bool) -> Iterator[Finding]:
+    since = "before the end" if recorded else "ago"
+    frame, usual = stream.frame, f"its period is {three_digits(period)} s"
+    longest = max(limits.stale, limits.stale_periods * period)
+    if stream.silence > longest:
+        text = f"{frame} was last received {three_digits(stream.silence)} s {since}; {usual}"
+        yield Finding("stale", frame, text, {"silence": stream.silence})
+    elif stream.stalled > longest:
+        text = f"{frame} has had no newer stamp for {three_digits(stream.stalled)} s; {usual}"
+        yield Finding("stale", frame, text, {"stalled": stream.stalled})
+    longest = max(limits.gap, limits.gap_periods * period)
+    if stream.count >= limits.gap_count and stream.gap > longest:
+        text = f"{frame} was not received for {three_digits(stream.gap)} s; {usual}"
+        yield Finding("gap", frame, text, {"gap": stream.gap})
+
+
+def _rate_at_most(stream: Stream) -> float | None:
+    # Including the time since the last transform, because the next one may be overdue.
+    if stream.count == 0:
+        return 0.0
+    if stream.first <= 0.0:
+        return stream.rate
+    since = (stream.count + 1) / stream.first
+    return since if stream.rate is None else min(stream.rate, since)
+
+
+def _as_expected(frame: str, newest: Stream, expected: Expectation) -> Iterator[Finding]:
+    if expected.parent is not None and newest.parent != expected.parent:
+        text = f"{frame} has the parent {newest.parent}, not {expected.parent}"
+        yield Finding("parent", frame, text, {"parent": newest.parent, "expected": expected.parent})
+    if expected.static is not None and newest.static != expected.static:
+        kinds = {True: "static", False: "dynamic"}
+        text = f"{frame} is {kinds[newest.static]}, not {kinds[expected.static]}"
+        yield Finding("static", frame, text)
+    most = newest.delay_max
+    if expected.max_delay is not None and most is not None and most > expected.max_delay:
+        age = f"up to {three_digits(most)} s old when it is received"
+        text = f"{frame} is {age}, more than {expected.max_delay:g} s"
+        yield Finding("delay", frame, text, {"delay": most, "max_delay": expected.max_delay})
+
+
+# A whole recording.
+
+
+S = 1_000_000_000
+# If stamps and log times differ by more, they come from two clocks: one was simulated or replayed.
+SAME_CLOCK_S = 3600.0
+# A recording often ends with the shutdown of the robot, for which launch allows five seconds.
+LIMITS = Limits(stale=5.0)
+NOTHING_EXPECTED: Mapping[str, Expectation] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class Report:
+    """All that is known about a recording; times are log times, in seconds."""
+
+    streams: list[Stream]  # as they are at the end; ``silence`` is before the last transform
+    refused: list[Refused]
+    findings: list[Finding]
+    begin: float | None  # when the first transform was received; None: there is none
+    end: float | None
+    transforms: int
+    clocks_differ: bool  # stamps and log times come from two clocks, so all delays are None
+
+
+def report(
+    heard: Heard, limits: Limits = LIMITS, expectations: Mapping[str, Expectation] = NOTHING_EXPECTED
+) -> Report:
+    """
+    Report the contents of a recording, and its problems by the rules of ``tf2_check``.
+
+    :param limits: what is accepted.
+    :param expectations: of frames, by their names.
+
+    The time of the report is the time of the last dynamic transform, because a recorder often outlives the
+    robot. If it outlives the robot for long, this is one finding, not one for each frame.
+    """
+    records = heard.records
+    if not len(records):
+        return Report([], [], find([], limits, expectations), None, None, 0, False)
+    received, static = records["received_ns"], records["static"] != 0
+    now_ns = int((received if static.all() else received[~static]).max())
+    streams, refused = _reported(heard, now_ns)
+    # A recorder discovers publishers like any listener, and receives late what it has missed.
+    judged = _reported(heard, now_ns, Settling().early(records)).streams
+    differ = _clocks_differ(streams)
+    if differ:
+        streams, judged = ([_without_delays(one) for one in some] for some in (streams, judged))
+    found = find(judged, limits, expectations, refused=refused, recorded=True)
+    if heard.end_ns is not None and not static.all():
+        found = [*_of_the_end((heard.end_ns - now_ns) / S, limits), *found]
+    begin, end = int(received.min()) / S, int(received.max()) / S
+    return Report(streams, refused, found, begin, end, len(records), clocks_differ=differ)
+
+
+def _reported(heard: Heard, now_ns: int, early: NDArray[np.bool_] | None = None) -> Reported:
+    streams = Streams()
+    streams.add(heard.records, early)
+    return streams.report(now_ns, heard.frames, heard.publishers)
+
+
+def _of_the_end(silence: float, limits: Limits) -> Iterator[Finding]:
+    if silence > limits.stale:
+        text = f"no dynamic transform was received in the last {three_digits(silence)} s"
+        yield Finding("stale", "", text, {"silence": silence})
+
+
+def _clocks_differ(streams: Sequence[Stream]) -> bool:
+    delays = [abs(one.delay) for one in streams if one.delay is not None]
+    return bool(delays) and float(np.median(delays)) > SAME_CLOCK_S
+
+
+def _without_delays(stream: Stream) -> Stream:
+    return replace(stream, delay=None, delay_max=None, delay_min=None, jitter=None)
+
+
+# As text.
+
+
+def stream_line(stream: Stream) -> str:
+    """Describe a stream: frame, parent, publisher, rate and delays."""
+    parts = [f"parent {stream.parent}", f"publisher {stream.publisher}", *_figures(stream)]
+    return printable(f"{stream.frame}: {', '.join(parts)}")
+
+
+def rate_text(stream: Stream) -> str:
+    """The rate in Hz; a question mark if it is unknown."""
+    return "?" if stream.rate is None else f"{stream.rate:.1f}"
+
+
+def milliseconds(seconds: float | None) -> str:
+    """A duration in ms; empty if there is none."""
+    return "" if seconds is None else f"{1e3 * seconds:.1f}"
+
+
+def _figures(stream: Stream) -> Iterator[str]:
+    if stream.static:
+        yield "static"
+        return
+    yield f"{rate_text(stream)} Hz"
+    if stream.delay is not None:
+        mean, most, jitter = (
+            milliseconds(value) for value in (stream.delay, stream.delay_max, stream.jitter)
+        )
+        yield f"delay {mean} ms"
+        yield f"max {most} ms"
+        yield f"jitter {jitter} ms"
+
+
+def expected_by(options: Namespace) -> Mapping[str, Expectation]:
+    """
+    Read the file of ``--expect``, if there is one.
+
+    :raises UsageError: it cannot be read, or contains something unknown.
+    :raises RunError: PyYAML is not installed.
+    """
+    path = options.expect
+    if path is None:
+        return {}
+    try:
+        return read_expectations(path)
+    except ModuleNotFoundError as lack:
+        if lack.name != "yaml":
+            raise
+        raise RunError("--expect needs the Python package PyYAML: pip install PyYAML") from None
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror}") from None
+    except ValueError as error:
+        raise UsageError(f"{path}: {error}") from None
+
+
+def refuse_unknown_kinds(options: Namespace) -> None:
+    """Raise a UsageError if ``--ignore`` names a kind that does not exist."""
+    unknown = set(options.ignore) - KINDS.keys()
+    if unknown:
+        raise UsageError(f"--ignore: {min(unknown)} is not one of {', '.join(KINDS)}")
+
+
+def not_ignored(findings: Sequence[Finding], options: Namespace) -> list[Finding]:
+    """The findings without those of ignored kinds."""
+    return [finding for finding in findings if finding.kind not in options.ignore]
+
+
+def line_of(finding: Finding) -> str:
+    """Describe a finding on one line."""
+    return f"{finding.kind}: {printable(finding.text)}"
+
+
+def verdict_of(wrong: Sequence[Finding], streams: Sequence[Stream], of_what: str) -> str:
+    """
+    The last line: the number of findings, and in what.
+
+    :param of_what: how much was received, for example ``12 messages and 5 s``.
+    """
+    # Including roots, as in the list of trees.
+    names = {name for stream in streams for name in (stream.frame, stream.parent)}
+    frames = counted(len(names), "frame")
+    verdict = f"wrong: {counted(len(wrong), 'finding')}" if wrong else "ok: no findings"
+    return f"{verdict} in {frames}, {of_what}"
+
+
+def write_junit(
+    path: str, name: str, wrong: Sequence[Finding], ignored: Collection[str], seconds: float
+) -> None:
+    """
+    Write the result as JUnit XML, with a test case for each kind of finding.
+
+    :param name: of the suite.
+    :param seconds: the time of listening.
+    :raises UsageError: the file cannot be written; its old contents remain.
+    """
+    kinds = {finding.kind for finding in wrong}
+    counts = {"tests": len(KINDS), "failures": len(kinds), "errors": 0, "skipped": len({*ignored})}
+    attributes = {key: str(value) for key, value in counts.items()}
+    suite = ElementTree.Element("testsuite", {"name": name, "time": f"{seconds:g}", **attributes})
+    for kind, meaning in KINDS.items():
+        case = ElementTree.SubElement(suite, "testcase", classname=name, name=kind)
+        # XML cannot represent most control characters.
+        texts = [printable(finding.text) for finding in wrong if finding.kind == kind]
+        if texts:
+            ElementTree.SubElement(case, "failure", message=meaning).text = "\n".join(texts)
+        elif kind in ignored:
+            ElementTree.SubElement(case, "skipped")
+    try:
+        write_whole(path, ElementTree.tostring(suite, encoding="utf-8", xml_declaration=True))
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror}") from None

@@ -1,0 +1,662 @@
+"""Look up transforms in many recordings in parallel: ``map_recordings``."""
+
+import hashlib
+import importlib.util
+import json
+import logging
+import os
+import time
+import uuid
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
+from dataclasses import asdict, dataclass, field, fields, replace
+from io import BytesIO
+from os import PathLike
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tf2_py import BufferCore, LookupException, TransformException
+from tf2_ros_tools.findings import report
+from tf2_ros_tools.loading import TOPICS, Heard, PoseTopics, Topics, Urdfs, hear, progress_bar, wanted
+from tf2_ros_tools.output import counted, printable, remove_abandoned, write_whole
+from tf2_ros_tools.reading import SUFFIXES, BagError, needing, needs, open_recording, stamps_of
+from tf2_ros_tools.tables import PoseTable, Table, as_parquet, check_rate, look_up_frames, look_up_when
+from tf2_ros_tools.urdf import Robot
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+# Find the recordings.
+
+
+Recordings: TypeAlias = "str | PathLike[str] | Iterable[str | PathLike[str]]"
+
+METADATA = "metadata.yaml"
+
+
+def find_recordings(recordings: Recordings) -> list[str]:
+    """
+    Find recordings; return each once, as an absolute path without symbolic links.
+
+    :param recordings: one or several paths of recordings, or of folders, which are searched with all their
+        subfolders. If there are several, some need not exist.
+    :raises FileNotFoundError: the file does not exist, or no recording was found.
+    """
+    if not isinstance(recordings, str | PathLike):
+        paths = [os.fspath(path) for path in recordings]
+    elif os.path.exists(recordings):
+        paths = [os.fspath(recordings)]
+    else:
+        raise FileNotFoundError(f"there is no {printable(os.fspath(recordings))}")
+    found = [one for path in paths for one in _meant_by(path)]
+    if not found:
+        raise FileNotFoundError(f"there is no recording in {printable(', '.join(paths)) or 'an empty list'}")
+    return list(dict.fromkeys(map(os.path.realpath, found)))
+
+
+def _meant_by(path: str) -> Iterator[str]:
+    folder = os.path.dirname(os.path.abspath(path))
+    if os.path.isdir(path):
+        yield from _in_folder(path)
+    else:
+        # A part of a folder lacks what the other parts hold.
+        yield folder if _is_rosbag2(folder) else path
+
+
+def _in_folder(path: str) -> Iterator[str]:
+    if _is_rosbag2(path):
+        yield path
+        return
+    closed: list[str] = []  # folders that cannot be read; yielded, so that they are reported as failed
+    for folder, inside, files in os.walk(path, onerror=lambda error: closed.append(error.filename)):
+        bags = [name for name in sorted(inside) if _is_rosbag2(os.path.join(folder, name))]
+        inside[:] = sorted(set(inside) - set(bags))
+        yield from (os.path.join(folder, name) for name in bags)
+        yield from (os.path.join(folder, name) for name in sorted(files) if _is_recording(name))
+    yield from closed
+
+
+def _is_rosbag2(folder: str) -> bool:
+    # Other projects use this name, too. The first line identifies a file of rosbag2.
+    path = os.path.join(folder, METADATA)
+    if not os.path.isfile(path):
+        return False
+    try:
+        with open(path, encoding="utf-8", errors="replace") as file:
+            return "rosbag2_bagfile_information" in file.read(4096)
+    except OSError:
+        return False
+
+
+def _is_recording(name: str) -> bool:
+    return name.endswith(SUFFIXES) and not name.startswith(".")
+
+
+# Process one recording.
+
+
+S = 1_000_000_000
+# The metadata of a table that says what it was made from. The number changes with the format of this
+# metadata, and with the meaning of a request.
+KEY, FORMAT = b"tf2_ros.map_recordings", 1
+# Files that SQLite creates next to a database that is read.
+COMPANIONS = ("-wal", "-shm", "-journal")
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is looked up in each recording; :func:`tf2_ros.bag.map_recordings` says what the fields mean."""
+
+    target: str
+    source: str | Sequence[str]
+    at: str | None = None
+    rate: float | None = None
+    topics: Mapping[str, str] | None = None  # with prefixes; None: the usual ones
+    partial: bool = False
+    poses: PoseTopics = field(default_factory=dict)
+    robots: Mapping[str, Robot | None] = field(default_factory=dict)  # None: as the recording describes it
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table of findings. Only the kind "summary" has the numbers."""
+
+    file: str
+    kind: str
+    frame: str
+    text: str
+    transforms: int | None = None
+    rows: int | None = None
+    valid: int | None = None
+    span_s: float | None = None  # of the log times
+    seconds: float | None = None  # that the recording took
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The result for one recording."""
+
+    recording: str
+    found: tuple[Row, ...]
+    problem: str | None = None  # why it has no table
+
+
+def table_of(recording: str, out: str) -> str:
+    """Get the path of a recording's table, which depends only on the path of the recording."""
+    name = os.path.basename(recording)
+    stem, suffix = os.path.splitext(name)
+    # Programs that read folders ignore names that begin with these characters; a name has at most 255 bytes.
+    short = os.fsencode(stem if suffix in SUFFIXES else name)[:150].decode(errors="ignore").lstrip("._")
+    digest = hashlib.sha256(os.fsencode(recording)).hexdigest()[:12]
+    return os.path.join(out, f"{short}-{digest}.parquet")
+
+
+def work(request: Request, recording: str, table: str) -> Outcome:
+    """
+    Write the table of one recording in one step.
+
+    Problems of the recording itself are part of the outcome. All other errors are raised, because the work
+    may succeed later, or on another machine.
+
+    :param table: the path of the table; its folder exists.
+    """
+    begin = time.perf_counter()
+    try:
+        state = _state(recording)
+        heard, answers, found = looked_up(request, recording)
+    except (BagError, FileNotFoundError) as error:
+        return failed(recording, str(error))
+    except PermissionError as error:
+        return failed(recording, f"{printable(error.filename or recording)}: {error.strerror}")
+    found += [_row(recording, one.kind, one.text, one.frame) for one in report(heard).findings]
+    summary = _summary(recording, heard, answers)
+    found.insert(0, replace(summary, seconds=round(time.perf_counter() - begin, 3)))
+    content = {**_what(request, state), "found": [_without_none(one) for one in found]}
+    write_whole(table, as_parquet(answers, printable(recording), {KEY: json.dumps(content).encode()}))
+    return Outcome(recording, tuple(found))
+
+
+def failed(recording: str, problem: str) -> Outcome:
+    """Make the outcome of a recording without a table."""
+    return Outcome(recording, (_row(recording, "error", problem),), problem)
+
+
+def done_before(request: Request, recording: str, table: str) -> Outcome | None:
+    """Get the outcome of an earlier run with the same request, unless the recording has changed since."""
+    with needing("pyarrow", "fleet"):
+        from pyarrow import ArrowException, parquet
+    try:
+        with open(table, "rb") as file:
+            content = json.loads((parquet.read_metadata(file).metadata or {})[KEY])
+        if {name: content[name] for name in ("request", "recording")} != _what(request, _state(recording)):
+            return None
+        return Outcome(recording, tuple(Row(**one) for one in content["found"]))
+    except (OSError, ArrowException, KeyError, TypeError, ValueError):
+        return None  # no table, a table of another program, or a damaged one: it is written again
+
+
+def _what(request: Request, state: list[list[Any]]) -> dict[str, Any]:
+    # As JSON, which has no tuples.
+    made = {"request": {"format": FORMAT, **asdict(request)}, "recording": state}
+    what: dict[str, Any] = json.loads(json.dumps(made))
+    return what
+
+
+def _state(recording: str) -> list[list[Any]]:
+    """Get the names, sizes and times of its files, which change with the recording."""
+    if not os.path.isdir(recording):
+        return [_file(recording)]
+    inside = [one.path for one in os.scandir(recording) if one.is_file()]
+    return sorted(_file(path) for path in inside if not path.endswith(COMPANIONS))
+
+
+def _file(path: str) -> list[Any]:
+    try:
+        status = os.stat(path)
+    except FileNotFoundError:
+        raise FileNotFoundError(f"{printable(path)} does not exist") from None
+    return [printable(os.path.basename(path)), status.st_size, status.st_mtime_ns]
+
+
+def looked_up(request: Request, recording: str) -> tuple[Heard, Table | PoseTable, list[Row]]:
+    """Read a recording, and look up what is requested; the rows list the problems."""
+    heard = hear(
+        recording,
+        topics=TOPICS if request.topics is None else request.topics,
+        partial=request.partial,
+        progress=False,
+        poses=request.poses,
+        urdf={topic: robot or True for topic, robot in request.robots.items()},
+    )
+    found = [] if heard.problem is None else [_row(recording, "partial", heard.problem)]
+    answers: Table | PoseTable
+    if isinstance(request.source, str):
+        answers, lacks = _one_frame(request, request.source, recording, heard)
+    else:
+        times_ns = _stamps(request, recording)
+        assert times_ns is not None
+        answers, reasons = look_up_frames(heard.buffer, request.target, request.source, times_ns)
+        lacks = [_row(recording, "lookup", reason, frame) for frame, reason in reasons.items()]
+    missing = len(answers) - int(answers.answered.sum())
+    if not lacks and (missing or not len(answers)):
+        text = f"no answer at {missing} of {counted(len(answers), 'time')}"
+        lacks = [_row(recording, "lookup", text)]
+    return heard, answers, [*found, *lacks]
+
+
+def _one_frame(request: Request, source: str, recording: str, heard: Heard) -> tuple[Table, list[Row]]:
+    try:
+        table = look_up_when(heard, request.target, source, _stamps(request, recording), request.rate)
+        if not table.valid.any():
+            # Raises the reason, if there is one.
+            heard.buffer.lookup_transform_core(request.target, source, 0)
+    except TransformException as error:
+        nothing = np.zeros(0, np.int64)
+        table = Table(nothing, np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0, np.bool_))
+        return table, [_row(recording, "lookup", str(error))]
+    return table, []
+
+
+def _stamps(request: Request, recording: str) -> NDArray[np.int64] | None:
+    if request.at is None:
+        return None
+    with open_recording(recording, partial=request.partial) as recorded:
+        return stamps_of(recorded, request.at)
+
+
+def _summary(recording: str, heard: Heard, table: Table | PoseTable) -> Row:
+    rows, valid, transforms = len(table), int(table.answered.sum()), len(heard.records)
+    span_s = 0.0
+    if heard.start_ns is not None and heard.end_ns is not None:
+        span_s = (heard.end_ns - heard.start_ns) / S
+    text = (
+        f"{counted(transforms, 'transform')} in {span_s:.1f} s, answers at {valid} of {counted(rows, 'time')}"
+    )
+    return Row(printable(recording), "summary", "", text, transforms, rows, valid, span_s)
+
+
+def _row(recording: str, kind: str, text: str, frame: str = "") -> Row:
+    return Row(printable(recording), kind, printable(frame), text)
+
+
+def _without_none(row: Row) -> dict[str, Any]:
+    return {name: value for name, value in asdict(row).items() if value is not None}
+
+
+# Distribute the work.
+
+
+# How often Dask repeats work that raised an error, which may be temporary, as with a network folder.
+RETRIES = 2
+# Only this process handles Ctrl-C; it ends its workers.
+IGNORE_INTERRUPT = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+
+
+def outcomes(
+    request: Request, tables: Mapping[str, str], workers: int | None, scheduler: "str | Client | None"
+) -> Generator[Outcome, None, None]:
+    """
+    Process recordings, and yield the outcome of each as soon as it is known.
+
+    :param tables: maps recordings to the paths of their tables.
+    :raises ModuleNotFoundError: a library is not installed in this process or in a worker.
+    """
+    if scheduler is not None:
+        with _connected(scheduler) as client:
+            yield from _on_cluster(request, tables, client)
+        return
+    count = 1 if len(tables) < 2 else min(workers or _cores(), len(tables))
+    if count == 1:
+        yield from _here(request, tables)
+        return
+    with local_workers(count) as client:
+        yield from _on_cluster(request, tables, client)
+
+
+def _cores() -> int:
+    _check_installed("dask")
+    from dask.system import CPU_COUNT  # knows the limits of a container
+
+    return int(CPU_COUNT)
+
+
+def _check_installed(library: str) -> None:
+    if importlib.util.find_spec(library) is None:
+        raise needs(library, "fleet")
+
+
+@contextmanager
+def _connected(scheduler: "str | Client") -> "Iterator[Client]":
+    _check_installed("distributed")
+    from distributed import Client
+
+    if isinstance(scheduler, Client):
+        yield scheduler
+        return
+    with Client(scheduler, set_as_default=False) as client:
+        yield client
+
+
+@contextmanager
+def local_workers(count: int) -> "Iterator[Client]":
+    """
+    A cluster of this many worker processes on this machine, for a ``with`` statement.
+
+    It listens only on the loopback interface, and has no dashboard. Because it executes what it receives, and
+    other users can reach the loopback interface, connecting requires a key that only this process and its
+    children have.
+    """
+    for library in ("distributed", "cryptography"):
+        _check_installed(library)
+    import dask
+    from distributed import Client, LocalCluster
+
+    settings = {
+        # If a recording kills its worker, Dask must not suspect recordings that wait for the same worker.
+        "distributed.scheduler.worker-saturation": 1.0,
+        # The profiler interrupts the work a hundred times a second, for a dashboard that does not exist.
+        "distributed.worker.profile.enabled": False,
+    }
+    with (
+        dask.config.set(settings),
+        LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            security=True,
+            host="127.0.0.1",
+            dashboard_address=None,  # pyright: ignore[reportArgumentType]
+            # Use any port for health checks: the default is 8787, with a warning if that is in use.
+            scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+            silence_logs=logging.CRITICAL,
+            preload=IGNORE_INTERRUPT,
+        ) as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
+        yield client
+
+
+def _here(request: Request, tables: Mapping[str, str]) -> Iterator[Outcome]:
+    for recording, table in tables.items():
+        try:
+            yield work(request, recording, table)
+        except Exception as error:
+            interrupt = _interrupt_behind(error)
+            if interrupt is not None:
+                raise interrupt from None
+            yield _outcome_of(recording, error)
+
+
+def _interrupt_behind(error: BaseException | None) -> KeyboardInterrupt | None:
+    # Libraries may replace it: NumPy raises a TypeError if Ctrl-C is pressed while it compares arrays.
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error
+
+
+def _on_cluster(request: Request, tables: Mapping[str, str], client: "Client") -> Iterator[Outcome]:
+    from distributed import KilledWorker, as_completed
+
+    run, count = uuid.uuid4().hex, len(tables)  # distinguishes the keys of different runs
+    futures = client.map(
+        work,
+        [request] * count,
+        tables.keys(),
+        tables.values(),
+        key=[f"tf2_ros-{run}-{i}" for i in range(count)],
+        retries=RETRIES,
+    )
+    recordings = dict(zip((one.key for one in futures), tables, strict=True))
+    try:
+        for future in as_completed(futures, loop=client.loop):
+            if future.cancelled():
+                raise ConnectionError("Dask cancelled the work, because the scheduler has ended")
+            try:
+                yield future.result()
+            except KilledWorker:
+                yield failed(recordings[future.key], "each process that read it was killed: out of memory?")
+            except Exception as error:
+                yield _outcome_of(recordings[future.key], error)
+    finally:
+        client.cancel(futures)  # what has not begun, if the caller stops early
+
+
+def _outcome_of(recording: str, error: Exception) -> Outcome:
+    # A problem with one recording does not stop the others, but a library that is not installed stops all.
+    if isinstance(error, ModuleNotFoundError):
+        raise error
+    return failed(recording, f"{type(error).__name__}: {printable(str(error))}")
+
+
+# Report the results.
+
+
+# Programs that read folders ignore names that begin with _; the other files have other columns.
+PARQUET, TEXT = "_findings.parquet", "_findings.txt"
+
+
+def _write_findings(out: str, rows: Sequence[Row]) -> str:
+    """
+    Write the findings into a folder, as Parquet for programs and as text for people.
+
+    :return: the path of the Parquet file.
+    """
+    import pyarrow
+    from pyarrow import parquet
+
+    text, whole, real = pyarrow.string(), pyarrow.int64(), pyarrow.float64()
+    types = {"transforms": whole, "rows": whole, "valid": whole, "span_s": real, "seconds": real}
+    names = [one.name for one in fields(Row)]
+    columns = {name: [getattr(row, name) for row in rows] for name in names}
+    schema = pyarrow.schema([(name, types.get(name, text)) for name in names])
+    written = BytesIO()
+    parquet.write_table(pyarrow.table(columns, schema), written)
+    path = os.path.join(out, PARQUET)
+    write_whole(path, written.getvalue())
+    write_whole(os.path.join(out, TEXT), "".join(_lines(rows)).encode())
+    return path
+
+
+def _lines(rows: Sequence[Row]) -> list[str]:
+    lines, file = [], None
+    for row in rows:
+        if row.file != file:
+            lines.append(f"{row.file}\n")
+            file = row.file
+        frame = f" {row.frame}:" if row.frame else ""
+        lines.append(f"  {row.kind}:{frame} {row.text}\n")
+    return lines
+
+
+@dataclass(frozen=True, repr=False)
+class MappedRecordings:
+    """
+    The results for many recordings. All paths are absolute.
+
+    :param done: maps the recordings that this run processed to their tables.
+    :param skipped: maps the recordings that an earlier run processed to their tables.
+    :param failed: maps the other recordings to what is wrong with them.
+    :param unanswered: maps each recording whose table has no answer at any time to the reason.
+    :param out: the folder with the tables.
+    :param findings: the table of findings.
+    """
+
+    done: Mapping[str, str]
+    skipped: Mapping[str, str]
+    failed: Mapping[str, str]
+    unanswered: Mapping[str, str]
+    out: str
+    findings: str
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.done)} done, {len(self.skipped)} skipped, {len(self.failed)} failed"
+        return f"<tf2_ros.bag.MappedRecordings: {counts}, in {self.out!r}>"
+
+
+def map_recordings(
+    recordings: Recordings,
+    target: str,
+    source: str | Sequence[str],
+    out: "str | PathLike[str]",
+    *,
+    at: str | None = None,
+    rate: float | None = None,
+    topics: Topics = TOPICS,
+    poses: PoseTopics | None = None,
+    urdf: Urdfs = None,
+    partial: bool = False,
+    workers: int | None = None,
+    scheduler: "str | Client | None" = None,
+    progress: bool | None = None,
+) -> MappedRecordings:
+    """
+    Look up the pose of ``source`` in ``target`` in many recordings, and write a Parquet file for each.
+
+    Its columns are ``file``, ``stamp`` (nanoseconds), ``x y z`` (metres), ``qx qy qz qw`` and ``valid``. The
+    files ``_findings.parquet`` and ``_findings.txt`` in the same folder list the problems of the recordings,
+    and why some cannot be read. A problem with one recording does not stop the others.
+
+    For several frames, ``source`` is a list of names; this needs ``at``. Each frame then has columns of its
+    own, ``<frame>.x`` to ``<frame>.qw``, ``<frame>.valid``, and ``<frame>.gap``: the seconds between the
+    samples that the pose was interpolated from.
+
+    A recording that an earlier run has processed is skipped, unless the recording or the lookup has changed.
+    Several runs may write into one folder.
+
+    :param recordings: the path of a recording, or of a folder, which is searched with all its subfolders; or
+        several of them.
+    :param out: the folder for the files; it is created if it does not exist.
+    :param at: look up at the stamps of the messages of this topic, which begin with a ``std_msgs/Header``.
+    :param rate: look up this many times per second. Without ``at`` and ``rate``, the times are the stamps of
+        the transforms between the two frames.
+    :param topics: see :func:`tf2_ros.bag.load`.
+    :param poses: see the same function.
+    :param urdf: see the same function.
+    :param partial: use what can be read of a broken recording.
+    :param workers: the number of worker processes on this machine; None: one for each core. With 1, and for a
+        single recording, this process does the work. Python starts the workers with the main module of the
+        program, so a script that calls this needs ``if __name__ == "__main__":``.
+    :param scheduler: the address of a ``dask.distributed`` scheduler, or a ``distributed.Client``: its
+        workers do the work. They need this package, and the same folders under the same paths.
+    :param progress: whether to show a bar. None: only if standard error is a terminal, after one second.
+    :raises FileNotFoundError: the folder does not exist, or contains no recording.
+    :raises ValueError: both ``at`` and ``rate``, or both ``workers`` and ``scheduler``, were given; or a
+        number is too small.
+    :raises InvalidArgumentException: a name of a frame is invalid.
+    :raises ModuleNotFoundError: a library is not installed, or a worker does not have it.
+    """
+    if at is not None and rate is not None:
+        raise ValueError("at and rate exclude each other")
+    if workers is not None and scheduler is not None:
+        raise ValueError("workers and scheduler exclude each other: a scheduler has its own workers")
+    if workers is not None and workers < 1:
+        raise ValueError(f"workers must be at least 1, not {workers}")
+    if rate is not None:
+        check_rate(rate)
+    request = request_of(
+        target, source, at=at, rate=rate, topics=topics, poses=poses, urdf=urdf, partial=partial
+    )
+    found = find_recordings(recordings)
+    out = os.path.abspath(out)
+    os.makedirs(out, exist_ok=True)
+    remove_abandoned(out)
+    return _run(request, found, out, workers, scheduler, progress)
+
+
+def request_of(
+    target: str,
+    source: str | Sequence[str],
+    *,
+    at: str | None,
+    rate: float | None = None,
+    topics: Topics,
+    poses: PoseTopics | None,
+    urdf: Urdfs,
+    partial: bool,
+) -> Request:
+    """
+    Make a request of the arguments of :func:`tf2_ros.bag.map_recordings`.
+
+    :raises TypeError, ValueError: they are not as described there.
+    """
+    sources = [source] if isinstance(source, str) else list(source)
+    for one in sources:
+        _check_names(target, one)
+    if not isinstance(source, str):
+        if at is None:
+            raise ValueError("several frames need a topic with the times, at")
+        if not sources or len(set(sources)) < len(sources):
+            raise ValueError("frames must be one or more different names")
+        source = sources
+    what = wanted(topics, poses=poses, urdf=urdf)
+    prefixes = None if topics is TOPICS else dict(what.prefixes)
+    return Request(target, source, at, rate, prefixes, partial, what.poses, what.robots)
+
+
+def _check_names(target: str, source: str) -> None:
+    # An invalid name is invalid in every recording. An empty buffer checks only the first name of a lookup.
+    for first, second in ((target, source), (source, target)):
+        with suppress(LookupException):
+            BufferCore().lookup_transform_core(first, second, 0)
+
+
+def _run(
+    request: Request,
+    recordings: list[str],
+    out: str,
+    workers: int | None,
+    scheduler: "str | Client | None",
+    progress: bool | None,
+) -> MappedRecordings:
+    tables = {recording: table_of(recording, out) for recording in recordings}
+    known = {recording: done_before(request, recording, table) for recording, table in tables.items()}
+    ended = {recording: outcome for recording, outcome in known.items() if outcome is not None}
+    skipped = {recording: tables[recording] for recording in ended}
+    left = {recording: table for recording, table in tables.items() if recording not in ended}
+    if skipped and left:
+        _write(out, recordings, ended)  # this run may be interrupted, too
+    try:
+        with progress_bar(out, len(left), " recordings", progress) as count:
+            with closing(outcomes(request, left, workers, scheduler)) as results:
+                for outcome in _checked(results, left):
+                    ended[outcome.recording] = outcome
+                    if outcome.problem is not None:
+                        _remove_old(outcome.recording, left[outcome.recording])
+                    if count is not None:
+                        count(1)
+    finally:
+        findings = _write(out, recordings, ended)
+    failed = {path: one.problem for path, one in ended.items() if one.problem is not None}
+    done = {path: table for path, table in left.items() if path not in failed}
+    reasons = {path: _lack_of_answers(one) for path, one in ended.items()}
+    unanswered = {path: reason for path, reason in reasons.items() if reason is not None}
+    return MappedRecordings(done, skipped, failed, unanswered, out, findings)
+
+
+def _lack_of_answers(outcome: Outcome) -> str | None:
+    texts = {one.kind: one.text for one in outcome.found if one.kind == "lookup"}
+    has_none = any(one.kind == "summary" and not one.valid for one in outcome.found)
+    return texts.get("lookup", "the recording has no time to look up") if has_none else None
+
+
+def _checked(results: Iterator[Outcome], tables: Mapping[str, str]) -> Iterator[Outcome]:
+    for outcome in results:
+        table = tables[outcome.recording]
+        if outcome.problem is None and not os.path.exists(table):
+            raise FileNotFoundError(
+                f"a worker has written {table}, but this machine does not have it: is the folder shared?"
+            )
+        yield outcome
+
+
+def _remove_old(recording: str, table: str) -> None:
+    # It belongs to another lookup, or to an earlier state of the recording. If the recording was deleted,
+    # keep its table, because nothing else is left.
+    if os.path.exists(recording):
+        with suppress(FileNotFoundError):
+            os.unlink(table)
+
+
+def _write(out: str, recordings: list[str], ended: Mapping[str, Outcome]) -> str:
+    return _write_findings(out, [row for path in recordings if path in ended for row in ended[path].found])

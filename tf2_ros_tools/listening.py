@@ -1,0 +1,320 @@
+"""Nodes of programs, and listening: which transforms arrive, who publishes them, and what is wrong."""
+
+# First, because their errors say in one line what is missing, or that another tf2_ros is imported.
+from tf2_ros.records import Recording
+from tf2_ros.transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, TransformListener
+
+# isort: split
+
+import threading
+import time
+from argparse import Namespace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import rclpy
+from numpy.typing import NDArray
+from rclpy.duration import Duration
+from rclpy.exceptions import InvalidHandle, NameValidationException, ParameterException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from tf2_ros import Buffer
+from tf2_ros_tools.findings import Expectation, Finding, Limits, find, milliseconds
+from tf2_ros_tools.output import counted
+from tf2_ros_tools.program import UsageError, deferred_signals, interruptible, sleep
+from tf2_ros_tools.streams import (
+    Refused,
+    Settling,
+    Stream,
+    Streams,
+    chain_between,
+    moving_on,
+    newest_streams,
+    unknown_ends,
+)
+
+S = 1_000_000_000
+FOR_EVER = Duration(seconds=2**31 - 1)  # the most that a message can say
+END_WAIT_S = 1.0  # for a callback that runs when the program is to end
+
+
+@contextmanager
+def spun_node(name: str, options: Namespace, **node_options: Any) -> Iterator[Node]:
+    """
+    A node for a ``with`` statement. A thread spins it, so that it knows the simulated time.
+
+    :param options: of the command line.
+    :param node_options: passed to ``rclpy.create_node``.
+    :raises UsageError: the command line contains a name or a parameter that ROS refuses.
+
+    The main thread must not wait inside rclpy, because no signal would reach it there.
+    """
+    with deferred_signals():
+        # Without the handlers of rclpy, which would shut the context down while the program uses it.
+        rclpy.init(args=options.ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            node = rclpy.create_node(name, **node_options)
+            with _spinning(node), interruptible():
+                yield node
+        except (NameValidationException, ParameterException) as refusal:
+            raise UsageError(str(refusal)) from None
+        finally:
+            rclpy.try_shutdown()
+
+
+@contextmanager
+def _spinning(node: Node) -> Iterator[None]:
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    thread = threading.Thread(target=_spin, args=(executor,), daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        # This also ends the thread, which may use the executor until then.
+        rclpy.try_shutdown(context=node.context)
+        thread.join(END_WAIT_S)
+        if not thread.is_alive():
+            executor.shutdown()
+            node.destroy_node()
+
+
+def _spin(executor: SingleThreadedExecutor) -> None:
+    while executor.context.ok():
+        try:
+            executor.spin()
+        except InvalidHandle:
+            continue  # a part of the node was destroyed while the executor gathered them
+        except ExternalShutdownException:
+            return
+        except Exception:
+            if executor.context.ok():
+                raise
+            # The context ended between two checks of the executor.
+
+
+@contextmanager
+def filled_buffer(
+    node: Node,
+    listen: Callable[[Buffer, Node], TransformListener] = TransformListener,
+    cache_time: Duration | None = None,
+) -> Iterator[Buffer]:
+    """
+    A buffer for a ``with`` statement. A listener fills it, and it follows the clock of the node.
+
+    :param listen: creates the listener.
+    :param cache_time: how far the history of each frame reaches back. None: the default of buffers.
+    """
+    with deferred_signals():
+        buffer = Buffer(cache_time, node)
+        # A program that only observes must not answer those who ask the robot for its frames.
+        if buffer.srv is not None:
+            node.destroy_service(buffer.srv)
+            buffer.srv = None
+        with listen(buffer, node), interruptible():
+            yield buffer
+
+
+DRAIN_S = 1.0  # the longest time between two calls of `drain`
+TOPICS = (DEFAULT_TF_TOPIC, DEFAULT_STATIC_TF_TOPIC)
+UNKNOWN_NODE = (
+    "_NODE_NAME_UNKNOWN_"  # of an endpoint whose node the graph does not know yet, or no longer knows
+)
+
+
+@dataclass(frozen=True)
+class Chain:
+    """What connects two frames."""
+
+    ends: tuple[str, str]
+    frames: list[str] | None  # None: they are not connected
+    delay: tuple[float, float] | None  # mean and maximum, in seconds; None: nothing dynamic has arrived
+
+
+@dataclass(frozen=True)
+class Report:
+    """All that is known at one moment."""
+
+    time: float  # of the node's clock, in seconds
+    streams: list[Stream]
+    refused: list[Refused]
+    findings: list[Finding]
+    chain: Chain | None
+    messages: int
+    malformed: int  # messages that could not be read
+    lost: int  # transforms that arrived faster than they could be recorded
+
+
+class Listening:
+    """
+    Listens to transforms; made by :func:`listening`.
+
+    :meth:`drain` must be called every few seconds, as :meth:`listen` does. ``topics`` are their full names,
+    and ``where`` is a phrase that names them and the ROS domain.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        buffer: Buffer,
+        recording: Recording,
+        topics: tuple[str, str],
+        window_s: float | None,
+    ) -> None:
+        self.buffer = buffer
+        self._node = node
+        self._recording = recording
+        self.topics = [node.resolve_topic_name(name) for name in topics]
+        self.where = f"on {' and '.join(self.topics)} in ROS domain {node.context.get_domain_id()}"
+        self._streams = Streams(window_s)
+        self._settling = Settling()
+        self._names: dict[bytes, str] = {}  # of publishers, by gid
+
+    def listen(self, seconds: float, kept: list[NDArray[np.void]] | None = None) -> None:
+        """Listen in the main thread for this time, or until a signal; append the records to ``kept``."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            sleep(min(left, DRAIN_S))
+            records = self.drain()
+            if kept is not None:
+                kept.append(records)
+
+    def drain(self) -> NDArray[np.void]:
+        """Account for everything that has arrived since the last call, and return its records."""
+        records: NDArray[np.void] = self._recording.take()
+        # Until the first message on /clock, simulated time is 0, so delays are not known.
+        records = records[(records["received_ns"] > 0) | (records["static"] != 0)]
+        self._streams.add(records, self._settling.early(records))
+        if not self._names.keys() >= {*self._recording.publishers()}:
+            self._look_up_publishers()  # now, because it may exit before the report
+        return records
+
+    def frames(self) -> list[str]:
+        """The names of the frames, indexed by the numbers in the records."""
+        return self._recording.frames()
+
+    def report(
+        self,
+        limits: Limits,
+        expectations: Mapping[str, Expectation] = {},
+        ends: tuple[str, str] | None = None,
+    ) -> Report:
+        """Report the present state; ``ends``: two frames, to report what connects them."""
+        self.drain()
+        now_ns = self._node.get_clock().now().nanoseconds
+        gids = self._recording.publishers()
+        alive = self._look_up_publishers()
+        publishers = [self._names.get(gid) or _short(gid) for gid in gids]
+        streams, refused = self._streams.report(now_ns, self._recording.frames(), publishers)
+        alive_ids = {number for number, gid in enumerate(gids) if gid in alive}
+        jump_back = self._streams.jump_back(now_ns)
+        findings = find(
+            streams, limits, expectations, alive_ids, refused=refused, jump_back=jump_back, where=self.where
+        )
+        return Report(
+            time=now_ns / S,
+            streams=streams,
+            refused=refused,
+            findings=findings,
+            chain=None if ends is None else self._chain(ends, streams, now_ns),
+            messages=self._recording.messages,
+            malformed=self._recording.malformed,
+            lost=self._recording.lost,
+        )
+
+    def _look_up_publishers(self) -> set[bytes]:
+        alive = set()
+        for topic in self.topics:
+            for one in self._node.get_publishers_info_by_topic(topic):
+                gid = bytes(one.endpoint_gid)
+                alive.add(gid)
+                # A publisher that has exited keeps its name.
+                if one.node_name != UNKNOWN_NODE:
+                    self._names[gid] = f"{one.node_namespace.rstrip('/')}/{one.node_name}"
+        return alive
+
+    def _chain(self, ends: tuple[str, str], streams: Sequence[Stream], now_ns: int) -> Chain:
+        newest = newest_streams(streams)
+        frames = chain_between(newest, *ends)
+        if frames is None:
+            return Chain(ends, None, None)
+        numbers = {name: number for number, name in enumerate(self._recording.frames())}
+        children = [numbers[name] for name in moving_on(newest, frames)]
+        return Chain(ends, frames, self._streams.net_delay(children, now_ns))
+
+
+# A report as text.
+
+
+def shown_streams(report: Report) -> list[Stream]:
+    """All streams, or those on the chain that connects the two frames."""
+    if report.chain is None or report.chain.frames is None:
+        return report.streams
+    return [stream for stream in report.streams if stream.frame in report.chain.frames]
+
+
+def problems(report: Report) -> list[Finding]:
+    """Get the findings, of the chain if there is one, and what could not be recorded or read."""
+    shown = {"", *(stream.frame for stream in shown_streams(report))}
+    has_chain = report.chain is not None and report.chain.frames is not None
+    found = [one for one in report.findings if one.frame in shown or not has_chain]
+    if report.lost:
+        text = f"{counted(report.lost, 'transform')} arrived too fast to be recorded"
+        found.append(Finding("lost", "", text))
+    if report.malformed:
+        text = f"{counted(report.malformed, 'message')} could not be read"
+        found.append(Finding("malformed", "", text))
+    return found
+
+
+def chain_text(report: Report) -> str:
+    """What connects the two frames, and the net delay between them; ``""`` if there are none."""
+    chain = report.chain
+    if chain is None:
+        return ""
+    unknown = unknown_ends(report.streams, chain.ends)
+    if unknown:
+        return "; ".join(unknown)
+    if chain.frames is None:
+        return f"{chain.ends[0]} and {chain.ends[1]} are not connected"
+    text = " -> ".join(chain.frames)
+    if chain.delay is None:
+        return f"{text}: no net delay"
+    mean, most = chain.delay
+    return f"{text}: net delay {milliseconds(mean)} ms, max {milliseconds(most)} ms"
+
+
+@contextmanager
+def listening(
+    node: Node,
+    window_s: float | None = None,
+    *,
+    topics: tuple[str, str] = TOPICS,
+    cache_time: Duration | None = None,
+) -> Iterator[Listening]:
+    """
+    Listen in a ``with`` statement.
+
+    :param window_s: the period over which figures are computed. None: all time.
+    :param topics: the topic of dynamic transforms and the topic of static transforms.
+    :param cache_time: of the buffer; see :func:`filled_buffer`.
+    :raises UsageError: the receiver does not support this release of ROS 2.
+    """
+    recording = Recording()
+    listen = partial(TransformListener, recording=recording, tf_topic=topics[0], tf_static_topic=topics[1])
+    try:
+        with filled_buffer(node, listen, cache_time) as buffer:
+            yield Listening(node, buffer, recording, topics, window_s)
+    except NotImplementedError as refusal:
+        raise UsageError(str(refusal)) from None
+
+
+def _short(gid: bytes) -> str:
+    text = gid.hex()
+    return f"{text[:12]}..{text[-8:]}"

@@ -1,0 +1,530 @@
+"""Load recordings into buffers, and read their transforms, stamps and records."""
+
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial as bound
+from itertools import chain
+from math import inf
+from os import PathLike
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tf2_py.typing import TimeLike, TimeoutLike
+from tf2_ros.numpy import to_nanoseconds
+from tf2_ros.records import MessageSource, Recording, insert_messages, read_transforms
+from tf2_ros_tools import foxglove
+from tf2_ros_tools.cdr import Reader
+from tf2_ros_tools.converting import ODOMETRY, POSES, Frames, Joints, Poses, Source, converted, fixed
+from tf2_ros_tools.output import counted, printable
+from tf2_ros_tools.reading import (
+    TF_TYPES,
+    BagError,
+    BagWarning,
+    Messages,
+    Recorded,
+    is_static,
+    listed,
+    needs,
+    open_recording,
+    stamps_of,
+)
+from tf2_ros_tools.urdf import Robot, UrdfError, parse
+from tf2_ros_tools.urdf import load as load_urdf
+
+if TYPE_CHECKING:
+    from geometry_msgs.msg import TransformStamped
+
+    from tf2_ros import Buffer
+
+TOPICS = ("/tf", "/tf_static")
+Topics: TypeAlias = "Iterable[str] | Mapping[str, str]"
+# A robot, the path or text of a URDF, or True: the description in the recording.
+Urdf: TypeAlias = Robot | str | PathLike[str] | Literal[True]
+Urdfs: TypeAlias = Urdf | Mapping[str, Urdf] | None
+# Parents and children by topic; None: as the messages say.
+PoseTopics: TypeAlias = Mapping[str, Frames | None]
+
+JOINT_STATES, JOINT_STATE = "/joint_states", "sensor_msgs/msg/JointState"
+DESCRIPTION, STRING = "robot_description", "std_msgs/msg/String"
+# The authority of transforms from fixed joints.
+FROM_URDF = "urdf"
+
+ENCODINGS = ("cdr", "ros1")
+MOST_NAMES = 5  # in an error
+UNLIMITED_BYTES = (1 << 63) - 1
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """
+    What to read: topics with the prefixes of their frames, and log times; None: no limit.
+
+    ``poses`` has the topics whose poses are read, with the parent and the child, or None. ``robots`` has the
+    robots whose joint states are read, by topic; None: as the recording describes it.
+    """
+
+    prefixes: Mapping[str, str]
+    start_ns: int | None
+    end_ns: int | None
+    poses: PoseTopics
+    robots: Mapping[str, Robot | None]
+
+    @property
+    def limited(self) -> bool:
+        return self.start_ns is not None or self.end_ns is not None
+
+    @property
+    def others(self) -> list[str]:
+        """The topics whose messages are not transforms themselves."""
+        return [*self.poses, *self.robots]
+
+
+def wanted(
+    topics: Topics,
+    start: TimeLike | None = None,
+    end: TimeLike | None = None,
+    poses: PoseTopics | None = None,
+    urdf: Urdfs = None,
+) -> Wanted:
+    """
+    Check the arguments that determine what is read.
+
+    :raises TypeError: ``topics`` is a str, a name, prefix or frame is not a str, or a time has a wrong type.
+    :raises ValueError: ``topics`` is empty, or ``end`` is before ``start``.
+    :raises FileNotFoundError, UrdfError: see :func:`tf2_ros.urdf.load`.
+    """
+    if isinstance(topics, str):
+        raise TypeError(f"topics must be several names, use [{topics!r}]")
+    prefixes = dict(topics) if isinstance(topics, Mapping) else dict.fromkeys(topics, "")
+    for text in (*prefixes, *prefixes.values()):
+        if not isinstance(text, str):
+            raise TypeError(f"topics must be names, or map names to prefixes, not {type(text).__name__}")
+    if not prefixes:
+        raise ValueError("topics must not be empty")
+    start_ns = None if start is None else _time_ns(start, "start")
+    end_ns = None if end is None else _time_ns(end, "end")
+    if start_ns is not None and end_ns is not None and end_ns < start_ns:
+        raise ValueError(f"end, {end_ns} ns, is before start, {start_ns} ns")
+    given: Mapping[str, Urdf | None] = urdf if isinstance(urdf, Mapping) else {JOINT_STATES: urdf}
+    for topic in given:
+        if not isinstance(topic, str):
+            raise TypeError(f"urdf must map names of topics to robots, not {topic!r}")
+    robots = {topic: _robot(one) for topic, one in given.items() if one is not None}
+    return Wanted(prefixes, start_ns, end_ns, _checked_poses(poses), robots)
+
+
+def _checked_poses(poses: PoseTopics | None) -> PoseTopics:
+    if poses is None:
+        return {}
+    if not isinstance(poses, Mapping):
+        raise TypeError(f"poses must map topics to pairs of frames or None, not be {type(poses).__name__}")
+    for topic, frames in poses.items():
+        pair = isinstance(frames, tuple | list) and [type(one) for one in frames] == [str, str]
+        if not isinstance(topic, str) or not (frames is None or pair):
+            raise TypeError(f"poses must map topics to (parent, child) or None, not {topic!r} to {frames!r}")
+    return dict(poses)
+
+
+def _robot(urdf: Urdf) -> Robot | None:
+    if urdf is True:
+        return None
+    return urdf if isinstance(urdf, Robot) else load_urdf(urdf)
+
+
+def _time_ns(time: TimeLike, name: str) -> int:
+    try:
+        return int(to_nanoseconds([time])[0])
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"{name}: {error}") from None
+
+
+def load(
+    path: "str | PathLike[str]",
+    *,
+    cache_time: TimeoutLike | None = None,
+    topics: Topics = TOPICS,
+    start: TimeLike | None = None,
+    end: TimeLike | None = None,
+    poses: PoseTopics | None = None,
+    urdf: Urdfs = None,
+    progress: bool | None = None,
+    partial: bool = False,
+) -> "Buffer":
+    """
+    Load the transforms of a recording into a new buffer.
+
+    :param path: a rosbag2 folder, or a file that ends in ``.mcap``, ``.db3`` or ``.bag`` (ROS 1). If
+        ``.zstd`` follows, the file is decompressed first.
+    :param cache_time: how far each frame's history reaches back from its latest sample: a duration, or a
+        number of seconds. None: everything is kept.
+    :param topics: the names of the topics, or a mapping of their names to prefixes for their frames, for
+        example ``{"/robot1/tf": "robot1/"}``. A topic whose last component is ``tf_static`` has static
+        transforms.
+    :param start: the log time, at which a message was recorded, of the first dynamic transforms. None: from
+        the beginning. All static transforms are read, whenever they were recorded.
+    :param end: the log time of the last dynamic transforms. None: to the end.
+    :param poses: also read the poses of these topics as transforms: of type ``nav_msgs/Odometry``,
+        ``geometry_msgs/PoseStamped`` or ``geometry_msgs/PoseWithCovarianceStamped``. The names are mapped to
+        the parent and the child, for example ``{"/gps/pose": ("map", "gps")}``. None: the names in the
+        messages, which only odometry has.
+    :param urdf: also compute the transforms of the joints of this robot, from the joint states on
+        ``/joint_states``: its path, its text, a :class:`tf2_ros.urdf.Robot`, or True, which means the
+        ``/robot_description`` in the recording. For other topics, a mapping from their names to these; True
+        then means the ``robot_description`` in the same namespace. Frames whose transforms are on ``topics``
+        keep these. The authority of fixed joints is ``urdf``.
+    :param progress: show a bar, which needs tqdm. None: only if standard error is a terminal, after a second.
+    :param partial: if the recording is broken, load what can be read, and issue a :class:`BagWarning` that
+        says what is lost.
+    :return: a buffer without a node and without a limit of memory. The authority of a transform is the name
+        of its topic.
+    :raises FileNotFoundError: the file does not exist.
+    :raises BagError: the file is not a recording, is broken, or has none of the topics, or a topic has
+        messages of another type; or its joint states have no joint of the robot.
+    :raises UrdfError: see :func:`tf2_ros.urdf.load`.
+    :raises ModuleNotFoundError: rosbags is not installed; the text says how to install it.
+    :raises TypeError, ValueError: ``topics``, ``start`` or ``end`` are not as described.
+
+    The recording need not have all of the topics, and a topic may be empty. Transforms that a buffer refuses,
+    such as those with NaN, are logged.
+    """
+    what = wanted(topics, start, end, poses, urdf)
+    buffer = new_buffer(cache_time)
+    with open_recording(path, partial=partial) as recorded:
+        fill_buffer(buffer, recorded, what, progress=progress)
+    warn_of(recorded)
+    return buffer
+
+
+def new_buffer(cache_time: TimeoutLike | None) -> "Buffer":
+    """Create a buffer that keeps everything, or the last ``cache_time``."""
+    import tf2_ros
+
+    return tf2_ros.Buffer(inf if cache_time is None else cache_time, max_bytes=UNLIMITED_BYTES)
+
+
+def warn_of(recorded: Recorded) -> None:
+    """Warn the caller's caller if something could not be read."""
+    if recorded.problems:
+        warnings.warn(BagWarning("; ".join(recorded.problems)), stacklevel=3)
+
+
+def fill_buffer(
+    buffer: "Buffer",
+    recorded: Recorded,
+    what: Wanted,
+    *,
+    progress: bool | None,
+    recording: Recording | None = None,
+    records: list[Any] | None = None,
+) -> None:
+    """
+    Insert the wanted transforms of a recording into a buffer.
+
+    :param recording: records each transform; see :func:`tf2_ros.records.insert_messages`.
+    :param records: see the same function.
+    """
+    sources = sources_of(recorded, what)
+    robots = {topic: robot or _described(recorded, topic) for topic, robot in what.robots.items()}
+    unread = Unread(recorded)
+    topics = [*(one.topic for one in sources), *(one for one in what.others if one in recorded.topics)]
+    total = None if what.limited else sum(recorded.topics[topic].count for topic in topics)
+    with progress_bar(recorded.path, total, " messages", progress) as count:
+        insert = bound(
+            insert_messages,
+            buffer,
+            on_malformed=unread.add,
+            recording=recording,
+            records=records,
+            progress=count,
+        )
+        read = sum(
+            insert(messages.raw, sources, on_broken=messages.explain, least=messages.least)
+            for messages in passes(recorded, sources, what)
+        )
+
+        def insert_converted(sources: Mapping[str, Source]) -> int:
+            return sum(
+                insert(
+                    converted(messages.raw, sources, unread.add),
+                    [*map(MessageSource, sources)],
+                    on_broken=messages.explain,
+                    least=messages.least,
+                )
+                for messages in recorded.messages(sources, what.start_ns, what.end_ns)
+            )
+
+        read += insert_converted(
+            {
+                topic: Poses(recorded.topics[topic].msgtype, frames)
+                for topic, frames in what.poses.items()
+                if topic in recorded.topics
+            }
+        )
+        # Last, because only then it is known which frames have recorded transforms.
+        known = {name for name, one in buffer.frames().items() if one.parent is not None}
+        joints = {topic: Joints(robot, known) for topic, robot in robots.items()}
+        static = [(FROM_URDF, recorded.start_ns or 0, fixed(robot, known)) for robot in robots.values()]
+        insert(static, [MessageSource(FROM_URDF, static=True)], progress=None)
+        read += insert_converted(joints)
+        for topic, one in joints.items():
+            _check_joints(recorded, topic, one)
+    unread.end()
+    if total and not read and not recorded.problems:
+        raise BagError(
+            f"{printable(recorded.path)}: its metadata.yaml lists {total} messages of"
+            f" {listed(topics)}, but its files contain none of them"
+        )
+
+
+def _described(recorded: Recorded, states: str) -> Robot:
+    """Get the robot that the recording describes in the namespace of a topic with joint states."""
+    topic = f"{states.rpartition('/')[0]}/{DESCRIPTION}"
+    where = f"{printable(recorded.path)}, topic {printable(topic)}"
+    if topic not in recorded.topics:
+        raise BagError(f"{where}: this topic does not exist; pass the path of a URDF")
+    _check_type(recorded, topic, STRING)
+    text = ""
+    for _, _, raw in chain.from_iterable(recorded.messages([topic])):
+        try:
+            text = Reader(raw).text()
+        except ValueError as error:
+            raise BagError(f"{where}: {error}") from error
+    if not text:
+        raise BagError(f"{where}: it is empty; pass the path of a URDF")
+    try:
+        return parse(text)
+    except UrdfError as error:
+        raise BagError(f"{where}: {error}") from error
+
+
+def _check_joints(recorded: Recorded, topic: str, states: Joints) -> None:
+    own = [one.name for one in states.robot.joints if one.type != "fixed"]
+    if not own or states.matched or not states.series.layouts:
+        return
+    where = f"{printable(recorded.path)}, topic {printable(topic)}"
+    if not states.names:
+        raise BagError(f"{where}: its joint states have names, but no positions")
+    raise BagError(f"{where}: its joints, {_some(states.names)}, are not those of the URDF, {_some(own)}")
+
+
+def _some(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return f"{listed(names[:MOST_NAMES])}{more}"
+
+
+class Unread:
+    """Collects messages that cannot be read; raises an error, unless the recording is read in part."""
+
+    def __init__(self, recorded: Recorded) -> None:
+        self._recorded = recorded
+        self._counts: Counter[str] = Counter()
+        self._first: dict[str, str] = {}
+
+    def add(self, topic: str, log_ns: int, error: ValueError) -> None:
+        text = f"{printable(self._recorded.path)}, topic {printable(topic)}, log time {log_ns} ns: {error}"
+        if not self._recorded.partial:
+            raise BagError(text) from error
+        self._first.setdefault(topic, text)
+        self._counts[topic] += 1
+
+    def end(self) -> None:
+        """List what was collected as problems of the recording."""
+        for topic, text in self._first.items():
+            more = self._counts[topic] - 1
+            self._recorded.problems.append(f"{text}, and {counted(more, 'later message')}" if more else text)
+
+
+def sources_of(recorded: Recorded, what: Wanted) -> list[MessageSource]:
+    """
+    Get the wanted topics that the recording has.
+
+    :raises BagError: it has none of them, or one has another type.
+    """
+    name = printable(recorded.path)
+    found = [topic for topic in what.prefixes if topic in recorded.topics]
+    for topic in found:
+        _check_type(recorded, topic, *TF_TYPES, *foxglove.TYPES)
+    for topic, frames in what.poses.items():
+        if topic in recorded.topics:
+            _check_type(recorded, topic, ODOMETRY, *POSES)
+            if frames is None and recorded.topics[topic].msgtype != ODOMETRY:
+                raise BagError(
+                    f"{name}, topic {printable(topic)}: a {recorded.topics[topic].msgtype} does not name the"
+                    ' child frame; pass the frames, as in poses={"/gps/pose": ("map", "gps")}'
+                )
+    for topic in what.robots:
+        if topic in recorded.topics:
+            _check_type(recorded, topic, JOINT_STATE)
+    if not found and not any(topic in recorded.topics for topic in what.others):
+        others = [one.name for one in recorded.topics.values() if one.msgtype in (*TF_TYPES, *foxglove.TYPES)]
+        joints = [one.name for one in recorded.topics.values() if one.msgtype == JOINT_STATE]
+        advice = ": choose from these with `topics` or `--topic`" if others else ""
+        if joints and not others:
+            advice = f"; with `urdf`, they are computed from the joint states on {listed(joints)}"
+        missing = " or ".join(map(printable, [*what.prefixes, *what.others]))
+        raise BagError(f"{name} has no topic {missing}; its topics with transforms: {listed(others)}{advice}")
+    return [MessageSource(topic, is_static(topic), what.prefixes[topic]) for topic in found]
+
+
+def _check_type(recorded: Recorded, topic: str, *types: str) -> None:
+    one = recorded.topics[topic]
+    where = f"{printable(recorded.path)}, topic {printable(topic)}"
+    if one.msgtype not in types:
+        raise BagError(f"{where}: its type is {printable(one.msgtype)}, not {types[0]}")
+    encodings = foxglove.ENCODINGS if one.msgtype in foxglove.TYPES else ENCODINGS
+    if one.encoding not in encodings:
+        raise BagError(f"{where}: its encoding is {printable(one.encoding)}, not {encodings[0]}")
+
+
+def passes(recorded: Recorded, sources: list[MessageSource], what: Wanted) -> Iterator[Messages]:
+    """Yield the messages in one pass, or the static transforms first if times limit the others."""
+    topics = {one.topic for one in sources}
+    if not what.limited:
+        yield from recorded.messages(topics)
+        return
+    static = set(filter(is_static, topics))
+    yield from recorded.messages(static)
+    yield from recorded.messages(topics - static, what.start_ns, what.end_ns)
+
+
+def transforms(
+    path: "str | PathLike[str]",
+    *,
+    topics: Topics = TOPICS,
+    start: TimeLike | None = None,
+    end: TimeLike | None = None,
+    partial: bool = False,
+) -> "Iterator[tuple[int, bool, TransformStamped]]":
+    """
+    Read the transforms of a recording one by one, in constant memory.
+
+    :return: an iterator over ``(log time in ns, whether it is static, TransformStamped)``. Without ROS, the
+        last is an object with the same fields.
+
+    The transforms are neither checked nor normalised. Arguments and errors are the same as in :func:`load`,
+    but problems of the recording are raised, or issued as a :class:`BagWarning`, during the iteration. With
+    ``start`` or ``end``, all static transforms come first.
+    """
+    return _transforms(path, wanted(topics, start, end), partial)
+
+
+def stamps(path: "str | PathLike[str]", topic: str, *, partial: bool = False) -> NDArray[np.int64]:
+    """
+    Read the stamps of all messages of a topic, for lookups at these times.
+
+    :param topic: a topic of any type whose messages begin with a ``std_msgs/Header``, or a type of Foxglove
+        with a ``timestamp``.
+    :param partial: see :func:`load`.
+    :return: nanoseconds, shape (N,), in the order of the recording.
+    :raises FileNotFoundError, ModuleNotFoundError: see :func:`load`.
+    :raises BagError: the recording is broken, does not have the topic, or its messages have no header.
+    """
+    with open_recording(path, partial=partial) as recorded:
+        found = stamps_of(recorded, topic)
+    warn_of(recorded)
+    return found
+
+
+def _transforms(
+    path: "str | PathLike[str]", what: Wanted, partial: bool
+) -> "Iterator[tuple[int, bool, TransformStamped]]":
+    with open_recording(path, partial=partial) as recorded:
+        sources = {one.topic: one for one in sources_of(recorded, what)}
+        unread = Unread(recorded)
+        for connection, log_ns, raw in chain.from_iterable(passes(recorded, [*sources.values()], what)):
+            topic = connection.topic
+            try:
+                found = read_transforms(raw, sources[topic])
+            except ValueError as error:
+                unread.add(topic, log_ns, error)
+                continue
+            for transform in found:
+                yield log_ns, is_static(topic), transform
+        unread.end()
+    warn_of(recorded)
+
+
+@dataclass(frozen=True)
+class Heard:
+    """
+    What a recording contains.
+
+    ``records`` is an array of :data:`tf2_ros.records.RECORD`, in the order of the log times, which are its
+    times of reception. Its ids are indices into ``frames`` and ``publishers``; a publisher is the name of a
+    topic. ``start_ns`` and ``end_ns`` are the first and the last log time of all topics; None if there are no
+    messages. ``problem`` says what could not be read, or is None.
+    """
+
+    buffer: "Buffer"
+    records: NDArray[np.void]
+    frames: list[str]
+    publishers: list[str]
+    start_ns: int | None
+    end_ns: int | None
+    problem: str | None
+
+
+def hear(
+    path: "str | PathLike[str]",
+    *,
+    topics: Topics = TOPICS,
+    partial: bool = False,
+    progress: bool | None = None,
+    start: TimeLike | None = None,
+    end: TimeLike | None = None,
+    poses: PoseTopics | None = None,
+    urdf: Urdfs = None,
+) -> Heard:
+    """Read a recording as :func:`tf2_ros.bag.load` does, and record each transform."""
+    what = wanted(topics, start, end, poses, urdf)
+    buffer = new_buffer(None)
+    recording = Recording()
+    pieces: list[NDArray[np.void]] = []
+    with open_recording(path, partial=partial) as recorded:
+        fill_buffer(buffer, recorded, what, progress=progress, recording=recording, records=pieces)
+    records = np.concatenate([*pieces, recording.take()])
+    records = records[np.argsort(records["received_ns"], kind="stable")]
+    publishers = [name.decode() for name in recording.publishers()]
+    return Heard(
+        buffer,
+        records,
+        recording.frames(),
+        publishers,
+        recorded.start_ns,
+        recorded.end_ns,
+        "; ".join(recorded.problems) or None,
+    )
+
+
+BAR_AFTER_S = 1.0
+
+
+@contextmanager
+def progress_bar(
+    name: str, total: int | None, unit: str, progress: bool | None
+) -> Iterator[Callable[[int], object] | None]:
+    """
+    Show a bar during a ``with`` statement, which gets None or a function that adds a number to what is done.
+
+    :param progress: whether to show it. None: only if standard error is a terminal, after one second.
+    :raises ModuleNotFoundError: ``progress`` is True, and tqdm is not installed.
+    """
+    if progress is False:
+        yield None
+        return
+    try:
+        from tqdm.auto import tqdm
+    except ModuleNotFoundError as missing:
+        if progress is None:
+            yield None
+            return
+        raise needs("tqdm", "bag") from missing
+    # For tqdm, disable=None disables the bar unless stderr is a terminal.
+    disable, delay = (None, BAR_AFTER_S) if progress is None else (False, 0.0)
+    with tqdm(total=total, desc=name, unit=unit, delay=delay, disable=disable) as bar:
+        yield None if bar.disable else bar.update

@@ -1,0 +1,602 @@
+"""
+Draw the tree of frames, and when transforms were received.
+
+The functions import what they need: graphviz for the tree, matplotlib for the other pictures. Names of frames
+and publishers come from the network and may contain anything: ``label`` makes them fit.
+"""
+
+import re
+import warnings
+from argparse import Namespace
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from importlib.util import find_spec
+from io import BytesIO
+from textwrap import wrap
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tf2_py import BufferCore
+from tf2_ros_tools.findings import Finding, Limits
+from tf2_ros_tools.output import not_known, printable
+from tf2_ros_tools.program import RunError, UsageError, format_of, write_output
+from tf2_ros_tools.streams import Stream, taken
+
+S = 1_000_000_000
+
+Records = NDArray[np.void]
+
+LONGEST = 60  # characters of a name
+
+
+def label(text: str, longest: int = LONGEST) -> str:
+    """Escape unprintable characters, and remove the middle of a text that is too long."""
+    # Shorten before escaping: a name may be as long as a message.
+    half = longest // 2
+    if len(text) > longest:
+        text = f"{text[:half]}…{text[-half:]}"
+    shown = printable(text)
+    return shown if len(shown) <= longest + 1 else f"{shown[:half]}…{shown[-half:]}"
+
+
+def rate_label(stream: Stream) -> str:
+    """Describe how often transforms are received."""
+    if stream.static:
+        return "static"
+    if stream.rate is None:
+        return "no rate"
+    return f"{stream.rate:.1f} Hz"
+
+
+def delay_label(stream: Stream) -> str:
+    """Describe how old transforms are when they are received; empty for a static frame."""
+    if stream.delay is None or stream.delay_max is None:
+        return ""
+    return f"delay {1e3 * stream.delay:.1f} ms, max {1e3 * stream.delay_max:.1f} ms"
+
+
+# The tree of frames.
+
+
+# Colours that everyone can distinguish (M. Okabe and K. Ito, 2008); the styles also work without colour.
+STYLES = {
+    "dynamic": {"color": "#0072B2", "style": "solid", "penwidth": "1.6"},
+    "static": {"color": "#6E6E6E", "style": "dashed", "penwidth": "1.2"},
+    "stale": {"color": "#D55E00", "style": "dotted", "penwidth": "3"},
+}
+PROBLEM = {"color": "#D55E00", "fontcolor": "#A83E00", "penwidth": "3"}
+GROUND = " "  # the last line of an edge's label, because Graphviz draws the edge just below it
+FONT = {"fontname": "Helvetica", "fontsize": "11"}
+MOST_FINDINGS = 20
+LONGEST_FINDING = 120  # characters
+MOST_REASONS = 3  # on an edge
+REASON_WIDTH = 32  # characters of a line
+# Names that can be ids of nodes. Other characters may have a meaning for Graphviz, such as the colon.
+PLAIN_NAME = re.compile(r"[\w/. -]{1,200}")
+MOST_EDGES = 60  # from more on, frames that differ only in their names share a node
+MOST_NAMES = 40  # in a node of several frames
+PAGE_IN = "180,180"  # a larger picture is scaled: a page of PDF has at most 200 inches
+
+Spans = Mapping[str, tuple[float, float]]
+
+
+def tree_dot(
+    streams: Sequence[Stream],
+    findings: Sequence[Finding] = (),
+    spans: Spans = MappingProxyType({}),
+    time: float | None = None,
+) -> str:
+    """
+    Describe the tree in DOT: an edge for each stream, from the parent to the frame.
+
+    :param streams: the result of ``Streams.report``.
+    :param findings: what is wrong with them; written on the edges of the frames, and below the tree.
+    :param spans: the oldest and the newest stamp in a buffer of each dynamic frame, in seconds.
+    :param time: the time of the report, in seconds of the clock of the streams.
+    """
+    import graphviz
+
+    dot = graphviz.Digraph(
+        "G",
+        # From left to right, a robot with many links fits on a page or into a window.
+        graph_attr={
+            **FONT,
+            "rankdir": "LR",
+            "size": PAGE_IN,
+            "labelloc": "b",
+            "labeljust": "l",
+            "label": _lines(_below(findings), "\\l"),
+        },
+        node_attr={**FONT, "shape": "box", "style": "rounded,filled", "fillcolor": "#F4F6F8"},
+        edge_attr={**FONT, "fontsize": "10", "arrowsize": "0.7"},
+    )
+    problems = _problems(findings)
+    stale = {finding.frame for finding in findings if finding.kind == "stale"}
+    groups = _folded(streams, problems) if len(streams) > MOST_EDGES else [[one] for one in streams]
+    hidden = {one.frame for group in groups for one in group[1:]}
+    names = sorted({name for one in streams for name in (one.frame, one.parent)} | problems.keys())
+    ids = {name: name if PLAIN_NAME.fullmatch(name) else f"#{place}" for place, name in enumerate(names)}
+    listed = {group[0].frame: sorted(one.frame for one in group) for group in groups}
+    drawn = {name for one in streams for name in (one.frame, one.parent)}
+    for name in names:
+        if name not in hidden:
+            text = _lines(_cut([*map(label, listed.get(name, [name]))], MOST_NAMES), "\\n")
+            if name in drawn:
+                dot.node(ids[name], text, tooltip=text, **{"class": "frame"})
+            else:
+                # Without an edge, because all its transforms are refused.
+                text = _lines([label(name), *problems[name]], "\\n")
+                dot.node(ids[name], text, tooltip=text, **PROBLEM, **{"class": "problem"})
+    for group in groups:
+        [stream, *others] = group
+        kind = "static" if stream.static else "stale" if stream.frame in stale else "dynamic"
+        reasons = problems.get(stream.frame, [])
+        facts = [*(_facts_of_many(group) if others else _facts(stream, spans.get(stream.frame))), *reasons]
+        dot.edge(
+            ids[stream.parent],
+            ids[stream.frame],
+            _lines([*facts, GROUND], "\\n"),
+            tooltip=_lines([*facts, *_stamps(spans.get(stream.frame))], "\\n"),
+            **{
+                **STYLES[kind],
+                **(PROBLEM if reasons else {}),
+                "class": f"{'problem ' * bool(reasons)}{kind}",
+            },
+        )
+    if not streams:
+        dot.node("#nothing", "no transform was received", shape="plaintext", style="")
+    _add_tree_legend(dot, time)
+    source: str = dot.source
+    return source
+
+
+def _problems(findings: Sequence[Finding]) -> dict[str, list[str]]:
+    """Get the lines that mark the edges of each frame, by the name of the frame."""
+    problems: dict[str, list[str]] = {}
+    for finding in findings:
+        for frame in finding.numbers.get("frames", [finding.frame] if finding.frame else []):
+            text = label(finding.text.removeprefix(f"{frame} "), LONGEST_FINDING)
+            problems.setdefault(frame, []).append("\n".join(wrap(text, REASON_WIDTH)))
+    return {
+        frame: [line for text in _cut(texts, MOST_REASONS) for line in text.splitlines()]
+        for frame, texts in problems.items()
+    }
+
+
+def _cut(texts: Sequence[str], most: int) -> Iterator[str]:
+    yield from texts[:most]
+    if len(texts) > most:
+        yield f"and {len(texts) - most} more"
+
+
+def _folded(streams: Sequence[Stream], problems: Collection[str]) -> list[list[Stream]]:
+    """Group streams that differ only in their frames, if these have neither children nor problems."""
+    counts = Counter(one.frame for one in streams)
+    parents = {one.parent for one in streams}
+    groups: dict[Any, list[Stream]] = {}
+    for one in streams:
+        is_single = one.frame in parents or one.frame in problems or counts[one.frame] > 1
+        key = one if is_single else (one.parent, one.publisher, one.static)
+        groups.setdefault(key, []).append(one)
+    return [*groups.values()]
+
+
+def _facts(stream: Stream, span: tuple[float, float] | None) -> Iterator[str]:
+    yield label(stream.publisher)
+    yield rate_label(stream)
+    if stream.delay is not None:
+        yield delay_label(stream)
+    if span is not None and not stream.static:
+        yield f"buffer {span[1] - span[0]:.2f} s"
+
+
+def _facts_of_many(streams: Sequence[Stream]) -> Iterator[str]:
+    yield label(streams[0].publisher)
+    slowest = min(streams, key=lambda one: one.rate or 0.0)
+    yield f"{len(streams)} frames, {'' if slowest.static else 'at least '}{rate_label(slowest)}"
+    latest = max(streams, key=lambda one: one.delay_max or 0.0)
+    if latest.delay_max is not None:
+        yield f"delay at most {1e3 * latest.delay_max:.1f} ms"
+
+
+def _stamps(span: tuple[float, float] | None) -> Iterator[str]:
+    if span is not None:
+        yield f"most recent transform: {span[1]:.6f}"
+        yield f"oldest transform: {span[0]:.6f}"
+
+
+def _below(findings: Sequence[Finding]) -> Iterator[str]:
+    return _cut([label(finding.text, LONGEST_FINDING) for finding in findings], MOST_FINDINGS)
+
+
+def _add_tree_legend(dot: Any, time: float | None) -> None:
+    title = "view_frames" if time is None else f"Recorded at time: {time:.3f}"
+    with dot.subgraph(name="cluster_legend") as legend:
+        legend.attr(label=title, labelloc="t", labeljust="c", color="#B0B0B0", style="rounded")
+        legend.attr("node", shape="point", style="invis", width="0", label="")
+        for kind, style in {**STYLES, "problem": PROBLEM}.items():
+            legend.edge(
+                f"#{kind} from", f"#{kind} to", _lines([kind, GROUND], "\\n"), **style, **{"class": "legend"}
+            )
+
+
+def _lines(texts: Any, end: str) -> str:
+    """Make a label of texts, which end each line as Graphviz does: ``\\l`` aligns to the left."""
+    from graphviz import escape, nohtml
+
+    # Graphviz interprets entities as HTML does.
+    lines = (str(escape(text)).replace("&", "&amp;") + end for text in texts)
+    # Otherwise a label that begins with < and ends with > would be markup.
+    marked: str = nohtml("".join(lines))
+    return marked
+
+
+# Shared by all pictures made with matplotlib.
+
+
+# Colours that everyone can distinguish (M. Okabe and K. Ito, Color universal design, 2008), and grey.
+BLUE, ORANGE, GREEN, VERMILION, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#6E6E6E"
+
+DPI = 100
+_SETTINGS: Any = {
+    "text.parse_math": False,  # a name with two dollar signs is not a formula
+    "svg.fonttype": "none",  # text stays text ...
+    "pdf.fonttype": 42,  # ... that can be searched for
+    "font.size": 9.0,
+    "axes.unicode_minus": False,
+}
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Set how figures look, during a ``with`` statement."""
+    import matplotlib
+
+    with matplotlib.rc_context(_SETTINGS), warnings.catch_warnings():
+        # Characters that its fonts lack are shown as boxes.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
+        yield
+
+
+def file_of(figure: Any, kind: str) -> bytes:
+    """
+    Get the contents of a file with a figure.
+
+    :param kind: ``png``, ``svg`` or ``pdf``.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    with style():
+        FigureCanvasAgg(figure)
+        written = BytesIO()
+        figure.savefig(written, format=kind, dpi=DPI)
+    return written.getvalue()
+
+
+FIRST_DATE_S = 1e9  # in 2001; earlier times are simulated, because the clock of a simulation begins at 0
+DAY_S = 86_400.0
+MOST_TICKS = 6  # on an axis of times; they fit the narrowest one
+
+
+def show_times(axes: Any, begin: float, end: float) -> None:
+    """
+    Label the x axis, which is in seconds, with the time of the clock: UTC, or the seconds of simulated time.
+
+    :param begin: the left edge, in seconds since the epoch of the clock.
+    :param end: the right edge, not before ``begin``.
+    """
+    if end == begin:
+        begin, end = begin - 0.5, end + 0.5
+    axes.set_xlim(begin, end)
+    if begin < FIRST_DATE_S:
+        axes.ticklabel_format(axis="x", style="plain", useOffset=False)
+        axes.set_xlabel("time in s")
+        return
+    import matplotlib.dates
+
+    dates: Any = matplotlib.dates  # without types
+    locator = dates.AutoDateLocator(minticks=3, maxticks=MOST_TICKS)
+    for unit in (dates.SECONDLY, dates.MINUTELY):
+        locator.intervald[unit] = [1, 2, 5, 10, 15, 30]
+    first, last = (datetime.fromtimestamp(time, timezone.utc) for time in (begin, end))
+    ticks = [dates.num2date(tick) for tick in locator.tick_values(first, last)]
+    ticks = [tick for tick in ticks if first <= tick <= last]
+    form = "%m-%d %H:%M" if end - begin > DAY_S else "%H:%M:%S.%f"
+    texts = [tick.strftime(form) for tick in ticks]
+    if all(text.endswith(".000000") for text in texts):
+        texts = [text.partition(".")[0] for text in texts]
+    elif "." in "".join(texts):
+        texts = [text.rstrip("0").rstrip(".") for text in texts]
+    axes.set_xticks([tick.timestamp() for tick in ticks], texts)
+    axes.set_xlabel(f"time in UTC, from {first:%Y-%m-%d %H:%M:%S} ({begin:.3f} s)")
+
+
+# When transforms were received.
+
+
+Times = NDArray[np.float64]
+Style = dict[str, Any]  # arguments for matplotlib
+
+MOST_ROWS = 200
+LONGEST_NAME = 30  # characters
+WIDTH_IN = 11.0
+ROW_IN = 0.55
+AROUND_IN = 1.3  # axis and legend
+TICKS = (0.08, 0.30)  # where in a row the receptions are, from its lower edge ...
+DELAYS = (0.38, 0.92)  # ... and the delays, from 0 to the maximum of the row
+SMALLEST = float(np.finfo(float).tiny)
+PLACES = 5000  # of the picture's width; one reception is drawn in each
+
+RECEIVED: Style = {"color": BLUE, "linewidth": 0.7}
+DELAY: Style = {"color": ORANGE, "marker": ".", "markersize": 2.5, "linestyle": ""}
+STATIC: Style = {"color": GREY, "marker": "D", "markersize": 5, "linestyle": ""}
+HOLDS = "--"
+GAP: Style = {"facecolor": VERMILION, "alpha": 0.3, "edgecolor": VERMILION, "hatch": "///"}
+NOT_YET: Style = {"facecolor": "#F0F0F0", "edgecolor": "#C4C4C4", "hatch": "..."}
+
+
+@dataclass(frozen=True)
+class Row:
+    """
+    A row of the picture: when the transforms of a stream were received.
+
+    :param name: the name of the frame.
+    :param stream: its figures; None if nothing was received.
+    :param times: in seconds, ascending, shape (N,).
+    :param delays: from the stamp to the reception, in seconds, shape (N,).
+    :param gap: the longest time between two receptions that is not shown as a gap, in seconds.
+    """
+
+    name: str
+    stream: Stream | None
+    times: Times
+    delays: Times
+    gap: float
+
+
+def heard_rows(
+    records: NDArray[np.void], streams: Sequence[Stream], frames: Sequence[str], limits: Limits
+) -> list[Row]:
+    """
+    Make the rows of streams.
+
+    :param records: ``tf2_ros.records.RECORD``, in the order of arrival.
+    :param streams: the result of ``Streams.report``.
+    :param frames: names, indexed by the ids in the records.
+    :param limits: determine which intervals are gaps.
+    """
+    numbers = {name: number for number, name in enumerate(frames)}
+    records = taken(records)
+    records = records[np.argsort(records["child"], kind="stable")]
+    rows = []
+    for stream in streams:
+        child = numbers[stream.frame]
+        first, last = np.searchsorted(records["child"], [child, child + 1])
+        own = records[first:last]
+        own = own[
+            (own["parent"] == numbers[stream.parent])
+            & (own["publisher"] == stream.publisher_id)
+            & (own["static"] == stream.static)
+        ]
+        times = own["received_ns"] / S
+        delays = (own["received_ns"] - own["stamp_ns"]) / S
+        rows.append(Row(stream.frame, stream, times, delays, longest_interval(stream, limits)))
+    return rows
+
+
+def longest_interval(stream: Stream, limits: Limits) -> float:
+    """Get the longest time between two transforms of a stream that is not a gap, in seconds."""
+    return np.inf if stream.period is None else max(limits.gap, limits.gap_periods * stream.period)
+
+
+def heard_figure(rows: Sequence[Row], begin: float, end: float) -> Any:
+    """
+    Draw a matplotlib figure with one row for each stream.
+
+    :param rows: from top to bottom; at most the first MOST_ROWS are drawn.
+    :param begin: the time at the left edge, in seconds.
+    :param end: the time at the right edge.
+    """
+    from matplotlib.figure import Figure
+
+    drawn = rows[:MOST_ROWS]
+    with style():
+        figure = Figure((WIDTH_IN, AROUND_IN + ROW_IN * len(drawn)), layout="constrained")
+        axes = figure.subplots()
+        for place, row in enumerate(drawn):
+            _draw_row(axes, row, len(drawn) - 1 - place, begin, end)
+        show_times(axes, begin, end)
+        right = axes.twinx()
+        for side, text_of in ((axes, _names), (right, _figures)):
+            side.set_ylim(0.0, len(drawn))
+            side.set_yticks(np.arange(len(drawn)) + 0.5, [text_of(row) for row in reversed(drawn)])
+            side.tick_params(axis="y", length=0)
+            side.set_frame_on(False)
+        axes.set_yticks(np.arange(len(drawn) + 1), minor=True)
+        axes.grid(axis="y", which="minor", color="#D8D8D8")
+        axes.grid(axis="x", color="#EEEEEE")
+        axes.set_axisbelow(True)
+        if len(rows) > len(drawn):
+            axes.set_xlabel(f"{axes.get_xlabel()}; {len(rows) - len(drawn)} more rows are not shown")
+        _add_legend(figure)
+    return figure
+
+
+def _draw_row(axes: Any, row: Row, bottom: int, begin: float, end: float) -> None:
+    inside = (row.times >= begin) & (row.times <= end)
+    times, delays = row.times[inside], row.delays[inside]
+    since = max(float(row.times.min(initial=end)), begin)
+    is_static = row.stream is not None and row.stream.static
+    if since - begin > (0.0 if is_static or row.stream is None else row.gap):
+        axes.broken_barh([(begin, since - begin)], (bottom, 1.0), **NOT_YET)
+    if is_static:
+        axes.plot(times, np.full(len(times), bottom + 0.5), **STATIC)
+        # It is valid from the first reception on, without an end.
+        axes.hlines(bottom + 0.5, since, end, color=GREY, linestyle=HOLDS)
+        return
+    low, high = (bottom + part for part in TICKS)
+    step = (end - begin) / PLACES
+    axes.vlines(begin + step * np.unique(np.round((times - begin) / step)), low, high, **RECEIVED)
+    axes.broken_barh(_gaps(row, begin, end), (bottom, 1.0), **GAP)
+    if len(delays):
+        least, most = min(0.0, float(delays.min())), max(0.0, float(delays.max()))
+        low, high = (bottom + part for part in DELAYS)
+        axes.plot(times, low + (high - low) * (delays - least) / max(most - least, SMALLEST), **DELAY)
+
+
+def _gaps(row: Row, begin: float, end: float) -> list[tuple[float, float]]:
+    """Get the gaps, in which nothing was received for too long: when each begins, and how long it is."""
+    edges = np.append(row.times[row.times <= end], end)
+    wide = np.flatnonzero(np.diff(edges) > row.gap)
+    starts, stops = np.maximum(edges[wide], begin), edges[wide + 1]
+    return [(start, stop - start) for start, stop in zip(starts, stops, strict=True) if stop > begin]
+
+
+def _names(row: Row) -> str:
+    name = label(row.name, LONGEST_NAME)
+    return name if row.stream is None else f"{name}\nbelow {label(row.stream.parent, LONGEST_NAME)}"
+
+
+def _figures(row: Row) -> str:
+    if row.stream is None:
+        return "not received"
+    publisher = label(row.stream.publisher, LONGEST_NAME)
+    return f"{rate_label(row.stream)}, {publisher}\n{delay_label(row.stream)}".rstrip()
+
+
+def _add_legend(figure: Any) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    figure.legend(
+        handles=[
+            Line2D([], [], **{**RECEIVED, "linewidth": 1.5}, marker="|", markersize=9, linestyle=""),
+            Line2D([], [], **{**DELAY, "markersize": 6}),
+            Line2D([], [], **{**STATIC, "linestyle": HOLDS}),
+            Patch(**GAP),
+            Patch(**NOT_YET),
+        ],
+        labels=[
+            "received",
+            "delay, up to the maximum of its row",
+            "static: received, and valid since",
+            "gap",
+            "not received yet",
+        ],
+        loc="outside upper center",
+        ncols=5,
+        frameon=False,
+    )
+
+
+# For programs.
+
+
+NO_DOT = "install Graphviz, which has the program dot (Debian, Ubuntu: apt install graphviz)"
+
+
+def refuse_plot(options: Namespace) -> None:
+    """Raise a UsageError for frames together with a path, and a RunError if matplotlib is not installed."""
+    if options.path is not None and options.frames:
+        raise UsageError("frames or --path, not both")
+    if find_spec("matplotlib") is None:
+        raise RunError("pictures need the Python package matplotlib: pip install matplotlib")
+
+
+def needs_graphviz(without: str) -> None:
+    """
+    Raise a RunError if the Python package graphviz is not installed.
+
+    :param without: what works without it.
+    """
+    if find_spec("graphviz") is None:
+        raise RunError(f"pictures need the Python package graphviz: pip install graphviz; {without} does not")
+
+
+def heard_picture(
+    records: Records,
+    streams: Sequence[Stream],
+    frames: Sequence[str],
+    wanted: Sequence[str],
+    span: tuple[float, float],
+) -> Any:
+    """
+    Draw a matplotlib figure of when transforms were received.
+
+    :param frames: names, indexed by the ids in the records.
+    :param wanted: the frames to draw, in this order; if empty, all frames.
+    :param span: the first and the last time, in seconds.
+    :raises RunError: no transform of the wanted frames was received.
+    """
+    rows = heard_rows(records, streams, frames, Limits())
+    if wanted:
+        if not {row.name for row in rows}.intersection(map(_name, wanted)):
+            raise RunError(_lack(records, frames, list(map(_name, wanted))))
+        rows = [row for name in wanted for row in _rows_of(_name(name), rows)]
+    return heard_figure(rows, *span)
+
+
+def write_plot(name: str, figure: Any) -> None:
+    """Write a matplotlib figure in the format that the extension of the file means."""
+    write_output(name, file_of(figure, format_of(name)))
+
+
+def dot_of(
+    buffer: BufferCore, streams: Sequence[Stream], findings: Sequence[Finding], time: float | None
+) -> str:
+    """
+    Describe the tree of frames in DOT.
+
+    :param time: the time of the report, in seconds; None: unknown.
+    """
+    spans = {
+        name: (info.oldest_ns / S, info.newest_ns / S)
+        for name, info in buffer.frames().items()
+        if not info.static and info.oldest_ns is not None and info.newest_ns is not None
+    }
+    return tree_dot(streams, findings, spans, time)
+
+
+def drawn(dot: str, kind: str) -> bytes:
+    """
+    Draw what DOT describes.
+
+    :param kind: ``svg``, ``png`` or ``pdf``.
+    :raises FileNotFoundError: Graphviz's program ``dot`` is not installed.
+    :raises RunError: it failed; the text is its message.
+    """
+    import graphviz
+
+    try:
+        picture: bytes = graphviz.pipe("dot", kind, dot.encode(), quiet=True)
+    except graphviz.ExecutableNotFound as lack:
+        raise FileNotFoundError(str(lack)) from None
+    except graphviz.CalledProcessError as failure:
+        said = (failure.stderr or b"").decode(errors="replace").strip()
+        raise RunError(f"dot failed: {said or failure}") from None
+    return picture
+
+
+def _lack(records: Records, frames: Sequence[str], wanted: Sequence[str]) -> str:
+    received, drawable = ({*some["child"].tolist()} for some in (records, taken(records)))
+    only_refused = {frames[child] for child in received - drawable}
+    refused = [name for name in wanted if name in only_refused]
+    if refused:
+        return f"all transforms of {' and '.join(refused)} are refused"
+    unknown = [not_known(name, frames) for name in wanted if name not in frames]
+    return "; ".join(unknown) or f"no transform of {' and '.join(wanted)} was received"
+
+
+def _rows_of(name: str, rows: list[Row]) -> list[Row]:
+    nothing = np.zeros(0)
+    return [row for row in rows if row.name == name] or [Row(name, None, nothing, nothing, np.inf)]
+
+
+def _name(frame: str) -> str:
+    return frame.removeprefix("/")

@@ -1,0 +1,527 @@
+"""
+Read command lines, handle signals, print and exit in the same way for all programs.
+
+A program is a module of ``tf2_ros_tools.programs`` with a ``parser`` and a ``main``. It imports ROS, NumPy
+and other libraries after the command line has been read, so that help and completion are fast.
+
+Exit statuses: 0 and 1 depend on the program; 2 is wrong usage; 128 plus the number of a signal means that the
+signal ended the program before there was a result, or that the reader of its output exited.
+"""
+
+import math
+import os
+import re
+import signal
+import sys
+from argparse import Action, ArgumentParser, ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from decimal import Decimal
+from os.path import splitext
+from select import select
+from socket import socket, socketpair
+from textwrap import fill
+from time import monotonic
+from types import FrameType
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO
+
+from tf2_ros_tools.output import printable, write_whole
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SUCCESS = 0
+FAILURE = 1
+USAGE = 2
+_BY_SIGNAL = 128
+
+_ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+# After a signal, until a further one ends the program at once. Launchers pass on the Ctrl-C that the terminal
+# has sent to all.
+FAREWELL_S = 1.0
+
+_ROS_ARGS = "--ros-args"
+_WIDTH = 80  # of the text of a help
+
+
+class UsageError(Exception):
+    """The command line is wrong in a way that only the work itself notices: exit status 2."""
+
+
+class RunError(Exception):
+    """The program failed, for a reason that fits on one line: exit status 1."""
+
+
+class _Signalled(KeyboardInterrupt):
+    """A signal asks the program to end."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+
+# What ends a program from outside. A program that usually ends this way, or that has a result, catches it.
+ENDINGS = (KeyboardInterrupt, BrokenPipeError)
+
+
+class Parser(ArgumentParser):
+    """
+    Reads a command line. Wrong usage prints one line and exits with status 2; a negative number is a value.
+
+    :param prog: the name of the program.
+    :param description: what it does, in paragraphs that blank lines separate.
+    :param example: command lines and what they do, for the end of the help.
+    :param node: whether the program has a node, and therefore accepts ``--namespace`` and arguments for ROS.
+    :param settings: passed to ``ArgumentParser``.
+
+    A program has either commands (:meth:`add_command`) or arguments.
+    """
+
+    def __init__(
+        self, prog: str, description: str, example: str, *, node: bool = True, **settings: Any
+    ) -> None:
+        of_ros = f"{_ROS_ARGS} begins arguments for ROS: remappings, parameters, log levels.\n\n"
+        super().__init__(
+            prog=prog,
+            description="\n\n".join(fill(one, _WIDTH) for one in description.split("\n\n")),
+            epilog=f"{of_ros if node else ''}example:\n{example}",
+            formatter_class=RawDescriptionHelpFormatter,
+            # Scripts must mean the same when a later version has more options.
+            allow_abbrev=False,
+            **settings,
+        )
+        self.register("type", None, _as_given)  # of an argument without a type
+        self._node = node
+        self._commands: Any = None  # argparse's action that has them
+        if node:
+            self.add_argument(
+                "--namespace",
+                type=_namespace,
+                metavar="NS",
+                help="put the node into the namespace NS, and use NS/tf and NS/tf_static",
+            )
+
+    def add_command(self, name: str, summary: str, description: str, example: str) -> "Parser":
+        """
+        Add a command, which is the first argument of the command line and has its own arguments.
+
+        :param summary: a line for the help of the program; for the others, see :class:`Parser`.
+        :return: the parser of its arguments.
+        """
+        if self._commands is None:
+            self._commands = self.add_subparsers(title="commands", metavar="COMMAND", dest="command")
+            self._commands.required = True
+        made: Parser = self._commands.add_parser(
+            name, help=summary, description=description, example=example, node=self._node
+        )
+        return made
+
+    def error(self, message: str) -> NoReturn:
+        """Print one line and exit with status 2."""
+        line = " ".join(message.split())
+        self.exit(USAGE, f"{self.prog}: {line} (see {self.prog} --help)\n")
+
+    def read(self, arguments: list[str]) -> Namespace:
+        """
+        Read a command line.
+
+        :param arguments: including the name of the program and the arguments for ROS.
+        :return: the options, with ``ros_arguments`` for ``rclpy.init``, the ``parser`` that has read them,
+            and the name of the ``command``, if the program has any.
+        """
+        own = [_as_value(one) for one in self._without_ros_arguments(arguments)[1:]]
+        read = Namespace(ros_arguments=arguments, parser=self, command=None)
+        if self._commands is None:
+            read = self.parse_intermixed_args(own, read)
+            if self._node:
+                # Behind the user's own, the first of which is taken.
+                read.ros_arguments = [*arguments, *arguments_for_ros(read)]
+            return read
+        if not own or own[0] not in self._commands.choices:
+            return self.parse_args(own, read)  # help, or wrong usage
+        # As argparse does it, except that options may stand between the arguments of a command.
+        read.command = own[0]
+        read.parser = self._commands.choices[own[0]]
+        options: Namespace = read.parser.parse_intermixed_args(own[1:], read)
+        return options
+
+    def _without_ros_arguments(self, arguments: list[str]) -> list[str]:
+        if not self._node or _ROS_ARGS not in arguments:
+            return arguments  # help needs no rclpy then
+        from rclpy.utilities import remove_ros_args
+
+        try:
+            removed: list[str] = remove_ros_args(arguments)
+        except RuntimeError as refusal:  # the base of what rclpy raises for them
+            self.error(f"{_ROS_ARGS}: {refusal}")
+        return removed
+
+
+def arguments_for_ros(options: Namespace) -> list[str]:
+    """Get the arguments for ROS that correspond to the options which all programs with a node have."""
+    if options.namespace is None:
+        return []
+    remaps = (f"__ns:={options.namespace}", "/tf:=tf", "/tf_static:=tf_static")
+    return [_ROS_ARGS, *(part for one in remaps for part in ("-r", one))]
+
+
+def _namespace(text: str) -> str:
+    if not re.fullmatch(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", text, re.ASCII):
+        raise ArgumentTypeError(f"{text!r} is not a namespace such as robot1")
+    return f"/{text.removeprefix('/')}"
+
+
+def _as_value(argument: str) -> str:
+    # argparse takes everything that begins with a minus for an option, except for the simplest numbers.
+    # `float` skips blanks before a number.
+    return f" {argument}" if is_negative_number(argument) else argument
+
+
+def _as_given(value: str) -> str:
+    return value[1:] if value.startswith(" ") and is_negative_number(value[1:]) else value
+
+
+def run(parser: Parser, work: Callable[[Namespace], int], arguments: list[str] | None = None) -> int:
+    """
+    Run a program. This must be the last call of a process.
+
+    :param work: gets the options and returns the exit status. It may raise UsageError, RunError, or one of
+        ENDINGS, and imports what it needs.
+    :param arguments: the command line, including the name of the program. None: that of this process.
+    :return: the exit status.
+    :raises SystemExit: after wrong usage and after the help.
+    """
+    arguments = sys.argv if arguments is None else arguments
+    _signals.listen()
+    try:
+        _complete(parser)
+        _flush_each_line(sys.stdout)
+        options = parser.read(arguments)
+        parser = options.parser
+        return work(options)
+    except ImportError as lack:
+        # The error of this project's tf2_ros says what it needs, but another tf2_ros may have been imported.
+        reason = " ".join(str(lack).split())
+        parser.exit(FAILURE, f"{parser.prog}: {reason}; tf2_which shows which tf2_ros is imported\n")
+    except UsageError as refusal:
+        parser.error(str(refusal))
+    except UnicodeEncodeError as refusal:
+        # Only arguments, and names made of them, can contain bytes that are not text.
+        if not any(map(_is_not_utf8, arguments)):
+            raise
+        parser.error(f"an argument is not UTF-8: {printable(refusal.object)}")
+    except RunError as failure:
+        parser.exit(FAILURE, f"{parser.prog}: {' '.join(str(failure).split())}\n")
+    except _Signalled as ending:
+        return _BY_SIGNAL + ending.number
+    except BrokenPipeError:
+        return _BY_SIGNAL + signal.SIGPIPE
+    except OSError as failure:
+        # From writing the output; the work itself handles all other files.
+        parser.exit(FAILURE, f"{parser.prog}: {failure.strerror or failure}\n")
+    finally:
+        _signals.may_raise = False
+        _let_go(sys.stdout)
+        _signals.ignore_repeated()
+
+
+def _is_not_utf8(argument: str) -> bool:
+    return any("\udc80" <= one <= "\udcff" for one in argument)
+
+
+class _Signals:
+    """Which signal has arrived, and whether it may be raised now."""
+
+    def __init__(self) -> None:
+        self.received: int | None = None
+        self.since = 0.0  # of the monotonic clock
+        self.may_raise = True
+        self.reader, self._writer = socketpair()  # readable after the first signal
+        self.reader.setblocking(False)
+
+    def listen(self) -> None:
+        """Handle the signals that end a program."""
+        self._writer.setblocking(False)
+        signal.set_wakeup_fd(self._writer.fileno(), warn_on_full_buffer=False)
+        for number in _ENDING_SIGNALS:
+            signal.signal(number, self.receive)
+
+    def ignore_repeated(self) -> None:
+        """Ignore further signals while the interpreter exits, which restores their default handlers."""
+        if self.received is None:
+            return
+        report = sys.unraisablehook
+        # Through this hook, Python reports that it ignores a signal that has just arrived.
+        sys.unraisablehook = lambda caught: None if isinstance(caught.exc_value, OSError) else report(caught)
+        try:
+            for number in _ENDING_SIGNALS:
+                signal.signal(number, signal.SIG_IGN)
+        finally:
+            sys.unraisablehook = report
+
+    def receive(self, number: int, _: FrameType | None) -> None:
+        if self.received is None:
+            self.received, self.since = number, monotonic()
+            if self.may_raise:
+                raise _Signalled(number)
+        elif monotonic() - self.since > FAREWELL_S:
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
+
+
+_signals = _Signals()
+
+
+@contextmanager
+def deferred_signals() -> Iterator[None]:
+    """
+    Let no signal interrupt the setup or cleanup in a ``with`` block, which must not take long.
+
+    A program that is interrupted there could leave other nodes waiting for it, or never exit.
+    """
+    before, _signals.may_raise = _signals.may_raise, False
+    try:
+        yield
+    finally:
+        _signals.may_raise = before
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Inside :func:`deferred_signals`, let signals interrupt a ``with`` block, including an earlier one."""
+    before, _signals.may_raise = _signals.may_raise, True
+    try:
+        if _signals.received is not None:
+            raise _Signalled(_signals.received)
+        yield
+    finally:
+        _signals.may_raise = before
+
+
+def wait_for_signal() -> None:
+    """Wait for Ctrl-C or SIGTERM, in the main thread of a program that usually ends this way."""
+    with suppress(KeyboardInterrupt), interruptible():
+        while True:
+            sleep(None)
+
+
+def sleep(seconds: float | None) -> None:
+    """
+    Wait for this time, or until a signal arrives.
+
+    :param seconds: 0 or more. None: forever.
+
+    Any other wait continues if a thread that is not Python's gets the signal, or if it arrives just before.
+    """
+    select([_signals.reader], [], [], seconds)
+    raise_if_signalled()
+
+
+def raise_if_signalled() -> None:
+    """
+    End the program if a signal has arrived and may be raised now.
+
+    It may have arrived while signals were deferred, or a library may have caught the exception.
+    """
+    if _signals.received is not None and _signals.may_raise:
+        raise _Signalled(_signals.received)
+
+
+def signal_reader() -> socket:
+    """What an event loop waits for: each signal makes it readable, until :func:`signalled` is called."""
+    return _signals.reader
+
+
+def signalled() -> bool:
+    """Whether a signal that ends the program has arrived; a resized terminal, for example, sends another."""
+    with suppress(BlockingIOError):
+        _signals.reader.recv(1024)
+    return _signals.received is not None
+
+
+def _complete(parser: Parser) -> None:
+    """Answer a shell that asks for completions, and exit; otherwise do nothing."""
+    if "_ARGCOMPLETE" not in os.environ:
+        return
+    try:
+        import argcomplete
+    except ModuleNotFoundError:
+        return
+    argcomplete.autocomplete(parser)
+
+
+def _flush_each_line(stream: TextIO) -> None:
+    # Also into a pipe, whose reader may wait for the line.
+    reconfigure = getattr(stream, "reconfigure", None)
+    if reconfigure is not None:
+        reconfigure(line_buffering=True)
+
+
+def _let_go(stream: TextIO) -> None:
+    """Write what is buffered. If that fails, discard it, because the interpreter would fail, too."""
+    try:
+        if stream is not None:
+            stream.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+# Numbers on a command line, including negative ones.
+
+
+def number(text: str) -> float:
+    """
+    Read a number as Python's ``float`` does, for argparse.
+
+    :raises ArgumentTypeError: the text is not a number.
+    """
+    try:
+        return float(text)
+    except ValueError:
+        raise ArgumentTypeError(f"{text!r} is not a number") from None
+
+
+def finite_number(text: str) -> float:
+    """The same, but refuse infinity and NaN."""
+    value = number(text)
+    if not math.isfinite(value):
+        raise ArgumentTypeError(f"must be finite, not {text}")
+    return value
+
+
+def positive_number(text: str) -> float:
+    """Read a finite number above 0."""
+    value = finite_number(text)
+    if value <= 0.0:
+        raise ArgumentTypeError(f"must be above 0, not {text}")
+    return value
+
+
+def non_negative_number(text: str) -> float:
+    """Read a finite number that is 0 or more."""
+    value = finite_number(text)
+    if value < 0.0:
+        raise ArgumentTypeError(f"must not be negative, it is {text}")
+    return value
+
+
+def nanoseconds(text: str) -> int:
+    """Read seconds and return nanoseconds, exactly; a float cannot hold all digits of a stamp."""
+    finite_number(text)
+    return round(Decimal(text.strip()) * 10**9)
+
+
+def is_negative_number(text: str) -> bool:
+    """Whether the text is a number that begins with a minus."""
+    try:
+        return text.startswith("-") and float(text) is not None
+    except ValueError:
+        return False
+
+
+# Formats of files, which follow from the extensions of their names.
+
+
+def format_of(name: str) -> str:
+    """The format that the extension of a file's name means."""
+    return splitext(name)[1][1:].lower()
+
+
+def ending_in(*formats: str) -> Callable[[str], str]:
+    """For argparse: accept the names of files with one of these extensions, which are given without a dot."""
+
+    def checked(name: str) -> str:
+        if format_of(name) not in formats:
+            raise ArgumentTypeError(f"must end in {listed_endings(*formats)}, not {name!r}")
+        return name
+
+    return checked
+
+
+def listed_endings(*formats: str) -> str:
+    """List extensions in a text."""
+    *others, last = (f".{one}" for one in formats)
+    return f"{', '.join(others)} or {last}" if others else last
+
+
+def write_output(path: str, data: bytes) -> None:
+    """
+    Write a file in one step: anybody who opens it gets either the old or the complete new contents.
+
+    :raises RunError: the file cannot be written; the old contents remain.
+    """
+    with deferred_signals():
+        try:
+            write_whole(path, data)
+        except OSError as failure:
+            raise RunError(f"cannot write {path}: {failure.strerror}") from None
+
+
+def read_list(path: "Path", reader: str, what: str) -> list[Any]:
+    """
+    Read a YAML file that contains a list.
+
+    :param reader: what needs PyYAML for it, for the error.
+    :param what: what the list contains, for the error.
+    :raises UsageError: the file cannot be read, or does not contain a list with entries.
+    """
+    try:
+        import yaml
+    except ModuleNotFoundError:
+        raise UsageError(f"{reader} needs the Python package PyYAML: pip install PyYAML") from None
+    try:
+        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as refusal:
+        raise UsageError(f"cannot read {path}: {refusal.strerror}") from None
+    except (ValueError, RecursionError, yaml.YAMLError) as refusal:  # a wrong date is a ValueError
+        raise UsageError(f"{path} is not YAML: {refusal}") from None
+    if not isinstance(entries, list) or not entries:
+        raise UsageError(f"{path} must contain a list of {what}")
+    return entries
+
+
+# Options that several programs have.
+
+
+def add_check_options(made: ArgumentParser) -> None:
+    """Add the options for expectations, for ignored kinds, and for a file with the result."""
+    made.add_argument(
+        "--expect", metavar="FILE", help="compare the frames with the expectations in this YAML file"
+    )
+    made.add_argument("--junit", metavar="FILE", help="also write the result as JUnit XML")
+    made.add_argument("--min-rate", type=positive_number, metavar="HZ", help="minimum rate of dynamic frames")
+    made.add_argument(
+        "--ignore",
+        action="append",
+        metavar="KIND",
+        default=[],
+        help="do not report this kind, the first word of a line; may be given several times",
+    )
+
+
+PLOTS = ("png", "svg", "pdf")
+
+
+def add_plot_options(made: ArgumentParser, default: str) -> tuple[Action, Action]:
+    """
+    Add what is plotted, some frames or a path, and the file; return the arguments for frames.
+
+    :param default: the name of the file without ``-o``, for the help.
+    """
+    frames = made.add_argument(
+        "frames", nargs="*", metavar="FRAME", default=[], help="plot only these frames, in this order"
+    )
+    path = made.add_argument(
+        "--path",
+        nargs=2,
+        metavar=("TARGET", "SOURCE"),
+        help="plot the path of the frame SOURCE in the frame TARGET",
+    )
+    add_output(made, *PLOTS, more=f"; by default {default}")
+    return frames, path
+
+
+def add_output(made: ArgumentParser, *formats: str, more: str = "") -> None:
+    """Add the file that is written; ``more`` is the end of its help."""
+    summary = f"write this file, which ends in {listed_endings(*formats)}{more}"
+    made.add_argument("-o", "--output", metavar="FILE", type=ending_in(*formats), help=summary)

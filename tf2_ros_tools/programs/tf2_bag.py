@@ -1,0 +1,371 @@
+# PYTHON_ARGCOMPLETE_OK
+"""Answer questions about recorded transforms."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from argparse import Namespace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from datetime import datetime, timezone
+from typing import TYPE_CHECKING, NamedTuple
+
+from tf2_ros_tools.bag_options import add_recording, heard_of, recorded_of
+from tf2_ros_tools.bag_tables import add_batch, add_lookup, batch, lookup
+from tf2_ros_tools.output import counted, printable, readable_size, three_digits
+from tf2_ros_tools.program import (
+    FAILURE,
+    SUCCESS,
+    Parser,
+    RunError,
+    add_check_options,
+    add_output,
+    add_plot_options,
+    format_of,
+    run,
+    write_output,
+)
+
+if TYPE_CHECKING:
+    from tf2_ros_tools.findings import Finding, Report
+    from tf2_ros_tools.reading import Topic
+    from tf2_ros_tools.streams import Stream
+
+__all__ = ["main"]
+
+DESCRIPTION = """\
+Answer questions about recorded transforms, without ROS: what a recording contains, what is wrong with it, \
+and where a frame was at a given time.
+
+A recording is a rosbag2 folder, or a file that ends in .mcap, .db3 or .bag (ROS 1). Each command has its \
+own help, for example tf2_bag lookup --help."""
+
+EXAMPLE = """\
+  tf2_bag info drive.mcap
+  tf2_bag lookup drive.mcap map base_link -o path.tum
+  tf2_bag check drive.mcap --expect robot.yaml --junit transforms.xml
+  tf2_bag batch recordings/ --lookup map base_link --rate 10 --out tables"""
+
+
+# List the contents and the problems of a recording.
+
+
+S = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What the recording states about itself; times in seconds, None if it is empty."""
+
+    file: str
+    bytes: int
+    begin: float | None
+    end: float | None
+    topics: list[Topic]
+
+
+def info(options: Namespace) -> int:
+    """Print the contents of a recording; return the exit status."""
+    from tf2_ros_tools.findings import report, stream_line
+
+    with recorded_of(options) as recorded:
+        contents = Contents(
+            options.file,
+            _size_of(options.file),
+            None if recorded.start_ns is None else recorded.start_ns / S,
+            None if recorded.end_ns is None else recorded.end_ns / S,
+            sorted(recorded.topics.values(), key=lambda topic: topic.name),
+        )
+    if not options.json:
+        # First, because transforms that cannot be read end the command.
+        for line in _as_text(contents):
+            print(line)
+    heard = heard_of(options)
+    said = report(heard)
+    if options.json:
+        print(json.dumps({**asdict(contents), **asdict(said)}))
+        return SUCCESS
+    print("tree:")
+    for line in heard.buffer.tree().splitlines():
+        print(f"  {line}")
+    print("frames:")
+    for stream in said.streams:
+        print(f"  {stream_line(stream)}{_gap(stream)}")
+    if said.clocks_differ:
+        print("stamps and log times are of different clocks: no delays")
+    _print_findings(said, said.findings)
+    return SUCCESS
+
+
+def check(options: Namespace) -> int:
+    """Print the problems of a recording; return the exit status."""
+    from tf2_ros_tools.findings import (
+        LIMITS,
+        expected_by,
+        not_ignored,
+        refuse_unknown_kinds,
+        report,
+        write_junit,
+    )
+
+    expected = expected_by(options)
+    refuse_unknown_kinds(options)
+    said = report(heard_of(options), replace(LIMITS, min_rate=options.min_rate), expected)
+    wrong = not_ignored(said.findings, options)
+    if options.json:
+        print(json.dumps({"file": options.file, **asdict(replace(said, findings=wrong))}))
+    else:
+        _print_findings(said, wrong)
+    if options.junit is not None:
+        write_junit(options.junit, "tf2_bag", wrong, options.ignore, _seconds(said))
+    return FAILURE if wrong else SUCCESS
+
+
+def _print_findings(said: Report, wrong: Sequence[Finding]) -> None:
+    from tf2_ros_tools.findings import line_of, verdict_of
+
+    for finding in wrong:
+        print(line_of(finding))
+    what = f"{counted(said.transforms, 'transform')} and {three_digits(_seconds(said))} s"
+    print(verdict_of(wrong, said.streams, what))
+
+
+def _as_text(contents: Contents) -> Iterator[str]:
+    yield f"{printable(contents.file)}: {readable_size(contents.bytes)}"
+    if contents.begin is not None and contents.end is not None:
+        date = datetime.fromtimestamp(contents.begin, timezone.utc)
+        span = f"{contents.begin:.3f} to {contents.end:.3f} s"
+        yield f"{span} ({three_digits(contents.end - contents.begin)} s from {date:%Y-%m-%d %H:%M:%S} UTC)"
+    yield "topics:"
+    for topic in contents.topics:
+        yield f"  {printable(topic.name)}: {printable(topic.msgtype)}, {counted(topic.count, 'message')}"
+
+
+def _seconds(said: Report) -> float:
+    return 0.0 if said.begin is None or said.end is None else said.end - said.begin
+
+
+def _gap(stream: Stream) -> str:
+    return "" if stream.static or stream.count < 2 else f", longest gap {three_digits(stream.gap)} s"
+
+
+def _size_of(path: str) -> int:
+    names = os.scandir(path) if os.path.isdir(path) else [path]
+    return sum(os.path.getsize(name) for name in names if os.path.isfile(name))
+
+
+# Pictures.
+
+
+SHORTEST_S = 1.0  # of a picture; one message has no length
+
+
+def tree(options: Namespace) -> int:
+    """Print the tree of frames, or draw it; return the exit status."""
+    from tf2_ros_tools.findings import report
+    from tf2_ros_tools.pictures import NO_DOT, dot_of, drawn, needs_graphviz
+
+    if options.output is not None:
+        needs_graphviz("the tree as text")
+    heard = heard_of(options)
+    if options.output is None:
+        print(heard.buffer.tree())
+        return SUCCESS
+    said = report(heard)
+    dot, kind = dot_of(heard.buffer, said.streams, said.findings, said.end), format_of(options.output)
+    try:
+        write_output(options.output, dot.encode() if kind == "gv" else drawn(dot, kind))
+    except FileNotFoundError:
+        raise RunError(f"no picture: {NO_DOT}; a file that ends in .gv does not need it") from None
+    print(options.output)
+    return SUCCESS
+
+
+def plot(options: Namespace) -> int:
+    """Plot receptions or a path; return the exit status."""
+    from tf2_ros_tools.findings import report
+    from tf2_ros_tools.pictures import heard_picture, refuse_plot, write_plot
+    from tf2_ros_tools.trajectory import path_picture
+
+    refuse_plot(options)
+    heard = heard_of(options)
+    said = report(heard)
+    if said.begin is None or said.end is None:
+        raise RunError(f"{options.file} has no transforms")
+    if options.path is None:
+        # All static transforms are read, regardless of --start and --end.
+        begin = said.begin if options.start is None else max(said.begin, options.start / S)
+        end = said.end if options.end is None else min(said.end, options.end / S)
+        span = (min(begin, end - SHORTEST_S), end)
+        figure = heard_picture(heard.records, said.streams, heard.frames, options.frames, span)
+    else:
+        figure = path_picture(heard.buffer, heard.records, said.streams, heard.frames, options.path)
+    name = options.output or f"{_stem(options.file)}.png"
+    write_plot(name, figure)
+    print(name)
+    return SUCCESS
+
+
+def view(options: Namespace) -> int:
+    """Open the recording in rerun, or write a recording of rerun; return the exit status."""
+    from tf2_ros_tools import rerun
+
+    heard = heard_of(options)
+    if options.output is not None:
+        try:
+            rerun.save(heard.buffer, options.output)
+        except OSError as failure:
+            raise RunError(f"cannot write {options.output}: {failure.strerror}") from None
+        print(options.output)
+        return SUCCESS
+    try:
+        rerun.view(heard.buffer)
+    except rerun.ViewerError as failure:
+        raise RunError(str(failure)) from None
+    return SUCCESS
+
+
+def _stem(path: str) -> str:
+    return os.path.splitext(os.path.basename(os.path.abspath(path)))[0]
+
+
+# The commands.
+
+
+class Command(NamedTuple):
+    """A command: what it does, what adds its arguments, and its help."""
+
+    work: Callable[[Namespace], int]
+    add_arguments: Sequence[Callable[[Parser], object]]
+    summary: str
+    description: str
+    examples: str
+
+
+def _add_json(made: Parser) -> None:
+    made.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+COMMANDS: Mapping[str, Command] = {
+    "info": Command(
+        info,
+        [add_recording, _add_json],
+        "list the contents of a recording",
+        """\
+Print what a recording contains: its topics, the tree of frames, how often and how late each frame was \
+received, and the problems that tf2_bag check reports.
+
+Exit status: 0 if it can be read, otherwise 1.""",
+        "  tf2_bag info drive.mcap\n  tf2_bag info drive.mcap --json",
+    ),
+    "check": Command(
+        check,
+        [add_recording, _add_json, add_check_options],
+        "report problems",
+        """\
+Print one line for each problem with the transforms of a recording: unconnected trees, loops, frames with \
+two parents or on two topics, frames that end early, gaps, stamps in the future, and differences from a file \
+of expectations.
+
+Exit status: 0 if there is no problem, otherwise 1.""",
+        "  tf2_bag check drive.mcap --expect robot.yaml --junit transforms.xml\n"
+        "  tf2_bag check drive.mcap --min-rate 10 --ignore stale",
+    ),
+    "lookup": Command(
+        lookup,
+        [add_recording, add_lookup],
+        "write the poses of a frame as a table",
+        """\
+Look up the pose of the frame SOURCE in the frame TARGET at many times, and write one line for each. By \
+default, the times are the stamps of all dynamic transforms between the two.
+
+Exit status: 0 if there was an answer at any time, otherwise 1.""",
+        "  tf2_bag lookup drive.mcap map base_link > path.csv\n"
+        "  tf2_bag lookup drive.mcap map lidar --at /points -o lidar.tum\n"
+        "  tf2_bag lookup drive.mcap map base_link --rate 10 -o path.parquet\n"
+        "  tf2_bag lookup drive.mcap map base_link --times 1795210034.5 1795210035",
+    ),
+    "tree": Command(
+        tree,
+        [add_recording, lambda made: add_output(made, "pdf", "svg", "png", "gv")],
+        "print or draw the tree of frames",
+        """\
+Print the tree of frames, or draw it with topics, rates, delays and problems, like view_frames.
+
+Exit status: 0 if that was possible, otherwise 1.""",
+        "  tf2_bag tree drive.mcap\n  tf2_bag tree drive.mcap -o tree.svg",
+    ),
+    "plot": Command(
+        plot,
+        [
+            add_recording,
+            lambda made: add_plot_options(made, "the recording's name with .png, in this folder"),
+        ],
+        "plot when frames were received, or the path of a frame",
+        """\
+Plot when each frame was received, with gaps, rates and delays, like tf2_plot, and print the name of the \
+file. With --path, plot the path of a frame in another frame, from above and as components over time.
+
+Exit status: 0 if the picture was written, otherwise 1.""",
+        "  tf2_bag plot drive.mcap\n  tf2_bag plot drive.mcap odom base_link -o odometry.svg\n"
+        "  tf2_bag plot drive.mcap --path map base_link -o path.svg",
+    ),
+    "batch": Command(
+        batch,
+        [add_batch],
+        "look up and check in many recordings",
+        """\
+Look up the pose of one frame in another frame in many recordings. The results are a Parquet table for each \
+recording, and one table of the problems in all of them. A run skips what an earlier one has finished.
+
+Exit status: 0 if all recordings could be read, and each had an answer, otherwise 1.""",
+        "  tf2_bag batch recordings/ --lookup map base_link --rate 10 --out tables\n"
+        "  tf2_bag batch day1/*.mcap --lookup map lidar --at /points --out tables --workers 4",
+    ),
+    "view": Command(
+        view,
+        [add_recording, lambda made: add_output(made, "rrd", more=", instead of opening the viewer")],
+        "open a recording in rerun",
+        """\
+Show the frames of a recording and their motion in the viewer rerun.
+
+Exit status: 0 if the viewer was opened or the file was written, otherwise 1.""",
+        "  tf2_bag view drive.mcap\n  tf2_bag view drive.mcap -o drive.rrd",
+    ),
+}
+
+
+def parser() -> Parser:
+    """Its command line."""
+    made = Parser("tf2_bag", DESCRIPTION, EXAMPLE, node=False)
+    for name, one in COMMANDS.items():
+        command = made.add_command(name, one.summary, one.description, one.examples)
+        for add in one.add_arguments:
+            add(command)
+    return made
+
+
+def bag(options: Namespace) -> int:
+    """Do what the command says; return the exit status."""
+    import tf2_ros_tools.loading  # noqa: F401  # where tf2_ros is another one's, `run` says so
+    from tf2_py import TransformException
+    from tf2_ros_tools.reading import BagError
+
+    try:
+        return COMMANDS[options.command].work(options)
+    except ModuleNotFoundError as lack:
+        # A library of an extra; the text names the extra.
+        raise RunError(str(lack)) from None
+    except (BagError, TransformException) as failure:
+        raise RunError(str(failure)) from None
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the program; see :func:`tf2_ros_tools.program.run`."""
+    return run(parser(), bag, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,71 @@
+# PYTHON_ARGCOMPLETE_OK
+"""Receive transforms, and answer lookups of other processes."""
+
+from __future__ import annotations
+
+import sys
+from argparse import Namespace
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from tf2_ros_tools.program import SUCCESS, Parser, UsageError, deferred_signals, run, wait_for_signal
+
+if TYPE_CHECKING:
+    from rclpy.duration import Duration
+    from rclpy.node import Node
+
+__all__ = ["main"]
+
+DEFAULT_BUFFER_SIZE_S = 120.0
+
+
+def parser() -> Parser:
+    """Its command line."""
+    return Parser(
+        "tf2_buffer_server",
+        "Receive transforms, and answer the lookups of other processes through the action tf2_buffer_server, "
+        "until interrupted. The parameter buffer_size sets how far each frame's history reaches back, in "
+        "seconds; 120 by default.",
+        "  tf2_buffer_server --ros-args -p buffer_size:=30.0",
+    )
+
+
+def serve(options: Namespace) -> int:
+    """Serve until interrupted; return the exit status."""
+    from tf2_ros_tools.listening import spun_node
+
+    # isort: split
+    from tf2_ros import Buffer, BufferServer, TransformListener
+
+    with suppress(KeyboardInterrupt), spun_node("tf_buffer", options) as node, deferred_signals():
+        buffer = Buffer(_buffer_size(node), node)
+        with TransformListener(buffer, node):
+            server = BufferServer(buffer, node, "tf2_buffer_server")
+            wait_for_signal()
+            server.destroy()
+    return SUCCESS
+
+
+def _buffer_size(node: Node) -> Duration:
+    from rcl_interfaces.msg import ParameterDescriptor
+    from rclpy.duration import Duration
+
+    from tf2_ros_tools.listening import FOR_EVER
+
+    description = ParameterDescriptor(
+        description="how far each frame's history reaches back, in seconds", read_only=True
+    )
+    parameter: Any = node.declare_parameter("buffer_size", DEFAULT_BUFFER_SIZE_S, description)
+    size: float = parameter.value
+    if not size >= 0.0:
+        raise UsageError(f"buffer_size must not be negative, it is {size} s")
+    return FOR_EVER if size >= FOR_EVER.nanoseconds * 1e-9 else Duration(seconds=size)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the program; see :func:`tf2_ros_tools.program.run`."""
+    return run(parser(), serve, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

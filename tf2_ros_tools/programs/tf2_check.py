@@ -1,0 +1,73 @@
+# PYTHON_ARGCOMPLETE_OK
+"""Report problems with the transforms of a robot."""
+
+import json
+import sys
+from argparse import Namespace
+from dataclasses import asdict, replace
+
+from tf2_ros_tools.output import counted
+from tf2_ros_tools.program import FAILURE, SUCCESS, Parser, add_check_options, positive_number, run
+
+__all__ = ["main"]
+
+
+def parser() -> Parser:
+    """Its command line."""
+    made = Parser(
+        "tf2_check",
+        "Listen to transforms for a while, and print a line for each problem: no transform at all, "
+        "unconnected trees, loops, frames with two parents or two publishers, frames that are no longer "
+        "published, gaps, stamps in the future, and differences from a file of expectations. The exit status "
+        "is 0 if there are no problems, otherwise 1.",
+        "  tf2_check -t 10 --expect robot.yaml --junit transforms.xml",
+    )
+    made.add_argument(
+        "-t", type=positive_number, metavar="S", default=5.0, help="listen for S seconds; 5 by default"
+    )
+    add_check_options(made)
+    made.add_argument("--json", action="store_true", help="print the result as one line of JSON")
+    return made
+
+
+def check(options: Namespace) -> int:
+    """Listen, print the problems, and return the exit status."""
+    from tf2_ros_tools.listening import listening, problems, spun_node
+
+    # isort: split
+    from tf2_ros_tools.findings import (
+        Limits,
+        expected_by,
+        line_of,
+        not_ignored,
+        refuse_unknown_kinds,
+        verdict_of,
+        write_junit,
+    )
+
+    expected = expected_by(options)
+    refuse_unknown_kinds(options)
+    with spun_node("tf2_check", options) as node, listening(node) as heard:
+        heard.listen(options.t)
+        report = heard.report(Limits(min_rate=options.min_rate), expected)
+    wrong = not_ignored(report.findings, options)
+    if options.json:
+        print(json.dumps({"ok": not wrong, "seconds": options.t, **asdict(replace(report, findings=wrong))}))
+    else:
+        for finding in wrong:
+            print(line_of(finding))
+        print(verdict_of(wrong, report.streams, f"{counted(report.messages, 'message')} and {options.t:g} s"))
+        for problem in problems(replace(report, findings=[])):
+            print(problem.text, file=sys.stderr)
+    if options.junit is not None:
+        write_junit(options.junit, "tf2_check", wrong, options.ignore, options.t)
+    return FAILURE if wrong else SUCCESS
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the program; see :func:`tf2_ros_tools.program.run`."""
+    return run(parser(), check, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

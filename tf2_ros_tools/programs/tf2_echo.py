@@ -1,0 +1,329 @@
+# PYTHON_ARGCOMPLETE_OK
+"""Print the transform between two frames, repeatedly."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from argparse import ArgumentTypeError, Namespace
+from math import degrees, isfinite
+from typing import TYPE_CHECKING, Any
+
+from tf2_ros_tools.completion import add_frames
+from tf2_ros_tools.output import printable, rpy_from_matrices
+from tf2_ros_tools.program import (
+    ENDINGS,
+    FAILURE,
+    SUCCESS,
+    Parser,
+    UsageError,
+    nanoseconds,
+    non_negative_number,
+    positive_number,
+    run,
+    sleep,
+)
+
+if TYPE_CHECKING:
+    from geometry_msgs.msg import TransformStamped
+    from rclpy.node import Node
+    from rclpy.time import Time
+
+    from tf2_py import TransformException
+    from tf2_ros import Buffer
+
+__all__ = ["main"]
+
+S = 1_000_000_000  # ns
+
+DIGITS = 3  # after the point
+REPORT_NS = 1 * S  # between two log lines about a transform that is not available yet
+MOST_NAMES = 20  # in such a log line
+LONGEST_NS = 365 * 86400 * S  # of a wait
+
+
+STAMPS_END_NS = 2**31 * 10**9  # a stamp has 31 bits for its seconds
+
+MOST_DIGITS = 17  # more than a double has
+
+DESCRIPTION = """\
+Print the transform that maps data from the frame SOURCE to the frame TARGET, RATE times a second. \
+Until it is available, log the reason and the known frames each second.
+
+With --json, each line is {"header": {"stamp": {"sec", "nanosec"}, "frame_id"}, "child_frame_id", \
+"transform": {"translation": {"x", "y", "z"}, "rotation": {"x", "y", "z", "w"}}, "rpy": {"roll", "pitch", \
+"yaw"}}, the last in radians; for a failed lookup, "error": {"type", "text"} instead of transform and rpy.
+
+Exit status: 0 if a transform was printed, 1 if none was available within --wait, 2 for wrong usage, \
+130 if Ctrl-C came before the first transform."""
+
+EXAMPLE = """\
+  tf2_echo map base_link 10                  ten times a second
+  tf2_echo map base_link --once --wait 5     for scripts: the exit status shows success
+  tf2_echo map base_link --offset -0.5       half a second ago
+  tf2_echo map base_link --json --once       one line, for programs to read"""
+
+
+def parser() -> Parser:
+    """Its command line."""
+    made = Parser("tf2_echo", DESCRIPTION, EXAMPLE)
+    add_frames(made, "target", metavar="TARGET", help="the frame to which data is transformed")
+    add_frames(made, "source", metavar="SOURCE", help="the frame of the data")
+    made.add_argument(
+        "rate",
+        metavar="RATE",
+        nargs="?",
+        type=positive_number,
+        default=1.0,
+        help="prints per second; 1 by default",
+    )
+    made.add_argument("--once", action="store_true", help="exit after the first transform")
+    made.add_argument(
+        "--wait",
+        metavar="SECONDS",
+        type=non_negative_number,
+        help="exit with status 1 if there is no transform after this time; by default, wait forever",
+    )
+    when = made.add_mutually_exclusive_group()
+    when.add_argument(
+        "--time",
+        dest="time_ns",
+        metavar="SECONDS",
+        type=_stamp,
+        default=0,
+        help="look up at this time since the epoch; default: the latest",
+    )
+    when.add_argument(
+        "--offset",
+        dest="offset_ns",
+        metavar="SECONDS",
+        type=_offset,
+        help="look up at the current time plus this offset; a negative offset is in the past",
+    )
+    made.add_argument(
+        "--json", action="store_true", help='print one JSON object per line; a failed lookup has an "error"'
+    )
+    made.add_argument(
+        "--precision",
+        metavar="DIGITS",
+        type=_digits,
+        help="number of decimals; 3 by default, with --json all",
+    )
+    return made
+
+
+def _stamp(text: str) -> int:
+    stamp_ns = nanoseconds(text)
+    if not 0 <= stamp_ns < STAMPS_END_NS:
+        raise ArgumentTypeError(f"must be from 0 to 2**31 - 1, as the seconds of a stamp, not {text}")
+    return stamp_ns
+
+
+def _offset(text: str) -> int:
+    offset_ns = nanoseconds(text)
+    if abs(offset_ns) >= STAMPS_END_NS:
+        raise ArgumentTypeError(f"must be between -2**31 and 2**31, not {text}")
+    return offset_ns
+
+
+def _digits(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and int(text) <= MOST_DIGITS):
+        raise ArgumentTypeError(f"must be a whole number from 0 to {MOST_DIGITS}, not {text}")
+    return int(text)
+
+
+def echo(options: Namespace) -> int:
+    """Print until interrupted, or as the options say; return the exit status."""
+    from tf2_ros_tools.listening import filled_buffer, spun_node
+
+    with spun_node("tf2_echo", options) as node, filled_buffer(node) as buffer:
+        echoing = _Echo(node, buffer, options)
+        try:
+            echoing.run()
+        except ENDINGS:
+            if not echoing.found:
+                raise
+        return SUCCESS if echoing.found else FAILURE
+
+
+class _Echo:
+    """All lookups of one run."""
+
+    def __init__(self, node: Node, buffer: Buffer, options: Namespace) -> None:
+        self.found = False  # a transform, at least once
+        self._node = node
+        self._buffer = buffer
+        self._options = options
+        self._format = _Json(options) if options.json else _Text(options)
+        self._begin_ns = time.monotonic_ns()
+        wait_ns = None if options.wait is None else round(min(options.wait * S, LONGEST_NS))
+        self._give_up_ns = None if wait_ns is None else self._begin_ns + wait_ns
+
+    def run(self) -> None:
+        """Look up and print forever, or until the first transform, or until the wait is over."""
+        from tf2_py import InvalidArgumentException, TransformException
+
+        period_ns = max(1, round(min(S / self._options.rate, LONGEST_NS)))
+        next_ns = time.monotonic_ns()
+        while True:
+            next_ns = max(next_ns + (period_ns if self.found else REPORT_NS), time.monotonic_ns())
+            if not self.found and self._give_up_ns is not None:
+                next_ns = min(next_ns, self._give_up_ns)
+            try:
+                transform = self._look_up(next_ns)
+            except InvalidArgumentException as refusal:
+                raise UsageError(str(refusal)) from None
+            except TransformException as reason:
+                if self.found:
+                    print(self._format.failure(self._now(), reason, self._buffer))
+                else:
+                    self._log_waiting()
+                    if self._give_up_ns is not None and time.monotonic_ns() >= self._give_up_ns:
+                        return
+            else:
+                if not self.found:
+                    next_ns = time.monotonic_ns() + period_ns
+                self.found = True
+                print(self._format.success(transform))
+                if self._options.once:
+                    return
+            sleep(max(0, next_ns - time.monotonic_ns()) / S)
+
+    def _look_up(self, until_ns: int) -> TransformStamped:
+        from rclpy.duration import Duration
+
+        # With a timeout, so that a transform is printed when it arrives, and not at the next round.
+        timeout = Duration(nanoseconds=max(0, until_ns - time.monotonic_ns()))
+        return self._buffer.lookup_transform(
+            self._options.target, self._options.source, self._when(), timeout
+        )
+
+    def _when(self) -> Time:
+        from rclpy.time import Time
+
+        if self._options.offset_ns is None:
+            return Time(nanoseconds=self._options.time_ns)
+        # Not 0, which means the latest time, and where simulated time begins.
+        time_ns = self._now().nanoseconds + self._options.offset_ns
+        return Time(nanoseconds=min(max(1, time_ns), STAMPS_END_NS - 1))
+
+    def _now(self) -> Time:
+        return self._node.get_clock().now()
+
+    def _log_waiting(self) -> None:
+        from tf2_py import TransformException
+
+        try:
+            self._buffer.lookup_transform(self._options.target, self._options.source, self._when())
+        except TransformException as reason:
+            # Unlike that of a lookup with a timeout, this text does not say how long that lookup has waited.
+            text = str(reason)
+        else:
+            return
+        waited_s = (time.monotonic_ns() - self._begin_ns) / S
+        names = sorted(self._buffer.frames())
+        known = printable(", ".join(names[:MOST_NAMES]))
+        if len(names) > MOST_NAMES:
+            known += f" and {len(names) - MOST_NAMES} more"
+        domain = self._node.context.get_domain_id()
+        self._node.get_logger().info(
+            f"Waiting for transform {self._options.target} ->  {self._options.source}: {text}\n"
+            f"Waited {waited_s:.1f} s in ROS domain {domain}\n"
+            f"Known frames: {known or 'none'}"
+        )
+
+
+class _Text:
+    """What tf2's own program prints, field by field."""
+
+    def __init__(self, options: Namespace) -> None:
+        self._digits = DIGITS if options.precision is None else options.precision
+
+    def success(self, transform: TransformStamped) -> str:
+        from tf2_ros.numpy import to_matrix
+
+        stamp = transform.header.stamp
+        v, q = transform.transform.translation, transform.transform.rotation
+        matrix = to_matrix(transform)
+        rpy = rpy_from_matrices(matrix).tolist()
+        lines = [
+            f"At time {stamp.sec}.{stamp.nanosec:09d}",
+            f"- Translation: {self._list(v.x, v.y, v.z)}",
+            f"- Rotation: in Quaternion {self._list(q.x, q.y, q.z, q.w)}",
+            f"- Rotation: in RPY (radian) {self._list(*rpy)}",
+            f"- Rotation: in RPY (degree) {self._list(*map(degrees, rpy))}",
+            "- Matrix:",
+        ]
+        width = self._digits + len("-0.")
+        for row in matrix.tolist():
+            lines.append("".join(f" {value:{width}.{self._digits}f}" for value in row))
+        return "\n".join(lines)
+
+    def failure(self, now: Time, reason: TransformException, buffer: Buffer) -> str:
+        return (
+            f"Failure at {now.nanoseconds / S:.3f}\n"
+            f"Exception thrown:{reason}\n"
+            f"The current list of frames is:\n{buffer.all_frames_as_string()}"
+        )
+
+    def _list(self, *values: float) -> str:
+        return "[" + ", ".join(f"{value:.{self._digits}f}" for value in values) + "]"
+
+
+class _Json:
+    """One object per line, with the fields of the message."""
+
+    def __init__(self, options: Namespace) -> None:
+        self._options = options
+
+    def success(self, transform: TransformStamped) -> str:
+        from tf2_ros.numpy import to_matrix
+
+        stamp = transform.header.stamp
+        v, q = transform.transform.translation, transform.transform.rotation
+        return self._line(
+            header={
+                "stamp": {"sec": stamp.sec, "nanosec": stamp.nanosec},
+                "frame_id": transform.header.frame_id,
+            },
+            child_frame_id=transform.child_frame_id,
+            transform={
+                "translation": self._numbers(x=v.x, y=v.y, z=v.z),
+                "rotation": self._numbers(x=q.x, y=q.y, z=q.z, w=q.w),
+            },
+            rpy=self._numbers(
+                **dict(zip(("roll", "pitch", "yaw"), rpy_from_matrices(to_matrix(transform)), strict=True))
+            ),
+        )
+
+    def failure(self, now: Time, reason: TransformException, buffer: Buffer) -> str:
+        sec, nanosec = divmod(now.nanoseconds, S)
+        return self._line(
+            header={"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": self._options.target},
+            child_frame_id=self._options.source,
+            error={"type": type(reason).__name__, "text": str(reason)},
+        )
+
+    def _numbers(self, **values: float) -> dict[str, float | None]:
+        digits = self._options.precision  # JSON has no infinity: a translation may overflow
+        return {
+            name: None
+            if not isfinite(value)
+            else float(value)
+            if digits is None
+            else round(float(value), digits)
+            for name, value in values.items()
+        }
+
+    def _line(self, **fields: Any) -> str:
+        return json.dumps(fields)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the program; see :func:`tf2_ros_tools.program.run`."""
+    return run(parser(), echo, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

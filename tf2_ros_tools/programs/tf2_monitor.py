@@ -1,0 +1,194 @@
+# PYTHON_ARGCOMPLETE_OK
+"""Show who publishes which frame, how often, how late, and what is wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from argparse import Namespace
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import asdict
+from importlib.util import find_spec
+from math import nan
+from typing import TYPE_CHECKING
+
+from tf2_ros_tools.completion import add_frames
+from tf2_ros_tools.output import printable, seconds
+from tf2_ros_tools.program import SUCCESS, Parser, UsageError, positive_number, run
+
+if TYPE_CHECKING:
+    from tf2_ros_tools.listening import Listening, Report
+    from tf2_ros_tools.streams import Stream
+
+__all__ = ["main"]
+
+INTERVAL_S = 10.0  # as in tf2's program
+FIRST_S = 1.0  # until the first report on a terminal
+
+
+def parser() -> Parser:
+    """Its command line."""
+    made = Parser(
+        "tf2_monitor",
+        "Show who publishes each frame, how often, how old its transforms are when they are received, and "
+        "what is wrong, until interrupted. On a terminal, if the Python package textual is installed, this "
+        "is a table, updated every second, which keys sort and filter. Otherwise, a report is "
+        "printed every ten seconds; into a pipe or a file, in the format of tf2's own program.\n\n"
+        "With two frames: show the chain that connects them, and the age of the newest transform between "
+        "them.",
+        "  tf2_monitor map base_link --interval 5",
+    )
+    add_frames(made, "frames", nargs="*", metavar="FRAME", help="two frames, to show the chain between them")
+    made.add_argument(
+        "--interval",
+        type=positive_number,
+        metavar="S",
+        help="print a report every S seconds instead of the table",
+    )
+    made.add_argument(
+        "--window",
+        type=positive_number,
+        metavar="S",
+        default=10.0,
+        help="compute the figures over the last S seconds; 10 by default",
+    )
+    made.add_argument(
+        "--min-rate",
+        type=positive_number,
+        metavar="HZ",
+        help="warn about dynamic frames that are published less often",
+    )
+    made.add_argument("--json", action="store_true", help="print each report as one line of JSON")
+    return made
+
+
+def monitor(options: Namespace) -> int:
+    """Report until interrupted; return the exit status."""
+    from tf2_ros_tools.listening import listening, spun_node
+
+    # isort: split
+    from tf2_ros_tools.findings import Limits
+
+    ends = _ends(options.frames)
+    limits = Limits(min_rate=options.min_rate)
+    with (
+        suppress(KeyboardInterrupt),
+        spun_node("tf2_monitor", options) as node,
+        listening(node, options.window) as heard,
+    ):
+
+        def look() -> Report:
+            return heard.report(limits, ends=ends)
+
+        if not options.json and options.interval is None and _has_screen():
+            from tf2_ros_tools.screen import show_screen
+
+            return show_screen(look, heard.where)
+        _print_reports(heard, look, options)
+    return SUCCESS
+
+
+def _print_reports(heard: Listening, look: Callable[[], Report], options: Namespace) -> None:
+    interval_s = INTERVAL_S if options.interval is None else options.interval
+    lines_of = _as_json if options.json else _as_text if sys.stdout.isatty() else _as_of_tf2
+    due = time.monotonic() + interval_s
+    if lines_of is _as_text:
+        print(f"listening {heard.where}, with a report every {seconds(interval_s)}")
+        due = time.monotonic() + min(FIRST_S, interval_s)
+    elif lines_of is _as_of_tf2:
+        what = " -> ".join(options.frames) or "all frames"
+        print(f"Gathering data on {printable(what)} for {seconds(interval_s)}...")
+    while True:
+        heard.listen(due - time.monotonic())
+        for line in lines_of(look()):
+            print(printable(line))
+        due = max(due + interval_s, time.monotonic())
+
+
+def _ends(frames: list[str]) -> tuple[str, str] | None:
+    if not frames:
+        return None
+    if len(frames) != 2:
+        raise UsageError(f"two frames, or none, not {len(frames)}")
+    a, b = (name.removeprefix("/") for name in frames)
+    return a, b
+
+
+def _has_screen() -> bool:
+    """Whether there is a terminal that can be drawn on, and a library that does it."""
+    is_terminal = sys.stdin.isatty() and sys.stdout.isatty()
+    return is_terminal and os.environ.get("TERM", "dumb") != "dumb" and find_spec("textual") is not None
+
+
+# A report as lines.
+
+
+def _as_json(report: Report) -> Iterator[str]:
+    yield json.dumps(asdict(report))
+
+
+def _as_text(report: Report) -> Iterator[str]:
+    from tf2_ros_tools.findings import stream_line
+    from tf2_ros_tools.listening import chain_text, problems, shown_streams
+
+    yield f"at {report.time:.3f} s"
+    for stream in shown_streams(report):
+        yield f"  {stream_line(stream)}"
+    if report.chain is not None:
+        yield f"  {chain_text(report)}"
+    for problem in problems(report):
+        yield f"  warning: {problem.text}"
+
+
+def _as_of_tf2(report: Report) -> Iterator[str]:
+    """What tf2's program prints, for scripts that read it; after that, the problems."""
+    from tf2_ros_tools.listening import chain_text, problems, shown_streams
+
+    chain = report.chain
+    yield from ("", "", "")
+    if chain is None:
+        yield "RESULTS: for all Frames"
+    else:
+        yield f"RESULTS: for {chain.ends[0]} to {chain.ends[1]}"
+        if chain.frames is None:
+            yield chain_text(report)
+        else:
+            mean, most = chain.delay or (nan, nan)
+            yield f"Chain is: {' -> '.join(chain.frames)}"
+            yield f"Net delay     avg = {mean:g}: max = {most:g}"
+    yield from ("", "Frames:")
+    by_node: dict[str, list[Stream]] = {}
+    for one in shown_streams(report):
+        yield f"Frame: {one.frame}, published by {one.publisher}, {_delays([one], ', ')}"
+    for one in report.streams:
+        by_node.setdefault(one.publisher, []).append(one)
+    yield from ("", "All Broadcasters:")
+    for node, streams in sorted(by_node.items()):
+        rate = max((one.rate for one in streams if one.rate is not None and not one.static), default=nan)
+        yield f"Node: {node} {rate:g} Hz, {_delays(streams, ' ')}"
+    found = problems(report)
+    if found:
+        yield from ("", "Problems:")
+    for problem in found:
+        yield problem.text
+
+
+def _delays(streams: Sequence[Stream], separator: str) -> str:
+    timed = [(one.delay, one.delay_max, one.count) for one in streams if one.delay is not None]
+    mean = (
+        sum(delay * count for delay, _, count in timed) / sum(count for *_, count in timed) if timed else nan
+    )
+    most = max((most for _, most, _ in timed if most is not None), default=nan)
+    return f"Average Delay: {mean:g}{separator}Max Delay: {most:g}"
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the program; see :func:`tf2_ros_tools.program.run`."""
+    return run(parser(), monitor, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,101 @@
+# PYTHON_ARGCOMPLETE_OK
+"""Plot when transforms were received, or the path of a frame."""
+
+import sys
+import time
+from argparse import Namespace
+from typing import Any
+
+from tf2_ros_tools.completion import complete_frames
+from tf2_ros_tools.output import seconds
+from tf2_ros_tools.program import (
+    SUCCESS,
+    Parser,
+    RunError,
+    add_plot_options,
+    positive_number,
+    run,
+)
+
+__all__ = ["main"]
+
+S = 1_000_000_000
+
+LEAD_S = 1.5  # for the discovery of publishers; what they send during this time is not drawn
+SECONDS = 10.0
+
+DESCRIPTION = """\
+Listen to transforms for a while, plot when each frame was received, with gaps, rates and delays, and print \
+the name of the file. With --path, plot the path of a frame in another frame, from above and as components \
+over time.
+
+Exit status: 0 if the picture was written, otherwise 1."""
+
+EXAMPLE = """\
+  tf2_plot                                 all frames, as tf2_plot_DATE.png
+  tf2_plot odom base_link -t 30            two frames over 30 seconds
+  tf2_plot --path map base_link -o path.svg"""
+
+
+def parser() -> Parser:
+    """Its command line."""
+    made = Parser("tf2_plot", DESCRIPTION, EXAMPLE)
+    complete_frames(*add_plot_options(made, "tf2_plot_DATE.png"))
+    made.add_argument(
+        "-t",
+        type=positive_number,
+        metavar="S",
+        default=SECONDS,
+        help=f"plot S seconds; {SECONDS:g} by default",
+    )
+    return made
+
+
+def plot(options: Namespace) -> int:
+    """Listen and plot; return the exit status."""
+    from tf2_ros_tools.listening import FOR_EVER, listening, spun_node
+
+    # isort: split
+    import numpy as np
+    from rclpy.duration import Duration
+
+    from tf2_ros_tools.findings import Limits
+    from tf2_ros_tools.pictures import heard_picture, refuse_plot, write_plot
+    from tf2_ros_tools.streams import Settling, replaced
+    from tf2_ros_tools.trajectory import path_picture
+
+    refuse_plot(options)
+    kept: list[Any] = []
+    heard_s = options.t + LEAD_S
+    cache_time = Duration(nanoseconds=round(min(2 * heard_s * S, FOR_EVER.nanoseconds)))
+    with (
+        spun_node("tf2_plot", options) as node,
+        listening(node, options.t, cache_time=cache_time) as heard,
+    ):
+        node.get_logger().info(f"Listening to tf data for {seconds(heard_s)}...")
+        heard.listen(heard_s, kept)
+        records = np.concatenate(kept)
+        records = records[~replaced(records, Settling().early(records))]
+        if not len(records):
+            raise RunError(f"no transform was received {heard.where}")
+        report = heard.report(Limits())
+        begin = report.time - options.t
+        of_records = (records, report.streams, heard.frames())
+        if options.path is None:
+            figure = heard_picture(*of_records, options.frames, (begin, report.time))
+        else:
+            drawn = records[records["received_ns"] >= begin * S]
+            figure = path_picture(heard.buffer, drawn, *of_records[1:], options.path)
+    name = options.output or time.strftime("tf2_plot_%Y-%m-%d_%H.%M.%S.png")
+    write_plot(name, figure)
+    print(name)
+    return SUCCESS
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the program; see :func:`tf2_ros_tools.program.run`."""
+    return run(parser(), plot, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

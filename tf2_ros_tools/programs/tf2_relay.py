@@ -1,0 +1,75 @@
+# PYTHON_ARGCOMPLETE_OK
+"""Send chosen transforms on to other topics."""
+
+from __future__ import annotations
+
+import sys
+from argparse import Namespace
+from contextlib import suppress
+from math import inf
+from pathlib import Path
+
+from tf2_ros_tools.output import printable
+from tf2_ros_tools.program import SUCCESS, Parser, deferred_signals, positive_number, run
+
+__all__ = ["main"]
+
+DESCRIPTION = """\
+Send transforms on to other topics, until interrupted, by the rules in a YAML file: chosen frames, at a \
+lower rate, only what has moved, chains of frames as one transform, under other names, with shifted stamps, \
+or as poses. If the file changes, it is read again. In the end, print how much was received and sent.
+
+docs/programs.md explains the rules."""
+
+EXAMPLE = """\
+  tf2_relay relay.yaml
+  tf2_relay relay.yaml --dry-run
+
+where relay.yaml contains, for example:
+  - {to: [/remote/tf, /remote/tf_static], frames: [map, base_link], collapse: true, rate: 5}"""
+
+
+def parser() -> Parser:
+    """Its command line."""
+    made = Parser("tf2_relay", DESCRIPTION, EXAMPLE)
+    made.add_argument("rules", metavar="FILE", type=Path, help="the YAML file with the rules")
+    made.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="send nothing; listen for a while, and print the trees that would be sent",
+    )
+    made.add_argument(
+        "-t", type=positive_number, metavar="S", default=5.0, help="duration of --dry-run; 5 s by default"
+    )
+    return made
+
+
+def relay(options: Namespace) -> int:
+    """Relay until interrupted; return the exit status."""
+    from tf2_ros_tools.listening import spun_node
+
+    # isort: split
+    from tf2_ros_tools.relaying import Relaying
+
+    with spun_node("tf2_relay", options) as node, Relaying(node, options.rules, options.dry_run) as relaying:
+        if options.dry_run:
+            relaying.run(options.t)
+            for problem in relaying.problems():
+                print(printable(problem), file=sys.stderr)
+        else:
+            node.get_logger().info(f"Relaying by the rules of {options.rules}")
+            with suppress(KeyboardInterrupt):
+                relaying.run(inf)
+        with deferred_signals():
+            for line in relaying.report():
+                print(printable(line))
+    return SUCCESS
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the program; see :func:`tf2_ros_tools.program.run`."""
+    return run(parser(), relay, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

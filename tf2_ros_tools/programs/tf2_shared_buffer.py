@@ -1,0 +1,98 @@
+# PYTHON_ARGCOMPLETE_OK
+"""Share one buffer with all processes on a machine."""
+
+from __future__ import annotations
+
+import os
+import sys
+from argparse import Namespace
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from tf2_ros_tools.program import (
+    SUCCESS,
+    Parser,
+    RunError,
+    UsageError,
+    deferred_signals,
+    non_negative_number,
+    run,
+    wait_for_signal,
+)
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from tf2_ros import Buffer
+
+__all__ = ["main"]
+
+DESCRIPTION = """\
+Receive transforms, and share the buffer that holds them with all processes of this user on this machine, \
+until interrupted. Processes whose environment contains TF2_SHARED_BUFFER=auto, or =NAME, read this buffer \
+instead of subscribing on their own.
+
+The log says what is shared; tf2_which shows what a program would find."""
+
+EXAMPLE = """\
+  tf2_shared_buffer                                      under the name auto: one for each ROS domain
+  tf2_shared_buffer --name simulated --cache-time 30 --ros-args -p use_sim_time:=true"""
+
+
+def parser() -> Parser:
+    """Its command line."""
+    made = Parser("tf2_shared_buffer", DESCRIPTION, EXAMPLE)
+    made.add_argument(
+        "--name",
+        metavar="NAME",
+        default="auto",
+        help="name of the shared buffer; by default auto, which stands for the ROS domain",
+    )
+    made.add_argument(
+        "--cache-time",
+        type=non_negative_number,
+        metavar="S",
+        help="how far each frame's history reaches back, in seconds; 10 by default",
+    )
+    return made
+
+
+def share(options: Namespace) -> int:
+    """Share what is received until interrupted; return the exit status."""
+    from tf2_ros_tools.listening import spun_node
+
+    # isort: split
+    from tf2_ros import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, TransformListener
+
+    with suppress(KeyboardInterrupt), spun_node("tf2_shared_buffer", options) as node, deferred_signals():
+        domain = node.context.get_domain_id()
+        name = f"domain-{domain}" if options.name == "auto" else options.name
+        buffer = _shared_buffer(name, options.cache_time, node)
+        with TransformListener(buffer, node):
+            topics = " and ".join(map(node.resolve_topic_name, (DEFAULT_TF_TOPIC, DEFAULT_STATIC_TF_TOPIC)))
+            node.get_logger().info(
+                f"Sharing {topics} of ROS domain {domain} as {name!r}: process {os.getpid()}, "
+                f"keeps {buffer.cache_time_ns / 1e9:g} s"
+            )
+            wait_for_signal()
+    return SUCCESS
+
+
+def _shared_buffer(name: str, cache_time: float | None, node: Node) -> Buffer:
+    from tf2_ros import Buffer, SharedBufferError
+
+    try:
+        return Buffer(cache_time, node, share=name)
+    except ValueError as refusal:
+        raise UsageError(str(refusal)) from None
+    except (SharedBufferError, NotImplementedError) as failure:  # the second is not on Linux
+        raise RunError(str(failure)) from None
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the program; see :func:`tf2_ros_tools.program.run`."""
+    return run(parser(), share, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

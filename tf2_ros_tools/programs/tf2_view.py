@@ -1,0 +1,141 @@
+# PYTHON_ARGCOMPLETE_OK
+"""Show the frames of a running robot in three dimensions."""
+
+import sys
+from argparse import Namespace
+from collections.abc import Callable
+from contextlib import suppress
+from itertools import count
+from typing import TYPE_CHECKING
+
+from tf2_ros_tools.completion import add_frames
+from tf2_ros_tools.output import not_known
+from tf2_ros_tools.program import (
+    SUCCESS,
+    Parser,
+    RunError,
+    ending_in,
+    positive_number,
+    run,
+    sleep,
+    write_output,
+)
+
+if TYPE_CHECKING:
+    from tf2_ros_tools.rerun import Live, Viewer
+
+__all__ = ["main"]
+
+PERIOD_S = 0.1  # from one batch to the next
+CHECK_AFTER = 50  # batches, by which publishers are found
+AXES_M = 0.3
+
+DESCRIPTION = """\
+Show the frames of a running robot in three dimensions, with their axes and names, in the viewer rerun, \
+whose timeline leads back to earlier times. The program runs until the viewer is closed, or until it is \
+interrupted.
+
+Exit status: 0, or 1 if the viewer did not open."""
+
+EXAMPLE = """\
+  tf2_view                            all frames, in a window
+  tf2_view --web                      in a browser; the address is printed
+  tf2_view --trail base_link camera   with the paths of two frames
+  tf2_view -o live.rrd                into a file, which rerun live.rrd opens"""
+
+
+def parser() -> Parser:
+    """Its command line."""
+    made = Parser("tf2_view", DESCRIPTION, EXAMPLE)
+    where = made.add_mutually_exclusive_group()
+    where.add_argument("--web", action="store_true", help="serve the viewer to browsers on this machine")
+    where.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        type=ending_in("rrd"),
+        help="write this .rrd file instead of opening the viewer",
+    )
+    add_frames(
+        made,
+        "--trail",
+        nargs="+",
+        metavar="FRAME",
+        default=[],
+        help="draw the paths of these frames over the last 10 seconds",
+    )
+    add_frames(
+        made,
+        "--origin",
+        metavar="FRAME",
+        help="the frame that does not move; by default the root of the largest tree",
+    )
+    made.add_argument(
+        "--axes",
+        type=positive_number,
+        metavar="M",
+        default=AXES_M,
+        help=f"the length of the axes in metres; {AXES_M:g} by default",
+    )
+    return made
+
+
+def view(options: Namespace) -> int:
+    """Listen, and send what arrives; return the exit status."""
+    from tf2_ros_tools.listening import TOPICS, filled_buffer, spun_node
+
+    # isort: split
+    from tf2_ros_tools.rerun import Live, ViewerError, new_recording, open_viewer
+
+    trails = [name.removeprefix("/") for name in options.trail]
+    origin = None if options.origin is None else options.origin.removeprefix("/")
+    try:
+        with (
+            suppress(KeyboardInterrupt),
+            spun_node("tf2_view", options) as node,
+            filled_buffer(node) as buffer,
+        ):
+            recording = new_recording()
+
+            def check_names() -> None:
+                known = buffer.frames()
+                for name in {*trails, *([] if origin is None else [origin])} - known.keys():
+                    node.get_logger().warning(not_known(name, known))
+                if not known:
+                    topics = " and ".join(map(node.resolve_topic_name, TOPICS))
+                    where = f"on {topics} in ROS domain {node.context.get_domain_id()}"
+                    node.get_logger().warning(f"no transform was received {where}")
+
+            live = Live(buffer, recording, origin=origin, trails=trails, axes=options.axes)
+            if options.output is not None:
+                write_output(options.output, b"")  # rerun would raise its own error
+                recording.save(options.output)
+                node.get_logger().info(f"Writing {options.output} until interrupted")
+                _send(live, check_names)
+            with open_viewer(recording, web=options.web) as viewer:
+                if viewer.page is not None:
+                    node.get_logger().info(f"The viewer is at {viewer.page}")
+                _send(live, check_names, viewer)
+    except (ModuleNotFoundError, ViewerError) as failure:
+        raise RunError(str(failure)) from None
+    return SUCCESS
+
+
+def _send(live: "Live", check_names: Callable[[], None], viewer: "Viewer | None" = None) -> None:
+    """Send batches until interrupted, or until the viewer is closed; check the names once."""
+    for number in count():
+        if viewer is not None and viewer.is_closed():
+            return
+        live.send()
+        if number == CHECK_AFTER:
+            check_names()
+        sleep(PERIOD_S)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the program; see :func:`tf2_ros_tools.program.run`."""
+    return run(parser(), view, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

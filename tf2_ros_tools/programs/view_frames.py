@@ -1,0 +1,201 @@
+# PYTHON_ARGCOMPLETE_OK
+"""Draw the tree of frames."""
+
+from __future__ import annotations
+
+import sys
+import time
+from argparse import Namespace
+from contextlib import suppress
+from os.path import splitext
+from typing import TYPE_CHECKING
+
+from tf2_ros_tools.output import seconds
+from tf2_ros_tools.program import (
+    FAILURE,
+    SUCCESS,
+    Parser,
+    format_of,
+    non_negative_number,
+    run,
+    write_output,
+)
+
+if TYPE_CHECKING:
+    from tf2_ros_tools.listening import Listening
+
+__all__ = ["main", "output_files"]
+
+WATCH_WINDOW_S = 10.0  # which the figures cover
+IDLE_SHARE = 4.0  # with --watch, the time between two pictures, in times that drawing one takes
+
+FORMATS = ("pdf", "svg", "png")
+WAIT_S = 5.0
+WATCH_S = 1.0
+
+DESCRIPTION = """\
+Listen to transforms for a while, draw the tree of frames with publishers, rates, delays and problems as \
+NAME.gv, for Graphviz, and as NAME.pdf, and print the names of both files.
+
+Exit status: 0 if the files were written, otherwise 1."""
+
+EXAMPLE = """\
+  view_frames                     frames_DATE.gv and frames_DATE.pdf
+  view_frames -t 10 -o robot.svg  robot.gv and robot.svg, after ten seconds
+  view_frames --watch             frames.svg, updated every second
+  view_frames --text              the tree in the terminal"""
+
+
+def parser() -> Parser:
+    """Its command line."""
+    made = Parser("view_frames", DESCRIPTION, EXAMPLE)
+    made.add_argument(
+        "-t",
+        "--wait-time",
+        type=non_negative_number,
+        metavar="S",
+        help=f"listen for S seconds, {WAIT_S:g} by default; with --watch, {WATCH_S:g} before each picture",
+    )
+    made.add_argument(
+        "-o",
+        "--output",
+        metavar="NAME",
+        help="write NAME.gv and NAME.pdf; if NAME ends in .pdf, .svg or .png, write that picture",
+    )
+    how = made.add_mutually_exclusive_group()
+    how.add_argument(
+        "--watch", action="store_true", help="update the picture, an .svg by default, until interrupted"
+    )
+    how.add_argument("--text", action="store_true", help="print the tree; write files only if -o names them")
+    made.add_argument("--tf_topic", metavar="TOPIC", default="/tf", help="the topic of dynamic transforms")
+    made.add_argument(
+        "--tf_static_topic", metavar="TOPIC", default="/tf_static", help="the topic of static transforms"
+    )
+    return made
+
+
+def output_files(options: Namespace, date: str) -> tuple[str, str, str]:
+    """
+    Return the file for Graphviz, the picture, and the picture's format.
+
+    :param date: for the default name.
+    """
+    name = options.output
+    if name is None:
+        name = "frames" if options.watch else f"frames_{date}"
+    if format_of(name) in FORMATS:
+        return f"{splitext(name)[0]}.gv", name, format_of(name)
+    kind = "svg" if options.watch else "pdf"
+    return f"{name}.gv", f"{name}.{kind}", kind
+
+
+def view(options: Namespace) -> int:
+    """Listen and draw, as the options say; return the exit status."""
+    import tf2_ros_tools.listening  # noqa: F401  # first: if a package is missing, one line says so
+    from tf2_ros_tools.pictures import needs_graphviz
+
+    draws = options.output is not None or not options.text
+    if draws:
+        needs_graphviz("--text")
+    return _watch(options) if options.watch else _view_once(options, draws)
+
+
+def _view_once(options: Namespace, draws: bool) -> int:
+    from tf2_ros_tools.listening import listening, spun_node
+
+    wait_s = WAIT_S if options.wait_time is None else options.wait_time
+    with (
+        spun_node("view_frames", options) as node,
+        listening(node, topics=(options.tf_topic, options.tf_static_topic)) as heard,
+    ):
+        node.get_logger().info(f"Listening to tf data for {seconds(wait_s)}...")
+        heard.listen(wait_s)
+        text = heard.buffer.tree()
+        dot = _dot(heard) if draws else ""
+        if not heard.frames():
+            _report_silence(heard.where, wait_s)
+    if options.text:
+        print(text)
+    if not draws:
+        return SUCCESS
+    files = output_files(options, time.strftime("%Y-%m-%d_%H.%M.%S"))
+    try:
+        _write(dot, *files)
+    except FileNotFoundError:
+        if not options.text:
+            print(text)
+        _report_lack(files[0])
+        return FAILURE
+    for name in files[:2]:
+        print(name)
+    return SUCCESS
+
+
+def _watch(options: Namespace) -> int:
+    from tf2_ros_tools.listening import listening, spun_node
+
+    wait_s = WATCH_S if options.wait_time is None else options.wait_time
+    files = output_files(options, "")
+    is_named = False
+    with (
+        suppress(KeyboardInterrupt),
+        spun_node("view_frames", options) as node,
+        listening(node, WATCH_WINDOW_S, topics=(options.tf_topic, options.tf_static_topic)) as heard,
+    ):
+        took = 0.0
+        while True:
+            heard.listen(max(wait_s, IDLE_SHARE * took))
+            begin = time.monotonic()
+            try:
+                _write(_dot(heard), *files)
+            except FileNotFoundError:
+                print(heard.buffer.tree())
+                _report_lack(files[0])
+                return FAILURE
+            took = time.monotonic() - begin
+            if not is_named:
+                is_named = True
+                for name in files[:2]:
+                    print(name)
+    return SUCCESS
+
+
+def _dot(heard: Listening) -> str:
+    from tf2_ros_tools.findings import Limits
+    from tf2_ros_tools.pictures import dot_of
+
+    report = heard.report(Limits())
+    return dot_of(heard.buffer, report.streams, report.findings, report.time)
+
+
+def _write(dot: str, description: str, picture: str, kind: str) -> None:
+    """
+    Write both files.
+
+    :raises FileNotFoundError: only the first was written, because Graphviz is not installed.
+    """
+    from tf2_ros_tools.pictures import drawn
+
+    write_output(description, dot.encode())
+    write_output(picture, drawn(dot, kind))
+
+
+def _report_silence(where: str, wait_s: float) -> None:
+    text = f"no transform was received {where}, in {wait_s:g} s"
+    advice = "publishers may take seconds to be found, so a longer -t may help"
+    print(f"view_frames: {text}; {advice}", file=sys.stderr)
+
+
+def _report_lack(description: str) -> None:
+    from tf2_ros_tools.pictures import NO_DOT
+
+    print(f"view_frames: no picture, only {description}: {NO_DOT}", file=sys.stderr)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the program; see :func:`tf2_ros_tools.program.run`."""
+    return run(parser(), view, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

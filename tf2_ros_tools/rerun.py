@@ -1,0 +1,452 @@
+"""Show the frames of a buffer and their motion in rerun, recorded or live, without ROS."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tf2_py import BufferCore, History
+from tf2_ros.numpy import to_nanoseconds
+from tf2_ros_tools.output import write_whole
+from tf2_ros_tools.reading import needing
+from tf2_ros_tools.streams import chain_between, moving_on, path_to_root
+from tf2_ros_tools.tables import look_up, times_at_rate
+
+if TYPE_CHECKING:
+    from rerun import RecordingStream
+
+    from tf2_py.typing import TimesLike
+
+APPLICATION = "tf2_ros"
+TIMELINE = "stamp"
+ROOT = "tf"
+AXES_M = 0.3
+
+
+class ViewerError(RuntimeError):
+    """The viewer of rerun did not open; the text says why, on one line."""
+
+
+def log(
+    buffer: BufferCore,
+    recording: RecordingStream | None = None,
+    *,
+    root: str = ROOT,
+    origin: str | None = None,
+    frames: Iterable[str] | None = None,
+    times: TimesLike | None = None,
+    rate: float | None = None,
+    axes: float = AXES_M,
+) -> None:
+    """
+    Log the frames of a buffer and their motion to a recording of rerun.
+
+    Each frame becomes the entity ``<root>/<frame>``: a ``Transform3D`` between frames of the same names, its
+    axes and its name. What a program logs with ``rerun.CoordinateFrame("camera")`` moves with that frame.
+    Unless ``times`` or ``rate`` is given, all samples of the buffer are logged, each relative to its own
+    parent. Between two samples, rerun shows the earlier one, whereas a lookup interpolates. Static transforms
+    are static in rerun, too.
+
+    :param recording: by default the current one, for example the recording of ``rerun.init``.
+    :param root: the path of the entity above all of these.
+    :param origin: the frame that does not move in a view of ``root``; by default the root of the largest
+        tree.
+    :param frames: the names of the frames to show; by default all. The frames above them have no axes.
+    :param times: shape (N,); see ``Buffer.lookup_transforms``. Instead of the samples of a moving frame, log
+        its transforms relative to its newest parent at those of these times that have an answer.
+    :param rate: the same at a rate in Hz, over the time of all samples.
+    :param axes: the length of the axes in metres.
+    :raises LookupException: the buffer does not know ``origin``, or one of ``frames``.
+    :raises ValueError: both ``times`` and ``rate`` were given, or ``rate`` is not above 0.
+    :raises ModuleNotFoundError: rerun is not installed.
+
+    The timeline is named ``stamp``; its times are the stamps in nanoseconds since 1970. Rerun stores numbers
+    as float32.
+    """
+    rr = _rerun()
+    if times is not None and rate is not None:
+        raise ValueError("use either times or rate")
+    tree = buffer.frames()
+    if not tree:
+        return
+    if origin is None:
+        origin = _top_of(tree)
+    shown = set(tree if frames is None else frames)
+    for name in (origin, *sorted(shown)):
+        if name not in buffer:
+            buffer.lookup_transform_core(name, next(iter(tree)), 0)  # raises what is wrong with it
+    times_ns = None if times is None else to_nanoseconds(times)
+    if rate is not None:
+        times_ns = times_at_rate(buffer, origin, origin, rate)
+    samples = buffer.histories()
+    where: dict[str, Any] = {"recording": recording, "strict": True}
+
+    rr.log(root, rr.CoordinateFrame(origin), static=True, **where)
+    for name in sorted(shown | _above(samples, shown)):
+        path = f"{root}/{rr.escape_entity_path_part(name)}"
+        if name in shown:
+            _log_axes(rr, path, name, axes, where)
+        history = samples.get(name)
+        if history is not None:
+            if times_ns is not None and not history.static:
+                history = _at(buffer, history, times_ns)
+            _log_motion(rr, path, history, where)
+
+
+def save(buffer: BufferCore, path: str | os.PathLike[str], **how: Any) -> None:
+    """
+    Write a buffer to a recording of rerun, which ``rerun FILE.rrd`` opens.
+
+    :param how: further arguments of :func:`log`, for example ``rate=30``.
+    :raises OSError: the file cannot be written; an existing file remains unchanged.
+
+    Also raises the errors of :func:`log`.
+    """
+    recording = _rerun().RecordingStream(APPLICATION)
+    stream = recording.binary_stream()
+    log(buffer, recording, **how)
+    write_whole(path, stream.read() or b"")
+
+
+def view(buffer: BufferCore, **how: Any) -> None:
+    """
+    Show a buffer in the viewer of rerun until the viewer is closed.
+
+    :param how: further arguments of :func:`log`.
+    :raises ViewerError: the viewer did not open, for example without a screen, which :func:`save` does not
+        need.
+
+    Also raises the errors of :func:`log`.
+    """
+    with tempfile.TemporaryDirectory(prefix="tf2-ros-cython-") as folder:
+        path = os.path.join(folder, f"{APPLICATION}.rrd")
+        save(buffer, path, **how)
+        ended = subprocess.run([*VIEWER, path], stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    _check_ended(ended.returncode, ended.stderr)
+
+
+# A running robot.
+
+
+SAMPLES = "tf_samples"  # the entity of all moving transforms: an entity for each frame takes 30 times as long
+TRAILS = "trails"
+TRAIL_S = 10.0
+TRAIL_RADIUS = -1.5  # negative: in pixels, not metres
+TRAIL_COLOR = 0xE69F00FF  # red, green, blue, opacity
+OPENING_S = 0.05  # between two checks whether the viewer has opened
+MEMORY = "1GB"  # the limit of the viewer, above which it drops the oldest data
+
+
+class Live:
+    """
+    Sends the frames of a buffer to a recording of rerun while they move.
+
+    :param buffer: must keep each sample at least until the next call of :meth:`send`.
+    :param recording: made by :func:`new_recording`.
+    :param origin: the frame that does not move; by default the root of the largest tree.
+    :param trails: the frames whose paths over the last TRAIL_S seconds are drawn.
+    :param axes: the length of the axes in metres.
+    """
+
+    def __init__(
+        self,
+        buffer: BufferCore,
+        recording: RecordingStream,
+        *,
+        origin: str | None = None,
+        trails: Iterable[str] = (),
+        axes: float = AXES_M,
+    ) -> None:
+        self._rr = _rerun()
+        self._buffer = buffer
+        self._where: dict[str, Any] = {"recording": recording, "strict": True}
+        self._origin = origin
+        self._axes = axes
+        self._top: str | None = None  # what was last logged as the origin
+        self._frames: set[str] = set()  # that have axes
+        self._static: dict[str, bytes] = {}  # what was last logged of each
+        self._sent_ns: dict[str, int] = {}  # of each moving frame, its newest stamp
+        self._trails: dict[str, _Trail | None] = dict.fromkeys(trails)
+
+    def send(self) -> None:
+        """Send what was inserted since the last call; if the clock jumped back, continue at the new time."""
+        tree, samples = self._buffer.frames(), self._buffer.histories()
+        if not tree:
+            return
+        self._send_frames(tree)
+        moving = [one for one in samples.values() if not one.static and len(one.stamps_ns)]
+        self._send_static([one for one in samples.values() if one.static])
+        self._send_moving([_since(one, self._sent_ns) for one in moving])
+        for name, trail in self._trails.items():
+            if name in tree and trail is not None:
+                self._send_trail(name, trail, tree, samples)
+
+    def _send_frames(self, tree: Mapping[str, Any]) -> None:
+        rr = self._rr
+        top = self._origin or _top_of(tree)
+        if top != self._top:
+            self._top = top
+            self._trails = {name: _Trail() for name in self._trails}
+            for path in (ROOT, *map(self._trail_path, self._trails)):
+                rr.log(path, rr.CoordinateFrame(top), static=True, **self._where)
+            self._send_view()
+        for name in sorted(tree.keys() - self._frames):
+            _log_axes(rr, _path_of(rr, name), name, self._axes, self._where)
+            self._frames.add(name)
+
+    def _send_static(self, histories: Iterable[History]) -> None:
+        for one in histories:
+            said = b"".join((one.parents[0].encode(), one.translations.tobytes(), one.rotations.tobytes()))
+            if self._static.get(one.frame) != said:
+                self._static[one.frame] = said
+                _log_motion(self._rr, _path_of(self._rr, one.frame), one, self._where)
+
+    def _send_moving(self, histories: list[History]) -> None:
+        rr = self._rr
+        stamps = np.concatenate([one.stamps_ns for one in histories] or [np.zeros(0, np.int64)])
+        if not len(stamps):
+            return
+        order = np.argsort(stamps, kind="stable")
+        frames = np.concatenate([np.full(len(one.stamps_ns), one.frame, object) for one in histories])
+        columns = rr.Transform3D.columns(
+            translation=np.concatenate([one.translations for one in histories])[order],
+            quaternion=np.concatenate([one.rotations for one in histories])[order],
+            child_frame=frames[order].tolist(),
+            parent_frame=np.concatenate([one.parents for one in histories])[order].tolist(),
+        )
+        rr.send_columns(SAMPLES, [_times(rr, stamps[order])], columns, **self._where)
+
+    def _send_trail(
+        self, name: str, trail: _Trail, tree: Mapping[str, Any], samples: Mapping[str, History]
+    ) -> None:
+        chain = chain_between(tree, self._top or name, name) or []
+        stamps = [samples[one].stamps_ns for one in moving_on(tree, chain)]
+        if not stamps:
+            return
+        stamps_ns = np.unique(np.concatenate(stamps))
+        if stamps_ns[-1] < trail.last_ns:
+            trail.last_ns, trail.last = 0, None
+        stamps_ns = stamps_ns[stamps_ns > trail.last_ns]
+        if not len(stamps_ns):
+            return
+        path = look_up(self._buffer, self._top or name, name, stamps_ns)
+        points, times = path.translations[path.valid], path.stamps_ns[path.valid]
+        if not len(times):
+            return  # a frame has no sample yet; the next call tries again
+        begin = points[:1] if trail.last is None else trail.last
+        strips = np.stack([np.concatenate([begin, points[:-1]]), points], axis=1)
+        trail.last_ns, trail.last = int(times[-1]), points[-1:]
+        rr = self._rr
+        look = {
+            "radii": np.full(len(strips), TRAIL_RADIUS),
+            "colors": np.full(len(strips), TRAIL_COLOR, np.uint32),
+        }
+        columns = rr.LineStrips3D.columns(strips=strips, **look)
+        rr.send_columns(self._trail_path(name), [_times(rr, times)], columns, **self._where)
+
+    def _send_view(self) -> None:
+        """Choose what the viewer shows: only the last part of trails, relative to the current origin."""
+        import rerun.blueprint as rrb
+
+        recent = rrb.VisibleTimeRange(
+            TIMELINE,
+            start=rrb.TimeRangeBoundary.cursor_relative(seconds=-TRAIL_S),
+            end=rrb.TimeRangeBoundary.cursor_relative(),
+        )
+        shown = [self._trail_path(name) for name in self._trails]
+        overrides: Any = {path: rrb.VisibleTimeRanges([recent]) for path in shown}
+        contents = ["/**", f"- /{TRAILS}/**", *(f"+ /{path}" for path in shown)]
+        view = rrb.Spatial3DView(origin=ROOT, contents=contents, overrides=overrides)
+        time_panel = rrb.TimePanel(state="expanded", timeline=TIMELINE)
+        self._where["recording"].send_blueprint(rrb.Blueprint(view, time_panel, collapse_panels=True))
+
+    def _trail_path(self, name: str) -> str:
+        # Each origin has its own trails.
+        return "/".join((TRAILS, *map(self._rr.escape_entity_path_part, (self._top or "", name))))
+
+
+class _Trail:
+    """How far a trail was sent."""
+
+    def __init__(self) -> None:
+        self.last_ns = 0
+        self.last: NDArray[np.float64] | None = None  # its last point, shape (1, 3)
+
+
+def new_recording() -> RecordingStream:
+    """Create a recording for :class:`Live`."""
+    recording: RecordingStream = _rerun().RecordingStream(APPLICATION)
+    return recording
+
+
+class Viewer(NamedTuple):
+    """A running viewer."""
+
+    process: subprocess.Popen[bytes]
+    page: str | None  # for a browser
+
+    def is_closed(self) -> bool:
+        return self.process.poll() is not None
+
+
+@contextmanager
+def open_viewer(recording: RecordingStream, *, web: bool) -> Iterator[Viewer]:
+    """
+    Open the viewer of rerun for a ``with`` statement, which closes it at its end.
+
+    :param recording: what the viewer shows.
+    :param web: serve it to browsers on this machine.
+    :raises ViewerError: at the end, if the viewer did not open.
+    """
+    port, page_port = _free_ports(2)
+    options = [f"--port={port}", f"--memory-limit={MEMORY}", f"--server-memory-limit={MEMORY}"]
+    if web:
+        options += ["--serve-web", f"--web-viewer-port={page_port}"]
+    address = f"rerun+http://127.0.0.1:{port}/proxy"
+    page = f"http://127.0.0.1:{page_port}?url={address.replace('+', '%2B')}" if web else None
+    with tempfile.TemporaryFile() as said, ExitStack() as stack:
+        # In a separate process group, because the started process runs the viewer as its child.
+        process = subprocess.Popen(
+            [*VIEWER, *options], stdin=subprocess.DEVNULL, stdout=said, stderr=said, start_new_session=True
+        )
+        stack.callback(_end, process)
+        # A recording that cannot connect would keep the program from exiting.
+        while process.poll() is None and not _accepts(port):
+            time.sleep(OPENING_S)
+        if process.poll() is None:
+            recording.connect_grpc(address)
+            stack.callback(recording.disconnect)
+        yield Viewer(process, page)
+        if process.poll() is not None:
+            said.seek(0)
+            _check_ended(process.returncode, said.read().decode(errors="replace"))
+
+
+def _accepts(port: int) -> bool:
+    with socket.socket() as tried:
+        return tried.connect_ex(("127.0.0.1", port)) == 0
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGTERM)
+    process.wait()
+
+
+def _free_ports(count: int) -> list[int]:
+    with ExitStack() as stack:
+        sockets = [stack.enter_context(socket.socket()) for _ in range(count)]
+        for one in sockets:
+            one.bind(("127.0.0.1", 0))
+        return [one.getsockname()[1] for one in sockets]
+
+
+# Shared by recordings and live views.
+
+
+# Not rerun.spawn, because it searches only PATH, which may lack the programs of a virtual environment, and
+# because its viewer listens on all network interfaces.
+VIEWER = (sys.executable, "-m", "rerun", "--bind", "127.0.0.1")
+
+
+def _check_ended(status: int, said: str) -> None:
+    # Some versions always exit with 0.
+    errors = [line for line in said.splitlines() if line.startswith("Error: ")]
+    if errors or status:
+        why = errors[-1].removeprefix("Error: ") if errors else f"it ended with {status}"
+        raise ViewerError(f"the viewer of rerun did not open: {why}")
+
+
+def _rerun() -> Any:
+    with needing("rerun", "rerun"):
+        import rerun
+    return rerun
+
+
+def _path_of(rr: Any, frame: str) -> str:
+    return f"{ROOT}/{rr.escape_entity_path_part(frame)}"
+
+
+def _top_of(tree: Mapping[str, Any]) -> str:
+    """Get the root of the largest tree."""
+    tops = Counter(path_to_root(tree, name)[-1] for name in sorted(tree))
+    return tops.most_common(1)[0][0]
+
+
+def _times(rr: Any, stamps_ns: NDArray[np.int64]) -> Any:
+    return rr.TimeColumn(TIMELINE, timestamp=stamps_ns.view("datetime64[ns]"))
+
+
+def _since(history: History, sent_ns: dict[str, int]) -> History:
+    """Get the samples that are newer than what was sent."""
+    newest_ns = int(history.stamps_ns[-1])
+    last_ns = sent_ns.get(history.frame, -1)
+    sent_ns[history.frame] = newest_ns
+    if newest_ns < last_ns:
+        return history  # the clock jumped back
+    new = slice(int(np.searchsorted(history.stamps_ns, last_ns, "right")), None)
+    return history._replace(
+        parents=history.parents[new],
+        stamps_ns=history.stamps_ns[new],
+        translations=history.translations[new],
+        rotations=history.rotations[new],
+    )
+
+
+def _log_axes(rr: Any, path: str, frame: str, axes: float, where: Mapping[str, Any]) -> None:
+    """Place an entity in a frame, and draw the frame's axes and name there."""
+    its_axes = rr.TransformAxes3D(axes, show_frame=True)
+    rr.log(path, rr.CoordinateFrame(frame), its_axes, static=True, **where)
+
+
+def _log_motion(rr: Any, path: str, history: History, where: Mapping[str, Any]) -> None:
+    count = len(history.stamps_ns)
+    columns = {
+        "translation": history.translations,
+        "quaternion": history.rotations,
+        "child_frame": [history.frame] * count,
+        "parent_frame": history.parents.tolist(),
+    }
+    if history.static:
+        only = {name: column[0] for name, column in columns.items()}
+        rr.log(path, rr.Transform3D(**only), static=True, **where)
+    elif count:
+        rr.send_columns(path, [_times(rr, history.stamps_ns)], rr.Transform3D.columns(**columns), **where)
+
+
+def _above(samples: Mapping[str, History], frames: set[str]) -> set[str]:
+    """Get all frames that were ever above these."""
+    above: set[str] = set()
+    waiting = list(frames)
+    while waiting:
+        history = samples.get(waiting.pop())
+        if history is not None:
+            new = set(history.parents) - above
+            above |= new
+            waiting += new
+    return above
+
+
+def _at(buffer: BufferCore, history: History, times_ns: NDArray[np.int64]) -> History:
+    """Look the frame up at other times, relative to its newest parent."""
+    parent = history.parents[-1]
+    table = look_up(buffer, parent, history.frame, times_ns)
+    valid = table.valid
+    return history._replace(
+        parents=np.full(np.count_nonzero(valid), parent, object),
+        stamps_ns=table.stamps_ns[valid],
+        translations=table.translations[valid],
+        rotations=table.rotations[valid],
+    )

@@ -1,0 +1,341 @@
+"""The full-screen table of tf2_monitor: sorted, filtered and scrolled by keys, with log lines below it."""
+
+import asyncio
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from time import thread_time
+
+from rich.cells import cell_len
+from rich.text import Text
+from textual.app import App, ComposeResult
+from textual.binding import Binding
+from textual.coordinate import Coordinate
+from textual.events import Resize
+from textual.widgets import DataTable, Footer, Input, RichLog, Static
+
+from tf2_ros_tools.findings import Finding, milliseconds, rate_text, stream_line
+from tf2_ros_tools.listening import Report, chain_text, problems, shown_streams
+from tf2_ros_tools.output import counted, printable
+from tf2_ros_tools.program import deferred_signals, signal_reader, signalled
+from tf2_ros_tools.streams import Stream
+
+INTERVAL_S = 1.0  # between two updates
+CPU_SHARE = 0.04  # of a core, for all that this thread does; above it, updates are less frequent ...
+LONGEST_INTERVAL_S = 3.0  # ... but at least this frequent
+FEWEST_LETTERS = 24  # of a frame's name that are on one line; on a wide screen, half its width
+LOG_LINES = 200  # that are kept
+PIPE_BYTES = 65536
+
+
+@dataclass(frozen=True)
+class _Column:
+    title: str
+    text: Callable[[Stream, Sequence[str]], str]  # of a stream and the kinds of its frame's findings
+    is_number: bool = False
+    width: int = 0  # at least: a column whose width changes each second would move those beside it
+
+
+def _of_delay(get: Callable[[Stream], float | None]) -> Callable[[Stream, Sequence[str]], str]:
+    return lambda stream, _: "" if stream.static else milliseconds(get(stream))
+
+
+# The first is always shown, and of the others, in this order, those for which there is space.
+COLUMNS = (
+    _Column("frame", lambda stream, _: stream.frame),
+    _Column("Hz", lambda stream, _: "static" if stream.static else rate_text(stream), True, len("static")),
+    _Column("delay ms", _of_delay(lambda stream: stream.delay), is_number=True),
+    _Column("wrong", lambda _, kinds: _shortened(kinds), width=len("publishers +1")),
+    _Column("parent", lambda stream, _: stream.parent),
+    _Column("publisher", lambda stream, _: stream.publisher),
+    _Column("max ms", _of_delay(lambda stream: stream.delay_max), is_number=True),
+    _Column("jitter ms", _of_delay(lambda stream: stream.jitter), is_number=True),
+)
+# The smallest value is shown first; unknown rates and delays come last.
+ORDERS: dict[str, Callable[[Stream, bool], tuple[float, str]]] = {
+    "trouble": lambda stream, is_wrong: (not is_wrong, stream.frame),
+    "name": lambda stream, _: (0, stream.frame),
+    "rate": lambda stream, _: (-(stream.rate or 0.0) if not stream.static else 1.0, stream.frame),
+    "delay": lambda stream, _: (float("inf") if stream.delay is None else -stream.delay, stream.frame),
+}
+
+
+def show_screen(look: Callable[[], Report], source: str) -> int:
+    """
+    Show reports until the user or a signal ends it, in the main thread; return the exit status.
+
+    Textual prints the traceback of an error in here, and the status is not 0.
+
+    :param look: makes a report of the present state.
+    :param source: the topics and the ROS domain, as a phrase.
+    """
+    with deferred_signals(), _terminal_for_textual() as log_reader:
+        screen = _Screen(look, source, log_reader)
+        screen.run(mouse=False)  # so that the terminal itself selects text
+        return screen.return_code or 0
+
+
+@contextmanager
+def _terminal_for_textual() -> Iterator[int | None]:
+    """
+    Let Textual draw on standard output, and keep log lines, which C code writes, from standard error.
+
+    Textual draws on ``sys.__stderr__``, which may be a file. The result is a descriptor for reading what is
+    written to standard error; None if that is not a terminal. The pipe does not block: if it is full, log
+    lines are lost, because the thread that reads them may need the GIL, which the writing thread may hold.
+    """
+    error_output, draws_on = sys.__stderr__, os.fdopen(os.dup(1), "w", encoding="utf-8")
+    sys.__stderr__ = draws_on  # type: ignore[misc]
+    reader = before = None
+    if os.isatty(2):
+        before, (reader, writer) = os.dup(2), os.pipe()
+        os.set_blocking(reader, False)
+        os.set_blocking(writer, False)
+        os.dup2(writer, 2)
+        os.close(writer)
+    try:
+        yield reader
+    finally:
+        if before is not None and reader is not None:
+            os.dup2(before, 2)
+            os.close(before)
+            with suppress(BlockingIOError):  # what came at the end, such as a traceback by Textual
+                os.write(2, os.read(reader, PIPE_BYTES))
+            os.close(reader)
+        sys.__stderr__ = error_output  # type: ignore[misc]
+        draws_on.close()
+
+
+class _Screen(App[None]):
+    CSS = """
+    #summary, #wrong, #details { height: auto; padding: 0 1; }
+    #wrong, #details { max-height: 4; }
+    #wrong { color: $text-error; }
+    #filter { height: 1; border: none; padding: 0 1; display: none; }
+    DataTable { height: 1fr; min-height: 3; }
+    RichLog { height: auto; max-height: 5; padding: 0 1; border-top: solid $panel; display: none;
+        overflow-x: hidden; }
+    """
+    BINDINGS = [
+        Binding("t", "sort('trouble')", "Trouble", tooltip="Frames with problems first"),
+        Binding("n", "sort('name')", "Name", tooltip="Sort by name"),
+        Binding("r", "sort('rate')", "Rate", tooltip="Sort by rate, the highest first"),
+        Binding("d", "sort('delay')", "Delay", tooltip="Sort by delay, the longest first"),
+        # Of the screen as a whole: otherwise the keys that follow at once would miss the filter.
+        Binding("slash", "filter", "Filter", key_display="/", priority=True),
+        Binding("escape", "show_all", show=False),
+        Binding("q", "quit", "Quit"),
+        Binding("ctrl+c", "quit", show=False, priority=True),
+        Binding("ctrl+z", "suspend_process", show=False, priority=True),
+    ]
+    ENABLE_COMMAND_PALETTE = False
+
+    def __init__(self, look: Callable[[], Report], source: str, log_reader: int | None) -> None:
+        super().__init__()
+        self._look = look
+        self._source = source
+        self._log_reader = log_reader
+        self._log_rest = b""  # the line that is not complete yet
+        self._log_lines: list[str] = []
+        self._report: Report | None = None
+        self._problems: dict[str, list[Finding]] = {}  # by frame
+        self._streams: list[Stream] = []  # a row for each
+        self._order, self._reverse = "trouble", False
+        self._layout: object = None  # of the table: columns, widths, heights of rows
+        self._spent_s = 0.0  # by this thread, until the last update
+
+    def compose(self) -> ComposeResult:
+        yield Static(id="summary", markup=False)
+        yield Static(id="wrong", markup=False)
+        yield Input(placeholder="part of a frame, parent or publisher", id="filter")
+        yield DataTable(cursor_type="row")
+        yield Static(id="details", markup=False)
+        yield RichLog(max_lines=LOG_LINES, wrap=True, min_width=1)
+        yield Footer()
+
+    def on_mount(self) -> None:
+        loop = asyncio.get_running_loop()
+        loop.add_reader(signal_reader(), self._end_if_signalled)
+        if self._log_reader is not None:
+            loop.add_reader(self._log_reader, self._read_log)
+        # After Ctrl-Z and `fg`, Textual itself would write only what has changed.
+        self.app_resume_signal.subscribe(self, lambda _: self.screen.refresh())
+        self.query_one(DataTable).focus()
+        self._update()
+
+    def on_unmount(self) -> None:
+        if self._log_reader is not None:
+            asyncio.get_running_loop().remove_reader(self._log_reader)
+
+    def _end_if_signalled(self) -> None:
+        if signalled():
+            self.exit()
+
+    def _update(self) -> None:
+        self._report = self._look()
+        self._problems = {}
+        for problem in problems(self._report):
+            self._problems.setdefault(problem.frame, []).append(problem)
+        self._show()
+        spent_s = thread_time()
+        least_s = (spent_s - self._spent_s) / CPU_SHARE if self._spent_s else 0.0
+        self._spent_s = spent_s
+        self.set_timer(max(INTERVAL_S, min(least_s, LONGEST_INTERVAL_S)), self._update)
+
+    # Keys.
+
+    def action_sort(self, order: str) -> None:
+        self._reverse = order == self._order and not self._reverse
+        self._order = order
+        self._show()
+
+    def action_filter(self) -> None:
+        self.query_one(Input).display = True
+        self.screen.set_focus(self.query_one(Input))
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool:
+        # In the filter, a slash is a letter.
+        return not (action == "filter" and self.focused is self.query_one(Input))
+
+    def action_show_all(self) -> None:
+        self.query_one(Input).value = ""
+        self.query_one(Input).display = False
+        self.query_one(DataTable).focus()
+
+    def on_input_changed(self) -> None:
+        self._show()
+
+    def on_input_submitted(self) -> None:
+        self.query_one(Input).display = bool(self.query_one(Input).value)
+        self.query_one(DataTable).focus()
+
+    def on_resize(self, _: Resize) -> None:
+        self._show()
+        self.call_after_refresh(self._fold_log)  # when the log knows its new width
+
+    def _fold_log(self) -> None:
+        log = self.query_one(RichLog)
+        log.clear()
+        for line in self._log_lines:
+            log.write(Text(line))
+
+    # What is shown.
+
+    def _show(self) -> None:
+        report = self._report
+        if report is None:
+            return
+        streams = shown_streams(report)
+        frames = {stream.frame for stream in streams}
+        elsewhere = [
+            one.text for frame, some in self._problems.items() if frame not in frames for one in some
+        ]
+        with self.batch_update():
+            self.query_one("#summary", Static).update(Text(self._summary(report, streams)))
+            self.query_one("#wrong", Static).update(Text("\n".join(map(printable, elsewhere))))
+            self.query_one("#wrong").display = bool(elsewhere)
+            self._fill(self._sorted(self._filtered(streams)))
+            self._show_details()
+
+    def _summary(self, report: Report, streams: Sequence[Stream]) -> str:
+        frames = counted(len({stream.frame for stream in streams}), "frame")
+        found = counted(sum(map(len, self._problems.values())), "problem")
+        order = f"by {self._order}{', reversed' if self._reverse else ''}"
+        text = printable(f"{frames}, {found} {self._source}, {order}")
+        return text if report.chain is None else f"{printable(chain_text(report))}\n{text}"
+
+    def _filtered(self, streams: Sequence[Stream]) -> list[Stream]:
+        part = self.query_one(Input).value.lower()
+        return [one for one in streams if part in f"{one.frame} {one.parent} {one.publisher}".lower()]
+
+    def _sorted(self, streams: Sequence[Stream]) -> list[Stream]:
+        key = ORDERS[self._order]
+        return sorted(streams, key=lambda one: key(one, one.frame in self._problems), reverse=self._reverse)
+
+    def _fill(self, streams: list[Stream]) -> None:
+        kinds = [[one.kind for one in self._problems.get(stream.frame, ())] for stream in streams]
+        # Width includes the table's own margin of a column, and its scroll bar.
+        cells: dict[_Column, list[str]] = {}
+        widths: dict[_Column, int] = {}
+        left = self.size.width - 2
+        for column in COLUMNS:
+            texts = [printable(column.text(*pair)) for pair in zip(streams, kinds, strict=True)]
+            lengths = [cell_len(text) for text in (column.title, *texts)]
+            width = max(column.width, *lengths)
+            if column is COLUMNS[0]:
+                # Longer names are folded.
+                longest = max(FEWEST_LETTERS, self.size.width // 2)
+                width = max(min(FEWEST_LETTERS, width), *(one for one in lengths if one <= longest))
+            if column is COLUMNS[0] or width + 2 <= left:
+                cells[column], widths[column] = texts, width
+                left -= width + 2
+        heights = [-(-cell_len(name) // widths[COLUMNS[0]]) for name in cells[COLUMNS[0]]]
+        table = self.query_one(DataTable)
+        chosen, top = self._chosen(), table.scroll_y
+        layout = (*widths.items(), *heights)
+        if layout != self._layout:
+            self._layout = layout
+            table.clear(columns=True)
+            for column, width in widths.items():
+                table.add_column(_cell(column.title, column), width=width)
+            for height in heights:
+                table.add_row(*[Text()] * len(widths), height=max(1, height))
+            table.call_after_refresh(table.scroll_to, y=top, animate=False)
+        for row, own in enumerate(kinds):
+            for place, (column, texts) in enumerate(cells.items()):
+                cell = _cell(texts[row], column, "bold red" if own else "")
+                before = table.get_cell_at(Coordinate(row, place))
+                if (before.plain, before.style) != (cell.plain, cell.style):
+                    table.update_cell_at(Coordinate(row, place), cell)
+        self._streams = streams
+        if chosen is not None:
+            places = (row for row, one in enumerate(streams) if _name_of(one) == _name_of(chosen))
+            table.move_cursor(row=next(places, 0), scroll=False)
+
+    def _chosen(self) -> Stream | None:
+        """The stream of the highlighted row; None: the first row, which stays highlighted."""
+        row = self.query_one(DataTable).cursor_row
+        return self._streams[row] if 0 < row < len(self._streams) else None
+
+    def on_data_table_row_highlighted(self) -> None:
+        self._show_details()
+
+    def _show_details(self) -> None:
+        row = self.query_one(DataTable).cursor_row
+        details = self.query_one("#details", Static)
+        details.display = 0 <= row < len(self._streams)
+        if details.display:
+            stream = self._streams[row]
+            text = Text(stream_line(stream))
+            for problem in self._problems.get(stream.frame, ()):
+                text.append(f"\n{printable(problem.text)}", style="bold red")
+            details.update(text)
+
+    def _read_log(self) -> None:
+        assert self._log_reader is not None
+        read = b""
+        with suppress(BlockingIOError):
+            read = os.read(self._log_reader, PIPE_BYTES)
+        *lines, self._log_rest = (self._log_rest + read).split(b"\n")
+        log = self.query_one(RichLog)
+        for line in lines:
+            text = printable(Text.from_ansi(line.decode(errors="replace")).plain)
+            self._log_lines = [*self._log_lines[1 - LOG_LINES :], text]
+            log.write(Text(text))
+            log.display = True
+
+
+def _cell(text: str, column: _Column, style: str = "") -> Text:
+    # Not a str, because a name may look like markup.
+    return Text(text, style=style, justify="right" if column.is_number else "left", overflow="fold")
+
+
+def _shortened(kinds: Sequence[str]) -> str:
+    unique = list(dict.fromkeys(kinds))
+    return f"{unique[0]} +{len(unique) - 1}" if len(unique) > 1 else "".join(unique)
+
+
+def _name_of(stream: Stream) -> tuple[str, str, int, bool]:
+    return stream.frame, stream.parent, stream.publisher_id, stream.static

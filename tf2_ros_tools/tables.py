@@ -1,0 +1,315 @@
+"""Look up tables of transforms, of one frame or several, and write them as CSV, TUM, npz and Parquet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tf2_py import BufferCore, FrameInfo, TransformException
+from tf2_ros_tools.reading import needing
+from tf2_ros_tools.streams import chain_between, moving_on, stamps_on, taken
+
+if TYPE_CHECKING:
+    from tf2_ros_tools.loading import Heard
+
+S = 1_000_000_000
+# A stamp in 1970 beside current ones is a mistake, and must not make the table fill the memory.
+MOST_TIMES = 50_000_000
+PIECE = 10_000  # rows
+STAMP_NS = "stamp_ns"  # the first column of a CSV
+TRANSLATION, ROTATION = ("x", "y", "z"), ("qx", "qy", "qz", "qw")
+POSE_COLUMNS = (*TRANSLATION, *ROTATION, "valid", "gap")
+
+
+@dataclass(frozen=True)
+class Table:
+    """
+    The pose of one frame in another one at N times.
+
+    :param stamps_ns: int64, shape (N,), nanoseconds.
+    :param translations: float64, shape (N, 3), metres; NaN without an answer.
+    :param rotations: float64, shape (N, 4), x y z w, of length one; NaN without an answer.
+    :param valid: bool, shape (N,): whether there is an answer.
+    """
+
+    stamps_ns: NDArray[np.int64]
+    translations: NDArray[np.float64]
+    rotations: NDArray[np.float64]
+    valid: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+    @property
+    def answered(self) -> NDArray[np.bool_]:
+        """Which rows have an answer, shape (N,)."""
+        return self.valid
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Get the columns of a file."""
+        numbers = dict(zip((*TRANSLATION, *ROTATION), _numbers(self).T.copy(), strict=True))
+        return {"stamp": self.stamps_ns, **numbers, "valid": self.valid}
+
+    def from_first_to_last_answer(self) -> Table:
+        """Remove the rows before the first answer, and those after the last one."""
+        known = np.flatnonzero(self.valid)
+        shown = slice(known[0], known[-1] + 1) if len(known) else slice(0)
+        return Table(
+            self.stamps_ns[shown], self.translations[shown], self.rotations[shown], self.valid[shown]
+        )
+
+
+@dataclass(frozen=True)
+class PoseTable:
+    """
+    The poses of F frames in another one at N times.
+
+    :param frames: their names.
+    :param stamps_ns: int64, shape (N,), nanoseconds.
+    :param poses: float64, shape (N, F, 7): x y z in metres, qx qy qz qw; NaN without an answer.
+    :param valid: bool, shape (N, F): whether there is an answer.
+    :param gaps: float64, shape (N, F), seconds between the two samples that a pose was interpolated from, the
+        longest of all frames in between; 0 at a sample, and if nothing moves; NaN without an answer.
+    """
+
+    frames: tuple[str, ...]
+    stamps_ns: NDArray[np.int64]
+    poses: NDArray[np.float64]
+    valid: NDArray[np.bool_]
+    gaps: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+    @property
+    def answered(self) -> NDArray[np.bool_]:
+        """Which rows have an answer for each frame, shape (N,)."""
+        answered: NDArray[np.bool_] = np.logical_and.reduce(self.valid, axis=1)
+        return answered
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Get the columns of a file: the stamp, and ``<frame>.x`` to ``<frame>.gap`` of each frame."""
+        columns: dict[str, NDArray[Any]] = {"stamp": self.stamps_ns}
+        for i, frame in enumerate(self.frames):
+            numbers = self.poses[:, i].T.copy()
+            parts = (*numbers, self.valid[:, i].copy(), self.gaps[:, i].copy())
+            columns |= {f"{frame}.{name}": part for name, part in zip(POSE_COLUMNS, parts, strict=True)}
+        return columns
+
+    @classmethod
+    def of_columns(cls, frames: Sequence[str], columns: Mapping[str, NDArray[Any]]) -> PoseTable:
+        """Make a table of what :meth:`columns` returned."""
+        count = len(columns["stamp"])
+        parts = np.array([[columns[f"{frame}.{name}"] for name in POSE_COLUMNS] for frame in frames], float)
+        parts = parts.reshape(len(frames), len(POSE_COLUMNS), count).transpose(2, 0, 1)
+        return cls(tuple(frames), columns["stamp"], parts[..., :7], parts[..., 7] != 0.0, parts[..., 8])
+
+
+def look_up_frames(
+    buffer: BufferCore, target: str, frames: Sequence[str], times_ns: ArrayLike
+) -> tuple[PoseTable, dict[str, str]]:
+    """
+    Look up the poses of frames in ``target`` at each of N times, with :func:`look_up`.
+
+    :return: the table, and why frames have no answer at any time.
+    """
+    stamps_ns = np.asarray(times_ns, np.int64)
+    shape = (len(stamps_ns), len(frames))
+    poses, gaps = np.full((*shape, 7), np.nan), np.full(shape, np.nan)
+    reasons: dict[str, str] = {}
+    histories = {name: one.stamps_ns for name, one in buffer.histories().items() if not one.static}
+    infos = buffer.frames()
+    for i, frame in enumerate(frames):
+        try:
+            table = look_up(buffer, target, frame, stamps_ns)
+            if not table.valid.any() and len(table):
+                buffer.lookup_transform_core(target, frame, int(stamps_ns[0]) or 1)  # raises the reason
+        except TransformException as error:
+            reasons[frame] = str(error)
+            continue
+        poses[:, i] = _numbers(table)
+        moving = [histories[name] for name in moving_on(infos, _chain(buffer, infos, target, frame))]
+        longest = np.max([_gaps_at(one, stamps_ns) for one in moving], axis=0, initial=0.0) if moving else 0.0
+        gaps[:, i] = np.where(table.valid, longest, np.nan)
+    valid = ~np.isnan(poses[..., 3])
+    return PoseTable(tuple(frames), stamps_ns, poses, valid, gaps), reasons
+
+
+def _gaps_at(samples: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+    """The seconds between the two samples around each time; 0 at a sample."""
+    after = np.clip(np.searchsorted(samples, times_ns), 0, len(samples) - 1)
+    between = samples[after] - samples[np.maximum(after - 1, 0)]
+    return np.where(samples[after] == times_ns, 0.0, between / S)
+
+
+def look_up(buffer: BufferCore, target: str, source: str, times_ns: ArrayLike) -> Table:
+    """
+    Look up the pose of ``source`` in ``target`` at each of N times.
+
+    :param times_ns: shape (N,), nanoseconds. 0 is the time 0, not the latest one.
+    :raises LookupException: a frame is unknown.
+    :raises InvalidArgumentException: a name is invalid.
+    """
+    stamps_ns = np.asarray(times_ns, np.int64)
+    # For tf2, 0 means the latest common time. Use the next nanosecond, when no frame has moved noticeably.
+    times = np.where(stamps_ns == 0, 1, stamps_ns)
+    translations, rotations = buffer.lookup_transforms(target, source, times, on_missing="nan")
+    return Table(stamps_ns, translations, rotations, ~np.isnan(rotations[:, 0]))
+
+
+def check_rate(hz: float) -> None:
+    """Raise a ValueError if ``hz`` is not above 0 and finite."""
+    if not 0.0 < hz < np.inf:
+        raise ValueError(f"a rate must be a number above 0 Hz, not {hz:g}")
+
+
+def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> NDArray[np.int64]:
+    """
+    Get times at a rate, over the span in which all frames between two frames have data.
+
+    :param hz: above 0.
+    :return: int64, shape (N,), nanoseconds, from the beginning of the span; empty without a span. If all
+        transforms between the frames are static, the span is that of all frames of the buffer.
+    :raises TransformException: the frames are unknown or not connected.
+    :raises ValueError: ``hz`` is not above 0 and finite, or there would be more than 50,000,000 times.
+    """
+    check_rate(hz)
+    frames = buffer.frames()
+    chain = _chain(buffer, frames, target, source)
+    moving = [frames[name] for name in moving_on(frames, chain)]
+    dynamic = [(one.oldest_ns, one.newest_ns) for one in moving or frames.values()]
+    spans = [(oldest, newest) for oldest, newest in dynamic if oldest is not None and newest is not None]
+    if not spans:
+        return np.zeros(0, np.int64)
+    oldest, newest = zip(*spans, strict=True)
+    begin, end = (max(oldest), min(newest)) if moving else (min(oldest), max(newest))
+    if end < begin:
+        return np.zeros(0, np.int64)
+    count = (end - begin) * hz / S + 1.0
+    if count > MOST_TIMES:
+        span = f"from {begin / S:.3f} s to {end / S:.3f} s"
+        raise ValueError(f"{hz:g} Hz {span} makes {count:.0f} times, more than {MOST_TIMES}")
+    steps = np.rint(np.arange(int(count)) * S / hz).astype(np.int64)
+    times: NDArray[np.int64] = np.minimum(begin + steps, end)
+    return times
+
+
+def look_up_when(
+    heard: Heard, target: str, source: str, times_ns: ArrayLike | None, rate: float | None
+) -> Table:
+    """
+    Look up two frames of a recording at given times, with :func:`look_up`; at a rate, with
+    :func:`times_at_rate`; or, if both are None, whenever something was measured between them.
+
+    :raises TransformException: the frames are unknown or not connected.
+    """
+    if rate is not None:
+        times_ns = times_at_rate(heard.buffer, target, source, rate)
+    if times_ns is not None:
+        return look_up(heard.buffer, target, source, times_ns)
+    frames = heard.buffer.frames()
+    chain = _chain(heard.buffer, frames, target, source)
+    stamps = stamps_on(heard.records, heard.frames, frames, chain)
+    if not len(stamps):
+        stamps = taken(heard.records)["stamp_ns"][:1]  # nothing moves: one time is enough
+    # Nobody has asked for the times at which a part of the chain had not begun, or had ended.
+    return look_up(heard.buffer, target, source, stamps).from_first_to_last_answer()
+
+
+# Write tables.
+
+
+def as_csv(table: Table) -> bytes:
+    """
+    Write comma-separated values, after a line of names.
+
+    ``stamp_ns`` is in nanoseconds. ``valid`` is true or false; if it is false, the numbers are nan.
+    """
+    names = ",".join((STAMP_NS, *TRANSLATION, *ROTATION, "valid"))
+    rows = (
+        f"{stamp},{','.join(map(repr, numbers))},{'true' if valid else 'false'}"
+        for stamp, numbers, valid in _rows(table)
+    )
+    return _text([names], rows)
+
+
+def as_tum(table: Table) -> bytes:
+    """
+    Write the format of the TUM RGB-D benchmark: lines of stamp (seconds) x y z qx qy qz qw.
+
+    The format cannot represent a missing answer, so these rows are omitted.
+    """
+    return _text(
+        f"{_seconds(stamp)} {' '.join(map(repr, numbers))}" for stamp, numbers, valid in _rows(table) if valid
+    )
+
+
+def as_npz(table: Table) -> bytes:
+    """Write NumPy's format for several arrays, with the fields of :class:`Table`."""
+    written = BytesIO()
+    np.savez(
+        written,
+        stamps_ns=table.stamps_ns,
+        translations=table.translations,
+        rotations=table.rotations,
+        valid=table.valid,
+    )
+    return written.getvalue()
+
+
+def as_parquet(table: Table | PoseTable, file: str, metadata: Mapping[bytes, bytes] | None = None) -> bytes:
+    """
+    Write Parquet with the columns file, stamp (int64, nanoseconds), x y z, qx qy qz qw (float64), valid
+    (bool); or those of a :class:`PoseTable`.
+
+    :param file: the recording's name, the same in each row.
+    :param metadata: is added to the metadata of the file.
+    :raises ModuleNotFoundError: pyarrow is not installed.
+    """
+    with needing("pyarrow", "fleet"):
+        import pyarrow
+        from pyarrow import parquet
+    name = pyarrow.repeat(pyarrow.scalar(file, pyarrow.string()), len(table))
+    columns = {"file": name, **table.columns()}
+    written = BytesIO()
+    parquet.write_table(pyarrow.table(columns, metadata=metadata), written)
+    return written.getvalue()
+
+
+def _chain(buffer: BufferCore, frames: dict[str, FrameInfo], target: str, source: str) -> list[str]:
+    chain = chain_between(frames, target, source)
+    if chain is None or not frames.keys() >= {target, source}:
+        buffer.lookup_transform_core(target, source, 0)  # raises what is wrong
+    return chain or []
+
+
+def _numbers(table: Table) -> NDArray[np.float64]:
+    return np.concatenate((table.translations, table.rotations), axis=1)
+
+
+def _seconds(stamp_ns: int) -> str:
+    # A float cannot represent all digits.
+    whole, part = divmod(abs(stamp_ns), S)
+    return f"{'-' if stamp_ns < 0 else ''}{whole}.{part:09d}"
+
+
+def _rows(table: Table) -> Iterator[tuple[int, list[float], bool]]:
+    # In pieces, because as Python objects, millions of rows take several times the memory of their text.
+    numbers = _numbers(table)
+    for begin in range(0, len(table), PIECE):
+        piece = slice(begin, begin + PIECE)
+        columns = (table.stamps_ns[piece], numbers[piece], table.valid[piece])
+        yield from zip(*(column.tolist() for column in columns), strict=True)
+
+
+def _text(*parts: Iterable[str]) -> bytes:
+    text = BytesIO()
+    for lines in parts:
+        for line in lines:
+            text.write(f"{line}\n".encode())
+    return text.getvalue()

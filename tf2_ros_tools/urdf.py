@@ -1,0 +1,418 @@
+"""Read a URDF, and compute the transforms of its joints from joint states: ``load``, ``Robot``."""
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from math import cos, isfinite, sin, sqrt
+from os import PathLike
+from typing import TYPE_CHECKING, TypeAlias
+
+# Only the names, parents and numbers of joints are needed; for these, yourdfpy would add lxml and trimesh to
+# the dependencies, and urdf-parser-py lxml.
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tf2_ros_tools.output import printable
+
+if TYPE_CHECKING:
+    from geometry_msgs.msg import TransformStamped
+
+Floats: TypeAlias = "NDArray[np.float64]"
+Numbers: TypeAlias = "tuple[float, ...]"
+
+TURNING, SLIDING = ("revolute", "continuous"), ("prismatic",)
+# MoveIt's names for the variables of joints that have several; joint states have a number for each.
+VARIABLES = {
+    "planar": ("x", "y", "theta"),
+    "floating": ("trans_x", "trans_y", "trans_z", "rot_x", "rot_y", "rot_z", "rot_w"),
+}
+TYPES = ("fixed", *TURNING, *SLIDING, *VARIABLES)
+NOT_EXPANDED = "it contains xacro, which must be expanded first: `xacro robot.xacro > robot.urdf`"
+
+
+class UrdfError(ValueError):
+    """A URDF cannot be used; the text names the joint or link, and what is wrong with it."""
+
+
+@dataclass(frozen=True)
+class Joint:
+    """
+    A joint of a robot.
+
+    :param name: its name in joint states.
+    :param type: fixed, revolute, continuous, prismatic, planar or floating.
+    :param parent: the frame of its parent link, with the prefix.
+    :param child: the frame of its child link, which is also that of the joint.
+    :param translation: of the joint at position 0 in its parent, metres.
+    :param rotation: likewise, a quaternion x y z w.
+    :param axis: in the frame of the joint, of length one; the normal of a planar joint.
+    :param limits: the lowest and the highest position, which nothing enforces; None: not given.
+    :param mimic: the joint that this one follows, the multiplier and the offset; or None.
+    """
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    translation: Numbers
+    rotation: Numbers
+    axis: Numbers
+    limits: tuple[float, float] | None
+    mimic: tuple[str, float, float] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """
+    The joints of a URDF, in its order.
+
+    :param name: the robot's name in the URDF.
+    :param root: the frame of the link without a parent, with the prefix.
+    :param joints: all of them.
+    """
+
+    name: str
+    root: str
+    joints: tuple[Joint, ...]
+
+    def __repr__(self) -> str:
+        moving = sum(one.type != "fixed" for one in self.joints)
+        joints = f"{moving} movable and {len(self.joints) - moving} fixed joints"
+        return f"<tf2_ros.urdf.Robot {self.name!r}: {joints}, root {self.root!r}>"
+
+    def static_transforms(self) -> "list[TransformStamped]":
+        """Get the transforms of the fixed joints, with the stamp 0."""
+        from tf2_ros import TransformStamped
+
+        made = []
+        for joint in self.joints:
+            if joint.type == "fixed":
+                one = TransformStamped(child_frame_id=joint.child)
+                one.header.frame_id = joint.parent
+                for part, names, numbers in (
+                    (one.transform.translation, "xyz", joint.translation),
+                    (one.transform.rotation, "xyzw", joint.rotation),
+                ):
+                    for name, number in zip(names, numbers, strict=True):
+                        setattr(part, name, number)
+                made.append(one)
+        return made
+
+    def transforms(self, names: Sequence[str], positions: ArrayLike) -> tuple[list[Joint], Floats, Floats]:
+        """
+        Compute the transforms of the joints whose positions are given, from the child to the parent.
+
+        :param names: of K joints, as in a ``sensor_msgs/JointState``; unknown names are ignored, and the
+            first of equal ones counts. The variables of a planar joint are ``<joint>/x``, ``<joint>/y`` (both
+            in metres, in the plane) and ``<joint>/theta``; those of a floating joint ``<joint>/trans_x`` to
+            ``trans_z`` and ``<joint>/rot_x`` to ``rot_w``.
+        :param positions: radians or metres, shape (K,), or (N, K) for N times.
+        :return: M joints, their translations in metres, shape (M, 3) or (N, M, 3), and their rotations x y z
+            w, shape (M, 4) or (N, M, 4). A position of NaN makes the numbers of its joint NaN.
+        :raises ValueError: the shapes do not fit.
+        """
+        values = np.asarray(positions, np.float64)
+        plan = _plan(self, tuple(names))
+        if values.ndim not in (1, 2) or values.shape[-1] != len(names):
+            raise ValueError(f"{len(names)} names, but positions of shape {values.shape}")
+        with np.errstate(invalid="ignore"):  # the sine of infinity is NaN
+            simple = (values[..., plan.places] * plan.multipliers + plan.offsets)[..., None]
+            half = simple * plan.turning[:, None] * 0.5
+            translations = plan.translations + np.where(plan.turning[:, None], 0.0, simple) * plan.slides
+            # A product of quaternions is linear: q0 (a sin, cos) = q0 cos + q0 (a, 0) sin.
+            rotations = plan.rotations * np.cos(half) + plan.turned * np.sin(half)
+            more = [_several(joint, values[..., places]) for joint, places in plan.several]
+        return (
+            [*plan.joints],
+            np.concatenate([translations, *(one[..., None, :] for one, _ in more)], axis=-2),
+            np.concatenate([rotations, *(one[..., None, :] for _, one in more)], axis=-2),
+        )
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """How positions in the order of some names become transforms: L joints with one variable, and others."""
+
+    joints: list[Joint]  # both kinds
+    places: NDArray[np.intp]  # (L,), of the positions
+    multipliers: Floats  # (L,)
+    offsets: Floats  # (L,)
+    turning: NDArray[np.bool_]  # (L,), or sliding
+    translations: Floats  # (L, 3), at position 0
+    slides: Floats  # (L, 3), the axis in the parent
+    rotations: Floats  # (L, 4), at position 0
+    turned: Floats  # (L, 4), the same times the axis
+    several: list[tuple[Joint, list[int]]]  # with the places of their variables
+
+
+@lru_cache(maxsize=100)
+def _plan(robot: Robot, names: tuple[str, ...]) -> _Plan:
+    place = {name: i for i, name in reversed([*enumerate(names)])}
+    by_name = {one.name: one for one in robot.joints}
+
+    def source(joint: Joint) -> tuple[int, float, float] | None:
+        factor, offset = 1.0, 0.0
+        while joint.name not in place:
+            if joint.mimic is None:
+                return None
+            followed, multiplier, added = joint.mimic
+            factor, offset = factor * multiplier, offset + factor * added
+            joint = by_name[followed]
+        return place[joint.name], factor, offset
+
+    single = [one for one in robot.joints if one.type in (*TURNING, *SLIDING)]
+    found = [(one, told) for one in single if (told := source(one)) is not None]
+    wanted = {one: [f"{one.name}/{part}" for part in VARIABLES.get(one.type, ())] for one in robot.joints}
+    several = [
+        (one, [place[part] for part in parts])
+        for one, parts in wanted.items()
+        if parts and all(part in place for part in parts)
+    ]
+    joints = [one for one, _ in found]
+    return _Plan(
+        [*joints, *(one for one, _ in several)],
+        np.array([at for _, (at, _, _) in found], np.intp),
+        np.array([factor for _, (_, factor, _) in found], np.float64),
+        np.array([offset for _, (_, _, offset) in found], np.float64),
+        np.array([one.type in TURNING for one in joints], np.bool_),
+        np.reshape([one.translation for one in joints], (-1, 3)),
+        np.reshape([_rotated(one.rotation, one.axis) for one in joints], (-1, 3)),
+        np.reshape([one.rotation for one in joints], (-1, 4)),
+        np.reshape([_times(one.rotation) @ (*one.axis, 0.0) for one in joints], (-1, 4)),
+        several,
+    )
+
+
+def _several(joint: Joint, values: Floats) -> tuple[Floats, Floats]:
+    """Translations and rotations of a planar or floating joint; ``values`` has its variables last."""
+    if joint.type == "planar":
+        # The x and y of the plane are those of the joint, after the smallest turn that takes z to the normal.
+        a, b, c = joint.axis
+        turn = np.array((-b, a, 0.0, 1.0 + c)) if c > -1.0 else np.array((1.0, 0.0, 0.0, 0.0))
+        turn /= np.linalg.norm(turn)
+        moved = values[..., :1] * _rotated(turn, (1, 0, 0)) + values[..., 1:2] * _rotated(turn, (0, 1, 0))
+        half = values[..., 2:] * 0.5
+        turned = np.concatenate((np.sin(half) * joint.axis, np.cos(half)), axis=-1)
+    else:
+        moved, turned = values[..., :3], values[..., 3:]
+    translations = joint.translation + moved @ _matrix(joint.rotation).T
+    rotations: Floats = turned @ _times(joint.rotation).T
+    return translations, rotations
+
+
+def _times(q: ArrayLike) -> Floats:
+    """The matrix that multiplies a quaternion, x y z w, by this one from the left."""
+    x, y, z, w = np.asarray(q, np.float64)
+    return np.array(((w, -z, y, x), (z, w, -x, y), (-y, x, w, z), (-x, -y, -z, w)))
+
+
+def _matrix(q: ArrayLike) -> Floats:
+    x, y, z, w = np.asarray(q, np.float64)
+    return np.array(
+        (
+            (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
+            (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
+            (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
+        )
+    )
+
+
+def _rotated(q: ArrayLike, vector: ArrayLike) -> Floats:
+    """Rotate a vector by a quaternion x y z w."""
+    turned: Floats = _matrix(q) @ np.asarray(vector, np.float64)
+    return turned
+
+
+def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """Get the quaternion x y z w of these turns; it has length one."""
+    # The product of the three turns, that about z on the left; J. Diebel, Representing Attitude, 2006.
+    sr, cr = sin(roll / 2), cos(roll / 2)
+    sp, cp = sin(pitch / 2), cos(pitch / 2)
+    sy, cy = sin(yaw / 2), cos(yaw / 2)
+    return (
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )
+
+
+# Read a URDF.
+
+
+def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
+    """
+    Read the joints of a URDF.
+
+    :param source: the path of a file, or the text itself, whose first character is ``<``.
+    :param prefix: is put in front of the names of all frames, for several robots.
+    :raises FileNotFoundError: the file does not exist.
+    :raises UrdfError: it is not a URDF, or does not describe a tree.
+    """
+    if not isinstance(prefix, str):
+        raise TypeError(f"prefix must be a str, not {type(prefix).__name__}")
+    if not isinstance(source, str | PathLike):
+        raise TypeError(f"a URDF must be a path or its text, not {type(source).__name__}")
+    if isinstance(source, str) and source.lstrip(BEFORE).startswith("<"):
+        return parse(source, prefix)
+    with open(source, "rb") as file:
+        text = file.read()
+    try:
+        return parse(text, prefix)
+    except UrdfError as error:
+        raise UrdfError(f"{printable(os.fspath(source))}: {error}") from None
+
+
+BEFORE = "\ufeff \t\r\n"  # what may be in front of the text
+
+
+def parse(text: str | bytes, prefix: str = "") -> Robot:
+    """Read the text of a URDF; see :func:`load`."""
+    try:
+        root = ElementTree.fromstring(text.lstrip(BEFORE) if isinstance(text, str) else text)
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        # Without a declaration of its prefix, xacro is not XML either.
+        raise UrdfError(NOT_EXPANDED if "unbound prefix" in str(error) else f"not XML: {error}") from None
+    if any("xacro}" in element.tag for element in root.iter()):
+        raise UrdfError(NOT_EXPANDED)
+    if root.tag != "robot":
+        raise UrdfError(f"the outermost element of a URDF is robot, not {printable(root.tag)}")
+    links = _names(root, "link")
+    _names(root, "joint")
+    joints = tuple(_joint(element, links, prefix) for element in root.findall("joint"))
+    return Robot(root.get("name", ""), f"{prefix}{_root(links, joints, prefix)}", joints)
+
+
+def _names(root: ElementTree.Element, tag: str) -> set[str]:
+    names: set[str] = set()
+    for element in root.findall(tag):
+        name = _attribute(element, "name", f"a {tag}")
+        if name in names:
+            raise UrdfError(f"there are two {tag}s {printable(name)}")
+        names.add(name)
+    return names
+
+
+def _joint(element: ElementTree.Element, links: set[str], prefix: str) -> Joint:
+    name = element.get("name", "")
+    where = f"joint {printable(name)}"
+    kind = _attribute(element, "type", where)
+    if kind not in TYPES:
+        raise UrdfError(f"{where}: its type is {printable(kind)}, not {', '.join(TYPES[:-1])} or {TYPES[-1]}")
+    parent, child = (_link(element, tag, where, links) for tag in ("parent", "child"))
+    origin, axis = element.find("origin"), element.find("axis")
+    roll, pitch, yaw = _three(origin, "rpy", where)
+    return Joint(
+        name,
+        kind,
+        prefix + parent,
+        prefix + child,
+        _three(origin, "xyz", where),
+        quaternion_from_rpy(roll, pitch, yaw),
+        (1.0, 0.0, 0.0) if axis is None or kind in ("fixed", "floating") else _unit(axis, where),
+        _limits(element.find("limit"), where),
+        _mimic(element.find("mimic"), where),
+    )
+
+
+def _link(joint: ElementTree.Element, tag: str, where: str, links: set[str]) -> str:
+    element = joint.find(tag)
+    if element is None:
+        raise UrdfError(f"{where} has no {tag}")
+    name = _attribute(element, "link", f"the {tag} of {where}")
+    if name not in links:
+        raise UrdfError(f"{where}: its {tag} {printable(name)} is not a link of the robot")
+    return name
+
+
+def _root(links: set[str], joints: Iterable[Joint], prefix: str) -> str:
+    """Get the link without a parent; raise an error if the joints are not a tree."""
+    above: dict[str, Joint] = {}
+    by_name: dict[str, Joint] = {}
+    for joint in joints:
+        other = above.setdefault(joint.child, joint)
+        if other is not joint:
+            link, *names = map(printable, (joint.child.removeprefix(prefix), other.name, joint.name))
+            raise UrdfError(f"link {link} has two parents, by the joints {names[0]} and {names[1]}")
+        by_name[joint.name] = joint
+    _refuse_loops({child: joint.parent for child, joint in above.items()}, "link {} is its own ancestor")
+    _refuse_loops(
+        {joint.name: joint.mimic[0] for joint in joints if joint.mimic is not None},
+        "joint {} mimics itself",
+    )
+    for joint in joints:
+        if joint.mimic is not None and joint.mimic[0] not in by_name:
+            raise UrdfError(
+                f"joint {printable(joint.name)} mimics {printable(joint.mimic[0])}, which is not a joint"
+            )
+    roots = sorted(link for link in links if prefix + link not in above)
+    if len(roots) != 1:
+        found = f"{len(roots)} links have no parent ({', '.join(map(printable, roots[:5]))})"
+        raise UrdfError(f"{found}, but a URDF is one tree" if roots else "the robot has no links")
+    return roots[0]
+
+
+def _refuse_loops(above: dict[str, str], text: str) -> None:
+    checked: set[str] = set()
+    for start in above:
+        path: dict[str, None] = {}
+        while start in above and start not in checked:
+            if start in path:
+                raise UrdfError(text.format(printable(start)))
+            path[start] = None
+            start = above[start]
+        checked.update(path)
+
+
+def _attribute(element: ElementTree.Element, name: str, where: str) -> str:
+    value = element.get(name)
+    if not value:
+        raise UrdfError(f"{where} has no {name}")
+    if "${" in value or "$(" in value:
+        raise UrdfError(NOT_EXPANDED)
+    return value
+
+
+def _numbers(element: ElementTree.Element | None, name: str, where: str, default: str) -> Numbers:
+    text = default if element is None else element.get(name, default)
+    try:
+        numbers = tuple(map(float, text.split()))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != len(default.split()) or not all(map(isfinite, numbers)):
+        if "${" in text or "$(" in text:
+            raise UrdfError(NOT_EXPANDED)
+        count = {1: "a finite number", 3: "three finite numbers"}[len(default.split())]
+        raise UrdfError(f"{where}: {name} must be {count}, not {text!r}")
+    return numbers
+
+
+def _three(element: ElementTree.Element | None, name: str, where: str) -> Numbers:
+    return _numbers(element, name, where, "0 0 0")
+
+
+def _unit(element: ElementTree.Element, where: str) -> Numbers:
+    axis = _numbers(element, "xyz", where, "1 0 0")
+    length = sqrt(sum(one * one for one in axis))
+    if not length > 0.0:
+        raise UrdfError(f"{where}: its axis has no direction")
+    return tuple(one / length for one in axis)
+
+
+def _limits(element: ElementTree.Element | None, where: str) -> tuple[float, float] | None:
+    if element is None:
+        return None
+    [lower], [upper] = (_numbers(element, name, where, "0") for name in ("lower", "upper"))
+    return lower, upper
+
+
+def _mimic(element: ElementTree.Element | None, where: str) -> tuple[str, float, float] | None:
+    if element is None:
+        return None
+    [multiplier], [offset] = (
+        _numbers(element, name, where, default) for name, default in (("multiplier", "1"), ("offset", "0"))
+    )
+    return _attribute(element, "joint", f"the mimic of {where}"), multiplier, offset

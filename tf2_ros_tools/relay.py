@@ -9,9 +9,8 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from geometry_msgs.msg import TransformStamped
-
 from tf2_py import BufferCore, FrameInfo, TransformException
+from tf2_ros import TransformStamped
 from tf2_ros_tools.output import not_known
 from tf2_ros_tools.program import UsageError, read_list
 

@@ -2,6 +2,7 @@
 
 import heapq
 from collections.abc import Iterable
+from difflib import SequenceMatcher  # not in `closest`: a child forked meanwhile would wait for ever
 
 NS_PER_S = 1_000_000_000
 YEAR_NS = 365 * 86400 * NS_PER_S
@@ -193,9 +194,6 @@ def closest(name: str, known: Iterable[str]) -> list[str]:
     Case is ignored. Names that differ only in their namespace, as ``robot1/base_link`` and ``base_link``, are
     similar.
     """
-    # Loaded only when a lookup fails, because importing it takes longer than most of our modules.
-    from difflib import SequenceMatcher
-
     if len(name) > LONGEST:
         return []
     wanted = name.casefold()

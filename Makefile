@@ -38,8 +38,9 @@ endif
 
 .PHONY: allocations bare bench build clean cross demo docs fuzz guard hosts leaks lint matrix model oldest pictures sanitize soak stress test test-all wheels
 
-# A process for each core; those of big machines would wait for each other. The tests of a file share what it makes.
-PYTEST := $(PY) -m pytest --numprocesses=logical --maxprocesses=8 --dist=loadfile
+# Two processes for each core, because tests wait for others half of their time; those of big machines would wait for
+# each other. The tests of a file share what it makes. If a process dies, xdist would wait for ever instead of ending.
+PYTEST = $(PY) -m pytest --numprocesses=$$((2 * $$(nproc))) --maxprocesses=8 --dist=loadfile --max-worker-restart=0
 
 # TESTS: some of them, as `make test TESTS=tests/ros/test_buffer.py`.
 test: $(VENV)/installed.stamp $(VENV)/test.stamp

@@ -47,7 +47,7 @@ def stamp_ns(encoding: str, raw: Raw) -> int:
     :raises ValueError: it is malformed, or has none.
     """
     if encoding == "json":
-        content = json.loads(bytes(raw))
+        content = _json(bytes(raw))
         found = content.get("timestamp") if isinstance(content, dict) else None
         return _time_of_json(found)
     found = next((value for number, value in _fields(bytes(raw)) if number == 1), None)
@@ -69,8 +69,15 @@ def _time_of_json(time: Any) -> int:
         raise ValueError(f"a timestamp must have sec and nsec, not be {time!r}") from None
 
 
+def _json(data: bytes) -> Any:
+    try:
+        return json.loads(data)
+    except RecursionError:
+        raise ValueError("its JSON is nested too deeply") from None
+
+
 def _of_json(data: bytes, is_list: bool) -> Iterator[Transform]:
-    content = json.loads(data)
+    content = _json(data)
     try:
         for one in content["transforms"] if is_list else [content]:
             parent, child = one["parent_frame_id"], one["child_frame_id"]

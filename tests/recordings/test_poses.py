@@ -276,6 +276,7 @@ class TestFoxglove:
             ),
             ("protobuf", field(1, field(2, b"\xff")), "can't decode byte 0xff"),
             ("json", b"[", "Expecting value"),
+            ("json", b"[" * 100_000, "its JSON is nested too deeply"),
             ("json", b"{}", "not a foxglove.FrameTransforms: KeyError: 'transforms'"),
             ("json", b'{"transforms": [5]}', "not a foxglove.FrameTransforms: TypeError"),
             (

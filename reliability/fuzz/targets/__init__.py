@@ -15,6 +15,7 @@ PACKAGES = {
     "saved": ["tf2_py", "mcap"],
     "states": ["tf2_py"],
     "segments": ["tf2_py", "tf2_ros._shared"],
+    "foreign": ["tf2_ros_tools"],
 }
 # The sizes of inputs.
 MOST_BYTES = {
@@ -26,10 +27,11 @@ MOST_BYTES = {
     "saved": 8192,
     "states": 2048,
     "segments": 512,
+    "foreign": 1024,
 }
 
 # In these Python does nearly all of the work.
-IN_PYTHON = {"recordings", "saved"}
+IN_PYTHON = {"recordings", "saved", "foreign"}
 
 
 def target(name: str) -> ModuleType:

@@ -312,15 +312,6 @@ class Buffer(BufferCore, AnsweringInterface):
         fixed_frame: str,
         timeout: TimeoutLike = NO_TIMEOUT,
     ) -> TransformStamped:
-        """
-        Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``. It carries
-        data from the source to the target. ``Time()``, which is 0, asks for the latest time. The default
-        ``timeout`` does not wait.
-
-        :param fixed_frame: a frame that does not move between the two times. For the other parameters, see
-            :meth:`tf2_ros.BufferInterface.lookup_transform_full`.
-        :raises TransformException: see :meth:`lookup_transform`.
-        """
         if timeout is NO_TIMEOUT and Buffer.can_transform_full is _CAN_TRANSFORM_FULL:
             return self.lookup_transform_full_core(
                 target_frame, target_time, source_frame, source_time, fixed_frame

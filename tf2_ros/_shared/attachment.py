@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from tf2_py._internal import log
 from tf2_ros._forking import register_for_fork
-from tf2_ros._receive.inboxes import add_inbox, check_regularly, threads
+from tf2_ros._receive.inboxes import END_WAIT_S, add_inbox, check_regularly, threads
 from tf2_ros._shared.files import Description, describe_owner, is_owned, open_file
 from tf2_ros._shared.names import SharedBufferError, wanted_name
 from tf2_ros._shared.owner import Owner
@@ -27,7 +27,6 @@ if TYPE_CHECKING or HAS_ROS:
 __all__ = ["AttachedListener", "Attachment", "Ring", "attach_listener", "open_ring"]
 
 AUTHORITY = "default_authority"  # of messages that have none
-END_WAIT_S = 5.0
 
 Call = Callable[[], object]
 

@@ -24,14 +24,7 @@ from rclpy.time import Time
 
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error
-from tf2_py import (
-    ConnectivityException,
-    ExtrapolationException,
-    InvalidArgumentException,
-    LookupException,
-    TimeoutException,
-    TransformException,
-)
+from tf2_py import TimeoutException, TransformException
 from tf2_py._internal import class_name, counted, errors, frame_name, printable, timeout_ns
 from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros._arguments import has, is_name, optional_timeout_ns, refuse_swapped
@@ -55,6 +48,7 @@ from tf2_ros._wait.callbacks import CallbackQueue
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer_interface import NO_TIMEOUT, AnsweringInterface
+from tf2_ros.buffer_server import CODES
 
 # What `import *` gives from tf2's module.
 __all__ = [
@@ -84,13 +78,7 @@ DONE_CHECK_S = 0.1  # how often to check a future that may not call back
 DESTROYED = "The buffer client was destroyed."
 GOAL_SERVICE = "/_action/send_goal"
 
-EXCEPTIONS = {
-    TF2Error.LOOKUP_ERROR: LookupException,
-    TF2Error.CONNECTIVITY_ERROR: ConnectivityException,
-    TF2Error.EXTRAPOLATION_ERROR: ExtrapolationException,
-    TF2Error.INVALID_ARGUMENT_ERROR: InvalidArgumentException,
-    TF2Error.TIMEOUT_ERROR: TimeoutException,
-}
+EXCEPTIONS = {code: kind for kind, code in CODES}
 
 
 class PendingGoal:

@@ -22,7 +22,7 @@ cdef int64_t MAX_SECONDS = INT64_MAX // NS_PER_S
 cdef Layout time_layout = None
 cdef object _time_class = None      # rclpy's class that was looked at, or None
 cdef object _handle_class = None    # the class of its handles; None: not readable directly
-cdef bint _lacks_rclpy = False      # as the first search for it found: each takes 40 us, and a lock of imports
+cdef bint _lacks_rclpy = False      # as the first search found; each takes 40 us, and a lock of imports
 
 
 cdef int load_time() except -1:

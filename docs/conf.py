@@ -33,7 +33,7 @@ html_css_files = ["site.css"]
 # The reference. The docstrings say what a function takes and returns; types.md explains the types.
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
-autodoc_inherit_docstrings = False
+autodoc_inherit_docstrings = True
 python_maximum_signature_line_length = 90
 
 # A reference to a name that is not on the site is a warning.

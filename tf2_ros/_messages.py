@@ -12,6 +12,7 @@ else:
     globals().update({name: getattr(message_classes, name) for name in message_classes.__all__})
 
 __all__ = [
+    "A_MESSAGE",
     "Header",
     "Point",
     "Pose",
@@ -21,8 +22,11 @@ __all__ = [
     "Transform",
     "TransformStamped",
     "Vector3",
+    "numbers_of",
     "time_msg",
 ]
+
+A_MESSAGE = "a TransformStamped, Transform, PoseStamped or Pose"
 
 
 def time_msg(time: Any, argument: str) -> Time:
@@ -33,3 +37,23 @@ def time_msg(time: Any, argument: str) -> Time:
     """
     sec, nanosec = stamp_parts(time, argument)
     return Time(sec=sec, nanosec=nanosec)
+
+
+def numbers_of(msg: Any) -> tuple[float, ...]:
+    """
+    The translation and the rotation, x y z x y z w, of a transform or a pose.
+
+    :raises TypeError: it is something else.
+    """
+    inner = getattr(msg, "transform", getattr(msg, "pose", msg))
+    expected = f"expected {A_MESSAGE}, got {type(msg).__name__}"
+    try:
+        if hasattr(inner, "translation"):
+            v, q = inner.translation, inner.rotation
+        elif hasattr(inner, "position"):
+            v, q = inner.position, inner.orientation
+        else:
+            raise TypeError(expected)
+        return (v.x, v.y, v.z, q.x, q.y, q.z, q.w)
+    except AttributeError as missing:
+        raise TypeError(f"{expected}: {missing}") from None

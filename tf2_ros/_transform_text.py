@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 from tf2_py._internal import printable, seconds, time_ns
+from tf2_ros._messages import numbers_of
 
 GIMBAL_LOCK = 0.99999  # sine of the pitch from which on roll and yaw turn about one axis, as in tf2
 
@@ -28,12 +29,12 @@ def format_transform(transform: Any) -> str:
     >>> format_transform(mount)
     'base_link -> camera at 0.000000000: xyz [0.300 0.000 0.000] m, rpy [0.0 0.0 0.0] deg'
     """
-    # Imported here, because tf2_ros is imported more often than this is called.
-    from tf2_ros.numpy import to_arrays
-
-    translations, rotations = to_arrays([transform])
-    xyz = _fixed(translations[0].tolist(), 3)
-    rpy = _fixed(map(math.degrees, _roll_pitch_yaw(*rotations[0].tolist())), 1)
+    numbers = numbers_of(transform)
+    length = math.hypot(*numbers[3:])
+    if not 0 < length < math.inf:
+        raise ValueError("the rotation must have a finite length above zero")
+    xyz = _fixed(numbers[:3], 3)
+    rpy = _fixed(map(math.degrees, _roll_pitch_yaw(*(number / length for number in numbers[3:]))), 1)
     return f"{_where(transform)}xyz [{xyz}] m, rpy [{rpy}] deg"
 
 

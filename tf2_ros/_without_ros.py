@@ -50,3 +50,8 @@ def insert_arrived(buffer: object) -> None:
 def TransformFuture(*arguments: object) -> NoReturn:
     """Refuse to make a future, which is a class of rclpy."""
     raise absence("a future of a transform")
+
+
+def Changes(*arguments: object) -> NoReturn:
+    """Refuse to wait for changes, which takes such a future."""
+    raise absence("waiting for changes of a transform")

@@ -44,15 +44,16 @@ if TYPE_CHECKING or HAS_ROS:
     from tf2_ros._nodes import WaitContexts, fills
     from tf2_ros._receive.inboxes import attribute_changed, hold, insert_arrived, release
     from tf2_ros._tf2_names import rclpy
+    from tf2_ros._wait.changes import Changes, ChangeSubscription
     from tf2_ros._wait.futures import TransformFuture, WakingFuture
 
     if TYPE_CHECKING:
         from tf2_ros._receive.expiry import Expiry
         from tf2_ros._shared.attachment import Attachment, Ring
         from tf2_ros._shared.owner import Owner
-        from tf2_ros._wait.changes import Changes, ChangeSubscription
 else:
     from tf2_ros._without_ros import (
+        Changes,
         TransformFuture,
         attribute_changed,
         insert_arrived,
@@ -311,15 +312,6 @@ class Buffer(BufferCore, AnsweringInterface):
         fixed_frame: str,
         timeout: TimeoutLike = NO_TIMEOUT,
     ) -> TransformStamped:
-        """
-        Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``. It carries
-        data from the source to the target. ``Time()``, which is 0, asks for the latest time. The default
-        ``timeout`` does not wait.
-
-        :param fixed_frame: a frame that does not move between the two times. For the other parameters, see
-            :meth:`tf2_ros.BufferInterface.lookup_transform_full`.
-        :raises TransformException: see :meth:`lookup_transform`.
-        """
         if timeout is NO_TIMEOUT and Buffer.can_transform_full is _CAN_TRANSFORM_FULL:
             return self.lookup_transform_full_core(
                 target_frame, target_time, source_frame, source_time, fixed_frame
@@ -486,7 +478,7 @@ class Buffer(BufferCore, AnsweringInterface):
         ...     async for transform in buffer.changes("map", "base_link"):
         ...         print(transform.header.stamp)
         """
-        return _changes(self, target_frame, source_frame)
+        return Changes(self, target_frame, source_frame)
 
     def on_change(
         self, target_frame: str, source_frame: str, callback: "Callable[[TransformStamped], object]"
@@ -499,7 +491,7 @@ class Buffer(BufferCore, AnsweringInterface):
             :meth:`wait_for_transform_async` run; never by two threads at once.
         :return: an object that ends this with ``cancel()``. Until then, the buffer exists.
         """
-        return _changes(self, target_frame, source_frame).call(callback)
+        return Changes(self, target_frame, source_frame).call(callback)
 
     def time_jump_callback(self, time_jump: "TimeJump | None") -> None:
         """
@@ -557,7 +549,7 @@ class Buffer(BufferCore, AnsweringInterface):
             self._new_data_callbacks.remove(callback)
 
 
-# Few programs have frames expire, follow changes, or share a buffer; only they load the modules for it.
+# Few programs have frames expire, or share a buffer; only they load the modules for it, before they wait.
 
 
 def _expiry(buffer: Buffer, after: TimeoutLike) -> "Expiry":
@@ -566,14 +558,6 @@ def _expiry(buffer: Buffer, after: TimeoutLike) -> "Expiry":
     from tf2_ros._receive.expiry import Expiry
 
     return Expiry(buffer, timeout_ns(after, "expire_after"))
-
-
-def _changes(buffer: Buffer, target_frame: str, source_frame: str) -> "Changes":
-    if not HAS_ROS:
-        raise absence("waiting for changes of a transform")
-    from tf2_ros._wait.changes import Changes
-
-    return Changes(buffer, target_frame, source_frame)
 
 
 def _shared(buffer: Buffer, name: str, node: "Node | None") -> "Owner":

@@ -24,14 +24,7 @@ from rclpy.time import Time
 
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error
-from tf2_py import (
-    ConnectivityException,
-    ExtrapolationException,
-    InvalidArgumentException,
-    LookupException,
-    TimeoutException,
-    TransformException,
-)
+from tf2_py import TimeoutException, TransformException
 from tf2_py._internal import class_name, counted, errors, frame_name, printable, timeout_ns
 from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros._arguments import has, is_name, optional_timeout_ns, refuse_swapped
@@ -55,6 +48,7 @@ from tf2_ros._wait.callbacks import CallbackQueue
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer_interface import NO_TIMEOUT, AnsweringInterface
+from tf2_ros.buffer_server import CODES
 
 # What `import *` gives from tf2's module.
 __all__ = [
@@ -84,13 +78,7 @@ DONE_CHECK_S = 0.1  # how often to check a future that may not call back
 DESTROYED = "The buffer client was destroyed."
 GOAL_SERVICE = "/_action/send_goal"
 
-EXCEPTIONS = {
-    TF2Error.LOOKUP_ERROR: LookupException,
-    TF2Error.CONNECTIVITY_ERROR: ConnectivityException,
-    TF2Error.EXTRAPOLATION_ERROR: ExtrapolationException,
-    TF2Error.INVALID_ARGUMENT_ERROR: InvalidArgumentException,
-    TF2Error.TIMEOUT_ERROR: TimeoutException,
-}
+EXCEPTIONS = {code: kind for kind, code in CODES}
 
 
 class PendingGoal:
@@ -367,6 +355,11 @@ class BufferClient(AnsweringInterface):
     :param timeout_padding: how much longer than the timeout of a lookup to wait for the server's response.
     :raises ValueError: ``check_frequency`` is not above 0.
 
+    A ``timeout`` is for finding a server, and then for the lookup in it. Without one, a coroutine waits until
+    the server is destroyed, or the context is shut down. A lookup raises what the lookup in the server
+    raises; and a ``TimeoutException`` if no server was found, it did not answer, the transform was not
+    available in time, or the context was shut down. The text says which, and how long the wait took.
+
     Where a program replaced this module's ``ActionClient``, or the attribute ``action_client``, goals are
     sent with the replacement, by the thread that calls the lookup. For every ``time`` and ``timeout``, see
     :class:`tf2_ros.Buffer`.
@@ -419,23 +412,6 @@ class BufferClient(AnsweringInterface):
     def lookup_transform(
         self, target_frame: str, source_frame: str, time: TimeLike, timeout: TimeoutLike = NO_TIMEOUT
     ) -> TransformStamped:
-        """
-        Get the pose of ``source_frame`` in ``target_frame``: it carries data from the source to the target.
-
-        A point at p in ``source_frame`` is at R p + t in ``target_frame``: R and t are the rotation and the
-        translation returned. ``Time()``, which is 0, asks for the latest time for which all frames on the
-        path have data. The default ``timeout`` does not wait.
-
-        :param target_frame: the frame into which the data is to be transformed.
-        :param source_frame: the frame that the data is in.
-        :param time: of the transform; 0 is the latest time for which all frames on the path have data.
-        :param timeout: how long to wait, for a server and then in it for the transform, in steady time.
-        :return: a ``TransformStamped``, see :meth:`tf2_ros.Buffer.lookup_transform`.
-        :raises TimeoutException: no server was found, it did not answer, the transform was not available in
-            time, or the context was shut down before. The text says which, and how long the wait took.
-        :raises TransformException: what the lookup in the server raised.
-        :raises TypeError: a name is not a ``str``, ``time`` is not a time, or ``timeout`` is not a timeout.
-        """
         goal = _simple_goal(target_frame, source_frame, time)
         goal.timeout = _duration_msg(timeout)
         return self.__process_goal(goal)
@@ -449,15 +425,6 @@ class BufferClient(AnsweringInterface):
         fixed_frame: str,
         timeout: TimeoutLike = NO_TIMEOUT,
     ) -> TransformStamped:
-        """
-        Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``. It carries
-        data from the source to the target. ``Time()``, which is 0, asks for the latest time. The default
-        ``timeout`` does not wait.
-
-        :param fixed_frame: a frame that does not move between the two times. For the other parameters, see
-            :meth:`tf2_ros.BufferInterface.lookup_transform_full`.
-        :raises TransformException: see :meth:`lookup_transform`.
-        """
         goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame)
         goal.timeout = _duration_msg(timeout)
         return self.__process_goal(goal)
@@ -465,13 +432,6 @@ class BufferClient(AnsweringInterface):
     async def lookup_transform_async(
         self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: TimeoutLike | None = None
     ) -> TransformStamped:
-        """
-        Await what :meth:`lookup_transform` returns: the pose of ``source_frame`` in ``target_frame``, which
-        carries data from the source to the target. Without ``timeout`` it waits forever.
-
-        :param target_frame: see that method, which raises the same.
-        :param timeout: how long to wait. None: until the server is destroyed, or the context is shut down.
-        """
         return await self._await(_simple_goal(target_frame, source_frame, time), timeout)
 
     async def lookup_transform_full_async(

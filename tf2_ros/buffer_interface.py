@@ -87,9 +87,10 @@ class BufferInterface:
     """
     What :class:`tf2_ros.Buffer` and :class:`tf2_ros.BufferClient` share.
 
-    A subclass implements the lookups; ``transform``, ``transform_full`` and ``transform_async`` use them. The
-    attribute ``registration`` is the table of functions that transform objects. For every ``time`` and
-    ``timeout``, see :class:`tf2_ros.Buffer`.
+    A subclass implements the lookups; those that it does not implement raise a ``NotImplementedException``.
+    ``transform``, ``transform_full`` and ``transform_async`` use them. The attribute ``registration`` is the
+    table of functions that transform objects. For every ``time`` and ``timeout``, see
+    :class:`tf2_ros.Buffer`.
 
     >>> from geometry_msgs.msg import PointStamped, TransformStamped
     >>> from tf2_ros import BufferInterface
@@ -268,9 +269,11 @@ class BufferInterface:
         translation returned. ``Time()``, which is 0, asks for the latest time for which all frames on the
         path have data. The default ``timeout`` does not wait.
 
+        :param target_frame: the frame into which the data is to be transformed.
+        :param source_frame: the frame that the data is in.
         :param time: of the transform; 0 is the latest time for which all frames on the path have data.
         :param timeout: how long to wait for it, in steady time. Zero: do not wait.
-        :raises NotImplementedException: a subclass must implement it.
+        :return: a ``TransformStamped``, see :meth:`tf2_ros.Buffer.lookup_transform`.
         """
         raise NotImplementedException()
 
@@ -297,7 +300,6 @@ class BufferInterface:
         :param source_time: the time of the data; 0 as above, for the path between it and ``fixed_frame``.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: see :meth:`lookup_transform`.
-        :raises NotImplementedException: a subclass must implement it.
 
         It is stamped with the target's time, and raises what :meth:`lookup_transform` raises.
         """
@@ -311,7 +313,6 @@ class BufferInterface:
         carries data from the source to the target. Without ``timeout`` it waits forever.
 
         :param timeout: how long to wait, in steady time. None: forever.
-        :raises NotImplementedException: a subclass must implement it.
         """
         raise NotImplementedException()
 
@@ -323,7 +324,6 @@ class BufferInterface:
         ``Time()`` asks for the latest one. The default ``timeout`` does not wait.
 
         :param timeout: how long to wait for it, in steady time.
-        :raises NotImplementedException: a subclass must implement it.
         """
         raise NotImplementedException()
 
@@ -340,7 +340,6 @@ class BufferInterface:
         Return whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
 
         :param timeout: how long to wait for it, in steady time.
-        :raises NotImplementedException: a subclass must implement it.
         """
         raise NotImplementedException()
 

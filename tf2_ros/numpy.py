@@ -18,6 +18,7 @@ from tf2_py._internal import (
     time_ns,
 )
 from tf2_ros._messages import (
+    A_MESSAGE,
     Header,
     Point,
     Pose,
@@ -26,6 +27,7 @@ from tf2_ros._messages import (
     Transform,
     TransformStamped,
     Vector3,
+    numbers_of,
 )
 
 if TYPE_CHECKING:
@@ -52,7 +54,6 @@ _Unstamped = TypeVar("_Unstamped", Transform, Pose)
 
 # How far a matrix may differ from a rotation; a product of a few float32 matrices differs less.
 TOLERANCE = 1e-5
-A_MESSAGE = "a TransformStamped, Transform, PoseStamped or Pose"
 OF_ARRAYS = "translations and rotations must be numbers"
 
 
@@ -165,7 +166,7 @@ def to_arrays(transforms: Iterable[Message] | npt.NDArray[Any]) -> tuple[Array, 
     """
     if isinstance(transforms, np.ndarray) and (transforms.ndim != 1 or transforms.dtype != object):
         return _translations_and_rotations(_matrices(transforms))
-    return _arrays([_row(msg) for msg in transforms])
+    return _arrays([numbers_of(msg) for msg in transforms])
 
 
 def to_rotation(rotations: Message | Quaternion | Pair | npt.ArrayLike) -> Rotation:
@@ -295,21 +296,6 @@ def to_nanoseconds(times: TimesLike) -> npt.NDArray[np.int64]:
     return as_times_ns(times)
 
 
-def _row(msg: Any) -> tuple[float, ...]:
-    inner = getattr(msg, "transform", getattr(msg, "pose", msg))
-    expected = f"expected {A_MESSAGE}, got {type(msg).__name__}"
-    try:
-        if hasattr(inner, "translation"):
-            v, q = inner.translation, inner.rotation
-        elif hasattr(inner, "position"):
-            v, q = inner.position, inner.orientation
-        else:
-            raise TypeError(expected)
-        return (v.x, v.y, v.z, q.x, q.y, q.z, q.w)
-    except AttributeError as missing:
-        raise TypeError(f"{expected}: {missing}") from None
-
-
 def _arrays(rows: Sequence[tuple[float, ...]]) -> tuple[Array, Array]:
     numbers = _floats(rows, OF_ARRAYS).reshape(len(rows), 7)
     rotations = numbers[:, 3:].copy()
@@ -322,7 +308,7 @@ def _arrays(rows: Sequence[tuple[float, ...]]) -> tuple[Array, Array]:
 def _one(msg: Any) -> tuple[Array, Array]:
     if isinstance(msg, Iterable):
         raise TypeError(f"expected {A_MESSAGE}, got {type(msg).__name__}: pass to_arrays(...) of many")
-    translations, rotations = _arrays([_row(msg)])
+    translations, rotations = _arrays([numbers_of(msg)])
     return translations[0], rotations[0]
 
 

@@ -48,6 +48,16 @@ class TestChildren:
         assert statuses_of_children(what, count, rate=500) == [0] * count
 
 
+def test_no_first_use_of_a_buffer_imports_anything():
+    """A child that is forked while another thread imports a module waits forever if it needs that module."""
+    program = start("first_uses.py", stdout=subprocess.PIPE)
+    try:
+        assert json.loads(program.communicate(timeout=CHILD_S)[0]) == []
+        assert program.returncode == 0
+    finally:
+        program.kill()
+
+
 class TestWaitsOfTheParent:
     def test_their_timeouts_pass_in_the_parent_alone(self, buffer):
         ended = []

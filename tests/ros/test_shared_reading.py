@@ -231,7 +231,7 @@ def test_static_transforms_that_are_written_again_are_new_only_to_late_readers()
         for number in range(100):
             owner.set_transform_static(transform("map", f"static{number}", xyz=(number, 0.0, 0.0)), "owner")
         count = 0
-        while owner._sharing._ring.short_ns == 0 or count < 5000 * LINKS:
+        while owner._sharing._ring.shortage[0] == 0 or count < 5000 * LINKS:
             count += owner.set_transforms(links((1000 + count) * S // 1000, S), "owner")
             if count % 100 == 0:
                 assert reader.can_transform_core("map", "f4", 0)[0]
@@ -257,7 +257,7 @@ def test_many_static_transforms_of_one_moment_are_all_written_again():
         for number in range(3000):
             owner.set_transform_static(transform("map", f"marker{number}"), "owner")
         wrap(owner, mebibytes=4)
-        assert owner._sharing._ring.missing == 0
+        assert owner._sharing._ring.shortage[1] == 0
         late = Buffer(attach=owner._sharing.name)
         assert "marker0" in late
         assert {f"marker{number}" for number in range(3000)} <= {*late._known_names()}
@@ -280,11 +280,11 @@ def test_a_static_transform_that_is_written_again_does_not_replace_what_a_reader
 def test_where_static_transforms_fill_their_share_a_known_one_may_change():
     with small_ring(), pair() as (owner, _):
         ring, number = owner._sharing._ring, 0
-        while ring.missing == 0:
+        while ring.shortage[1] == 0:
             owner.set_transform_static(transform("map", f"marker{number}"), "owner")
             number += 1
         owner.set_transform_static(transform("map", "marker0", xyz=(7.0, 0.0, 0.0)), "owner")
-        assert ring.missing == 1
+        assert ring.shortage[1] == 1
         late = Buffer(attach=owner._sharing.name)
         assert late.lookup_transform_core("map", "marker0", 0).transform.translation.x == 7.0
 

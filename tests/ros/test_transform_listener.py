@@ -524,7 +524,7 @@ class TestEnd:
         assert list(node.subscriptions) == []
 
     @pytest.mark.ours
-    @pytest.mark.parametrize("how", ["unspun", "hidden", "shutdown", "waiting", "future"])
+    @pytest.mark.parametrize("how", ["unspun", "hidden", "shutdown", "waiting", "future", "called back"])
     def test_the_interpreter_exits_without_output(self, how, inserter):
         program = start("exits.py", how, inserter, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         output, errors = program.communicate(timeout=DEADLINE_S)

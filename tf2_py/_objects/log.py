@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sys
 from collections.abc import Hashable
 from typing import Any, Protocol
 
@@ -33,11 +34,9 @@ class Throttle(Protocol):
 
 
 def logger(name: str) -> Any:
-    """The logger of this name: rclpy's, or Python's if there is no ROS."""
-    try:
-        from rclpy.logging import get_logger
-    except ModuleNotFoundError:
-        return logging.getLogger(name)
+    """The logger of this name: rclpy's, or Python's if the program has not imported rclpy."""
+    # Not imported here: in a forked child, that could wait forever for a thread of the parent.
+    get_logger = getattr(sys.modules.get("rclpy.logging"), "get_logger", logging.getLogger)
     return get_logger(name)
 
 

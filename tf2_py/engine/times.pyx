@@ -22,6 +22,7 @@ cdef int64_t MAX_SECONDS = INT64_MAX // NS_PER_S
 cdef Layout time_layout = None
 cdef object _time_class = None      # rclpy's class that was looked at, or None
 cdef object _handle_class = None    # the class of its handles; None: not readable directly
+cdef bint _lacks_rclpy = False      # as the first search found; each takes 40 us, and a lock of imports
 
 
 cdef int load_time() except -1:
@@ -194,11 +195,14 @@ cdef object new_stamp(int64_t stamp_ns):
 
 
 cdef object new_time(int64_t time_ns):
-    try:
-        from rclpy.time import Time
-    except ModuleNotFoundError:
-        return new_stamp(time_ns)
-    return Time(nanoseconds=time_ns)
+    global _lacks_rclpy
+    if not _lacks_rclpy:
+        try:
+            from rclpy.time import Time
+            return Time(nanoseconds=time_ns)
+        except ModuleNotFoundError:
+            _lacks_rclpy = True
+    return new_stamp(time_ns)
 
 
 def time_ns(time, str argument):

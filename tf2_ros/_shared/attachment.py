@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from tf2_py._internal import log
 from tf2_ros._forking import register_for_fork
-from tf2_ros._receive.inboxes import add_inbox, check_regularly, threads
+from tf2_ros._receive.inboxes import END_WAIT_S, add_inbox, check_regularly, threads
 from tf2_ros._shared.files import Description, describe_owner, is_owned, open_file
 from tf2_ros._shared.names import SharedBufferError, wanted_name
 from tf2_ros._shared.owner import Owner
@@ -27,7 +27,6 @@ if TYPE_CHECKING or HAS_ROS:
 __all__ = ["AttachedListener", "Attachment", "Ring", "attach_listener", "open_ring"]
 
 AUTHORITY = "default_authority"  # of messages that have none
-END_WAIT_S = 5.0
 
 Call = Callable[[], object]
 
@@ -184,7 +183,7 @@ class Attachment:
             elif (why := ring.why_over()) is not None:
                 self._lose(ring, why)
                 self._find_owner(buffer)
-            elif ring.short_ns or ring.missing or ring.descriptions != self._descriptions:
+            elif any(ring.shortage) or ring.descriptions != self._descriptions:
                 self._descriptions = ring.descriptions
                 for listener in list(self.listeners):
                     if lack := listener.lack(ring):
@@ -446,9 +445,10 @@ def _lack(ring: Ring, buffer: Any, node: "Node", topics: Sequence[str]) -> str:
         return f"is not filled from {' and '.join(missing)}"
     if owner.cache_time_ns < buffer.cache_time_ns:
         return f"keeps {owner.cache_time_ns / 1e9:g} s, this one {buffer.cache_time_ns / 1e9:g} s"
-    if 0 < ring.short_ns < buffer.cache_time_ns:
-        return f"has memory for {ring.short_ns / 1e9:.3g} s, this one keeps {buffer.cache_time_ns / 1e9:g} s"
-    if ring.missing:
+    short_ns, missed = ring.shortage
+    if 0 < short_ns < buffer.cache_time_ns:
+        return f"has memory for {short_ns / 1e9:.3g} s, this one keeps {buffer.cache_time_ns / 1e9:g} s"
+    if missed:
         return "has no memory for all messages"
     clock: Any = node.get_clock()
     if clock.ros_time_is_active and not owner.simulated:

@@ -92,15 +92,15 @@ class Owner:
         """Log once what readers lack."""
         if not self._ring.is_open:
             return
+        short_ns, missing = self._ring.shortage
         if self._ring.is_lost:
             self._say("its file was truncated, and nothing is shared any more")
-        elif self._ring.missing:
-            self._say(f"it had no memory for {self._ring.missing} message(s): listeners subscribe instead")
-        elif self._ring.short_ns:
-            held = self._ring.short_ns / 1e9
+        elif missing:
+            self._say(f"it had no memory for {missing} message(s): listeners subscribe instead")
+        elif short_ns:
             self._say(
                 f"it has no memory for all of the last {self._description.cache_time_ns / 1e9:g} s, but for "
-                f"{held:.3g} s: programs that are attached later lack what is older"
+                f"{short_ns / 1e9:.3g} s: programs that are attached later lack what is older"
             )
 
     def _say(self, problem: str) -> None:

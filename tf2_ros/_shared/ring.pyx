@@ -156,6 +156,12 @@ cdef inline Board* board_of(const Head* head) noexcept nogil:
     return <Board*>(<char*>head + BOARD_AT)
 
 
+cdef tuple shortage_of(const Head* head):
+    # How far back the ring reaches, in nanoseconds, if that is less than its owner wanted, or 0; and how many
+    # messages its owner had no memory for.
+    return load64(&head.short_ns), load64(&head.missing)
+
+
 cdef Head* map_head(int descriptor, uint32_t* lost) except NULL:
     cdef void* made = map_file(descriptor, lost)
     if made == NULL:

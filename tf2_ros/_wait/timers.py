@@ -2,6 +2,7 @@
 
 import heapq
 import itertools
+import sys
 import threading
 import time
 import traceback
@@ -54,6 +55,8 @@ class Worker:
                 with suppress(RuntimeError):  # it is being woken already
                     self._asleep.release()
                 return
+            if sys.is_finalizing():  # before Python 3.12, it would wait for the thread forever
+                raise RuntimeError("no thread can be started at the end of the interpreter")
             threading.Thread(target=self._run, args=(claim,), name=self._name, daemon=True).start()
         except BaseException:
             # A thread that has started nevertheless finds that it has no claim.

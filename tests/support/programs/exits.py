@@ -13,6 +13,7 @@ from rclpy.time import Time
 
 from tf2_ros import Buffer, TransformListener
 from tf2_ros._receive import receiver
+from tf2_ros._wait.callbacks import callback_queue
 
 printed = []
 
@@ -54,6 +55,10 @@ def main(how, inserter):
     elif how == "future":
         global future
         future = buffer.wait_for_transform_async("map", "robot", Time(), timeout=Duration(seconds=60))
+    elif how == "called back":
+        TransformListener(buffer, node)
+        rclpy.spin_once(node, timeout_sec=0)  # an executor has the queue, and runs nothing any more
+        callback_queue(node).put(print)
     print("at the end", flush=True)
 
 

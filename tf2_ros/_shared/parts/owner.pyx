@@ -455,14 +455,9 @@ cdef class RingWriter(Copying):
         return bool(word_load(&self._writing.is_lost))
 
     @property
-    def short_ns(self):
-        """How far back the ring reaches, in nanoseconds, if that is less than wanted; otherwise 0."""
-        return load64(&self._writing.head.short_ns)
-
-    @property
-    def missing(self):
-        """How many messages there was no memory for."""
-        return load64(&self._writing.head.missing)
+    def shortage(self):
+        """See ``shortage_of``."""
+        return shortage_of(self._writing.head)
 
     cdef void inserting(self, const Batch* batch) noexcept:
         cdef Origin origin

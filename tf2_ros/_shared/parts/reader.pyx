@@ -413,14 +413,9 @@ cdef class RingInbox(MessageInbox):
         return self._reading.descriptor
 
     @property
-    def short_ns(self):
-        """How far back the ring reaches, in nanoseconds, if that is less than its owner wanted; or 0."""
-        return load64(&self._reading.head.short_ns)
-
-    @property
-    def missing(self):
-        """How many messages its owner had no memory for."""
-        return load64(&self._reading.head.missing)
+    def shortage(self):
+        """See ``shortage_of``."""
+        return shortage_of(self._reading.head)
 
     @property
     def descriptions(self):

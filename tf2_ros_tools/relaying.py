@@ -10,7 +10,6 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,7 @@ from rclpy.serialization import serialize_message
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore, TransformException
-from tf2_ros import TransformBroadcaster, TransformListener
+from tf2_ros import TransformBroadcaster
 from tf2_ros.records import Recording
 from tf2_ros_tools.output import counted, printable, readable_size
 from tf2_ros_tools.program import UsageError, sleep
@@ -46,13 +45,7 @@ class _Source:
         self._recording = Recording()
         self._newest_ns: dict[int, int] = {}  # by number of the child
         self._stack = ExitStack()
-        listen = partial(
-            TransformListener, recording=self._recording, tf_topic=topics[0], tf_static_topic=topics[1]
-        )
-        try:
-            self.buffer = self._stack.enter_context(filled_buffer(node, listen))
-        except NotImplementedError as refusal:
-            raise UsageError(str(refusal)) from None
+        self.buffer = self._stack.enter_context(filled_buffer(node, self._recording, topics=topics))
         self.close = self._stack.close
 
     def look(self) -> bool:

@@ -33,7 +33,7 @@ from tf2_ros_tools.relay import STATIC, Relay, Rule, read_rules
 CARE_S = 0.5  # between two looks at static transforms, at the file, and at what has arrived
 PATIENCE_S = 5.0  # until a warning about a frame that nobody has published
 JUMP_NS = 1_000_000_000  # all stamps go back further than this when a recording begins again
-AVERAGING_S = 0.1  # of the velocities in an Odometry
+AVERAGING_S, MOST_AVERAGING_S = 0.1, 5.0  # of the velocities in an Odometry; buffers keep 10 s
 
 
 class _Source:
@@ -257,34 +257,33 @@ class Relaying:
             one.targets[0].send(transforms)
             return
         for transform in transforms:
-            one.targets[0].send_pose(_pose(one.relay, transform))
+            one.targets[0].send_pose(pose_message(one.relay, transform))
 
 
-def _pose(relay: Relay, transform: TransformStamped) -> Any:
-    is_odometry = relay.rule.pose == "Odometry"
-    message: Any = Odometry(child_frame_id=transform.child_frame_id) if is_odometry else PoseStamped()
-    message.header = transform.header
-    pose: Any = message.pose.pose if is_odometry else message.pose
+def pose_message(relay: Relay, transform: TransformStamped) -> Any:
+    """Make the message of a rule for a pose."""
+    message: Any = PoseStamped(header=transform.header)
+    pose = message.pose
+    if relay.rule.pose == "Odometry":
+        message = Odometry(header=transform.header, child_frame_id=transform.child_frame_id)
+        pose = message.pose.pose
+        _set_twist(message.twist.twist, relay)
     pose.orientation = transform.transform.rotation
     moved = transform.transform.translation
     pose.position.x, pose.position.y, pose.position.z = moved.x, moved.y, moved.z
-    if is_odometry:
-        parent, child = relay.rule.frames
-        interval = Duration(seconds=max(AVERAGING_S, 1.0 / relay.rule.rate))
-        twist = message.twist.twist
-        with suppress(TransformException):  # there are too few transforms yet
-            linear, angular = relay.buffer.lookupVelocityFullCore(
-                child,
-                parent,
-                child,
-                (0.0, 0.0, 0.0),
-                child,
-                relay.buffer.get_latest_common_time(parent, child),
-                interval,
-            )
-            twist.linear.x, twist.linear.y, twist.linear.z = linear
-            twist.angular.x, twist.angular.y, twist.angular.z = angular
     return message
+
+
+def _set_twist(twist: Any, relay: Relay) -> None:
+    parent, child = relay.rule.frames
+    interval = Duration(seconds=min(max(AVERAGING_S, 1.0 / relay.rule.rate), MOST_AVERAGING_S))
+    with suppress(TransformException):  # there are too few transforms yet
+        time_ns = relay.buffer.get_latest_common_time(parent, child)
+        linear, angular = relay.buffer.lookupVelocityFullCore(
+            child, parent, child, (0.0, 0.0, 0.0), child, time_ns, interval
+        )
+        twist.linear.x, twist.linear.y, twist.linear.z = linear
+        twist.angular.x, twist.angular.y, twist.angular.z = angular
 
 
 def _amount(count: Counter[str]) -> str:

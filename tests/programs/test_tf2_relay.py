@@ -22,6 +22,7 @@ from tf2_ros import Buffer, TransformListener
 from tf2_ros_tools.output import readable_size
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.relay import Relay, Rule, Threshold, read_rules
+from tf2_ros_tools.relaying import pose_message
 
 pytestmark = pytest.mark.ours
 
@@ -208,6 +209,15 @@ class TestStamps:
         relay = Relay(rule(), robot(), {})
         assert len(relay.dynamic_transforms(0.0, 0)) == 4
         assert relay.dynamic_transforms(1.0, 0) == []
+
+
+def test_the_velocity_of_a_rare_odometry_is_of_the_last_seconds():
+    buffer = BufferCore()
+    for tenth in range(100):
+        buffer.set_transform(transform("map", "base", 100 + tenth / 10, (0.3 * tenth, 0, 0)), "test")
+    relay = Relay(rule(pose="Odometry", to=("/odom",), frames=("map", "base"), rate=0.0001), buffer, {})
+    [found] = relay.dynamic_transforms(0.0, 0)
+    assert pose_message(relay, found).twist.twist.linear.x == pytest.approx(3.0)
 
 
 class TestNames:

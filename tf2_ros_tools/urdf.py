@@ -2,9 +2,10 @@
 
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import cos, isfinite, sin, sqrt
+from graphlib import CycleError, TopologicalSorter
+from math import cos, hypot, inf, isfinite, sin
 from os import PathLike
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -282,8 +283,9 @@ def parse(text: str | bytes, prefix: str = "") -> Robot:
         raise UrdfError(f"the outermost element of a URDF is robot, not {printable(root.tag)}")
     links = _names(root, "link")
     _names(root, "joint")
-    joints = tuple(_joint(element, links, prefix) for element in root.findall("joint"))
-    return Robot(root.get("name", ""), f"{prefix}{_root(links, joints, prefix)}", joints)
+    joints = [_joint(element, links) for element in root.findall("joint")]
+    named = (replace(one, parent=prefix + one.parent, child=prefix + one.child) for one in joints)
+    return Robot(root.get("name", ""), prefix + _root(links, joints), tuple(named))
 
 
 def _names(root: ElementTree.Element, tag: str) -> set[str]:
@@ -296,26 +298,30 @@ def _names(root: ElementTree.Element, tag: str) -> set[str]:
     return names
 
 
-def _joint(element: ElementTree.Element, links: set[str], prefix: str) -> Joint:
+def _joint(element: ElementTree.Element, links: set[str]) -> Joint:
     name = element.get("name", "")
     where = f"joint {printable(name)}"
     kind = _attribute(element, "type", where)
     if kind not in TYPES:
         raise UrdfError(f"{where}: its type is {printable(kind)}, not {', '.join(TYPES[:-1])} or {TYPES[-1]}")
     parent, child = (_link(element, tag, where, links) for tag in ("parent", "child"))
-    origin, axis = element.find("origin"), element.find("axis")
-    roll, pitch, yaw = _three(origin, "rpy", where)
-    return Joint(
-        name,
-        kind,
-        prefix + parent,
-        prefix + child,
-        _three(origin, "xyz", where),
-        quaternion_from_rpy(roll, pitch, yaw),
-        (1.0, 0.0, 0.0) if axis is None or kind in ("fixed", "floating") else _unit(axis, where),
-        _limits(element.find("limit"), where),
-        _mimic(element.find("mimic"), where),
-    )
+    axis: Numbers = (1.0, 0.0, 0.0)
+    if kind not in ("fixed", "floating"):
+        axis = _unit(_numbers(element.find("axis"), "xyz", where, "1 0 0"), where)
+    limit, mimic = element.find("limit"), element.find("mimic")
+    limits, follows = None, None
+    if limit is not None:
+        [lower], [upper] = (_numbers(limit, name, where, "0") for name in ("lower", "upper"))
+        limits = lower, upper
+    if mimic is not None:
+        followed = _attribute(mimic, "joint", f"the mimic of {where}")
+        [multiplier], [offset] = (
+            _numbers(mimic, name, where, default) for name, default in (("multiplier", "1"), ("offset", "0"))
+        )
+        follows = followed, multiplier, offset
+    origin = element.find("origin")
+    xyz, rpy = (_numbers(origin, name, where, "0 0 0") for name in ("xyz", "rpy"))
+    return Joint(name, kind, parent, child, xyz, quaternion_from_rpy(*rpy), axis, limits, follows)
 
 
 def _link(joint: ElementTree.Element, tag: str, where: str, links: set[str]) -> str:
@@ -328,27 +334,22 @@ def _link(joint: ElementTree.Element, tag: str, where: str, links: set[str]) -> 
     return name
 
 
-def _root(links: set[str], joints: Iterable[Joint], prefix: str) -> str:
+def _root(links: set[str], joints: Iterable[Joint]) -> str:
     """Get the link without a parent; raise an error if the joints are not a tree."""
     above: dict[str, Joint] = {}
-    by_name: dict[str, Joint] = {}
     for joint in joints:
         other = above.setdefault(joint.child, joint)
         if other is not joint:
-            link, *names = map(printable, (joint.child.removeprefix(prefix), other.name, joint.name))
-            raise UrdfError(f"link {link} has two parents, by the joints {names[0]} and {names[1]}")
-        by_name[joint.name] = joint
+            link, one, two = map(printable, (joint.child, other.name, joint.name))
+            raise UrdfError(f"link {link} has two parents, by the joints {one} and {two}")
     _refuse_loops({child: joint.parent for child, joint in above.items()}, "link {} is its own ancestor")
-    _refuse_loops(
-        {joint.name: joint.mimic[0] for joint in joints if joint.mimic is not None},
-        "joint {} mimics itself",
-    )
-    for joint in joints:
-        if joint.mimic is not None and joint.mimic[0] not in by_name:
-            raise UrdfError(
-                f"joint {printable(joint.name)} mimics {printable(joint.mimic[0])}, which is not a joint"
-            )
-    roots = sorted(link for link in links if prefix + link not in above)
+    mimics = {joint.name: joint.mimic[0] for joint in joints if joint.mimic is not None}
+    _refuse_loops(mimics, "joint {} mimics itself")
+    names = {joint.name for joint in joints}
+    for name, followed in mimics.items():
+        if followed not in names:
+            raise UrdfError(f"joint {printable(name)} mimics {printable(followed)}, which is not a joint")
+    roots = sorted(links - above.keys())
     if len(roots) != 1:
         found = f"{len(roots)} links have no parent ({', '.join(map(printable, roots[:5]))})"
         raise UrdfError(f"{found}, but a URDF is one tree" if roots else "the robot has no links")
@@ -356,15 +357,10 @@ def _root(links: set[str], joints: Iterable[Joint], prefix: str) -> str:
 
 
 def _refuse_loops(above: dict[str, str], text: str) -> None:
-    checked: set[str] = set()
-    for start in above:
-        path: dict[str, None] = {}
-        while start in above and start not in checked:
-            if start in path:
-                raise UrdfError(text.format(printable(start)))
-            path[start] = None
-            start = above[start]
-        checked.update(path)
+    try:
+        TopologicalSorter({name: [other] for name, other in above.items()}).prepare()
+    except CycleError as loop:
+        raise UrdfError(text.format(printable(min(loop.args[1])))) from None
 
 
 def _attribute(element: ElementTree.Element, name: str, where: str) -> str:
@@ -390,29 +386,8 @@ def _numbers(element: ElementTree.Element | None, name: str, where: str, default
     return numbers
 
 
-def _three(element: ElementTree.Element | None, name: str, where: str) -> Numbers:
-    return _numbers(element, name, where, "0 0 0")
-
-
-def _unit(element: ElementTree.Element, where: str) -> Numbers:
-    axis = _numbers(element, "xyz", where, "1 0 0")
-    length = sqrt(sum(one * one for one in axis))
-    if not length > 0.0:
+def _unit(axis: Numbers, where: str) -> Numbers:
+    length = hypot(*axis)
+    if not 0.0 < length < inf:
         raise UrdfError(f"{where}: its axis has no direction")
     return tuple(one / length for one in axis)
-
-
-def _limits(element: ElementTree.Element | None, where: str) -> tuple[float, float] | None:
-    if element is None:
-        return None
-    [lower], [upper] = (_numbers(element, name, where, "0") for name in ("lower", "upper"))
-    return lower, upper
-
-
-def _mimic(element: ElementTree.Element | None, where: str) -> tuple[str, float, float] | None:
-    if element is None:
-        return None
-    [multiplier], [offset] = (
-        _numbers(element, name, where, default) for name, default in (("multiplier", "1"), ("offset", "0"))
-    )
-    return _attribute(element, "joint", f"the mimic of {where}"), multiplier, offset

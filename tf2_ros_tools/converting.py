@@ -128,14 +128,3 @@ def _batch(pending: Pending, sources: Mapping[str, Source]) -> Iterator[RawMessa
             made[i] = text
     for (connection, log_ns, _), text in zip(pending, made, strict=True):
         yield connection, log_ns, text
-
-
-def fixed(robot: Robot, without: Collection[str], stamp_ns: int = 0) -> bytes:
-    """Make a TFMessage of the fixed joints, except those whose frames are in ``without``."""
-    joints = [one for one in robot.joints if one.type == "fixed" and one.child not in without]
-    if not joints:
-        return EMPTY
-    translations, rotations = [one.translation for one in joints], [one.rotation for one in joints]
-    frames = [(one.parent, one.child) for one in joints]
-    [made] = tf_messages(frames, [stamp_ns], [translations], [rotations])
-    return made

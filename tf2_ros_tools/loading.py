@@ -19,7 +19,7 @@ from tf2_ros.numpy import to_nanoseconds
 from tf2_ros.records import MessageSource, Recording, insert_messages, read_transforms
 from tf2_ros_tools import foxglove
 from tf2_ros_tools.cdr import Reader
-from tf2_ros_tools.converting import ODOMETRY, POSES, Frames, Joints, Poses, Source, converted, fixed
+from tf2_ros_tools.converting import ODOMETRY, POSES, Frames, Joints, Poses, Source, converted
 from tf2_ros_tools.output import counted, printable
 from tf2_ros_tools.reading import (
     TF_TYPES,
@@ -33,7 +33,7 @@ from tf2_ros_tools.reading import (
     open_recording,
     stamps_of,
 )
-from tf2_ros_tools.urdf import Robot, UrdfError, parse
+from tf2_ros_tools.urdf import Robot, UrdfError, fixed, parse
 from tf2_ros_tools.urdf import load as load_urdf
 
 if TYPE_CHECKING:

@@ -1,7 +1,7 @@
 """Read a URDF, and compute the transforms of its joints from joint states: ``load``, ``Robot``."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from graphlib import CycleError, TopologicalSorter
@@ -16,6 +16,8 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tf2_ros.numpy import to_matrix
+from tf2_ros_tools.cdr import EMPTY, tf_messages
 from tf2_ros_tools.output import printable
 
 if TYPE_CHECKING:
@@ -86,21 +88,9 @@ class Robot:
 
     def static_transforms(self) -> "list[TransformStamped]":
         """Get the transforms of the fixed joints, with the stamp 0."""
-        from tf2_ros import TransformStamped
+        from tf2_ros.records import MessageSource, read_transforms
 
-        made = []
-        for joint in self.joints:
-            if joint.type == "fixed":
-                one = TransformStamped(child_frame_id=joint.child)
-                one.header.frame_id = joint.parent
-                for part, names, numbers in (
-                    (one.transform.translation, "xyz", joint.translation),
-                    (one.transform.rotation, "xyzw", joint.rotation),
-                ):
-                    for name, number in zip(names, numbers, strict=True):
-                        setattr(part, name, number)
-                made.append(one)
-        return made
+        return read_transforms(fixed(self, ()), MessageSource("urdf"))
 
     def transforms(self, names: Sequence[str], positions: ArrayLike) -> tuple[list[Joint], Floats, Floats]:
         """
@@ -119,10 +109,10 @@ class Robot:
         plan = _plan(self, tuple(names))
         if values.ndim not in (1, 2) or values.shape[-1] != len(names):
             raise ValueError(f"{len(names)} names, but positions of shape {values.shape}")
-        with np.errstate(invalid="ignore"):  # the sine of infinity is NaN
+        with np.errstate(invalid="ignore", over="ignore"):  # the sine of infinity is NaN
             simple = (values[..., plan.places] * plan.multipliers + plan.offsets)[..., None]
             half = simple * plan.turning[:, None] * 0.5
-            translations = plan.translations + np.where(plan.turning[:, None], 0.0, simple) * plan.slides
+            translations = plan.translations + simple * plan.slides
             # A product of quaternions is linear: q0 (a sin, cos) = q0 cos + q0 (a, 0) sin.
             rotations = plan.rotations * np.cos(half) + plan.turned * np.sin(half)
             more = [_several(joint, values[..., places]) for joint, places in plan.several]
@@ -143,7 +133,7 @@ class _Plan:
     offsets: Floats  # (L,)
     turning: NDArray[np.bool_]  # (L,), or sliding
     translations: Floats  # (L, 3), at position 0
-    slides: Floats  # (L, 3), the axis in the parent
+    slides: Floats  # (L, 3), the axis of a sliding joint in the parent, otherwise 0
     rotations: Floats  # (L, 4), at position 0
     turned: Floats  # (L, 4), the same times the axis
     several: list[tuple[Joint, list[int]]]  # with the places of their variables
@@ -180,7 +170,7 @@ def _plan(robot: Robot, names: tuple[str, ...]) -> _Plan:
         np.array([offset for _, (_, _, offset) in found], np.float64),
         np.array([one.type in TURNING for one in joints], np.bool_),
         np.reshape([one.translation for one in joints], (-1, 3)),
-        np.reshape([_rotated(one.rotation, one.axis) for one in joints], (-1, 3)),
+        np.reshape([_rotated(one.rotation, one.axis) * (one.type in SLIDING) for one in joints], (-1, 3)),
         np.reshape([one.rotation for one in joints], (-1, 4)),
         np.reshape([_times(one.rotation) @ (*one.axis, 0.0) for one in joints], (-1, 4)),
         several,
@@ -192,14 +182,13 @@ def _several(joint: Joint, values: Floats) -> tuple[Floats, Floats]:
     if joint.type == "planar":
         # The x and y of the plane are those of the joint, after the smallest turn that takes z to the normal.
         a, b, c = joint.axis
-        turn = np.array((-b, a, 0.0, 1.0 + c)) if c > -1.0 else np.array((1.0, 0.0, 0.0, 0.0))
-        turn /= np.linalg.norm(turn)
-        moved = values[..., :1] * _rotated(turn, (1, 0, 0)) + values[..., 1:2] * _rotated(turn, (0, 1, 0))
+        turn = (-b, a, 0.0, 1.0 + c) if c > -1.0 else (1.0, 0.0, 0.0, 0.0)
+        moved = _rotated(turn, values * (1.0, 1.0, 0.0))
         half = values[..., 2:] * 0.5
         turned = np.concatenate((np.sin(half) * joint.axis, np.cos(half)), axis=-1)
     else:
         moved, turned = values[..., :3], values[..., 3:]
-    translations = joint.translation + moved @ _matrix(joint.rotation).T
+    translations = joint.translation + _rotated(joint.rotation, moved)
     rotations: Floats = turned @ _times(joint.rotation).T
     return translations, rotations
 
@@ -210,21 +199,21 @@ def _times(q: ArrayLike) -> Floats:
     return np.array(((w, -z, y, x), (z, w, -x, y), (-y, x, w, z), (-x, -y, -z, w)))
 
 
-def _matrix(q: ArrayLike) -> Floats:
-    x, y, z, w = np.asarray(q, np.float64)
-    return np.array(
-        (
-            (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
-            (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
-            (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
-        )
-    )
-
-
-def _rotated(q: ArrayLike, vector: ArrayLike) -> Floats:
-    """Rotate a vector by a quaternion x y z w."""
-    turned: Floats = _matrix(q) @ np.asarray(vector, np.float64)
+def _rotated(q: ArrayLike, vectors: ArrayLike) -> Floats:
+    """Rotate vectors, shape (..., 3), by a quaternion x y z w."""
+    turned: Floats = np.asarray(vectors, np.float64) @ to_matrix((np.zeros(3), np.asarray(q)))[:3, :3].T
     return turned
+
+
+def fixed(robot: Robot, without: Collection[str], stamp_ns: int = 0) -> bytes:
+    """Make a TFMessage of the fixed joints, except those whose frames are in ``without``."""
+    joints = [one for one in robot.joints if one.type == "fixed" and one.child not in without]
+    if not joints:
+        return EMPTY
+    translations, rotations = [one.translation for one in joints], [one.rotation for one in joints]
+    frames = [(one.parent, one.child) for one in joints]
+    [made] = tf_messages(frames, [stamp_ns], [translations], [rotations])
+    return made
 
 
 def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:

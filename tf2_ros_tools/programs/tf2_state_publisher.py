@@ -160,8 +160,7 @@ class StatePublisher:
         """Read the description, and publish it and the fixed joints."""
         from std_msgs.msg import String
 
-        from tf2_ros_tools.converting import fixed
-        from tf2_ros_tools.urdf import parse
+        from tf2_ros_tools.urdf import fixed, parse
 
         with self._describing:
             description = self._value("robot_description")

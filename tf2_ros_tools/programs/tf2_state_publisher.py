@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["main"]
 
 S = 1_000_000_000
-HIGHEST_HZ = 1000.0
+LOWEST_HZ, HIGHEST_HZ = 0.0001, 1000.0
 SELDOM = {"throttle_duration_sec": 5.0}  # warnings about messages
 MOST_NAMES = 5  # in a warning
 MOST_JOINTS = 100_000  # whose stamps are kept; a publisher that invents names must not fill the memory
@@ -99,13 +99,15 @@ class StatePublisher:
         # They choose the quality of service, but a state of many joints is faster as one serialised message.
         self._transforms = TransformBroadcaster(node).pub_tf
         self._static = StaticTransformBroadcaster(node).pub_tf
-        for name, default in (
-            ("robot_description", description),
-            ("publish_frequency", 20.0),
-            ("frame_prefix", ""),
-            ("ignore_timestamp", False),
-        ):
-            node.declare_parameter(name, default)
+        node.declare_parameters(
+            "",
+            [
+                ("robot_description", description),
+                ("publish_frequency", 20.0),
+                ("frame_prefix", ""),
+                ("ignore_timestamp", False),
+            ],
+        )
         node.add_on_set_parameters_callback(self._accept)
         node.add_post_set_parameters_callback(self._apply)
         try:
@@ -138,9 +140,9 @@ class StatePublisher:
                     parse(value)
                 except ValueError as refusal:
                     raise ValueError(f"robot_description: {refusal}") from None
-            elif one.name == "publish_frequency" and not 0.0 < value <= HIGHEST_HZ:
+            elif one.name == "publish_frequency" and not LOWEST_HZ <= value <= HIGHEST_HZ:
                 raise ValueError(
-                    f"publish_frequency must be above 0 and at most {HIGHEST_HZ:g}, not {value:g}"
+                    f"publish_frequency must be from {LOWEST_HZ} to {HIGHEST_HZ:g}, not {value:g}"
                 )
 
     def _accept(self, parameters: list[Parameter]) -> SetParametersResult:

@@ -276,6 +276,7 @@ class TestFoxglove:
             ),
             ("protobuf", field(1, field(2, b"\xff")), "can't decode byte 0xff"),
             ("json", b"[", "Expecting value"),
+            ("json", b"[" * 100_000, "while decoding a JSON array"),
             ("json", b"{}", "not a foxglove.FrameTransforms: KeyError: 'transforms'"),
             ("json", b'{"transforms": [5]}', "not a foxglove.FrameTransforms: TypeError"),
             (
@@ -293,6 +294,15 @@ class TestFoxglove:
         assert said in str(refused.value)
         with pytest.warns(bag.BagWarning):
             check(bag.load(path, partial=True), "map", "base")
+
+    @pytest.mark.parametrize(
+        ("content", "said"),
+        [(b"[" * 100_000, ".*while decoding a JSON array"), (b"{}", "a timestamp must have sec and nsec")],
+    )
+    def test_a_message_without_a_timestamp_is_named(self, content, said, tmp_path):
+        path = write_foxglove(tmp_path / "run.mcap", [("/one", content)], "json")
+        with pytest.raises(bag.BagError, match=rf"topic /one, log time \d+ ns: {said}"):
+            bag.stamps(path, "/one")
 
     def test_a_file_without_its_end_is_read_in_part(self, tmp_path):
         path = write_foxglove(tmp_path / "run.mcap", MOVING)

@@ -18,7 +18,7 @@ S = 1_000_000_000
 LATEST = 0  # asks a buffer for the newest time at which it has everything that a lookup needs
 LAST_S = 2**31 - 1  # the last stamp that a message can hold
 NOW = "now"
-DYNAMIC, STATIC = TOPICS = "/tf", "/tf_static"
+TOPICS = DYNAMIC, STATIC = "/tf", "/tf_static"
 POSES = "PoseStamped", "Odometry"
 
 
@@ -50,9 +50,9 @@ class Rule:
     pose: str | None = None  # one of POSES, or None for transforms
 
     @property
-    def uses(self) -> dict[str, str]:
-        """How the rule uses the topics to which it sends: like DYNAMIC or STATIC, or for one of POSES."""
-        return dict(zip(self.to, (self.pose,) if self.pose else (DYNAMIC, STATIC), strict=True))
+    def uses(self) -> list[tuple[str, str]]:
+        """The topics to which the rule sends; each with its use, DYNAMIC, STATIC or one of POSES."""
+        return [*zip(self.to, (self.pose,) if self.pose else TOPICS, strict=True)]
 
     def new_name(self, frame: str) -> str:
         """The name under which a frame is sent."""
@@ -65,6 +65,7 @@ class Rule:
 class _Key(NamedTuple):
     expected: str
     read: Callable[[Any], Any]  # raises a ValueError, or returns None, for what is not as expected
+    is_required: bool = False
 
 
 def _text(value: Any) -> str | None:
@@ -80,22 +81,29 @@ def _frame(value: Any) -> str | None:
     return _text(value.removeprefix("/")) if isinstance(value, str) else None
 
 
-def _all_of(read: Callable[[Any], str | None]) -> Callable[[Any], tuple[str | None, ...] | None]:
-    def read_all(value: Any) -> tuple[str | None, ...] | None:
-        found = tuple(map(read, value if isinstance(value, list) else [value]))
-        return found if found and None not in found else None
+def _names(read: Callable[[Any], str | None], count: int | None = None) -> Callable[[Any], Any]:
+    """Reads a name or a list of names; exactly ``count`` different ones, if it is given."""
 
-    return read_all
+    def read_names(value: Any) -> tuple[str | None, ...] | None:
+        found = tuple(map(read, value if isinstance(value, list) else [value]))
+        is_count = count is None or len(found) == len({*found}) == count
+        return found if found and None not in found and is_count else None
+
+    return read_names
 
 
 def _number(least: float, most: float = LAST_S) -> Callable[[Any], float | None]:
-    def read(value: Any) -> float | None:
+    def read_number(value: Any) -> float | None:
         # YAML reads 1e-3 as a string.
         if isinstance(value, bool) or not isinstance(value, (int, float, str)):
             return None
         return number if least <= (number := float(value)) <= most else None
 
-    return read
+    return read_number
+
+
+def _shift(value: Any) -> Any:
+    return value if value == NOW else _number(-LAST_S)(value)
 
 
 def _new_names(value: Any) -> dict[str | None, str | None] | None:
@@ -105,30 +113,32 @@ def _new_names(value: Any) -> dict[str | None, str | None] | None:
     return names if len({*names.values()}) == len(value) and None not in {*names, *names.values()} else None
 
 
-_TOPICS = _Key(
-    "two topics, for dynamic and static transforms, such as [/relay/tf, /relay/tf_static]", _all_of(_topic)
-)
-_FRAMES = _Key("the name of a frame, or a list of names", _all_of(_frame))
+_TWO_TOPICS = "two topics, for dynamic and static transforms, such as [/relay/tf, /relay/tf_static]"
+_FRAMES = _Key("the name of a frame, or a list of names", _names(_frame))
 _LIMIT = _Key("a number that is not negative", _number(0.0))
-_KEYS_OF_THRESHOLD = {"translation": _LIMIT, "rotation": _LIMIT, "repeat": _LIMIT}
+_KEYS_OF_THRESHOLD = {
+    "translation": _LIMIT._replace(is_required=True),
+    "rotation": _LIMIT._replace(is_required=True),
+    "repeat": _LIMIT,
+}
 _KEYS = {
     "name": _Key("a text", _text),
-    "from": _TOPICS,
-    "to": _TOPICS,
+    "from": _Key(_TWO_TOPICS, _names(_topic, 2)),
+    "to": _Key(_TWO_TOPICS, _names(_topic, 2), is_required=True),
+    "rate": _Key("a number of Hz from 0.0001 to 1000", _number(0.0001, 1000.0)),
+    "threshold": _Key("a mapping", lambda value: value),
+    "prefix": _Key("a text", _text),
+    "rename": _Key("a mapping from names of frames to different new names", _new_names),
+    "shift": _Key(f"a number of seconds, or {NOW}", _shift),
     "frames": _FRAMES,
     "subtree": _FRAMES,
     "exclude": _FRAMES,
     "collapse": _Key("true or false", lambda value: value if isinstance(value, bool) else None),
-    "rate": _Key("a number of Hz from 0.0001 to 1000", _number(0.0001, 1000.0)),
-    "threshold": _Key(
-        "a mapping with translation (m), rotation (rad) and perhaps repeat (s)",
-        lambda value: value if isinstance(value, dict) and {"translation", "rotation"} <= {*value} else None,
-    ),
-    "prefix": _Key("a text", _text),
-    "rename": _Key("a mapping from names of frames to different new names", _new_names),
-    "shift": _Key(
-        f"a number of seconds, or {NOW}", lambda value: value if value == NOW else _number(-LAST_S)(value)
-    ),
+}
+_KEYS_OF_POSE = {
+    **{key: _KEYS[key] for key in ("name", "from", "rate", "threshold", "prefix", "rename", "shift")},
+    "to": _Key("one topic, for a pose", _names(_topic, 1), is_required=True),
+    "frames": _Key("[PARENT, CHILD], for a pose", _names(_frame, 2), is_required=True),
     "as": _Key(f"one of {', '.join(POSES)}", lambda value: value if value in POSES else None),
 }
 
@@ -150,33 +160,37 @@ def read_rules(path: Path, resolve: Callable[[str], str]) -> list[Rule]:
 
 
 def _read(label: str, given: Any, keys: Mapping[str, _Key]) -> dict[str, Any]:
+    required = [key for key in keys if keys[key].is_required]
     if not isinstance(given, dict):
-        raise ValueError(f"{label} must be a mapping with keys such as to and frames, not {given!r}")
-    read = {}
-    for key, value in given.items():
+        raise ValueError(f"{label} must be a mapping with {' and '.join(required)}, not {given!r}")
+    for key in given:
         if key not in keys:
             near = get_close_matches(str(key), keys, n=1)
             advice = f"did you mean {near[0]}?" if near else f"the keys are {', '.join(keys)}"
             raise ValueError(f"{label}: {key!r} is not a key; {advice}")
+    read = {}
+    for key in dict.fromkeys([*given, *required]):
         try:
-            read[key] = keys[key].read(value)
+            read[key] = keys[key].read(given.get(key))
         except (ValueError, OverflowError):
             read[key] = None
         if read[key] is None:
-            raise ValueError(f"{label}: {key} must be {keys[key].expected}, not {value!r}")
+            found = f", not {given[key]!r}" if key in given else ""
+            raise ValueError(f"{label}: {key} must be {keys[key].expected}{found}")
     return read
 
 
 def _rule(label: str, given: Any, resolve: Callable[[str], str]) -> Rule:
-    if isinstance(given, dict) and _text(given.get("name")) is not None:
+    is_mapping = isinstance(given, dict)
+    if is_mapping and _text(given.get("name")) is not None:
         label = f"{label} ({given['name']})"
-    read = _read(label, given, _KEYS)
+    read = _read(label, given, _KEYS_OF_POSE if is_mapping and "as" in given else _KEYS)
     read.pop("name", None)
     if "threshold" in read:
         read["threshold"] = Threshold(**_read(f"{label}: threshold", read["threshold"], _KEYS_OF_THRESHOLD))
     shift = read.pop("shift", 0.0)
     try:
-        source, to = (tuple(map(resolve, read.pop(*key))) for key in (("from", TOPICS), ("to", ())))
+        source, to = tuple(map(resolve, read.pop("from", TOPICS))), tuple(map(resolve, read.pop("to")))
     except RuntimeError as refusal:  # of rcl: a name is too long
         raise ValueError(f"{label}: {refusal}") from None
     rule = Rule(
@@ -187,29 +201,11 @@ def _rule(label: str, given: Any, resolve: Callable[[str], str]) -> Rule:
         pose=read.pop("as", None),
         **read,
     )
-    of_tree = bool(rule.subtree or rule.exclude or rule.collapse)
-    for is_wrong, text in (
-        (not _is_pair(source), f"from must be {_TOPICS.expected}"),
-        (not rule.pose and not _is_pair(to), f"to must be {_TOPICS.expected}"),
-        (rule.pose and len(to) != 1, f"to must be one topic, for {rule.pose}"),
-        (rule.pose and not _is_pair(rule.frames), f"frames must be [PARENT, CHILD], for {rule.pose}"),
-        (rule.pose and of_tree, f"subtree, exclude and collapse are not for {rule.pose}"),
-        (
-            len(rule.frames) == 1 and not rule.subtree,
-            "frames must be two or more; for one with all below it, use subtree",
-        ),
-        (
-            rule.collapse and not (rule.frames or rule.subtree),
-            "collapse needs frames or subtree, for what remains",
-        ),
-    ):
-        if is_wrong:
-            raise ValueError(f"{label}: {text}")
+    if len(rule.frames) == 1 and not rule.subtree:
+        raise ValueError(f"{label}: frames must be two or more; for one with all below it, use subtree")
+    if rule.collapse and not (rule.frames or rule.subtree):
+        raise ValueError(f"{label}: collapse needs frames or subtree, for what remains")
     return rule
-
-
-def _is_pair(names: tuple[str, ...]) -> bool:
-    return len(names) == 2 and names[0] != names[1]
 
 
 def _check_topics(rules: Collection[Rule]) -> None:
@@ -217,7 +213,7 @@ def _check_topics(rules: Collection[Rule]) -> None:
     sources = {topic for rule in rules for topic in rule.source}
     uses: dict[str, str] = {}
     for rule in rules:
-        for topic, use in rule.uses.items():
+        for topic, use in rule.uses:
             if topic in sources:
                 raise ValueError(f"{rule.label}: to must not use {topic}, from which a rule reads")
             before = uses.setdefault(topic, use)

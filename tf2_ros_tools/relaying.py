@@ -121,7 +121,7 @@ class _Running:
 
     relay: Relay
     targets: list[_Target]
-    due_s: float = 0.0  # of the monotonic clock
+    due_s: float  # of the monotonic clock
 
 
 class Relaying:
@@ -191,10 +191,10 @@ class Relaying:
         for rule in read_rules(self._path, self._node.resolve_topic_name):
             try:
                 source = self._source(rule.source)
-                targets = [self._target(rule, topic) for topic in rule.to]
+                targets = [self._target(rule, topic, use) for topic, use in rule.uses]
             except RuntimeError as refusal:  # of rcl: above all, a topic has messages of another type
                 raise UsageError(f"{rule.label}: {refusal}") from None
-            running.append(_Running(Relay(rule, source.buffer, owners), targets))
+            running.append(_Running(Relay(rule, source.buffer, owners), targets, time.monotonic()))
         self._running = running
         self._warned: set[str] = set()
         self._patience_s = time.monotonic() + PATIENCE_S
@@ -206,16 +206,15 @@ class Relaying:
             self._sources[topics] = _Source(topics, buffer, recording)
         return self._sources[topics]
 
-    def _target(self, rule: Rule, topic: str) -> _Target:
-        key = topic, use = topic, rule.uses[topic]
-        if key not in self._targets:
+    def _target(self, rule: Rule, topic: str, use: str) -> _Target:
+        if (topic, use) not in self._targets:
             durability = DurabilityPolicy.TRANSIENT_LOCAL if use == STATIC else DurabilityPolicy.VOLATILE
             qos = QoSProfile(depth=1 if use == STATIC else 100, durability=durability)
             kind = {"PoseStamped": PoseStamped, "Odometry": Odometry}.get(use, TFMessage)
             publisher = None if self._is_dry else self._node.create_publisher(kind, topic, qos)
             dry = BufferCore() if rule.pose else self._dry[" and ".join(rule.to)]
-            self._targets[key] = _Target(topic, use, publisher, dry)
-        return self._targets[key]
+            self._targets[topic, use] = _Target(topic, use, publisher, dry)
+        return self._targets[topic, use]
 
     def _care(self, now_s: float) -> None:
         """Do what is needed from time to time only."""

@@ -420,7 +420,7 @@ class TestRecordings:
         lacks = "this topic does not exist; pass the path of a URDF"
         assert said(urdf=True) == f", topic /robot_description: {lacks}"
         assert said(urdf=robot_of(AB, BC)) == (
-            ", topic /joint_states: its joints, drive/x, drive/y, extend, lift, roll and 8 more,"
+            ", topic /joint_states: its joints, lift, roll, extend, drive/x, drive/y and 8 more,"
             " are not those of the URDF, ab, bc"
         )
         with pytest.raises(urdf.UrdfError, match="not XML"):

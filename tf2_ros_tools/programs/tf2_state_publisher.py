@@ -11,6 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tf2_ros_tools.output import first_names
 from tf2_ros_tools.program import SUCCESS, Parser, UsageError, deferred_signals, run, wait_for_signal
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ __all__ = ["main"]
 S = 1_000_000_000
 LOWEST_HZ, HIGHEST_HZ = 0.0001, 1000.0
 SELDOM = {"throttle_duration_sec": 5.0}  # warnings about messages
-MOST_NAMES = 5  # in a warning
 MOST_JOINTS = 100_000  # whose stamps are kept; a publisher that invents names must not fill the memory
 
 DESCRIPTION = """\
@@ -178,7 +178,8 @@ class StatePublisher:
             self._log.warning(f"Ignoring a malformed joint state: {error}", **SELDOM)
             return
         if not layout.count:
-            self._log.warning(f"Ignoring joint states without positions{_of(layout.names)}", **SELDOM)
+            names = f", of {first_names(layout.names)}" if layout.names else ""
+            self._log.warning(f"Ignoring joint states without positions{names}", **SELDOM)
             return
         if self._is_due(layout.names, stamp_ns):
             self._publish(stamp_ns, layout, data)
@@ -213,15 +214,11 @@ class StatePublisher:
         numbers = np.concatenate((translations, rotations), axis=-1)
         finite = np.isfinite(numbers[0]).all(axis=-1)
         if lost := [joints[i].name for i in np.flatnonzero(~finite)]:
-            self._log.warning(f"Ignoring positions that are not finite{_of(lost)}", **SELDOM)
+            self._log.warning(f"Ignoring positions that are not finite, of {first_names(lost)}", **SELDOM)
         frames = [(joints[i].parent, joints[i].child) for i in np.flatnonzero(finite)]
         if frames:
             [message] = tf_messages(frames, [stamp_ns], translations[:, finite], rotations[:, finite])
             self._transforms.publish(message)
-
-
-def _of(names: Sequence[str]) -> str:
-    return f", of {', '.join(names[:MOST_NAMES])}{' and others' * (len(names) > MOST_NAMES)}" if names else ""
 
 
 def main(args: list[str] | None = None) -> int:

@@ -134,12 +134,12 @@ _KEYS = {
     "subtree": _FRAMES,
     "exclude": _FRAMES,
     "collapse": _Key("true or false", lambda value: value if isinstance(value, bool) else None),
+    "as": _Key(f"one of {', '.join(POSES)}", lambda value: value if value in POSES else None),
 }
 _KEYS_OF_POSE = {
-    **{key: _KEYS[key] for key in ("name", "from", "rate", "threshold", "prefix", "rename", "shift")},
+    **{key: one for key, one in _KEYS.items() if key not in ("subtree", "exclude", "collapse")},
     "to": _Key("one topic, for a pose", _names(_topic, 1), is_required=True),
     "frames": _Key("[PARENT, CHILD], for a pose", _names(_frame, 2), is_required=True),
-    "as": _Key(f"one of {', '.join(POSES)}", lambda value: value if value in POSES else None),
 }
 
 

@@ -30,7 +30,7 @@ from tf2_ros_tools.output import counted, printable, readable_size
 from tf2_ros_tools.program import UsageError, sleep
 from tf2_ros_tools.relay import STATIC, Relay, Rule, read_rules
 
-CARE_S = 0.5  # between two looks at static transforms, at the file, and at what has arrived
+MAINTAIN_S = 0.5  # between two looks at static transforms, at the file, and at what has arrived
 PATIENCE_S = 5.0  # until a warning about a frame that nobody has published
 JUMP_NS = 1_000_000_000  # all stamps go back further than this when a recording begins again
 AVERAGING_S, MOST_AVERAGING_S = 0.1, 5.0  # of the velocities in an Odometry; buffers keep 10 s
@@ -149,16 +149,16 @@ class Relaying:
     def run(self, seconds: float) -> None:
         """Relay for this time, or until a signal."""
         end_s = time.monotonic() + seconds
-        care_s = 0.0
+        maintain_s = 0.0
         while (now_s := time.monotonic()) < end_s:
-            if now_s >= care_s:
-                self._care(now_s)
-                care_s = now_s + CARE_S
+            if now_s >= maintain_s:
+                self._maintain(now_s)
+                maintain_s = now_s + MAINTAIN_S
             for one in self._running:
                 if now_s >= one.due_s:
                     one.due_s = max(one.due_s + 1.0 / one.relay.rule.rate, now_s)
                     self._send_dynamic(one, now_s)
-            wake_s = min(care_s, end_s, *(one.due_s for one in self._running))
+            wake_s = min(maintain_s, end_s, *(one.due_s for one in self._running))
             sleep(max(wake_s - time.monotonic(), 0.0))
 
     def report(self) -> Iterator[str]:
@@ -216,7 +216,7 @@ class Relaying:
             self._targets[topic, use] = _Target(topic, use, publisher, dry)
         return self._targets[topic, use]
 
-    def _care(self, now_s: float) -> None:
+    def _maintain(self, now_s: float) -> None:
         """Do what is needed from time to time only."""
         log = self._node.get_logger()
         if not self._is_dry and (version := _version(self._path)) != self._version:

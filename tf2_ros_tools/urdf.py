@@ -139,7 +139,7 @@ class _Plan:
     several: list[tuple[Joint, list[int]]]  # with the places of their variables
 
 
-@lru_cache(maxsize=100)
+@lru_cache(maxsize=20)  # a few publishers share a topic; one that invents names must not fill the memory
 def _plan(robot: Robot, names: tuple[str, ...]) -> _Plan:
     place = {name: i for i, name in reversed([*enumerate(names)])}
     by_name = {one.name: one for one in robot.joints}
@@ -156,13 +156,12 @@ def _plan(robot: Robot, names: tuple[str, ...]) -> _Plan:
 
     single = [one for one in robot.joints if one.type in (*TURNING, *SLIDING)]
     found = [(one, told) for one in single if (told := source(one)) is not None]
-    wanted = {one: [f"{one.name}/{part}" for part in VARIABLES.get(one.type, ())] for one in robot.joints}
-    several = [
-        (one, [place[part] for part in parts])
-        for one, parts in wanted.items()
-        if parts and all(part in place for part in parts)
-    ]
     joints = [one for one, _ in found]
+    several = []
+    for one in robot.joints:
+        parts = [f"{one.name}/{part}" for part in VARIABLES.get(one.type, ())]
+        if parts and place.keys() >= {*parts}:
+            several.append((one, [place[part] for part in parts]))
     return _Plan(
         [*joints, *(one for one, _ in several)],
         np.array([at for _, (at, _, _) in found], np.intp),
@@ -300,12 +299,13 @@ def _joint(element: ElementTree.Element, links: set[str]) -> Joint:
     limit, mimic = element.find("limit"), element.find("mimic")
     limits, follows = None, None
     if limit is not None:
-        [lower], [upper] = (_numbers(limit, name, where, "0") for name in ("lower", "upper"))
+        [lower], [upper] = _numbers(limit, "lower", where, "0"), _numbers(limit, "upper", where, "0")
         limits = lower, upper
     if mimic is not None:
         followed = _attribute(mimic, "joint", f"the mimic of {where}")
         [multiplier], [offset] = (
-            _numbers(mimic, name, where, default) for name, default in (("multiplier", "1"), ("offset", "0"))
+            _numbers(mimic, "multiplier", where, "1"),
+            _numbers(mimic, "offset", where, "0"),
         )
         follows = followed, multiplier, offset
     origin = element.find("origin")

@@ -1,7 +1,7 @@
 """Read a URDF, and compute the transforms of its joints from joint states: ``load``, ``Robot``."""
 
 import os
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from graphlib import CycleError, TopologicalSorter
@@ -331,9 +331,11 @@ def _root(links: set[str], joints: Iterable[Joint]) -> str:
         if other is not joint:
             link, one, two = map(printable, (joint.child, other.name, joint.name))
             raise UrdfError(f"link {link} has two parents, by the joints {one} and {two}")
-    _refuse_loops({child: joint.parent for child, joint in above.items()}, "link {} is its own ancestor")
+    if (looped := one_in_a_loop({child: joint.parent for child, joint in above.items()})) is not None:
+        raise UrdfError(f"link {printable(looped)} is its own ancestor")
     mimics = {joint.name: joint.mimic[0] for joint in joints if joint.mimic is not None}
-    _refuse_loops(mimics, "joint {} mimics itself")
+    if (name := one_in_a_loop(mimics)) is not None:
+        raise UrdfError(f"joint {printable(name)} mimics itself")
     names = {joint.name for joint in joints}
     for name, followed in mimics.items():
         if followed not in names:
@@ -345,11 +347,13 @@ def _root(links: set[str], joints: Iterable[Joint]) -> str:
     return roots[0]
 
 
-def _refuse_loops(above: dict[str, str], text: str) -> None:
+def one_in_a_loop(above: Mapping[str, str]) -> str | None:
+    """Get a name that is above itself; None: there is none."""
     try:
         TopologicalSorter({name: [other] for name, other in above.items()}).prepare()
     except CycleError as loop:
-        raise UrdfError(text.format(printable(min(loop.args[1])))) from None
+        return str(min(loop.args[1]))
+    return None
 
 
 def _attribute(element: ElementTree.Element, name: str, where: str) -> str:

@@ -353,7 +353,7 @@ class Relay:
                     self._links.append(link)
                 else:
                     self._conflicts.append(
-                        f"{self.rule.label}: {link.child} is not sent: {name} is another frame"
+                        f"{self.rule.label}: {link.child} is not sent: the name {name} is taken"
                     )
         return self._links
 

@@ -234,7 +234,7 @@ class TestNames:
     def test_a_frame_that_would_get_the_name_of_another_is_not_sent(self):
         relay = Relay(rule(rename={"base": "map"}), robot(), {})
         assert ("odom", "map") not in names(relay.dynamic_transforms(0.0, 0))
-        assert relay.problems() == ["rule 1: base is not sent: map is another frame"]
+        assert relay.problems() == ["rule 1: base is not sent: the name map is taken"]
 
     def test_rules_that_share_one_topic_do_not_send_the_same_name(self):
         owners, buffer = {}, robot()
@@ -252,7 +252,7 @@ class TestNames:
         other = Relay(rule(frames=("odom", "base")), buffer, owners)
         assert names(one.dynamic_transforms(0.0, 0)) == [("map", "base")]
         assert other.dynamic_transforms(0.0, 0) == []
-        assert other.problems() == ["rule 1: base is not sent: base is another frame"]
+        assert other.problems() == ["rule 1: base is not sent: the name base is taken"]
 
 
 WRONG = {

@@ -309,6 +309,8 @@ class Relay:
         :param now_s: the time of the monotonic clock.
         :param clock_ns: the time of the node's clock.
         """
+        if self._offset_ns is None and clock_ns == 0:
+            return []  # simulated time is not known yet
         needed: list[TransformStamped] = []
         for transform in self._look_up(is_static=False):
             if self.rule.pose and _stamp_ns(transform) == 0:  # the frames do not move

@@ -205,6 +205,11 @@ class TestStamps:
         found = [relay.dynamic_transforms(now_s, now_s * S) for now_s in (100, 101)]
         assert [stamp_ns(one) / S for [one] in found] == [*expected_s]
 
+    def test_now_waits_for_the_simulated_time(self):
+        relay = Relay(rule(shift_ns=None), robot(), {})
+        assert relay.dynamic_transforms(0.0, 0) == []
+        assert {stamp_ns(one) for one in relay.dynamic_transforms(1.0, 5 * S)} == {5 * S}
+
     def test_none_is_sent_twice(self):
         relay = Relay(rule(), robot(), {})
         assert len(relay.dynamic_transforms(0.0, 0)) == 4

@@ -218,23 +218,39 @@ class Relaying:
 
     def _maintain(self, now_s: float) -> None:
         """Do what is needed from time to time only."""
-        log = self._node.get_logger()
-        if not self._is_dry and (version := _version(self._path)) != self._version:
+        if not self._is_dry:
+            self._read_if_changed()
+        for source in self._sources.values():
+            if source.look():
+                self._forget(source)
+        self._send_static()
+        if not self._is_dry and now_s >= self._patience_s:
+            for problem in self.problems():
+                if problem not in self._warned:
+                    self._warned.add(problem)
+                    self._node.get_logger().warning(printable(problem))
+
+    def _read_if_changed(self) -> None:
+        log, version = self._node.get_logger(), _version(self._path)
+        if version != self._version:
             self._version = version
             try:
                 self._apply()
                 log.info(f"Read {self._path} again")
             except UsageError as refusal:
                 log.error(f"{' '.join(str(refusal).split())}; the old rules stay")
-        for source in self._sources.values():
-            if source.look():
-                clock: Any = self._node.get_clock()
-                if not clock.ros_time_is_active:  # otherwise the buffer follows it
-                    source.buffer.clear()
-                    log.warning("The stamps of all frames went back; forgetting what was received before")
-                for one in self._running:
-                    if one.relay.buffer is source.buffer:
-                        one.relay.forget()
+
+    def _forget(self, source: _Source) -> None:
+        clock: Any = self._node.get_clock()
+        if not clock.ros_time_is_active:  # otherwise the buffer follows it
+            source.buffer.clear()
+            text = "The stamps of all frames went back; forgetting what was received before"
+            self._node.get_logger().warning(text)
+        for one in self._running:
+            if one.relay.buffer is source.buffer:
+                one.relay.forget()
+
+    def _send_static(self) -> None:
         # Nothing on topics that the rules no longer name.
         statics: dict[_Target, list[TransformStamped]] = {
             target: [] for (_, use), target in self._targets.items() if use == STATIC
@@ -244,10 +260,6 @@ class Relaying:
                 statics[one.targets[1]] += one.relay.static_transforms()
         for target, transforms in statics.items():
             target.send(transforms)
-        for problem in self.problems() if now_s >= self._patience_s and not self._is_dry else ():
-            if problem not in self._warned:
-                self._warned.add(problem)
-                log.warning(printable(problem))
 
     def _send_dynamic(self, one: _Running, now_s: float) -> None:
         clock_ns = self._node.get_clock().now().nanoseconds

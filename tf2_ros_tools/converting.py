@@ -1,7 +1,7 @@
 """Turn recorded joint states and poses into TFMessages."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from typing import Any, Protocol, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,23 +22,11 @@ from tf2_ros_tools.urdf import Robot
 Frames: TypeAlias = tuple[str, str]  # parent and child
 Floats: TypeAlias = "NDArray[np.float64]"
 Moved: TypeAlias = "tuple[list[Frames], Floats, Floats]"
-# What was read of a message: stamp in ns, layout, and the bytes of its numbers; None: nothing.
-Pending: TypeAlias = "list[tuple[Any, int, tuple[int, Layout, bytes] | None]]"
 
 BATCH = 20_000  # numbers: some MB of transforms
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
-
-
-class Source(Protocol):
-    """What the messages of a topic mean."""
-
-    series: Series
-
-    def transforms(self, layout: Layout, numbers: Floats) -> Moved:
-        """Get M frames, translations of shape (N, M, 3) and rotations of shape (N, M, 4) of N messages."""
-        ...
 
 
 class Joints:
@@ -81,6 +69,19 @@ class Poses:
         return [(parent, child)], numbers[:, None, :3], numbers[:, None, 3:]
 
 
+Source: TypeAlias = Joints | Poses  # what the messages of a topic mean
+
+
+class _Read(NamedTuple):
+    """A message; without a layout, nothing was read of it."""
+
+    connection: Any
+    log_ns: int
+    stamp_ns: int
+    layout: Layout | None
+    numbers: bytes
+
+
 def converted(
     messages: Iterable[RawMessage],
     sources: Mapping[str, Source],
@@ -92,17 +93,17 @@ def converted(
     :param sources: by topic.
     :param on_malformed: called with topic, log time and a ValueError for each message that cannot be read.
     """
-    pending: Pending = []
+    pending: list[_Read] = []
     size = 0
     try:
         for connection, log_ns, raw in messages:
-            read = None
+            stamp_ns, layout, numbers = 0, None, b""
             try:
-                read = sources[connection.topic].series.read(raw)
+                stamp_ns, layout, numbers = sources[connection.topic].series.read(raw)
             except ValueError as error:
                 on_malformed(connection.topic, log_ns, error)
-            pending.append((connection, log_ns, read))
-            size += 1 if read is None else 1 + read[1].count
+            pending.append(_Read(connection, log_ns, stamp_ns, layout, numbers))
+            size += 1 + (layout.count if layout is not None else 0)
             if size >= BATCH:
                 yield from _batch(pending, sources)
                 pending, size = [], 0
@@ -112,30 +113,19 @@ def converted(
     yield from _batch(pending, sources)
 
 
-def _batch(pending: Pending, sources: Mapping[str, Source]) -> Iterator[RawMessage]:
-    places: dict[tuple[str, Layout], list[int]] = {}
-    for i, (connection, _, read) in enumerate(pending):
+def _batch(pending: Sequence[_Read], sources: Mapping[str, Source]) -> Iterator[RawMessage]:
+    places: dict[Layout, list[int]] = {}  # each layout is of one topic
+    for i, one in enumerate(pending):
         # Positions of joints are optional: a state may have only velocities or efforts.
-        if read is not None and read[1].count:
-            places.setdefault((connection.topic, read[1]), []).append(i)
+        if one.layout is not None and one.layout.count:
+            places.setdefault(one.layout, []).append(i)
     made = [EMPTY] * len(pending)
-    for (topic, layout), own in places.items():
-        own_reads = [read for i in own if (read := pending[i][2]) is not None]
-        numbers = numbers_of(layout, [data for _, _, data in own_reads])
-        frames, translations, rotations = sources[topic].transforms(layout, numbers)
-        texts = tf_messages(frames, [stamp_ns for stamp_ns, _, _ in own_reads], translations, rotations)
-        for i, text in zip(own, texts, strict=True):
+    for layout, own in places.items():
+        source = sources[pending[own[0]].connection.topic]
+        numbers = numbers_of(layout, [pending[i].numbers for i in own])
+        frames, translations, rotations = source.transforms(layout, numbers)
+        stamps_ns = [pending[i].stamp_ns for i in own]
+        for i, text in zip(own, tf_messages(frames, stamps_ns, translations, rotations), strict=True):
             made[i] = text
-    for (connection, log_ns, _), text in zip(pending, made, strict=True):
-        yield connection, log_ns, text
-
-
-def fixed(robot: Robot, without: Collection[str], stamp_ns: int = 0) -> bytes:
-    """Make a TFMessage of the fixed joints, except those whose frames are in ``without``."""
-    joints = [one for one in robot.joints if one.type == "fixed" and one.child not in without]
-    if not joints:
-        return EMPTY
-    translations, rotations = [one.translation for one in joints], [one.rotation for one in joints]
-    frames = [(one.parent, one.child) for one in joints]
-    [made] = tf_messages(frames, [stamp_ns], [translations], [rotations])
-    return made
+    for one, text in zip(pending, made, strict=True):
+        yield one.connection, one.log_ns, text

@@ -249,19 +249,18 @@ def _read_table(frames: list[str], path: str) -> tuple[PoseTable, dict[str, str]
 
 
 def _joined(request: Request, tables: dict[str, PoseTable], failed: dict[str, str]) -> Dataset:
-    counts = [len(table) for table in tables.values()]
-    begins = [table.stamps_ns[0] if len(table) else 0 for table in tables.values()]
-    stamps_ns = np.concatenate([table.stamps_ns for table in tables.values()])
+    every = [*tables.values()]
+    counts = [len(table) for table in every]
     return Dataset(
-        tuple(request.source),
-        request.target,
-        tuple(tables),
-        failed,
-        np.repeat(np.arange(len(tables)), counts),
-        np.concatenate([np.arange(count) for count in counts]),
-        stamps_ns,
-        (stamps_ns - np.repeat(np.array(begins, np.int64), counts)) / S,
-        np.concatenate([table.poses for table in tables.values()]),
-        np.concatenate([table.valid for table in tables.values()]),
-        np.concatenate([table.gaps for table in tables.values()]),
+        frames=tuple(request.source),
+        relative_to=request.target,
+        files=tuple(tables),
+        failed=failed,
+        episodes=np.repeat(np.arange(len(tables)), counts),
+        indices=np.concatenate([np.arange(count) for count in counts]),
+        stamps_ns=np.concatenate([table.stamps_ns for table in every]),
+        timestamps=np.concatenate([(table.stamps_ns - table.stamps_ns[:1]) / S for table in every]),
+        poses=np.concatenate([table.poses for table in every]),
+        valid=np.concatenate([table.valid for table in every]),
+        gaps=np.concatenate([table.gaps for table in every]),
     )

@@ -9,10 +9,9 @@ from tf2_ros.transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC
 import threading
 import time
 from argparse import Namespace
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -99,17 +98,24 @@ def _spin(executor: SingleThreadedExecutor) -> None:
             # The context ended between two checks of the executor.
 
 
+TOPICS = (DEFAULT_TF_TOPIC, DEFAULT_STATIC_TF_TOPIC)
+
+
 @contextmanager
 def filled_buffer(
     node: Node,
-    listen: Callable[[Buffer, Node], TransformListener] = TransformListener,
+    recording: Recording | None = None,
+    *,
+    topics: Sequence[str] = TOPICS,
     cache_time: Duration | None = None,
 ) -> Iterator[Buffer]:
     """
     A buffer for a ``with`` statement. A listener fills it, and it follows the clock of the node.
 
-    :param listen: creates the listener.
+    :param recording: records what arrives.
+    :param topics: the topic of dynamic transforms and the topic of static transforms.
     :param cache_time: how far the history of each frame reaches back. None: the default of buffers.
+    :raises UsageError: the receiver, which recording needs, does not support this release of ROS 2.
     """
     with deferred_signals():
         buffer = Buffer(cache_time, node)
@@ -117,12 +123,17 @@ def filled_buffer(
         if buffer.srv is not None:
             node.destroy_service(buffer.srv)
             buffer.srv = None
-        with listen(buffer, node), interruptible():
+        try:
+            listener = TransformListener(
+                buffer, node, recording=recording, tf_topic=topics[0], tf_static_topic=topics[1]
+            )
+        except NotImplementedError as refusal:
+            raise UsageError(str(refusal)) from None
+        with listener, interruptible():
             yield buffer
 
 
 DRAIN_S = 1.0  # the longest time between two calls of `drain`
-TOPICS = (DEFAULT_TF_TOPIC, DEFAULT_STATIC_TF_TOPIC)
 UNKNOWN_NODE = (
     "_NODE_NAME_UNKNOWN_"  # of an endpoint whose node the graph does not know yet, or no longer knows
 )
@@ -302,17 +313,12 @@ def listening(
     Listen in a ``with`` statement.
 
     :param window_s: the period over which figures are computed. None: all time.
-    :param topics: the topic of dynamic transforms and the topic of static transforms.
-    :param cache_time: of the buffer; see :func:`filled_buffer`.
-    :raises UsageError: the receiver does not support this release of ROS 2.
+    :param topics: see :func:`filled_buffer`.
+    :param cache_time: see the same function.
     """
     recording = Recording()
-    listen = partial(TransformListener, recording=recording, tf_topic=topics[0], tf_static_topic=topics[1])
-    try:
-        with filled_buffer(node, listen, cache_time) as buffer:
-            yield Listening(node, buffer, recording, topics, window_s)
-    except NotImplementedError as refusal:
-        raise UsageError(str(refusal)) from None
+    with filled_buffer(node, recording, topics=topics, cache_time=cache_time) as buffer:
+        yield Listening(node, buffer, recording, topics, window_s)
 
 
 def _short(gid: bytes) -> str:

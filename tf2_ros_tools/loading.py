@@ -2,7 +2,7 @@
 
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial as bound
@@ -19,8 +19,8 @@ from tf2_ros.numpy import to_nanoseconds
 from tf2_ros.records import MessageSource, Recording, insert_messages, read_transforms
 from tf2_ros_tools import foxglove
 from tf2_ros_tools.cdr import Reader
-from tf2_ros_tools.converting import ODOMETRY, POSES, Frames, Joints, Poses, Source, converted, fixed
-from tf2_ros_tools.output import counted, printable
+from tf2_ros_tools.converting import ODOMETRY, POSES, Frames, Joints, Poses, Source, converted
+from tf2_ros_tools.output import counted, first_names, printable
 from tf2_ros_tools.reading import (
     TF_TYPES,
     BagError,
@@ -33,7 +33,7 @@ from tf2_ros_tools.reading import (
     open_recording,
     stamps_of,
 )
-from tf2_ros_tools.urdf import Robot, UrdfError, parse
+from tf2_ros_tools.urdf import Robot, UrdfError, fixed, parse
 from tf2_ros_tools.urdf import load as load_urdf
 
 if TYPE_CHECKING:
@@ -55,7 +55,6 @@ DESCRIPTION, STRING = "robot_description", "std_msgs/msg/String"
 FROM_URDF = "urdf"
 
 ENCODINGS = ("cdr", "ros1")
-MOST_NAMES = 5  # in an error
 UNLIMITED_BYTES = (1 << 63) - 1
 
 
@@ -309,12 +308,8 @@ def _check_joints(recorded: Recorded, topic: str, states: Joints) -> None:
     where = f"{printable(recorded.path)}, topic {printable(topic)}"
     if not states.names:
         raise BagError(f"{where}: its joint states have names, but no positions")
-    raise BagError(f"{where}: its joints, {_some(states.names)}, are not those of the URDF, {_some(own)}")
-
-
-def _some(names: Sequence[str]) -> str:
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return f"{listed(names[:MOST_NAMES])}{more}"
+    found, expected = first_names(states.names), first_names(own)
+    raise BagError(f"{where}: its joints, {found}, are not those of the URDF, {expected}")
 
 
 class Unread:

@@ -3,12 +3,13 @@
 import os
 import time
 import uuid
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
 from typing import Any
 
 SIZES = ("bytes", "kB", "MB", "GB", "TB")
+MOST_NAMES = 5  # in a list
 UNFINISHED = ".unfinished"  # the extension of a file that is being written; its name begins with a dot
 # Writing takes seconds; the writer of a file that has not grown for this long was killed.
 ABANDONED_S = 3600.0
@@ -43,6 +44,12 @@ def readable_size(size: float) -> str:
         size /= 1000
         unit = larger.pop(0)
     return f"{size:.3g} {unit}"
+
+
+def first_names(names: Sequence[str]) -> str:
+    """Format the first five names: ``a, b, c, d, e and 3 more``."""
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return f"{', '.join(map(printable, names[:MOST_NAMES]))}{more}"
 
 
 def not_known(name: str, known: Collection[str]) -> str:

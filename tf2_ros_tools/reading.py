@@ -4,7 +4,6 @@ import errno
 import os
 import re
 import shutil
-import struct
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -18,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_ros_tools import foxglove
+from tf2_ros_tools import cdr, foxglove
 from tf2_ros_tools.output import counted, printable
 
 if TYPE_CHECKING:
@@ -519,36 +518,30 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
     if topic not in recorded.topics:
         raise BagError(f"{name}: this topic does not exist; the topics are {listed(recorded.topics)}")
     about = recorded.topics[topic]
-    if foxglove.is_stamped(about.msgtype, about.encoding):
-        return _foxglove_stamps(recorded, topic, about)
-    try:
-        stamped = all(_begins_with_header(one) for one in recorded.connections(topic))
-    except Exception as error:  # the parsers define error classes only for some kinds of damage
-        raise explained(error, recorded.path, f"topic {printable(topic)}, definition of its type") from error
-    if not stamped:
-        raise BagError(f"{name}: {printable(about.msgtype)} does not begin with a {HEADER}")
-    # A stamp follows four bytes: the encoding in CDR, `seq` in ROS 1.
-    big = struct.Struct(">iI")
-    little = struct.Struct("<iI")
-    stamps: list[int] = []
-    for _, log_ns, raw in recorded.stored(topic):
-        order = little if about.encoding == "ros1" or len(raw) < 2 or raw[1] & 1 else big
-        if len(raw) < 12:
-            raise BagError(f"{name}, log time {log_ns} ns: a message of {len(raw)} bytes has no header")
-        sec, nanosec = order.unpack_from(raw, 4)
-        stamps.append(sec * 1_000_000_000 + nanosec)
-    return np.array(stamps, np.int64)
-
-
-def _foxglove_stamps(recorded: Recorded, topic: str, about: Topic) -> NDArray[np.int64]:
+    if not foxglove.is_stamped(about.msgtype, about.encoding):
+        try:
+            stamped = all(_begins_with_header(one) for one in recorded.connections(topic))
+        except Exception as error:  # the parsers define error classes only for some kinds of damage
+            where = f"topic {printable(topic)}, definition of its type"
+            raise explained(error, recorded.path, where) from error
+        if not stamped:
+            raise BagError(f"{name}: {printable(about.msgtype)} does not begin with a {HEADER}")
     stamps: list[int] = []
     for _, log_ns, raw in recorded.stored(topic):
         try:
-            stamps.append(foxglove.stamp_ns(about.encoding, raw))
+            stamps.append(_stamp_ns(about, raw))
         except ValueError as error:
-            where = f"{printable(recorded.path)}, topic {printable(topic)}, log time {log_ns} ns"
-            raise BagError(f"{where}: {error}") from error
+            raise BagError(f"{name}, log time {log_ns} ns: {error}") from error
     return np.array(stamps, np.int64)
+
+
+def _stamp_ns(about: Topic, raw: cdr.Raw) -> int:
+    if foxglove.is_stamped(about.msgtype, about.encoding):
+        return foxglove.stamp_ns(about.encoding, raw)
+    reader = cdr.Reader(raw)  # begins behind four bytes: the encoding, in ROS 1 the `seq` of the header
+    if about.encoding == "ros1":
+        reader.order = "<"
+    return reader.stamp_ns()
 
 
 def _begins_with_header(connection: "Connection") -> bool:

@@ -5,7 +5,6 @@ import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,12 +12,14 @@ from tf2_py import BufferCore, FrameInfo, TransformException
 from tf2_ros import TransformStamped
 from tf2_ros_tools.output import not_known
 from tf2_ros_tools.program import UsageError, read_list
+from tf2_ros_tools.streams import path_to_root
 
 S = 1_000_000_000
 LATEST = 0  # asks a buffer for the newest time at which it has everything that a lookup needs
-LAST_NS = (2**31 - 1) * S  # the last stamp that a message can hold
+LAST_S = 2**31 - 1  # the last stamp that a message can hold
 NOW = "now"
-TREE, POSES = "TFMessage", ("PoseStamped", "Odometry")
+TOPICS = DYNAMIC, STATIC = "/tf", "/tf_static"
+POSES = "PoseStamped", "Odometry"
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,12 @@ class Rule:
     prefix: str = ""
     rename: Mapping[str, str] = field(default_factory=dict)
     shift_ns: int | None = 0  # None: such that the first transform is stamped with the present time
-    message: str = TREE
+    pose: str | None = None  # one of POSES, or None for transforms
+
+    @property
+    def uses(self) -> list[tuple[str, str]]:
+        """The topics to which the rule sends; each with its use, DYNAMIC, STATIC or one of POSES."""
+        return [*zip(self.to, (self.pose,) if self.pose else TOPICS, strict=True)]
 
     def new_name(self, frame: str) -> str:
         """The name under which a frame is sent."""
@@ -59,6 +65,7 @@ class Rule:
 class _Key(NamedTuple):
     expected: str
     read: Callable[[Any], Any]  # raises a ValueError, or returns None, for what is not as expected
+    is_required: bool = False
 
 
 def _text(value: Any) -> str | None:
@@ -74,30 +81,29 @@ def _frame(value: Any) -> str | None:
     return _text(value.removeprefix("/")) if isinstance(value, str) else None
 
 
-def _all_of(read: Callable[[Any], str | None]) -> Callable[[Any], tuple[str | None, ...] | None]:
-    def read_all(value: Any) -> tuple[str | None, ...] | None:
+def _names(read: Callable[[Any], str | None], count: int | None = None) -> Callable[[Any], Any]:
+    """Reads a name or a list of names; exactly ``count`` different ones, if it is given."""
+
+    def read_names(value: Any) -> tuple[str | None, ...] | None:
         found = tuple(map(read, value if isinstance(value, list) else [value]))
-        return found if found and None not in found else None
+        is_count = count is None or len(found) == len({*found}) == count
+        return found if found and None not in found and is_count else None
 
-    return read_all
-
-
-def _number(value: Any) -> float | None:
-    # YAML reads 1e-3 as a string.
-    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        return None
-    number = float(value)
-    return number if abs(number) <= LAST_NS / S else None  # which NaN is not either
+    return read_names
 
 
-def _rate(value: Any) -> float | None:
-    rate = _number(value)
-    return rate if rate is not None and 0.0 < rate <= 1000.0 else None
+def _number(least: float, most: float = LAST_S) -> Callable[[Any], float | None]:
+    def read_number(value: Any) -> float | None:
+        # YAML reads 1e-3 as a string.
+        if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+            return None
+        return number if least <= (number := float(value)) <= most else None
+
+    return read_number
 
 
-def _at_least_0(value: Any) -> float | None:
-    number = _number(value)
-    return number if number is not None and number >= 0.0 else None
+def _shift(value: Any) -> Any:
+    return value if value == NOW else _number(-LAST_S)(value)
 
 
 def _new_names(value: Any) -> dict[str | None, str | None] | None:
@@ -107,131 +113,114 @@ def _new_names(value: Any) -> dict[str | None, str | None] | None:
     return names if len({*names.values()}) == len(value) and None not in {*names, *names.values()} else None
 
 
-_TOPICS = _Key(
-    "two topics, for dynamic and static transforms, such as [/relay/tf, /relay/tf_static]", _all_of(_topic)
-)
-_FRAMES = _Key("the name of a frame, or a list of names", _all_of(_frame))
-_LIMIT = _Key("a number that is not negative", _at_least_0)
+_TWO_TOPICS = "two topics, for dynamic and static transforms, such as [/relay/tf, /relay/tf_static]"
+_FRAMES = _Key("the name of a frame, or a list of names", _names(_frame))
+_LIMIT = _Key("a number that is not negative", _number(0.0))
 _KEYS_OF_THRESHOLD = {
-    "translation": _LIMIT,
-    "rotation": _LIMIT,
-    "repeat": _Key("a number of seconds", _at_least_0),
+    "translation": _LIMIT._replace(is_required=True),
+    "rotation": _LIMIT._replace(is_required=True),
+    "repeat": _LIMIT,
 }
 _KEYS = {
     "name": _Key("a text", _text),
-    "from": _TOPICS,
-    "to": _TOPICS,
+    "from": _Key(_TWO_TOPICS, _names(_topic, 2)),
+    "to": _Key(_TWO_TOPICS, _names(_topic, 2), is_required=True),
+    "rate": _Key("a number of Hz from 0.0001 to 1000", _number(0.0001, 1000.0)),
+    "threshold": _Key("a mapping", lambda value: value),
+    "prefix": _Key("a text", _text),
+    "rename": _Key("a mapping from names of frames to different new names", _new_names),
+    "shift": _Key(f"a number of seconds, or {NOW}", _shift),
     "frames": _FRAMES,
     "subtree": _FRAMES,
     "exclude": _FRAMES,
     "collapse": _Key("true or false", lambda value: value if isinstance(value, bool) else None),
-    "rate": _Key("a number of Hz above 0, at most 1000", _rate),
-    "threshold": _Key(
-        "a mapping with translation (m), rotation (rad) and perhaps repeat (s)",
-        lambda value: value if isinstance(value, dict) and {"translation", "rotation"} <= {*value} else None,
-    ),
-    "prefix": _Key("a text", _text),
-    "rename": _Key("a mapping from names of frames to different new names", _new_names),
-    "shift": _Key(f"a number of seconds, or {NOW}", lambda value: value if value == NOW else _number(value)),
     "as": _Key(f"one of {', '.join(POSES)}", lambda value: value if value in POSES else None),
+}
+_KEYS_OF_POSE = {
+    **{key: one for key, one in _KEYS.items() if key not in ("subtree", "exclude", "collapse")},
+    "to": _Key("one topic, for a pose", _names(_topic, 1), is_required=True),
+    "frames": _Key("[PARENT, CHILD], for a pose", _names(_frame, 2), is_required=True),
 }
 
 
-def read_rules(path: Path) -> list[Rule]:
+def read_rules(path: Path, resolve: Callable[[str], str]) -> list[Rule]:
     """
     Read a YAML file: a list of rules.
 
+    :param resolve: gives the full name of a topic.
     :raises UsageError: it cannot be read, or something in it is wrong; the text names the rule and the key.
     """
     document = read_list(path, "tf2_relay", "rules")
     try:
-        return [_rule(f"rule {number}", given) for number, given in enumerate(document, start=1)]
+        rules = [_rule(f"rule {number}", given, resolve) for number, given in enumerate(document, start=1)]
+        _check_topics(rules)
     except ValueError as refusal:
         raise UsageError(f"{path}: {refusal}") from None
+    return rules
 
 
 def _read(label: str, given: Any, keys: Mapping[str, _Key]) -> dict[str, Any]:
+    required = [key for key in keys if keys[key].is_required]
     if not isinstance(given, dict):
-        raise ValueError(f"{label} must be a mapping with keys such as to and frames, not {given!r}")
-    read = {}
-    for key, value in given.items():
+        raise ValueError(f"{label} must be a mapping with {' and '.join(required)}, not {given!r}")
+    for key in given:
         if key not in keys:
             near = get_close_matches(str(key), keys, n=1)
             advice = f"did you mean {near[0]}?" if near else f"the keys are {', '.join(keys)}"
             raise ValueError(f"{label}: {key!r} is not a key; {advice}")
+    read = {}
+    for key in dict.fromkeys([*given, *required]):
         try:
-            read[key] = keys[key].read(value)
+            read[key] = keys[key].read(given.get(key))
         except (ValueError, OverflowError):
             read[key] = None
         if read[key] is None:
-            raise ValueError(f"{label}: {key} must be {keys[key].expected}, not {value!r}")
+            found = f", not {given[key]!r}" if key in given else ""
+            raise ValueError(f"{label}: {key} must be {keys[key].expected}{found}")
     return read
 
 
-def _rule(label: str, given: Any) -> Rule:
-    if isinstance(given, dict) and _text(given.get("name")) is not None:
+def _rule(label: str, given: Any, resolve: Callable[[str], str]) -> Rule:
+    is_mapping = isinstance(given, dict)
+    if is_mapping and _text(given.get("name")) is not None:
         label = f"{label} ({given['name']})"
-    read = _read(label, given, _KEYS)
+    read = _read(label, given, _KEYS_OF_POSE if is_mapping and "as" in given else _KEYS)
     read.pop("name", None)
     if "threshold" in read:
         read["threshold"] = Threshold(**_read(f"{label}: threshold", read["threshold"], _KEYS_OF_THRESHOLD))
     shift = read.pop("shift", 0.0)
+    try:
+        source, to = tuple(map(resolve, read.pop("from", TOPICS))), tuple(map(resolve, read.pop("to")))
+    except RuntimeError as refusal:  # of rcl: a name is too long
+        raise ValueError(f"{label}: {refusal}") from None
     rule = Rule(
         label,
-        source=read.pop("from", ("/tf", "/tf_static")),
-        to=read.pop("to", ()),
+        source,
+        to,
         shift_ns=None if shift == NOW else round(shift * S),
-        message=read.pop("as", TREE),
+        pose=read.pop("as", None),
         **read,
     )
-    is_pose = rule.message != TREE
-    of_tree = bool(rule.subtree or rule.exclude or rule.collapse)
-    for is_wrong, text in (
-        (not _is_pair(rule.source), f"from must be {_TOPICS.expected}"),
-        (not is_pose and not _is_pair(rule.to), f"to must be {_TOPICS.expected}"),
-        (is_pose and len(rule.to) != 1, f"to must be one topic, for {rule.message}"),
-        (is_pose and not _is_pair(rule.frames), f"frames must be [PARENT, CHILD], for {rule.message}"),
-        (is_pose and of_tree, f"subtree, exclude and collapse are not for {rule.message}"),
-        (
-            len(rule.frames) == 1 and not rule.subtree,
-            "frames must be two or more; for one with all below it, use subtree",
-        ),
-        (
-            rule.collapse and not (rule.frames or rule.subtree),
-            "collapse needs frames or subtree, for what remains",
-        ),
-    ):
-        if is_wrong:
-            raise ValueError(f"{label}: {text}")
+    if len(rule.frames) == 1 and not rule.subtree:
+        raise ValueError(f"{label}: frames must be two or more; for one with all below it, use subtree")
+    if rule.collapse and not (rule.frames or rule.subtree):
+        raise ValueError(f"{label}: collapse needs frames or subtree, for what remains")
     return rule
 
 
-def _is_pair(names: tuple[str, ...]) -> bool:
-    return len(names) == 2 and names[0] != names[1]
-
-
-def refuse_circles(rules: Collection[Rule], resolve: Callable[[str], str]) -> None:
-    """
-    Raise a UsageError if transforms would come back to where they were read, or a topic has two uses.
-
-    :param resolve: gives the full name of a topic.
-    """
+def _check_topics(rules: Collection[Rule]) -> None:
+    """Raise a ValueError if a rule sends to a topic that a rule reads, or a topic has two uses."""
+    sources = {topic for rule in rules for topic in rule.source}
     uses: dict[str, str] = {}
-    graph: dict[str, set[str]] = {}
     for rule in rules:
-        is_pose = rule.message != TREE
-        for topic, use in zip(rule.to, (rule.message if is_pose else "/tf", "/tf_static"), strict=False):
-            before = uses.setdefault(resolve(topic), use)
+        for topic, use in rule.uses:
+            if topic in sources:
+                raise ValueError(f"{rule.label}: to must not use {topic}, from which a rule reads")
+            before = uses.setdefault(topic, use)
             if before != use:
-                raise UsageError(
+                raise ValueError(
                     f"{rule.label}: to must not use {topic} like {use}: a rule uses it like {before}"
                 )
-            graph.setdefault(resolve(topic), set()).update(() if is_pose else map(resolve, rule.source))
-    try:
-        TopologicalSorter(graph).prepare()
-    except CycleError as circle:
-        topics = " and ".join(dict.fromkeys(circle.args[1]))
-        raise UsageError(f"rules read what they send on {topics}; from and to must differ") from None
 
 
 # Choose what is sent.
@@ -254,9 +243,9 @@ def links_of(rule: Rule, frames: Mapping[str, FrameInfo]) -> list[Link]:
     The chosen frames that are connected form a tree, whose root is the frame at which they meet. Frames
     between them are added, or are left out if the rule collapses chains.
     """
-    if rule.message != TREE:
+    if rule.pose:
         return [Link(rule.frames[0], rule.frames[1], False)] if {*rule.frames} <= frames.keys() else []
-    above = {name: _ancestors(name, frames) for name in frames}
+    above = {name: path_to_root(frames, name) for name in frames}
     excluded, tops = {*rule.exclude}, {*rule.subtree}
     trees: dict[str, list[str]] = {}
     for name, path in sorted(above.items()):
@@ -267,25 +256,12 @@ def links_of(rule: Rule, frames: Mapping[str, FrameInfo]) -> list[Link]:
     for members in trees.values():
         common = set.intersection(*({*above[name]} for name in members))
         top = next(name for name in above[members[0]] if name in common)
-        between = (
-            () if rule.collapse else (one for name in members for one in above[name] if one not in common)
-        )
-        kept = {*members, top, *between}
-        for child in sorted(kept - {top}):
+        below = {*members} if rule.collapse else {one for name in members for one in above[name]} - common
+        for child in sorted(below - {top}):
             path = above[child]
-            place = next(number for number, name in enumerate(path) if number and name in kept)
+            place = next(i for i, name in enumerate(path) if i and (name in below or name == top))
             links.append(Link(path[place], child, all(frames[one].static for one in path[:place])))
     return links
-
-
-def _ancestors(name: str, frames: Mapping[str, FrameInfo]) -> list[str]:
-    """The frame, its parent, and so on up to the root; in a loop, up to where it closes."""
-    path: dict[str, None] = {}
-    above: str | None = name
-    while above is not None and above in frames and above not in path:
-        path[above] = None
-        above = frames[above].parent
-    return [*path]
 
 
 @dataclass
@@ -301,11 +277,13 @@ class Relay:
     """
     Applies a rule to a buffer.
 
-    :param owners: the rules that send to the same topics share this dictionary, so that no two of them send
-        frames with the same name.
+    :param owners: which rule sends which frame, by topic and new name; all rules share it, so that no two of
+        them send frames with the same name to a topic.
     """
 
-    def __init__(self, rule: Rule, buffer: BufferCore, owners: dict[str, tuple["Relay", str]]) -> None:
+    def __init__(
+        self, rule: Rule, buffer: BufferCore, owners: dict[tuple[str, str], tuple["Relay", str]]
+    ) -> None:
         self.rule = rule
         self.buffer = buffer
         self._owners = owners
@@ -322,12 +300,7 @@ class Relay:
 
     def static_transforms(self) -> list[TransformStamped]:
         """All static transforms that the rule sends."""
-        return [
-            self._named(one)
-            for link in self._present_links()
-            if link.is_static
-            for one in self._look_up(link)
-        ]
+        return [self._named(one) for one in self._look_up(is_static=True)]
 
     def dynamic_transforms(self, now_s: float, clock_ns: int) -> list[TransformStamped]:
         """
@@ -336,23 +309,37 @@ class Relay:
         :param now_s: the time of the monotonic clock.
         :param clock_ns: the time of the node's clock.
         """
+        if self._offset_ns is None and clock_ns == 0:
+            return []  # simulated time is not known yet
         needed: list[TransformStamped] = []
-        for link in self._present_links():
-            for transform in () if link.is_static else self._look_up(link):
-                stamp_ns = _stamp_ns(transform)
-                # A pose of static frames has the stamp 0.
-                if stamp_ns == 0 or stamp_ns != self._stamps_ns.get(link.child):
-                    self._stamps_ns[link.child] = stamp_ns
-                    needed += self._needed(link.child, transform, now_s)
+        for transform in self._look_up(is_static=False):
+            if self.rule.pose and _stamp_ns(transform) == 0:  # the frames do not move
+                _set_stamp(transform, clock_ns)
+            stamp_ns = _stamp_ns(transform)
+            if stamp_ns != self._stamps_ns.get(transform.child_frame_id):
+                self._stamps_ns[transform.child_frame_id] = stamp_ns
+                needed += self._needed(transform, now_s)
         if self._offset_ns is None and needed:
             self._offset_ns = clock_ns - max(self._stamps_ns.values())
-        return [self._named(self._shifted(one)) for one in needed]
+        for transform in needed:
+            if self._offset_ns:
+                _set_stamp(transform, _stamp_ns(transform) + self._offset_ns)
+        return [self._named(one) for one in needed]
 
     def problems(self) -> list[str]:
         """Get a text for each frame that the rule names and nobody has published, or that it cannot send."""
         named = (*self.rule.frames, *self.rule.subtree, *self.rule.exclude, *self.rule.rename)
         unknown = [name for name in dict.fromkeys(named) if name not in self._tree]
         return [f"{self.rule.label}: {not_known(name, self._tree)}" for name in unknown] + self._conflicts
+
+    def _look_up(self, is_static: bool) -> Iterator[TransformStamped]:
+        for link in self._present_links():
+            if link.is_static == is_static:
+                try:
+                    transform = self.buffer.lookup_transform_core(link.parent, link.child, LATEST)
+                except TransformException:
+                    continue  # a chain has no common time yet, or is none any more
+                yield transform
 
     def _present_links(self) -> list[Link]:
         frames = self.buffer.frames()
@@ -363,25 +350,17 @@ class Relay:
             names = {self.rule.new_name(link.parent): link.parent for link in found}
             for link in found:
                 name, sender = self.rule.new_name(link.child), (self, link.child)
-                if (
-                    names.setdefault(name, link.child) == link.child
-                    and self._owners.setdefault(name, sender) == sender
-                ):
+                owners = [self._owners.setdefault((topic, name), sender) for topic in self.rule.to]
+                if names.setdefault(name, link.child) == link.child and {*owners} == {sender}:
                     self._links.append(link)
                 else:
                     self._conflicts.append(
-                        f"{self.rule.label}: {link.child} is not sent: {name} is another frame"
+                        f"{self.rule.label}: {link.child} is not sent: the name {name} is taken"
                     )
         return self._links
 
-    def _look_up(self, link: Link) -> Iterator[TransformStamped]:
-        try:
-            yield self.buffer.lookup_transform_core(link.parent, link.child, LATEST)
-        except TransformException:
-            return  # a chain has no common time yet, or is none any more
-
-    def _needed(self, child: str, transform: TransformStamped, now_s: float) -> Iterator[TransformStamped]:
-        limits, sent = self.rule.threshold, self._sent.get(child)
+    def _needed(self, transform: TransformStamped, now_s: float) -> Iterator[TransformStamped]:
+        limits, sent = self.rule.threshold, self._sent.get(transform.child_frame_id)
         if limits is not None and sent is not None:
             distance, angle = _difference(transform.transform, sent.transform.transform)
             if distance > limits.translation or angle > limits.rotation:
@@ -392,24 +371,22 @@ class Relay:
                 sent.withheld = transform
                 return
         if limits is not None:
-            self._sent[child] = _Sent(transform, now_s)
+            self._sent[transform.child_frame_id] = _Sent(transform, now_s)
         yield transform
 
-    def _shifted(self, transform: TransformStamped) -> TransformStamped:
-        if self._offset_ns:
-            shifted_ns = min(max(_stamp_ns(transform) + self._offset_ns, 0), LAST_NS)
-            transform.header.stamp.sec, transform.header.stamp.nanosec = divmod(shifted_ns, S)
-        return transform
-
     def _named(self, transform: TransformStamped) -> TransformStamped:
-        if self.rule.prefix or self.rule.rename:
-            transform.header.frame_id = self.rule.new_name(transform.header.frame_id)
-            transform.child_frame_id = self.rule.new_name(transform.child_frame_id)
+        transform.header.frame_id = self.rule.new_name(transform.header.frame_id)
+        transform.child_frame_id = self.rule.new_name(transform.child_frame_id)
         return transform
 
 
 def _stamp_ns(transform: TransformStamped) -> int:
     return int(transform.header.stamp.sec * S + transform.header.stamp.nanosec)
+
+
+def _set_stamp(transform: TransformStamped, stamp_ns: int) -> None:
+    stamp = transform.header.stamp
+    stamp.sec, stamp.nanosec = divmod(min(max(stamp_ns, 0), LAST_S * S), S)
 
 
 def _difference(one: Any, other: Any) -> tuple[float, float]:

@@ -137,8 +137,9 @@ def trajectory_figure(
 
     with style():
         figure = Figure(SIZE_IN, layout="constrained")
-        above, over_time = figure.subplots(1, 2, width_ratios=[1.0, 1.2])
-        upper, lower = _halves(figure, over_time)
+        axes = figure.subplot_mosaic([["above", "upper"], ["above", "lower"]], width_ratios=[1.0, 1.2])
+        above, upper, lower = axes["above"], axes["upper"], axes["lower"]
+        lower.sharex(upper)
         figure.suptitle(f"{label(source)} in {label(target)}")
         gaps = merged([*gaps, *unknown_spans(times, positions)])
         # Before points are omitted, because the frame may turn between two points that are drawn.
@@ -180,19 +181,12 @@ def merged(spans: Iterable[Span]) -> list[Span]:
 def parted_by(
     gaps: Sequence[Span], times: NDArray[np.float64], *columns: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
-    """Add a row of NaN inside each gap, where a line breaks; return times and values."""
+    """Replace what is inside each gap by a row of NaN, where a line breaks; return times and values."""
     begins, ends = np.array(gaps).reshape(-1, 2).T
-    first, last = np.searchsorted(times, begins, "right"), np.searchsorted(times, ends, "left")
-    empty = np.flatnonzero(first >= last)
-    inside = np.zeros(len(times) + 1, int)
-    np.add.at(inside, first, 1)
-    np.add.at(inside, np.maximum(first, last), -1)
-    hidden = np.cumsum(inside[:-1]) > 0
-    parts = [np.insert(times, first[empty], ((begins + ends) / 2)[empty])]
-    for values in columns:
-        shown = np.where(hidden[:, None], np.nan, values)
-        parts.append(np.insert(shown, first[empty], np.nan, axis=0))
-    return parts
+    shown = np.searchsorted(begins, times, "left") == np.searchsorted(ends, times, "right")
+    places = np.searchsorted(times[shown], begins, "right")
+    parts = [np.insert(times[shown], places, (begins + ends) / 2)]
+    return parts + [np.insert(values[shown], places, np.nan, axis=0) for values in columns]
 
 
 def plotted_from(positions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -217,13 +211,6 @@ def unwrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 # Axes.
-
-
-def _halves(figure: Any, axes: Any) -> tuple[Any, Any]:
-    grid = axes.get_subplotspec().subgridspec(2, 1)
-    axes.remove()
-    upper = figure.add_subplot(grid[0])
-    return upper, figure.add_subplot(grid[1], sharex=upper)
 
 
 def _draw_above(

@@ -1,10 +1,11 @@
 """Read a URDF, and compute the transforms of its joints from joint states: ``load``, ``Robot``."""
 
 import os
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import cos, isfinite, sin, sqrt
+from graphlib import CycleError, TopologicalSorter
+from math import cos, hypot, inf, isfinite, sin
 from os import PathLike
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -15,6 +16,8 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tf2_ros.numpy import to_matrix
+from tf2_ros_tools.cdr import EMPTY, tf_messages
 from tf2_ros_tools.output import printable
 
 if TYPE_CHECKING:
@@ -85,21 +88,9 @@ class Robot:
 
     def static_transforms(self) -> "list[TransformStamped]":
         """Get the transforms of the fixed joints, with the stamp 0."""
-        from tf2_ros import TransformStamped
+        from tf2_ros.records import MessageSource, read_transforms
 
-        made = []
-        for joint in self.joints:
-            if joint.type == "fixed":
-                one = TransformStamped(child_frame_id=joint.child)
-                one.header.frame_id = joint.parent
-                for part, names, numbers in (
-                    (one.transform.translation, "xyz", joint.translation),
-                    (one.transform.rotation, "xyzw", joint.rotation),
-                ):
-                    for name, number in zip(names, numbers, strict=True):
-                        setattr(part, name, number)
-                made.append(one)
-        return made
+        return read_transforms(fixed(self, ()), MessageSource("urdf"))
 
     def transforms(self, names: Sequence[str], positions: ArrayLike) -> tuple[list[Joint], Floats, Floats]:
         """
@@ -118,10 +109,10 @@ class Robot:
         plan = _plan(self, tuple(names))
         if values.ndim not in (1, 2) or values.shape[-1] != len(names):
             raise ValueError(f"{len(names)} names, but positions of shape {values.shape}")
-        with np.errstate(invalid="ignore"):  # the sine of infinity is NaN
+        with np.errstate(invalid="ignore", over="ignore"):  # the sine of infinity is NaN
             simple = (values[..., plan.places] * plan.multipliers + plan.offsets)[..., None]
             half = simple * plan.turning[:, None] * 0.5
-            translations = plan.translations + np.where(plan.turning[:, None], 0.0, simple) * plan.slides
+            translations = plan.translations + simple * plan.slides
             # A product of quaternions is linear: q0 (a sin, cos) = q0 cos + q0 (a, 0) sin.
             rotations = plan.rotations * np.cos(half) + plan.turned * np.sin(half)
             more = [_several(joint, values[..., places]) for joint, places in plan.several]
@@ -142,13 +133,13 @@ class _Plan:
     offsets: Floats  # (L,)
     turning: NDArray[np.bool_]  # (L,), or sliding
     translations: Floats  # (L, 3), at position 0
-    slides: Floats  # (L, 3), the axis in the parent
+    slides: Floats  # (L, 3), the axis of a sliding joint in the parent, otherwise 0
     rotations: Floats  # (L, 4), at position 0
     turned: Floats  # (L, 4), the same times the axis
     several: list[tuple[Joint, list[int]]]  # with the places of their variables
 
 
-@lru_cache(maxsize=100)
+@lru_cache(maxsize=20)  # a few publishers share a topic; one that invents names must not fill the memory
 def _plan(robot: Robot, names: tuple[str, ...]) -> _Plan:
     place = {name: i for i, name in reversed([*enumerate(names)])}
     by_name = {one.name: one for one in robot.joints}
@@ -165,13 +156,12 @@ def _plan(robot: Robot, names: tuple[str, ...]) -> _Plan:
 
     single = [one for one in robot.joints if one.type in (*TURNING, *SLIDING)]
     found = [(one, told) for one in single if (told := source(one)) is not None]
-    wanted = {one: [f"{one.name}/{part}" for part in VARIABLES.get(one.type, ())] for one in robot.joints}
-    several = [
-        (one, [place[part] for part in parts])
-        for one, parts in wanted.items()
-        if parts and all(part in place for part in parts)
-    ]
     joints = [one for one, _ in found]
+    several = []
+    for one in robot.joints:
+        parts = [f"{one.name}/{part}" for part in VARIABLES.get(one.type, ())]
+        if parts and place.keys() >= {*parts}:
+            several.append((one, [place[part] for part in parts]))
     return _Plan(
         [*joints, *(one for one, _ in several)],
         np.array([at for _, (at, _, _) in found], np.intp),
@@ -179,7 +169,7 @@ def _plan(robot: Robot, names: tuple[str, ...]) -> _Plan:
         np.array([offset for _, (_, _, offset) in found], np.float64),
         np.array([one.type in TURNING for one in joints], np.bool_),
         np.reshape([one.translation for one in joints], (-1, 3)),
-        np.reshape([_rotated(one.rotation, one.axis) for one in joints], (-1, 3)),
+        np.reshape([_rotated(one.rotation, one.axis) * (one.type in SLIDING) for one in joints], (-1, 3)),
         np.reshape([one.rotation for one in joints], (-1, 4)),
         np.reshape([_times(one.rotation) @ (*one.axis, 0.0) for one in joints], (-1, 4)),
         several,
@@ -191,14 +181,13 @@ def _several(joint: Joint, values: Floats) -> tuple[Floats, Floats]:
     if joint.type == "planar":
         # The x and y of the plane are those of the joint, after the smallest turn that takes z to the normal.
         a, b, c = joint.axis
-        turn = np.array((-b, a, 0.0, 1.0 + c)) if c > -1.0 else np.array((1.0, 0.0, 0.0, 0.0))
-        turn /= np.linalg.norm(turn)
-        moved = values[..., :1] * _rotated(turn, (1, 0, 0)) + values[..., 1:2] * _rotated(turn, (0, 1, 0))
+        turn = (-b, a, 0.0, 1.0 + c) if c > -1.0 else (1.0, 0.0, 0.0, 0.0)
+        moved = _rotated(turn, values * (1.0, 1.0, 0.0))
         half = values[..., 2:] * 0.5
         turned = np.concatenate((np.sin(half) * joint.axis, np.cos(half)), axis=-1)
     else:
         moved, turned = values[..., :3], values[..., 3:]
-    translations = joint.translation + moved @ _matrix(joint.rotation).T
+    translations = joint.translation + _rotated(joint.rotation, moved)
     rotations: Floats = turned @ _times(joint.rotation).T
     return translations, rotations
 
@@ -209,21 +198,21 @@ def _times(q: ArrayLike) -> Floats:
     return np.array(((w, -z, y, x), (z, w, -x, y), (-y, x, w, z), (-x, -y, -z, w)))
 
 
-def _matrix(q: ArrayLike) -> Floats:
-    x, y, z, w = np.asarray(q, np.float64)
-    return np.array(
-        (
-            (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
-            (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
-            (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
-        )
-    )
-
-
-def _rotated(q: ArrayLike, vector: ArrayLike) -> Floats:
-    """Rotate a vector by a quaternion x y z w."""
-    turned: Floats = _matrix(q) @ np.asarray(vector, np.float64)
+def _rotated(q: ArrayLike, vectors: ArrayLike) -> Floats:
+    """Rotate vectors, shape (..., 3), by a quaternion x y z w."""
+    turned: Floats = np.asarray(vectors, np.float64) @ to_matrix((np.zeros(3), np.asarray(q)))[:3, :3].T
     return turned
+
+
+def fixed(robot: Robot, without: Collection[str], stamp_ns: int = 0) -> bytes:
+    """Make a TFMessage of the fixed joints, except those whose frames are in ``without``."""
+    joints = [one for one in robot.joints if one.type == "fixed" and one.child not in without]
+    if not joints:
+        return EMPTY
+    translations, rotations = [one.translation for one in joints], [one.rotation for one in joints]
+    frames = [(one.parent, one.child) for one in joints]
+    [made] = tf_messages(frames, [stamp_ns], [translations], [rotations])
+    return made
 
 
 def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
@@ -282,8 +271,9 @@ def parse(text: str | bytes, prefix: str = "") -> Robot:
         raise UrdfError(f"the outermost element of a URDF is robot, not {printable(root.tag)}")
     links = _names(root, "link")
     _names(root, "joint")
-    joints = tuple(_joint(element, links, prefix) for element in root.findall("joint"))
-    return Robot(root.get("name", ""), f"{prefix}{_root(links, joints, prefix)}", joints)
+    joints = [_joint(element, links) for element in root.findall("joint")]
+    named = (replace(one, parent=prefix + one.parent, child=prefix + one.child) for one in joints)
+    return Robot(root.get("name", ""), prefix + _root(links, joints), tuple(named))
 
 
 def _names(root: ElementTree.Element, tag: str) -> set[str]:
@@ -296,26 +286,31 @@ def _names(root: ElementTree.Element, tag: str) -> set[str]:
     return names
 
 
-def _joint(element: ElementTree.Element, links: set[str], prefix: str) -> Joint:
+def _joint(element: ElementTree.Element, links: set[str]) -> Joint:
     name = element.get("name", "")
     where = f"joint {printable(name)}"
     kind = _attribute(element, "type", where)
     if kind not in TYPES:
         raise UrdfError(f"{where}: its type is {printable(kind)}, not {', '.join(TYPES[:-1])} or {TYPES[-1]}")
     parent, child = (_link(element, tag, where, links) for tag in ("parent", "child"))
-    origin, axis = element.find("origin"), element.find("axis")
-    roll, pitch, yaw = _three(origin, "rpy", where)
-    return Joint(
-        name,
-        kind,
-        prefix + parent,
-        prefix + child,
-        _three(origin, "xyz", where),
-        quaternion_from_rpy(roll, pitch, yaw),
-        (1.0, 0.0, 0.0) if axis is None or kind in ("fixed", "floating") else _unit(axis, where),
-        _limits(element.find("limit"), where),
-        _mimic(element.find("mimic"), where),
-    )
+    axis: Numbers = (1.0, 0.0, 0.0)
+    if kind not in ("fixed", "floating"):
+        axis = _unit(_numbers(element.find("axis"), "xyz", where, "1 0 0"), where)
+    limit, mimic = element.find("limit"), element.find("mimic")
+    limits, follows = None, None
+    if limit is not None:
+        [lower], [upper] = _numbers(limit, "lower", where, "0"), _numbers(limit, "upper", where, "0")
+        limits = lower, upper
+    if mimic is not None:
+        followed = _attribute(mimic, "joint", f"the mimic of {where}")
+        [multiplier], [offset] = (
+            _numbers(mimic, "multiplier", where, "1"),
+            _numbers(mimic, "offset", where, "0"),
+        )
+        follows = followed, multiplier, offset
+    origin = element.find("origin")
+    xyz, rpy = (_numbers(origin, name, where, "0 0 0") for name in ("xyz", "rpy"))
+    return Joint(name, kind, parent, child, xyz, quaternion_from_rpy(*rpy), axis, limits, follows)
 
 
 def _link(joint: ElementTree.Element, tag: str, where: str, links: set[str]) -> str:
@@ -328,43 +323,37 @@ def _link(joint: ElementTree.Element, tag: str, where: str, links: set[str]) -> 
     return name
 
 
-def _root(links: set[str], joints: Iterable[Joint], prefix: str) -> str:
+def _root(links: set[str], joints: Iterable[Joint]) -> str:
     """Get the link without a parent; raise an error if the joints are not a tree."""
     above: dict[str, Joint] = {}
-    by_name: dict[str, Joint] = {}
     for joint in joints:
         other = above.setdefault(joint.child, joint)
         if other is not joint:
-            link, *names = map(printable, (joint.child.removeprefix(prefix), other.name, joint.name))
-            raise UrdfError(f"link {link} has two parents, by the joints {names[0]} and {names[1]}")
-        by_name[joint.name] = joint
-    _refuse_loops({child: joint.parent for child, joint in above.items()}, "link {} is its own ancestor")
-    _refuse_loops(
-        {joint.name: joint.mimic[0] for joint in joints if joint.mimic is not None},
-        "joint {} mimics itself",
-    )
-    for joint in joints:
-        if joint.mimic is not None and joint.mimic[0] not in by_name:
-            raise UrdfError(
-                f"joint {printable(joint.name)} mimics {printable(joint.mimic[0])}, which is not a joint"
-            )
-    roots = sorted(link for link in links if prefix + link not in above)
+            link, one, two = map(printable, (joint.child, other.name, joint.name))
+            raise UrdfError(f"link {link} has two parents, by the joints {one} and {two}")
+    if (looped := one_in_a_loop({child: joint.parent for child, joint in above.items()})) is not None:
+        raise UrdfError(f"link {printable(looped)} is its own ancestor")
+    mimics = {joint.name: joint.mimic[0] for joint in joints if joint.mimic is not None}
+    if (name := one_in_a_loop(mimics)) is not None:
+        raise UrdfError(f"joint {printable(name)} mimics itself")
+    names = {joint.name for joint in joints}
+    for name, followed in mimics.items():
+        if followed not in names:
+            raise UrdfError(f"joint {printable(name)} mimics {printable(followed)}, which is not a joint")
+    roots = sorted(links - above.keys())
     if len(roots) != 1:
         found = f"{len(roots)} links have no parent ({', '.join(map(printable, roots[:5]))})"
         raise UrdfError(f"{found}, but a URDF is one tree" if roots else "the robot has no links")
     return roots[0]
 
 
-def _refuse_loops(above: dict[str, str], text: str) -> None:
-    checked: set[str] = set()
-    for start in above:
-        path: dict[str, None] = {}
-        while start in above and start not in checked:
-            if start in path:
-                raise UrdfError(text.format(printable(start)))
-            path[start] = None
-            start = above[start]
-        checked.update(path)
+def one_in_a_loop(above: Mapping[str, str]) -> str | None:
+    """Get a name that is above itself; None: there is none."""
+    try:
+        TopologicalSorter({name: [other] for name, other in above.items()}).prepare()
+    except CycleError as loop:
+        return str(min(loop.args[1]))
+    return None
 
 
 def _attribute(element: ElementTree.Element, name: str, where: str) -> str:
@@ -390,29 +379,8 @@ def _numbers(element: ElementTree.Element | None, name: str, where: str, default
     return numbers
 
 
-def _three(element: ElementTree.Element | None, name: str, where: str) -> Numbers:
-    return _numbers(element, name, where, "0 0 0")
-
-
-def _unit(element: ElementTree.Element, where: str) -> Numbers:
-    axis = _numbers(element, "xyz", where, "1 0 0")
-    length = sqrt(sum(one * one for one in axis))
-    if not length > 0.0:
+def _unit(axis: Numbers, where: str) -> Numbers:
+    length = hypot(*axis)
+    if not 0.0 < length < inf:
         raise UrdfError(f"{where}: its axis has no direction")
     return tuple(one / length for one in axis)
-
-
-def _limits(element: ElementTree.Element | None, where: str) -> tuple[float, float] | None:
-    if element is None:
-        return None
-    [lower], [upper] = (_numbers(element, name, where, "0") for name in ("lower", "upper"))
-    return lower, upper
-
-
-def _mimic(element: ElementTree.Element | None, where: str) -> tuple[str, float, float] | None:
-    if element is None:
-        return None
-    [multiplier], [offset] = (
-        _numbers(element, name, where, default) for name, default in (("multiplier", "1"), ("offset", "0"))
-    )
-    return _attribute(element, "joint", f"the mimic of {where}"), multiplier, offset

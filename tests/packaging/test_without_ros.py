@@ -215,7 +215,7 @@ assert failed == [], failed
 def test_what_is_about_recordings_loads(world):
     of_recordings = r"tf2_ros\.(bag|rerun|urdf|numpy|records|cli)|tf2_ros_tools(\.\w+)*"
     names = [name for name in modules() if re.fullmatch(of_recordings, name)]
-    for of_nodes in ("listening", "relaying", "screen"):
+    for of_nodes in ("listening", "relaying", "screen", "state_publisher"):
         names.remove(f"tf2_ros_tools.{of_nodes}")
     assert "tf2_ros_tools.streams" in names and "tf2_ros_tools.programs.tf2_bag" in names
     world.does(f"""

@@ -196,15 +196,13 @@ class TestParameters:
     def test_wrong_values_are_refused_with_the_reason(self, change):
         assert change("publish_frequency", double=10.0).successful
         for name, value, reason in (
-            (
-                "publish_frequency",
-                {"double": 0.0},
-                "publish_frequency must be above 0 and at most 1000, not 0",
-            ),
-            (
-                "publish_frequency",
-                {"double": 1001.0},
-                "publish_frequency must be above 0 and at most 1000, not 1001",
+            *(
+                (
+                    "publish_frequency",
+                    {"double": wrong},
+                    f"publish_frequency must be from 0.0001 to 1000, not {wrong:g}",
+                )
+                for wrong in (0.0, 1e-320, 1001.0, float("nan"))
             ),
             (
                 "robot_description",
@@ -224,7 +222,7 @@ class TestParameters:
         (["none.urdf"], "cannot read none.urdf: No such file or directory"),
         (
             ["{file}", "--ros-args", "-p", "publish_frequency:=0.0"],
-            "publish_frequency must be above 0 and at most",
+            "publish_frequency must be from 0.0001 to",
         ),
         (["{file}", "--ros-args", "-p", "publish_frequency:=fast"], "publish_frequency"),
         (["{broken}"], "robot_description: not XML: "),

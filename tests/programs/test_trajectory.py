@@ -46,8 +46,9 @@ class TestTrajectory:
         positions, rpy = self.POSITIONS.copy(), self.RPY.copy()
         positions[50:60], rpy[50:60] = np.nan, np.nan
         _, _, lower = self.figure(positions=positions, rpy=rpy).axes
-        yaw = lower.lines[2].get_ydata()
-        assert np.isnan(yaw[50:60]).all() and not np.isnan(np.delete(yaw, np.s_[50:60])).any()
+        times, yaw = lower.lines[2].get_data()
+        assert np.flatnonzero(np.isnan(yaw)).tolist() == [50]
+        assert np.delete(times, 50).tolist() == np.delete(self.TIMES, np.s_[50:60]).tolist()
         # And no whole turn is lost in it.
         assert yaw[-1] == pytest.approx(np.unwrap(self.RPY[:, 2])[-1])
 
@@ -75,9 +76,10 @@ class TestTrajectory:
 
     def test_what_is_interpolated_in_a_gap_is_not_drawn_as_measured(self):
         # Another frame of the chain moved on, so there are lookups at times within the gap.
-        x = self.figure(gaps=[(101.0, 102.0), (101.5, 103.0)]).axes[1].lines[0]
-        hidden = np.isnan(x.get_ydata())
-        assert hidden.tolist() == ((self.TIMES > 101.0) & (self.TIMES < 103.0)).tolist()
+        times, x = self.figure(gaps=[(101.0, 102.0), (101.5, 103.0)]).axes[1].lines[0].get_data()
+        assert times[np.isnan(x)].tolist() == [102.0]
+        measured = (self.TIMES <= 101.0) | (self.TIMES >= 103.0)
+        assert times[~np.isnan(x)].tolist() == self.TIMES[measured].tolist()
 
     def test_without_gaps_there_is_no_mark(self):
         assert "gap" not in texts_of(self.figure())

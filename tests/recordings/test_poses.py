@@ -295,6 +295,15 @@ class TestFoxglove:
         with pytest.warns(bag.BagWarning):
             check(bag.load(path, partial=True), "map", "base")
 
+    @pytest.mark.parametrize(
+        ("content", "said"),
+        [(b"[" * 100_000, "its JSON is nested too deeply"), (b"{}", "a timestamp must have sec and nsec")],
+    )
+    def test_a_message_without_a_timestamp_is_named(self, content, said, tmp_path):
+        path = write_foxglove(tmp_path / "run.mcap", [("/one", content)], "json")
+        with pytest.raises(bag.BagError, match=rf"topic /one, log time \d+ ns: {said}"):
+            bag.stamps(path, "/one")
+
     def test_a_file_without_its_end_is_read_in_part(self, tmp_path):
         path = write_foxglove(tmp_path / "run.mcap", MOVING)
         path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])

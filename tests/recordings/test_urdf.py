@@ -77,6 +77,11 @@ class TestRobot:
         assert by_name["lift"].axis == pytest.approx((0, 2 / 5**0.5, 1 / 5**0.5))
         assert repr(robot) == "<tf2_ros.urdf.Robot 'arm': 7 movable and 1 fixed joints, root 'base'>"
 
+    @pytest.mark.parametrize("length", ["1e-200", "1e200"])
+    def test_an_axis_may_have_any_length(self, length):
+        [one] = urdf.load(with_more(f'<axis xyz="0 0 -{length}"/>')).joints[1:]
+        assert one.axis == (0, 0, -1)
+
     def test_a_limit_does_not_limit(self):
         found = matrices(urdf.load(ARM).transforms(["lift"], [[9.0]]))
         np.testing.assert_allclose(found["shoulder"][1][0], expected(9.0, 0, 0)["shoulder"][1], atol=1e-12)
@@ -178,13 +183,20 @@ def with_more(more):
         (robot_of('<joint name="x"/>'), "joint x has no type"),
         (robot_of(AB, BC, joint("ac", "a", "c")), "link c has two parents, by the joints bc and ac"),
         (robot_of(AB, joint("cc", "c", "c")), "link c is its own ancestor"),
-        (robot_of(AB, BC, joint("ca", "c", "a")), "link b is its own ancestor"),
+        (robot_of(AB, BC, joint("ca", "c", "a")), "link a is its own ancestor"),
         (
             robot_of(AB, joint("bc", "b", "c", "hinge")),
             "joint bc: its type is hinge, not fixed, revolute, continuous, prismatic, planar or floating",
         ),
         (with_more('<mimic joint="x"/>'), "joint bc mimics x, which is not a joint"),
         (with_more('<mimic joint="bc"/>'), "joint bc mimics itself"),
+        (
+            robot_of(
+                joint("ab", "a", "b", more='<mimic joint="bc"/>'),
+                joint("bc", "b", "c", more='<mimic joint="ab"/>'),
+            ),
+            "joint ab mimics itself",
+        ),
         (with_more('<mimic joint="ab" offset="x"/>'), "joint bc: offset must be a finite number, not 'x'"),
         (with_more('<origin xyz="1 2"/>'), "joint bc: xyz must be three finite numbers, not '1 2'"),
         (with_more('<origin rpy="0 0 nan"/>'), "joint bc: rpy must be three finite numbers, not '0 0 nan'"),
@@ -408,7 +420,7 @@ class TestRecordings:
         lacks = "this topic does not exist; pass the path of a URDF"
         assert said(urdf=True) == f", topic /robot_description: {lacks}"
         assert said(urdf=robot_of(AB, BC)) == (
-            ", topic /joint_states: its joints, drive/x, drive/y, extend, lift, roll and 8 more,"
+            ", topic /joint_states: its joints, lift, roll, extend, drive/x, drive/y and 8 more,"
             " are not those of the URDF, ab, bc"
         )
         with pytest.raises(urdf.UrdfError, match="not XML"):

@@ -291,19 +291,15 @@ def _number(name: str, value: Any) -> float:
 
 
 def _refuse_no_tree(transforms: list[StaticTransform]) -> None:
+    from tf2_ros_tools.urdf import one_in_a_loop
+
     parents: dict[str, str] = {}
     for one in transforms:
         if one.child_frame_id in parents:
             raise UsageError(f"the frame {one.child_frame_id!r} has two transforms")
         parents[one.child_frame_id] = one.frame_id
-    for start in parents:
-        seen = {start}
-        frame = start
-        while frame in parents:
-            frame = parents[frame]
-            if frame in seen:
-                raise UsageError(f"the frame {frame!r} is its own ancestor")
-            seen.add(frame)
+    if (frame := one_in_a_loop(parents)) is not None:
+        raise UsageError(f"the frame {frame!r} is its own ancestor")
 
 
 def main(args: list[str] | None = None) -> int:

@@ -4,30 +4,13 @@
 from __future__ import annotations
 
 import sys
-import threading
 from argparse import Namespace
-from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from tf2_ros_tools.program import SUCCESS, Parser, UsageError, deferred_signals, run, wait_for_signal
 
-if TYPE_CHECKING:
-    from rcl_interfaces.msg import SetParametersResult
-    from rclpy.node import Node
-    from rclpy.parameter import Parameter
-
-    from tf2_ros_tools.cdr import Layout
-    from tf2_ros_tools.urdf import Robot
-
 __all__ = ["main"]
-
-S = 1_000_000_000
-HIGHEST_HZ = 1000.0
-SELDOM = {"throttle_duration_sec": 5.0}  # warnings about messages
-MOST_NAMES = 5  # in a warning
-MOST_JOINTS = 100_000  # whose stamps are kept; a publisher that invents names must not fill the memory
 
 DESCRIPTION = """\
 Publish the transforms of a robot, until interrupted: those of fixed joints on /tf_static, those of movable \
@@ -54,6 +37,9 @@ def publish(options: Namespace) -> int:
     """Publish until interrupted; return the exit status."""
     from tf2_ros_tools.listening import spun_node
 
+    # isort: split
+    from tf2_ros_tools.state_publisher import StatePublisher
+
     description = ""
     if options.file is not None:
         try:
@@ -67,160 +53,6 @@ def publish(options: Namespace) -> int:
         StatePublisher(node, description)
         wait_for_signal()
     return SUCCESS
-
-
-class StatePublisher:
-    """
-    Publishes the transforms of a robot.
-
-    :param node: its executor calls this object.
-    :param description: the default of ``robot_description``.
-    :raises UsageError: a parameter has a wrong value.
-    """
-
-    def __init__(self, node: Node, description: str) -> None:
-        from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
-        from rclpy.qos_overriding_options import QoSOverridingOptions
-        from sensor_msgs.msg import JointState
-        from std_msgs.msg import String
-
-        from tf2_ros import StaticTransformBroadcaster, TransformBroadcaster
-        from tf2_ros_tools.cdr import Series, joint_names
-
-        self._node = node
-        self._log = node.get_logger()
-        self._states = Series(joint_names)
-        self._published_ns: dict[str, int] = {}  # the last stamp of each joint
-        self._called_ns = 0
-        # The executor may change parameters while the main thread reads them for the first time.
-        self._describing = threading.Lock()
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._descriptions = node.create_publisher(String, "robot_description", latched)
-        # They choose the quality of service, but a state of many joints is faster as one serialised message.
-        self._transforms = TransformBroadcaster(node).pub_tf
-        self._static = StaticTransformBroadcaster(node).pub_tf
-        for name, default in (
-            ("robot_description", description),
-            ("publish_frequency", 20.0),
-            ("frame_prefix", ""),
-            ("ignore_timestamp", False),
-        ):
-            node.declare_parameter(name, default)
-        node.add_on_set_parameters_callback(self._accept)
-        node.add_post_set_parameters_callback(self._apply)
-        try:
-            self._check(node.get_parameters(["robot_description", "publish_frequency"]))
-        except ValueError as refusal:
-            raise UsageError(str(refusal)) from None
-        self._describe()
-        node.create_subscription(
-            JointState,
-            "joint_states",
-            self._receive,
-            qos_profile_sensor_data,
-            raw=True,
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-        )
-
-    def _value(self, name: str) -> Any:
-        return self._node.get_parameter(name).value
-
-    def _check(self, parameters: Sequence[Parameter]) -> None:
-        """Raise a ValueError about a parameter with a wrong value."""
-        from tf2_ros_tools.urdf import parse
-
-        for one in parameters:
-            value: Any = one.value
-            if one.name == "robot_description":
-                if not value:
-                    raise ValueError("robot_description must not be empty: set it, or name a file")
-                try:
-                    parse(value)
-                except ValueError as refusal:
-                    raise ValueError(f"robot_description: {refusal}") from None
-            elif one.name == "publish_frequency" and not 0.0 < value <= HIGHEST_HZ:
-                raise ValueError(
-                    f"publish_frequency must be above 0 and at most {HIGHEST_HZ:g}, not {value:g}"
-                )
-
-    def _accept(self, parameters: list[Parameter]) -> SetParametersResult:
-        from rcl_interfaces.msg import SetParametersResult
-
-        try:
-            self._check(parameters)
-        except ValueError as refusal:
-            return SetParametersResult(successful=False, reason=str(refusal))
-        return SetParametersResult(successful=True)
-
-    def _apply(self, parameters: list[Parameter]) -> None:
-        if any(one.name in ("robot_description", "frame_prefix") for one in parameters):
-            self._describe()
-
-    def _describe(self) -> None:
-        """Read the description, and publish it and the fixed joints."""
-        from std_msgs.msg import String
-
-        from tf2_ros_tools.converting import fixed
-        from tf2_ros_tools.urdf import parse
-
-        with self._describing:
-            description = self._value("robot_description")
-            self._robot: Robot = parse(description, self._value("frame_prefix"))
-            self._descriptions.publish(String(data=description))
-            self._static.publish(fixed(self._robot, (), self._node.get_clock().now().nanoseconds))
-            self._log.info(f"Robot initialized: {self._robot!r}")
-
-    def _receive(self, raw: bytes) -> None:
-        try:
-            stamp_ns, layout, data = self._states.read(raw)
-        except ValueError as error:
-            self._log.warning(f"Ignoring a malformed joint state: {error}", **SELDOM)
-            return
-        if not layout.count:
-            self._log.warning(f"Ignoring joint states without positions{_of(layout.names)}", **SELDOM)
-            return
-        if self._is_due(layout.names, stamp_ns):
-            self._publish(stamp_ns, layout, data)
-
-    def _is_due(self, names: Sequence[str], stamp_ns: int) -> bool:
-        now_ns = self._node.get_clock().now().nanoseconds
-        if now_ns < self._called_ns:
-            self._log.warning("Moved backwards in time, re-publishing joint transforms!")
-            self._published_ns.clear()
-        self._called_ns = now_ns
-        known = self._published_ns
-        if len(known) > MOST_JOINTS:
-            known.clear()
-        oldest_ns = min(known.get(name, 0) for name in names)
-        interval_ns = int(S / self._value("publish_frequency"))
-        if self._value("ignore_timestamp") or stamp_ns >= oldest_ns + interval_ns:
-            known.update(dict.fromkeys(names, stamp_ns))
-            return True
-        if stamp_ns == 0:
-            self._log.warning(
-                "Ignoring joint states with the stamp 0; the parameter ignore_timestamp publishes them",
-                **SELDOM,
-            )
-        return False
-
-    def _publish(self, stamp_ns: int, layout: Layout, data: bytes) -> None:
-        import numpy as np
-
-        from tf2_ros_tools.cdr import numbers_of, tf_messages
-
-        joints, translations, rotations = self._robot.transforms(layout.names, numbers_of(layout, [data]))
-        numbers = np.concatenate((translations, rotations), axis=-1)
-        finite = np.isfinite(numbers[0]).all(axis=-1)
-        if lost := [joints[i].name for i in np.flatnonzero(~finite)]:
-            self._log.warning(f"Ignoring positions that are not finite{_of(lost)}", **SELDOM)
-        frames = [(joints[i].parent, joints[i].child) for i in np.flatnonzero(finite)]
-        if frames:
-            [message] = tf_messages(frames, [stamp_ns], translations[:, finite], rotations[:, finite])
-            self._transforms.publish(message)
-
-
-def _of(names: Sequence[str]) -> str:
-    return f", of {', '.join(names[:MOST_NAMES])}{' and others' * (len(names) > MOST_NAMES)}" if names else ""
 
 
 def main(args: list[str] | None = None) -> int:

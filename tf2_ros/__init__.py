@@ -22,6 +22,7 @@ from tf2_py import FrameInfo as FrameInfo
 from tf2_py import History as History
 from tf2_ros import buffer, buffer_interface
 from tf2_ros._messages import Header, PoseStamped, TransformStamped
+from tf2_ros._messages import format_transform as format_transform
 from tf2_ros._shared.names import SharedBufferError as SharedBufferError
 from tf2_ros._tf2_names import (
     Any,
@@ -43,7 +44,6 @@ from tf2_ros._tf2_names import (
     threading,
     warnings,
 )
-from tf2_ros._transform_text import format_transform as format_transform
 from tf2_ros.buffer import Buffer
 from tf2_ros.buffer_interface import (
     BufferInterface,

@@ -1,8 +1,9 @@
-"""Provide the message classes of ROS, or without ROS, simple classes with the same fields."""
+"""Provide the message classes of ROS, or simple classes with the same fields; show a transform as text."""
 
+import math
 from typing import TYPE_CHECKING, Any
 
-from tf2_py._internal import message_classes, stamp_parts
+from tf2_py._internal import message_classes, printable, seconds, stamp_parts, time_ns
 
 if TYPE_CHECKING:  # what type checkers know of them
     from builtin_interfaces.msg import Time
@@ -22,10 +23,12 @@ __all__ = [
     "Transform",
     "TransformStamped",
     "Vector3",
+    "format_transform",
     "numbers_of",
     "time_msg",
 ]
 
+GIMBAL_LOCK = 0.99999  # sine of the pitch from which on roll and yaw turn about one axis, as in tf2
 A_MESSAGE = "a TransformStamped, Transform, PoseStamped or Pose"
 
 
@@ -57,3 +60,59 @@ def numbers_of(msg: Any) -> tuple[float, ...]:
         return (v.x, v.y, v.z, q.x, q.y, q.z, q.w)
     except AttributeError as missing:
         raise TypeError(f"{expected}: {missing}") from None
+
+
+def format_transform(transform: Any) -> str:
+    """
+    Write a transform in one line: from which frame to which, when, translation and rotation.
+
+    :param transform: a ``TransformStamped``, ``Transform``, ``PoseStamped`` or ``Pose``, or an object with
+        the fields of one.
+    :return: the stamp in seconds, to the nanosecond; x y z in metres, to the millimetre; roll, pitch and yaw
+        in degrees, to a tenth. These turn about the fixed axes x, y and z, one after the other. At a pitch of
+        +-90 degrees, where only their sum or difference is known, the roll is 0.
+    :raises TypeError: the type is wrong.
+    :raises ValueError: the rotation has no finite length above zero.
+
+    >>> from geometry_msgs.msg import TransformStamped
+    >>> from tf2_ros import format_transform
+    >>> mount = TransformStamped(child_frame_id="camera")
+    >>> mount.header.frame_id = "base_link"
+    >>> mount.transform.translation.x = 0.3
+    >>> format_transform(mount)
+    'base_link -> camera at 0.000000000: xyz [0.300 0.000 0.000] m, rpy [0.0 0.0 0.0] deg'
+    """
+    numbers = numbers_of(transform)
+    length = math.hypot(*numbers[3:])
+    if not 0 < length < math.inf:
+        raise ValueError("the rotation must have a finite length above zero")
+    xyz = _fixed(numbers[:3], 3)
+    rpy = _fixed(map(math.degrees, _roll_pitch_yaw(*(number / length for number in numbers[3:]))), 1)
+    return f"{_where(transform)}xyz [{xyz}] m, rpy [{rpy}] deg"
+
+
+def _where(transform: Any) -> str:
+    header = getattr(transform, "header", None)
+    if header is None:
+        return ""
+    child = getattr(transform, "child_frame_id", None)
+    frames = printable(header.frame_id) + ("" if child is None else f" -> {printable(child)}")
+    return f"{frames} at {seconds(time_ns(header.stamp, 'header.stamp'))}: "
+
+
+def _fixed(numbers: Any, digits: int) -> str:
+    # The sum turns a rounded -0.0 into 0.0.
+    return " ".join(f"{round(number, digits) + 0.0:.{digits}f}" for number in numbers)
+
+
+def _roll_pitch_yaw(x: float, y: float, z: float, w: float) -> tuple[float, float, float]:
+    # For a unit quaternion; J. Diebel, Representing Attitude, 2006.
+    sine = 2 * (w * y - x * z)
+    if abs(sine) >= GIMBAL_LOCK:
+        yaw = math.remainder(-math.copysign(2, sine) * math.atan2(x, w), math.tau)
+        return 0.0, math.copysign(math.pi / 2, sine), yaw
+    return (
+        math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+        math.asin(sine),
+        math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+    )

@@ -51,15 +51,13 @@ class StatePublisher:
         # They choose the quality of service, but a state of many joints is faster as one serialised message.
         self._transforms = TransformBroadcaster(node).pub_tf
         self._static = StaticTransformBroadcaster(node).pub_tf
-        node.declare_parameters(
-            "",
-            [
-                ("robot_description", description),
-                ("publish_frequency", 20.0),
-                ("frame_prefix", ""),
-                ("ignore_timestamp", False),
-            ],
-        )
+        for name, default in (
+            ("robot_description", description),
+            ("publish_frequency", 20.0),
+            ("frame_prefix", ""),
+            ("ignore_timestamp", False),
+        ):
+            node.declare_parameter(name, default)
         node.add_on_set_parameters_callback(self._accept)
         node.add_post_set_parameters_callback(self._apply)
         try:

@@ -39,6 +39,7 @@ from tf2_ros import Buffer, SharedBufferError
 FRAMES = ["map", "base", "camera", "nobody"]
 TIMES_NS = [2 * S, 3 * S + S // 2]
 MOST = 3000  # allocations of one operation
+KEPT = 3  # blocks: of a number or two that this program keeps
 OPERATIONS = {}
 
 
@@ -630,7 +631,7 @@ def check(op, scope, first, last, before, after, answer, allowed, found):
 def left_behind(op, scope, count):
     """How many blocks of memory are more after all injections than after the same ones before."""
     lives = []
-    for _ in range(4):
+    for _ in range(10):
         for n in range(1, min(count, 40) + 1):
             made = op.make()
             attempt(op, made, scope, n, n)
@@ -638,7 +639,11 @@ def left_behind(op, scope, count):
             del made
         gc.collect()
         lives.append(memory.live.value)
-    return min(after - before for before, after in itertools.pairwise(lives[1:]))
+        # What leaks does so each time; what Python keeps for itself now and then does not.
+        left = min((after - before for before, after in itertools.pairwise(lives[1:])), default=KEPT + 1)
+        if left <= KEPT:
+            break
+    return left
 
 
 def run(name, scope):
@@ -663,7 +668,7 @@ def run(name, scope):
                 break
             injected += 1
     left = left_behind(op, scope, count)
-    if left > 3:  # of a number or two that this program keeps
+    if left > KEPT:
         found.append({"problem": "memory is left behind", "told": f"{left} blocks"})
     return {"operation": name, "allocations": count, "injected": injected, "found": found}
 

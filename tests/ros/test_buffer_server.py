@@ -47,6 +47,7 @@ class GoalClient:
     """Sends goals as any client of the action may, in a context of its own."""
 
     def __init__(self, node):
+        self._node = node
         # The usual queue of ten would lose answers that are sent all at once.
         keep_all = {"result_service_qos_profile": lookup_qos()}
         self.client = ActionClient(node, LookupTransform, "lookup", **keep_all)
@@ -54,20 +55,33 @@ class GoalClient:
         until(lambda: self.client.server_is_ready() and self.try_out())
 
     def try_out(self):
-        return _within(self.client.send_goal_async(LookupTransform.Goal()), 0.5) is not None
+        return _within(self.send_goal(LookupTransform.Goal()), 0.5) is not None
+
+    def _request(self, send, *arguments):
+        # In the thread that takes the answers: rclpy drops one that comes before it has noted the request.
+        return _wait(self._node.executor.create_task(send, *arguments))
+
+    def send_goal(self, goal):
+        return self._request(self.client.send_goal_async, goal)
+
+    def result_of(self, handle):
+        return self._request(handle.get_result_async)
+
+    def cancel(self, handle):
+        return self._request(handle.cancel_goal_async)
 
     def send(self, target="map", source="robot", ns=S, timeout=LONG, fixed=None, target_ns=0):
         goal = LookupTransform.Goal(target_frame=target, source_frame=source, timeout=timeout.to_msg())
         goal.source_time = _time(ns)
         if fixed is not None:
             goal.advanced, goal.fixed_frame, goal.target_time = True, fixed, _time(target_ns)
-        handle = _wait(self.client.send_goal_async(goal))
+        handle = _wait(self.send_goal(goal))
         assert handle.accepted
         return handle
 
     def answer_to(self, *what, **how):
         """The status and the result of a goal."""
-        return _answer(self.send(*what, **how).get_result_async())
+        return _answer(self.result_of(self.send(*what, **how)))
 
 
 def _time(ns):
@@ -123,7 +137,7 @@ class TestAnswers:
         assert result.transform.transform.translation.x == -4
 
     def test_a_waiting_goal_is_answered_when_its_transform_is_inserted(self, goal_client, buffer):
-        future = goal_client.send().get_result_async()
+        future = goal_client.result_of(goal_client.send())
         until(lambda: buffer.statistics()["waiters"] == 1)
         assert not future.done()
         insert(buffer, x=3)
@@ -133,14 +147,14 @@ class TestAnswers:
 
     def test_a_waiting_advanced_goal_too(self, goal_client, buffer):
         insert(buffer, seconds=1, x=1)
-        future = goal_client.send("robot", "robot", S, LONG, "map", 2 * S).get_result_async()
+        future = goal_client.result_of(goal_client.send("robot", "robot", S, LONG, "map", 2 * S))
         until(lambda: buffer.statistics()["waiters"] == 1)
         insert(buffer, seconds=2, x=5)
         assert _answer(future)[1].transform.transform.translation.x == -4
 
     def test_many_goals_that_wait_delay_no_other(self, goal_client, buffer, serving):
         stamps = [S + i for i in range(200)]
-        futures = [goal_client.send(ns=ns).get_result_async() for ns in stamps]
+        futures = [goal_client.result_of(goal_client.send(ns=ns)) for ns in stamps]
         until(lambda: buffer.statistics()["waiters"] == len(stamps))
         assert goal_client.answer_to("map", "map", timeout=NONE)[0] == GoalStatus.STATUS_SUCCEEDED
         served = threading.Event()
@@ -159,8 +173,8 @@ class TestErrors:
         insert(buffer)
         goal = LookupTransform.Goal(target_frame="map", source_frame="robot", timeout=timeout.to_msg())
         goal.source_time = TimeMsg(sec=2**31 - 1, nanosec=2**32 - 1)
-        handle = _wait(goal_client.client.send_goal_async(goal))
-        status, result = _answer(handle.get_result_async())
+        handle = _wait(goal_client.send_goal(goal))
+        status, result = _answer(goal_client.result_of(handle))
         assert status == GoalStatus.STATUS_SUCCEEDED
         assert result.error.error == TF2Error.INVALID_ARGUMENT_ERROR
         assert goal_client.answer_to(timeout=NONE)[1].error.error == TF2Error.NO_ERROR
@@ -185,7 +199,7 @@ class TestErrors:
         assert result.error.error_string == str(raised.value)
 
     def test_a_timeout_has_the_reason_of_the_last_attempt(self, goal_client, buffer):
-        future = goal_client.send(timeout=Duration(seconds=0.5), ns=9 * S).get_result_async()
+        future = goal_client.result_of(goal_client.send(timeout=Duration(seconds=0.5), ns=9 * S))
         until(lambda: buffer.statistics()["waiters"] == 1)
         insert(buffer)
         _, result = _answer(future)
@@ -210,9 +224,9 @@ class TestErrors:
 class TestCancel:
     def test_a_waiting_goal_ends_and_its_waiter_too(self, goal_client, buffer):
         handle = goal_client.send()
-        future = handle.get_result_async()
+        future = goal_client.result_of(handle)
         until(lambda: buffer.statistics()["waiters"] == 1)
-        assert len(_wait(handle.cancel_goal_async()).goals_canceling) == 1
+        assert len(_wait(goal_client.cancel(handle)).goals_canceling) == 1
         status, result = _answer(future)
         assert status == GoalStatus.STATUS_CANCELED
         assert result.error.error == TF2Error.TRANSFORM_ERROR
@@ -222,17 +236,17 @@ class TestCancel:
 
     def test_others_wait_on(self, goal_client, buffer):
         first, second = goal_client.send(), goal_client.send()
-        future = second.get_result_async()
+        future = goal_client.result_of(second)
         until(lambda: buffer.statistics()["waiters"] == 2)
-        _wait(first.cancel_goal_async())
+        _wait(goal_client.cancel(first))
         insert(buffer)
         assert _answer(future)[0] == GoalStatus.STATUS_SUCCEEDED
 
     def test_an_answered_goal_is_not_cancelled(self, goal_client, buffer):
         insert(buffer)
         handle = goal_client.send()
-        _answer(handle.get_result_async())
-        assert _wait(handle.cancel_goal_async()).goals_canceling == []
+        _answer(goal_client.result_of(handle))
+        assert _wait(goal_client.cancel(handle)).goals_canceling == []
 
 
 class TestEnd:

@@ -187,10 +187,10 @@ def test_its_parameters_tell_what_it_publishes(node, executor):
         until(asked.services_are_ready, executor)
         names = ["translation.x", "rotation.w", "frame_id", "child_frame_id"]
 
-        def values():  # none before they are declared, which may be later than the service
+        def values():  # none before they are declared; no answer to a client that the node has not found yet
             answer = asked.get_parameters(names)
-            until(answer.done, executor)
-            return answer.result().values
+            executor.spin_until_future_complete(answer, 1.0)
+            return answer.done() and answer.result().values
 
         x, w, frame, child = until(values, executor)
         assert (x.double_value, w.double_value) == (1.5, 1.0)

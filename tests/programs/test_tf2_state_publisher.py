@@ -176,9 +176,13 @@ class TestParameters:
                 kind = {"string": ParameterType.PARAMETER_STRING, "double": ParameterType.PARAMETER_DOUBLE}
                 [(form, given)] = value.items()
                 parameter = ParameterValue(type=kind[form], **{f"{form}_value": given})
-                answer = client.set_parameters([Parameter(name=name, value=parameter)])
-                until(answer.done, executor)
-                return answer.result().results[0]
+
+                def results():  # no answer to a client that the node has not found yet
+                    answer = client.set_parameters([Parameter(name=name, value=parameter)])
+                    executor.spin_until_future_complete(answer, 1.0)
+                    return answer.done() and answer.result().results
+
+                return until(results)[0]
 
             # The services exist before the parameters do.
             until(lambda: robot.descriptions, executor)

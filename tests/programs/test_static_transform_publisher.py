@@ -6,7 +6,7 @@ import signal
 
 import pytest
 from making import rotation, translation
-from processes import DEADLINE_S, ended, running, until
+from processes import DEADLINE_S, answered, ended, running, until
 from rclpy.duration import Duration
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -187,10 +187,8 @@ def test_its_parameters_tell_what_it_publishes(node, executor):
         until(asked.services_are_ready, executor)
         names = ["translation.x", "rotation.w", "frame_id", "child_frame_id"]
 
-        def values():  # none before they are declared; no answer to a client that the node has not found yet
-            answer = asked.get_parameters(names)
-            executor.spin_until_future_complete(answer, 1.0)
-            return answer.done() and answer.result().values
+        def values():  # none before they are declared, which may be later than the service
+            return answered(lambda: asked.get_parameters(names), executor).values
 
         x, w, frame, child = until(values, executor)
         assert (x.double_value, w.double_value) == (1.5, 1.0)

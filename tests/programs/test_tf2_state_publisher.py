@@ -1,10 +1,11 @@
 """The program tf2_state_publisher: a robot's transforms from real joint states."""
 
 import signal
+from functools import partial
 
 import numpy as np
 import pytest
-from processes import DEADLINE_S, ended, running, until
+from processes import DEADLINE_S, answered, ended, running, until
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -176,13 +177,8 @@ class TestParameters:
                 kind = {"string": ParameterType.PARAMETER_STRING, "double": ParameterType.PARAMETER_DOUBLE}
                 [(form, given)] = value.items()
                 parameter = ParameterValue(type=kind[form], **{f"{form}_value": given})
-
-                def results():  # no answer to a client that the node has not found yet
-                    answer = client.set_parameters([Parameter(name=name, value=parameter)])
-                    executor.spin_until_future_complete(answer, 1.0)
-                    return answer.done() and answer.result().results
-
-                return until(results)[0]
+                ask = partial(client.set_parameters, [Parameter(name=name, value=parameter)])
+                return answered(ask, executor).results[0]
 
             # The services exist before the parameters do.
             until(lambda: robot.descriptions, executor)

@@ -33,6 +33,17 @@ def until(condition, executor=None):
     return value
 
 
+def answered(ask, executor):
+    """The response of a service, asked until it comes: a node sends none to a client it has not found."""
+
+    def response():
+        future = ask()
+        executor.spin_until_future_complete(future, 1.0)
+        return future.done() and future.result()
+
+    return until(response)
+
+
 def seconds_of(call):
     """How long a call took, and what it raised."""
     begin = time.monotonic()

@@ -27,7 +27,7 @@ from tf2_ros_tools.fleet import (
 from tf2_ros_tools.loading import TOPICS, PoseTopics, Topics, Urdfs, progress_bar
 from tf2_ros_tools.output import counted, printable, write_whole
 from tf2_ros_tools.reading import BagError, BagWarning, needing
-from tf2_ros_tools.tables import PoseTable
+from tf2_ros_tools.tables import Table
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -119,7 +119,7 @@ class Dataset:
             with needing("pyarrow", "fleet"):
                 import pyarrow
                 from pyarrow import parquet
-            table = PoseTable(self.frames, self.stamps_ns, self.poses, self.valid, self.gaps)
+            table = Table(self.stamps_ns, self.poses, self.frames, self.gaps)
             files = pyarrow.array([printable(one) for one in self.files], pyarrow.string())
             columns = {
                 "file": pyarrow.DictionaryArray.from_arrays(self.episodes, files),
@@ -213,7 +213,7 @@ def dataset(
     return made
 
 
-Parts = dict[str, tuple[PoseTable, dict[str, str]]]  # by recording, with why frames have no answer
+Parts = dict[str, tuple[Table, dict[str, str]]]  # by recording, with why frames have no answer
 
 
 def _read_here(
@@ -228,7 +228,6 @@ def _read_here(
             except (BagError, OSError) as error:
                 failed[path] = str(error)
             else:
-                assert isinstance(table, PoseTable)
                 if heard.problem is not None:
                     warnings.warn(BagWarning(heard.problem), stacklevel=3)
                 parts[path] = table, {row.frame: row.text for row in found if row.kind == "lookup"}
@@ -237,7 +236,7 @@ def _read_here(
     return parts, failed
 
 
-def _read_table(frames: list[str], path: str) -> tuple[PoseTable, dict[str, str]]:
+def _read_table(frames: list[str], path: str) -> tuple[Table, dict[str, str]]:
     from pyarrow import parquet
 
     table = parquet.read_table(path)
@@ -245,10 +244,10 @@ def _read_table(frames: list[str], path: str) -> tuple[PoseTable, dict[str, str]
     names = [name for name in table.column_names if name != "file"]
     columns = {name: table[name].to_numpy() for name in names}
     reasons = {row["frame"]: row["text"] for row in found if row["kind"] == "lookup"}
-    return PoseTable.of_columns(frames, columns), reasons
+    return Table.of_columns(frames, columns), reasons
 
 
-def _joined(request: Request, tables: dict[str, PoseTable], failed: dict[str, str]) -> Dataset:
+def _joined(request: Request, tables: dict[str, Table], failed: dict[str, str]) -> Dataset:
     every = [*tables.values()]
     counts = [len(table) for table in every]
     return Dataset(
@@ -262,5 +261,5 @@ def _joined(request: Request, tables: dict[str, PoseTable], failed: dict[str, st
         timestamps=np.concatenate([(table.stamps_ns - table.stamps_ns[:1]) / S for table in every]),
         poses=np.concatenate([table.poses for table in every]),
         valid=np.concatenate([table.valid for table in every]),
-        gaps=np.concatenate([table.gaps for table in every]),
+        gaps=np.concatenate([np.asarray(table.gaps) for table in every]),
     )

@@ -22,7 +22,7 @@ from tf2_ros_tools.findings import report
 from tf2_ros_tools.loading import TOPICS, Heard, PoseTopics, Topics, Urdfs, hear, progress_bar, wanted
 from tf2_ros_tools.output import counted, printable, remove_abandoned, write_whole
 from tf2_ros_tools.reading import SUFFIXES, BagError, needing, needs, open_recording, stamps_of
-from tf2_ros_tools.tables import PoseTable, Table, as_parquet, check_rate, look_up_frames, look_up_when
+from tf2_ros_tools.tables import Table, as_parquet, check_rate, look_up_frames, look_up_when
 from tf2_ros_tools.urdf import Robot
 
 if TYPE_CHECKING:
@@ -220,7 +220,7 @@ def _file(path: str) -> list[Any]:
     return [printable(os.path.basename(path)), status.st_size, status.st_mtime_ns]
 
 
-def looked_up(request: Request, recording: str) -> tuple[Heard, Table | PoseTable, list[Row]]:
+def looked_up(request: Request, recording: str) -> tuple[Heard, Table, list[Row]]:
     """Read a recording, and look up what is requested; the rows list the problems."""
     heard = hear(
         recording,
@@ -231,7 +231,6 @@ def looked_up(request: Request, recording: str) -> tuple[Heard, Table | PoseTabl
         urdf={topic: robot or True for topic, robot in request.robots.items()},
     )
     found = [] if heard.problem is None else [_row(recording, "partial", heard.problem)]
-    answers: Table | PoseTable
     if isinstance(request.source, str):
         answers, lacks = _one_frame(request, request.source, recording, heard)
     else:
@@ -253,9 +252,7 @@ def _one_frame(request: Request, source: str, recording: str, heard: Heard) -> t
             # Raises the reason, if there is one.
             heard.buffer.lookup_transform_core(request.target, source, 0)
     except TransformException as error:
-        nothing = np.zeros(0, np.int64)
-        table = Table(nothing, np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0, np.bool_))
-        return table, [_row(recording, "lookup", str(error))]
+        return Table(np.zeros(0, np.int64), np.zeros((0, 7))), [_row(recording, "lookup", str(error))]
     return table, []
 
 
@@ -266,7 +263,7 @@ def _stamps(request: Request, recording: str) -> NDArray[np.int64] | None:
         return stamps_of(recorded, request.at)
 
 
-def _summary(recording: str, heard: Heard, table: Table | PoseTable) -> Row:
+def _summary(recording: str, heard: Heard, table: Table) -> Row:
     rows, valid, transforms = len(table), int(table.answered.sum()), len(heard.records)
     span_s = 0.0
     if heard.start_ns is not None and heard.end_ns is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,97 +23,81 @@ S = 1_000_000_000
 MOST_TIMES = 50_000_000
 PIECE = 10_000  # rows
 STAMP_NS = "stamp_ns"  # the first column of a CSV
-TRANSLATION, ROTATION = ("x", "y", "z"), ("qx", "qy", "qz", "qw")
-POSE_COLUMNS = (*TRANSLATION, *ROTATION, "valid", "gap")
+POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+POSE_COLUMNS = (*POSE, "valid", "gap")
+ARRAYS = ("stamps_ns", "translations", "rotations", "valid")  # of an .npz
 
 
 @dataclass(frozen=True)
 class Table:
     """
-    The pose of one frame in another one at N times.
+    The pose of one frame, or the poses of F frames, in another one at N times.
 
     :param stamps_ns: int64, shape (N,), nanoseconds.
-    :param translations: float64, shape (N, 3), metres; NaN without an answer.
-    :param rotations: float64, shape (N, 4), x y z w, of length one; NaN without an answer.
-    :param valid: bool, shape (N,): whether there is an answer.
+    :param poses: float64, shape (N, 7) or (N, F, 7): x y z in metres, qx qy qz qw of length one; NaN without
+        an answer.
+    :param frames: the names of several frames, otherwise empty.
+    :param gaps: of several frames, float64, shape (N, F), seconds between the two samples that a pose was
+        interpolated from, the longest of all frames in between; 0 at a sample, and if nothing moves; NaN
+        without an answer.
     """
 
     stamps_ns: NDArray[np.int64]
-    translations: NDArray[np.float64]
-    rotations: NDArray[np.float64]
-    valid: NDArray[np.bool_]
+    poses: NDArray[np.float64]
+    frames: tuple[str, ...] = ()
+    gaps: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.stamps_ns)
 
     @property
-    def answered(self) -> NDArray[np.bool_]:
-        """Which rows have an answer, shape (N,)."""
-        return self.valid
-
-    def columns(self) -> dict[str, NDArray[Any]]:
-        """Get the columns of a file."""
-        numbers = dict(zip((*TRANSLATION, *ROTATION), _numbers(self).T.copy(), strict=True))
-        return {"stamp": self.stamps_ns, **numbers, "valid": self.valid}
-
-    def from_first_to_last_answer(self) -> Table:
-        """Remove the rows before the first answer, and those after the last one."""
-        known = np.flatnonzero(self.valid)
-        shown = slice(known[0], known[-1] + 1) if len(known) else slice(0)
-        return Table(
-            self.stamps_ns[shown], self.translations[shown], self.rotations[shown], self.valid[shown]
-        )
-
-
-@dataclass(frozen=True)
-class PoseTable:
-    """
-    The poses of F frames in another one at N times.
-
-    :param frames: their names.
-    :param stamps_ns: int64, shape (N,), nanoseconds.
-    :param poses: float64, shape (N, F, 7): x y z in metres, qx qy qz qw; NaN without an answer.
-    :param valid: bool, shape (N, F): whether there is an answer.
-    :param gaps: float64, shape (N, F), seconds between the two samples that a pose was interpolated from, the
-        longest of all frames in between; 0 at a sample, and if nothing moves; NaN without an answer.
-    """
-
-    frames: tuple[str, ...]
-    stamps_ns: NDArray[np.int64]
-    poses: NDArray[np.float64]
-    valid: NDArray[np.bool_]
-    gaps: NDArray[np.float64]
-
-    def __len__(self) -> int:
-        return len(self.stamps_ns)
+    def valid(self) -> NDArray[np.bool_]:
+        """Whether there is an answer, shape (N,) or (N, F)."""
+        return ~np.isnan(self.poses[..., 3])
 
     @property
     def answered(self) -> NDArray[np.bool_]:
         """Which rows have an answer for each frame, shape (N,)."""
-        answered: NDArray[np.bool_] = np.logical_and.reduce(self.valid, axis=1)
+        answered: NDArray[np.bool_] = np.logical_and.reduce(self.valid, axis=1) if self.frames else self.valid
         return answered
 
+    @property
+    def translations(self) -> NDArray[np.float64]:
+        return self.poses[..., :3]
+
+    @property
+    def rotations(self) -> NDArray[np.float64]:
+        return self.poses[..., 3:]
+
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Get the columns of a file: the stamp, and ``<frame>.x`` to ``<frame>.gap`` of each frame."""
+        """Get the columns of a file: the stamp, ``x`` to ``valid``, or ``<frame>.x`` to ``<frame>.gap``."""
         columns: dict[str, NDArray[Any]] = {"stamp": self.stamps_ns}
+        if self.gaps is None:
+            parts = (*self.poses.T.copy(), self.valid)
+            return columns | dict(zip(POSE_COLUMNS, parts, strict=False))
         for i, frame in enumerate(self.frames):
-            numbers = self.poses[:, i].T.copy()
-            parts = (*numbers, self.valid[:, i].copy(), self.gaps[:, i].copy())
+            parts = (*self.poses[:, i].T.copy(), self.valid[:, i].copy(), self.gaps[:, i].copy())
             columns |= {f"{frame}.{name}": part for name, part in zip(POSE_COLUMNS, parts, strict=True)}
         return columns
 
     @classmethod
-    def of_columns(cls, frames: Sequence[str], columns: Mapping[str, NDArray[Any]]) -> PoseTable:
-        """Make a table of what :meth:`columns` returned."""
-        count = len(columns["stamp"])
-        parts = np.array([[columns[f"{frame}.{name}"] for name in POSE_COLUMNS] for frame in frames], float)
-        parts = parts.reshape(len(frames), len(POSE_COLUMNS), count).transpose(2, 0, 1)
-        return cls(tuple(frames), columns["stamp"], parts[..., :7], parts[..., 7] != 0.0, parts[..., 8])
+    def of_columns(cls, frames: Sequence[str], columns: Mapping[str, NDArray[Any]]) -> Table:
+        """Make a table of several frames of what :meth:`columns` returned."""
+        names = [name for name in POSE_COLUMNS if name != "valid"]
+        parts = np.array([[columns[f"{frame}.{name}"] for name in names] for frame in frames], float)
+        parts = parts.transpose(2, 0, 1)
+        return cls(columns["stamp"], parts[..., :7], tuple(frames), parts[..., 7])
+
+    def from_first_to_last_answer(self) -> Table:
+        """Remove the rows before the first answer, and those after the last one; of one frame."""
+        known = np.flatnonzero(self.valid)
+        shown = slice(known[0], known[-1] + 1) if len(known) else slice(0)
+        return Table(self.stamps_ns[shown], self.poses[shown])
 
 
 def look_up_frames(
     buffer: BufferCore, target: str, frames: Sequence[str], times_ns: ArrayLike
-) -> tuple[PoseTable, dict[str, str]]:
+) -> tuple[Table, dict[str, str]]:
     """
     Look up the poses of frames in ``target`` at each of N times, with :func:`look_up`.
 
@@ -132,12 +117,11 @@ def look_up_frames(
         except TransformException as error:
             reasons[frame] = str(error)
             continue
-        poses[:, i] = _numbers(table)
+        poses[:, i] = table.poses
         moving = [histories[name] for name in moving_on(infos, _chain(buffer, infos, target, frame))]
         longest = np.max([_gaps_at(one, stamps_ns) for one in moving], axis=0, initial=0.0) if moving else 0.0
         gaps[:, i] = np.where(table.valid, longest, np.nan)
-    valid = ~np.isnan(poses[..., 3])
-    return PoseTable(tuple(frames), stamps_ns, poses, valid, gaps), reasons
+    return Table(stamps_ns, poses, tuple(frames), gaps), reasons
 
 
 def _gaps_at(samples: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -158,8 +142,8 @@ def look_up(buffer: BufferCore, target: str, source: str, times_ns: ArrayLike) -
     stamps_ns = np.asarray(times_ns, np.int64)
     # For tf2, 0 means the latest common time. Use the next nanosecond, when no frame has moved noticeably.
     times = np.where(stamps_ns == 0, 1, stamps_ns)
-    translations, rotations = buffer.lookup_transforms(target, source, times, on_missing="nan")
-    return Table(stamps_ns, translations, rotations, ~np.isnan(rotations[:, 0]))
+    found = buffer.lookup_transforms(target, source, times, on_missing="nan")
+    return Table(stamps_ns, np.concatenate(found, axis=1))
 
 
 def check_rate(hz: float) -> None:
@@ -180,8 +164,8 @@ def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> ND
     """
     check_rate(hz)
     frames = buffer.frames()
-    chain = _chain(buffer, frames, target, source)
-    moving = [frames[name] for name in moving_on(frames, chain)]
+    between = _chain(buffer, frames, target, source)
+    moving = [frames[name] for name in moving_on(frames, between)]
     dynamic = [(one.oldest_ns, one.newest_ns) for one in moving or frames.values()]
     spans = [(oldest, newest) for oldest, newest in dynamic if oldest is not None and newest is not None]
     if not spans:
@@ -213,8 +197,8 @@ def look_up_when(
     if times_ns is not None:
         return look_up(heard.buffer, target, source, times_ns)
     frames = heard.buffer.frames()
-    chain = _chain(heard.buffer, frames, target, source)
-    stamps = stamps_on(heard.records, heard.frames, frames, chain)
+    between = _chain(heard.buffer, frames, target, source)
+    stamps = stamps_on(heard.records, heard.frames, frames, between)
     if not len(stamps):
         stamps = taken(heard.records)["stamp_ns"][:1]  # nothing moves: one time is enough
     # Nobody has asked for the times at which a part of the chain had not begun, or had ended.
@@ -230,12 +214,12 @@ def as_csv(table: Table) -> bytes:
 
     ``stamp_ns`` is in nanoseconds. ``valid`` is true or false; if it is false, the numbers are nan.
     """
-    names = ",".join((STAMP_NS, *TRANSLATION, *ROTATION, "valid"))
+    names = ",".join((STAMP_NS, *POSE, "valid"))
     rows = (
         f"{stamp},{','.join(map(repr, numbers))},{'true' if valid else 'false'}"
         for stamp, numbers, valid in _rows(table)
     )
-    return _text([names], rows)
+    return _text(chain([names], rows))
 
 
 def as_tum(table: Table) -> bytes:
@@ -250,22 +234,15 @@ def as_tum(table: Table) -> bytes:
 
 
 def as_npz(table: Table) -> bytes:
-    """Write NumPy's format for several arrays, with the fields of :class:`Table`."""
+    """Write NumPy's format for several arrays."""
     written = BytesIO()
-    np.savez(
-        written,
-        stamps_ns=table.stamps_ns,
-        translations=table.translations,
-        rotations=table.rotations,
-        valid=table.valid,
-    )
+    np.savez(written, **{name: getattr(table, name) for name in ARRAYS})
     return written.getvalue()
 
 
-def as_parquet(table: Table | PoseTable, file: str, metadata: Mapping[bytes, bytes] | None = None) -> bytes:
+def as_parquet(table: Table, file: str, metadata: Mapping[bytes, bytes] | None = None) -> bytes:
     """
-    Write Parquet with the columns file, stamp (int64, nanoseconds), x y z, qx qy qz qw (float64), valid
-    (bool); or those of a :class:`PoseTable`.
+    Write Parquet with the column file and those of the table.
 
     :param file: the recording's name, the same in each row.
     :param metadata: is added to the metadata of the file.
@@ -282,14 +259,10 @@ def as_parquet(table: Table | PoseTable, file: str, metadata: Mapping[bytes, byt
 
 
 def _chain(buffer: BufferCore, frames: dict[str, FrameInfo], target: str, source: str) -> list[str]:
-    chain = chain_between(frames, target, source)
-    if chain is None or not frames.keys() >= {target, source}:
+    between = chain_between(frames, target, source)
+    if between is None or not frames.keys() >= {target, source}:
         buffer.lookup_transform_core(target, source, 0)  # raises what is wrong
-    return chain or []
-
-
-def _numbers(table: Table) -> NDArray[np.float64]:
-    return np.concatenate((table.translations, table.rotations), axis=1)
+    return between or []
 
 
 def _seconds(stamp_ns: int) -> str:
@@ -300,16 +273,13 @@ def _seconds(stamp_ns: int) -> str:
 
 def _rows(table: Table) -> Iterator[tuple[int, list[float], bool]]:
     # In pieces, because as Python objects, millions of rows take several times the memory of their text.
-    numbers = _numbers(table)
     for begin in range(0, len(table), PIECE):
         piece = slice(begin, begin + PIECE)
-        columns = (table.stamps_ns[piece], numbers[piece], table.valid[piece])
+        columns = (table.stamps_ns[piece], table.poses[piece], table.valid[piece])
         yield from zip(*(column.tolist() for column in columns), strict=True)
 
 
-def _text(*parts: Iterable[str]) -> bytes:
+def _text(lines: Iterable[str]) -> bytes:
     text = BytesIO()
-    for lines in parts:
-        for line in lines:
-            text.write(f"{line}\n".encode())
+    text.writelines(f"{line}\n".encode() for line in lines)
     return text.getvalue()

@@ -101,5 +101,5 @@ def test_a_chain_has_the_stamps_of_its_own_frames(path):
     ],
 )
 def test_a_stamp_in_seconds_keeps_its_nanoseconds(stamp_ns, text):
-    table = Table(np.array([stamp_ns]), np.zeros((1, 3)), np.array([[0.0, 0.0, 0.0, 1.0]]), np.array([True]))
+    table = Table(np.array([stamp_ns]), np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]))
     assert as_tum(table).decode() == f"{text} 0.0 0.0 0.0 0.0 0.0 0.0 1.0\n"

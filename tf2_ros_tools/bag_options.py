@@ -85,7 +85,7 @@ def heard_of(options: Namespace) -> Heard:
     :raises RunError: it cannot be read.
     :raises BagError: it is broken.
     """
-    from tf2_ros_tools.loading import hear
+    from tf2_ros_tools.loading import hear, wanted
 
     for name, time_ns in (("--start", options.start), ("--end", options.end)):
         if time_ns is not None and abs(time_ns) >> NS_BITS:
@@ -93,13 +93,8 @@ def heard_of(options: Namespace) -> Heard:
     if None not in (options.start, options.end) and options.end < options.start:
         raise UsageError("--end must not be before --start")
     with reported_files(options.file):
-        heard = hear(
-            options.file,
-            topics=topics_of(options),
-            partial=options.partial,
-            start=options.start,
-            end=options.end,
-        )
+        what = wanted(topics_of(options), options.start, options.end)
+        heard = hear(options.file, what, partial=options.partial)
     if heard.problem is not None:
         print(f"{options.parser.prog}: {printable(heard.problem)}", file=sys.stderr)
     if heard.end_ns is not None and options.end is not None:

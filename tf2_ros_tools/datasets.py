@@ -15,16 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tf2_py import LookupException
-from tf2_ros_tools.fleet import (
-    KEY,
-    Recordings,
-    Request,
-    find_recordings,
-    looked_up,
-    map_recordings,
-    request_of,
-)
-from tf2_ros_tools.loading import TOPICS, PoseTopics, Topics, Urdfs, progress_bar
+from tf2_ros_tools.fleet import KEY, Recordings, Request, find_recordings, looked_up, process
+from tf2_ros_tools.loading import TOPICS, PoseTopics, Topics, Urdfs, progress_bar, wanted
 from tf2_ros_tools.output import counted, printable, write_whole
 from tf2_ros_tools.reading import BagError, BagWarning, needing
 from tf2_ros_tools.tables import Table
@@ -184,21 +176,11 @@ def dataset(
     names = list(frames)
     if out is None and (workers is not None or scheduler is not None):
         raise ValueError("workers and scheduler need a folder for the tables, out")
-    how: dict[str, Any] = {"at": at, "topics": topics, "poses": poses, "urdf": urdf, "partial": partial}
-    request = request_of(relative_to, names, **how)
+    request = Request(relative_to, names, at, None, wanted(topics, poses=poses, urdf=urdf), partial)
     if out is None:
         parts, failed = _read_here(request, find_recordings(recordings), progress)
     else:
-        result = map_recordings(
-            recordings,
-            relative_to,
-            names,
-            out,
-            workers=workers,
-            scheduler=scheduler,
-            progress=progress,
-            **how,
-        )
+        result = process(request, recordings, out, workers, scheduler, progress)
         failed = dict(result.failed)
         tables = {**result.done, **result.skipped}
         parts = {path: _read_table(names, tables[path]) for path in sorted(tables)}
@@ -230,7 +212,7 @@ def _read_here(
             else:
                 if heard.problem is not None:
                     warnings.warn(BagWarning(heard.problem), stacklevel=3)
-                parts[path] = table, {row.frame: row.text for row in found if row.kind == "lookup"}
+                parts[path] = table, {row["frame"]: row["text"] for row in found if row["kind"] == "lookup"}
             if count is not None:
                 count(1)
     return parts, failed

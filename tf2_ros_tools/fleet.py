@@ -1,15 +1,13 @@
 """Look up transforms in many recordings in parallel: ``map_recordings``."""
 
 import hashlib
-import importlib.util
 import json
 import logging
 import os
 import time
-import uuid
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass
 from io import BytesIO
 from os import PathLike
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -19,11 +17,10 @@ from numpy.typing import NDArray
 
 from tf2_py import BufferCore, LookupException, TransformException
 from tf2_ros_tools.findings import report
-from tf2_ros_tools.loading import TOPICS, Heard, PoseTopics, Topics, Urdfs, hear, progress_bar, wanted
+from tf2_ros_tools.loading import TOPICS, Heard, PoseTopics, Topics, Urdfs, Wanted, hear, progress_bar, wanted
 from tf2_ros_tools.output import counted, printable, remove_abandoned, write_whole
-from tf2_ros_tools.reading import SUFFIXES, BagError, needing, needs, open_recording, stamps_of
+from tf2_ros_tools.reading import SUFFIXES, BagError, needing, open_recording, stamps_of
 from tf2_ros_tools.tables import Table, as_parquet, check_rate, look_up_frames, look_up_when
-from tf2_ros_tools.urdf import Robot
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -57,24 +54,21 @@ def find_recordings(recordings: Recordings) -> list[str]:
 
 
 def _meant_by(path: str) -> Iterator[str]:
-    folder = os.path.dirname(os.path.abspath(path))
-    if os.path.isdir(path):
-        yield from _in_folder(path)
-    else:
+    if not os.path.isdir(path):
         # A part of a folder lacks what the other parts hold.
+        folder = os.path.dirname(os.path.abspath(path))
         yield folder if _is_rosbag2(folder) else path
-
-
-def _in_folder(path: str) -> Iterator[str]:
-    if _is_rosbag2(path):
-        yield path
         return
-    closed: list[str] = []  # folders that cannot be read; yielded, so that they are reported as failed
+    closed: list[str] = []  # folders that cannot be read; returned, so that they are reported as failed
+    found: list[str] = []
     for folder, inside, files in os.walk(path, onerror=lambda error: closed.append(error.filename)):
-        bags = [name for name in sorted(inside) if _is_rosbag2(os.path.join(folder, name))]
-        inside[:] = sorted(set(inside) - set(bags))
-        yield from (os.path.join(folder, name) for name in bags)
-        yield from (os.path.join(folder, name) for name in sorted(files) if _is_recording(name))
+        if _is_rosbag2(folder):
+            found.append(folder)
+            inside.clear()
+        else:
+            names = [name for name in files if name.endswith(SUFFIXES) and not name.startswith(".")]
+            found += [os.path.join(folder, name) for name in names]
+    yield from sorted(found)
     yield from closed
 
 
@@ -90,57 +84,54 @@ def _is_rosbag2(folder: str) -> bool:
         return False
 
 
-def _is_recording(name: str) -> bool:
-    return name.endswith(SUFFIXES) and not name.startswith(".")
-
-
 # Process one recording.
 
 
 S = 1_000_000_000
 # The metadata of a table that says what it was made from. The number changes with the format of this
 # metadata, and with the meaning of a request.
-KEY, FORMAT = b"tf2_ros.map_recordings", 1
+KEY, FORMAT = b"tf2_ros.map_recordings", 2
 # Files that SQLite creates next to a database that is read.
 COMPANIONS = ("-wal", "-shm", "-journal")
 
 
+# A line of the table of findings: file, kind, frame and text. Only the kind "summary" has numbers, too:
+# transforms, rows, valid, span_s (of the log times) and seconds (that the recording took).
+Row: TypeAlias = "dict[str, Any]"
+ERROR = "error"  # the kind of the only row of a recording without a table
+
+
 @dataclass(frozen=True)
 class Request:
-    """What is looked up in each recording; :func:`tf2_ros.bag.map_recordings` says what the fields mean."""
+    """
+    What is looked up in each recording; :func:`tf2_ros.bag.map_recordings` says what the fields mean.
+
+    :raises ValueError: they are not as described there.
+    :raises InvalidArgumentException: a name of a frame is invalid.
+    """
 
     target: str
-    source: str | Sequence[str]
-    at: str | None = None
-    rate: float | None = None
-    topics: Mapping[str, str] | None = None  # with prefixes; None: the usual ones
-    partial: bool = False
-    poses: PoseTopics = field(default_factory=dict)
-    robots: Mapping[str, Robot | None] = field(default_factory=dict)  # None: as the recording describes it
+    source: str | list[str]
+    at: str | None
+    rate: float | None
+    what: Wanted
+    partial: bool
 
-
-@dataclass(frozen=True)
-class Row:
-    """One line of the table of findings. Only the kind "summary" has the numbers."""
-
-    file: str
-    kind: str
-    frame: str
-    text: str
-    transforms: int | None = None
-    rows: int | None = None
-    valid: int | None = None
-    span_s: float | None = None  # of the log times
-    seconds: float | None = None  # that the recording took
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """The result for one recording."""
-
-    recording: str
-    found: tuple[Row, ...]
-    problem: str | None = None  # why it has no table
+    def __post_init__(self) -> None:
+        if self.at is not None and self.rate is not None:
+            raise ValueError("at and rate exclude each other")
+        if self.rate is not None:
+            check_rate(self.rate)
+        for source in [self.source] if isinstance(self.source, str) else self.source:
+            # An invalid name is invalid in every recording. An empty buffer checks only the first name.
+            for ends in ((self.target, source), (source, self.target)):
+                with suppress(LookupException):
+                    BufferCore().lookup_transform_core(*ends, 0)
+        if not isinstance(self.source, str):
+            if self.at is None:
+                raise ValueError("several frames need a topic with the times, at")
+            if not self.source or len(set(self.source)) < len(self.source):
+                raise ValueError("frames must be one or more different names")
 
 
 def table_of(recording: str, out: str) -> str:
@@ -153,12 +144,12 @@ def table_of(recording: str, out: str) -> str:
     return os.path.join(out, f"{short}-{digest}.parquet")
 
 
-def work(request: Request, recording: str, table: str) -> Outcome:
+def work(request: Request, recording: str, table: str) -> list[Row]:
     """
-    Write the table of one recording in one step.
+    Write the table of one recording in one step; return its findings.
 
-    Problems of the recording itself are part of the outcome. All other errors are raised, because the work
-    may succeed later, or on another machine.
+    Problems of the recording itself are findings. All other errors are raised, because the work may succeed
+    later, or on another machine.
 
     :param table: the path of the table; its folder exists.
     """
@@ -167,32 +158,26 @@ def work(request: Request, recording: str, table: str) -> Outcome:
         state = _state(recording)
         heard, answers, found = looked_up(request, recording)
     except (BagError, FileNotFoundError) as error:
-        return failed(recording, str(error))
+        return [_row(recording, ERROR, str(error))]
     except PermissionError as error:
-        return failed(recording, f"{printable(error.filename or recording)}: {error.strerror}")
+        return [_row(recording, ERROR, f"{printable(error.filename or recording)}: {error.strerror}")]
     found += [_row(recording, one.kind, one.text, one.frame) for one in report(heard).findings]
     summary = _summary(recording, heard, answers)
-    found.insert(0, replace(summary, seconds=round(time.perf_counter() - begin, 3)))
-    content = {**_what(request, state), "found": [_without_none(one) for one in found]}
+    found.insert(0, {**summary, "seconds": round(time.perf_counter() - begin, 3)})
+    content = {**_what(request, state), "found": found}
     write_whole(table, as_parquet(answers, printable(recording), {KEY: json.dumps(content).encode()}))
-    return Outcome(recording, tuple(found))
+    return found
 
 
-def failed(recording: str, problem: str) -> Outcome:
-    """Make the outcome of a recording without a table."""
-    return Outcome(recording, (_row(recording, "error", problem),), problem)
-
-
-def done_before(request: Request, recording: str, table: str) -> Outcome | None:
-    """Get the outcome of an earlier run with the same request, unless the recording has changed since."""
+def done_before(request: Request, recording: str, table: str) -> list[Row] | None:
+    """Get the findings of an earlier run with the same request, unless the recording has changed since."""
     with needing("pyarrow", "fleet"):
         from pyarrow import ArrowException, parquet
     try:
         with open(table, "rb") as file:
             content = json.loads((parquet.read_metadata(file).metadata or {})[KEY])
-        if {name: content[name] for name in ("request", "recording")} != _what(request, _state(recording)):
-            return None
-        return Outcome(recording, tuple(Row(**one) for one in content["found"]))
+        found: list[Row] = content.pop("found")
+        return found if content == _what(request, _state(recording)) else None
     except (OSError, ArrowException, KeyError, TypeError, ValueError):
         return None  # no table, a table of another program, or a damaged one: it is written again
 
@@ -222,14 +207,7 @@ def _file(path: str) -> list[Any]:
 
 def looked_up(request: Request, recording: str) -> tuple[Heard, Table, list[Row]]:
     """Read a recording, and look up what is requested; the rows list the problems."""
-    heard = hear(
-        recording,
-        topics=TOPICS if request.topics is None else request.topics,
-        partial=request.partial,
-        progress=False,
-        poses=request.poses,
-        urdf={topic: robot or True for topic, robot in request.robots.items()},
-    )
+    heard = hear(recording, request.what, partial=request.partial, progress=False)
     found = [] if heard.problem is None else [_row(recording, "partial", heard.problem)]
     if isinstance(request.source, str):
         answers, lacks = _one_frame(request, request.source, recording, heard)
@@ -271,15 +249,12 @@ def _summary(recording: str, heard: Heard, table: Table) -> Row:
     text = (
         f"{counted(transforms, 'transform')} in {span_s:.1f} s, answers at {valid} of {counted(rows, 'time')}"
     )
-    return Row(printable(recording), "summary", "", text, transforms, rows, valid, span_s)
+    numbers = {"transforms": transforms, "rows": rows, "valid": valid, "span_s": span_s}
+    return _row(recording, "summary", text) | numbers
 
 
 def _row(recording: str, kind: str, text: str, frame: str = "") -> Row:
-    return Row(printable(recording), kind, printable(frame), text)
-
-
-def _without_none(row: Row) -> dict[str, Any]:
-    return {name: value for name, value in asdict(row).items() if value is not None}
+    return {"file": printable(recording), "kind": kind, "frame": printable(frame), "text": text}
 
 
 # Distribute the work.
@@ -293,42 +268,33 @@ IGNORE_INTERRUPT = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 
 def outcomes(
     request: Request, tables: Mapping[str, str], workers: int | None, scheduler: "str | Client | None"
-) -> Generator[Outcome, None, None]:
+) -> Generator[tuple[str, list[Row]], None, None]:
     """
-    Process recordings, and yield the outcome of each as soon as it is known.
+    Process recordings, and yield each with its findings as soon as they are known.
 
     :param tables: maps recordings to the paths of their tables.
     :raises ModuleNotFoundError: a library is not installed in this process or in a worker.
     """
-    if scheduler is not None:
-        with _connected(scheduler) as client:
-            yield from _on_cluster(request, tables, client)
-        return
-    count = 1 if len(tables) < 2 else min(workers or _cores(), len(tables))
-    if count == 1:
+    if scheduler is None and (workers == 1 or len(tables) < 2):
         yield from _here(request, tables)
         return
-    with local_workers(count) as client:
+    with _client(workers, scheduler, len(tables)) as client:
         yield from _on_cluster(request, tables, client)
 
 
-def _cores() -> int:
-    _check_installed("dask")
-    from dask.system import CPU_COUNT  # knows the limits of a container
-
-    return int(CPU_COUNT)
-
-
-def _check_installed(library: str) -> None:
-    if importlib.util.find_spec(library) is None:
-        raise needs(library, "fleet")
-
-
 @contextmanager
-def _connected(scheduler: "str | Client") -> "Iterator[Client]":
-    _check_installed("distributed")
-    from distributed import Client
-
+def _client(workers: int | None, scheduler: "str | Client | None", most: int) -> "Iterator[Client]":
+    if scheduler is None:
+        if workers is None:
+            with needing("dask", "fleet"):
+                import dask  # noqa: F401
+                from dask.system import CPU_COUNT  # knows the limits of a container
+            workers = int(CPU_COUNT)
+        with local_workers(min(workers, most)) as client:
+            yield client
+        return
+    with needing("distributed", "fleet"):
+        from distributed import Client
     if isinstance(scheduler, Client):
         yield scheduler
         return
@@ -345,10 +311,11 @@ def local_workers(count: int) -> "Iterator[Client]":
     other users can reach the loopback interface, connecting requires a key that only this process and its
     children have.
     """
-    for library in ("distributed", "cryptography"):
-        _check_installed(library)
-    import dask
-    from distributed import Client, LocalCluster
+    with needing("distributed", "fleet"):
+        import dask
+        from distributed import Client, LocalCluster
+    with needing("cryptography", "fleet"):
+        import cryptography  # noqa: F401
 
     settings = {
         # If a recording kills its worker, Dask must not suspect recordings that wait for the same worker.
@@ -374,15 +341,15 @@ def local_workers(count: int) -> "Iterator[Client]":
         yield client
 
 
-def _here(request: Request, tables: Mapping[str, str]) -> Iterator[Outcome]:
+def _here(request: Request, tables: Mapping[str, str]) -> Iterator[tuple[str, list[Row]]]:
     for recording, table in tables.items():
         try:
-            yield work(request, recording, table)
+            yield recording, work(request, recording, table)
         except Exception as error:
             interrupt = _interrupt_behind(error)
             if interrupt is not None:
                 raise interrupt from None
-            yield _outcome_of(recording, error)
+            yield recording, _failed(recording, error)
 
 
 def _interrupt_behind(error: BaseException | None) -> KeyboardInterrupt | None:
@@ -392,38 +359,42 @@ def _interrupt_behind(error: BaseException | None) -> KeyboardInterrupt | None:
     return error
 
 
-def _on_cluster(request: Request, tables: Mapping[str, str], client: "Client") -> Iterator[Outcome]:
+def _on_cluster(
+    request: Request, tables: Mapping[str, str], client: "Client"
+) -> Iterator[tuple[str, list[Row]]]:
     from distributed import KilledWorker, as_completed
 
-    run, count = uuid.uuid4().hex, len(tables)  # distinguishes the keys of different runs
-    futures = client.map(
-        work,
-        [request] * count,
-        tables.keys(),
-        tables.values(),
-        key=[f"tf2_ros-{run}-{i}" for i in range(count)],
-        retries=RETRIES,
-    )
+    futures = [
+        client.submit(work, request, recording, table, pure=False, retries=RETRIES)
+        for recording, table in tables.items()
+    ]
     recordings = dict(zip((one.key for one in futures), tables, strict=True))
     try:
         for future in as_completed(futures, loop=client.loop):
             if future.cancelled():
                 raise ConnectionError("Dask cancelled the work, because the scheduler has ended")
+            recording = recordings[future.key]
             try:
-                yield future.result()
+                found = future.result()
             except KilledWorker:
-                yield failed(recordings[future.key], "each process that read it was killed: out of memory?")
+                found = [_row(recording, ERROR, "each process that read it was killed: out of memory?")]
             except Exception as error:
-                yield _outcome_of(recordings[future.key], error)
+                found = _failed(recording, error)
+            if found[0]["kind"] != ERROR and not os.path.exists(tables[recording]):
+                raise FileNotFoundError(
+                    f"a worker has written {tables[recording]}, but this machine does not have it:"
+                    " is the folder shared?"
+                )
+            yield recording, found
     finally:
         client.cancel(futures)  # what has not begun, if the caller stops early
 
 
-def _outcome_of(recording: str, error: Exception) -> Outcome:
+def _failed(recording: str, error: Exception) -> list[Row]:
     # A problem with one recording does not stop the others, but a library that is not installed stops all.
     if isinstance(error, ModuleNotFoundError):
         raise error
-    return failed(recording, f"{type(error).__name__}: {printable(str(error))}")
+    return [_row(recording, ERROR, f"{type(error).__name__}: {printable(str(error))}")]
 
 
 # Report the results.
@@ -442,13 +413,13 @@ def _write_findings(out: str, rows: Sequence[Row]) -> str:
     import pyarrow
     from pyarrow import parquet
 
-    text, whole, real = pyarrow.string(), pyarrow.int64(), pyarrow.float64()
-    types = {"transforms": whole, "rows": whole, "valid": whole, "span_s": real, "seconds": real}
-    names = [one.name for one in fields(Row)]
-    columns = {name: [getattr(row, name) for row in rows] for name in names}
-    schema = pyarrow.schema([(name, types.get(name, text)) for name in names])
+    types = {
+        **dict.fromkeys(("file", "kind", "frame", "text"), pyarrow.string()),
+        **dict.fromkeys(("transforms", "rows", "valid"), pyarrow.int64()),
+        **dict.fromkeys(("span_s", "seconds"), pyarrow.float64()),
+    }
     written = BytesIO()
-    parquet.write_table(pyarrow.table(columns, schema), written)
+    parquet.write_table(pyarrow.Table.from_pylist(rows, pyarrow.schema(types)), written)
     path = os.path.join(out, PARQUET)
     write_whole(path, written.getvalue())
     write_whole(os.path.join(out, TEXT), "".join(_lines(rows)).encode())
@@ -458,11 +429,11 @@ def _write_findings(out: str, rows: Sequence[Row]) -> str:
 def _lines(rows: Sequence[Row]) -> list[str]:
     lines, file = [], None
     for row in rows:
-        if row.file != file:
-            lines.append(f"{row.file}\n")
-            file = row.file
-        frame = f" {row.frame}:" if row.frame else ""
-        lines.append(f"  {row.kind}:{frame} {row.text}\n")
+        if row["file"] != file:
+            file = row["file"]
+            lines.append(f"{file}\n")
+        frame = f" {row['frame']}:" if row["frame"] else ""
+        lines.append(f"  {row['kind']}:{frame} {row['text']}\n")
     return lines
 
 
@@ -543,117 +514,60 @@ def map_recordings(
     :raises InvalidArgumentException: a name of a frame is invalid.
     :raises ModuleNotFoundError: a library is not installed, or a worker does not have it.
     """
-    if at is not None and rate is not None:
-        raise ValueError("at and rate exclude each other")
-    if workers is not None and scheduler is not None:
-        raise ValueError("workers and scheduler exclude each other: a scheduler has its own workers")
-    if workers is not None and workers < 1:
-        raise ValueError(f"workers must be at least 1, not {workers}")
-    if rate is not None:
-        check_rate(rate)
-    request = request_of(
-        target, source, at=at, rate=rate, topics=topics, poses=poses, urdf=urdf, partial=partial
-    )
-    found = find_recordings(recordings)
-    out = os.path.abspath(out)
-    os.makedirs(out, exist_ok=True)
-    remove_abandoned(out)
-    return _run(request, found, out, workers, scheduler, progress)
+    source = source if isinstance(source, str) else list(source)
+    request = Request(target, source, at, rate, wanted(topics, poses=poses, urdf=urdf), partial)
+    return process(request, recordings, out, workers, scheduler, progress)
 
 
-def request_of(
-    target: str,
-    source: str | Sequence[str],
-    *,
-    at: str | None,
-    rate: float | None = None,
-    topics: Topics,
-    poses: PoseTopics | None,
-    urdf: Urdfs,
-    partial: bool,
-) -> Request:
-    """
-    Make a request of the arguments of :func:`tf2_ros.bag.map_recordings`.
-
-    :raises TypeError, ValueError: they are not as described there.
-    """
-    sources = [source] if isinstance(source, str) else list(source)
-    for one in sources:
-        _check_names(target, one)
-    if not isinstance(source, str):
-        if at is None:
-            raise ValueError("several frames need a topic with the times, at")
-        if not sources or len(set(sources)) < len(sources):
-            raise ValueError("frames must be one or more different names")
-        source = sources
-    what = wanted(topics, poses=poses, urdf=urdf)
-    prefixes = None if topics is TOPICS else dict(what.prefixes)
-    return Request(target, source, at, rate, prefixes, partial, what.poses, what.robots)
-
-
-def _check_names(target: str, source: str) -> None:
-    # An invalid name is invalid in every recording. An empty buffer checks only the first name of a lookup.
-    for first, second in ((target, source), (source, target)):
-        with suppress(LookupException):
-            BufferCore().lookup_transform_core(first, second, 0)
-
-
-def _run(
+def process(
     request: Request,
-    recordings: list[str],
-    out: str,
+    recordings: Recordings,
+    out: "str | PathLike[str]",
     workers: int | None,
     scheduler: "str | Client | None",
     progress: bool | None,
 ) -> MappedRecordings:
-    tables = {recording: table_of(recording, out) for recording in recordings}
-    known = {recording: done_before(request, recording, table) for recording, table in tables.items()}
-    ended = {recording: outcome for recording, outcome in known.items() if outcome is not None}
-    skipped = {recording: tables[recording] for recording in ended}
-    left = {recording: table for recording, table in tables.items() if recording not in ended}
+    """Write the tables for a request; see :func:`tf2_ros.bag.map_recordings`."""
+    if workers is not None and scheduler is not None:
+        raise ValueError("workers and scheduler exclude each other: a scheduler has its own workers")
+    if workers is not None and workers < 1:
+        raise ValueError(f"workers must be at least 1, not {workers}")
+    paths = find_recordings(recordings)
+    out = os.path.abspath(out)
+    os.makedirs(out, exist_ok=True)
+    remove_abandoned(out)
+    tables = {path: table_of(path, out) for path in paths}
+    known = {path: done_before(request, path, table) for path, table in tables.items()}
+    ended = {path: rows for path, rows in known.items() if rows is not None}
+    skipped = {path: tables[path] for path in ended}
+    left = {path: table for path, table in tables.items() if path not in ended}
+
+    def write() -> str:
+        return _write_findings(out, [row for path in paths for row in ended.get(path, ())])
+
     if skipped and left:
-        _write(out, recordings, ended)  # this run may be interrupted, too
+        write()  # this run may be interrupted, too
     try:
         with progress_bar(out, len(left), " recordings", progress) as count:
             with closing(outcomes(request, left, workers, scheduler)) as results:
-                for outcome in _checked(results, left):
-                    ended[outcome.recording] = outcome
-                    if outcome.problem is not None:
-                        _remove_old(outcome.recording, left[outcome.recording])
+                for path, rows in results:
+                    ended[path] = rows
+                    # An old table belongs to another lookup, or to an earlier state of the recording. If the
+                    # recording was deleted, keep its table, because nothing else is left.
+                    if rows[0]["kind"] == ERROR and os.path.exists(path):
+                        with suppress(FileNotFoundError):
+                            os.unlink(left[path])
                     if count is not None:
                         count(1)
     finally:
-        findings = _write(out, recordings, ended)
-    failed = {path: one.problem for path, one in ended.items() if one.problem is not None}
+        findings = write()
+    failed = {path: rows[0]["text"] for path, rows in ended.items() if rows[0]["kind"] == ERROR}
     done = {path: table for path, table in left.items() if path not in failed}
-    reasons = {path: _lack_of_answers(one) for path, one in ended.items()}
-    unanswered = {path: reason for path, reason in reasons.items() if reason is not None}
+    # The first row is the summary.
+    unanswered = {path: _lack_of_answers(rows) for path, rows in ended.items() if rows[0].get("valid") == 0}
     return MappedRecordings(done, skipped, failed, unanswered, out, findings)
 
 
-def _lack_of_answers(outcome: Outcome) -> str | None:
-    texts = {one.kind: one.text for one in outcome.found if one.kind == "lookup"}
-    has_none = any(one.kind == "summary" and not one.valid for one in outcome.found)
-    return texts.get("lookup", "the recording has no time to look up") if has_none else None
-
-
-def _checked(results: Iterator[Outcome], tables: Mapping[str, str]) -> Iterator[Outcome]:
-    for outcome in results:
-        table = tables[outcome.recording]
-        if outcome.problem is None and not os.path.exists(table):
-            raise FileNotFoundError(
-                f"a worker has written {table}, but this machine does not have it: is the folder shared?"
-            )
-        yield outcome
-
-
-def _remove_old(recording: str, table: str) -> None:
-    # It belongs to another lookup, or to an earlier state of the recording. If the recording was deleted,
-    # keep its table, because nothing else is left.
-    if os.path.exists(recording):
-        with suppress(FileNotFoundError):
-            os.unlink(table)
-
-
-def _write(out: str, recordings: list[str], ended: Mapping[str, Outcome]) -> str:
-    return _write_findings(out, [row for path in recordings if path in ended for row in ended[path].found])
+def _lack_of_answers(rows: Sequence[Row]) -> str:
+    texts = {row["kind"]: row["text"] for row in rows}
+    return str(texts.get("lookup", "the recording has no time to look up"))

@@ -84,7 +84,7 @@ class Wanted:
 
 
 def wanted(
-    topics: Topics,
+    topics: Topics = TOPICS,
     start: TimeLike | None = None,
     end: TimeLike | None = None,
     poses: PoseTopics | None = None,
@@ -466,22 +466,23 @@ class Heard:
 
 def hear(
     path: "str | PathLike[str]",
+    what: Wanted | None = None,
     *,
-    topics: Topics = TOPICS,
     partial: bool = False,
     progress: bool | None = None,
-    start: TimeLike | None = None,
-    end: TimeLike | None = None,
-    poses: PoseTopics | None = None,
-    urdf: Urdfs = None,
 ) -> Heard:
-    """Read a recording as :func:`tf2_ros.bag.load` does, and record each transform."""
-    what = wanted(topics, start, end, poses, urdf)
+    """
+    Read a recording as :func:`tf2_ros.bag.load` does, and record each transform.
+
+    :param what: None: the transforms on TOPICS.
+    """
     buffer = new_buffer(None)
     recording = Recording()
     pieces: list[NDArray[np.void]] = []
     with open_recording(path, partial=partial) as recorded:
-        fill_buffer(buffer, recorded, what, progress=progress, recording=recording, records=pieces)
+        fill_buffer(
+            buffer, recorded, what or wanted(), progress=progress, recording=recording, records=pieces
+        )
     records = np.concatenate([*pieces, recording.take()])
     records = records[np.argsort(records["received_ns"], kind="stable")]
     publishers = [name.decode() for name in recording.publishers()]

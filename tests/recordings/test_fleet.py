@@ -243,7 +243,7 @@ def test_a_restart_skips_what_is_done_and_knows_what_was_found(runs, out):
     "options",
     [
         {"rate": 3.0},
-        {"topics": {"/tf": "", "/tf_static": ""}},
+        {"topics": {"/tf": "", "/tf_static": "", "/more": ""}},
         {"partial": True},
     ],
     ids=str,
@@ -329,7 +329,7 @@ def test_a_table_has_a_name_that_readers_find(tmp_path, name):
 def test_a_folder_is_searched_and_one_of_rosbag2_is_one_recording(runs):
     (runs / "notes.txt").write_text("nothing")
     (runs / "monday" / "metadata.yaml").write_text("of something else")
-    found = ["split", "monday/folder", "monday/run.mcap", "tuesday/run.mcap"]
+    found = ["monday/folder", "monday/run.mcap", "split", "tuesday/run.mcap"]
     assert find_recordings(str(runs)) == [str(runs / name) for name in found]
     assert find_recordings(runs / "split") == [str(runs / "split")]
     assert find_recordings(runs / "monday" / "run.mcap") == [str(runs / "monday" / "run.mcap")]

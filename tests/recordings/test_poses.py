@@ -12,7 +12,7 @@ from mcap.writer import Writer as McapWriter
 
 from tf2_ros import bag
 from tf2_ros_tools.foxglove import tf_message
-from tf2_ros_tools.loading import hear
+from tf2_ros_tools.loading import hear, wanted
 
 pytestmark = pytest.mark.ours
 
@@ -82,7 +82,7 @@ class TestPoses:
         buffer = bag.load(path, poses={"/odom": None})
         check(buffer, "o", "b")
         assert buffer.parent("odom") == "map"  # of /tf
-        assert set(hear(path, poses={"/odom": None}).publishers) == {"/tf", "/tf_static", "/odom"}
+        assert set(hear(path, wanted(poses={"/odom": None})).publishers) == {"/tf", "/tf_static", "/odom"}
 
     def test_several_topics_and_times(self, tmp_path):
         messages = [*series("/odom", ODOMETRY), *series("/gps", STAMPED)]

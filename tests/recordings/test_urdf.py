@@ -19,7 +19,7 @@ from robots import (
 from tf2_py import ExtrapolationException
 from tf2_ros import bag, urdf
 from tf2_ros.numpy import to_matrix
-from tf2_ros_tools.loading import hear
+from tf2_ros_tools.loading import hear, wanted
 
 pytestmark = pytest.mark.ours
 
@@ -288,7 +288,7 @@ class TestRecordings:
         messages, stamps, values = states(100)
         path = write_mcap(tmp_path / "run.mcap", messages)
         check(bag.load(path, urdf=ARM), stamps, values)
-        heard = hear(path, urdf=ARM)
+        heard = hear(path, wanted(urdf=ARM))
         moving = heard.records[heard.records["static"] == 0]
         assert moving["stamp_ns"].tolist() == np.repeat(stamps, len(FRAMES)).tolist()
         assert set(heard.publishers) == {"urdf", "/joint_states"}

@@ -43,9 +43,9 @@ class Deadly(WorkerPlugin):
     def setup(self, worker):
         hear = fleet.hear
 
-        def heard(path, **options):
+        def heard(path, *arguments, **options):
             if self.word in path:
                 os.kill(os.getpid(), signal.SIGKILL)
-            return hear(path, **options)
+            return hear(path, *arguments, **options)
 
         fleet.hear = heard

@@ -6,7 +6,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_ros_tools.cdr import (
+from tf2_ros_tools.reading import RawMessage
+from tf2_ros_tools.serialised import (
     EMPTY,
     Layout,
     Series,
@@ -16,7 +17,6 @@ from tf2_ros_tools.cdr import (
     pose_frames,
     tf_messages,
 )
-from tf2_ros_tools.reading import RawMessage
 from tf2_ros_tools.urdf import Robot
 
 Frames: TypeAlias = tuple[str, str]  # parent and child

@@ -5,7 +5,7 @@ import struct
 from collections.abc import Iterator
 from typing import Any, TypeAlias
 
-from tf2_ros_tools.cdr import EMPTY, Raw, tf_messages
+from tf2_ros_tools.serialised import EMPTY, Raw, tf_messages
 
 TYPES = ("foxglove.FrameTransform", "foxglove.FrameTransforms")
 ENCODINGS = ("protobuf", "json")

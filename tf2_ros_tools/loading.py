@@ -18,7 +18,6 @@ from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros.numpy import to_nanoseconds
 from tf2_ros.records import MessageSource, Recording, insert_messages, read_transforms
 from tf2_ros_tools import foxglove
-from tf2_ros_tools.cdr import Reader
 from tf2_ros_tools.converting import ODOMETRY, POSES, Frames, Joints, Poses, Source, converted
 from tf2_ros_tools.output import counted, first_names, printable
 from tf2_ros_tools.reading import (
@@ -33,6 +32,7 @@ from tf2_ros_tools.reading import (
     open_recording,
     stamps_of,
 )
+from tf2_ros_tools.serialised import Reader
 from tf2_ros_tools.urdf import Robot, UrdfError, fixed, parse
 from tf2_ros_tools.urdf import load as load_urdf
 

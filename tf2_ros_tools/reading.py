@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_ros_tools import cdr, foxglove
+from tf2_ros_tools import foxglove, serialised
 from tf2_ros_tools.output import counted, printable
 
 if TYPE_CHECKING:
@@ -535,10 +535,12 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
     return np.array(stamps, np.int64)
 
 
-def _stamp_ns(about: Topic, raw: cdr.Raw) -> int:
+def _stamp_ns(about: Topic, raw: serialised.Raw) -> int:
     if foxglove.is_stamped(about.msgtype, about.encoding):
         return foxglove.stamp_ns(about.encoding, raw)
-    reader = cdr.Reader(raw)  # begins behind four bytes: the encoding, in ROS 1 the `seq` of the header
+    reader = serialised.Reader(
+        raw
+    )  # begins behind four bytes: the encoding, in ROS 1 the `seq` of the header
     if about.encoding == "ros1":
         reader.order = "<"
     return reader.stamp_ns()

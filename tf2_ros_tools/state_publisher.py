@@ -18,9 +18,9 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from tf2_ros_tools.cdr import Layout, Series, joint_names, numbers_of, tf_messages
 from tf2_ros_tools.output import first_names
 from tf2_ros_tools.program import UsageError
+from tf2_ros_tools.serialised import Layout, Series, joint_names, numbers_of, tf_messages
 from tf2_ros_tools.urdf import fixed, parse
 
 S = 1_000_000_000

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tf2_ros.numpy import to_matrix
-from tf2_ros_tools.cdr import EMPTY, tf_messages
 from tf2_ros_tools.output import printable
+from tf2_ros_tools.serialised import EMPTY, tf_messages
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import TransformStamped

@@ -10,7 +10,7 @@ from reliability.fuzz.faults import Fault
 from tf2_py import BufferCore
 from tf2_ros.urdf import Robot, load
 from tf2_ros_tools import foxglove
-from tf2_ros_tools.cdr import (
+from tf2_ros_tools.serialised import (
     LITTLE_ENDIAN,
     Reader,
     Series,

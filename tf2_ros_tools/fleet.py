@@ -314,8 +314,6 @@ def local_workers(count: int) -> "Iterator[Client]":
     with needing("distributed", "fleet"):
         import dask
         from distributed import Client, LocalCluster
-    with needing("cryptography", "fleet"):
-        import cryptography  # noqa: F401
 
     settings = {
         # If a recording kills its worker, Dask must not suspect recordings that wait for the same worker.

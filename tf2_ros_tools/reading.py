@@ -70,11 +70,6 @@ def explained(error: Exception, path: str, where: str = "") -> Exception:
     # About bad data, bz2 raises an OSError without a number; a damaged length leads to an invalid position.
     if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL):
         return error
-    return broken(error, path, where)
-
-
-def broken(error: Exception, path: str, where: str = "") -> BagError:
-    """Make a BagError of an error that a file's bytes caused; ``where`` is a place in the file."""
     found = str(error).rstrip(".")
     if isinstance(error, MemoryError):
         found = "a part of it would need more memory than is available"
@@ -154,30 +149,31 @@ class Recorded:
         self.problems = problems
         self.partial = partial
         self._readers = readers
-        self.topics: dict[str, Topic] = {}
-        for reader in readers:
-            counts = _counts(reader)
-            for name in {one.topic for one in reader.connections}:
-                self._add_topic(name, reader.connections, counts[name])
+        counts = sum(map(_counts, readers), Counter())
+        found: dict[str, list[Connection]] = {}
+        for one in chain.from_iterable(reader.connections for reader in readers):
+            found.setdefault(one.topic, []).append(one)
+        self.topics = {
+            name: Topic(
+                name, " and ".join({one.msgtype: None for one in ours}), counts[name], _encoding(ours[0])
+            )
+            for name, ours in found.items()
+        }
         filled = [reader for reader in readers if reader.message_count]
         self.start_ns: int | None = min((reader.start_time for reader in filled), default=None)
         self.end_ns: int | None = max((reader.end_time - 1 for reader in filled), default=None)
-
-    def _add_topic(self, name: str, connections: "list[Connection]", count: int) -> None:
-        ours = [one for one in connections if one.topic == name]
-        types = {one.msgtype: None for one in ours}
-        known = self.topics.get(name)
-        if known is not None:
-            count += known.count
-            types = {**dict.fromkeys(known.msgtype.split(" and ")), **types}
-        self.topics[name] = Topic(name, " and ".join(types), count, _encoding(ours[0]))
 
     def connections(self, topic: str) -> "list[Connection]":
         """Get rosbags' connections of a topic, which may have several."""
         return [one for reader in self._readers for one in reader.connections if one.topic == topic]
 
     def messages(
-        self, names: Iterable[str], start_ns: int | None = None, end_ns: int | None = None
+        self,
+        names: Iterable[str],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+        *,
+        convert: bool = True,
     ) -> "Iterator[Messages]":
         """
         Yield the messages of some topics, file by file.
@@ -185,16 +181,8 @@ class Recorded:
         :param names: of the topics; topics that the recording does not have are ignored.
         :param start_ns: the log time of the first one; None: from the beginning.
         :param end_ns: the log time of the last one; None: to the end.
+        :param convert: whether messages of ROS 1 are converted to CDR.
         """
-        return self._messages(names, start_ns, end_ns, convert=True)
-
-    def stored(self, topic: str) -> Iterator[RawMessage]:
-        """Yield all messages of a topic as they are stored: messages of ROS 1 are not converted."""
-        return chain.from_iterable(self._messages([topic], None, None, convert=False))
-
-    def _messages(
-        self, names: Iterable[str], start_ns: int | None, end_ns: int | None, convert: bool
-    ) -> "Iterator[Messages]":
         wanted = set(names)
         stop = None if end_ns is None or end_ns >= LAST_NS else end_ns + 1
         for reader in self._readers:
@@ -527,7 +515,7 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
         if not stamped:
             raise BagError(f"{name}: {printable(about.msgtype)} does not begin with a {HEADER}")
     stamps: list[int] = []
-    for _, log_ns, raw in recorded.stored(topic):
+    for _, log_ns, raw in chain.from_iterable(recorded.messages([topic], convert=False)):
         try:
             stamps.append(_stamp_ns(about, raw))
         except ValueError as error:

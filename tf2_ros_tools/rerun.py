@@ -95,7 +95,7 @@ def log(
 
     rr.log(root, rr.CoordinateFrame(origin), static=True, **where)
     for name in sorted(shown | _above(samples, shown)):
-        path = f"{root}/{rr.escape_entity_path_part(name)}"
+        path = _path_of(rr, name, root)
         if name in shown:
             _log_axes(rr, path, name, axes, where)
         history = samples.get(name)
@@ -178,7 +178,8 @@ class Live:
         self._frames: set[str] = set()  # that have axes
         self._static: dict[str, bytes] = {}  # what was last logged of each
         self._sent_ns: dict[str, int] = {}  # of each moving frame, its newest stamp
-        self._trails: dict[str, _Trail | None] = dict.fromkeys(trails)
+        # Up to which stamp each was sent, and its last point, shape (1, 3).
+        self._trails: dict[str, tuple[int, NDArray[np.float64] | None]] = dict.fromkeys(trails, (0, None))
 
     def send(self) -> None:
         """Send what was inserted since the last call; if the clock jumped back, continue at the new time."""
@@ -189,16 +190,16 @@ class Live:
         moving = [one for one in samples.values() if not one.static and len(one.stamps_ns)]
         self._send_static([one for one in samples.values() if one.static])
         self._send_moving([_since(one, self._sent_ns) for one in moving])
-        for name, trail in self._trails.items():
-            if name in tree and trail is not None:
-                self._send_trail(name, trail, tree, samples)
+        for name in self._trails:
+            if name in tree:
+                self._send_trail(name, tree, samples)
 
     def _send_frames(self, tree: Mapping[str, Any]) -> None:
         rr = self._rr
         top = self._origin or _top_of(tree)
         if top != self._top:
             self._top = top
-            self._trails = {name: _Trail() for name in self._trails}
+            self._trails = dict.fromkeys(self._trails, (0, None))
             for path in (ROOT, *map(self._trail_path, self._trails)):
                 rr.log(path, rr.CoordinateFrame(top), static=True, **self._where)
             self._send_view()
@@ -228,26 +229,23 @@ class Live:
         )
         rr.send_columns(SAMPLES, [_times(rr, stamps[order])], columns, **self._where)
 
-    def _send_trail(
-        self, name: str, trail: _Trail, tree: Mapping[str, Any], samples: Mapping[str, History]
-    ) -> None:
-        chain = chain_between(tree, self._top or name, name) or []
-        stamps = [samples[one].stamps_ns for one in moving_on(tree, chain)]
+    def _send_trail(self, name: str, tree: Mapping[str, Any], samples: Mapping[str, History]) -> None:
+        top = self._top or name
+        stamps = [samples[one].stamps_ns for one in moving_on(tree, chain_between(tree, top, name) or [])]
         if not stamps:
             return
         stamps_ns = np.unique(np.concatenate(stamps))
-        if stamps_ns[-1] < trail.last_ns:
-            trail.last_ns, trail.last = 0, None
-        stamps_ns = stamps_ns[stamps_ns > trail.last_ns]
-        if not len(stamps_ns):
-            return
-        path = look_up(self._buffer, self._top or name, name, stamps_ns)
+        if len(stamps_ns) and stamps_ns[-1] < self._trails[name][0]:  # the clock jumped back
+            self._trails[name] = 0, None
+        last_ns, last = self._trails[name]
+        path = look_up(self._buffer, top, name, stamps_ns[stamps_ns > last_ns])
         points, times = path.translations[path.valid], path.stamps_ns[path.valid]
         if not len(times):
-            return  # a frame has no sample yet; the next call tries again
-        begin = points[:1] if trail.last is None else trail.last
-        strips = np.stack([np.concatenate([begin, points[:-1]]), points], axis=1)
-        trail.last_ns, trail.last = int(times[-1]), points[-1:]
+            return  # nothing is new, or a frame has no sample yet; the next call tries again
+        self._trails[name] = int(times[-1]), points[-1:]
+        strips = np.stack(
+            [np.concatenate([points[:1] if last is None else last, points[:-1]]), points], axis=1
+        )
         rr = self._rr
         look = {
             "radii": np.full(len(strips), TRAIL_RADIUS),
@@ -275,14 +273,6 @@ class Live:
     def _trail_path(self, name: str) -> str:
         # Each origin has its own trails.
         return "/".join((TRAILS, *map(self._rr.escape_entity_path_part, (self._top or "", name))))
-
-
-class _Trail:
-    """How far a trail was sent."""
-
-    def __init__(self) -> None:
-        self.last_ns = 0
-        self.last: NDArray[np.float64] | None = None  # its last point, shape (1, 3)
 
 
 def new_recording() -> RecordingStream:
@@ -375,8 +365,8 @@ def _rerun() -> Any:
     return rerun
 
 
-def _path_of(rr: Any, frame: str) -> str:
-    return f"{ROOT}/{rr.escape_entity_path_part(frame)}"
+def _path_of(rr: Any, frame: str, root: str = ROOT) -> str:
+    return f"{root}/{rr.escape_entity_path_part(frame)}"
 
 
 def _top_of(tree: Mapping[str, Any]) -> str:
@@ -397,12 +387,8 @@ def _since(history: History, sent_ns: dict[str, int]) -> History:
     if newest_ns < last_ns:
         return history  # the clock jumped back
     new = slice(int(np.searchsorted(history.stamps_ns, last_ns, "right")), None)
-    return history._replace(
-        parents=history.parents[new],
-        stamps_ns=history.stamps_ns[new],
-        translations=history.translations[new],
-        rotations=history.rotations[new],
-    )
+    columns = ("parents", "stamps_ns", "translations", "rotations")
+    return history._replace(**{name: getattr(history, name)[new] for name in columns})
 
 
 def _log_axes(rr: Any, path: str, frame: str, axes: float, where: Mapping[str, Any]) -> None:

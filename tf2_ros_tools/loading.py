@@ -28,7 +28,7 @@ from tf2_ros_tools.reading import (
     Recorded,
     is_static,
     listed,
-    needs,
+    needing,
     open_recording,
     stamps_of,
 )
@@ -514,12 +514,13 @@ def progress_bar(
         yield None
         return
     try:
-        from tqdm.auto import tqdm
-    except ModuleNotFoundError as missing:
-        if progress is None:
-            yield None
-            return
-        raise needs("tqdm", "bag") from missing
+        with needing("tqdm", "bag"):
+            from tqdm.auto import tqdm
+    except ModuleNotFoundError:
+        if progress:
+            raise
+        yield None
+        return
     # For tqdm, disable=None disables the bar unless stderr is a terminal.
     disable, delay = (None, BAR_AFTER_S) if progress is None else (False, 0.0)
     with tqdm(total=total, desc=name, unit=unit, delay=delay, disable=disable) as bar:

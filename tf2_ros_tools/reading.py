@@ -87,13 +87,6 @@ def listed(names: Iterable[str]) -> str:
     return ", ".join(printable(name) for name in sorted(set(names))) or "none"
 
 
-def needs(library: str, extra: str) -> ModuleNotFoundError:
-    """Make the error for a library that is not installed."""
-    return ModuleNotFoundError(
-        f"{library} is not installed: pip install 'tf2-ros-cython[{extra}]'", name=library
-    )
-
-
 @contextmanager
 def needing(library: str, extra: str) -> Iterator[None]:
     """In a ``with`` statement around an import: if the library is missing, raise what to install."""
@@ -102,7 +95,8 @@ def needing(library: str, extra: str) -> Iterator[None]:
     except ModuleNotFoundError as missing:
         if (missing.name or "").partition(".")[0] != library:
             raise
-        raise needs(library, extra) from missing
+        text = f"{library} is not installed: pip install 'tf2-ros-cython[{extra}]'"
+        raise ModuleNotFoundError(text, name=library) from missing
 
 
 # How a file begins, by its extension.
@@ -460,15 +454,12 @@ def _allow_any_order(reader: Reader) -> None:
 
 def _broken_file(path: Path) -> BagError | None:
     # rosbags does not say which file of a folder it could not open.
-    if not path.is_dir() or not (path / "metadata.yaml").exists():
-        return None
-    for one in sorted(path.iterdir()):
-        if one.suffix in MAGICS:
-            try:
-                with _opened(one):
-                    pass
-            except BagError as error:
-                return error
+    for one in _files(path) if path.is_dir() and (path / "metadata.yaml").exists() else ():
+        try:
+            with _opened(one):
+                pass
+        except BagError as error:
+            return error
     return None
 
 

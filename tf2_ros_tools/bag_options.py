@@ -77,10 +77,11 @@ def recorded_of(options: Namespace) -> Iterator[Recorded]:
         yield recorded
 
 
-def heard_of(options: Namespace) -> Heard:
+def heard_of(options: Namespace, at: str | None = None) -> Heard:
     """
     Read the transforms of the recording; standard error shows what ``--partial`` loses.
 
+    :param at: a topic whose stamps are read, too.
     :raises UsageError: ``--end`` is before ``--start``, or one of them does not fit into 64 bits.
     :raises RunError: it cannot be read.
     :raises BagError: it is broken.
@@ -94,7 +95,7 @@ def heard_of(options: Namespace) -> Heard:
         raise UsageError("--end must not be before --start")
     with reported_files(options.file):
         what = wanted(topics_of(options), options.start, options.end)
-        heard = hear(options.file, what, partial=options.partial)
+        heard = hear(options.file, what, at=at, partial=options.partial)
     if heard.problem is not None:
         print(f"{options.parser.prog}: {printable(heard.problem)}", file=sys.stderr)
     if heard.end_ns is not None and options.end is not None:

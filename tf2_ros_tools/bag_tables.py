@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from tf2_ros_tools.bag_options import (
     add_topics,
     heard_of,
-    recorded_of,
     reported_files,
     topics_of,
 )
@@ -113,9 +112,11 @@ def lookup(options: Namespace) -> int:
     if options.output is None and kind not in TEXTS:
         raise UsageError(f"--{kind} needs a file: -o FILE")
     times_ns = None if options.times is None else _given_times(options.times)
-    heard = heard_of(options)
+    heard = heard_of(options, options.at)
+    if options.at is not None:
+        times_ns = heard.times_ns
     try:
-        table = _table(options, heard, times_ns)
+        table = tables.look_up_when(heard, options.target, options.source, times_ns, options.rate)
     except ValueError as failure:
         raise RunError(str(failure)) from None
     if not table.valid.any():
@@ -187,16 +188,6 @@ def _format_of(options: Namespace) -> str:
             f"-o {printable(options.output)} must end in {listed_endings(*FORMATS)}, or say {formats}"
         )
     return ending
-
-
-def _table(options: Namespace, heard: Heard, times_ns: NDArray[np.int64] | None) -> Table:
-    from tf2_ros_tools.reading import stamps_of
-    from tf2_ros_tools.tables import look_up_when
-
-    if options.at is not None:
-        with recorded_of(options) as recorded:
-            times_ns = stamps_of(recorded, options.at)
-    return look_up_when(heard, options.target, options.source, times_ns, options.rate)
 
 
 def _refuse(heard: Heard, options: Namespace, table: Table) -> None:

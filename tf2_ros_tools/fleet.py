@@ -13,13 +13,12 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tf2_py import BufferCore, LookupException, TransformException
 from tf2_ros_tools.findings import report
 from tf2_ros_tools.loading import TOPICS, Heard, PoseTopics, Topics, Urdfs, Wanted, hear, progress_bar, wanted
 from tf2_ros_tools.output import counted, printable, remove_abandoned, write_whole
-from tf2_ros_tools.reading import SUFFIXES, BagError, needing, open_recording, stamps_of
+from tf2_ros_tools.reading import SUFFIXES, BagError, needing
 from tf2_ros_tools.tables import Table, as_parquet, check_rate, look_up_frames, look_up_when
 
 if TYPE_CHECKING:
@@ -207,14 +206,13 @@ def _file(path: str) -> list[Any]:
 
 def looked_up(request: Request, recording: str) -> tuple[Heard, Table, list[Row]]:
     """Read a recording, and look up what is requested; the rows list the problems."""
-    heard = hear(recording, request.what, partial=request.partial, progress=False)
+    heard = hear(recording, request.what, at=request.at, partial=request.partial, progress=False)
     found = [] if heard.problem is None else [_row(recording, "partial", heard.problem)]
     if isinstance(request.source, str):
         answers, lacks = _one_frame(request, request.source, recording, heard)
     else:
-        times_ns = _stamps(request, recording)
-        assert times_ns is not None
-        answers, reasons = look_up_frames(heard.buffer, request.target, request.source, times_ns)
+        assert heard.times_ns is not None
+        answers, reasons = look_up_frames(heard.buffer, request.target, request.source, heard.times_ns)
         lacks = [_row(recording, "lookup", reason, frame) for frame, reason in reasons.items()]
     missing = len(answers) - int(answers.answered.sum())
     if not lacks and (missing or not len(answers)):
@@ -225,20 +223,13 @@ def looked_up(request: Request, recording: str) -> tuple[Heard, Table, list[Row]
 
 def _one_frame(request: Request, source: str, recording: str, heard: Heard) -> tuple[Table, list[Row]]:
     try:
-        table = look_up_when(heard, request.target, source, _stamps(request, recording), request.rate)
+        table = look_up_when(heard, request.target, source, heard.times_ns, request.rate)
         if not table.valid.any():
             # Raises the reason, if there is one.
             heard.buffer.lookup_transform_core(request.target, source, 0)
     except TransformException as error:
         return Table(np.zeros(0, np.int64), np.zeros((0, 7))), [_row(recording, "lookup", str(error))]
     return table, []
-
-
-def _stamps(request: Request, recording: str) -> NDArray[np.int64] | None:
-    if request.at is None:
-        return None
-    with open_recording(recording, partial=request.partial) as recorded:
-        return stamps_of(recorded, request.at)
 
 
 def _summary(recording: str, heard: Heard, table: Table) -> Row:

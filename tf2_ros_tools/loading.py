@@ -452,7 +452,8 @@ class Heard:
     ``records`` is an array of :data:`tf2_ros.records.RECORD`, in the order of the log times, which are its
     times of reception. Its ids are indices into ``frames`` and ``publishers``; a publisher is the name of a
     topic. ``start_ns`` and ``end_ns`` are the first and the last log time of all topics; None if there are no
-    messages. ``problem`` says what could not be read, or is None.
+    messages. ``problem`` says what could not be read, or is None. ``times_ns`` are the stamps of the topic
+    whose stamps were asked for, or None.
     """
 
     buffer: "Buffer"
@@ -462,12 +463,14 @@ class Heard:
     start_ns: int | None
     end_ns: int | None
     problem: str | None
+    times_ns: NDArray[np.int64] | None
 
 
 def hear(
     path: "str | PathLike[str]",
     what: Wanted | None = None,
     *,
+    at: str | None = None,
     partial: bool = False,
     progress: bool | None = None,
 ) -> Heard:
@@ -475,6 +478,7 @@ def hear(
     Read a recording as :func:`tf2_ros.bag.load` does, and record each transform.
 
     :param what: None: the transforms on TOPICS.
+    :param at: a topic whose stamps are read, too; see :func:`tf2_ros.bag.stamps`.
     """
     buffer = new_buffer(None)
     recording = Recording()
@@ -483,6 +487,7 @@ def hear(
         fill_buffer(
             buffer, recorded, what or wanted(), progress=progress, recording=recording, records=pieces
         )
+        times_ns = None if at is None else stamps_of(recorded, at)
     records = np.concatenate([*pieces, recording.take()])
     records = records[np.argsort(records["received_ns"], kind="stable")]
     publishers = [name.decode() for name in recording.publishers()]
@@ -494,6 +499,7 @@ def hear(
         recorded.start_ns,
         recorded.end_ns,
         "; ".join(recorded.problems) or None,
+        times_ns,
     )
 
 

@@ -14,7 +14,6 @@ from tf2_ros_tools.program import Parser, RunError, UsageError, nanoseconds
 
 if TYPE_CHECKING:
     from tf2_ros_tools.loading import Heard, Topics
-    from tf2_ros_tools.reading import Recorded
 
 
 def add_recording(made: Parser) -> None:
@@ -61,20 +60,6 @@ def topics_of(options: Namespace) -> Topics:
     from tf2_ros_tools.loading import TOPICS
 
     return TOPICS if options.topics is None else dict(options.topics)
-
-
-@contextmanager
-def recorded_of(options: Namespace) -> Iterator[Recorded]:
-    """
-    Open the recording, for a ``with`` statement.
-
-    :raises RunError: it cannot be read.
-    :raises BagError: it is broken.
-    """
-    from tf2_ros_tools.reading import open_recording
-
-    with reported_files(options.file), open_recording(options.file, partial=options.partial) as recorded:
-        yield recorded
 
 
 def heard_of(options: Namespace, at: str | None = None) -> Heard:

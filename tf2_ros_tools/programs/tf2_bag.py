@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, replace
 from datetime import datetime, timezone
 from typing import TYPE_CHECKING, NamedTuple
 
-from tf2_ros_tools.bag_options import add_recording, heard_of, recorded_of
+from tf2_ros_tools.bag_options import add_recording, heard_of, reported_files
 from tf2_ros_tools.bag_tables import add_batch, add_lookup, batch, lookup
 from tf2_ros_tools.output import counted, printable, readable_size, three_digits
 from tf2_ros_tools.program import (
@@ -69,8 +69,9 @@ class Contents:
 def info(options: Namespace) -> int:
     """Print the contents of a recording; return the exit status."""
     from tf2_ros_tools.findings import report, stream_line
+    from tf2_ros_tools.reading import open_recording
 
-    with recorded_of(options) as recorded:
+    with reported_files(options.file), open_recording(options.file, partial=options.partial) as recorded:
         contents = Contents(
             options.file,
             _size_of(options.file),

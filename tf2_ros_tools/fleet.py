@@ -175,8 +175,8 @@ def done_before(request: Request, recording: str, table: str) -> list[Row] | Non
     try:
         with open(table, "rb") as file:
             content = json.loads((parquet.read_metadata(file).metadata or {})[KEY])
-        found: list[Row] = content.pop("found")
-        return found if content == _what(request, _state(recording)) else None
+        found: list[Row] = content["found"]
+        return found if content == {**_what(request, _state(recording)), "found": found} else None
     except (OSError, ArrowException, KeyError, TypeError, ValueError):
         return None  # no table, a table of another program, or a damaged one: it is written again
 
@@ -266,24 +266,25 @@ def outcomes(
     :param tables: maps recordings to the paths of their tables.
     :raises ModuleNotFoundError: a library is not installed in this process or in a worker.
     """
-    if scheduler is None and (workers == 1 or len(tables) < 2):
+    if scheduler is not None:
+        with _connected(scheduler) as client:
+            yield from _on_cluster(request, tables, client)
+        return
+    if workers is None and len(tables) > 1:
+        with needing("dask", "fleet"):
+            import dask  # noqa: F401
+            from dask.system import CPU_COUNT  # knows the limits of a container
+        workers = int(CPU_COUNT)
+    count = min(workers or 1, len(tables))
+    if count < 2:
         yield from _here(request, tables)
         return
-    with _client(workers, scheduler, len(tables)) as client:
+    with local_workers(count) as client:
         yield from _on_cluster(request, tables, client)
 
 
 @contextmanager
-def _client(workers: int | None, scheduler: "str | Client | None", most: int) -> "Iterator[Client]":
-    if scheduler is None:
-        if workers is None:
-            with needing("dask", "fleet"):
-                import dask  # noqa: F401
-                from dask.system import CPU_COUNT  # knows the limits of a container
-            workers = int(CPU_COUNT)
-        with local_workers(min(workers, most)) as client:
-            yield client
-        return
+def _connected(scheduler: "str | Client") -> "Iterator[Client]":
     with needing("distributed", "fleet"):
         from distributed import Client
     if isinstance(scheduler, Client):
@@ -305,6 +306,8 @@ def local_workers(count: int) -> "Iterator[Client]":
     with needing("distributed", "fleet"):
         import dask
         from distributed import Client, LocalCluster
+    with needing("cryptography", "fleet"):
+        import cryptography  # noqa: F401  # Dask's own error would not name the extra
 
     settings = {
         # If a recording kills its worker, Dask must not suspect recordings that wait for the same worker.

@@ -23,7 +23,7 @@ from tf2_py import History as History
 from tf2_ros import buffer, buffer_interface
 from tf2_ros._messages import Header, PoseStamped, TransformStamped
 from tf2_ros._messages import format_transform as format_transform
-from tf2_ros._shared.names import SharedBufferError as SharedBufferError
+from tf2_ros._shared.naming import SharedBufferError as SharedBufferError
 from tf2_ros._tf2_names import (
     Any,
     Callable,

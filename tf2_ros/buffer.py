@@ -10,7 +10,7 @@ from tf2_py._internal import FOR_EVER_NS, log, policy_of, timeout_ns
 from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros._arguments import has, is_duration, refuse_swapped
 from tf2_ros._messages import TransformStamped
-from tf2_ros._shared.names import buffer_name, domain_of, require_linux
+from tf2_ros._shared.naming import buffer_name, domain_of, require_linux
 from tf2_ros._tf2_names import (
     Callable,
     FrameGraphSrvRequest,
@@ -24,7 +24,7 @@ from tf2_ros._tf2_names import (
     tf2_ros,
     threading,
 )
-from tf2_ros._wait.lookup import BlockingWait, Lookup
+from tf2_ros._wait.blocking import BlockingWait, Lookup
 from tf2_ros.buffer_interface import NO_TIMEOUT, AnsweringInterface
 from tf2_ros_cython._presence import HAS_ROS, absence
 

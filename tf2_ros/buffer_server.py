@@ -27,9 +27,9 @@ from tf2_py import (
 from tf2_py._internal import bad_name, is_invalid_name, timeout_ns
 from tf2_ros._arguments import has, is_a, is_name, refuse_swapped
 from tf2_ros._qos import lookup_qos
+from tf2_ros._wait.blocking import Lookup
 from tf2_ros._wait.callbacks import CallbackQueue
 from tf2_ros._wait.futures import TransformFuture
-from tf2_ros._wait.lookup import Lookup
 
 __all__ = ["BufferServer"]
 

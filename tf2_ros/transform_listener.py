@@ -26,7 +26,7 @@ from tf2_ros._rcl import problem
 from tf2_ros._rclpy import RCLError, context_was_shut_down, has_callback_groups
 from tf2_ros._receive.receiver import ListenerGroup, Receiver, can_receive, wake_executor
 from tf2_ros._receive.reception import ReceivedTopic, Reception
-from tf2_ros._shared.names import is_wanted
+from tf2_ros._shared.naming import is_wanted
 from tf2_ros._tf2_names import (
     DurabilityPolicy,
     HistoryPolicy,

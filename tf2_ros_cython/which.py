@@ -180,7 +180,7 @@ def _shared_buffer(folder: Path | None) -> str:
         return f"{wanted} has no effect: buffers are shared only on Linux"
     try:
         # Imported only now, because most programs do not need them.
-        names = importlib.import_module("tf2_ros._shared.names")
+        names = importlib.import_module("tf2_ros._shared.naming")
         attachment = importlib.import_module("tf2_ros._shared.attachment")
     except ImportError as error:
         return f"{wanted} is not looked for, because tf2_ros does not load: {error}"

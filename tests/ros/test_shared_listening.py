@@ -17,7 +17,7 @@ from sharing import new_name
 from spinning import spinning
 
 from tf2_ros import Buffer, MessageFilter, SharedBufferError, TransformListener
-from tf2_ros._shared.names import segment_path
+from tf2_ros._shared.naming import segment_path
 
 pytestmark = pytest.mark.ours
 

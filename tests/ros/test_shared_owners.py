@@ -22,7 +22,7 @@ from repetitions import times
 from sharing import LINKS, Owner, is_sound, links, new_name, pair
 
 from tf2_ros import Buffer, SharedBufferError
-from tf2_ros._shared.names import segment_path
+from tf2_ros._shared.naming import segment_path
 from tf2_ros._shared.owner import Owner as Sharer
 
 pytestmark = pytest.mark.ours

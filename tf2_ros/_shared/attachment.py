@@ -11,7 +11,7 @@ from tf2_py._internal import log
 from tf2_ros._forking import register_for_fork
 from tf2_ros._receive.inboxes import END_WAIT_S, add_inbox, check_regularly, threads
 from tf2_ros._shared.files import Description, describe_owner, is_owned, open_file
-from tf2_ros._shared.names import SharedBufferError, wanted_name
+from tf2_ros._shared.naming import SharedBufferError, wanted_name
 from tf2_ros._shared.owner import Owner
 from tf2_ros._shared.ring import RingInbox
 from tf2_ros_cython._presence import HAS_ROS

@@ -17,7 +17,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from tf2_ros._shared.names import FOLDER, SharedBufferError, segment_path
+from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path
 from tf2_ros._shared.ring import owner_of, read_text
 
 __all__ = ["Description", "describe_owner", "is_owned", "make_file", "open_file", "publish"]

@@ -13,7 +13,7 @@ from tf2_py._internal import log
 from tf2_ros._forking import LiveObjects
 from tf2_ros._receive.inboxes import check_regularly
 from tf2_ros._shared.files import Description, make_file, publish
-from tf2_ros._shared.names import SharedBufferError, segment_path
+from tf2_ros._shared.naming import SharedBufferError, segment_path
 from tf2_ros._shared.ring import RingWriter
 
 __all__ = ["Owner"]

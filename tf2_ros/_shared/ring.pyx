@@ -169,7 +169,7 @@ cdef Head* map_head(int descriptor, uint32_t* lost) except NULL:
     return <Head*>made
 
 
-include "parts/owner.pyx"
+include "parts/writer.pyx"
 include "parts/reader.pyx"
 
 

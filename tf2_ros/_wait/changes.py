@@ -9,9 +9,9 @@ from rclpy.time import Time
 
 from tf2_py import BufferCore, TimeoutException
 from tf2_ros._nodes import Shutdown
+from tf2_ros._wait.blocking import Lookup
 from tf2_ros._wait.callbacks import queue_of
 from tf2_ros._wait.futures import TransformFuture
-from tf2_ros._wait.lookup import Lookup
 
 
 class _NextChange(Lookup):

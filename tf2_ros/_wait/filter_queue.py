@@ -13,8 +13,8 @@ from typing import Any, Generic, TypeVar
 from tf2_py import BufferCore, TransformException
 from tf2_py._internal import frame_name, time_ns
 from tf2_ros._forking import register_for_fork
+from tf2_ros._wait.blocking import LongWait, Lookup, report_if_long
 from tf2_ros._wait.futures import WakingFuture
-from tf2_ros._wait.lookup import LongWait, Lookup, report_if_long
 from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer import Buffer
 

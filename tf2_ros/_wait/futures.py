@@ -20,8 +20,8 @@ from tf2_ros._arguments import optional_timeout_ns
 from tf2_ros._forking import FORKED, LOCK, generation
 from tf2_ros._nodes import Shutdown
 from tf2_ros._rclpy import HookedFuture, is_in_step, only_wakes_executor, running_task, task_executor
+from tf2_ros._wait.blocking import POLL_PERIOD_S, LongWait, Lookup, report_if_long
 from tf2_ros._wait.callbacks import call_all, queue_of
-from tf2_ros._wait.lookup import POLL_PERIOD_S, LongWait, Lookup, report_if_long
 from tf2_ros._wait.timers import deadlines
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from reliability.fuzz.faults import answers, ask
 from reliability.fuzz.reading import Input
 from reliability.fuzz.targets import cdr_ros
 from tf2_ros import Buffer, SharedBufferError
-from tf2_ros._shared.names import segment_path
+from tf2_ros._shared.naming import segment_path
 
 _numbers = itertools.count()
 # As in tf2_ros/_shared/ring.pyx: the head, the board, the description, the ring.

@@ -10,7 +10,7 @@ from processes import DEADLINE_S, start, until
 from rclpy.time import Time
 
 import tf2_ros
-from tf2_ros._wait import lookup as waits
+from tf2_ros._wait import blocking as waits
 
 pytestmark = pytest.mark.ours
 

@@ -17,7 +17,7 @@ from serving import Tf2, serve, time_paced
 from tf2_ros import Buffer, TransformListener
 
 S = 1_000_000_000
-DISCOVERY_S = 20
+DISCOVERY_S = 60
 HISTORY_S = 0.8  # to look up in
 
 

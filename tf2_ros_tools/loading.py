@@ -1,7 +1,6 @@
 """Load recordings into buffers, and read their transforms, stamps and records."""
 
 import warnings
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,7 +18,7 @@ from tf2_ros.numpy import to_nanoseconds
 from tf2_ros.records import MessageSource, Recording, insert_messages, read_transforms
 from tf2_ros_tools import foxglove
 from tf2_ros_tools.converting import ODOMETRY, POSES, Frames, Joints, Poses, Source, converted
-from tf2_ros_tools.output import counted, first_names, printable
+from tf2_ros_tools.output import first_names, printable
 from tf2_ros_tools.reading import (
     TF_TYPES,
     BagError,
@@ -229,14 +228,13 @@ def fill_buffer(
     """
     sources = sources_of(recorded, what)
     robots = {topic: robot or _described(recorded, topic) for topic, robot in what.robots.items()}
-    unread = Unread(recorded)
     topics = [*(one.topic for one in sources), *(one for one in what.others if one in recorded.topics)]
     total = None if what.limited else sum(recorded.topics[topic].count for topic in topics)
     with progress_bar(recorded.path, total, " messages", progress) as count:
         insert = bound(
             insert_messages,
             buffer,
-            on_malformed=unread.add,
+            on_malformed=recorded.unreadable,
             recording=recording,
             records=records,
             progress=count,
@@ -249,7 +247,7 @@ def fill_buffer(
         def insert_converted(sources: Mapping[str, Source]) -> int:
             return sum(
                 insert(
-                    converted(messages.raw, sources, unread.add),
+                    converted(messages.raw, sources, recorded.unreadable),
                     [*map(MessageSource, sources)],
                     on_broken=messages.explain,
                     least=messages.least,
@@ -272,7 +270,6 @@ def fill_buffer(
         read += insert_converted(joints)
         for topic, one in joints.items():
             _check_joints(recorded, topic, one)
-    unread.end()
     if total and not read and not recorded.problems:
         raise BagError(
             f"{printable(recorded.path)}: its metadata.yaml lists {total} messages of"
@@ -310,28 +307,6 @@ def _check_joints(recorded: Recorded, topic: str, states: Joints) -> None:
         raise BagError(f"{where}: its joint states have names, but no positions")
     found, expected = first_names(states.names), first_names(own)
     raise BagError(f"{where}: its joints, {found}, are not those of the URDF, {expected}")
-
-
-class Unread:
-    """Collects messages that cannot be read; raises an error, unless the recording is read in part."""
-
-    def __init__(self, recorded: Recorded) -> None:
-        self._recorded = recorded
-        self._counts: Counter[str] = Counter()
-        self._first: dict[str, str] = {}
-
-    def add(self, topic: str, log_ns: int, error: ValueError) -> None:
-        text = f"{printable(self._recorded.path)}, topic {printable(topic)}, log time {log_ns} ns: {error}"
-        if not self._recorded.partial:
-            raise BagError(text) from error
-        self._first.setdefault(topic, text)
-        self._counts[topic] += 1
-
-    def end(self) -> None:
-        """List what was collected as problems of the recording."""
-        for topic, text in self._first.items():
-            more = self._counts[topic] - 1
-            self._recorded.problems.append(f"{text}, and {counted(more, 'later message')}" if more else text)
 
 
 def sources_of(recorded: Recorded, what: Wanted) -> list[MessageSource]:
@@ -430,17 +405,15 @@ def _transforms(
 ) -> "Iterator[tuple[int, bool, TransformStamped]]":
     with open_recording(path, partial=partial) as recorded:
         sources = {one.topic: one for one in sources_of(recorded, what)}
-        unread = Unread(recorded)
         for connection, log_ns, raw in chain.from_iterable(passes(recorded, [*sources.values()], what)):
             topic = connection.topic
             try:
                 found = read_transforms(raw, sources[topic])
             except ValueError as error:
-                unread.add(topic, log_ns, error)
+                recorded.unreadable(topic, log_ns, error)
                 continue
             for transform in found:
                 yield log_ns, is_static(topic), transform
-        unread.end()
     warn_of(recorded)
 
 

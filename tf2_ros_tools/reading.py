@@ -134,14 +134,16 @@ class Recorded:
     An open recording.
 
     ``path`` is its path, ``topics`` maps the names to a :class:`Topic` each, ``start_ns`` and ``end_ns`` are
-    the log times of its first and last message of any topic; None if it has no messages. ``problems`` lists
-    what could not be read, if ``partial`` allows that.
+    the log times of its first and last message of any topic; None if it has no messages.
     """
 
     def __init__(self, path: str, readers: list[Reader], partial: bool, problems: list[str]) -> None:
         self.path = path
-        self.problems = problems
-        self.partial = partial
+        self._partial = partial
+        self._problems = problems
+        # By topic: the first message that cannot be read, and how many there are.
+        self._unreadable: dict[str, str] = {}
+        self._counts: Counter[str] = Counter()
         self._readers = readers
         counts = sum(map(_counts, readers), Counter())
         found: dict[str, list[Connection]] = {}
@@ -156,6 +158,39 @@ class Recorded:
         filled = [reader for reader in readers if reader.message_count]
         self.start_ns: int | None = min((reader.start_time for reader in filled), default=None)
         self.end_ns: int | None = max((reader.end_time - 1 for reader in filled), default=None)
+
+    @property
+    def problems(self) -> list[str]:
+        """What could not be read until now, if the recording is read in part."""
+        problems = self._problems.copy()
+        for topic, text in self._unreadable.items():
+            more = self._counts[topic] - 1
+            problems.append(f"{text}, and {counted(more, 'later message')}" if more else text)
+        return problems
+
+    def broken(self, error: Exception, path: str, where: str) -> Exception | None:
+        """
+        Note that reading ended with an error.
+
+        :return: what to raise instead; None if the recording is read in part.
+        """
+        told = explained(error, path, where)
+        if not self._partial or not isinstance(told, BagError):
+            return told
+        self._problems.append(told.found)
+        return None
+
+    def unreadable(self, topic: str, log_ns: int, error: ValueError) -> None:
+        """
+        Note that one message cannot be read.
+
+        :raises BagError: unless the recording is read in part.
+        """
+        text = f"{printable(self.path)}, topic {printable(topic)}, log time {log_ns} ns: {error}"
+        if not self._partial:
+            raise BagError(text) from error
+        self._unreadable.setdefault(topic, text)
+        self._counts[topic] += 1
 
     def connections(self, topic: str) -> "list[Connection]":
         """Get rosbags' connections of a topic, which may have several."""
@@ -217,11 +252,7 @@ class Messages:
         :param last_ns: the log time of the last message before, or None.
         """
         after = ", at the beginning" if last_ns is None else f", after log time {last_ns} ns"
-        told = explained(error, self._path, self._topics + after)
-        if not self._recorded.partial or not isinstance(told, BagError):
-            return told
-        self._recorded.problems.append(told.found)
-        return None
+        return self._recorded.broken(error, self._path, self._topics + after)
 
     def __iter__(self) -> Iterator[RawMessage]:
         last_ns, count = None, 0
@@ -491,7 +522,7 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
     of Foxglove.
 
     :return: nanoseconds, in the order of the recording.
-    :raises BagError: the topic does not exist, its messages begin with something else, or one is too short.
+    :raises BagError: the topic does not exist, its messages begin with something else, or one cannot be read.
     """
     name = f"{printable(recorded.path)}, topic {printable(topic)}"
     if topic not in recorded.topics:
@@ -510,16 +541,15 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
         try:
             stamps.append(_stamp_ns(about, raw))
         except ValueError as error:
-            raise BagError(f"{name}, log time {log_ns} ns: {error}") from error
+            recorded.unreadable(topic, log_ns, error)
     return np.array(stamps, np.int64)
 
 
 def _stamp_ns(about: Topic, raw: serialised.Raw) -> int:
     if foxglove.is_stamped(about.msgtype, about.encoding):
         return foxglove.stamp_ns(about.encoding, raw)
-    reader = serialised.Reader(
-        raw
-    )  # begins behind four bytes: the encoding, in ROS 1 the `seq` of the header
+    # It begins behind four bytes: the encoding, in ROS 1 the `seq` of the header.
+    reader = serialised.Reader(raw)
     if about.encoding == "ros1":
         reader.order = "<"
     return reader.stamp_ns()

@@ -611,6 +611,16 @@ def test_malformed_messages_are_named_and_left_out(tmp_path):
         bag.load(path, partial=True)
 
 
+def test_messages_without_a_stamp_are_named_and_left_out(tmp_path):
+    good = scan(100 * S, 90 * S)
+    path = write_mcap(tmp_path / "run.mcap", [good, good._replace(log_ns=101 * S, content=b"")])
+    text = "run.mcap, topic /scan, log time 101000000000 ns: "
+    with pytest.raises(bag.BagError, match=text):
+        bag.stamps(path, "/scan")
+    with pytest.warns(bag.BagWarning, match=text):
+        assert bag.stamps(path, "/scan", partial=True).tolist() == [90 * S]
+
+
 def test_a_folder_whose_recorder_was_not_ended(tmp_path):
     path = write_split(tmp_path / "run", DRIVE)
     (path / "metadata.yaml").unlink()

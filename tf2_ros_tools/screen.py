@@ -123,8 +123,9 @@ class _Screen(App[None]):
         Binding("n", "sort('name')", "Name", tooltip="Sort by name"),
         Binding("r", "sort('rate')", "Rate", tooltip="Sort by rate, the highest first"),
         Binding("d", "sort('delay')", "Delay", tooltip="Sort by delay, the longest first"),
-        # Of the screen as a whole: otherwise the keys that follow at once would miss the filter.
+        # Of the screen as a whole: otherwise the keys that follow at once would miss the filter, or reach it.
         Binding("slash", "filter", "Filter", key_display="/", priority=True),
+        Binding("enter", "leave_filter", show=False, priority=True),
         Binding("escape", "show_all", show=False),
         Binding("q", "quit", "Quit"),
         Binding("ctrl+c", "quit", show=False, priority=True),
@@ -195,9 +196,14 @@ class _Screen(App[None]):
         self.query_one(Input).display = True
         self.screen.set_focus(self.query_one(Input))
 
+    def action_leave_filter(self) -> None:
+        self.screen.set_focus(self.query_one(DataTable))
+        self._hide_unused_filter()
+
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool:
-        # In the filter, a slash is a letter.
-        return not (action == "filter" and self.focused is self.query_one(Input))
+        # In the filter, a slash is a letter. Outside it, Enter is a key of the table.
+        is_in_filter = self.focused is self.query_one(Input)
+        return {"filter": not is_in_filter, "leave_filter": is_in_filter}.get(action, True)
 
     def action_show_all(self) -> None:
         self.query_one(Input).value = ""
@@ -205,11 +211,12 @@ class _Screen(App[None]):
         self.query_one(DataTable).focus()
 
     def on_input_changed(self) -> None:
+        self._hide_unused_filter()  # it may have been left before its last letters arrive
         self._show()
 
-    def on_input_submitted(self) -> None:
-        self.query_one(Input).display = bool(self.query_one(Input).value)
-        self.query_one(DataTable).focus()
+    def _hide_unused_filter(self) -> None:
+        filter = self.query_one(Input)
+        filter.display = self.focused is filter or bool(filter.value)
 
     def on_resize(self, _: Resize) -> None:
         self._show()

@@ -143,15 +143,19 @@ class TestKeys:
     def test_a_filter_is_set_and_removed(self, talker):
         with monitor((80, 24)) as terminal:
             terminal.shows(lambda lines: len(names(lines)) >= 8)
-            # At once, as a paste: no key goes astray while the filter opens.
-            terminal.press("/WHEEL_1")
-            terminal.shows(lambda lines: names(lines) == NAMES[10:])
-            terminal.press(ENTER)
-            terminal.press("n")
-            terminal.press("n")
+            # At once, as a paste: no key goes astray while the filter opens or is left.
+            terminal.press(f"/WHEEL_1{ENTER}nn")
             terminal.shows(lambda lines: names(lines) == NAMES[:9:-1])
             terminal.press(ESCAPE)
             terminal.shows(lambda lines: NAMES[8] in names(lines))
+
+    def test_an_empty_filter_is_not_shown(self, talker):
+        with monitor((80, 24)) as terminal:
+            terminal.shows(names)
+            terminal.press("/")
+            terminal.shows(lambda lines: any("part of a frame" in line for line in lines))
+            terminal.press(ENTER)
+            terminal.shows(lambda lines: not any("part of a frame" in line for line in lines))
 
     def test_a_highlighted_frame_is_described(self, talker):
         with monitor((45, 24)) as terminal:

@@ -20,7 +20,7 @@ from tf2_py import (
 )
 from tf2_py import FrameInfo as FrameInfo
 from tf2_py import History as History
-from tf2_ros import buffer, buffer_interface
+from tf2_ros import _on_use, buffer, buffer_interface
 from tf2_ros._messages import Header, PoseStamped, TransformStamped
 from tf2_ros._messages import format_transform as format_transform
 from tf2_ros._shared.naming import SharedBufferError as SharedBufferError
@@ -61,17 +61,10 @@ if TYPE_CHECKING or HAS_ROS:
     from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, Vector3Stamped
     from rclpy.duration import Duration
     from rclpy.time import Time
-    from sensor_msgs.msg import PointCloud2
 
-    from tf2_msgs.action import LookupTransform
     from tf2_msgs.msg import TFMessage
     from tf2_msgs.srv import FrameGraph
-    from tf2_ros import (
-        buffer_client,
-        static_transform_broadcaster,
-        transform_broadcaster,
-        transform_listener,
-    )
+    from tf2_ros import static_transform_broadcaster, transform_broadcaster, transform_listener
     from tf2_ros._tf2_names import (
         Clock,
         DurabilityPolicy,
@@ -86,11 +79,6 @@ if TYPE_CHECKING or HAS_ROS:
         builtin_interfaces,
         rclpy,
     )
-    from tf2_ros.buffer_client import ActionClient, BufferClient
-    from tf2_ros.buffer_interface import MsgStamped, TransformableObject
-    from tf2_ros.buffer_server import BufferServer as BufferServer
-    from tf2_ros.message_filter import FilterFailureReason as FilterFailureReason
-    from tf2_ros.message_filter import MessageFilter as MessageFilter
     from tf2_ros.static_transform_broadcaster import StaticTransformBroadcaster
     from tf2_ros.transform_broadcaster import TransformBroadcaster
     from tf2_ros.transform_listener import (
@@ -99,8 +87,17 @@ if TYPE_CHECKING or HAS_ROS:
         TransformListener,
     )
     from tf2_ros.transform_listener import StaticTransformListener as StaticTransformListener
-else:
-    from tf2_ros._without_ros import leave_out_ros
+
+if TYPE_CHECKING:
+    from sensor_msgs.msg import PointCloud2
+
+    from tf2_msgs.action import LookupTransform
+    from tf2_ros import buffer_client
+    from tf2_ros.buffer_client import ActionClient, BufferClient
+    from tf2_ros.buffer_interface import MsgStamped, TransformableObject
+    from tf2_ros.buffer_server import BufferServer as BufferServer
+    from tf2_ros.message_filter import FilterFailureReason as FilterFailureReason
+    from tf2_ros.message_filter import MessageFilter as MessageFilter
 
 # What `import *` gives from tf2's package, accidental names included, and nothing more: a name of ours could
 # hide one of a program's. The others are imported by name.
@@ -182,8 +179,4 @@ __all__ = [
     "warnings",
 ]
 
-if not (TYPE_CHECKING or HAS_ROS):
-    leave_out_ros(
-        globals(),
-        {"BufferServer", "FilterFailureReason", "MessageFilter", "StaticTransformListener"},
-    )
+_on_use.offer(globals(), {"BufferServer", "FilterFailureReason", "MessageFilter", "StaticTransformListener"})

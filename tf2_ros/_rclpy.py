@@ -12,7 +12,6 @@ from contextlib import ExitStack, suppress
 from types import FrameType, FunctionType
 from typing import Any
 
-from rclpy.action.client import ActionClient
 from rclpy.event_handler import QoSSubscriptionEventType, UnsupportedEventTypeError
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
@@ -256,7 +255,7 @@ def parameter_overrides(node: Any) -> dict[str, Any]:
     return given if isinstance(given, dict) else {}
 
 
-def action_result(client: ActionClient, goal_handle: Any) -> Any:
+def action_result(client: Any, goal_handle: Any) -> Any:
     """
     Wait for the result of a goal, whatever thread spins the client's node, and return the result's message.
 

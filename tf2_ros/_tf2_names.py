@@ -53,6 +53,7 @@ __all__ = [
     "LookupTransformResult",
     "Node",
     "Optional",
+    "PyKDLType",
     "QoSProfile",
     "ReentrantCallbackGroup",
     "SingleThreadedExecutor",
@@ -75,3 +76,4 @@ FrameGraphSrvRequest = TypeVar("FrameGraphSrvRequest")
 FrameGraphSrvResponse = TypeVar("FrameGraphSrvResponse")
 LookupTransformGoal = TypeVar("LookupTransformGoal")
 LookupTransformResult = TypeVar("LookupTransformResult")
+PyKDLType = TypeVar("PyKDLType")

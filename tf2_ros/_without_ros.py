@@ -1,31 +1,8 @@
-"""Replace what a buffer uses of ROS if there is no ROS, and explain the names that need it."""
+"""What replaces the parts of ROS that a buffer uses, by the same names, if there is no ROS."""
 
-from collections.abc import Collection
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from tf2_ros_cython._presence import absence
-
-
-def leave_out_ros(namespace: dict[str, Any], others: Collection[str] = ()) -> None:
-    """
-    Let a module offer what it has: ``import *`` gives that, and its other names say what to install.
-
-    :param namespace: the globals of the module, with all the names that it has with ROS in ``__all__``.
-    :param others: more such names, which ``import *`` does not import.
-    """
-    module, offered = namespace["__name__"], namespace["__all__"]
-    lacking = {name for name in (*offered, *others) if name not in namespace}
-
-    def __getattr__(name: str) -> NoReturn:
-        if name in lacking:
-            raise absence(f"{module}.{name}")
-        raise AttributeError(f"module {module!r} has no attribute {name!r}")
-
-    namespace["__getattr__"] = __getattr__
-    namespace["__all__"] = [name for name in offered if name not in lacking]
-
-
-# What a buffer uses of ROS, by the same names.
 
 
 class Shutdown:

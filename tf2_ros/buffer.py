@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from tf2_py import BufferCore, TransformException
 from tf2_py._internal import FOR_EVER_NS, log, policy_of, timeout_ns
 from tf2_py.typing import TimeLike, TimeoutLike
+from tf2_ros import _on_use
 from tf2_ros._arguments import has, is_duration, refuse_swapped
 from tf2_ros._messages import TransformStamped
 from tf2_ros._shared.naming import buffer_name, domain_of, require_linux
@@ -57,7 +58,6 @@ else:
         TransformFuture,
         attribute_changed,
         insert_arrived,
-        leave_out_ros,
     )
 
 # What `import *` gives from tf2's module.
@@ -704,6 +704,4 @@ _VIA_CAN: dict[str, tuple[str, Callable[..., Any]]] = {
 }
 _ORIGINALS = {name: getattr(Buffer, name) for name in (*_CAN, *_LOOKUP, *_CAN_FULL, *_LOOKUP_FULL)}
 
-
-if not (TYPE_CHECKING or HAS_ROS):
-    leave_out_ros(globals())
+_on_use.offer(globals())

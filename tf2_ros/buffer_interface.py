@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 from tf2_py import TransformException
 from tf2_py.typing import TimeLike, TimeoutLike
+from tf2_ros import _on_use
 from tf2_ros._arguments import has, is_name, swapped
 from tf2_ros._messages import Header, PoseStamped, TransformStamped, time_msg
 from tf2_ros._messages import Time as TimeMsg
@@ -17,6 +18,7 @@ from tf2_ros._registration import (
 from tf2_ros._tf2_names import (
     Callable,
     Optional,
+    PyKDLType,
     Tuple,
     Union,
     deepcopy,
@@ -29,11 +31,13 @@ if TYPE_CHECKING or HAS_ROS:
     from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, Vector3Stamped
     from rclpy.duration import Duration
     from rclpy.time import Time
-    from sensor_msgs.msg import PointCloud2
 
     from tf2_ros._tf2_names import rclpy
-else:
-    from tf2_ros._without_ros import leave_out_ros
+
+if TYPE_CHECKING:
+    from sensor_msgs.msg import PointCloud2
+
+    from tf2_ros._tf2_types import MsgStamped, TransformableObject
 
 # What `import *` gives from tf2's module.
 __all__ = [
@@ -69,13 +73,7 @@ __all__ = [
     "tf2_ros",
 ]
 
-PyKDLType = TypeVar("PyKDLType")
 TransformableObjectType = TypeVar("TransformableObjectType")
-if TYPE_CHECKING or HAS_ROS:
-    # Typing's, as in tf2: programs use them as default values and cast with them.
-    MsgStamped = Union[PointStamped, PoseStamped, PoseWithCovarianceStamped, Vector3Stamped, PointCloud2]
-    TransformableObject = Union[MsgStamped, PyKDLType]
-
 _Object = TypeVar("_Object")
 _New = TypeVar("_New")
 
@@ -496,5 +494,4 @@ def Stamped(obj: _Object, stamp: TimeLike, frame_id: str) -> _Object:
     return obj
 
 
-if not (TYPE_CHECKING or HAS_ROS):
-    leave_out_ros(globals())
+_on_use.offer(globals())

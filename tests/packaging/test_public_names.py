@@ -189,10 +189,20 @@ def test_the_classes_of_other_modules_can_be_patched():
 
 @pytest.mark.ours
 def test_importing_tf2_ros_loads_few_modules():
-    program = (
-        "import sys, tf2_ros; print(*(name for name in sys.modules if name.startswith('tf2_')), sep='\\n')"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    ours = [name for name in done.stdout.split() if name.startswith(("tf2_py", "tf2_ros"))]
+    loaded = run("import sys, tf2_ros; print(*sys.modules)")
+    ours = [name for name in loaded if name.startswith(("tf2_py", "tf2_ros"))]
     assert "tf2_ros.buffer" in ours
     assert len(ours) <= 50, ours
+    assert not {"rclpy.action", "sensor_msgs", "tf2_msgs.action", "tf2_ros.message_filter"} & set(loaded)
+
+
+@pytest.mark.ours
+@pytest.mark.parametrize("name", ["BufferClient", "MessageFilter", "MsgStamped", "buffer_client"])
+def test_a_name_that_is_imported_on_its_first_use_is_like_others(name):
+    program = (
+        f"import sys, tf2_ros; print({name!r} in vars(tf2_ros), {name!r} in dir(tf2_ros))\n"
+        f"first = tf2_ros.{name}\n"
+        f"from tf2_ros import {name} as second\n"
+        f"print(first is second is vars(tf2_ros)[{name!r}])"
+    )
+    assert run(program) == ["False", "True", "True"]

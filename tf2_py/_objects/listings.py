@@ -1,7 +1,5 @@
 """List the frames of a buffer as objects, arrays of samples, a tree of text, YAML, sentences and Graphviz."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -69,10 +67,10 @@ class History(NamedTuple):
 
     frame: str
     static: bool
-    parents: NDArray[np.object_]
-    stamps_ns: NDArray[np.int64]
-    translations: NDArray[np.float64]
-    rotations: NDArray[np.float64]
+    parents: "NDArray[np.object_]"
+    stamps_ns: "NDArray[np.int64]"
+    translations: "NDArray[np.float64]"
+    rotations: "NDArray[np.float64]"
 
 
 History.__module__ = "tf2_py"

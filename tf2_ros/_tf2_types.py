@@ -1,0 +1,10 @@
+"""The types of what tf2 transforms, which programs use as default values and for casts."""
+
+from geometry_msgs.msg import PointStamped, PoseStamped, PoseWithCovarianceStamped, Vector3Stamped
+from sensor_msgs.msg import PointCloud2
+
+from tf2_ros._tf2_names import PyKDLType, Union
+
+# Typing's, as in tf2.
+MsgStamped = Union[PointStamped, PoseStamped, PoseWithCovarianceStamped, Vector3Stamped, PointCloud2]
+TransformableObject = Union[MsgStamped, PyKDLType]

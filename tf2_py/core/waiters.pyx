@@ -456,7 +456,6 @@ cdef Status _attempt(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcep
     if status.code == STATUS_OK:
         waiter.answer = answer
         waiter.stamp_ns = stamp_ns
-    if status.code == STATUS_OK:
         flag_set(&waiter.answered, True)
     elif query_is_hopeless(tree, &waiter.query, &status):
         waiter.hopeless = status

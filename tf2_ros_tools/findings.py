@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_ros_tools.output import counted, printable, three_digits, write_whole
-from tf2_ros_tools.program import RunError, UsageError
+from tf2_ros_tools.program import UsageError, read_yaml
 from tf2_ros_tools.streams import (
     Refused,
     Reported,
@@ -50,28 +50,11 @@ _VALUES: Mapping[str, tuple[type | tuple[type, ...], str]] = {
 assert set(_VALUES) == {field.name for field in fields(Expectation)}
 
 
-def read_expectations(path: str) -> dict[str, Expectation]:
-    """
-    Read expectations, by the names of their frames, from a YAML file.
-
-    :raises OSError: the file cannot be read.
-    :raises ValueError: it is not YAML, or contains something unknown; the text names it and its frame.
-    """
-    import yaml
-
-    with open(path, encoding="utf-8") as file:
-        try:
-            document = yaml.safe_load(file)
-        except yaml.YAMLError as error:
-            raise ValueError(" ".join(str(error).split())) from None
-    return parse_expectations(document)
-
-
 def parse_expectations(document: Any) -> dict[str, Expectation]:
     """
-    The same for the parsed document: ``{"frames": {name: {field of Expectation: value}}}``.
+    Get expectations by the names of their frames, from ``{"frames": {name: {field of Expectation: value}}}``.
 
-    :raises ValueError: see :func:`read_expectations`.
+    :raises ValueError: it contains something unknown; the text names its frame.
     """
     if not isinstance(document, dict) or set(document) != {"frames"}:
         raise ValueError("it must have one key, frames")
@@ -411,26 +394,19 @@ def _figures(stream: Stream) -> Iterator[str]:
         yield f"jitter {jitter} ms"
 
 
-def expected_by(options: Namespace) -> Mapping[str, Expectation]:
+def expected_by(options: Namespace) -> dict[str, Expectation]:
     """
     Read the file of ``--expect``, if there is one.
 
-    :raises UsageError: it cannot be read, or contains something unknown.
-    :raises RunError: PyYAML is not installed.
+    :raises RunError, UsageError: see :func:`read_yaml`; or it contains something unknown.
     """
-    path = options.expect
-    if path is None:
+    if options.expect is None:
         return {}
+    document = read_yaml(options.expect, "--expect")
     try:
-        return read_expectations(path)
-    except ModuleNotFoundError as lack:
-        if lack.name != "yaml":
-            raise
-        raise RunError("--expect needs the Python package PyYAML: pip install PyYAML") from None
-    except OSError as error:
-        raise UsageError(f"{path}: {error.strerror}") from None
+        return parse_expectations(document)
     except ValueError as error:
-        raise UsageError(f"{path}: {error}") from None
+        raise UsageError(f"{options.expect}: {error}") from None
 
 
 def refuse_unknown_kinds(options: Namespace) -> None:

@@ -457,24 +457,35 @@ def write_output(path: str, data: bytes) -> None:
             raise RunError(f"cannot write {path}: {failure.strerror}") from None
 
 
-def read_list(path: "Path", reader: str, what: str) -> list[Any]:
+def read_yaml(path: "str | Path", reader: str) -> Any:
     """
-    Read a YAML file that contains a list.
+    Read a YAML file.
 
     :param reader: what needs PyYAML for it, for the error.
-    :param what: what the list contains, for the error.
-    :raises UsageError: the file cannot be read, or does not contain a list with entries.
+    :raises RunError: PyYAML is not installed.
+    :raises UsageError: the file cannot be read, or is not YAML.
     """
     try:
         import yaml
     except ModuleNotFoundError:
-        raise UsageError(f"{reader} needs the Python package PyYAML: pip install PyYAML") from None
+        raise RunError(f"{reader} needs the Python package PyYAML: pip install PyYAML") from None
     try:
-        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
+        with open(path, encoding="utf-8") as file:
+            return yaml.safe_load(file)
     except OSError as refusal:
         raise UsageError(f"cannot read {path}: {refusal.strerror}") from None
     except (ValueError, RecursionError, yaml.YAMLError) as refusal:  # a wrong date is a ValueError
         raise UsageError(f"{path} is not YAML: {refusal}") from None
+
+
+def read_list(path: "Path", reader: str, what: str) -> list[Any]:
+    """
+    Read a YAML file that contains a list.
+
+    :param what: what the list contains, for the error.
+    :raises RunError, UsageError: see :func:`read_yaml`; or it does not contain a list with entries.
+    """
+    entries = read_yaml(path, reader)
     if not isinstance(entries, list) or not entries:
         raise UsageError(f"{path} must contain a list of {what}")
     return entries

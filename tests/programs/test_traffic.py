@@ -3,13 +3,15 @@
 import math
 import random
 import statistics
+from argparse import Namespace
 from dataclasses import asdict
 
 import numpy as np
 import pytest
 
 from tf2_ros.records import RECORD
-from tf2_ros_tools.findings import KINDS, Expectation, Limits, find, read_expectations
+from tf2_ros_tools.findings import KINDS, Expectation, Limits, expected_by, find
+from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import (
     TAIL,
     Settling,
@@ -693,7 +695,7 @@ class TestExpectations:
             "  camera:\n",
             encoding="utf-8",
         )
-        assert read_expectations(str(path)) == {
+        assert expected_by(Namespace(expect=str(path))) == {
             "base": Expectation("odom", False, 20, 0.1),
             "odom": Expectation(max_future=1),
             "camera": Expectation(),
@@ -719,5 +721,5 @@ class TestExpectations:
     def test_what_is_not_understood_is_told(self, text, said, tmp_path):
         path = tmp_path / "robot.yaml"
         path.write_text(text, encoding="utf-8")
-        with pytest.raises(ValueError, match=said):
-            read_expectations(str(path))
+        with pytest.raises(UsageError, match=said):
+            expected_by(Namespace(expect=str(path)))

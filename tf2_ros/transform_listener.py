@@ -427,7 +427,14 @@ class TransformListener:
             for subscription, static in ((static_sub, True), (dynamic_sub, False))
             if type(subscription) is Subscription and choice.is_ours(subscription, static)
         ]
-        if subscriptions and choice.buffer() is not None and can_receive() and isinstance(self.node, Node):
+        if (
+            subscriptions
+            and choice.buffer() is not None
+            and can_receive()
+            and isinstance(self.node, Node)
+            # Otherwise the executor, as rclpy's EventsExecutor, has arrivals reported to itself.
+            and callback_queue(self.node).in_sets
+        ):
             self._receiver = Receiver(
                 self.node,
                 AUTHORITY,

@@ -1,16 +1,14 @@
 """Receive a listener's transforms without an executor, as long as no code of a program handles them."""
 
-import time
 import weakref
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from functools import partial
 from typing import Any, Protocol
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import ROSClock
 from rclpy.event_handler import EventHandler
-from rclpy.executors import Executor
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, qos_policy_name_from_kind
@@ -33,7 +31,6 @@ from tf2_ros._receive.inboxes import add_inbox, threads
 from tf2_ros._receive.subscriptions import RclInbox
 from tf2_ros.records import Recording
 
-LENT_S = 0.5  # after which to check whether an executor of another kind still has a node
 ENDLESS = 2**31 - 1  # messages that a queue without a limit holds
 
 Call = Callable[[], object]
@@ -45,10 +42,10 @@ class Queue(Protocol):
 
     in_sets: bool
 
-    def inform(self, before_sleep: Tell, moved: Tell) -> None:
-        """Call these before an executor sleeps, and when the node moves to one of another kind."""
+    def inform(self, before_sleep: Tell) -> None:
+        """Call this before an executor sleeps, and when the node moves to one of another kind."""
 
-    def inform_no_more(self, before_sleep: Tell, moved: Tell) -> None:
+    def inform_no_more(self, before_sleep: Tell) -> None:
         """Undo :meth:`inform`."""
 
     def put_all(self, calls: Sequence[Call], /) -> None:
@@ -247,17 +244,13 @@ class Receiver(RclInbox):
         self.forked = False  # whether it is that of a parent process
         self.set_up(authority, self._queue, recording, prefix)
         self._topics: dict[int, _Topic] = {}
-        self._lent: list[tuple[weakref.ref[Subscription], bool]] = []  # to an executor of another kind
-        self._lent_at = time.monotonic()
         threads.start()
-        if self._queue.in_sets:
-            self._adopt(subscriptions)
-        else:
-            # The executor that has the node is about to set a callback of its own.
-            self._lent += [(weakref.ref(one), is_static) for one, is_static in subscriptions]
+        self._adopt(node, subscriptions)
         add_inbox(self)
         group.decide()
-        self._queue.inform(self.before_sleep, self._executor_changed)
+        self._queue.inform(self.before_sleep)
+        if not self._queue.in_sets:
+            self.before_sleep(False)  # the node has moved meanwhile
         node.context.on_shutdown(self._context_ended)  # referred to weakly there
 
     @property
@@ -299,16 +292,26 @@ class Receiver(RclInbox):
             self._clock_use = use
         return True
 
+    def before_sleep(self, in_user_code: bool) -> None:
+        """See :class:`MessageInbox`; leave the subscriptions for good to an executor that wants arrivals."""
+        if self._queue.in_sets:
+            super().before_sleep(in_user_code)
+            return
+        # The middleware reports arrivals to only one of the two, by now to the executor (rclpy's
+        # EventsExecutor). Those that it reported to this inbox must be taken here.
+        self.catch_up()
+        for topic in list(self._topics.values()):
+            self._give_back(topic)
+
     def stop(self) -> None:
         """End, and leave the subscriptions to their owner."""
-        self._lent.clear()
         for number in list(self._topics):
             self._drop(number)
         self.close()
 
     def close(self) -> None:
         """Receive nothing more."""
-        self._queue.inform_no_more(self.before_sleep, self._executor_changed)
+        self._queue.inform_no_more(self.before_sleep)
         super().close()
 
     def __del__(self) -> None:
@@ -341,24 +344,12 @@ class Receiver(RclInbox):
             self.close()
 
     def report_events(self) -> None:
-        """Log incompatible publishers, and take back what no executor has any more."""
+        """Log incompatible publishers."""
         if self.had_event():
             for topic in list(self._topics.values()):
                 topic.report_event()
-        if self._lent and time.monotonic() > self._lent_at + LENT_S and not self._is_with_executor():
-            self._queue.in_sets = True  # then it reports the next executor of that kind, even the same one
-            self._executor_changed(waits=True)
 
-    def _is_with_executor(self) -> bool:
-        # An executor that waits for sets has reported that it has the node.
-        node = self._node()
-        executor = None if node is None else node.executor
-        return executor is not None and not isinstance(executor, Executor) and node in executor.get_nodes()
-
-    def _adopt(self, subscriptions: Sequence[tuple[Subscription, bool]]) -> None:
-        node = self._node()
-        if node is None:
-            return
+    def _adopt(self, node: Node, subscriptions: Sequence[tuple[Subscription, bool]]) -> None:
         for subscription, is_static in subscriptions:
             number = 0 if is_static else 1
             topic = _Topic(number, subscription, is_static, partial(_collected, weakref.ref(self), number))
@@ -377,49 +368,23 @@ class Receiver(RclInbox):
                 # This middleware does not report arrivals, so the executor takes the messages.
                 self._give_back(topic)
 
-    def _executor_changed(self, waits: bool) -> None:
-        """
-        Lend the subscriptions to an executor that has arrivals reported to itself, or take them back from it.
-
-        :param waits: whether the executor that has the node now waits for sets of entities, as most do.
-        """
-        if waits:
-            found = []
-            with suppress(IndexError):
-                while True:  # several threads may do this: each takes back what it has popped
-                    reference, is_static = self._lent.pop()
-                    subscription = reference()
-                    if subscription is not None and exists(subscription):
-                        found.append((subscription, is_static))
-            if found:
-                self._adopt(found)
-        elif self._topics:
-            # The middleware reports arrivals to only one of the two, by now to the executor. Those that it
-            # reported to this inbox must be taken here.
-            self.catch_up()
-            self._lent_at = time.monotonic()
-            for topic in list(self._topics.values()):
-                self._give_back(topic, is_lent=True)
-
     def _received(self, number: int) -> tuple[int, int]:
         self.catch_up()
         return self.taken(number)
 
-    def _drop(self, number: int, is_told: bool = True) -> bool:
+    def _drop(self, number: int) -> bool:
         # Returns whether it was there, because several threads may do this.
         topic = self._topics.pop(number, None)
         if topic is not None:
-            self.unsubscribe(number, is_told)
+            self.unsubscribe(number, self._queue.in_sets)
             topic.release()
         return topic is not None
 
-    def _give_back(self, topic: _Topic, is_lent: bool = False) -> None:
+    def _give_back(self, topic: _Topic) -> None:
         subscription: Any = topic.subscription()
-        if not self._drop(topic.number, is_told=not is_lent):
+        if not self._drop(topic.number):
             return
-        if is_lent and subscription is not None:
-            self._lent.append((weakref.ref(subscription), topic.is_static))
-        if not self._topics and not self._lent:
+        if not self._topics:
             self.close()
         if subscription is not None:
             node = self._node()

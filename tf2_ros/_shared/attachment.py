@@ -357,7 +357,7 @@ class AttachedListener:
         if in_user_code:
             ring.catch_up()  # this informs the executor, and wakes it for what arrives later
             return
-        polls = has_tasks(node.executor)
+        polls = self._queue.in_sets and has_tasks(node.executor)
         ring.set_pace(polls)
         if not polls:
             self._queue.sleep_on()

@@ -33,7 +33,6 @@ ctypedef struct rmw_message_info_t:
 
 ctypedef void rcl_subscription_t
 ctypedef void rcl_guard_condition_t
-ctypedef void rcl_event_t
 ctypedef void rcl_clock_t
 ctypedef void rmw_subscription_allocation_t
 ctypedef void (*rcl_event_callback_t)(const void* user_data, size_t number_of_events) noexcept nogil
@@ -65,9 +64,6 @@ cdef rcl_ret_t (*rcl_clock_get_now)(rcl_clock_t* clock, int64_t* time_ns) noexce
 # a lock of the middleware. With `callback` NULL, no calls are made any more, and none runs when this returns.
 cdef rcl_ret_t (*rcl_subscription_set_on_new_message_callback)(
     const rcl_subscription_t* subscription, rcl_event_callback_t callback, const void* user_data,
-) noexcept nogil
-cdef rcl_ret_t (*rcl_event_set_callback)(
-    const rcl_event_t* event, rcl_event_callback_t callback, const void* user_data,
 ) noexcept nogil
 # The last two, information about the message and memory for it, may be NULL.
 cdef rcl_ret_t (*rcl_take_serialized_message)(

@@ -89,7 +89,6 @@ cdef struct State:
     size_t authority_size
     Copier* copier              # of the buffer, if that is shared; or NULL
     bint has_arrived            # something, since the draining thread looked last
-    int64_t asked_ns            # steady time at which it was last asked who gets the messages
     State* before               # in the list of all that the draining thread serves
     State* after
 
@@ -100,7 +99,7 @@ cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil
 cdef bint inbox_wants_all(State* inbox) noexcept nogil
 # Drains one slice; `is_behind` becomes True if more is left. Returns whether messages have arrived since the
 # last time.
-cdef bint inbox_serve(State* inbox, int64_t now_ns, bint* is_behind) noexcept nogil
+cdef bint inbox_serve(State* inbox, bint* is_behind) noexcept nogil
 cdef void inbox_count_round(State* inbox, int64_t now_ns) noexcept nogil
 # Has `report_pending` called, by the thread for it.
 cdef void inbox_needs_report(State* inbox) noexcept nogil

@@ -63,8 +63,6 @@ cdef enum:
     KEEP_BYTES = 1 << 20        # bytes of memory that are kept from one message to the next, at most
     BEING_INSERTED = 2          # of State.pending: nothing has arrived since a thread began to insert
 
-# How often to ask who gets the messages, while some arrive.
-cdef int64_t ASK_NS = 1000000000
 # How long the threads sleep while nothing arrives. This has an end: see the conditions in sync.pxd.
 cdef int64_t IDLE_NS = 1500000000
 
@@ -340,15 +338,12 @@ cdef bint _take(State* inbox, size_t most) noexcept nogil:
 
 # The thread that drains.
 
-cdef bint inbox_serve(State* inbox, int64_t now_ns, bint* is_behind) noexcept nogil:
+cdef bint inbox_serve(State* inbox, bint* is_behind) noexcept nogil:
     cdef bint more, has_arrived
     lock_acquire(&inbox.lock)
     # A reader may have taken the rest since the last slice.
     more = word_load(&inbox.pending) and _take(inbox, SLICE)
     has_arrived = inbox.has_arrived
-    if (has_arrived or inbox.engine == NULL) and inbox.asked_ns + ASK_NS < now_ns:
-        inbox.asked_ns = now_ns
-        inbox_needs_report(inbox)
     if more:
         is_behind[0] = True
     else:
@@ -381,7 +376,7 @@ cdef bint _serve_all(bint is_round, int64_t now_ns) noexcept nogil:
             if counts_round:
                 inbox_count_round(inbox, now_ns)
             if is_round or inbox_wants_all(inbox) or inbox.is_full(inbox):
-                has_arrived = inbox_serve(inbox, now_ns, &is_behind) or has_arrived
+                has_arrived = inbox_serve(inbox, &is_behind) or has_arrived
             inbox = inbox.after
         lock_release(&_list_lock)
         is_round = True     # the rest of a slice is due
@@ -603,7 +598,6 @@ cdef class MessageInbox(Inbox):
         cdef int64_t left
         # With the GIL: whoever holds the lock needs none, and getting it back may take long.
         lock_acquire(&self._state.lock)
-        self._state.asked_ns = monotonic_ns()
         # No more than this had arrived before the call. What arrives during it must not delay its return.
         left = self._arrived_by_now()
         more = _take(&self._state, READ_SLICE)
@@ -630,17 +624,6 @@ cdef class MessageInbox(Inbox):
     def forget_reads(self):
         """Stop inserting at once because of the latest read of the buffer; for tests."""
         word_store(&self._state.read, 0)
-
-    def before_sleep(self, in_user_code):
-        """
-        An executor of the node is about to sleep.
-
-        :param in_user_code: whether user code called it, which continues if something has arrived.
-        """
-        if in_user_code and word_load(self.pending):
-            self.drain()    # which informs the executor
-        else:
-            self.decide()
 
     def decide(self):
         """
@@ -669,23 +652,14 @@ cdef class MessageInbox(Inbox):
         lock_release(&self._state.lock)
 
     def report_pending(self):
-        """
-        Do what follows from what was inserted: complete waits, and log what was refused.
-
-        :return: whether :meth:`decide` must be called, because it was not called for long.
-        """
+        """Do what follows from what was inserted: complete waits, and log what was refused."""
         if word_exchange(&self._state.needs_report, 0):
             engine = self._engine()
             if engine is not None:
                 self.report(engine)
-            return not self._state.is_closed
-        return False
 
     def hand_over(self, calls):
         """Have these called. They run code of a program. For a subclass."""
-
-    def report_events(self):
-        """Log events other than messages; for a subclass."""
 
     def stop(self):
         """End, for good; for a subclass."""

@@ -19,7 +19,7 @@ from tf2_py._internal import log
 from tf2_ros._forking import LiveObjects
 from tf2_ros._receive.inbox import MessageInbox, run_inboxes, run_reports, stop_inboxes
 
-CHECK_S = 0.7  # between two checks of what is shared, at least: an idle thread wakes every 1.5 s
+CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s
 END_WAIT_S = 5.0  # how long to wait for a thread to end; only a very busy machine needs this long
 
 
@@ -117,9 +117,7 @@ class _Threads:
 def _report() -> None:
     for inbox in _inboxes:
         try:
-            if inbox.report_pending():
-                inbox.decide()
-            inbox.report_events()
+            inbox.report_pending()
         except Exception:
             log.logger("tf2_ros").error(f"In what follows from received transforms: {traceback.format_exc()}")
     _check()
@@ -135,7 +133,7 @@ def _check() -> None:
         try:
             checked.check()
         except Exception:
-            log.logger("tf2_ros").error(f"In a check of shared buffers: {traceback.format_exc()}")
+            log.logger("tf2_ros").error(f"In a regular check: {traceback.format_exc()}")
 
 
 threads = _Threads()

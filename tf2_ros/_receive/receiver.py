@@ -27,7 +27,7 @@ from tf2_ros._rclpy import (
     show_to_executors,
     subscription_callback,
 )
-from tf2_ros._receive.inboxes import add_inbox, threads
+from tf2_ros._receive.inboxes import add_inbox, check_regularly, threads
 from tf2_ros._receive.subscriptions import RclInbox
 from tf2_ros.records import Recording
 
@@ -178,17 +178,15 @@ class _Topic:
         if self.event is None:
             self._logger.debug("this middleware does not report publishers with incompatible QoS")
 
-    def use(self) -> tuple[int, int] | None:
-        """Keep it from being destroyed. Return the addresses of subscription and event, or None if it was."""
-        if not enter_handle(self.handle, self._uses):
-            return None
-        if self.event is None or not enter_handle(self.event, self._uses):
-            return handle_pointer(self.handle), 0
-        return handle_pointer(self.handle), handle_pointer(self.event)
+    def use(self) -> int | None:
+        """Keep the subscription from being destroyed. Return its address, or None if it was."""
+        return handle_pointer(self.handle) if enter_handle(self.handle, self._uses) else None
 
     def report_event(self) -> None:
         """Log that a publisher's QoS does not fit, if that has happened."""
-        event = None if self.event is None else self.event.take_event()
+        with ExitStack() as uses:
+            exists = self.event is not None and enter_handle(self.event, uses)
+            event = self.event.take_event() if exists else None
         if event is not None and event.total_count_change:
             self._logger.warning(
                 # The text is rclpy's, for subscriptions that an executor takes from.
@@ -202,10 +200,6 @@ class _Topic:
         self._uses.close()
         if self.event is not None:
             self.event.destroy_when_not_in_use()
-
-    def handles(self) -> list[Any]:
-        """What must exist while it is used, and what a forked child must never destroy."""
-        return [self.handle, self.event]
 
 
 class Receiver(RclInbox):
@@ -247,6 +241,7 @@ class Receiver(RclInbox):
         threads.start()
         self._adopt(node, subscriptions)
         add_inbox(self)
+        check_regularly(self)
         group.decide()
         self._queue.inform(self.before_sleep)
         if not self._queue.in_sets:
@@ -293,9 +288,16 @@ class Receiver(RclInbox):
         return True
 
     def before_sleep(self, in_user_code: bool) -> None:
-        """See :class:`MessageInbox`; leave the subscriptions for good to an executor that wants arrivals."""
+        """
+        Prepare for an executor of the node that is about to sleep.
+
+        :param in_user_code: whether user code called it, which continues if something has arrived.
+        """
+        if in_user_code:
+            self.catch_up()  # which informs the executor
+        else:
+            self.decide()
         if self._queue.in_sets:
-            super().before_sleep(in_user_code)
             return
         # The middleware reports arrivals to only one of the two, by now to the executor (rclpy's
         # EventsExecutor). Those that it reported to this inbox must be taken here.
@@ -329,7 +331,7 @@ class Receiver(RclInbox):
         self.forked = True
         works = bool(self._topics)
         for topic in self._topics.values():
-            keep_for_ever(topic, *topic.handles())
+            keep_for_ever(topic, topic.handle, topic.event)
         keep_for_ever(self)
         return works
 
@@ -343,9 +345,10 @@ class Receiver(RclInbox):
         if not self._topics:
             self.close()
 
-    def report_events(self) -> None:
-        """Log incompatible publishers."""
-        if self.had_event():
+    def check(self) -> None:
+        """Find out who gets the messages, and log incompatible publishers."""
+        if not self.forked:
+            self.decide()
             for topic in list(self._topics.values()):
                 topic.report_event()
 
@@ -357,13 +360,11 @@ class Receiver(RclInbox):
             ReceivedSubscription.adopt(subscription, node, self)
         self.decide()
         for topic in list(self._topics.values()):
-            addresses = topic.use()
-            if addresses is None:
+            address = topic.use()
+            if address is None:
                 continue
             try:
-                self.subscribe(
-                    topic.number, topic.handles(), *addresses, topic.name, topic.is_static, topic.depth
-                )
+                self.subscribe(topic.number, topic.handle, address, topic.name, topic.is_static, topic.depth)
             except RuntimeError:
                 # This middleware does not report arrivals, so the executor takes the messages.
                 self._give_back(topic)

@@ -28,8 +28,6 @@ from tf2_ros._rcl cimport (
     c_bool,
     rcl_clock_get_now,
     rcl_clock_t,
-    rcl_event_set_callback,
-    rcl_event_t,
     rcl_is_enabled_ros_time_override,
     rcl_last_error,
     rcl_serialized_message_t,
@@ -50,7 +48,6 @@ from tf2_ros._receive.inbox cimport (
     inbox_arrived,
     inbox_has_parcel,
     inbox_insert,
-    inbox_needs_report,
     inbox_read,
 )
 from tf2_ros.records cimport Recording, Records, records_add, records_add_malformed
@@ -66,7 +63,6 @@ cdef struct Topic:
     uint32_t arrived            # atomic, and a hint: 0: no message waits
     State* inbox
     const rcl_subscription_t* subscription      # NULL: executors take from it
-    const rcl_event_t* event    # of publishers with incompatible QoS; or NULL
     bint is_static
     uint32_t threshold          # messages that may wait
     uint32_t depth              # of the subscription's queue
@@ -75,27 +71,19 @@ cdef struct Topic:
 
 
 cdef struct Subscriptions:
-    # Guarded by the inbox's lock, but for `has_event`.
+    # Guarded by the inbox's lock.
     Topic topics[MAX_TOPICS]    # static transforms first, because others may need them
-    uint32_t has_event          # atomic: an event happened on one of the topics
     Records* records            # NULL: nothing is recorded
     const char* prefix          # of all names; NULL: they stay as they are
     size_t prefix_size
     rcl_clock_t* clock          # of the buffer, where something is recorded; or NULL
 
 
-# The middleware calls the next two, under its own locks, in any thread, perhaps with the GIL.
-
 cdef void _arrived(const void* data, size_t count) noexcept nogil:
+    # The middleware calls this, under its own locks, in any thread, perhaps with the GIL.
     cdef Topic* topic = <Topic*>data
     cdef uint32_t before = word_add(&topic.arrived, <uint32_t>count)
     inbox_arrived(topic.inbox, before + count >= topic.threshold)
-
-
-cdef void _happened(const void* data, size_t _) noexcept nogil:
-    cdef State* inbox = <State*>data
-    word_store(&(<Subscriptions*>inbox.source).has_event, 1)
-    inbox_needs_report(inbox)
 
 
 # Taking; with the inbox's lock held.
@@ -242,22 +230,18 @@ cdef class RclInbox(MessageInbox):
         if is_told and rcl_subscription_set_on_new_message_callback(
                 topic.subscription, NULL, NULL) != RCL_RET_OK:
             rcutils_reset_error()
-        if topic.event != NULL and rcl_event_set_callback(topic.event, NULL, NULL) != RCL_RET_OK:
-            rcutils_reset_error()
         lock_acquire(&self._state.lock)
         topic.subscription = NULL
-        topic.event = NULL
         lock_release(&self._state.lock)
 
-    def subscribe(self, size_t number, handles, subscription, event, str name not None, bint is_static,
+    def subscribe(self, size_t number, handle, subscription, str name not None, bint is_static,
                   uint32_t depth):
         """
         Receive on a topic.
 
         :param number: of the topic: 0 for static transforms, 1 for others.
-        :param handles: of these two; kept as long as the addresses are used.
+        :param handle: of the subscription; kept as long as the address is used.
         :param subscription: address of an ``rcl_subscription_t``.
-        :param event: address of an ``rcl_event_t``, or 0.
         :param depth: of the subscription's queue.
         :raises RuntimeError: the middleware does not report arrivals.
         """
@@ -265,27 +249,21 @@ cdef class RclInbox(MessageInbox):
         if number >= MAX_TOPICS:
             raise ValueError(f"a topic has the number {number}, {MAX_TOPICS} are possible")
         topic = &self._source.topics[number]
-        self._handles[number] = handles
+        self._handles[number] = handle
         self._names[number] = name
         lock_acquire(&self._state.lock)
         topic.is_static = is_static
         topic.depth = depth
         topic.threshold = max(min(<uint32_t>THRESHOLD, depth // QUEUE_SHARE), 1)
         topic.subscription = <const rcl_subscription_t*><uintptr_t>subscription
-        topic.event = <const rcl_event_t*><uintptr_t>event
         lock_release(&self._state.lock)
         # Without the lock: what has arrived is reported at once.
         if rcl_subscription_set_on_new_message_callback(
                 topic.subscription, _arrived, <void*>topic) != RCL_RET_OK:
             error = rcl_last_error()
             topic.subscription = NULL
-            topic.event = NULL
             self._handles[number] = None
             raise RuntimeError(error)
-        if topic.event != NULL and rcl_event_set_callback(
-                topic.event, _happened, <void*>&self._state) != RCL_RET_OK:
-            rcutils_reset_error()
-            topic.event = NULL
 
     def unsubscribe(self, size_t number, bint is_told=True):
         """
@@ -329,10 +307,6 @@ cdef class RclInbox(MessageInbox):
         for number in range(MAX_TOPICS):
             count += self._source.topics[number].depth
         return count
-
-    def had_event(self):
-        """Whether an event happened since the last call."""
-        return bool(word_exchange(&self._source.has_event, 0))
 
     def taken(self, size_t number):
         """Return how many messages of a topic were taken, and the steady time of the last in nanoseconds."""

@@ -137,7 +137,7 @@ class Attachment:
         self.ring: Ring | None = ring
         self._buffer = weakref.ref(buffer)
         self.listeners: list[AttachedListener] = []  # each is informed of changes
-        self._changing = threading.RLock()
+        self.changing = threading.RLock()  # held while it or one of its listeners changes
         self._descriptions = ring.descriptions
         ring.fill_for(self, buffer)
         check_regularly(self)
@@ -145,7 +145,7 @@ class Attachment:
 
     def after_fork(self) -> None:
         """Leave the listeners to the parent, in a forked child, which continues to read the buffer."""
-        self._changing = threading.RLock()  # a thread of the parent may have held it
+        self.changing = threading.RLock()  # a thread of the parent may have held it
         for listener in self.listeners:
             listener.after_fork()
         self.listeners = []
@@ -172,11 +172,12 @@ class Attachment:
 
     def check(self) -> None:
         """Find out whether the owner has ended, and follow the next one if there is one."""
-        with self._changing:
+        with self.changing:
             buffer = self._buffer()
             if buffer is None:
                 self.close()
                 return
+            self.decide()
             ring = self.ring
             if ring is None:
                 self._find_owner(buffer)
@@ -192,7 +193,7 @@ class Attachment:
 
     def close(self) -> None:
         """End; the buffer keeps what it holds."""
-        with self._changing:
+        with self.changing:
             ring, self.ring = self.ring, None
         if ring is not None:
             ring.end()
@@ -251,7 +252,6 @@ class AttachedListener:
         self._attachment = attachment
         self._listens = False  # whether it has subscriptions
         self._ended = False
-        self._changing = threading.RLock()
         self._queue: CallbackQueue | None = None
         self._kept: Any = None
         attachment.listeners.append(self)
@@ -296,7 +296,7 @@ class AttachedListener:
 
     def leave(self, reason: str) -> None:
         """Subscribe for good."""
-        with self._changing:
+        with self._attachment.changing:
             if self._ended:
                 return
             listens, buffer = self._listens, self._buffer()
@@ -310,14 +310,14 @@ class AttachedListener:
 
     def lost(self, reason: str) -> None:
         """Subscribe, because the owner has ended, until there is another one."""
-        with self._changing:
+        with self._attachment.changing:
             if self._ended or self._listens or not self._attachment.is_by_environment:
                 return
             self._listens = self._subscribe(reason)
 
     def found(self, ring: Ring) -> None:
         """Unsubscribe, because there is an owner again."""
-        with self._changing:
+        with self._attachment.changing:
             listener, node = self._listener(), self._node()
             if self._ended or listener is None or node is None:
                 return

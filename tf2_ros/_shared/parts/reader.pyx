@@ -205,7 +205,7 @@ cdef void _catch_up(State* inbox) noexcept nogil:
     while is_behind and not word_load(&reading.is_stopping):
         is_behind = False
         word_store(&inbox.pending, 1)
-        inbox_serve(inbox, monotonic_ns(), &is_behind)
+        inbox_serve(inbox, &is_behind)
 
 
 cdef bint _needs_thread(State* inbox) noexcept nogil:

@@ -44,7 +44,7 @@ ctypedef struct rcl_allocator_t:
     void* zero_allocate
     void* state
 
-# It has an allocator and no bytes at first; rcl gives it as many as it needs.
+# It has an allocator; rcl gives it as many bytes as it needs.
 ctypedef struct rcl_serialized_message_t:
     uint8_t* buffer
     size_t buffer_length                                # bytes of the message
@@ -70,6 +70,8 @@ cdef rcl_ret_t (*rcl_take_serialized_message)(
     const rcl_subscription_t* subscription, rcl_serialized_message_t* message,
     rmw_message_info_t* information, rmw_subscription_allocation_t* allocation,
 ) noexcept nogil
+# That of malloc and free.
+cdef rcl_allocator_t (*rcutils_get_default_allocator)() noexcept nogil
 # The text of this thread's last error. While it is set, another error makes rcl complain on stderr.
 cdef rcl_error_string_t (*rcutils_get_error_string)() noexcept nogil
 cdef void (*rcutils_reset_error)() noexcept nogil

@@ -17,22 +17,12 @@ cdef struct Origin:
     unsigned char[GID_BYTES] publisher
 
 
-cdef struct Message:
-    # As rcl_serialized_message_t, which rcl fills; declared here because this module does not need ROS.
-    unsigned char* data
-    size_t size                 # bytes of the message
-    size_t capacity             # bytes allocated
-    void* allocate              # its allocator
-    void* deallocate
-    void* reallocate
-    void* zero_allocate
-    void* state
-
-
 cdef struct Parcel:
     # One message. It does not move: waiters refer to its batch.
     Batch batch
-    Message message
+    unsigned char* data         # the message; of malloc
+    size_t size                 # its bytes
+    size_t capacity             # bytes allocated
     Origin origin
     size_t topic                # index of its topic's name
     Parcel* next

@@ -14,8 +14,7 @@ Nothing here needs ROS, because buffers can also be shared without it.
 
 from libc.stddef cimport size_t
 from libc.stdint cimport INT64_MAX, int64_t, uint32_t, uintptr_t
-from libc.stdlib cimport calloc, free, malloc, realloc
-from libc.string cimport memset
+from libc.stdlib cimport calloc, free, realloc
 
 from tf2_py._internal cimport (
     FORK_INBOX,
@@ -129,56 +128,23 @@ cdef void inbox_needs_report(State* inbox) noexcept nogil:
 
 # Parcels.
 
-# The memory of messages is C's, also where rcl fills it.
-
-cdef void* _allocate(size_t size, void* _) noexcept nogil:
-    return malloc(size)
-
-
-cdef void _deallocate(void* memory, void* _) noexcept nogil:
-    free(memory)
-
-
-cdef void* _reallocate(void* memory, size_t size, void* _) noexcept nogil:
-    return realloc(memory, size)
-
-
-cdef void* _allocate_zeros(size_t count, size_t size, void* _) noexcept nogil:
-    return calloc(count, size)
-
-
-cdef void _message_init(Message* message) noexcept nogil:
-    memset(message, 0, sizeof(message[0]))
-    message.allocate = <void*>_allocate
-    message.deallocate = <void*>_deallocate
-    message.reallocate = <void*>_reallocate
-    message.zero_allocate = <void*>_allocate_zeros
-
-
-cdef Parcel* _new_parcel() noexcept nogil:
-    cdef Parcel* parcel = <Parcel*>calloc(1, sizeof(Parcel))
-    if parcel != NULL:
-        _message_init(&parcel.message)
-    return parcel
-
-
 cdef void _free_parcel(Parcel* parcel) noexcept nogil:
     if parcel != NULL:
         batch_free(&parcel.batch)
-        free(parcel.message.data)
+        free(parcel.data)
         free(parcel)
 
 
 cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil:
     cdef void* memory
-    if size > parcel.message.capacity or parcel.message.data == NULL:
-        memory = realloc(parcel.message.data, size + 1)
+    if size > parcel.capacity or parcel.data == NULL:
+        memory = realloc(parcel.data, size + 1)
         if memory == NULL:
             return NULL
-        parcel.message.data = <unsigned char*>memory
-        parcel.message.capacity = size + 1
-    parcel.message.size = size
-    return parcel.message.data
+        parcel.data = <unsigned char*>memory
+        parcel.capacity = size + 1
+    parcel.size = size
+    return parcel.data
 
 
 cdef void _free_parcels(Parcels* parcels) noexcept:
@@ -202,9 +168,9 @@ cdef void _free_parcels(Parcels* parcels) noexcept:
 cdef bint inbox_has_parcel(State* inbox) noexcept nogil:
     # Whether there is memory for one more message, also if that is kept.
     if inbox.parcel == NULL:
-        inbox.parcel = _new_parcel()
+        inbox.parcel = <Parcel*>calloc(1, sizeof(Parcel))
     if inbox.spare == NULL:
-        inbox.spare = _new_parcel()
+        inbox.spare = <Parcel*>calloc(1, sizeof(Parcel))
     return inbox.parcel != NULL and inbox.spare != NULL
 
 
@@ -277,7 +243,7 @@ cdef bint inbox_read(State* inbox, size_t topic, bint is_static) noexcept nogil:
     parcel.batch.authority = inbox.authority
     parcel.batch.authority_size = inbox.authority_size
     batch_begin(&parcel.batch)
-    return batch_read_cdr(&parcel.batch, parcel.message.data, parcel.message.size)
+    return batch_read_cdr(&parcel.batch, parcel.data, parcel.size)
 
 
 cdef void inbox_insert(State* inbox, bint is_readable) noexcept nogil:
@@ -291,15 +257,16 @@ cdef void inbox_insert(State* inbox, bint is_readable) noexcept nogil:
         pass
     if not is_readable or parcel.batch.needs_report:
         _report_later(inbox)
-    if inbox.parcel == parcel and parcel.message.capacity > KEEP_BYTES:
+    if inbox.parcel == parcel and parcel.capacity > KEEP_BYTES:
         batch_free(&parcel.batch)
-        free(parcel.message.data)
-        _message_init(&parcel.message)
+        free(parcel.data)
+        parcel.data = NULL
+        parcel.size = parcel.capacity = 0
 
 
 cdef void inbox_remove(State* inbox, const char* name, size_t size) noexcept nogil:
     cdef Batch* batch = &inbox.parcel.batch
-    inbox.parcel.message.size = 0
+    inbox.parcel.size = 0
     begin_to_remove(inbox.engine, batch, name, size)
     while insert_some(inbox.engine, batch):
         pass
@@ -310,7 +277,7 @@ cdef void inbox_remove(State* inbox, const char* name, size_t size) noexcept nog
 cdef void inbox_refuse(State* inbox, size_t topic, const char* problem) noexcept nogil:
     cdef Parcel* parcel = inbox.parcel
     parcel.topic = topic
-    parcel.message.size = 0
+    parcel.size = 0
     batch_begin(&parcel.batch)
     parcel.batch.count = 0
     parcel.batch.problem = problem
@@ -683,7 +650,7 @@ cdef class MessageInbox(Inbox):
         while parcel != NULL:
             try:
                 if parcel.batch.problem != NULL:
-                    engine.malformed(&parcel.batch, parcel.message.size, self._names[parcel.topic])
+                    engine.malformed(&parcel.batch, parcel.size, self._names[parcel.topic])
                 else:
                     engine.report(&parcel.batch, later)
             except BaseException:

@@ -26,21 +26,23 @@ from tf2_ros._rcl cimport (
     RCL_RET_OK,
     RMW_GID_STORAGE_SIZE,
     c_bool,
+    rcl_allocator_t,
     rcl_clock_get_now,
     rcl_clock_t,
     rcl_is_enabled_ros_time_override,
     rcl_last_error,
+    rcl_ret_t,
     rcl_serialized_message_t,
     rcl_subscription_set_on_new_message_callback,
     rcl_subscription_t,
     rcl_take_serialized_message,
+    rcutils_get_default_allocator,
     rcutils_reset_error,
     require_rcl,
     rmw_message_info_t,
 )
 from tf2_ros._receive.inbox cimport (
     GID_BYTES,
-    Message,
     MessageInbox,
     Origin,
     Parcel,
@@ -77,6 +79,7 @@ cdef struct Subscriptions:
     const char* prefix          # of all names; NULL: they stay as they are
     size_t prefix_size
     rcl_clock_t* clock          # of the buffer, where something is recorded; or NULL
+    rcl_allocator_t allocator   # that of malloc
 
 
 cdef void _arrived(const void* data, size_t count) noexcept nogil:
@@ -125,12 +128,17 @@ cdef bint _take_message(State* inbox, size_t number, int64_t now_ns) noexcept no
     cdef Topic* topic = &source.topics[number]
     cdef Parcel* parcel = inbox.parcel
     cdef rmw_message_info_t information
+    cdef rcl_serialized_message_t message
+    cdef rcl_ret_t result
     cdef bint wants_origin = source.records != NULL or inbox.copier != NULL
     cdef bint is_readable
-    if rcl_take_serialized_message(
-            topic.subscription, <rcl_serialized_message_t*>&parcel.message,
-            &information if wants_origin else NULL, NULL,
-            ) != RCL_RET_OK:
+    message.buffer, message.buffer_length, message.buffer_capacity = parcel.data, 0, parcel.capacity
+    message.allocator = source.allocator
+    result = rcl_take_serialized_message(
+        topic.subscription, &message, &information if wants_origin else NULL, NULL)
+    # rcl may have allocated more.
+    parcel.data, parcel.size, parcel.capacity = message.buffer, message.buffer_length, message.buffer_capacity
+    if result != RCL_RET_OK:
         rcutils_reset_error()
         return False
     topic.taken += 1
@@ -184,6 +192,7 @@ cdef class RclInbox(MessageInbox):
         require_rcl()
         self._handles = [None] * MAX_TOPICS
         self._names = [""] * MAX_TOPICS
+        self._source.allocator = rcutils_get_default_allocator()
         self._state.take = _take_subscribed
         self._state.is_full = _is_any_full
         self._state.source = &self._source
@@ -320,5 +329,5 @@ cdef class RclInbox(MessageInbox):
         return count, at_ns
 
 
-if sizeof(Message) != sizeof(rcl_serialized_message_t) or <int>GID_BYTES != <int>RMW_GID_STORAGE_SIZE:
-    raise ImportError("messages are not as rcl has them")
+if <int>GID_BYTES != <int>RMW_GID_STORAGE_SIZE:
+    raise ImportError("the ids of publishers are not as rmw has them")

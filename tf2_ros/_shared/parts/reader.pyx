@@ -122,7 +122,7 @@ cdef bint _take_record(State* inbox, const Record* record) noexcept nogil:
         # The copy of the authority follows that of the message, and so exists as long.
         memcpy(memory, content + authority_size, size)
         memcpy(memory + size, content, authority_size)
-        parcel.message.size = size
+        parcel.size = size
         parcel.origin = record.origin
         if kind == KIND_CLEAR:
             inbox_remove(inbox, NULL, 0)

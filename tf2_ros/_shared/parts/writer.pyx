@@ -338,9 +338,9 @@ cdef void _share(Writing* writing, const Batch* batch, const Origin* origin, con
 
 
 cdef void _copy(Copier* copier, const Parcel* parcel, bint is_whole) noexcept nogil:
-    is_whole = is_whole and parcel.message.size < STEP
-    _share(<Writing*>copier.data, &parcel.batch, &parcel.origin, parcel.message.data if is_whole else NULL,
-           parcel.message.size)
+    is_whole = is_whole and parcel.size < STEP
+    _share(<Writing*>copier.data, &parcel.batch, &parcel.origin, parcel.data if is_whole else NULL,
+           parcel.size)
 
 
 cdef bint _is_wanted(Copier* copier) noexcept nogil:

@@ -446,7 +446,7 @@ class TransformListener:
                 self._prefix,
             )
             for topic in topics:
-                topic.count_taken(self._receiver)
+                topic.receiver = self._receiver
         elif self._recording is not None:
             reason = problem() or "code of this program handles what is received"
             raise NotImplementedError(f"who sends transforms cannot be recorded here: {reason}")

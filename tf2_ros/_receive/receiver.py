@@ -257,12 +257,10 @@ class Receiver(RclInbox):
         """Put them into the queue of the node."""
         self._queue.put_all(calls)
 
-    def takes_from(self, subscription: Subscription) -> Callable[[], tuple[int, int]] | None:
-        """Get a function that returns how many messages it took from a subscription, and when; or None."""
-        for topic in list(self._topics.values()):
-            if topic.handle is subscription.handle:
-                return partial(self._received, topic.number)
-        return None
+    def received(self, is_static: bool) -> tuple[int, int]:
+        """Return how many messages of a topic it took, and the steady time of the last one in nanoseconds."""
+        self.catch_up()
+        return self.taken(_number(is_static))
 
     def decide(self) -> bool:
         """Find out who gets the messages; return whether this receiver takes any."""
@@ -354,7 +352,7 @@ class Receiver(RclInbox):
 
     def _adopt(self, node: Node, subscriptions: Sequence[tuple[Subscription, bool]]) -> None:
         for subscription, is_static in subscriptions:
-            number = 0 if is_static else 1
+            number = _number(is_static)
             topic = _Topic(number, subscription, is_static, partial(_collected, weakref.ref(self), number))
             self._topics[number] = topic
             ReceivedSubscription.adopt(subscription, node, self)
@@ -368,10 +366,6 @@ class Receiver(RclInbox):
             except RuntimeError:
                 # This middleware does not report arrivals, so the executor takes the messages.
                 self._give_back(topic)
-
-    def _received(self, number: int) -> tuple[int, int]:
-        self.catch_up()
-        return self.taken(number)
 
     def _drop(self, number: int) -> bool:
         # Returns whether it was there, because several threads may do this.
@@ -396,6 +390,11 @@ class Receiver(RclInbox):
         # Nothing arrives any more.
         if not self.forked:
             self.stop()
+
+
+def _number(is_static: bool) -> int:
+    # Of the topic in the inbox.
+    return 0 if is_static else 1
 
 
 def _queue_depth(subscription: Subscription) -> int:

@@ -43,13 +43,7 @@ class ReceivedTopic:
         self._counter = itertools.count(1)
         self._called = 0
         self._called_at_ns = 0
-        self._taken: Callable[[], tuple[int, int]] = _nothing
-
-    def count_taken(self, receiver: Receiver) -> None:
-        """Also count what a receiver takes, if it takes from this subscription."""
-        subscription = self._subscription()
-        if subscription is not None:
-            self._taken = receiver.takes_from(subscription) or _nothing
+        self.receiver: Receiver | None = None  # counts what it takes from the subscription
 
     def count_call(self) -> None:
         """Count a message with which an executor has called the listener."""
@@ -58,7 +52,7 @@ class ReceivedTopic:
 
     def received(self) -> tuple[int, int]:
         """Return how many messages there were, and the steady time of the last one in nanoseconds."""
-        taken, taken_at_ns = self._taken()
+        taken, taken_at_ns = (0, 0) if self.receiver is None else self.receiver.received(self.is_static)
         return taken + self._called, max(taken_at_ns, self._called_at_ns)
 
     def is_counted(self) -> bool:
@@ -183,10 +177,6 @@ def _silent(topics: Sequence[ReceivedTopic]) -> str:
         if last_ns and silent_s >= SILENT_S and name not in static:
             parts.append(f"on {name} for {silent_s} s")
     return "nothing has been received " + " and nothing ".join(parts) if parts else ""
-
-
-def _nothing() -> tuple[int, int]:
-    return 0, 0
 
 
 def _joined(names: Sequence[str]) -> str:

@@ -84,9 +84,7 @@ class Ring(RingInbox):
         """Why nothing arrives any more; None while messages may arrive."""
         if self.problem is not None:
             return self.problem
-        if self.is_over or not is_owned(self.descriptor):
-            return f"process {self.process} has ended"
-        return None
+        return None if is_owned(self.descriptor) else f"process {self.process} has ended"
 
     def hand_over(self, calls: list[Call]) -> None:
         """Put these into the queue that runs the callbacks of the buffer."""
@@ -138,7 +136,6 @@ class Attachment:
         self._buffer = weakref.ref(buffer)
         self.listeners: list[AttachedListener] = []  # each is informed of changes
         self.changing = threading.RLock()  # held while it or one of its listeners changes
-        self._descriptions = ring.descriptions
         ring.fill_for(self, buffer)
         check_regularly(self)
         register_for_fork(self)
@@ -184,12 +181,8 @@ class Attachment:
             elif (why := ring.why_over()) is not None:
                 self._lose(ring, why)
                 self._find_owner(buffer)
-            elif any(ring.shortage) or ring.descriptions != self._descriptions:
-                self._descriptions = ring.descriptions
-                for listener in list(self.listeners):
-                    if lack := listener.lack(ring):
-                        self._lose(ring, f"it {lack}")
-                        break
+            elif lack := self._lack(ring):
+                self._lose(ring, f"it {lack}")
 
     def close(self) -> None:
         """End; the buffer keeps what it holds."""
@@ -197,6 +190,9 @@ class Attachment:
             ring, self.ring = self.ring, None
         if ring is not None:
             ring.end()
+
+    def _lack(self, ring: Ring) -> str:
+        return next(filter(None, (listener.lack(ring) for listener in list(self.listeners))), "")
 
     def _lose(self, ring: Ring, why: str) -> None:
         self.ring = None
@@ -208,13 +204,11 @@ class Attachment:
     def _find_owner(self, buffer: Any) -> None:
         try:
             ring = open_ring(self.name)
-            for listener in list(self.listeners):
-                if lack := listener.lack(ring):
-                    raise SharedBufferError(lack)
         except SharedBufferError:
             return  # the next `check` tries again
+        if self._lack(ring):
+            return
         self.ring = ring
-        self._descriptions = ring.descriptions
         ring.fill_for(self, buffer)
         log.logger("tf2_ros").info(f"The shared buffer {self.name!r} is process {ring.process}'s now")
         for listener in list(self.listeners):
@@ -255,7 +249,7 @@ class AttachedListener:
         self._queue: CallbackQueue | None = None
         self._kept: Any = None
         attachment.listeners.append(self)
-        if problem() is None and isinstance(listener.node, Node):
+        if problem() is None:
             self._kept = listener  # by the node, as a listener is by its subscriptions
             self._queue = callback_queue(listener.node)
             self._queue.inform(self._before_sleep)
@@ -384,7 +378,7 @@ def attach_listener(listener: Any, is_usual: bool, topics: Sequence[str]) -> Att
     """
     buffer: Any = listener.buffer
     node: Any = listener.node
-    if not hasattr(buffer, "_sharing") or not isinstance(node, Node):
+    if not isinstance(node, Node):
         return None
     sharing = buffer._sharing
     if isinstance(sharing, Owner):

@@ -103,11 +103,10 @@ cdef enum:
 
     KIND_DYNAMIC = 1            # of records: a message with dynamic transforms
     KIND_STATIC = 2             # a message with one static transform
-    KIND_CLEAR = 3              # all dynamic transforms were removed
+    KIND_REMOVAL = 3            # all transforms of a frame were removed: its name; without, all dynamic ones
     KIND_PADDING = 4            # fills the end of the file
-    KIND_FORGET = 5             # all transforms of a frame were removed: its name
 
-    LAYOUT = 5                  # changes with any change of the layout
+    LAYOUT = 6                  # changes with any change of the layout
     WANTED_ROUNDS = 10          # of 0.1 s, for which a reader that has looked wants messages at once
 
 cdef uint64_t MAGIC = 0x31474e4952324654      # "TF2RING1" on a little-endian machine
@@ -117,12 +116,8 @@ cdef uint32_t NO_CHILD = 0xFFFFFFFF
 cdef struct Head:
     uint64_t magic
     uint32_t layout
-    uint32_t process            # id of the owner in its own container
-    uint64_t capacity           # bytes of the ring
     uint32_t arrivals           # counts records; readers sleep on it
-    uint32_t is_over            # the owner has ended
-    uint32_t descriptions       # counts changes of the description
-    uint32_t unused
+    uint64_t capacity           # bytes of the ring
     uint64_t short_ns           # not 0: for lack of memory, the ring reaches back only this far
     uint64_t missing            # messages for which there was no memory at all
     uint64_t oldest             # position of the oldest record
@@ -184,11 +179,3 @@ def read_text(int descriptor):
         if len(text) == size and zlib.crc32(text) == checksum:
             return text
     return b""
-
-
-def owner_of(int descriptor):
-    """The id of the process that made a file, in its own container; 0 if this is not such a file."""
-    cdef Head found
-    if read_file(descriptor, &found, sizeof(Head), 0) != 0 or found.magic != MAGIC:
-        return 0
-    return found.process

@@ -124,10 +124,8 @@ cdef bint _take_record(State* inbox, const Record* record) noexcept nogil:
         memcpy(memory + size, content, authority_size)
         parcel.size = size
         parcel.origin = record.origin
-        if kind == KIND_CLEAR:
-            inbox_remove(inbox, NULL, 0)
-        elif kind == KIND_FORGET:
-            inbox_remove(inbox, <const char*>memory, size)
+        if kind == KIND_REMOVAL:
+            inbox_remove(inbox, <const char*>memory if size else NULL, size)
         elif kind == KIND_STATIC or kind == KIND_DYNAMIC:
             is_readable = inbox_read(inbox, 0, kind == KIND_STATIC)
             if is_utf8(memory + size, authority_size):
@@ -403,11 +401,6 @@ cdef class RingInbox(MessageInbox):
         return None
 
     @property
-    def is_over(self):
-        """Whether the owner has ended sharing."""
-        return bool(word_load(&self._reading.head.is_over))
-
-    @property
     def descriptor(self):
         """Of the file."""
         return self._reading.descriptor
@@ -416,8 +409,3 @@ cdef class RingInbox(MessageInbox):
     def shortage(self):
         """See ``shortage_of``."""
         return shortage_of(self._reading.head)
-
-    @property
-    def descriptions(self):
-        """How often the description has changed."""
-        return word_load(&self._reading.head.descriptions)

@@ -174,7 +174,7 @@ cdef bint _make_room(Writing* writing, uint64_t length, int64_t now_ns) noexcept
     cdef uint64_t until = writing.next      # by then, only static transforms that were written again are left
     cdef uint64_t end
     cdef int64_t written_ns
-    while True:
+    while length <= MOST_RECORD:
         end = writing.next + _gap_before(writing, length) + length + RESERVE
         # Two steps less than all, so that what is given back does not hold the newest record.
         if end - writing.oldest <= writing.capacity - 2 * STEP and _commit(writing, end):
@@ -184,6 +184,7 @@ cdef bint _make_room(Writing* writing, uint64_t length, int64_t now_ns) noexcept
         written_ns = _drop_oldest(writing, now_ns)
         if written_ns > now_ns - writing.keep_ns:
             store64(&writing.head.short_ns, max(now_ns - written_ns, <int64_t>1))
+    return False
 
 
 cdef size_t _serialise(const Batch* batch, size_t start, size_t end, unsigned char* out) noexcept nogil:
@@ -199,7 +200,7 @@ cdef size_t _serialise(const Batch* batch, size_t start, size_t end, unsigned ch
 cdef bint _append(Writing* writing, Record* record, const Batch* batch, size_t start, size_t end,
                   const void* message, int64_t now_ns) noexcept nogil:
     # With `message` NULL, these transforms of the batch are serialised.
-    if record_length(record) > MOST_RECORD or not _make_room(writing, record_length(record), now_ns):
+    if not _make_room(writing, record_length(record), now_ns):
         return False
     if message == NULL:
         if not _reserve_scratch(writing, record.size):
@@ -293,40 +294,33 @@ cdef bint _copy_batch(Writing* writing, const Batch* batch, const Origin* origin
     return is_kept
 
 
-cdef bint _copy_clear(Writing* writing, int64_t now_ns) noexcept nogil:
+cdef bint _copy_removal(Writing* writing, const char* name, size_t size, int64_t now_ns) noexcept nogil:
     cdef Record record
     memset(&record, 0, sizeof(Record))
-    record.kind = KIND_CLEAR
-    if not _make_room(writing, sizeof(Record), now_ns) or not _write(writing, &record, NULL, NULL, now_ns):
-        return False
-    store64(&writing.head.cleared, writing.next)
-    return True
-
-
-cdef bint _copy_forget(Writing* writing, const char* name, size_t size, int64_t now_ns) noexcept nogil:
-    cdef Record record
-    _forget_static_of(writing, name, size)
-    memset(&record, 0, sizeof(Record))
-    record.kind = KIND_FORGET
+    record.kind = KIND_REMOVAL
     record.size = <uint32_t>size
-    return (record_length(&record) <= MOST_RECORD and _make_room(writing, record_length(&record), now_ns)
-            and _write(writing, &record, NULL, name, now_ns))
+    if name != NULL:
+        _forget_static_of(writing, name, size)
+    if not _make_room(writing, record_length(&record), now_ns) or not _write(
+            writing, &record, NULL, name, now_ns):
+        return False
+    if name == NULL:
+        store64(&writing.head.cleared, writing.next)
+    return True
 
 
 cdef void _share(Writing* writing, const Batch* batch, const Origin* origin, const void* message,
                  size_t size) noexcept nogil:
-    # Copies a batch or, if `batch` is NULL, a clear; with `message`, which is a name, that this frame is
-    # forgotten. Wakes the readers that sleep.
+    # Copies a batch or, if `batch` is NULL, a removal, of which `message` is the name. Wakes the readers that
+    # sleep.
     cdef int64_t now_ns
     cdef bint is_kept
     lock_acquire(&writing.lock)
     if writing.descriptor >= 0 and not word_load(&writing.is_lost):
         now_ns = monotonic_ns()
         _drop_old(writing, now_ns)
-        if batch == NULL and message == NULL:
-            is_kept = _copy_clear(writing, now_ns)
-        elif batch == NULL:
-            is_kept = _copy_forget(writing, <const char*>message, size, now_ns)
+        if batch == NULL:
+            is_kept = _copy_removal(writing, <const char*>message, size, now_ns)
         else:
             is_kept = _copy_batch(writing, batch, origin, message, size, now_ns)
         if not is_kept:
@@ -371,11 +365,11 @@ cdef class RingWriter(Copying):
     """
     Copies what a buffer receives, and what its program inserts, into a new file.
 
-    :param descriptor: of the file, which is as long as it will be; it is closed with this object.
+    :param descriptor: of the empty file; it is closed with this object.
     :param lock_descriptor: another descriptor of the file, which holds the lock; closed in the same way.
-    :param capacity: bytes of the ring, a multiple of STEP.
+    :param size: how many bytes the file may have.
     :param keep_ns: how long messages are kept, in nanoseconds, if there is memory for them.
-    :raises OSError: there is no memory.
+    :raises OSError: there is no memory, or the process may not have a file of this size.
     """
 
     cdef Writing _writing
@@ -392,19 +386,19 @@ cdef class RingWriter(Copying):
         self.copier.is_wanted = _is_wanted
         self.copier.count_round = _count_wanted
 
-    def __init__(self, int descriptor, int lock_descriptor, uint64_t capacity, int64_t keep_ns):
+    def __init__(self, int descriptor, int lock_descriptor, uint64_t size, int64_t keep_ns):
         cdef Writing* writing = &self._writing
         writing.descriptor, writing.lock_descriptor = descriptor, lock_descriptor
         writing.keep_ns = min(keep_ns, (<int64_t>1 << 62) - MARGIN_NS) + MARGIN_NS
+        os.ftruncate(descriptor, size // STEP * STEP)
         if commit_file(descriptor, 0, RING_AT) != 0:
             raise OSError(errors.ENOSPC, os.strerror(errors.ENOSPC))
         writing.head = map_head(descriptor, &writing.is_lost)
-        writing.capacity = writing.head.capacity = capacity
+        writing.capacity = writing.head.capacity = size // STEP * STEP - RING_AT
         # Positions begin here, so that 0 is none.
-        writing.oldest = writing.next = writing.committed = writing.given_back = capacity
-        writing.head.oldest = writing.head.next = capacity
+        writing.oldest = writing.next = writing.committed = writing.given_back = writing.capacity
+        writing.head.oldest = writing.head.next = writing.capacity
         writing.head.layout = LAYOUT
-        writing.head.process = os.getpid()
         writing.head.magic = MAGIC
 
     def __dealloc__(self):
@@ -419,9 +413,6 @@ cdef class RingWriter(Copying):
     cdef void _end(self) noexcept:
         lock_acquire(&self._writing.lock)
         if self._writing.descriptor >= 0:
-            if self._writing.head != NULL:
-                word_store(&self._writing.head.is_over, 1)
-                futex_wake(&self._writing.head.arrivals)
             close_file(self._writing.descriptor)
             close_file(self._writing.lock_descriptor)
             self._writing.descriptor = self._writing.lock_descriptor = -1
@@ -433,15 +424,12 @@ cdef class RingWriter(Copying):
 
     def describe(self, bytes text not None):
         """Publish a description of the owner, at most 4 kB."""
-        if len(text) > TEXT_BYTES - 8:
-            raise ValueError(f"a description has {TEXT_BYTES - 8} bytes at most, not {len(text)}")
-        if self._writing.descriptor < 0 or word_load(&self._writing.is_lost):
-            return
-        os.pwrite(self._writing.descriptor, struct.pack("=II", len(text), zlib.crc32(text)) + text, TEXT_AT)
-        word_store(&self._writing.head.descriptions, self._writing.head.descriptions + 1)
+        if self._writing.descriptor >= 0 and not word_load(&self._writing.is_lost):
+            os.pwrite(
+                self._writing.descriptor, struct.pack("=II", len(text), zlib.crc32(text)) + text, TEXT_AT)
 
     def close(self):
-        """End sharing. Readers notice at once."""
+        """End sharing."""
         self._end()
 
     @property

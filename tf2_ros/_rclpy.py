@@ -13,7 +13,7 @@ from types import FrameType, FunctionType
 from typing import Any
 
 from rclpy.action.client import ActionClient
-from rclpy.event_handler import QoSSubscriptionEventType, UnsupportedEventTypeError
+from rclpy.event_handler import EventHandler, QoSSubscriptionEventType
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
 from rclpy.guard_condition import GuardCondition
@@ -73,23 +73,6 @@ def new_wake_handle(context: Any) -> Any:
     what it needs.
     """
     return GuardCondition(None, None, context).handle
-
-
-def incompatible_qos_event(subscription_handle: Any) -> Any:
-    """
-    A handle of the event of a publisher whose QoS does not fit the subscription.
-
-    Assumes the class ``EventHandle`` of the C++ part. None if that, or the middleware, does not have it.
-    """
-    event_handle = getattr(rclpy_implementation, "EventHandle", None)
-    if event_handle is None:
-        return None
-    kind = QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS
-    try:
-        with subscription_handle:
-            return event_handle(subscription_handle, kind)
-    except UnsupportedEventTypeError:
-        return None
 
 
 def context_was_shut_down(context: Any) -> bool:
@@ -210,6 +193,22 @@ def hide_from_executors(subscription: Subscription) -> None:
 def show_to_executors(subscription: Subscription) -> None:
     """Undo :func:`hide_from_executors`."""
     subscription._executor_event = False
+
+
+def report_incompatible_qos(handler: EventHandler) -> None:
+    """
+    Log that a publisher's QoS does not fit, if that has happened, for a handler that no executor has.
+
+    Assumes that ``take_data`` takes an event if ``_ready_to_take_data`` is set, as it is when an executor
+    wakes. Otherwise nothing is logged.
+    """
+    if handler.event_type != QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS:
+        return
+    handler._ready_to_take_data = True
+    with suppress(InvalidHandle):  # it was destroyed
+        event: Any = handler.take_data()
+        if event is not None and event.total_count_change:
+            handler.callback(event)
 
 
 def subscription_callback(subscription: Subscription) -> Any:

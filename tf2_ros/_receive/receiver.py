@@ -9,9 +9,8 @@ from typing import Any, Protocol
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import ROSClock
 from rclpy.event_handler import EventHandler
-from rclpy.logging import get_logger
 from rclpy.node import Node
-from rclpy.qos import HistoryPolicy, qos_policy_name_from_kind
+from rclpy.qos import HistoryPolicy
 from rclpy.subscription import Subscription
 
 from tf2_py import BufferCore
@@ -22,7 +21,7 @@ from tf2_ros._rclpy import (
     enter_handle,
     handle_pointer,
     hide_from_executors,
-    incompatible_qos_event,
+    report_incompatible_qos,
     set_subscription_callback,
     show_to_executors,
     subscription_callback,
@@ -161,7 +160,7 @@ class ListenerGroup(ReentrantCallbackGroup):
 
 
 class _Topic:
-    """A subscription that a receiver takes from, and the event of publishers with incompatible QoS."""
+    """A subscription that a receiver takes from."""
 
     def __init__(
         self, number: int, subscription: Subscription, is_static: bool, collected: Callable[[Any], None]
@@ -172,34 +171,15 @@ class _Topic:
         self.subscription = weakref.ref(subscription, collected)
         self.handle = subscription.handle
         self.depth = _queue_depth(subscription)
-        self.event = incompatible_qos_event(self.handle)
-        self._logger = get_logger(subscription.logger_name)
         self._uses = ExitStack()
-        if self.event is None:
-            self._logger.debug("this middleware does not report publishers with incompatible QoS")
 
     def use(self) -> int | None:
         """Keep the subscription from being destroyed. Return its address, or None if it was."""
         return handle_pointer(self.handle) if enter_handle(self.handle, self._uses) else None
 
-    def report_event(self) -> None:
-        """Log that a publisher's QoS does not fit, if that has happened."""
-        with ExitStack() as uses:
-            exists = self.event is not None and enter_handle(self.event, uses)
-            event = self.event.take_event() if exists else None
-        if event is not None and event.total_count_change:
-            self._logger.warning(
-                # The text is rclpy's, for subscriptions that an executor takes from.
-                f"New publisher discovered on topic '{self.name}', offering incompatible QoS. "
-                f"No messages will be received from it. Last incompatible policy: "
-                f"{qos_policy_name_from_kind(event.last_policy_kind)}"
-            )
-
     def release(self) -> None:
         """Let its owner destroy it."""
         self._uses.close()
-        if self.event is not None:
-            self.event.destroy_when_not_in_use()
 
 
 class Receiver(RclInbox):
@@ -329,7 +309,7 @@ class Receiver(RclInbox):
         self.forked = True
         works = bool(self._topics)
         for topic in self._topics.values():
-            keep_for_ever(topic, topic.handle, topic.event)
+            keep_for_ever(topic, topic.handle, topic.subscription())
         keep_for_ever(self)
         return works
 
@@ -348,7 +328,9 @@ class Receiver(RclInbox):
         if not self.forked:
             self.decide()
             for topic in list(self._topics.values()):
-                topic.report_event()
+                subscription: Any = topic.subscription()
+                for handler in () if subscription is None else subscription.tf2_event_handlers:
+                    report_incompatible_qos(handler)
 
     def _adopt(self, node: Node, subscriptions: Sequence[tuple[Subscription, bool]]) -> None:
         for subscription, is_static in subscriptions:

@@ -24,7 +24,6 @@ pytestmark = pytest.mark.ours
 
 S = 10**9
 LATEST = Time()
-DYNAMIC = 1  # the number of the topic
 
 
 @pytest.fixture
@@ -41,7 +40,7 @@ def listener(tf2_ros, buffer, node):
 def arrived(listener, count=1):
     """Whether so many messages of dynamic transforms have; the thread inserts what has waited for 0.1 s."""
     receiver = listener._receiver
-    return lambda: receiver.has_pending() or receiver.taken(DYNAMIC)[0] >= count
+    return lambda: receiver.has_pending() or receiver.taken(is_static=False)[0] >= count
 
 
 def begins_a_wait(buffer, child):
@@ -112,7 +111,7 @@ def test_what_arrived_before_clear_is_cleared(buffer, listener, peer):
 class TestWithoutAReader:
     def test_it_is_inserted_soon(self, buffer, listener, peer):
         peer().send(("map", "robot", 1 * S, 5))
-        until(lambda: listener._receiver.taken(DYNAMIC)[0] == 1)
+        until(lambda: listener._receiver.taken(is_static=False)[0] == 1)
 
     def test_what_is_refused_is_logged(self, listener, peer, capfd):
         peer().send(("map", "map", 1 * S, 5))
@@ -127,7 +126,7 @@ class TestWithoutAReader:
         import ctypes
 
         process = flood(100, 1, 300)
-        until(lambda: listener._receiver.taken(DYNAMIC)[0] > 0)
+        until(lambda: listener._receiver.taken(is_static=False)[0] > 0)
         ctypes.PyDLL(None).usleep(2_500_000)
         process.wait()
         until(lambda: buffer.statistics()["taken"] == 300)

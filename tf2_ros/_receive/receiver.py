@@ -4,7 +4,7 @@ import weakref
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import ROSClock
@@ -13,7 +13,6 @@ from rclpy.node import Node
 from rclpy.qos import HistoryPolicy
 from rclpy.subscription import Subscription
 
-from tf2_py import BufferCore
 from tf2_ros._forking import keep_for_ever
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import (
@@ -28,38 +27,10 @@ from tf2_ros._rclpy import (
 )
 from tf2_ros._receive.inboxes import add_inbox, check_regularly, threads
 from tf2_ros._receive.subscriptions import RclInbox
-from tf2_ros.records import Recording
 
 ENDLESS = 2**31 - 1  # messages that a queue without a limit holds
 
 Call = Callable[[], object]
-Tell = Callable[[bool], object]
-
-
-class Queue(Protocol):
-    """The queue of callbacks of a node, which takes part in the rounds of its executors."""
-
-    in_sets: bool
-
-    def inform(self, before_sleep: Tell) -> None:
-        """Call this before an executor sleeps, and when the node moves to one of another kind."""
-
-    def inform_no_more(self, before_sleep: Tell) -> None:
-        """Undo :meth:`inform`."""
-
-    def put_all(self, calls: Sequence[Call], /) -> None:
-        """Have the executor of the node call these, or a thread for callbacks."""
-
-
-class Choice(Protocol):
-    """Decides who gets the messages of a listener. It keeps nothing alive, and runs no code of a program."""
-
-    def buffer(self) -> BufferCore | None:
-        """The buffer that they go to; None if code of a program inserts them."""
-
-    def is_ours(self, subscription: Subscription, is_static: bool) -> bool:
-        """Whether no code of a program handles the messages of a subscription."""
-        ...
 
 
 def can_receive() -> bool:
@@ -162,15 +133,10 @@ class ListenerGroup(ReentrantCallbackGroup):
 class _Topic:
     """A subscription that a receiver takes from."""
 
-    def __init__(
-        self, number: int, subscription: Subscription, is_static: bool, collected: Callable[[Any], None]
-    ) -> None:
-        self.number = number
+    def __init__(self, subscription: Subscription, is_static: bool, collected: Callable[[Any], None]) -> None:
         self.is_static = is_static
-        self.name = subscription.topic_name
         self.subscription = weakref.ref(subscription, collected)
         self.handle = subscription.handle
-        self.depth = _queue_depth(subscription)
         self._uses = ExitStack()
 
     def use(self) -> int | None:
@@ -186,43 +152,38 @@ class Receiver(RclInbox):
     """
     Inserts what arrives on a listener's subscriptions into a buffer when that is read.
 
-    :param node: the node whose executor is informed.
-    :param group: the callback group of the subscriptions.
-    :param subscriptions: at most two, each with whether its transforms are static; all of class Subscription.
-    :param queue: of the node. It keeps this object until :meth:`close`, and is informed of what arrives.
-    :param choice: decides who gets the messages. A subscription whose messages code of a program handles is
-        left to executors for good.
-    :param recording: records the sender and time of each transform; or None.
-    :param prefix: put before all names.
+    :param listener: a TransformListener. A subscription whose messages code of a program handles
+        (``_direct_buffer`` is None, or ``_is_own`` false) is left to executors for good.
+    :param subscriptions: at most one of each kind, and whether its transforms are static; all of class
+        Subscription.
+    :param queue: the CallbackQueue of the node. It keeps this object until :meth:`close`, and is informed of
+        what arrives.
 
     It ends with :meth:`stop`, the last of the subscriptions, the context or the interpreter; in a forked
-    child it is dead. It keeps alive neither the buffer nor the node.
+    child it is dead. It keeps alive neither the listener nor the buffer nor the node.
     """
 
     def __init__(
         self,
-        node: Node,
+        listener: Any,
         authority: str,
-        group: ListenerGroup,
         subscriptions: Sequence[tuple[Subscription, bool]],
-        queue: Queue,
-        choice: Choice,
-        recording: Recording | None = None,
-        prefix: str = "",
+        queue: Any,
     ) -> None:
+        node: Node = listener.node
+        self._listener = weakref.ref(listener)
         self._node = weakref.ref(node)
         self._context = node.context
-        self._choice = choice
         self._clock_use = ExitStack()
         self._queue = queue
         self.forked = False  # whether it is that of a parent process
-        self.set_up(authority, self._queue, recording, prefix)
-        self._topics: dict[int, _Topic] = {}
+        self.set_up(authority, queue, listener._recording, listener._prefix)
+        self._topics: dict[bool, _Topic] = {}  # by whether they are static
         threads.start()
         self._adopt(node, subscriptions)
         add_inbox(self)
         check_regularly(self)
-        group.decide()
+        listener.group.decide()
         self._queue.inform(self.before_sleep)
         if not self._queue.in_sets:
             self.before_sleep(False)  # the node has moved meanwhile
@@ -240,17 +201,19 @@ class Receiver(RclInbox):
     def received(self, is_static: bool) -> tuple[int, int]:
         """Return how many messages of a topic it took, and the steady time of the last one in nanoseconds."""
         self.catch_up()
-        return self.taken(_number(is_static))
+        return self.taken(is_static)
 
     def decide(self) -> bool:
         """Find out who gets the messages; return whether this receiver takes any."""
-        buffer = self._choice.buffer()
+        listener = self._listener()
+        buffer = None if listener is None else listener._direct_buffer()
         for topic in tuple(self._topics.values()):
             subscription = topic.subscription()
             if (
-                buffer is None
+                listener is None
+                or buffer is None
                 or subscription is None
-                or not self._choice.is_ours(subscription, topic.is_static)
+                or not listener._is_own(subscription.callback, topic.is_static)
             ):
                 self._give_back(topic)
         if not self._topics:
@@ -285,8 +248,8 @@ class Receiver(RclInbox):
 
     def stop(self) -> None:
         """End, and leave the subscriptions to their owner."""
-        for number in list(self._topics):
-            self._drop(number)
+        for is_static in list(self._topics):
+            self._drop(is_static)
         self.close()
 
     def close(self) -> None:
@@ -319,7 +282,7 @@ class Receiver(RclInbox):
             return
         for topic in list(self._topics.values()):
             if topic.handle is subscription.handle:
-                self._drop(topic.number)
+                self._drop(topic.is_static)
         if not self._topics:
             self.close()
 
@@ -334,32 +297,33 @@ class Receiver(RclInbox):
 
     def _adopt(self, node: Node, subscriptions: Sequence[tuple[Subscription, bool]]) -> None:
         for subscription, is_static in subscriptions:
-            number = _number(is_static)
-            topic = _Topic(number, subscription, is_static, partial(_collected, weakref.ref(self), number))
-            self._topics[number] = topic
+            collected = partial(_collected, weakref.ref(self), is_static)
+            self._topics[is_static] = _Topic(subscription, is_static, collected)
             ReceivedSubscription.adopt(subscription, node, self)
         self.decide()
-        for topic in list(self._topics.values()):
-            address = topic.use()
-            if address is None:
+        for subscription, is_static in subscriptions:
+            topic = self._topics.get(is_static)
+            address = None if topic is None else topic.use()
+            if topic is None or address is None:
                 continue
+            name, depth = subscription.topic_name, _queue_depth(subscription)
             try:
-                self.subscribe(topic.number, topic.handle, address, topic.name, topic.is_static, topic.depth)
+                self.subscribe(is_static, topic.handle, address, name, depth)
             except RuntimeError:
                 # This middleware does not report arrivals, so the executor takes the messages.
                 self._give_back(topic)
 
-    def _drop(self, number: int) -> bool:
+    def _drop(self, is_static: bool) -> bool:
         # Returns whether it was there, because several threads may do this.
-        topic = self._topics.pop(number, None)
+        topic = self._topics.pop(is_static, None)
         if topic is not None:
-            self.unsubscribe(number, self._queue.in_sets)
+            self.unsubscribe(is_static, self._queue.in_sets)
             topic.release()
         return topic is not None
 
     def _give_back(self, topic: _Topic) -> None:
         subscription: Any = topic.subscription()
-        if not self._drop(topic.number):
+        if not self._drop(topic.is_static):
             return
         if not self._topics:
             self.close()
@@ -374,18 +338,13 @@ class Receiver(RclInbox):
             self.stop()
 
 
-def _number(is_static: bool) -> int:
-    # Of the topic in the inbox.
-    return 0 if is_static else 1
-
-
 def _queue_depth(subscription: Subscription) -> int:
     qos = subscription.qos_profile
     return ENDLESS if qos.history == HistoryPolicy.KEEP_ALL else max(1, qos.depth)
 
 
-def _collected(reference: "weakref.ref[Receiver]", number: int, _: Any) -> None:
+def _collected(reference: "weakref.ref[Receiver]", is_static: bool, _: Any) -> None:
     # The subscription was not destroyed; its node was dropped.
     receiver = reference()
     if receiver is not None and not receiver.forked:
-        receiver._drop(number)
+        receiver._drop(is_static)

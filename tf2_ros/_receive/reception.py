@@ -4,7 +4,7 @@ import itertools
 import os
 import time
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from rclpy.logging import get_logger
@@ -28,16 +28,13 @@ class ReceivedTopic:
     """
     What was received on one subscription of a listener.
 
-    :param is_counted: called with the subscription and ``is_static``; returns whether every message is
-        counted, because the listener's own methods handle them. It must not refer to the listener.
+    :param listener: a TransformListener; not kept alive.
     """
 
-    def __init__(
-        self, subscription: Subscription, is_static: bool, is_counted: Callable[[Subscription, bool], bool]
-    ) -> None:
+    def __init__(self, listener: Any, subscription: Subscription, is_static: bool) -> None:
         self.name = subscription.topic_name
         self.is_static = is_static
-        self._is_counted = is_counted
+        self._listener = weakref.ref(listener)
         self._subscription = weakref.ref(subscription)
         # Several threads of an executor may count.
         self._counter = itertools.count(1)
@@ -56,9 +53,12 @@ class ReceivedTopic:
         return taken + self._called, max(taken_at_ns, self._called_at_ns)
 
     def is_counted(self) -> bool:
-        """Whether :meth:`received` counts every message."""
-        subscription = self._subscription()
-        return subscription is not None and self._is_counted(subscription, self.is_static)
+        """Whether :meth:`received` counts every message, because the listener's own methods handle them."""
+        listener, subscription = self._listener(), self._subscription()
+        if listener is None or subscription is None:
+            return False
+        is_own: bool = listener._is_own(subscription.callback, self.is_static)
+        return is_own
 
     def is_open(self) -> bool:
         """Whether the subscription still exists."""

@@ -65,7 +65,6 @@ cdef struct Topic:
     uint32_t arrived            # atomic, and a hint: 0: no message waits
     State* inbox
     const rcl_subscription_t* subscription      # NULL: executors take from it
-    bint is_static
     uint32_t threshold          # messages that may wait
     uint32_t depth              # of the subscription's queue
     uint64_t taken              # messages since the beginning
@@ -74,12 +73,17 @@ cdef struct Topic:
 
 cdef struct Subscriptions:
     # Guarded by the inbox's lock.
-    Topic topics[MAX_TOPICS]    # static transforms first, because others may need them
+    Topic topics[MAX_TOPICS]    # by `topic_number`
     Records* records            # NULL: nothing is recorded
     const char* prefix          # of all names; NULL: they stay as they are
     size_t prefix_size
     rcl_clock_t* clock          # of the buffer, where something is recorded; or NULL
     rcl_allocator_t allocator   # that of malloc
+
+
+cdef size_t topic_number(bint is_static) noexcept nogil:
+    # Static transforms are taken first, because others may need them.
+    return 0 if is_static else 1
 
 
 cdef void _arrived(const void* data, size_t count) noexcept nogil:
@@ -146,7 +150,7 @@ cdef bint _take_message(State* inbox, size_t number, int64_t now_ns) noexcept no
     if wants_origin:
         parcel.origin.received_ns = information.received_timestamp
         parcel.origin.publisher = information.publisher_gid.data
-    is_readable = inbox_read(inbox, number, topic.is_static)
+    is_readable = inbox_read(inbox, number, number == topic_number(True))
     if is_readable and source.prefix != NULL:
         batch_prefix(&parcel.batch, source.prefix, source.prefix_size)
     if source.records != NULL:
@@ -243,25 +247,21 @@ cdef class RclInbox(MessageInbox):
         topic.subscription = NULL
         lock_release(&self._state.lock)
 
-    def subscribe(self, size_t number, handle, subscription, str name not None, bint is_static,
-                  uint32_t depth):
+    def subscribe(self, bint is_static, handle, subscription, str name not None, uint32_t depth):
         """
         Receive on a topic.
 
-        :param number: of the topic: 0 for static transforms, 1 for others.
+        :param is_static: whether the topic is that of static transforms.
         :param handle: of the subscription; kept as long as the address is used.
         :param subscription: address of an ``rcl_subscription_t``.
         :param depth: of the subscription's queue.
         :raises RuntimeError: the middleware does not report arrivals.
         """
-        cdef Topic* topic
-        if number >= MAX_TOPICS:
-            raise ValueError(f"a topic has the number {number}, {MAX_TOPICS} are possible")
-        topic = &self._source.topics[number]
+        cdef size_t number = topic_number(is_static)
+        cdef Topic* topic = &self._source.topics[number]
         self._handles[number] = handle
         self._names[number] = name
         lock_acquire(&self._state.lock)
-        topic.is_static = is_static
         topic.depth = depth
         topic.threshold = max(min(<uint32_t>THRESHOLD, depth // QUEUE_SHARE), 1)
         topic.subscription = <const rcl_subscription_t*><uintptr_t>subscription
@@ -274,17 +274,15 @@ cdef class RclInbox(MessageInbox):
             self._handles[number] = None
             raise RuntimeError(error)
 
-    def unsubscribe(self, size_t number, bint is_told=True):
+    def unsubscribe(self, bint is_static, bint is_told):
         """
         Receive nothing more on a topic; what was not inserted stays with its subscription.
 
         :param is_told: whether the middleware still reports arrivals to this object.
         """
-        if number >= MAX_TOPICS:
-            raise ValueError(f"a topic has the number {number}, {MAX_TOPICS} are possible")
         if not self._state.is_closed:
-            self._silence(number, is_told)
-            self._handles[number] = None
+            self._silence(topic_number(is_static), is_told)
+            self._handles[topic_number(is_static)] = None
 
     def fill(self, Engine buffer not None, clock=0):
         """
@@ -317,14 +315,13 @@ cdef class RclInbox(MessageInbox):
             count += self._source.topics[number].depth
         return count
 
-    def taken(self, size_t number):
+    def taken(self, bint is_static):
         """Return how many messages of a topic were taken, and the steady time of the last in nanoseconds."""
+        cdef const Topic* topic = &self._source.topics[topic_number(is_static)]
         cdef uint64_t count
         cdef int64_t at_ns
-        if number >= MAX_TOPICS:
-            raise ValueError(f"a topic has the number {number}, {MAX_TOPICS} are possible")
         lock_acquire(&self._state.lock)
-        count, at_ns = self._source.topics[number].taken, self._source.topics[number].taken_at_ns
+        count, at_ns = topic.taken, topic.taken_at_ns
         lock_release(&self._state.lock)
         return count, at_ns
 

@@ -18,7 +18,7 @@ finds, and any byte may be wrong: at worst, that is a malformed message.
 cimport cython
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t
-from libc.stdlib cimport free, realloc
+from libc.stdlib cimport free, malloc, realloc
 from libc.string cimport memcpy, memset
 
 from tf2_py._internal cimport (

@@ -2,7 +2,7 @@
 
 cdef enum:
     LEAST_STEPS = 16            # of a ring
-    CHUNK_BYTES = 1 << 15       # that a reader copies at once, or else one record; it keeps this memory
+    CHUNK_BYTES = 1 << 15       # that a reader copies at once, or else one record
     TRIES = 100                 # to find head and records consistent
     LAPS = 3                    # for how often the owner may overtake a reader within one round
     OFTEN = 3                   # reads in a round, from which on the thread inserts each message at once
@@ -22,8 +22,7 @@ cdef struct Reading:
     uint64_t capacity           # as found at first
     uint64_t begun              # position at which it began, or began again; it has read everything since
     uint64_t tail               # position of the next record to read
-    unsigned char* chunk        # what was copied of the ring
-    size_t chunk_capacity
+    unsigned char* chunk        # what was copied of the ring; MOST_RECORD bytes
     uint64_t chunk_from         # positions
     uint64_t chunk_to
     const char* problem         # why what was found cannot be read; or NULL
@@ -48,13 +47,6 @@ cdef void _move_to(Reading* reading, uint64_t position) noexcept nogil:
 
 cdef bint _fill_chunk(Reading* reading, uint64_t size) noexcept nogil:
     # Copies this many bytes from the tail on; False: see `problem`, or it was lapped.
-    cdef void* memory
-    if size > reading.chunk_capacity:
-        memory = realloc(reading.chunk, size)
-        if memory == NULL:
-            return False
-        reading.chunk = <unsigned char*>memory
-        reading.chunk_capacity = size
     reading.chunk_from = reading.chunk_to = reading.tail
     if read_file(reading.descriptor, reading.chunk, size, RING_AT + reading.tail % reading.capacity) != 0:
         reading.problem = "the shared memory was truncated"
@@ -175,11 +167,6 @@ cdef size_t _take(State* inbox, size_t most) noexcept nogil:
             taken += 1
         else:
             break
-    if taken < most and reading.chunk_capacity > CHUNK_BYTES:
-        free(reading.chunk)
-        reading.chunk = NULL
-        reading.chunk_capacity = 0
-        _move_to(reading, reading.tail)
     return taken
 
 
@@ -280,6 +267,9 @@ cdef class RingInbox(MessageInbox):
 
     def __cinit__(self, *_, **__):
         self._reading.descriptor = -1
+        self._reading.chunk = <unsigned char*>malloc(MOST_RECORD)
+        if self._reading.chunk == NULL:
+            raise MemoryError
         self._always = 1
         self.pending = &self._always
         self.read = &self._was_read

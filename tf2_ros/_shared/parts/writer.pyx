@@ -33,19 +33,7 @@ cdef struct Writing:
     uint64_t live               # bytes of the newest static records
     int64_t keep_ns             # for how long records are kept
     int64_t counted_ns          # steady time of the last round that was counted
-    unsigned char* scratch
-    size_t scratch_size
-
-
-cdef bint _reserve_scratch(Writing* writing, size_t size) noexcept nogil:
-    cdef void* memory
-    if size > writing.scratch_size:
-        memory = realloc(writing.scratch, size)
-        if memory == NULL:
-            return False
-        writing.scratch = <unsigned char*>memory
-        writing.scratch_size = size
-    return True
+    unsigned char* scratch      # for what follows a record; MOST_RECORD bytes
 
 
 cdef uint64_t _gap_before(const Writing* writing, uint64_t length) noexcept nogil:
@@ -107,9 +95,8 @@ cdef bint _write_again(Writing* writing, Record* record, int64_t now_ns) noexcep
     # The oldest record is the newest static transform of its child. False: there is no memory for it.
     cdef size_t size = <size_t>record.authority_size + record.size
     cdef uint64_t length = record_length(record)
-    if not _reserve_scratch(writing, size) or read_file(
-            writing.descriptor, writing.scratch, size,
-            RING_AT + record.position % writing.capacity + sizeof(Record)) != 0:
+    if read_file(writing.descriptor, writing.scratch, size,
+                 RING_AT + record.position % writing.capacity + sizeof(Record)) != 0:
         return False
     # Where there is no more memory, the reserve is used up.
     _commit(writing, writing.next + _gap_before(writing, length) + length + RESERVE)
@@ -203,8 +190,6 @@ cdef bint _append(Writing* writing, Record* record, const Batch* batch, size_t s
     if not _make_room(writing, record_length(record), now_ns):
         return False
     if message == NULL:
-        if not _reserve_scratch(writing, record.size):
-            return False
         _serialise(batch, start, end, writing.scratch)
         message = writing.scratch
     return _write(writing, record, batch.authority, message, now_ns)
@@ -376,7 +361,9 @@ cdef class RingWriter(Copying):
 
     def __cinit__(self, *_, **__):
         self._writing.descriptor = self._writing.lock_descriptor = -1
-        if lock_init(&self._writing.lock) != 0 or names_init(&self._writing.children) != 0:
+        self._writing.scratch = <unsigned char*>malloc(MOST_RECORD)
+        if self._writing.scratch == NULL or lock_init(
+                &self._writing.lock) != 0 or names_init(&self._writing.children) != 0:
             raise MemoryError
         self._writing.forked.in_child = _end_in_child
         self._writing.forked.owner = <void*>&self._writing

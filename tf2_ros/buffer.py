@@ -10,7 +10,7 @@ from tf2_py._internal import FOR_EVER_NS, log, policy_of, timeout_ns
 from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros._arguments import has, is_duration, refuse_swapped
 from tf2_ros._messages import TransformStamped
-from tf2_ros._shared.naming import buffer_name, domain_of, require_linux
+from tf2_ros._shared.naming import buffer_name, require_linux
 from tf2_ros._tf2_names import (
     Callable,
     FrameGraphSrvRequest,
@@ -564,14 +564,14 @@ def _shared(buffer: Buffer, name: str, node: "Node | None") -> "Owner":
     require_linux()
     from tf2_ros._shared.owner import Owner
 
-    return Owner(buffer, buffer_name(name, domain_of(node)))
+    return Owner(buffer, buffer_name(name, node))
 
 
 def _opened(name: str, node: "Node | None") -> "Ring":
     require_linux()
     from tf2_ros._shared.attachment import open_ring
 
-    return open_ring(buffer_name(name, domain_of(node)))
+    return open_ring(buffer_name(name, node))
 
 
 # The lookups of a buffer that has its own `can_transform*` call that method, as in tf2.

@@ -1,5 +1,6 @@
 """Fill buffers, and stand in for their listeners, from the ring of the process that owns a name."""
 
+import os
 import threading
 import traceback
 import weakref
@@ -11,7 +12,7 @@ from tf2_py._internal import log
 from tf2_ros._forking import register_for_fork
 from tf2_ros._receive.inboxes import END_WAIT_S, add_inbox, check_regularly, threads
 from tf2_ros._shared.files import Description, describe_owner, is_owned, open_file
-from tf2_ros._shared.naming import SharedBufferError, wanted_name
+from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted
 from tf2_ros._shared.owner import Owner
 from tf2_ros._shared.ring import RingInbox
 from tf2_ros_cython._presence import HAS_ROS
@@ -241,8 +242,6 @@ class AttachedListener:
     def __init__(self, listener: Any, attachment: Attachment, topics: Sequence[str]) -> None:
         self.topics = tuple(topics)
         self._listener = weakref.ref(listener)
-        self._buffer = weakref.ref(listener.buffer)
-        self._node = weakref.ref(listener.node)
         self._attachment = attachment
         self._listens = False  # whether it has subscriptions
         self._ended = False
@@ -268,10 +267,10 @@ class AttachedListener:
 
     def decide(self) -> None:
         """Let the listener subscribe on its own if the program has redirected what is received."""
-        listener, buffer = self._listener(), self._buffer()
+        listener = self._listener()
         if self._ended or listener is None:
             return
-        if listener.__dict__.get("buffer") is not buffer:
+        if listener.__dict__.get("buffer") is not self._attachment.buffer():
             self.leave("this program gives the listener another buffer")
         elif self._attachment.is_by_environment and not listener._is_direct():
             self.leave("this program handles what is received")
@@ -283,24 +282,24 @@ class AttachedListener:
 
     def lack(self, ring: Ring) -> str:
         """Why a ring cannot replace the subscriptions; ``""`` if it can, or if the program has chosen it."""
-        buffer, node = self._buffer(), self._node()
-        if not self._attachment.is_by_environment or buffer is None or node is None:
+        listener, buffer = self._listener(), self._attachment.buffer()
+        if not self._attachment.is_by_environment or listener is None or buffer is None:
             return ""
-        return _lack(ring, buffer, node, self.topics)
+        return _lack(ring, buffer, listener.node, self.topics)
 
     def leave(self, reason: str) -> None:
         """Subscribe for good."""
         with self._attachment.changing:
             if self._ended:
                 return
-            listens, buffer = self._listens, self._buffer()
             self.close()
-            attachment = self._attachment
+            attachment, buffer = self._attachment, self._attachment.buffer()
             if attachment.is_by_environment and not attachment.listeners:
                 attachment.close()
                 if buffer is not None and buffer._sharing is attachment:
                     buffer._sharing = None
-            self._listens = listens or self._subscribe(reason)
+            if not self._listens:
+                self._subscribe(reason)
 
     def lost(self, reason: str) -> None:
         """Subscribe, because the owner has ended, until there is another one."""
@@ -312,14 +311,14 @@ class AttachedListener:
     def found(self, ring: Ring) -> None:
         """Unsubscribe, because there is an owner again."""
         with self._attachment.changing:
-            listener, node = self._listener(), self._node()
-            if self._ended or listener is None or node is None:
+            listener = self._listener()
+            if self._ended or listener is None:
                 return
             self._inform()
-            if self._listens and not context_was_shut_down(node.context):
+            if self._listens and not context_was_shut_down(listener.node.context):
                 self._listens = False
                 listener._stop_listening()
-                _log_use(node, ring)
+                _log_use(listener.node, ring)
 
     def close(self) -> None:
         """End, and no longer keep the listener alive."""
@@ -345,25 +344,23 @@ class AttachedListener:
             ring.inform(self._queue)
 
     def _before_sleep(self, in_user_code: bool) -> None:
-        ring, node = self._attachment.ring, self._node()
-        if ring is None or node is None or self._queue is None or self._ended:
+        ring, listener = self._attachment.ring, self._listener()
+        if ring is None or listener is None or self._queue is None or self._ended:
             return
         if in_user_code:
             ring.catch_up()  # this informs the executor, and wakes it for what arrives later
             return
-        polls = self._queue.in_sets and has_tasks(node.executor)
+        polls = self._queue.in_sets and has_tasks(listener.node.executor)
         ring.set_pace(polls)
         if not polls:
             self._queue.sleep_on()
 
     def _subscribe(self, reason: str) -> bool:
-        listener, node = self._listener(), self._node()
-        if listener is None or node is None or context_was_shut_down(node.context):
+        listener = self._listener()
+        if listener is None or context_was_shut_down(listener.node.context):
             return False
-        get_logger("tf2_ros").info(
-            f"A listener of {node.get_fully_qualified_name()} subscribes on its own from now on, and leaves "
-            f"the shared buffer {self._attachment.name!r}: {reason}"
-        )
+        leaves = f"leaves the shared buffer {self._attachment.name!r}: {reason}"
+        _log(listener.node, f"subscribes on its own from now on, and {leaves}")
         listener._listen_itself()
         return True
 
@@ -396,10 +393,10 @@ def attach_listener(listener: Any, is_usual: bool, topics: Sequence[str]) -> Att
 
 def _by_environment(buffer: Any, node: "Node", is_usual: bool, topics: Sequence[str]) -> Attachment | None:
     """Attach a buffer as the environment asks, if that can replace this listener's subscriptions."""
+    if not is_wanted():
+        return None
     try:
-        name = wanted_name(node.context.get_domain_id())
-        if name is None:
-            return None
+        name = buffer_name(os.environ[VARIABLE], node)
         if not is_usual:
             raise SharedBufferError("it, or its buffer, is of another kind than tf2's")
         if (why := problem()) is not None:
@@ -410,9 +407,7 @@ def _by_environment(buffer: Any, node: "Node", is_usual: bool, topics: Sequence[
         if lack := _lack(ring, buffer, node, topics):
             raise SharedBufferError(f"the shared buffer {name!r} {lack}")
     except (SharedBufferError, ValueError) as reason:
-        get_logger("tf2_ros").info(
-            f"A listener of {node.get_fully_qualified_name()} subscribes on its own: {reason}"
-        )
+        _log(node, f"subscribes on its own: {reason}")
         return None
     buffer._sharing = found = Attachment(buffer, ring, is_by_environment=True)
     _log_use(node, ring)
@@ -420,10 +415,11 @@ def _by_environment(buffer: Any, node: "Node", is_usual: bool, topics: Sequence[
 
 
 def _log_use(node: "Node", ring: Ring) -> None:
-    get_logger("tf2_ros").info(
-        f"A listener of {node.get_fully_qualified_name()} uses the shared buffer {ring.name!r} of process "
-        f"{ring.process}, and subscribes to nothing"
-    )
+    _log(node, f"uses the shared buffer {ring.name!r} of process {ring.process}, and subscribes to nothing")
+
+
+def _log(node: "Node", what: str) -> None:
+    get_logger("tf2_ros").info(f"A listener of {node.get_fully_qualified_name()} {what}")
 
 
 def _lack(ring: Ring, buffer: Any, node: "Node", topics: Sequence[str]) -> str:

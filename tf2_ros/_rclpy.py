@@ -180,19 +180,15 @@ def executor_handles(executor: Executor) -> list[Any]:
 # Subscriptions.
 
 
-def hide_from_executors(subscription: Subscription) -> None:
+def hide_from_executors(subscription: Subscription, is_hidden: bool = True) -> None:
     """
-    Keep executors from waiting for a subscription.
+    Keep executors from waiting for a subscription and its events, or no longer.
 
     Assumes that they skip an entity whose ``_executor_event`` is set, as if an executor were about to take
     from it. An executor that ignores it takes messages, too, and inserts them by the subscription's callback.
     """
-    subscription._executor_event = True
-
-
-def show_to_executors(subscription: Subscription) -> None:
-    """Undo :func:`hide_from_executors`."""
-    subscription._executor_event = False
+    for entity in (subscription, *subscription.event_handlers):
+        entity._executor_event = is_hidden
 
 
 def report_incompatible_qos(handler: EventHandler) -> None:

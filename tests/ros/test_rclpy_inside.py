@@ -267,7 +267,7 @@ class TestSubscriptions:
         for _ in range(5):
             executor.spin_once(timeout_sec=0.02)
         assert got == []
-        _rclpy.show_to_executors(subscription)
+        _rclpy.hide_from_executors(subscription, is_hidden=False)
         until(lambda: got, executor)
 
     def test_the_callback_is_a_property(self, node):

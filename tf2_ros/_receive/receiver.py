@@ -22,7 +22,6 @@ from tf2_ros._rclpy import (
     hide_from_executors,
     report_incompatible_qos,
     set_subscription_callback,
-    show_to_executors,
     subscription_callback,
 )
 from tf2_ros._receive.inboxes import add_inbox, check_regularly, threads
@@ -59,29 +58,19 @@ class ReceivedSubscription(Subscription):
     """
 
     tf2_receiver: Any
-    # The node must not have these: an executor that waits for an event is also woken by each message.
-    tf2_event_handlers: list[EventHandler]
-    event_handlers: Any
 
     @classmethod
-    def adopt(cls, subscription: Any, node: Node, receiver: Any) -> None:
+    def adopt(cls, subscription: Any, receiver: Any) -> None:
         """Turn a subscription into one of this class."""
         subscription.tf2_receiver = receiver
-        subscription.tf2_event_handlers = list(subscription.event_handlers)
-        for handler in subscription.tf2_event_handlers:
-            node.remove_waitable(handler)
-        subscription.event_handlers = []
+        # With its events: an executor that waits for one is also woken by each message.
         hide_from_executors(subscription)
         subscription.__class__ = cls
 
-    def give_back(self, node: Node | None) -> None:
+    def give_back(self) -> None:
         """Let executors take from it."""
         self.tf2_receiver = None
-        show_to_executors(self)
-        if node is not None:
-            self.event_handlers, self.tf2_event_handlers = self.tf2_event_handlers, []
-            for handler in self.event_handlers:
-                node.add_waitable(handler)
+        hide_from_executors(self, is_hidden=False)
 
     @property
     def callback(self) -> Any:
@@ -103,8 +92,6 @@ class ReceivedSubscription(Subscription):
             if self.tf2_receiver.forked:
                 return
             self.tf2_receiver.drop_subscription(self)
-        for handler in self.tf2_event_handlers:
-            handler.destroy()
         super().destroy()
 
 
@@ -180,7 +167,7 @@ class Receiver(RclInbox):
         self.set_up(authority, queue, listener._recording, listener._prefix)
         self._topics: dict[bool, _Topic] = {}  # by whether they are static
         threads.start()
-        self._adopt(node, subscriptions)
+        self._adopt(subscriptions)
         add_inbox(self)
         check_regularly(self)
         listener.group.decide()
@@ -234,10 +221,9 @@ class Receiver(RclInbox):
 
         :param in_user_code: whether user code called it, which continues if something has arrived.
         """
+        self.decide()
         if in_user_code:
             self.catch_up()  # which informs the executor
-        else:
-            self.decide()
         if self._queue.in_sets:
             return
         # The middleware reports arrivals to only one of the two, by now to the executor (rclpy's
@@ -292,14 +278,14 @@ class Receiver(RclInbox):
             self.decide()
             for topic in list(self._topics.values()):
                 subscription: Any = topic.subscription()
-                for handler in () if subscription is None else subscription.tf2_event_handlers:
+                for handler in () if subscription is None else subscription.event_handlers:
                     report_incompatible_qos(handler)
 
-    def _adopt(self, node: Node, subscriptions: Sequence[tuple[Subscription, bool]]) -> None:
+    def _adopt(self, subscriptions: Sequence[tuple[Subscription, bool]]) -> None:
         for subscription, is_static in subscriptions:
             collected = partial(_collected, weakref.ref(self), is_static)
             self._topics[is_static] = _Topic(subscription, is_static, collected)
-            ReceivedSubscription.adopt(subscription, node, self)
+            ReceivedSubscription.adopt(subscription, self)
         self.decide()
         for subscription, is_static in subscriptions:
             topic = self._topics.get(is_static)
@@ -328,9 +314,8 @@ class Receiver(RclInbox):
         if not self._topics:
             self.close()
         if subscription is not None:
-            node = self._node()
-            subscription.give_back(node)
-            wake_executor(node)
+            subscription.give_back()
+            wake_executor(self._node())
 
     def _context_ended(self) -> None:
         # Nothing arrives any more.

@@ -8,13 +8,6 @@ from tf2_py._internal cimport Batch, Engine, ForkedLock, Inbox, Lock, Tap
 cdef enum:
     ROUND_NS = 100000000        # how long a message waits if nothing asks for it
     SLICE = 16                  # messages that are inserted before other threads may drain
-    GID_BYTES = 16              # of a publisher's id; as RMW_GID_STORAGE_SIZE
-
-
-cdef struct Origin:
-    # Where a message comes from.
-    int64_t received_ns         # system time of its reception; 0: the middleware does not report it
-    unsigned char[GID_BYTES] publisher
 
 
 cdef struct Parcel:
@@ -23,7 +16,6 @@ cdef struct Parcel:
     unsigned char* data         # the message; of malloc
     size_t size                 # its bytes
     size_t capacity             # bytes allocated
-    Origin origin
     size_t topic                # index of its topic's name
     Parcel* next
 

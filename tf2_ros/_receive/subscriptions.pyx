@@ -42,9 +42,7 @@ from tf2_ros._rcl cimport (
     rmw_message_info_t,
 )
 from tf2_ros._receive.inbox cimport (
-    GID_BYTES,
     MessageInbox,
-    Origin,
     Parcel,
     State,
     inbox_arrived,
@@ -112,9 +110,9 @@ cdef bint _simulated_now(rcl_clock_t* clock, int64_t* now_ns) noexcept nogil:
     return rcl_clock_get_now(clock, now_ns) == RCL_RET_OK
 
 
-cdef void _record(State* inbox, const Origin* origin, bint is_readable) noexcept nogil:
+cdef void _record(State* inbox, const rmw_message_info_t* information, bint is_readable) noexcept nogil:
     cdef Subscriptions* source = <Subscriptions*>inbox.source
-    cdef int64_t received_ns = origin.received_ns
+    cdef int64_t received_ns = information.received_timestamp
     if not is_readable:
         records_add_malformed(source.records)
         return
@@ -123,7 +121,8 @@ cdef void _record(State* inbox, const Origin* origin, bint is_readable) noexcept
     word_store(&inbox.wants_each, is_simulated)
     if not is_simulated and received_ns <= 0:
         received_ns = system_ns()
-    records_add(source.records, &inbox.parcel.batch, received_ns, origin.publisher, RMW_GID_STORAGE_SIZE)
+    records_add(source.records, &inbox.parcel.batch, received_ns, information.publisher_gid.data,
+                RMW_GID_STORAGE_SIZE)
 
 
 cdef bint _take_message(State* inbox, size_t number, int64_t now_ns) noexcept nogil:
@@ -134,12 +133,11 @@ cdef bint _take_message(State* inbox, size_t number, int64_t now_ns) noexcept no
     cdef rmw_message_info_t information
     cdef rcl_serialized_message_t message
     cdef rcl_ret_t result
-    cdef bint wants_origin = source.records != NULL or inbox.copier != NULL
     cdef bint is_readable
     message.buffer, message.buffer_length, message.buffer_capacity = parcel.data, 0, parcel.capacity
     message.allocator = source.allocator
     result = rcl_take_serialized_message(
-        topic.subscription, &message, &information if wants_origin else NULL, NULL)
+        topic.subscription, &message, &information if source.records != NULL else NULL, NULL)
     # rcl may have allocated more.
     parcel.data, parcel.size, parcel.capacity = message.buffer, message.buffer_length, message.buffer_capacity
     if result != RCL_RET_OK:
@@ -147,14 +145,11 @@ cdef bint _take_message(State* inbox, size_t number, int64_t now_ns) noexcept no
         return False
     topic.taken += 1
     topic.taken_at_ns = now_ns
-    if wants_origin:
-        parcel.origin.received_ns = information.received_timestamp
-        parcel.origin.publisher = information.publisher_gid.data
     is_readable = inbox_read(inbox, number, number == topic_number(True))
     if is_readable and source.prefix != NULL:
         batch_prefix(&parcel.batch, source.prefix, source.prefix_size)
     if source.records != NULL:
-        _record(inbox, &parcel.origin, is_readable)
+        _record(inbox, &information, is_readable)
     inbox_insert(inbox, is_readable)
     return True
 
@@ -324,7 +319,3 @@ cdef class RclInbox(MessageInbox):
         count, at_ns = topic.taken, topic.taken_at_ns
         lock_release(&self._state.lock)
         return count, at_ns
-
-
-if <int>GID_BYTES != <int>RMW_GID_STORAGE_SIZE:
-    raise ImportError("the ids of publishers are not as rmw has them")

@@ -56,7 +56,6 @@ from tf2_ros._receive.inbox cimport (
     Copier,
     Copying,
     MessageInbox,
-    Origin,
     Parcel,
     State,
     inbox_remove,
@@ -74,7 +73,6 @@ from tf2_ros._shared.memory cimport (
     commit_file,
     errno,
     fence,
-    file_size,
     futex_wait,
     futex_wake,
     give_back,
@@ -99,6 +97,7 @@ cdef enum:
     TEXT_AT = 4096              # of the description: size, checksum, text
     TEXT_BYTES = 4096
     RING_AT = STEP
+    UNIT = 64                   # bytes: the length of each record is a multiple
     MOST_RECORD = 2 * STEP      # bytes
 
     KIND_DYNAMIC = 1            # of records: a message with dynamic transforms
@@ -131,7 +130,7 @@ cdef struct Board:
 
 
 cdef struct Record:
-    # Padded to 64 bytes with what follows it, so a record of padding fits wherever another one ends.
+    # Padded to a multiple of UNIT with what follows, so a record of padding fits wherever another one ends.
     uint64_t position           # its own
     uint64_t previous           # where it was written before; `position` unless it was written again
     int64_t written_ns          # steady time
@@ -139,12 +138,11 @@ cdef struct Record:
     uint32_t child              # id of a static transform's child; NO_CHILD: never written again
     uint32_t authority_size     # bytes that follow
     uint32_t size               # bytes of the message, which follows the authority
-    Origin origin
 
 
 cdef inline uint64_t record_length(const Record* record) noexcept nogil:
     # Bytes, with what follows and padding.
-    return (sizeof(Record) + <uint64_t>record.authority_size + record.size + 63) // 64 * 64
+    return (sizeof(Record) + <uint64_t>record.authority_size + record.size + UNIT - 1) // UNIT * UNIT
 
 
 cdef inline Board* board_of(const Head* head) noexcept nogil:

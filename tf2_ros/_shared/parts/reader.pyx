@@ -77,11 +77,11 @@ cdef const Record* _next_record(Reading* reading) noexcept nogil:
             reading.is_lapped = True
             return NULL
         most = min(end - reading.tail, capacity - reading.tail % capacity)
-        if most % sizeof(Record) or reading.tail % sizeof(Record):
+        if most % UNIT or reading.tail % UNIT:
             break
         copied = reading.chunk_to - reading.tail
         record = <const Record*>(reading.chunk + (reading.tail - reading.chunk_from))
-        length = sizeof(Record) if copied < sizeof(Record) else record_length(record)
+        length = UNIT if copied < UNIT else record_length(record)
         if length > min(most, <uint64_t>MOST_RECORD):
             break
         if length > copied:
@@ -115,7 +115,6 @@ cdef bint _take_record(State* inbox, const Record* record) noexcept nogil:
         memcpy(memory, content + authority_size, size)
         memcpy(memory + size, content, authority_size)
         parcel.size = size
-        parcel.origin = record.origin
         if kind == KIND_REMOVAL:
             inbox_remove(inbox, <const char*>memory if size else NULL, size)
         elif kind == KIND_STATIC or kind == KIND_DYNAMIC:
@@ -289,7 +288,7 @@ cdef class RingInbox(MessageInbox):
             raise ValueError("it is of another version of this package")
         if found.capacity < LEAST_STEPS * STEP or found.capacity > MOST_BYTES or found.capacity % STEP:
             raise ValueError("its sizes are wrong")
-        if file_size(descriptor) < RING_AT + found.capacity:
+        if os.fstat(descriptor).st_size < RING_AT + found.capacity:
             raise ValueError("it was truncated")
         reading.capacity = found.capacity
         reading.head = map_head(descriptor, &reading.is_lost)
@@ -311,8 +310,8 @@ cdef class RingInbox(MessageInbox):
 
     cdef int64_t _arrived_by_now(self) noexcept:
         # No record is shorter. What the file says may be wrong.
-        return min((load64(&self._reading.head.next) - self._reading.tail) // sizeof(Record) + 1,
-                   self._reading.capacity // sizeof(Record))
+        return min((load64(&self._reading.head.next) - self._reading.tail) // UNIT + 1,
+                   self._reading.capacity // UNIT)
 
     cdef int drain(self) except -1:
         cdef Reading* reading = &self._reading
@@ -385,8 +384,9 @@ cdef class RingInbox(MessageInbox):
     @property
     def problem(self):
         """Why nothing arrives any more, whether or not the owner exists; or None."""
-        if word_load(&self._reading.is_lost) or (
-                file_size(self._reading.descriptor) < RING_AT + self._reading.capacity):
+        cdef Reading* reading = &self._reading
+        if word_load(&reading.is_lost) or os.fstat(
+                reading.descriptor).st_size < RING_AT + reading.capacity:
             return "its memory was truncated"
         return None
 

@@ -44,7 +44,7 @@ cdef uint64_t _gap_before(const Writing* writing, uint64_t length) noexcept nogi
 
 cdef bint _write(Writing* writing, Record* record, const void* authority, const void* message,
                  int64_t now_ns) noexcept nogil:
-    # Adds a record, whose kind, child, sizes and origin are set. False: there is no memory for it.
+    # Adds a record, whose kind, child and sizes are set. False: there is no memory for it.
     cdef Record padding
     cdef uint64_t length = record_length(record)
     cdef uint64_t gap = _gap_before(writing, length)
@@ -249,8 +249,8 @@ cdef void _forget_statics(Writing* writing, const Batch* batch) noexcept nogil:
         _forget_static_of(writing, child, size)
 
 
-cdef bint _copy_batch(Writing* writing, const Batch* batch, const Origin* origin, const void* message,
-                      size_t size, int64_t now_ns) noexcept nogil:
+cdef bint _copy_batch(Writing* writing, const Batch* batch, const void* message, size_t size,
+                      int64_t now_ns) noexcept nogil:
     # With `message`, which may be NULL, its bytes are copied. Also copies what this buffer refuses: readers
     # refuse, count and log it, too.
     cdef Record record
@@ -271,7 +271,6 @@ cdef bint _copy_batch(Writing* writing, const Batch* batch, const Origin* origin
         record.kind = KIND_STATIC if batch.is_static else KIND_DYNAMIC
         record.authority_size = <uint32_t>batch.authority_size
         record.size = <uint32_t>(size if message != NULL else _serialise(batch, start, end, NULL))
-        record.origin = origin[0]
         if batch.is_static:
             is_kept = _append_static(writing, &record, batch, start, now_ns) and is_kept
         else:
@@ -294,8 +293,7 @@ cdef bint _copy_removal(Writing* writing, const char* name, size_t size, int64_t
     return True
 
 
-cdef void _share(Writing* writing, const Batch* batch, const Origin* origin, const void* message,
-                 size_t size) noexcept nogil:
+cdef void _share(Writing* writing, const Batch* batch, const void* message, size_t size) noexcept nogil:
     # Copies a batch or, if `batch` is NULL, a removal, of which `message` is the name. Wakes the readers that
     # sleep.
     cdef int64_t now_ns
@@ -307,7 +305,7 @@ cdef void _share(Writing* writing, const Batch* batch, const Origin* origin, con
         if batch == NULL:
             is_kept = _copy_removal(writing, <const char*>message, size, now_ns)
         else:
-            is_kept = _copy_batch(writing, batch, origin, message, size, now_ns)
+            is_kept = _copy_batch(writing, batch, message, size, now_ns)
         if not is_kept:
             _count_missing(writing)
         word_store(&writing.head.arrivals, writing.head.arrivals + 1)
@@ -318,8 +316,7 @@ cdef void _share(Writing* writing, const Batch* batch, const Origin* origin, con
 
 cdef void _copy(Copier* copier, const Parcel* parcel, bint is_whole) noexcept nogil:
     is_whole = is_whole and parcel.size < STEP
-    _share(<Writing*>copier.data, &parcel.batch, &parcel.origin, parcel.data if is_whole else NULL,
-           parcel.size)
+    _share(<Writing*>copier.data, &parcel.batch, parcel.data if is_whole else NULL, parcel.size)
 
 
 cdef bint _is_wanted(Copier* copier) noexcept nogil:
@@ -435,9 +432,7 @@ cdef class RingWriter(Copying):
         return shortage_of(self._writing.head)
 
     cdef void inserting(self, const Batch* batch) noexcept:
-        cdef Origin origin
-        memset(&origin, 0, sizeof(Origin))
-        _share(&self._writing, batch, &origin, NULL, 0)
+        _share(&self._writing, batch, NULL, 0)
 
     cdef void removed(self, const char* name, size_t size) noexcept:
-        _share(&self._writing, NULL, NULL, name, size)
+        _share(&self._writing, NULL, name, size)

@@ -44,6 +44,7 @@ cdef struct Copier:
 cdef struct State:
     # What is used without the GIL.
     uint32_t pending            # atomic; 0: no message waits
+    uint32_t is_full            # atomic: so many messages wait that they must be taken
     uint32_t armed              # atomic: the engine wants each message at once
     uint32_t read               # atomic: rounds for which it wants them because of the last read
     uint32_t wants_each         # atomic: the source must take each message when it arrives
@@ -58,9 +59,7 @@ cdef struct State:
     bint is_closed
     # Takes and inserts at most this many messages. Returns how many.
     size_t (*take)(State* inbox, size_t most) noexcept nogil
-    # Whether so many messages wait that they must be taken.
-    bint (*is_full)(const State* inbox) noexcept nogil
-    void* source                # for these two
+    void* source                # for it
     void* engine                # NULL: it was destroyed
     Parcel* parcel              # for the next message
     Parcel* spare               # takes its place if the message is kept; NULL: not allocated yet

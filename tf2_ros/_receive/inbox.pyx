@@ -117,6 +117,8 @@ cdef bint inbox_wants_all(State* inbox) noexcept nogil:
 
 cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil:
     word_store(&inbox.pending, 1)
+    if is_full:
+        word_store(&inbox.is_full, 1)
     if is_full or inbox_wants_all(inbox) or word_load(&_is_idle):
         _signal_set(&_work)
 
@@ -294,6 +296,7 @@ cdef bint _take(State* inbox, size_t most) noexcept nogil:
     # First this, then the messages: `inbox_arrived` is called after its message has arrived. Until they are
     # inserted, readers must find something pending, and wait here.
     word_store(&inbox.pending, BEING_INSERTED)
+    word_store(&inbox.is_full, 0)
     taken = inbox.take(inbox, most)
     word_replace(&inbox.pending, BEING_INSERTED, 0)
     if taken:
@@ -342,7 +345,7 @@ cdef bint _serve_all(bint is_round, int64_t now_ns) noexcept nogil:
         while inbox != NULL:
             if counts_round:
                 inbox_count_round(inbox, now_ns)
-            if is_round or inbox_wants_all(inbox) or inbox.is_full(inbox):
+            if is_round or inbox_wants_all(inbox) or word_load(&inbox.is_full):
                 has_arrived = inbox_serve(inbox, &is_behind) or has_arrived
             inbox = inbox.after
         lock_release(&_list_lock)

@@ -19,7 +19,6 @@ from tf2_py._internal cimport (
     system_ns,
     word_add,
     word_exchange,
-    word_load,
     word_store,
 )
 from tf2_ros._rcl cimport (
@@ -92,15 +91,6 @@ cdef void _arrived(const void* data, size_t count) noexcept nogil:
 
 
 # Taking; with the inbox's lock held.
-
-cdef bint _is_any_full(const State* inbox) noexcept nogil:
-    cdef const Subscriptions* source = <const Subscriptions*>inbox.source
-    cdef size_t number
-    for number in range(MAX_TOPICS):
-        if word_load(&source.topics[number].arrived) >= source.topics[number].threshold:
-            return True
-    return False
-
 
 cdef bint _simulated_now(rcl_clock_t* clock, int64_t* now_ns) noexcept nogil:
     # Returns whether the clock's time is simulated; only then, sets the time.
@@ -193,7 +183,6 @@ cdef class RclInbox(MessageInbox):
         self._names = [""] * MAX_TOPICS
         self._source.allocator = rcutils_get_default_allocator()
         self._state.take = _take_subscribed
-        self._state.is_full = _is_any_full
         self._state.source = &self._source
         for number in range(MAX_TOPICS):
             self._source.topics[number].inbox = &self._state

@@ -169,10 +169,6 @@ cdef size_t _take(State* inbox, size_t most) noexcept nogil:
     return taken
 
 
-cdef bint _is_full(const State* inbox) noexcept nogil:
-    return False
-
-
 cdef void _want(Reading* reading) noexcept nogil:
     if word_load(&board_of(reading.head).wanted) != WANTED_ROUNDS:
         word_store(&board_of(reading.head).wanted, WANTED_ROUNDS)
@@ -274,7 +270,6 @@ cdef class RingInbox(MessageInbox):
         self.read = &self._was_read
         self._names = ["shared memory"]
         self._state.take = _take
-        self._state.is_full = _is_full
         self._state.source = &self._reading
         self._state.forked.in_child = _without_thread
 

@@ -488,7 +488,7 @@ def _valid_prefix(prefix: str) -> str:
 
 
 def _with_prefix(prefix: str, transform: TransformStamped) -> TransformStamped:
-    """The same transform between frames with a prefix; as `parcel_prefix` in `inbox.pyx`."""
+    """The same transform between frames with a prefix; as `batch_prefix` in tf2_py."""
     parent, child = (
         prefix + name.removeprefix("/") if name not in ("", "/") else ""
         for name in (transform.header.frame_id, transform.child_frame_id)

@@ -70,8 +70,7 @@ cdef struct State:
     size_t authority_size
     Copier* copier              # of the buffer, if that is shared; or NULL
     bint has_arrived            # something, since the draining thread looked last
-    State* before               # in the list of all that the draining thread serves
-    State* after
+    State* after                # in the list of all that the draining thread serves
 
 
 # A message waits. `is_full`: so many wait that they must be taken. From any thread, with or without the GIL.

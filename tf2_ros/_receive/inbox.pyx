@@ -472,22 +472,18 @@ cdef class MessageInbox(Inbox):
         global _first
         lock_acquire(&_list_lock)
         self._state.after = _first
-        if _first != NULL:
-            _first.before = &self._state
         _first = &self._state
         lock_release(&_list_lock)
 
     cdef void _discharge(self) noexcept:
-        global _first
+        cdef State** link = &_first
         if self._state.is_closed:
             return
         lock_acquire(&_list_lock)
-        if self._state.after != NULL:
-            self._state.after.before = self._state.before
-        if self._state.before != NULL:
-            self._state.before.after = self._state.after
-        elif _first == &self._state:
-            _first = self._state.after
+        while link[0] != NULL and link[0] != &self._state:
+            link = &link[0].after
+        if link[0] != NULL:
+            link[0] = self._state.after
         lock_release(&_list_lock)
         lock_acquire(&self._state.lock)
         self._state.is_closed = True

@@ -44,12 +44,6 @@ def wake_executor(node: Any) -> None:
         executor.wake()
 
 
-def exists(subscription: Subscription) -> bool:
-    """Whether a subscription was not destroyed."""
-    with ExitStack() as uses:
-        return enter_handle(subscription.handle, uses)
-
-
 class ReceivedSubscription(Subscription):
     """
     A subscription that a receiver takes from, and no executor.

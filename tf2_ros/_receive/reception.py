@@ -5,6 +5,7 @@ import os
 import time
 import weakref
 from collections.abc import Sequence
+from contextlib import ExitStack
 from typing import Any
 
 from rclpy.logging import get_logger
@@ -14,8 +15,8 @@ from rclpy.subscription import Subscription
 from tf2_py import BufferCore
 from tf2_py._internal import counted
 from tf2_ros._forking import LiveObjects
-from tf2_ros._rclpy import context_was_shut_down
-from tf2_ros._receive.receiver import Receiver, exists
+from tf2_ros._rclpy import context_was_shut_down, enter_handle
+from tf2_ros._receive.receiver import Receiver
 
 # A topic of dynamic transforms is called silent if nothing was received on it for this long. Most are sent
 # ten times a second or more.
@@ -63,7 +64,8 @@ class ReceivedTopic:
     def is_open(self) -> bool:
         """Whether the subscription still exists."""
         subscription = self._subscription()
-        return subscription is not None and exists(subscription)
+        with ExitStack() as uses:
+            return subscription is not None and enter_handle(subscription.handle, uses)
 
     def is_left_to_executors(self) -> bool:
         """Whether no receiver takes its messages."""

@@ -10,12 +10,13 @@ import os
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Protocol
 
 from tf2_py import BufferCore
-from tf2_py._internal import log
+from tf2_py._internal import FOR_EVER_NS, log
 from tf2_ros._forking import LiveObjects
 from tf2_ros._receive.inbox import MessageInbox, run_inboxes, run_reports, stop_inboxes
 
@@ -61,16 +62,17 @@ def attribute_changed(buffer: BufferCore) -> None:
         inbox.decide()
 
 
-def hold(buffer: BufferCore) -> None:
-    """Let what has arrived for a buffer wait until :func:`release`."""
+@contextmanager
+def held(buffer: BufferCore, until_ns: Callable[[], int] = lambda: FOR_EVER_NS) -> Iterator[None]:
+    """Let what arrives wait; then insert it, except dynamic transforms stamped later than ``until_ns()``."""
     for inbox in _filling(buffer):
         inbox.hold()
-
-
-def release(buffer: BufferCore, until_ns: int) -> None:
-    """Insert what has arrived, except dynamic transforms that are stamped later than ``until_ns``."""
-    for inbox in _filling(buffer):
-        inbox.release(until_ns)
+    try:
+        yield
+    finally:
+        last_ns = until_ns()
+        for inbox in _filling(buffer):
+            inbox.release(last_ns)
 
 
 class _Threads:

@@ -33,7 +33,6 @@ ctypedef struct rmw_message_info_t:
 
 ctypedef void rcl_subscription_t
 ctypedef void rcl_guard_condition_t
-ctypedef void rcl_event_t
 ctypedef void rcl_clock_t
 ctypedef void rmw_subscription_allocation_t
 ctypedef void (*rcl_event_callback_t)(const void* user_data, size_t number_of_events) noexcept nogil
@@ -45,7 +44,7 @@ ctypedef struct rcl_allocator_t:
     void* zero_allocate
     void* state
 
-# It has an allocator and no bytes at first; rcl gives it as many as it needs.
+# It has an allocator; rcl gives it as many bytes as it needs.
 ctypedef struct rcl_serialized_message_t:
     uint8_t* buffer
     size_t buffer_length                                # bytes of the message
@@ -66,14 +65,13 @@ cdef rcl_ret_t (*rcl_clock_get_now)(rcl_clock_t* clock, int64_t* time_ns) noexce
 cdef rcl_ret_t (*rcl_subscription_set_on_new_message_callback)(
     const rcl_subscription_t* subscription, rcl_event_callback_t callback, const void* user_data,
 ) noexcept nogil
-cdef rcl_ret_t (*rcl_event_set_callback)(
-    const rcl_event_t* event, rcl_event_callback_t callback, const void* user_data,
-) noexcept nogil
 # The last two, information about the message and memory for it, may be NULL.
 cdef rcl_ret_t (*rcl_take_serialized_message)(
     const rcl_subscription_t* subscription, rcl_serialized_message_t* message,
     rmw_message_info_t* information, rmw_subscription_allocation_t* allocation,
 ) noexcept nogil
+# That of malloc and free.
+cdef rcl_allocator_t (*rcutils_get_default_allocator)() noexcept nogil
 # The text of this thread's last error. While it is set, another error makes rcl complain on stderr.
 cdef rcl_error_string_t (*rcutils_get_error_string)() noexcept nogil
 cdef void (*rcutils_reset_error)() noexcept nogil

@@ -66,8 +66,8 @@ cdef str _find_all():
         _find(library, "rcl_clock_get_now", <void**>&rcl_clock_get_now)
         _find(library, "rcl_subscription_set_on_new_message_callback",
               <void**>&rcl_subscription_set_on_new_message_callback)
-        _find(library, "rcl_event_set_callback", <void**>&rcl_event_set_callback)
         _find(library, "rcl_take_serialized_message", <void**>&rcl_take_serialized_message)
+        _find(library, "rcutils_get_default_allocator", <void**>&rcutils_get_default_allocator)
         _find(library, "rcutils_get_error_string", <void**>&rcutils_get_error_string)
         _find(library, "rcutils_reset_error", <void**>&rcutils_reset_error)
     except (AttributeError, OSError) as error:

@@ -12,7 +12,7 @@ from contextlib import ExitStack, suppress
 from types import FrameType, FunctionType
 from typing import Any
 
-from rclpy.event_handler import QoSSubscriptionEventType, UnsupportedEventTypeError
+from rclpy.event_handler import EventHandler, QoSSubscriptionEventType
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
 from rclpy.guard_condition import GuardCondition
@@ -72,23 +72,6 @@ def new_wake_handle(context: Any) -> Any:
     what it needs.
     """
     return GuardCondition(None, None, context).handle
-
-
-def incompatible_qos_event(subscription_handle: Any) -> Any:
-    """
-    A handle of the event of a publisher whose QoS does not fit the subscription.
-
-    Assumes the class ``EventHandle`` of the C++ part. None if that, or the middleware, does not have it.
-    """
-    event_handle = getattr(rclpy_implementation, "EventHandle", None)
-    if event_handle is None:
-        return None
-    kind = QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS
-    try:
-        with subscription_handle:
-            return event_handle(subscription_handle, kind)
-    except UnsupportedEventTypeError:
-        return None
 
 
 def context_was_shut_down(context: Any) -> bool:
@@ -196,19 +179,31 @@ def executor_handles(executor: Executor) -> list[Any]:
 # Subscriptions.
 
 
-def hide_from_executors(subscription: Subscription) -> None:
+def hide_from_executors(subscription: Subscription, is_hidden: bool = True) -> None:
     """
-    Keep executors from waiting for a subscription.
+    Keep executors from waiting for a subscription and its events, or no longer.
 
     Assumes that they skip an entity whose ``_executor_event`` is set, as if an executor were about to take
     from it. An executor that ignores it takes messages, too, and inserts them by the subscription's callback.
     """
-    subscription._executor_event = True
+    for entity in (subscription, *subscription.event_handlers):
+        entity._executor_event = is_hidden
 
 
-def show_to_executors(subscription: Subscription) -> None:
-    """Undo :func:`hide_from_executors`."""
-    subscription._executor_event = False
+def report_incompatible_qos(handler: EventHandler) -> None:
+    """
+    Log that a publisher's QoS does not fit, if that has happened, for a handler that no executor has.
+
+    Assumes that ``take_data`` takes an event if ``_ready_to_take_data`` is set, as it is when an executor
+    wakes. Otherwise nothing is logged.
+    """
+    if handler.event_type != QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS:
+        return
+    handler._ready_to_take_data = True
+    with suppress(InvalidHandle):  # it was destroyed
+        event: Any = handler.take_data()
+        if event is not None and event.total_count_change:
+            handler.callback(event)
 
 
 def subscription_callback(subscription: Subscription) -> Any:

@@ -6,12 +6,12 @@ from types import MethodType
 from typing import TYPE_CHECKING, Any
 
 from tf2_py import BufferCore, TransformException
-from tf2_py._internal import FOR_EVER_NS, log, policy_of, timeout_ns
+from tf2_py._internal import log, policy_of, timeout_ns
 from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros import _on_use
 from tf2_ros._arguments import has, is_duration, refuse_swapped
 from tf2_ros._messages import TransformStamped
-from tf2_ros._shared.naming import buffer_name, domain_of, require_linux
+from tf2_ros._shared.naming import buffer_name, require_linux
 from tf2_ros._tf2_names import (
     Callable,
     FrameGraphSrvRequest,
@@ -43,7 +43,7 @@ if TYPE_CHECKING or HAS_ROS:
 
     from tf2_msgs.srv import FrameGraph
     from tf2_ros._nodes import WaitContexts, fills
-    from tf2_ros._receive.inboxes import attribute_changed, hold, insert_arrived, release
+    from tf2_ros._receive.inboxes import attribute_changed, held, insert_arrived
     from tf2_ros._tf2_names import rclpy
     from tf2_ros._wait.changes import Changes, ChangeSubscription
     from tf2_ros._wait.futures import TransformFuture, WakingFuture
@@ -456,11 +456,8 @@ class Buffer(BufferCore, AnsweringInterface):
         if self._sharing is None or not HAS_ROS:
             return super().forget(frame)
         # Readers must get what is received meanwhile in the same order.
-        hold(self)
-        try:
+        with held(self):
             return super().forget(frame)
-        finally:
-            release(self, FOR_EVER_NS)
 
     def changes(self, target_frame: str, source_frame: str) -> "Changes":
         """
@@ -564,14 +561,14 @@ def _shared(buffer: Buffer, name: str, node: "Node | None") -> "Owner":
     require_linux()
     from tf2_ros._shared.owner import Owner
 
-    return Owner(buffer, buffer_name(name, domain_of(node)))
+    return Owner(buffer, buffer_name(name, node))
 
 
 def _opened(name: str, node: "Node | None") -> "Ring":
     require_linux()
     from tf2_ros._shared.attachment import open_ring
 
-    return open_ring(buffer_name(name, domain_of(node)))
+    return open_ring(buffer_name(name, node))
 
 
 # The lookups of a buffer that has its own `can_transform*` call that method, as in tf2.
@@ -662,15 +659,12 @@ def _clear_at_jumps(buffer: Any) -> "JumpHandle":
         jumping = reference()
         if jumping is None:
             return
-        is_jump = time_jump.clock_change == ClockChange.ROS_TIME_NO_CHANGE
-        if is_jump:
-            # Transforms of a restarted recording may have arrived before the executor took its /clock.
-            hold(jumping)
-        try:
+        if time_jump.clock_change != ClockChange.ROS_TIME_NO_CHANGE:
             jumping.time_jump_callback(time_jump)
-        finally:
-            if is_jump:
-                release(jumping, jumping.clock.now().nanoseconds)
+            return
+        # Transforms of a restarted recording may have arrived before the executor took its /clock.
+        with held(jumping, lambda: jumping.clock.now().nanoseconds):
+            jumping.time_jump_callback(time_jump)
 
     threshold = JumpThreshold(
         min_forward=None, min_backward=Duration(seconds=-JUMP_BACK_S), on_clock_change=True

@@ -5,7 +5,6 @@ from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split
 
-import weakref
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -370,11 +369,26 @@ class TransformListener:
             self._recording is None
             and not self._prefix
             and getattr(type(self.node), "create_subscription", None) is Node.create_subscription
-            and _direct(self) is not None
-            and all(
-                _is_ours(self, getattr(self, ours.__name__), static) for static, ours in _CALLBACKS.items()
-            )
+            and self._direct_buffer() is not None
+            and all(self._is_own(getattr(self, own.__name__), static) for static, own in _CALLBACKS.items())
         )
+
+    def _direct_buffer(self) -> BufferCore | None:
+        """The buffer; None if code of a program would handle what is inserted. Runs no code of a program."""
+        buffer = self.__dict__.get("buffer")
+        # A property of a subclass, or one that was added later, comes before what the instance holds.
+        is_property = hasattr(type(getattr(type(self), "buffer", None)), "__set__")
+        if is_property or not isinstance(buffer, BufferCore):
+            return None
+        kind, own = type(buffer), getattr(buffer, "__dict__", {})
+        if any(name in own or getattr(kind, name) is not getattr(BufferCore, name) for name in SETTERS):
+            return None
+        return buffer
+
+    def _is_own(self, callback: Any, is_static: bool) -> bool:
+        """Whether this is the listener's own method of this class, and no other code."""
+        own = _CALLBACKS[is_static]
+        return getattr(callback, "__func__", None) is own and callback.__self__ is self
 
     def _listen_itself(self) -> None:
         """Subscribe, as this listener was asked to."""
@@ -415,31 +429,31 @@ class TransformListener:
 
     def __receive(self) -> None:
         # A receiver takes from the subscriptions if a program cannot observe the difference.
-        choice = _Choice(self)
-        dynamic_sub, static_sub = (self.__dict__.get(name) for name in ("tf_sub", "tf_static_sub"))
+        found: list[tuple[Any, bool]] = [
+            (self.__dict__.get("tf_sub"), False),
+            (self.__dict__.get("tf_static_sub"), True),
+        ]
         topics = [
-            ReceivedTopic(subscription, static, choice.is_ours)
-            for subscription, static in ((dynamic_sub, False), (static_sub, True))
+            ReceivedTopic(self, subscription, static)
+            for subscription, static in found
             if isinstance(subscription, Subscription)
         ]
         subscriptions = [
             (subscription, static)
-            for subscription, static in ((static_sub, True), (dynamic_sub, False))
-            if type(subscription) is Subscription and choice.is_ours(subscription, static)
+            for subscription, static in reversed(found)
+            if type(subscription) is Subscription and self._is_own(subscription.callback, static)
         ]
-        if subscriptions and choice.buffer() is not None and can_receive() and isinstance(self.node, Node):
-            self._receiver = Receiver(
-                self.node,
-                AUTHORITY,
-                self.group,
-                subscriptions,
-                callback_queue(self.node),
-                choice,
-                self._recording,
-                self._prefix,
-            )
+        if (
+            subscriptions
+            and self._direct_buffer() is not None
+            and can_receive()
+            and isinstance(self.node, Node)
+            # Otherwise the executor, as rclpy's EventsExecutor, has arrivals reported to itself.
+            and callback_queue(self.node).in_sets
+        ):
+            self._receiver = Receiver(self, AUTHORITY, subscriptions, callback_queue(self.node))
             for topic in topics:
-                topic.count_taken(self._receiver)
+                topic.receiver = self._receiver
         elif self._recording is not None:
             reason = problem() or "code of this program handles what is received"
             raise NotImplementedError(f"who sends transforms cannot be recorded here: {reason}")
@@ -465,24 +479,6 @@ _CALLBACKS: dict[bool, Callable[..., None]] = {
 }
 
 
-def _direct(listener: TransformListener) -> BufferCore | None:
-    """The listener's buffer; None if code of a program would handle what is inserted."""
-    buffer = listener.__dict__.get("buffer")
-    # A property of a subclass, or one that was added later, comes before what the instance holds.
-    is_property = hasattr(type(getattr(type(listener), "buffer", None)), "__set__")
-    if is_property or not isinstance(buffer, BufferCore):
-        return None
-    kind, own = type(buffer), getattr(buffer, "__dict__", {})
-    if any(name in own or getattr(kind, name) is not getattr(BufferCore, name) for name in SETTERS):
-        return None
-    return buffer
-
-
-def _is_ours(listener: TransformListener, method: Any, static: bool) -> bool:
-    """Whether this is the listener's own method of this class, and no other code."""
-    return getattr(method, "__func__", None) is _CALLBACKS[static] and method.__self__ is listener
-
-
 def _valid_prefix(prefix: str) -> str:
     if not isinstance(prefix, str):
         raise TypeError(f"prefix must be a str, not {type(prefix).__name__}")
@@ -492,30 +488,13 @@ def _valid_prefix(prefix: str) -> str:
 
 
 def _with_prefix(prefix: str, transform: TransformStamped) -> TransformStamped:
-    """The same transform between frames with a prefix; as `parcel_prefix` in `inbox.pyx`."""
+    """The same transform between frames with a prefix; as `batch_prefix` in tf2_py."""
     parent, child = (
         prefix + name.removeprefix("/") if name not in ("", "/") else ""
         for name in (transform.header.frame_id, transform.child_frame_id)
     )
     header = Header(stamp=transform.header.stamp, frame_id=parent)
     return TransformStamped(header=header, child_frame_id=child, transform=transform.transform)
-
-
-class _Choice:
-    """Who gets the messages of a listener, which this does not keep alive. It runs no code of a program."""
-
-    def __init__(self, listener: TransformListener) -> None:
-        self._listener = weakref.ref(listener)
-
-    def buffer(self) -> BufferCore | None:
-        """The buffer that they go to; None if code of a program inserts them."""
-        listener = self._listener()
-        return None if listener is None else _direct(listener)
-
-    def is_ours(self, subscription: Subscription, is_static: bool) -> bool:
-        """Whether the listener's own method, not code of a program, handles a subscription's messages."""
-        listener = self._listener()
-        return listener is not None and _is_ours(listener, subscription.callback, is_static)
 
 
 class StaticTransformListener(TransformListener):

@@ -120,8 +120,11 @@ def test_all_declarations_agree_with_the_headers(compile_checks):
         ("uint64_t reception_sequence_number", "void* reception_sequence_number"),
         ("RMW_GID_STORAGE_SIZE = 16", "RMW_GID_STORAGE_SIZE = 24"),
         ("size_t number_of_events", "int number_of_events"),
-        ("const rcl_event_t* event, rcl_event_callback_t", "rcl_clock_t* event, rcl_event_callback_t"),
-        ("(*rcl_clock_get_now)(rcl_clock_t*", "(*rcl_clock_get_now)(rcl_event_t*"),
+        (
+            "const rcl_subscription_t* subscription, rcl_event_callback_t",
+            "rcl_clock_t* subscription, rcl_event_callback_t",
+        ),
+        ("(*rcl_clock_get_now)(rcl_clock_t*", "(*rcl_clock_get_now)(rcl_guard_condition_t*"),
     ],
 )
 def test_another_declaration_is_found(compile_checks, declared, other):

@@ -14,6 +14,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_sensor_data
 from rclpy.task import Future, Task
 from rclpy.waitable import NumberOfEntities, Waitable
 from spinning import spinning
@@ -80,16 +81,20 @@ class TestHandles:
         with handle:
             handle.trigger_guard_condition()
 
-    def test_a_publisher_whose_qos_does_not_fit_is_an_event(self, node):
-        subscription = node.create_subscription(TFMessage, "somewhere", ignore, 1)
-        event = _rclpy.incompatible_qos_event(subscription.handle)
-        assert _rclpy.handle_pointer(event)
-        event.destroy_when_not_in_use()
+    def test_a_handler_of_events_takes_one_if_it_is_marked_as_ready(self, node, capfd):
+        subscription = node.create_subscription(TFMessage, "somewhere", ignore, qos_profile_sensor_data)
+        reliable = node.create_subscription(TFMessage, "somewhere", ignore, 1)
+        node.create_publisher(TFMessage, "somewhere", qos_profile_sensor_data)
 
-    def test_without_event_handles_there_is_no_event(self, node, monkeypatch):
-        monkeypatch.setattr(_rclpy, "rclpy_implementation", object())
-        subscription = node.create_subscription(TFMessage, "somewhere", ignore, 1)
-        assert _rclpy.incompatible_qos_event(subscription.handle) is None
+        def is_logged():
+            for handler in subscription.event_handlers + reliable.event_handlers:
+                _rclpy.report_incompatible_qos(handler)
+            return "incompatible QoS" in capfd.readouterr().err
+
+        until(is_logged)
+        assert not is_logged()
+        reliable.destroy()
+        is_logged()
 
     def test_a_context_is_checked_without_its_lock(self, ros):
         context = ros.Context()
@@ -262,7 +267,7 @@ class TestSubscriptions:
         for _ in range(5):
             executor.spin_once(timeout_sec=0.02)
         assert got == []
-        _rclpy.show_to_executors(subscription)
+        _rclpy.hide_from_executors(subscription, is_hidden=False)
         until(lambda: got, executor)
 
     def test_the_callback_is_a_property(self, node):

@@ -459,7 +459,7 @@ def test_a_spoiled_file_does_no_harm_to_readers(seed):
         for number in range(50):
             owner.tell("static", "f2", f"other{number}")
         owner.tell("run", 1000, 1000)
-        places = [(0, 80), (24, 80), (RING_AT, RING_AT + 4096), (RING_AT, RING_AT + 2**16)] * 3
+        places = [(0, 64), (24, 64), (RING_AT, RING_AT + 4096), (RING_AT, RING_AT + 2**16)] * 3
         places += [(BOARD_AT, BOARD_AT + 8), (4096, 4500)]
         with open(owner.path, "r+b", buffering=0) as file:
             whole = {start: os.pread(file.fileno(), size, start) for start, size in ((0, 24), (4096, 4096))}

@@ -67,14 +67,14 @@ def is_sound(buffer, first_ns, ages_ns=(0,)):
 
 def small_files():
     """Before a process is executed: have it share by a ring of 1 MiB."""
-    resource.setrlimit(resource.RLIMIT_FSIZE, (2 << 20, 2 << 20))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (17 << 16, 17 << 16))
 
 
 @contextmanager
 def small_ring(mebibytes=1):
     """Have buffers that are shared inside this have a ring of so many MiB."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (mebibytes << 21, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, ((mebibytes << 20) + (1 << 16), before[1]))
     try:
         yield
     finally:

@@ -8,32 +8,14 @@ from tf2_py._internal cimport Batch, Engine, ForkedLock, Inbox, Lock, Tap
 cdef enum:
     ROUND_NS = 100000000        # how long a message waits if nothing asks for it
     SLICE = 16                  # messages that are inserted before other threads may drain
-    GID_BYTES = 16              # of a publisher's id; as RMW_GID_STORAGE_SIZE
-
-
-cdef struct Origin:
-    # Where a message comes from.
-    int64_t received_ns         # system time of its reception; 0: the middleware does not report it
-    unsigned char[GID_BYTES] publisher
-
-
-cdef struct Message:
-    # As rcl_serialized_message_t, which rcl fills; declared here because this module does not need ROS.
-    unsigned char* data
-    size_t size                 # bytes of the message
-    size_t capacity             # bytes allocated
-    void* allocate              # its allocator
-    void* deallocate
-    void* reallocate
-    void* zero_allocate
-    void* state
 
 
 cdef struct Parcel:
     # One message. It does not move: waiters refer to its batch.
     Batch batch
-    Message message
-    Origin origin
+    unsigned char* data         # the message; of malloc
+    size_t size                 # its bytes
+    size_t capacity             # bytes allocated
     size_t topic                # index of its topic's name
     Parcel* next
 
@@ -62,6 +44,7 @@ cdef struct Copier:
 cdef struct State:
     # What is used without the GIL.
     uint32_t pending            # atomic; 0: no message waits
+    uint32_t is_full            # atomic: so many messages wait that they must be taken
     uint32_t armed              # atomic: the engine wants each message at once
     uint32_t read               # atomic: rounds for which it wants them because of the last read
     uint32_t wants_each         # atomic: the source must take each message when it arrives
@@ -76,9 +59,7 @@ cdef struct State:
     bint is_closed
     # Takes and inserts at most this many messages. Returns how many.
     size_t (*take)(State* inbox, size_t most) noexcept nogil
-    # Whether so many messages wait that they must be taken.
-    bint (*is_full)(const State* inbox) noexcept nogil
-    void* source                # for these two
+    void* source                # for it
     void* engine                # NULL: it was destroyed
     Parcel* parcel              # for the next message
     Parcel* spare               # takes its place if the message is kept; NULL: not allocated yet
@@ -89,9 +70,7 @@ cdef struct State:
     size_t authority_size
     Copier* copier              # of the buffer, if that is shared; or NULL
     bint has_arrived            # something, since the draining thread looked last
-    int64_t asked_ns            # steady time at which it was last asked who gets the messages
-    State* before               # in the list of all that the draining thread serves
-    State* after
+    State* after                # in the list of all that the draining thread serves
 
 
 # A message waits. `is_full`: so many wait that they must be taken. From any thread, with or without the GIL.
@@ -100,7 +79,7 @@ cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil
 cdef bint inbox_wants_all(State* inbox) noexcept nogil
 # Drains one slice; `is_behind` becomes True if more is left. Returns whether messages have arrived since the
 # last time.
-cdef bint inbox_serve(State* inbox, int64_t now_ns, bint* is_behind) noexcept nogil
+cdef bint inbox_serve(State* inbox, bint* is_behind) noexcept nogil
 cdef void inbox_count_round(State* inbox, int64_t now_ns) noexcept nogil
 # Has `report_pending` called, by the thread for it.
 cdef void inbox_needs_report(State* inbox) noexcept nogil

@@ -14,8 +14,7 @@ Nothing here needs ROS, because buffers can also be shared without it.
 
 from libc.stddef cimport size_t
 from libc.stdint cimport INT64_MAX, int64_t, uint32_t, uintptr_t
-from libc.stdlib cimport calloc, free, malloc, realloc
-from libc.string cimport memset
+from libc.stdlib cimport calloc, free, realloc
 
 from tf2_py._internal cimport (
     FORK_INBOX,
@@ -63,8 +62,6 @@ cdef enum:
     KEEP_BYTES = 1 << 20        # bytes of memory that are kept from one message to the next, at most
     BEING_INSERTED = 2          # of State.pending: nothing has arrived since a thread began to insert
 
-# How often to ask who gets the messages, while some arrive.
-cdef int64_t ASK_NS = 1000000000
 # How long the threads sleep while nothing arrives. This has an end: see the conditions in sync.pxd.
 cdef int64_t IDLE_NS = 1500000000
 
@@ -120,6 +117,8 @@ cdef bint inbox_wants_all(State* inbox) noexcept nogil:
 
 cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil:
     word_store(&inbox.pending, 1)
+    if is_full:
+        word_store(&inbox.is_full, 1)
     if is_full or inbox_wants_all(inbox) or word_load(&_is_idle):
         _signal_set(&_work)
 
@@ -131,56 +130,23 @@ cdef void inbox_needs_report(State* inbox) noexcept nogil:
 
 # Parcels.
 
-# The memory of messages is C's, also where rcl fills it.
-
-cdef void* _allocate(size_t size, void* _) noexcept nogil:
-    return malloc(size)
-
-
-cdef void _deallocate(void* memory, void* _) noexcept nogil:
-    free(memory)
-
-
-cdef void* _reallocate(void* memory, size_t size, void* _) noexcept nogil:
-    return realloc(memory, size)
-
-
-cdef void* _allocate_zeros(size_t count, size_t size, void* _) noexcept nogil:
-    return calloc(count, size)
-
-
-cdef void _message_init(Message* message) noexcept nogil:
-    memset(message, 0, sizeof(message[0]))
-    message.allocate = <void*>_allocate
-    message.deallocate = <void*>_deallocate
-    message.reallocate = <void*>_reallocate
-    message.zero_allocate = <void*>_allocate_zeros
-
-
-cdef Parcel* _new_parcel() noexcept nogil:
-    cdef Parcel* parcel = <Parcel*>calloc(1, sizeof(Parcel))
-    if parcel != NULL:
-        _message_init(&parcel.message)
-    return parcel
-
-
 cdef void _free_parcel(Parcel* parcel) noexcept nogil:
     if parcel != NULL:
         batch_free(&parcel.batch)
-        free(parcel.message.data)
+        free(parcel.data)
         free(parcel)
 
 
 cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil:
     cdef void* memory
-    if size > parcel.message.capacity or parcel.message.data == NULL:
-        memory = realloc(parcel.message.data, size + 1)
+    if size > parcel.capacity or parcel.data == NULL:
+        memory = realloc(parcel.data, size + 1)
         if memory == NULL:
             return NULL
-        parcel.message.data = <unsigned char*>memory
-        parcel.message.capacity = size + 1
-    parcel.message.size = size
-    return parcel.message.data
+        parcel.data = <unsigned char*>memory
+        parcel.capacity = size + 1
+    parcel.size = size
+    return parcel.data
 
 
 cdef void _free_parcels(Parcels* parcels) noexcept:
@@ -204,9 +170,9 @@ cdef void _free_parcels(Parcels* parcels) noexcept:
 cdef bint inbox_has_parcel(State* inbox) noexcept nogil:
     # Whether there is memory for one more message, also if that is kept.
     if inbox.parcel == NULL:
-        inbox.parcel = _new_parcel()
+        inbox.parcel = <Parcel*>calloc(1, sizeof(Parcel))
     if inbox.spare == NULL:
-        inbox.spare = _new_parcel()
+        inbox.spare = <Parcel*>calloc(1, sizeof(Parcel))
     return inbox.parcel != NULL and inbox.spare != NULL
 
 
@@ -279,7 +245,7 @@ cdef bint inbox_read(State* inbox, size_t topic, bint is_static) noexcept nogil:
     parcel.batch.authority = inbox.authority
     parcel.batch.authority_size = inbox.authority_size
     batch_begin(&parcel.batch)
-    return batch_read_cdr(&parcel.batch, parcel.message.data, parcel.message.size)
+    return batch_read_cdr(&parcel.batch, parcel.data, parcel.size)
 
 
 cdef void inbox_insert(State* inbox, bint is_readable) noexcept nogil:
@@ -293,15 +259,16 @@ cdef void inbox_insert(State* inbox, bint is_readable) noexcept nogil:
         pass
     if not is_readable or parcel.batch.needs_report:
         _report_later(inbox)
-    if inbox.parcel == parcel and parcel.message.capacity > KEEP_BYTES:
+    if inbox.parcel == parcel and parcel.capacity > KEEP_BYTES:
         batch_free(&parcel.batch)
-        free(parcel.message.data)
-        _message_init(&parcel.message)
+        free(parcel.data)
+        parcel.data = NULL
+        parcel.size = parcel.capacity = 0
 
 
 cdef void inbox_remove(State* inbox, const char* name, size_t size) noexcept nogil:
     cdef Batch* batch = &inbox.parcel.batch
-    inbox.parcel.message.size = 0
+    inbox.parcel.size = 0
     begin_to_remove(inbox.engine, batch, name, size)
     while insert_some(inbox.engine, batch):
         pass
@@ -312,7 +279,7 @@ cdef void inbox_remove(State* inbox, const char* name, size_t size) noexcept nog
 cdef void inbox_refuse(State* inbox, size_t topic, const char* problem) noexcept nogil:
     cdef Parcel* parcel = inbox.parcel
     parcel.topic = topic
-    parcel.message.size = 0
+    parcel.size = 0
     batch_begin(&parcel.batch)
     parcel.batch.count = 0
     parcel.batch.problem = problem
@@ -329,6 +296,7 @@ cdef bint _take(State* inbox, size_t most) noexcept nogil:
     # First this, then the messages: `inbox_arrived` is called after its message has arrived. Until they are
     # inserted, readers must find something pending, and wait here.
     word_store(&inbox.pending, BEING_INSERTED)
+    word_store(&inbox.is_full, 0)
     taken = inbox.take(inbox, most)
     word_replace(&inbox.pending, BEING_INSERTED, 0)
     if taken:
@@ -340,15 +308,12 @@ cdef bint _take(State* inbox, size_t most) noexcept nogil:
 
 # The thread that drains.
 
-cdef bint inbox_serve(State* inbox, int64_t now_ns, bint* is_behind) noexcept nogil:
+cdef bint inbox_serve(State* inbox, bint* is_behind) noexcept nogil:
     cdef bint more, has_arrived
     lock_acquire(&inbox.lock)
     # A reader may have taken the rest since the last slice.
     more = word_load(&inbox.pending) and _take(inbox, SLICE)
     has_arrived = inbox.has_arrived
-    if (has_arrived or inbox.engine == NULL) and inbox.asked_ns + ASK_NS < now_ns:
-        inbox.asked_ns = now_ns
-        inbox_needs_report(inbox)
     if more:
         is_behind[0] = True
     else:
@@ -380,8 +345,8 @@ cdef bint _serve_all(bint is_round, int64_t now_ns) noexcept nogil:
         while inbox != NULL:
             if counts_round:
                 inbox_count_round(inbox, now_ns)
-            if is_round or inbox_wants_all(inbox) or inbox.is_full(inbox):
-                has_arrived = inbox_serve(inbox, now_ns, &is_behind) or has_arrived
+            if is_round or inbox_wants_all(inbox) or word_load(&inbox.is_full):
+                has_arrived = inbox_serve(inbox, &is_behind) or has_arrived
             inbox = inbox.after
         lock_release(&_list_lock)
         is_round = True     # the rest of a slice is due
@@ -507,22 +472,18 @@ cdef class MessageInbox(Inbox):
         global _first
         lock_acquire(&_list_lock)
         self._state.after = _first
-        if _first != NULL:
-            _first.before = &self._state
         _first = &self._state
         lock_release(&_list_lock)
 
     cdef void _discharge(self) noexcept:
-        global _first
+        cdef State** link = &_first
         if self._state.is_closed:
             return
         lock_acquire(&_list_lock)
-        if self._state.after != NULL:
-            self._state.after.before = self._state.before
-        if self._state.before != NULL:
-            self._state.before.after = self._state.after
-        elif _first == &self._state:
-            _first = self._state.after
+        while link[0] != NULL and link[0] != &self._state:
+            link = &link[0].after
+        if link[0] != NULL:
+            link[0] = self._state.after
         lock_release(&_list_lock)
         lock_acquire(&self._state.lock)
         self._state.is_closed = True
@@ -603,7 +564,6 @@ cdef class MessageInbox(Inbox):
         cdef int64_t left
         # With the GIL: whoever holds the lock needs none, and getting it back may take long.
         lock_acquire(&self._state.lock)
-        self._state.asked_ns = monotonic_ns()
         # No more than this had arrived before the call. What arrives during it must not delay its return.
         left = self._arrived_by_now()
         more = _take(&self._state, READ_SLICE)
@@ -630,17 +590,6 @@ cdef class MessageInbox(Inbox):
     def forget_reads(self):
         """Stop inserting at once because of the latest read of the buffer; for tests."""
         word_store(&self._state.read, 0)
-
-    def before_sleep(self, in_user_code):
-        """
-        An executor of the node is about to sleep.
-
-        :param in_user_code: whether user code called it, which continues if something has arrived.
-        """
-        if in_user_code and word_load(self.pending):
-            self.drain()    # which informs the executor
-        else:
-            self.decide()
 
     def decide(self):
         """
@@ -669,23 +618,14 @@ cdef class MessageInbox(Inbox):
         lock_release(&self._state.lock)
 
     def report_pending(self):
-        """
-        Do what follows from what was inserted: complete waits, and log what was refused.
-
-        :return: whether :meth:`decide` must be called, because it was not called for long.
-        """
+        """Do what follows from what was inserted: complete waits, and log what was refused."""
         if word_exchange(&self._state.needs_report, 0):
             engine = self._engine()
             if engine is not None:
                 self.report(engine)
-            return not self._state.is_closed
-        return False
 
     def hand_over(self, calls):
         """Have these called. They run code of a program. For a subclass."""
-
-    def report_events(self):
-        """Log events other than messages; for a subclass."""
 
     def stop(self):
         """End, for good; for a subclass."""
@@ -709,7 +649,7 @@ cdef class MessageInbox(Inbox):
         while parcel != NULL:
             try:
                 if parcel.batch.problem != NULL:
-                    engine.malformed(&parcel.batch, parcel.message.size, self._names[parcel.topic])
+                    engine.malformed(&parcel.batch, parcel.size, self._names[parcel.topic])
                 else:
                     engine.report(&parcel.batch, later)
             except BaseException:

@@ -10,16 +10,17 @@ import os
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Protocol
 
 from tf2_py import BufferCore
-from tf2_py._internal import log
+from tf2_py._internal import FOR_EVER_NS, log
 from tf2_ros._forking import LiveObjects
 from tf2_ros._receive.inbox import MessageInbox, run_inboxes, run_reports, stop_inboxes
 
-CHECK_S = 0.7  # between two checks of what is shared, at least: an idle thread wakes every 1.5 s
+CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s
 END_WAIT_S = 5.0  # how long to wait for a thread to end; only a very busy machine needs this long
 
 
@@ -61,16 +62,17 @@ def attribute_changed(buffer: BufferCore) -> None:
         inbox.decide()
 
 
-def hold(buffer: BufferCore) -> None:
-    """Let what has arrived for a buffer wait until :func:`release`."""
+@contextmanager
+def held(buffer: BufferCore, until_ns: Callable[[], int] = lambda: FOR_EVER_NS) -> Iterator[None]:
+    """Let what arrives wait; then insert it, except dynamic transforms stamped later than ``until_ns()``."""
     for inbox in _filling(buffer):
         inbox.hold()
-
-
-def release(buffer: BufferCore, until_ns: int) -> None:
-    """Insert what has arrived, except dynamic transforms that are stamped later than ``until_ns``."""
-    for inbox in _filling(buffer):
-        inbox.release(until_ns)
+    try:
+        yield
+    finally:
+        last_ns = until_ns()
+        for inbox in _filling(buffer):
+            inbox.release(last_ns)
 
 
 class _Threads:
@@ -117,9 +119,7 @@ class _Threads:
 def _report() -> None:
     for inbox in _inboxes:
         try:
-            if inbox.report_pending():
-                inbox.decide()
-            inbox.report_events()
+            inbox.report_pending()
         except Exception:
             log.logger("tf2_ros").error(f"In what follows from received transforms: {traceback.format_exc()}")
     _check()
@@ -135,7 +135,7 @@ def _check() -> None:
         try:
             checked.check()
         except Exception:
-            log.logger("tf2_ros").error(f"In a check of shared buffers: {traceback.format_exc()}")
+            log.logger("tf2_ros").error(f"In a regular check: {traceback.format_exc()}")
 
 
 threads = _Threads()

@@ -1,22 +1,18 @@
 """Receive a listener's transforms without an executor, as long as no code of a program handles them."""
 
-import time
 import weakref
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import ROSClock
 from rclpy.event_handler import EventHandler
-from rclpy.executors import Executor
-from rclpy.logging import get_logger
 from rclpy.node import Node
-from rclpy.qos import HistoryPolicy, qos_policy_name_from_kind
+from rclpy.qos import HistoryPolicy
 from rclpy.subscription import Subscription
 
-from tf2_py import BufferCore
 from tf2_ros._forking import keep_for_ever
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import (
@@ -24,46 +20,16 @@ from tf2_ros._rclpy import (
     enter_handle,
     handle_pointer,
     hide_from_executors,
-    incompatible_qos_event,
+    report_incompatible_qos,
     set_subscription_callback,
-    show_to_executors,
     subscription_callback,
 )
-from tf2_ros._receive.inboxes import add_inbox, threads
+from tf2_ros._receive.inboxes import add_inbox, check_regularly, threads
 from tf2_ros._receive.subscriptions import RclInbox
-from tf2_ros.records import Recording
 
-LENT_S = 0.5  # after which to check whether an executor of another kind still has a node
 ENDLESS = 2**31 - 1  # messages that a queue without a limit holds
 
 Call = Callable[[], object]
-Tell = Callable[[bool], object]
-
-
-class Queue(Protocol):
-    """The queue of callbacks of a node, which takes part in the rounds of its executors."""
-
-    in_sets: bool
-
-    def inform(self, before_sleep: Tell, moved: Tell) -> None:
-        """Call these before an executor sleeps, and when the node moves to one of another kind."""
-
-    def inform_no_more(self, before_sleep: Tell, moved: Tell) -> None:
-        """Undo :meth:`inform`."""
-
-    def put_all(self, calls: Sequence[Call], /) -> None:
-        """Have the executor of the node call these, or a thread for callbacks."""
-
-
-class Choice(Protocol):
-    """Decides who gets the messages of a listener. It keeps nothing alive, and runs no code of a program."""
-
-    def buffer(self) -> BufferCore | None:
-        """The buffer that they go to; None if code of a program inserts them."""
-
-    def is_ours(self, subscription: Subscription, is_static: bool) -> bool:
-        """Whether no code of a program handles the messages of a subscription."""
-        ...
 
 
 def can_receive() -> bool:
@@ -78,12 +44,6 @@ def wake_executor(node: Any) -> None:
         executor.wake()
 
 
-def exists(subscription: Subscription) -> bool:
-    """Whether a subscription was not destroyed."""
-    with ExitStack() as uses:
-        return enter_handle(subscription.handle, uses)
-
-
 class ReceivedSubscription(Subscription):
     """
     A subscription that a receiver takes from, and no executor.
@@ -92,29 +52,19 @@ class ReceivedSubscription(Subscription):
     """
 
     tf2_receiver: Any
-    # The node must not have these: an executor that waits for an event is also woken by each message.
-    tf2_event_handlers: list[EventHandler]
-    event_handlers: Any
 
     @classmethod
-    def adopt(cls, subscription: Any, node: Node, receiver: Any) -> None:
+    def adopt(cls, subscription: Any, receiver: Any) -> None:
         """Turn a subscription into one of this class."""
         subscription.tf2_receiver = receiver
-        subscription.tf2_event_handlers = list(subscription.event_handlers)
-        for handler in subscription.tf2_event_handlers:
-            node.remove_waitable(handler)
-        subscription.event_handlers = []
+        # With its events: an executor that waits for one is also woken by each message.
         hide_from_executors(subscription)
         subscription.__class__ = cls
 
-    def give_back(self, node: Node | None) -> None:
+    def give_back(self) -> None:
         """Let executors take from it."""
         self.tf2_receiver = None
-        show_to_executors(self)
-        if node is not None:
-            self.event_handlers, self.tf2_event_handlers = self.tf2_event_handlers, []
-            for handler in self.event_handlers:
-                node.add_waitable(handler)
+        hide_from_executors(self, is_hidden=False)
 
     @property
     def callback(self) -> Any:
@@ -136,8 +86,6 @@ class ReceivedSubscription(Subscription):
             if self.tf2_receiver.forked:
                 return
             self.tf2_receiver.drop_subscription(self)
-        for handler in self.tf2_event_handlers:
-            handler.destroy()
         super().destroy()
 
 
@@ -164,100 +112,62 @@ class ListenerGroup(ReentrantCallbackGroup):
 
 
 class _Topic:
-    """A subscription that a receiver takes from, and the event of publishers with incompatible QoS."""
+    """A subscription that a receiver takes from."""
 
-    def __init__(
-        self, number: int, subscription: Subscription, is_static: bool, collected: Callable[[Any], None]
-    ) -> None:
-        self.number = number
+    def __init__(self, subscription: Subscription, is_static: bool, collected: Callable[[Any], None]) -> None:
         self.is_static = is_static
-        self.name = subscription.topic_name
         self.subscription = weakref.ref(subscription, collected)
         self.handle = subscription.handle
-        self.depth = _queue_depth(subscription)
-        self.event = incompatible_qos_event(self.handle)
-        self._logger = get_logger(subscription.logger_name)
         self._uses = ExitStack()
-        if self.event is None:
-            self._logger.debug("this middleware does not report publishers with incompatible QoS")
 
-    def use(self) -> tuple[int, int] | None:
-        """Keep it from being destroyed. Return the addresses of subscription and event, or None if it was."""
-        if not enter_handle(self.handle, self._uses):
-            return None
-        if self.event is None or not enter_handle(self.event, self._uses):
-            return handle_pointer(self.handle), 0
-        return handle_pointer(self.handle), handle_pointer(self.event)
-
-    def report_event(self) -> None:
-        """Log that a publisher's QoS does not fit, if that has happened."""
-        event = None if self.event is None else self.event.take_event()
-        if event is not None and event.total_count_change:
-            self._logger.warning(
-                # The text is rclpy's, for subscriptions that an executor takes from.
-                f"New publisher discovered on topic '{self.name}', offering incompatible QoS. "
-                f"No messages will be received from it. Last incompatible policy: "
-                f"{qos_policy_name_from_kind(event.last_policy_kind)}"
-            )
+    def use(self) -> int | None:
+        """Keep the subscription from being destroyed. Return its address, or None if it was."""
+        return handle_pointer(self.handle) if enter_handle(self.handle, self._uses) else None
 
     def release(self) -> None:
         """Let its owner destroy it."""
         self._uses.close()
-        if self.event is not None:
-            self.event.destroy_when_not_in_use()
-
-    def handles(self) -> list[Any]:
-        """What must exist while it is used, and what a forked child must never destroy."""
-        return [self.handle, self.event]
 
 
 class Receiver(RclInbox):
     """
     Inserts what arrives on a listener's subscriptions into a buffer when that is read.
 
-    :param node: the node whose executor is informed.
-    :param group: the callback group of the subscriptions.
-    :param subscriptions: at most two, each with whether its transforms are static; all of class Subscription.
-    :param queue: of the node. It keeps this object until :meth:`close`, and is informed of what arrives.
-    :param choice: decides who gets the messages. A subscription whose messages code of a program handles is
-        left to executors for good.
-    :param recording: records the sender and time of each transform; or None.
-    :param prefix: put before all names.
+    :param listener: a TransformListener. A subscription whose messages code of a program handles
+        (``_direct_buffer`` is None, or ``_is_own`` false) is left to executors for good.
+    :param subscriptions: at most one of each kind, and whether its transforms are static; all of class
+        Subscription.
+    :param queue: the CallbackQueue of the node. It keeps this object until :meth:`close`, and is informed of
+        what arrives.
 
     It ends with :meth:`stop`, the last of the subscriptions, the context or the interpreter; in a forked
-    child it is dead. It keeps alive neither the buffer nor the node.
+    child it is dead. It keeps alive neither the listener nor the buffer nor the node.
     """
 
     def __init__(
         self,
-        node: Node,
+        listener: Any,
         authority: str,
-        group: ListenerGroup,
         subscriptions: Sequence[tuple[Subscription, bool]],
-        queue: Queue,
-        choice: Choice,
-        recording: Recording | None = None,
-        prefix: str = "",
+        queue: Any,
     ) -> None:
+        node: Node = listener.node
+        self._listener = weakref.ref(listener)
         self._node = weakref.ref(node)
         self._context = node.context
-        self._choice = choice
         self._clock_use = ExitStack()
         self._queue = queue
         self.forked = False  # whether it is that of a parent process
-        self.set_up(authority, self._queue, recording, prefix)
-        self._topics: dict[int, _Topic] = {}
-        self._lent: list[tuple[weakref.ref[Subscription], bool]] = []  # to an executor of another kind
-        self._lent_at = time.monotonic()
+        self.set_up(authority, queue, listener._recording, listener._prefix)
+        self._topics: dict[bool, _Topic] = {}  # by whether they are static
         threads.start()
-        if self._queue.in_sets:
-            self._adopt(subscriptions)
-        else:
-            # The executor that has the node is about to set a callback of its own.
-            self._lent += [(weakref.ref(one), is_static) for one, is_static in subscriptions]
+        self._adopt(subscriptions)
         add_inbox(self)
-        group.decide()
-        self._queue.inform(self.before_sleep, self._executor_changed)
+        check_regularly(self)
+        listener.group.decide()
+        self._queue.inform(self.before_sleep)
+        if not self._queue.in_sets:
+            self.before_sleep(False)  # the node has moved meanwhile
         node.context.on_shutdown(self._context_ended)  # referred to weakly there
 
     @property
@@ -269,22 +179,22 @@ class Receiver(RclInbox):
         """Put them into the queue of the node."""
         self._queue.put_all(calls)
 
-    def takes_from(self, subscription: Subscription) -> Callable[[], tuple[int, int]] | None:
-        """Get a function that returns how many messages it took from a subscription, and when; or None."""
-        for topic in list(self._topics.values()):
-            if topic.handle is subscription.handle:
-                return partial(self._received, topic.number)
-        return None
+    def received(self, is_static: bool) -> tuple[int, int]:
+        """Return how many messages of a topic it took, and the steady time of the last one in nanoseconds."""
+        self.catch_up()
+        return self.taken(is_static)
 
     def decide(self) -> bool:
         """Find out who gets the messages; return whether this receiver takes any."""
-        buffer = self._choice.buffer()
+        listener = self._listener()
+        buffer = None if listener is None else listener._direct_buffer()
         for topic in tuple(self._topics.values()):
             subscription = topic.subscription()
             if (
-                buffer is None
+                listener is None
+                or buffer is None
                 or subscription is None
-                or not self._choice.is_ours(subscription, topic.is_static)
+                or not listener._is_own(subscription.callback, topic.is_static)
             ):
                 self._give_back(topic)
         if not self._topics:
@@ -299,16 +209,32 @@ class Receiver(RclInbox):
             self._clock_use = use
         return True
 
+    def before_sleep(self, in_user_code: bool) -> None:
+        """
+        Prepare for an executor of the node that is about to sleep.
+
+        :param in_user_code: whether user code called it, which continues if something has arrived.
+        """
+        self.decide()
+        if in_user_code:
+            self.catch_up()  # which informs the executor
+        if self._queue.in_sets:
+            return
+        # The middleware reports arrivals to only one of the two, by now to the executor (rclpy's
+        # EventsExecutor). Those that it reported to this inbox must be taken here.
+        self.catch_up()
+        for topic in list(self._topics.values()):
+            self._give_back(topic)
+
     def stop(self) -> None:
         """End, and leave the subscriptions to their owner."""
-        self._lent.clear()
-        for number in list(self._topics):
-            self._drop(number)
+        for is_static in list(self._topics):
+            self._drop(is_static)
         self.close()
 
     def close(self) -> None:
         """Receive nothing more."""
-        self._queue.inform_no_more(self.before_sleep, self._executor_changed)
+        self._queue.inform_no_more(self.before_sleep)
         super().close()
 
     def __del__(self) -> None:
@@ -326,7 +252,7 @@ class Receiver(RclInbox):
         self.forked = True
         works = bool(self._topics)
         for topic in self._topics.values():
-            keep_for_ever(topic, *topic.handles())
+            keep_for_ever(topic, topic.handle, topic.subscription())
         keep_for_ever(self)
         return works
 
@@ -336,95 +262,54 @@ class Receiver(RclInbox):
             return
         for topic in list(self._topics.values()):
             if topic.handle is subscription.handle:
-                self._drop(topic.number)
+                self._drop(topic.is_static)
         if not self._topics:
             self.close()
 
-    def report_events(self) -> None:
-        """Log incompatible publishers, and take back what no executor has any more."""
-        if self.had_event():
+    def check(self) -> None:
+        """Find out who gets the messages, and log incompatible publishers."""
+        if not self.forked:
+            self.decide()
             for topic in list(self._topics.values()):
-                topic.report_event()
-        if self._lent and time.monotonic() > self._lent_at + LENT_S and not self._is_with_executor():
-            self._queue.in_sets = True  # then it reports the next executor of that kind, even the same one
-            self._executor_changed(waits=True)
-
-    def _is_with_executor(self) -> bool:
-        # An executor that waits for sets has reported that it has the node.
-        node = self._node()
-        executor = None if node is None else node.executor
-        return executor is not None and not isinstance(executor, Executor) and node in executor.get_nodes()
+                subscription: Any = topic.subscription()
+                for handler in () if subscription is None else subscription.event_handlers:
+                    report_incompatible_qos(handler)
 
     def _adopt(self, subscriptions: Sequence[tuple[Subscription, bool]]) -> None:
-        node = self._node()
-        if node is None:
-            return
         for subscription, is_static in subscriptions:
-            number = 0 if is_static else 1
-            topic = _Topic(number, subscription, is_static, partial(_collected, weakref.ref(self), number))
-            self._topics[number] = topic
-            ReceivedSubscription.adopt(subscription, node, self)
+            collected = partial(_collected, weakref.ref(self), is_static)
+            self._topics[is_static] = _Topic(subscription, is_static, collected)
+            ReceivedSubscription.adopt(subscription, self)
         self.decide()
-        for topic in list(self._topics.values()):
-            addresses = topic.use()
-            if addresses is None:
+        for subscription, is_static in subscriptions:
+            topic = self._topics.get(is_static)
+            address = None if topic is None else topic.use()
+            if topic is None or address is None:
                 continue
+            name, depth = subscription.topic_name, _queue_depth(subscription)
             try:
-                self.subscribe(
-                    topic.number, topic.handles(), *addresses, topic.name, topic.is_static, topic.depth
-                )
+                self.subscribe(is_static, topic.handle, address, name, depth)
             except RuntimeError:
                 # This middleware does not report arrivals, so the executor takes the messages.
                 self._give_back(topic)
 
-    def _executor_changed(self, waits: bool) -> None:
-        """
-        Lend the subscriptions to an executor that has arrivals reported to itself, or take them back from it.
-
-        :param waits: whether the executor that has the node now waits for sets of entities, as most do.
-        """
-        if waits:
-            found = []
-            with suppress(IndexError):
-                while True:  # several threads may do this: each takes back what it has popped
-                    reference, is_static = self._lent.pop()
-                    subscription = reference()
-                    if subscription is not None and exists(subscription):
-                        found.append((subscription, is_static))
-            if found:
-                self._adopt(found)
-        elif self._topics:
-            # The middleware reports arrivals to only one of the two, by now to the executor. Those that it
-            # reported to this inbox must be taken here.
-            self.catch_up()
-            self._lent_at = time.monotonic()
-            for topic in list(self._topics.values()):
-                self._give_back(topic, is_lent=True)
-
-    def _received(self, number: int) -> tuple[int, int]:
-        self.catch_up()
-        return self.taken(number)
-
-    def _drop(self, number: int, is_told: bool = True) -> bool:
+    def _drop(self, is_static: bool) -> bool:
         # Returns whether it was there, because several threads may do this.
-        topic = self._topics.pop(number, None)
+        topic = self._topics.pop(is_static, None)
         if topic is not None:
-            self.unsubscribe(number, is_told)
+            self.unsubscribe(is_static, self._queue.in_sets)
             topic.release()
         return topic is not None
 
-    def _give_back(self, topic: _Topic, is_lent: bool = False) -> None:
+    def _give_back(self, topic: _Topic) -> None:
         subscription: Any = topic.subscription()
-        if not self._drop(topic.number, is_told=not is_lent):
+        if not self._drop(topic.is_static):
             return
-        if is_lent and subscription is not None:
-            self._lent.append((weakref.ref(subscription), topic.is_static))
-        if not self._topics and not self._lent:
+        if not self._topics:
             self.close()
         if subscription is not None:
-            node = self._node()
-            subscription.give_back(node)
-            wake_executor(node)
+            subscription.give_back()
+            wake_executor(self._node())
 
     def _context_ended(self) -> None:
         # Nothing arrives any more.
@@ -437,8 +322,8 @@ def _queue_depth(subscription: Subscription) -> int:
     return ENDLESS if qos.history == HistoryPolicy.KEEP_ALL else max(1, qos.depth)
 
 
-def _collected(reference: "weakref.ref[Receiver]", number: int, _: Any) -> None:
+def _collected(reference: "weakref.ref[Receiver]", is_static: bool, _: Any) -> None:
     # The subscription was not destroyed; its node was dropped.
     receiver = reference()
     if receiver is not None and not receiver.forked:
-        receiver._drop(number)
+        receiver._drop(is_static)

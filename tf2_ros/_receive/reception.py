@@ -4,7 +4,8 @@ import itertools
 import os
 import time
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import ExitStack
 from typing import Any
 
 from rclpy.logging import get_logger
@@ -14,8 +15,8 @@ from rclpy.subscription import Subscription
 from tf2_py import BufferCore
 from tf2_py._internal import counted
 from tf2_ros._forking import LiveObjects
-from tf2_ros._rclpy import context_was_shut_down
-from tf2_ros._receive.receiver import Receiver, exists
+from tf2_ros._rclpy import context_was_shut_down, enter_handle
+from tf2_ros._receive.receiver import Receiver
 
 # A topic of dynamic transforms is called silent if nothing was received on it for this long. Most are sent
 # ten times a second or more.
@@ -28,28 +29,19 @@ class ReceivedTopic:
     """
     What was received on one subscription of a listener.
 
-    :param is_counted: called with the subscription and ``is_static``; returns whether every message is
-        counted, because the listener's own methods handle them. It must not refer to the listener.
+    :param listener: a TransformListener; not kept alive.
     """
 
-    def __init__(
-        self, subscription: Subscription, is_static: bool, is_counted: Callable[[Subscription, bool], bool]
-    ) -> None:
+    def __init__(self, listener: Any, subscription: Subscription, is_static: bool) -> None:
         self.name = subscription.topic_name
         self.is_static = is_static
-        self._is_counted = is_counted
+        self._listener = weakref.ref(listener)
         self._subscription = weakref.ref(subscription)
         # Several threads of an executor may count.
         self._counter = itertools.count(1)
         self._called = 0
         self._called_at_ns = 0
-        self._taken: Callable[[], tuple[int, int]] = _nothing
-
-    def count_taken(self, receiver: Receiver) -> None:
-        """Also count what a receiver takes, if it takes from this subscription."""
-        subscription = self._subscription()
-        if subscription is not None:
-            self._taken = receiver.takes_from(subscription) or _nothing
+        self.receiver: Receiver | None = None  # counts what it takes from the subscription
 
     def count_call(self) -> None:
         """Count a message with which an executor has called the listener."""
@@ -58,18 +50,22 @@ class ReceivedTopic:
 
     def received(self) -> tuple[int, int]:
         """Return how many messages there were, and the steady time of the last one in nanoseconds."""
-        taken, taken_at_ns = self._taken()
+        taken, taken_at_ns = (0, 0) if self.receiver is None else self.receiver.received(self.is_static)
         return taken + self._called, max(taken_at_ns, self._called_at_ns)
 
     def is_counted(self) -> bool:
-        """Whether :meth:`received` counts every message."""
-        subscription = self._subscription()
-        return subscription is not None and self._is_counted(subscription, self.is_static)
+        """Whether :meth:`received` counts every message, because the listener's own methods handle them."""
+        listener, subscription = self._listener(), self._subscription()
+        if listener is None or subscription is None:
+            return False
+        is_own: bool = listener._is_own(subscription.callback, self.is_static)
+        return is_own
 
     def is_open(self) -> bool:
         """Whether the subscription still exists."""
         subscription = self._subscription()
-        return subscription is not None and exists(subscription)
+        with ExitStack() as uses:
+            return subscription is not None and enter_handle(subscription.handle, uses)
 
     def is_left_to_executors(self) -> bool:
         """Whether no receiver takes its messages."""
@@ -183,10 +179,6 @@ def _silent(topics: Sequence[ReceivedTopic]) -> str:
         if last_ns and silent_s >= SILENT_S and name not in static:
             parts.append(f"on {name} for {silent_s} s")
     return "nothing has been received " + " and nothing ".join(parts) if parts else ""
-
-
-def _nothing() -> tuple[int, int]:
-    return 0, 0
 
 
 def _joined(names: Sequence[str]) -> str:

@@ -19,38 +19,34 @@ from tf2_py._internal cimport (
     system_ns,
     word_add,
     word_exchange,
-    word_load,
     word_store,
 )
 from tf2_ros._rcl cimport (
     RCL_RET_OK,
     RMW_GID_STORAGE_SIZE,
     c_bool,
+    rcl_allocator_t,
     rcl_clock_get_now,
     rcl_clock_t,
-    rcl_event_set_callback,
-    rcl_event_t,
     rcl_is_enabled_ros_time_override,
     rcl_last_error,
+    rcl_ret_t,
     rcl_serialized_message_t,
     rcl_subscription_set_on_new_message_callback,
     rcl_subscription_t,
     rcl_take_serialized_message,
+    rcutils_get_default_allocator,
     rcutils_reset_error,
     require_rcl,
     rmw_message_info_t,
 )
 from tf2_ros._receive.inbox cimport (
-    GID_BYTES,
-    Message,
     MessageInbox,
-    Origin,
     Parcel,
     State,
     inbox_arrived,
     inbox_has_parcel,
     inbox_insert,
-    inbox_needs_report,
     inbox_read,
 )
 from tf2_ros.records cimport Recording, Records, records_add, records_add_malformed
@@ -66,8 +62,6 @@ cdef struct Topic:
     uint32_t arrived            # atomic, and a hint: 0: no message waits
     State* inbox
     const rcl_subscription_t* subscription      # NULL: executors take from it
-    const rcl_event_t* event    # of publishers with incompatible QoS; or NULL
-    bint is_static
     uint32_t threshold          # messages that may wait
     uint32_t depth              # of the subscription's queue
     uint64_t taken              # messages since the beginning
@@ -75,39 +69,28 @@ cdef struct Topic:
 
 
 cdef struct Subscriptions:
-    # Guarded by the inbox's lock, but for `has_event`.
-    Topic topics[MAX_TOPICS]    # static transforms first, because others may need them
-    uint32_t has_event          # atomic: an event happened on one of the topics
+    # Guarded by the inbox's lock.
+    Topic topics[MAX_TOPICS]    # by `topic_number`
     Records* records            # NULL: nothing is recorded
     const char* prefix          # of all names; NULL: they stay as they are
     size_t prefix_size
     rcl_clock_t* clock          # of the buffer, where something is recorded; or NULL
+    rcl_allocator_t allocator   # that of malloc
 
 
-# The middleware calls the next two, under its own locks, in any thread, perhaps with the GIL.
+cdef size_t topic_number(bint is_static) noexcept nogil:
+    # Static transforms are taken first, because others may need them.
+    return 0 if is_static else 1
+
 
 cdef void _arrived(const void* data, size_t count) noexcept nogil:
+    # The middleware calls this, under its own locks, in any thread, perhaps with the GIL.
     cdef Topic* topic = <Topic*>data
     cdef uint32_t before = word_add(&topic.arrived, <uint32_t>count)
     inbox_arrived(topic.inbox, before + count >= topic.threshold)
 
 
-cdef void _happened(const void* data, size_t _) noexcept nogil:
-    cdef State* inbox = <State*>data
-    word_store(&(<Subscriptions*>inbox.source).has_event, 1)
-    inbox_needs_report(inbox)
-
-
 # Taking; with the inbox's lock held.
-
-cdef bint _is_any_full(const State* inbox) noexcept nogil:
-    cdef const Subscriptions* source = <const Subscriptions*>inbox.source
-    cdef size_t number
-    for number in range(MAX_TOPICS):
-        if word_load(&source.topics[number].arrived) >= source.topics[number].threshold:
-            return True
-    return False
-
 
 cdef bint _simulated_now(rcl_clock_t* clock, int64_t* now_ns) noexcept nogil:
     # Returns whether the clock's time is simulated; only then, sets the time.
@@ -117,9 +100,9 @@ cdef bint _simulated_now(rcl_clock_t* clock, int64_t* now_ns) noexcept nogil:
     return rcl_clock_get_now(clock, now_ns) == RCL_RET_OK
 
 
-cdef void _record(State* inbox, const Origin* origin, bint is_readable) noexcept nogil:
+cdef void _record(State* inbox, const rmw_message_info_t* information, bint is_readable) noexcept nogil:
     cdef Subscriptions* source = <Subscriptions*>inbox.source
-    cdef int64_t received_ns = origin.received_ns
+    cdef int64_t received_ns = information.received_timestamp
     if not is_readable:
         records_add_malformed(source.records)
         return
@@ -128,7 +111,8 @@ cdef void _record(State* inbox, const Origin* origin, bint is_readable) noexcept
     word_store(&inbox.wants_each, is_simulated)
     if not is_simulated and received_ns <= 0:
         received_ns = system_ns()
-    records_add(source.records, &inbox.parcel.batch, received_ns, origin.publisher, RMW_GID_STORAGE_SIZE)
+    records_add(source.records, &inbox.parcel.batch, received_ns, information.publisher_gid.data,
+                RMW_GID_STORAGE_SIZE)
 
 
 cdef bint _take_message(State* inbox, size_t number, int64_t now_ns) noexcept nogil:
@@ -137,24 +121,25 @@ cdef bint _take_message(State* inbox, size_t number, int64_t now_ns) noexcept no
     cdef Topic* topic = &source.topics[number]
     cdef Parcel* parcel = inbox.parcel
     cdef rmw_message_info_t information
-    cdef bint wants_origin = source.records != NULL or inbox.copier != NULL
+    cdef rcl_serialized_message_t message
+    cdef rcl_ret_t result
     cdef bint is_readable
-    if rcl_take_serialized_message(
-            topic.subscription, <rcl_serialized_message_t*>&parcel.message,
-            &information if wants_origin else NULL, NULL,
-            ) != RCL_RET_OK:
+    message.buffer, message.buffer_length, message.buffer_capacity = parcel.data, 0, parcel.capacity
+    message.allocator = source.allocator
+    result = rcl_take_serialized_message(
+        topic.subscription, &message, &information if source.records != NULL else NULL, NULL)
+    # rcl may have allocated more.
+    parcel.data, parcel.size, parcel.capacity = message.buffer, message.buffer_length, message.buffer_capacity
+    if result != RCL_RET_OK:
         rcutils_reset_error()
         return False
     topic.taken += 1
     topic.taken_at_ns = now_ns
-    if wants_origin:
-        parcel.origin.received_ns = information.received_timestamp
-        parcel.origin.publisher = information.publisher_gid.data
-    is_readable = inbox_read(inbox, number, topic.is_static)
+    is_readable = inbox_read(inbox, number, number == topic_number(True))
     if is_readable and source.prefix != NULL:
         batch_prefix(&parcel.batch, source.prefix, source.prefix_size)
     if source.records != NULL:
-        _record(inbox, &parcel.origin, is_readable)
+        _record(inbox, &information, is_readable)
     inbox_insert(inbox, is_readable)
     return True
 
@@ -196,8 +181,8 @@ cdef class RclInbox(MessageInbox):
         require_rcl()
         self._handles = [None] * MAX_TOPICS
         self._names = [""] * MAX_TOPICS
+        self._source.allocator = rcutils_get_default_allocator()
         self._state.take = _take_subscribed
-        self._state.is_full = _is_any_full
         self._state.source = &self._source
         for number in range(MAX_TOPICS):
             self._source.topics[number].inbox = &self._state
@@ -242,62 +227,46 @@ cdef class RclInbox(MessageInbox):
         if is_told and rcl_subscription_set_on_new_message_callback(
                 topic.subscription, NULL, NULL) != RCL_RET_OK:
             rcutils_reset_error()
-        if topic.event != NULL and rcl_event_set_callback(topic.event, NULL, NULL) != RCL_RET_OK:
-            rcutils_reset_error()
         lock_acquire(&self._state.lock)
         topic.subscription = NULL
-        topic.event = NULL
         lock_release(&self._state.lock)
 
-    def subscribe(self, size_t number, handles, subscription, event, str name not None, bint is_static,
-                  uint32_t depth):
+    def subscribe(self, bint is_static, handle, subscription, str name not None, uint32_t depth):
         """
         Receive on a topic.
 
-        :param number: of the topic: 0 for static transforms, 1 for others.
-        :param handles: of these two; kept as long as the addresses are used.
+        :param is_static: whether the topic is that of static transforms.
+        :param handle: of the subscription; kept as long as the address is used.
         :param subscription: address of an ``rcl_subscription_t``.
-        :param event: address of an ``rcl_event_t``, or 0.
         :param depth: of the subscription's queue.
         :raises RuntimeError: the middleware does not report arrivals.
         """
-        cdef Topic* topic
-        if number >= MAX_TOPICS:
-            raise ValueError(f"a topic has the number {number}, {MAX_TOPICS} are possible")
-        topic = &self._source.topics[number]
-        self._handles[number] = handles
+        cdef size_t number = topic_number(is_static)
+        cdef Topic* topic = &self._source.topics[number]
+        self._handles[number] = handle
         self._names[number] = name
         lock_acquire(&self._state.lock)
-        topic.is_static = is_static
         topic.depth = depth
         topic.threshold = max(min(<uint32_t>THRESHOLD, depth // QUEUE_SHARE), 1)
         topic.subscription = <const rcl_subscription_t*><uintptr_t>subscription
-        topic.event = <const rcl_event_t*><uintptr_t>event
         lock_release(&self._state.lock)
         # Without the lock: what has arrived is reported at once.
         if rcl_subscription_set_on_new_message_callback(
                 topic.subscription, _arrived, <void*>topic) != RCL_RET_OK:
             error = rcl_last_error()
             topic.subscription = NULL
-            topic.event = NULL
             self._handles[number] = None
             raise RuntimeError(error)
-        if topic.event != NULL and rcl_event_set_callback(
-                topic.event, _happened, <void*>&self._state) != RCL_RET_OK:
-            rcutils_reset_error()
-            topic.event = NULL
 
-    def unsubscribe(self, size_t number, bint is_told=True):
+    def unsubscribe(self, bint is_static, bint is_told):
         """
         Receive nothing more on a topic; what was not inserted stays with its subscription.
 
         :param is_told: whether the middleware still reports arrivals to this object.
         """
-        if number >= MAX_TOPICS:
-            raise ValueError(f"a topic has the number {number}, {MAX_TOPICS} are possible")
         if not self._state.is_closed:
-            self._silence(number, is_told)
-            self._handles[number] = None
+            self._silence(topic_number(is_static), is_told)
+            self._handles[topic_number(is_static)] = None
 
     def fill(self, Engine buffer not None, clock=0):
         """
@@ -330,21 +299,12 @@ cdef class RclInbox(MessageInbox):
             count += self._source.topics[number].depth
         return count
 
-    def had_event(self):
-        """Whether an event happened since the last call."""
-        return bool(word_exchange(&self._source.has_event, 0))
-
-    def taken(self, size_t number):
+    def taken(self, bint is_static):
         """Return how many messages of a topic were taken, and the steady time of the last in nanoseconds."""
+        cdef const Topic* topic = &self._source.topics[topic_number(is_static)]
         cdef uint64_t count
         cdef int64_t at_ns
-        if number >= MAX_TOPICS:
-            raise ValueError(f"a topic has the number {number}, {MAX_TOPICS} are possible")
         lock_acquire(&self._state.lock)
-        count, at_ns = self._source.topics[number].taken, self._source.topics[number].taken_at_ns
+        count, at_ns = topic.taken, topic.taken_at_ns
         lock_release(&self._state.lock)
         return count, at_ns
-
-
-if sizeof(Message) != sizeof(rcl_serialized_message_t) or <int>GID_BYTES != <int>RMW_GID_STORAGE_SIZE:
-    raise ImportError("messages are not as rcl has them")

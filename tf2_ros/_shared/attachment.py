@@ -1,5 +1,6 @@
 """Fill buffers, and stand in for their listeners, from the ring of the process that owns a name."""
 
+import os
 import threading
 import traceback
 import weakref
@@ -11,7 +12,7 @@ from tf2_py._internal import log
 from tf2_ros._forking import register_for_fork
 from tf2_ros._receive.inboxes import END_WAIT_S, add_inbox, check_regularly, threads
 from tf2_ros._shared.files import Description, describe_owner, is_owned, open_file
-from tf2_ros._shared.naming import SharedBufferError, wanted_name
+from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted
 from tf2_ros._shared.owner import Owner
 from tf2_ros._shared.ring import RingInbox
 from tf2_ros_cython._presence import HAS_ROS
@@ -84,9 +85,7 @@ class Ring(RingInbox):
         """Why nothing arrives any more; None while messages may arrive."""
         if self.problem is not None:
             return self.problem
-        if self.is_over or not is_owned(self.descriptor):
-            return f"process {self.process} has ended"
-        return None
+        return None if is_owned(self.descriptor) else f"process {self.process} has ended"
 
     def hand_over(self, calls: list[Call]) -> None:
         """Put these into the queue that runs the callbacks of the buffer."""
@@ -137,15 +136,14 @@ class Attachment:
         self.ring: Ring | None = ring
         self._buffer = weakref.ref(buffer)
         self.listeners: list[AttachedListener] = []  # each is informed of changes
-        self._changing = threading.RLock()
-        self._descriptions = ring.descriptions
+        self.changing = threading.RLock()  # held while it or one of its listeners changes
         ring.fill_for(self, buffer)
         check_regularly(self)
         register_for_fork(self)
 
     def after_fork(self) -> None:
         """Leave the listeners to the parent, in a forked child, which continues to read the buffer."""
-        self._changing = threading.RLock()  # a thread of the parent may have held it
+        self.changing = threading.RLock()  # a thread of the parent may have held it
         for listener in self.listeners:
             listener.after_fork()
         self.listeners = []
@@ -172,30 +170,30 @@ class Attachment:
 
     def check(self) -> None:
         """Find out whether the owner has ended, and follow the next one if there is one."""
-        with self._changing:
+        with self.changing:
             buffer = self._buffer()
             if buffer is None:
                 self.close()
                 return
+            self.decide()
             ring = self.ring
             if ring is None:
                 self._find_owner(buffer)
             elif (why := ring.why_over()) is not None:
                 self._lose(ring, why)
                 self._find_owner(buffer)
-            elif any(ring.shortage) or ring.descriptions != self._descriptions:
-                self._descriptions = ring.descriptions
-                for listener in list(self.listeners):
-                    if lack := listener.lack(ring):
-                        self._lose(ring, f"it {lack}")
-                        break
+            elif lack := self._lack(ring):
+                self._lose(ring, f"it {lack}")
 
     def close(self) -> None:
         """End; the buffer keeps what it holds."""
-        with self._changing:
+        with self.changing:
             ring, self.ring = self.ring, None
         if ring is not None:
             ring.end()
+
+    def _lack(self, ring: Ring) -> str:
+        return next(filter(None, (listener.lack(ring) for listener in list(self.listeners))), "")
 
     def _lose(self, ring: Ring, why: str) -> None:
         self.ring = None
@@ -207,13 +205,11 @@ class Attachment:
     def _find_owner(self, buffer: Any) -> None:
         try:
             ring = open_ring(self.name)
-            for listener in list(self.listeners):
-                if lack := listener.lack(ring):
-                    raise SharedBufferError(lack)
         except SharedBufferError:
             return  # the next `check` tries again
+        if self._lack(ring):
+            return
         self.ring = ring
-        self._descriptions = ring.descriptions
         ring.fill_for(self, buffer)
         log.logger("tf2_ros").info(f"The shared buffer {self.name!r} is process {ring.process}'s now")
         for listener in list(self.listeners):
@@ -246,16 +242,13 @@ class AttachedListener:
     def __init__(self, listener: Any, attachment: Attachment, topics: Sequence[str]) -> None:
         self.topics = tuple(topics)
         self._listener = weakref.ref(listener)
-        self._buffer = weakref.ref(listener.buffer)
-        self._node = weakref.ref(listener.node)
         self._attachment = attachment
         self._listens = False  # whether it has subscriptions
         self._ended = False
-        self._changing = threading.RLock()
         self._queue: CallbackQueue | None = None
         self._kept: Any = None
         attachment.listeners.append(self)
-        if problem() is None and isinstance(listener.node, Node):
+        if problem() is None:
             self._kept = listener  # by the node, as a listener is by its subscriptions
             self._queue = callback_queue(listener.node)
             self._queue.inform(self._before_sleep)
@@ -274,10 +267,10 @@ class AttachedListener:
 
     def decide(self) -> None:
         """Let the listener subscribe on its own if the program has redirected what is received."""
-        listener, buffer = self._listener(), self._buffer()
+        listener = self._listener()
         if self._ended or listener is None:
             return
-        if listener.__dict__.get("buffer") is not buffer:
+        if listener.__dict__.get("buffer") is not self._attachment.buffer():
             self.leave("this program gives the listener another buffer")
         elif self._attachment.is_by_environment and not listener._is_direct():
             self.leave("this program handles what is received")
@@ -289,43 +282,43 @@ class AttachedListener:
 
     def lack(self, ring: Ring) -> str:
         """Why a ring cannot replace the subscriptions; ``""`` if it can, or if the program has chosen it."""
-        buffer, node = self._buffer(), self._node()
-        if not self._attachment.is_by_environment or buffer is None or node is None:
+        listener, buffer = self._listener(), self._attachment.buffer()
+        if not self._attachment.is_by_environment or listener is None or buffer is None:
             return ""
-        return _lack(ring, buffer, node, self.topics)
+        return _lack(ring, buffer, listener.node, self.topics)
 
     def leave(self, reason: str) -> None:
         """Subscribe for good."""
-        with self._changing:
+        with self._attachment.changing:
             if self._ended:
                 return
-            listens, buffer = self._listens, self._buffer()
             self.close()
-            attachment = self._attachment
+            attachment, buffer = self._attachment, self._attachment.buffer()
             if attachment.is_by_environment and not attachment.listeners:
                 attachment.close()
                 if buffer is not None and buffer._sharing is attachment:
                     buffer._sharing = None
-            self._listens = listens or self._subscribe(reason)
+            if not self._listens:
+                self._subscribe(reason)
 
     def lost(self, reason: str) -> None:
         """Subscribe, because the owner has ended, until there is another one."""
-        with self._changing:
+        with self._attachment.changing:
             if self._ended or self._listens or not self._attachment.is_by_environment:
                 return
             self._listens = self._subscribe(reason)
 
     def found(self, ring: Ring) -> None:
         """Unsubscribe, because there is an owner again."""
-        with self._changing:
-            listener, node = self._listener(), self._node()
-            if self._ended or listener is None or node is None:
+        with self._attachment.changing:
+            listener = self._listener()
+            if self._ended or listener is None:
                 return
             self._inform()
-            if self._listens and not context_was_shut_down(node.context):
+            if self._listens and not context_was_shut_down(listener.node.context):
                 self._listens = False
                 listener._stop_listening()
-                _log_use(node, ring)
+                _log_use(listener.node, ring)
 
     def close(self) -> None:
         """End, and no longer keep the listener alive."""
@@ -351,25 +344,23 @@ class AttachedListener:
             ring.inform(self._queue)
 
     def _before_sleep(self, in_user_code: bool) -> None:
-        ring, node = self._attachment.ring, self._node()
-        if ring is None or node is None or self._queue is None or self._ended:
+        ring, listener = self._attachment.ring, self._listener()
+        if ring is None or listener is None or self._queue is None or self._ended:
             return
         if in_user_code:
             ring.catch_up()  # this informs the executor, and wakes it for what arrives later
             return
-        polls = has_tasks(node.executor)
+        polls = self._queue.in_sets and has_tasks(listener.node.executor)
         ring.set_pace(polls)
         if not polls:
             self._queue.sleep_on()
 
     def _subscribe(self, reason: str) -> bool:
-        listener, node = self._listener(), self._node()
-        if listener is None or node is None or context_was_shut_down(node.context):
+        listener = self._listener()
+        if listener is None or context_was_shut_down(listener.node.context):
             return False
-        get_logger("tf2_ros").info(
-            f"A listener of {node.get_fully_qualified_name()} subscribes on its own from now on, and leaves "
-            f"the shared buffer {self._attachment.name!r}: {reason}"
-        )
+        leaves = f"leaves the shared buffer {self._attachment.name!r}: {reason}"
+        _log(listener.node, f"subscribes on its own from now on, and {leaves}")
         listener._listen_itself()
         return True
 
@@ -384,7 +375,7 @@ def attach_listener(listener: Any, is_usual: bool, topics: Sequence[str]) -> Att
     """
     buffer: Any = listener.buffer
     node: Any = listener.node
-    if not hasattr(buffer, "_sharing") or not isinstance(node, Node):
+    if not isinstance(node, Node):
         return None
     sharing = buffer._sharing
     if isinstance(sharing, Owner):
@@ -402,10 +393,10 @@ def attach_listener(listener: Any, is_usual: bool, topics: Sequence[str]) -> Att
 
 def _by_environment(buffer: Any, node: "Node", is_usual: bool, topics: Sequence[str]) -> Attachment | None:
     """Attach a buffer as the environment asks, if that can replace this listener's subscriptions."""
+    if not is_wanted():
+        return None
     try:
-        name = wanted_name(node.context.get_domain_id())
-        if name is None:
-            return None
+        name = buffer_name(os.environ[VARIABLE], node)
         if not is_usual:
             raise SharedBufferError("it, or its buffer, is of another kind than tf2's")
         if (why := problem()) is not None:
@@ -416,9 +407,7 @@ def _by_environment(buffer: Any, node: "Node", is_usual: bool, topics: Sequence[
         if lack := _lack(ring, buffer, node, topics):
             raise SharedBufferError(f"the shared buffer {name!r} {lack}")
     except (SharedBufferError, ValueError) as reason:
-        get_logger("tf2_ros").info(
-            f"A listener of {node.get_fully_qualified_name()} subscribes on its own: {reason}"
-        )
+        _log(node, f"subscribes on its own: {reason}")
         return None
     buffer._sharing = found = Attachment(buffer, ring, is_by_environment=True)
     _log_use(node, ring)
@@ -426,10 +415,11 @@ def _by_environment(buffer: Any, node: "Node", is_usual: bool, topics: Sequence[
 
 
 def _log_use(node: "Node", ring: Ring) -> None:
-    get_logger("tf2_ros").info(
-        f"A listener of {node.get_fully_qualified_name()} uses the shared buffer {ring.name!r} of process "
-        f"{ring.process}, and subscribes to nothing"
-    )
+    _log(node, f"uses the shared buffer {ring.name!r} of process {ring.process}, and subscribes to nothing")
+
+
+def _log(node: "Node", what: str) -> None:
+    get_logger("tf2_ros").info(f"A listener of {node.get_fully_qualified_name()} {what}")
 
 
 def _lack(ring: Ring, buffer: Any, node: "Node", topics: Sequence[str]) -> str:

@@ -14,11 +14,11 @@ import os
 import stat
 import struct
 from contextlib import ExitStack, suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 
 from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path
-from tf2_ros._shared.ring import owner_of, read_text
+from tf2_ros._shared.ring import read_text
 
 __all__ = ["Description", "describe_owner", "is_owned", "make_file", "open_file", "publish"]
 
@@ -62,7 +62,8 @@ def publish(descriptor: int, path: Path) -> None:
                 other = _open(path)
                 stack.callback(os.close, other)
                 if not _remove_dead(path, other):
-                    raise BlockingIOError(owner_of(other)) from None
+                    owner = describe_owner(other)
+                    raise BlockingIOError(0 if owner is None else owner.process) from None
 
 
 def open_file(name: str) -> int:
@@ -150,24 +151,23 @@ class Description:
 
     def to_bytes(self) -> bytes:
         """Return it as JSON, without the last topics if there is no room for all."""
-        facts = asdict(self)
-        while len(text := json.dumps(facts).encode()) > MOST_TEXT and facts["topics"]:
-            facts["topics"].pop()
+        topics = list(self.topics)
+        while len(text := json.dumps(astuple(replace(self, topics=topics))).encode()) > MOST_TEXT and topics:
+            topics.pop()
         return text
 
 
 def describe_owner(descriptor: int) -> Description | None:
     """Read the description of a file's owner; None if it cannot be read."""
     try:
-        read = Description(**json.loads(read_text(descriptor)))
-        domain = None if read.domain is None else int(read.domain)
+        process, program, cache_time_ns, domain, topics, simulated = json.loads(read_text(descriptor))
         return Description(
-            int(read.process),
-            str(read.program),
-            int(read.cache_time_ns),
-            domain,
-            [str(topic) for topic in read.topics],
-            bool(read.simulated),
+            int(process),
+            str(program),
+            int(cache_time_ns),
+            None if domain is None else int(domain),
+            [str(topic) for topic in topics],
+            bool(simulated),
         )
     except (OverflowError, RecursionError, TypeError, ValueError):
         return None

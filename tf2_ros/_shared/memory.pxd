@@ -12,7 +12,6 @@ cdef extern from * nogil:
     #include <signal.h>
     #include <stdint.h>
     #include <sys/mman.h>
-    #include <sys/stat.h>
     #include <sys/syscall.h>
     #include <sys/uio.h>
     #include <time.h>
@@ -45,12 +44,6 @@ cdef extern from * nogil:
             {(void *)first, first_size}, {(void *)second, second_size}, {(void *)third, third_size}};
         ssize_t size = (ssize_t)(first_size + second_size + third_size);
         return pwritev(descriptor, parts, 3, (off_t)start) == size ? 0 : -1;
-    }
-
-    static size_t tf2_file_size(int descriptor)
-    {
-        struct stat facts;
-        return fstat(descriptor, &facts) == 0 ? (size_t)facts.st_size : 0;
     }
 
     static void tf2_futex_wake(const void *word)
@@ -147,7 +140,6 @@ cdef extern from * nogil:
     int write_file "tf2_write"(int descriptor, const void* first, size_t first_size, const void* second,
                                size_t second_size, const void* third, size_t third_size, size_t start)
     void give_back "tf2_give_back"(int descriptor, size_t start, size_t size)
-    size_t file_size "tf2_file_size"(int descriptor)    # 0: it cannot be determined
     int close_file "close"(int descriptor)
 
     # Maps the first MAPPED_BYTES of a file; NULL: see errno. When the file is truncated, zeros take the place

@@ -3,7 +3,6 @@
 import os
 import re
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +11,9 @@ __all__ = [
     "VARIABLE",
     "SharedBufferError",
     "buffer_name",
-    "domain_of",
     "is_wanted",
     "require_linux",
     "segment_path",
-    "wanted_name",
 ]
 
 VARIABLE = "TF2_SHARED_BUFFER"
@@ -44,12 +41,12 @@ def require_linux() -> None:
         raise NotImplementedError("buffers can be shared, and attached to, only on Linux")
 
 
-def buffer_name(name: str, domain: int | None = None) -> str:
+def buffer_name(name: str, node: Any = None) -> str:
     """
     Get the name of a shared buffer.
 
     :param name: letters, digits, ``.``, ``_`` and ``-``, at most 100; or ``auto``.
-    :param domain: for ``auto``, the ROS domain. None: that of the environment.
+    :param node: whose ROS domain ``auto`` stands for. None: that of the environment.
     :raises TypeError: ``name`` is not a str.
     :raises ValueError: it is not a valid name.
     """
@@ -62,18 +59,12 @@ def buffer_name(name: str, domain: int | None = None) -> str:
         )
     if name != AUTO:
         return name
-    return f"domain-{_environment_domain(os.environ) if domain is None else domain}"
+    return f"domain-{_environment_domain() if node is None else node.context.get_domain_id()}"
 
 
-def domain_of(node: Any) -> int | None:
-    """The ROS domain of a node; None, which stands for that of the environment, without a node."""
-    domain: int | None = None if node is None else node.context.get_domain_id()
-    return domain
-
-
-def _environment_domain(environ: Mapping[str, str]) -> int:
+def _environment_domain() -> int:
     """The ROS domain. ROS reads the number as C does, with a base."""
-    text = environ.get("ROS_DOMAIN_ID", "").strip()
+    text = os.environ.get("ROS_DOMAIN_ID", "").strip()
     base = 16 if text.lower().startswith("0x") else 8 if text.startswith("0") else 10
     try:
         return int(text, base) if text else 0
@@ -84,12 +75,6 @@ def _environment_domain(environ: Mapping[str, str]) -> int:
 def is_wanted() -> bool:
     """Whether the environment asks programs to attach to a shared buffer."""
     return bool(os.environ.get(VARIABLE)) and sys.platform == "linux"
-
-
-def wanted_name(domain: int, environ: Mapping[str, str] = os.environ) -> str | None:
-    """The name of the buffer that programs of this ROS domain are asked to attach to, or None."""
-    name = environ.get(VARIABLE)
-    return buffer_name(name, domain) if name else None
 
 
 def segment_path(name: str) -> Path:

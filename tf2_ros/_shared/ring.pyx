@@ -18,7 +18,7 @@ finds, and any byte may be wrong: at worst, that is a malformed message.
 cimport cython
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t
-from libc.stdlib cimport free, realloc
+from libc.stdlib cimport free, malloc, realloc
 from libc.string cimport memcpy, memset
 
 from tf2_py._internal cimport (
@@ -56,7 +56,6 @@ from tf2_ros._receive.inbox cimport (
     Copier,
     Copying,
     MessageInbox,
-    Origin,
     Parcel,
     State,
     inbox_remove,
@@ -74,7 +73,6 @@ from tf2_ros._shared.memory cimport (
     commit_file,
     errno,
     fence,
-    file_size,
     futex_wait,
     futex_wake,
     give_back,
@@ -99,15 +97,15 @@ cdef enum:
     TEXT_AT = 4096              # of the description: size, checksum, text
     TEXT_BYTES = 4096
     RING_AT = STEP
+    UNIT = 64                   # bytes: the length of each record is a multiple
     MOST_RECORD = 2 * STEP      # bytes
 
     KIND_DYNAMIC = 1            # of records: a message with dynamic transforms
     KIND_STATIC = 2             # a message with one static transform
-    KIND_CLEAR = 3              # all dynamic transforms were removed
+    KIND_REMOVAL = 3            # all transforms of a frame were removed: its name; without, all dynamic ones
     KIND_PADDING = 4            # fills the end of the file
-    KIND_FORGET = 5             # all transforms of a frame were removed: its name
 
-    LAYOUT = 5                  # changes with any change of the layout
+    LAYOUT = 6                  # changes with any change of the layout
     WANTED_ROUNDS = 10          # of 0.1 s, for which a reader that has looked wants messages at once
 
 cdef uint64_t MAGIC = 0x31474e4952324654      # "TF2RING1" on a little-endian machine
@@ -117,12 +115,8 @@ cdef uint32_t NO_CHILD = 0xFFFFFFFF
 cdef struct Head:
     uint64_t magic
     uint32_t layout
-    uint32_t process            # id of the owner in its own container
-    uint64_t capacity           # bytes of the ring
     uint32_t arrivals           # counts records; readers sleep on it
-    uint32_t is_over            # the owner has ended
-    uint32_t descriptions       # counts changes of the description
-    uint32_t unused
+    uint64_t capacity           # bytes of the ring
     uint64_t short_ns           # not 0: for lack of memory, the ring reaches back only this far
     uint64_t missing            # messages for which there was no memory at all
     uint64_t oldest             # position of the oldest record
@@ -136,7 +130,7 @@ cdef struct Board:
 
 
 cdef struct Record:
-    # Padded to 64 bytes with what follows it, so a record of padding fits wherever another one ends.
+    # Padded to a multiple of UNIT with what follows, so a record of padding fits wherever another one ends.
     uint64_t position           # its own
     uint64_t previous           # where it was written before; `position` unless it was written again
     int64_t written_ns          # steady time
@@ -144,12 +138,11 @@ cdef struct Record:
     uint32_t child              # id of a static transform's child; NO_CHILD: never written again
     uint32_t authority_size     # bytes that follow
     uint32_t size               # bytes of the message, which follows the authority
-    Origin origin
 
 
 cdef inline uint64_t record_length(const Record* record) noexcept nogil:
     # Bytes, with what follows and padding.
-    return (sizeof(Record) + <uint64_t>record.authority_size + record.size + 63) // 64 * 64
+    return (sizeof(Record) + <uint64_t>record.authority_size + record.size + UNIT - 1) // UNIT * UNIT
 
 
 cdef inline Board* board_of(const Head* head) noexcept nogil:
@@ -184,11 +177,3 @@ def read_text(int descriptor):
         if len(text) == size and zlib.crc32(text) == checksum:
             return text
     return b""
-
-
-def owner_of(int descriptor):
-    """The id of the process that made a file, in its own container; 0 if this is not such a file."""
-    cdef Head found
-    if read_file(descriptor, &found, sizeof(Head), 0) != 0 or found.magic != MAGIC:
-        return 0
-    return found.process

@@ -80,23 +80,20 @@ class CallbackQueue(ExecutorRounds, Waitable):
         """Add calls that run one after the other, even if one of them raises."""
         self.put(partial(call_all, calls))
 
-    def inform(self, before_sleep: Tell, moved: Tell | None = None) -> None:
+    def inform(self, before_sleep: Tell) -> None:
         """
-        Call these in the rounds of executors. The queue, and so the node, keeps their objects alive.
+        Call this before an executor sleeps, with whether user code called the executor.
 
-        :param before_sleep: called before an executor sleeps, with whether user code called the executor.
-        :param moved: called when the node moves between executors that wait for sets and others, with whether
-            the new one waits for sets.
+        It is also called when an executor has taken the node that does not wait for sets (``in_sets``). The
+        queue, and so the node, keeps its object alive.
         """
         with LOCK:  # other threads make and end listeners of the same node
             self.sleepers += (before_sleep,)
-            self.moved += () if moved is None else (moved,)
 
-    def inform_no_more(self, before_sleep: Tell, moved: Tell | None = None) -> None:
+    def inform_no_more(self, before_sleep: Tell) -> None:
         """Undo :meth:`inform`."""
         with LOCK:
             self.sleepers = tuple(one for one in self.sleepers if one != before_sleep)
-            self.moved = tuple(one for one in self.moved if one != moved)
 
     def offer(self) -> None:
         """Have an executor or the thread run what is in the queue."""

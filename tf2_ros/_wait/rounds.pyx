@@ -115,19 +115,17 @@ cdef class ExecutorRounds:
     cdef ExecutorState state
     cdef object _handle         # keeps the guard condition
     cdef readonly object calls  # to be run, the oldest first
-    cdef public tuple sleepers  # called before an executor sleeps, with whether user code called it
-    # Called when the node moves between executors that wait for sets and others, with whether the new one
-    # waits for sets.
-    cdef public tuple moved
+    # Called before an executor sleeps, with whether user code called it; and when `in_sets` becomes False.
+    cdef public tuple sleepers
     cdef readonly int64_t asked_ns  # steady time at which an executor last had a round with this; 0: never
     cdef public bint running  # a thread is inside a call
     cdef bint _in_user_code     # user code called the executor and continues before it sleeps again
     cdef void* _wait_set        # of the executor that went to sleep last, if it has not woken yet
-    cdef public bint in_sets    # an executor adds this to sets that it waits for, or there is none
+    cdef readonly bint in_sets  # an executor adds this to sets that it waits for, or there is none
 
     def __cinit__(self, *_, **__):
         self.calls = deque()
-        self.sleepers = self.moved = ()
+        self.sleepers = ()
         self._in_user_code = self.in_sets = True
 
     def set_up(self, guard):
@@ -153,11 +151,10 @@ cdef class ExecutorRounds:
     def get_num_entities(self):
         """One guard condition; none for rclpy's ``EventsExecutor``, which refuses them."""
         executor = self.executor()
-        in_sets = executor is None or isinstance(executor, Executor)
-        if in_sets != self.in_sets:
-            self.in_sets = in_sets
-            for tell in self.moved:
-                tell(in_sets)
+        was_in_sets, self.in_sets = self.in_sets, executor is None or isinstance(executor, Executor)
+        if was_in_sets and not self.in_sets:
+            for tell in self.sleepers:
+                tell(False)
         return NumberOfEntities(0, 1) if self.in_sets else NumberOfEntities()
 
     def add_to_wait_set(self, wait_set):

@@ -16,7 +16,7 @@ from tf2_ros._shared.naming import segment_path
 _numbers = itertools.count()
 # As in tf2_ros/_shared/ring.pyx: the head, the board, the description, the ring.
 BOARD_AT, TEXT_AT, RING_AT = 2048, 4096, 1 << 16
-HEAD_BYTES, ARRIVALS_AT, RECORD_BYTES = 80, 24, 64
+HEAD_BYTES, ARRIVALS_AT, RECORD_BYTES = 64, 12, 64
 SEGMENT_BYTES = RING_AT + (1 << 20)  # of the smallest ring
 MOST_STEPS = 16
 ODD = (0, 1, 2, 0xFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 2**62, 2**63 - 1, 2**63, 2**64 - 1, 64, 4096, 5)

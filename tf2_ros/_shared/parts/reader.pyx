@@ -2,7 +2,7 @@
 
 cdef enum:
     LEAST_STEPS = 16            # of a ring
-    CHUNK_BYTES = 1 << 15       # that a reader copies at once, or else one record; it keeps this memory
+    CHUNK_BYTES = 1 << 15       # that a reader copies at once, or else one record
     TRIES = 100                 # to find head and records consistent
     LAPS = 3                    # for how often the owner may overtake a reader within one round
     OFTEN = 3                   # reads in a round, from which on the thread inserts each message at once
@@ -22,8 +22,7 @@ cdef struct Reading:
     uint64_t capacity           # as found at first
     uint64_t begun              # position at which it began, or began again; it has read everything since
     uint64_t tail               # position of the next record to read
-    unsigned char* chunk        # what was copied of the ring
-    size_t chunk_capacity
+    unsigned char* chunk        # what was copied of the ring; MOST_RECORD bytes
     uint64_t chunk_from         # positions
     uint64_t chunk_to
     const char* problem         # why what was found cannot be read; or NULL
@@ -48,13 +47,6 @@ cdef void _move_to(Reading* reading, uint64_t position) noexcept nogil:
 
 cdef bint _fill_chunk(Reading* reading, uint64_t size) noexcept nogil:
     # Copies this many bytes from the tail on; False: see `problem`, or it was lapped.
-    cdef void* memory
-    if size > reading.chunk_capacity:
-        memory = realloc(reading.chunk, size)
-        if memory == NULL:
-            return False
-        reading.chunk = <unsigned char*>memory
-        reading.chunk_capacity = size
     reading.chunk_from = reading.chunk_to = reading.tail
     if read_file(reading.descriptor, reading.chunk, size, RING_AT + reading.tail % reading.capacity) != 0:
         reading.problem = "the shared memory was truncated"
@@ -85,11 +77,11 @@ cdef const Record* _next_record(Reading* reading) noexcept nogil:
             reading.is_lapped = True
             return NULL
         most = min(end - reading.tail, capacity - reading.tail % capacity)
-        if most % sizeof(Record) or reading.tail % sizeof(Record):
+        if most % UNIT or reading.tail % UNIT:
             break
         copied = reading.chunk_to - reading.tail
         record = <const Record*>(reading.chunk + (reading.tail - reading.chunk_from))
-        length = sizeof(Record) if copied < sizeof(Record) else record_length(record)
+        length = UNIT if copied < UNIT else record_length(record)
         if length > min(most, <uint64_t>MOST_RECORD):
             break
         if length > copied:
@@ -122,12 +114,9 @@ cdef bint _take_record(State* inbox, const Record* record) noexcept nogil:
         # The copy of the authority follows that of the message, and so exists as long.
         memcpy(memory, content + authority_size, size)
         memcpy(memory + size, content, authority_size)
-        parcel.message.size = size
-        parcel.origin = record.origin
-        if kind == KIND_CLEAR:
-            inbox_remove(inbox, NULL, 0)
-        elif kind == KIND_FORGET:
-            inbox_remove(inbox, <const char*>memory, size)
+        parcel.size = size
+        if kind == KIND_REMOVAL:
+            inbox_remove(inbox, <const char*>memory if size else NULL, size)
         elif kind == KIND_STATIC or kind == KIND_DYNAMIC:
             is_readable = inbox_read(inbox, 0, kind == KIND_STATIC)
             if is_utf8(memory + size, authority_size):
@@ -177,16 +166,7 @@ cdef size_t _take(State* inbox, size_t most) noexcept nogil:
             taken += 1
         else:
             break
-    if taken < most and reading.chunk_capacity > CHUNK_BYTES:
-        free(reading.chunk)
-        reading.chunk = NULL
-        reading.chunk_capacity = 0
-        _move_to(reading, reading.tail)
     return taken
-
-
-cdef bint _is_full(const State* inbox) noexcept nogil:
-    return False
 
 
 cdef void _want(Reading* reading) noexcept nogil:
@@ -205,7 +185,7 @@ cdef void _catch_up(State* inbox) noexcept nogil:
     while is_behind and not word_load(&reading.is_stopping):
         is_behind = False
         word_store(&inbox.pending, 1)
-        inbox_serve(inbox, monotonic_ns(), &is_behind)
+        inbox_serve(inbox, &is_behind)
 
 
 cdef bint _needs_thread(State* inbox) noexcept nogil:
@@ -282,12 +262,14 @@ cdef class RingInbox(MessageInbox):
 
     def __cinit__(self, *_, **__):
         self._reading.descriptor = -1
+        self._reading.chunk = <unsigned char*>malloc(MOST_RECORD)
+        if self._reading.chunk == NULL:
+            raise MemoryError
         self._always = 1
         self.pending = &self._always
         self.read = &self._was_read
         self._names = ["shared memory"]
         self._state.take = _take
-        self._state.is_full = _is_full
         self._state.source = &self._reading
         self._state.forked.in_child = _without_thread
 
@@ -301,7 +283,7 @@ cdef class RingInbox(MessageInbox):
             raise ValueError("it is of another version of this package")
         if found.capacity < LEAST_STEPS * STEP or found.capacity > MOST_BYTES or found.capacity % STEP:
             raise ValueError("its sizes are wrong")
-        if file_size(descriptor) < RING_AT + found.capacity:
+        if os.fstat(descriptor).st_size < RING_AT + found.capacity:
             raise ValueError("it was truncated")
         reading.capacity = found.capacity
         reading.head = map_head(descriptor, &reading.is_lost)
@@ -323,8 +305,8 @@ cdef class RingInbox(MessageInbox):
 
     cdef int64_t _arrived_by_now(self) noexcept:
         # No record is shorter. What the file says may be wrong.
-        return min((load64(&self._reading.head.next) - self._reading.tail) // sizeof(Record) + 1,
-                   self._reading.capacity // sizeof(Record))
+        return min((load64(&self._reading.head.next) - self._reading.tail) // UNIT + 1,
+                   self._reading.capacity // UNIT)
 
     cdef int drain(self) except -1:
         cdef Reading* reading = &self._reading
@@ -397,15 +379,11 @@ cdef class RingInbox(MessageInbox):
     @property
     def problem(self):
         """Why nothing arrives any more, whether or not the owner exists; or None."""
-        if word_load(&self._reading.is_lost) or (
-                file_size(self._reading.descriptor) < RING_AT + self._reading.capacity):
+        cdef Reading* reading = &self._reading
+        if word_load(&reading.is_lost) or os.fstat(
+                reading.descriptor).st_size < RING_AT + reading.capacity:
             return "its memory was truncated"
         return None
-
-    @property
-    def is_over(self):
-        """Whether the owner has ended sharing."""
-        return bool(word_load(&self._reading.head.is_over))
 
     @property
     def descriptor(self):
@@ -416,8 +394,3 @@ cdef class RingInbox(MessageInbox):
     def shortage(self):
         """See ``shortage_of``."""
         return shortage_of(self._reading.head)
-
-    @property
-    def descriptions(self):
-        """How often the description has changed."""
-        return word_load(&self._reading.head.descriptions)

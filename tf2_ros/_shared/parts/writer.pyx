@@ -33,19 +33,7 @@ cdef struct Writing:
     uint64_t live               # bytes of the newest static records
     int64_t keep_ns             # for how long records are kept
     int64_t counted_ns          # steady time of the last round that was counted
-    unsigned char* scratch
-    size_t scratch_size
-
-
-cdef bint _reserve_scratch(Writing* writing, size_t size) noexcept nogil:
-    cdef void* memory
-    if size > writing.scratch_size:
-        memory = realloc(writing.scratch, size)
-        if memory == NULL:
-            return False
-        writing.scratch = <unsigned char*>memory
-        writing.scratch_size = size
-    return True
+    unsigned char* scratch      # for what follows a record; MOST_RECORD bytes
 
 
 cdef uint64_t _gap_before(const Writing* writing, uint64_t length) noexcept nogil:
@@ -56,7 +44,7 @@ cdef uint64_t _gap_before(const Writing* writing, uint64_t length) noexcept nogi
 
 cdef bint _write(Writing* writing, Record* record, const void* authority, const void* message,
                  int64_t now_ns) noexcept nogil:
-    # Adds a record, whose kind, child, sizes and origin are set. False: there is no memory for it.
+    # Adds a record, whose kind, child and sizes are set. False: there is no memory for it.
     cdef Record padding
     cdef uint64_t length = record_length(record)
     cdef uint64_t gap = _gap_before(writing, length)
@@ -107,9 +95,8 @@ cdef bint _write_again(Writing* writing, Record* record, int64_t now_ns) noexcep
     # The oldest record is the newest static transform of its child. False: there is no memory for it.
     cdef size_t size = <size_t>record.authority_size + record.size
     cdef uint64_t length = record_length(record)
-    if not _reserve_scratch(writing, size) or read_file(
-            writing.descriptor, writing.scratch, size,
-            RING_AT + record.position % writing.capacity + sizeof(Record)) != 0:
+    if read_file(writing.descriptor, writing.scratch, size,
+                 RING_AT + record.position % writing.capacity + sizeof(Record)) != 0:
         return False
     # Where there is no more memory, the reserve is used up.
     _commit(writing, writing.next + _gap_before(writing, length) + length + RESERVE)
@@ -174,7 +161,7 @@ cdef bint _make_room(Writing* writing, uint64_t length, int64_t now_ns) noexcept
     cdef uint64_t until = writing.next      # by then, only static transforms that were written again are left
     cdef uint64_t end
     cdef int64_t written_ns
-    while True:
+    while length <= MOST_RECORD:
         end = writing.next + _gap_before(writing, length) + length + RESERVE
         # Two steps less than all, so that what is given back does not hold the newest record.
         if end - writing.oldest <= writing.capacity - 2 * STEP and _commit(writing, end):
@@ -184,6 +171,7 @@ cdef bint _make_room(Writing* writing, uint64_t length, int64_t now_ns) noexcept
         written_ns = _drop_oldest(writing, now_ns)
         if written_ns > now_ns - writing.keep_ns:
             store64(&writing.head.short_ns, max(now_ns - written_ns, <int64_t>1))
+    return False
 
 
 cdef size_t _serialise(const Batch* batch, size_t start, size_t end, unsigned char* out) noexcept nogil:
@@ -199,11 +187,9 @@ cdef size_t _serialise(const Batch* batch, size_t start, size_t end, unsigned ch
 cdef bint _append(Writing* writing, Record* record, const Batch* batch, size_t start, size_t end,
                   const void* message, int64_t now_ns) noexcept nogil:
     # With `message` NULL, these transforms of the batch are serialised.
-    if record_length(record) > MOST_RECORD or not _make_room(writing, record_length(record), now_ns):
+    if not _make_room(writing, record_length(record), now_ns):
         return False
     if message == NULL:
-        if not _reserve_scratch(writing, record.size):
-            return False
         _serialise(batch, start, end, writing.scratch)
         message = writing.scratch
     return _write(writing, record, batch.authority, message, now_ns)
@@ -263,8 +249,8 @@ cdef void _forget_statics(Writing* writing, const Batch* batch) noexcept nogil:
         _forget_static_of(writing, child, size)
 
 
-cdef bint _copy_batch(Writing* writing, const Batch* batch, const Origin* origin, const void* message,
-                      size_t size, int64_t now_ns) noexcept nogil:
+cdef bint _copy_batch(Writing* writing, const Batch* batch, const void* message, size_t size,
+                      int64_t now_ns) noexcept nogil:
     # With `message`, which may be NULL, its bytes are copied. Also copies what this buffer refuses: readers
     # refuse, count and log it, too.
     cdef Record record
@@ -285,7 +271,6 @@ cdef bint _copy_batch(Writing* writing, const Batch* batch, const Origin* origin
         record.kind = KIND_STATIC if batch.is_static else KIND_DYNAMIC
         record.authority_size = <uint32_t>batch.authority_size
         record.size = <uint32_t>(size if message != NULL else _serialise(batch, start, end, NULL))
-        record.origin = origin[0]
         if batch.is_static:
             is_kept = _append_static(writing, &record, batch, start, now_ns) and is_kept
         else:
@@ -293,42 +278,34 @@ cdef bint _copy_batch(Writing* writing, const Batch* batch, const Origin* origin
     return is_kept
 
 
-cdef bint _copy_clear(Writing* writing, int64_t now_ns) noexcept nogil:
+cdef bint _copy_removal(Writing* writing, const char* name, size_t size, int64_t now_ns) noexcept nogil:
     cdef Record record
     memset(&record, 0, sizeof(Record))
-    record.kind = KIND_CLEAR
-    if not _make_room(writing, sizeof(Record), now_ns) or not _write(writing, &record, NULL, NULL, now_ns):
+    record.kind = KIND_REMOVAL
+    record.size = <uint32_t>size
+    if name != NULL:
+        _forget_static_of(writing, name, size)
+    if not _make_room(writing, record_length(&record), now_ns) or not _write(
+            writing, &record, NULL, name, now_ns):
         return False
-    store64(&writing.head.cleared, writing.next)
+    if name == NULL:
+        store64(&writing.head.cleared, writing.next)
     return True
 
 
-cdef bint _copy_forget(Writing* writing, const char* name, size_t size, int64_t now_ns) noexcept nogil:
-    cdef Record record
-    _forget_static_of(writing, name, size)
-    memset(&record, 0, sizeof(Record))
-    record.kind = KIND_FORGET
-    record.size = <uint32_t>size
-    return (record_length(&record) <= MOST_RECORD and _make_room(writing, record_length(&record), now_ns)
-            and _write(writing, &record, NULL, name, now_ns))
-
-
-cdef void _share(Writing* writing, const Batch* batch, const Origin* origin, const void* message,
-                 size_t size) noexcept nogil:
-    # Copies a batch or, if `batch` is NULL, a clear; with `message`, which is a name, that this frame is
-    # forgotten. Wakes the readers that sleep.
+cdef void _share(Writing* writing, const Batch* batch, const void* message, size_t size) noexcept nogil:
+    # Copies a batch or, if `batch` is NULL, a removal, of which `message` is the name. Wakes the readers that
+    # sleep.
     cdef int64_t now_ns
     cdef bint is_kept
     lock_acquire(&writing.lock)
     if writing.descriptor >= 0 and not word_load(&writing.is_lost):
         now_ns = monotonic_ns()
         _drop_old(writing, now_ns)
-        if batch == NULL and message == NULL:
-            is_kept = _copy_clear(writing, now_ns)
-        elif batch == NULL:
-            is_kept = _copy_forget(writing, <const char*>message, size, now_ns)
+        if batch == NULL:
+            is_kept = _copy_removal(writing, <const char*>message, size, now_ns)
         else:
-            is_kept = _copy_batch(writing, batch, origin, message, size, now_ns)
+            is_kept = _copy_batch(writing, batch, message, size, now_ns)
         if not is_kept:
             _count_missing(writing)
         word_store(&writing.head.arrivals, writing.head.arrivals + 1)
@@ -338,9 +315,8 @@ cdef void _share(Writing* writing, const Batch* batch, const Origin* origin, con
 
 
 cdef void _copy(Copier* copier, const Parcel* parcel, bint is_whole) noexcept nogil:
-    is_whole = is_whole and parcel.message.size < STEP
-    _share(<Writing*>copier.data, &parcel.batch, &parcel.origin, parcel.message.data if is_whole else NULL,
-           parcel.message.size)
+    is_whole = is_whole and parcel.size < STEP
+    _share(<Writing*>copier.data, &parcel.batch, parcel.data if is_whole else NULL, parcel.size)
 
 
 cdef bint _is_wanted(Copier* copier) noexcept nogil:
@@ -371,18 +347,20 @@ cdef class RingWriter(Copying):
     """
     Copies what a buffer receives, and what its program inserts, into a new file.
 
-    :param descriptor: of the file, which is as long as it will be; it is closed with this object.
+    :param descriptor: of the empty file; it is closed with this object.
     :param lock_descriptor: another descriptor of the file, which holds the lock; closed in the same way.
-    :param capacity: bytes of the ring, a multiple of STEP.
+    :param size: how many bytes the file may have.
     :param keep_ns: how long messages are kept, in nanoseconds, if there is memory for them.
-    :raises OSError: there is no memory.
+    :raises OSError: there is no memory, or the process may not have a file of this size.
     """
 
     cdef Writing _writing
 
     def __cinit__(self, *_, **__):
         self._writing.descriptor = self._writing.lock_descriptor = -1
-        if lock_init(&self._writing.lock) != 0 or names_init(&self._writing.children) != 0:
+        self._writing.scratch = <unsigned char*>malloc(MOST_RECORD)
+        if self._writing.scratch == NULL or lock_init(
+                &self._writing.lock) != 0 or names_init(&self._writing.children) != 0:
             raise MemoryError
         self._writing.forked.in_child = _end_in_child
         self._writing.forked.owner = <void*>&self._writing
@@ -392,19 +370,19 @@ cdef class RingWriter(Copying):
         self.copier.is_wanted = _is_wanted
         self.copier.count_round = _count_wanted
 
-    def __init__(self, int descriptor, int lock_descriptor, uint64_t capacity, int64_t keep_ns):
+    def __init__(self, int descriptor, int lock_descriptor, uint64_t size, int64_t keep_ns):
         cdef Writing* writing = &self._writing
         writing.descriptor, writing.lock_descriptor = descriptor, lock_descriptor
         writing.keep_ns = min(keep_ns, (<int64_t>1 << 62) - MARGIN_NS) + MARGIN_NS
+        os.ftruncate(descriptor, size // STEP * STEP)
         if commit_file(descriptor, 0, RING_AT) != 0:
             raise OSError(errors.ENOSPC, os.strerror(errors.ENOSPC))
         writing.head = map_head(descriptor, &writing.is_lost)
-        writing.capacity = writing.head.capacity = capacity
+        writing.capacity = writing.head.capacity = size // STEP * STEP - RING_AT
         # Positions begin here, so that 0 is none.
-        writing.oldest = writing.next = writing.committed = writing.given_back = capacity
-        writing.head.oldest = writing.head.next = capacity
+        writing.oldest = writing.next = writing.committed = writing.given_back = writing.capacity
+        writing.head.oldest = writing.head.next = writing.capacity
         writing.head.layout = LAYOUT
-        writing.head.process = os.getpid()
         writing.head.magic = MAGIC
 
     def __dealloc__(self):
@@ -419,9 +397,6 @@ cdef class RingWriter(Copying):
     cdef void _end(self) noexcept:
         lock_acquire(&self._writing.lock)
         if self._writing.descriptor >= 0:
-            if self._writing.head != NULL:
-                word_store(&self._writing.head.is_over, 1)
-                futex_wake(&self._writing.head.arrivals)
             close_file(self._writing.descriptor)
             close_file(self._writing.lock_descriptor)
             self._writing.descriptor = self._writing.lock_descriptor = -1
@@ -433,15 +408,12 @@ cdef class RingWriter(Copying):
 
     def describe(self, bytes text not None):
         """Publish a description of the owner, at most 4 kB."""
-        if len(text) > TEXT_BYTES - 8:
-            raise ValueError(f"a description has {TEXT_BYTES - 8} bytes at most, not {len(text)}")
-        if self._writing.descriptor < 0 or word_load(&self._writing.is_lost):
-            return
-        os.pwrite(self._writing.descriptor, struct.pack("=II", len(text), zlib.crc32(text)) + text, TEXT_AT)
-        word_store(&self._writing.head.descriptions, self._writing.head.descriptions + 1)
+        if self._writing.descriptor >= 0 and not word_load(&self._writing.is_lost):
+            os.pwrite(
+                self._writing.descriptor, struct.pack("=II", len(text), zlib.crc32(text)) + text, TEXT_AT)
 
     def close(self):
-        """End sharing. Readers notice at once."""
+        """End sharing."""
         self._end()
 
     @property
@@ -460,9 +432,7 @@ cdef class RingWriter(Copying):
         return shortage_of(self._writing.head)
 
     cdef void inserting(self, const Batch* batch) noexcept:
-        cdef Origin origin
-        memset(&origin, 0, sizeof(Origin))
-        _share(&self._writing, batch, &origin, NULL, 0)
+        _share(&self._writing, batch, NULL, 0)
 
     cdef void removed(self, const char* name, size_t size) noexcept:
-        _share(&self._writing, NULL, NULL, name, size)
+        _share(&self._writing, NULL, name, size)

@@ -25,6 +25,8 @@ from tf2_ros._tf2_names import (
 )
 from tf2_ros_cython._presence import HAS_ROS
 
+if TYPE_CHECKING:
+    from typing_extensions import TypeVar as _TypeVarWithDefault
 if TYPE_CHECKING or HAS_ROS:
     from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, Vector3Stamped
     from rclpy.duration import Duration
@@ -77,7 +79,11 @@ if TYPE_CHECKING or HAS_ROS:
     TransformableObject = Union[MsgStamped, PyKDLType]
 
 _Object = TypeVar("_Object")
-_New = TypeVar("_New")
+if TYPE_CHECKING:
+    # What a method returns without a `new_type`.
+    _New = _TypeVarWithDefault("_New", default=_Object)
+else:
+    _New = TypeVar("_New")
 
 # The default of every `timeout`. It is one object, so that a check for it need not compare Durations.
 NO_TIMEOUT: TimeoutLike = Duration() if TYPE_CHECKING or HAS_ROS else 0.0
@@ -106,31 +112,13 @@ class BufferInterface:
     def __init__(self) -> None:
         self.registration = TransformRegistration()
 
-    @overload
     def transform(
         self,
         object_stamped: _Object,
         target_frame: str,
-        timeout: TimeoutLike = ...,
-        new_type: None = ...,
-    ) -> _Object: ...
-
-    @overload
-    def transform(
-        self,
-        object_stamped: Any,
-        target_frame: str,
-        timeout: TimeoutLike = ...,
-        new_type: type[_New] = ...,  # pyright: ignore[reportInvalidTypeVarUse]
-    ) -> _New: ...
-
-    def transform(
-        self,
-        object_stamped: Any,
-        target_frame: str,
         timeout: TimeoutLike = NO_TIMEOUT,
-        new_type: type | None = None,
-    ) -> Any:
+        new_type: type[_New] | None = None,
+    ) -> _New:
         """
         Transform an object into another frame, at the object's own time. The result describes the same place,
         as seen from that frame. The default ``timeout`` does not wait.
@@ -153,40 +141,18 @@ class BufferInterface:
         except TransformException as error:
             _add_if_frame_is_empty(error, object_stamped)
             raise
-        result = do_transform(object_stamped, transform)
+        result: _New = do_transform(object_stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
-    @overload
     def transform_full(
         self,
         object_stamped: _Object,
         target_frame: str,
         target_time: TimeLike,
         fixed_frame: str,
-        timeout: TimeoutLike = ...,
-        new_type: None = ...,
-    ) -> _Object: ...
-
-    @overload
-    def transform_full(
-        self,
-        object_stamped: Any,
-        target_frame: str,
-        target_time: TimeLike,
-        fixed_frame: str,
-        timeout: TimeoutLike = ...,
-        new_type: type[_New] = ...,  # pyright: ignore[reportInvalidTypeVarUse]
-    ) -> _New: ...
-
-    def transform_full(
-        self,
-        object_stamped: Any,
-        target_frame: str,
-        target_time: TimeLike,
-        fixed_frame: str,
         timeout: TimeoutLike = NO_TIMEOUT,
-        new_type: type | None = None,
-    ) -> Any:
+        new_type: type[_New] | None = None,
+    ) -> _New:
         """
         Transform an object from its own time into another frame at another time. ``Time()`` as target time
         asks for the latest. The default ``timeout`` does not wait.
@@ -208,34 +174,16 @@ class BufferInterface:
         except TransformException as error:
             _add_if_frame_is_empty(error, object_stamped)
             raise
-        result = do_transform(object_stamped, transform)
+        result: _New = do_transform(object_stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
-    @overload
     async def transform_async(
         self,
         object_stamped: _Object,
         target_frame: str,
-        timeout: TimeoutLike | None = ...,
-        new_type: None = ...,
-    ) -> _Object: ...
-
-    @overload
-    async def transform_async(
-        self,
-        object_stamped: Any,
-        target_frame: str,
-        timeout: TimeoutLike | None = ...,
-        new_type: type[_New] = ...,  # pyright: ignore[reportInvalidTypeVarUse]
-    ) -> _New: ...
-
-    async def transform_async(
-        self,
-        object_stamped: Any,
-        target_frame: str,
         timeout: TimeoutLike | None = None,
-        new_type: type | None = None,
-    ) -> Any:
+        new_type: type[_New] | None = None,
+    ) -> _New:
         """
         Transform an object into another frame as soon as the transform is available. Without ``timeout`` it
         waits forever.
@@ -256,7 +204,7 @@ class BufferInterface:
         except TransformException as error:
             _add_if_frame_is_empty(error, object_stamped)
             raise
-        result = do_transform(object_stamped, transform)
+        result: _New = do_transform(object_stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
     def lookup_transform(
@@ -265,15 +213,9 @@ class BufferInterface:
         """
         Get the pose of ``source_frame`` in ``target_frame``: it carries data from the source to the target.
 
-        A point at p in ``source_frame`` is at R p + t in ``target_frame``: R and t are the rotation and the
-        translation returned. ``Time()``, which is 0, asks for the latest time for which all frames on the
-        path have data. The default ``timeout`` does not wait.
+        ``Time()``, which is 0, asks for the latest time. The default ``timeout`` does not wait.
 
-        :param target_frame: the frame into which the data is to be transformed.
-        :param source_frame: the frame that the data is in.
-        :param time: of the transform; 0 is the latest time for which all frames on the path have data.
-        :param timeout: how long to wait for it, in steady time. Zero: do not wait.
-        :return: a ``TransformStamped``, see :meth:`tf2_ros.Buffer.lookup_transform`.
+        :param target_frame: see :meth:`tf2_ros.Buffer.lookup_transform`, also for all others.
         """
         raise NotImplementedException()
 

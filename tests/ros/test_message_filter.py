@@ -713,34 +713,6 @@ def test_threads_that_add_insert_and_change_lose_nothing(tf2_ros, new_node, buff
     assert buffer.statistics()["waiters"] == 0
 
 
-def test_a_change_for_many_messages_gives_way_to_those_that_wait(make, buffer, monkeypatch):
-    watched = make()
-    for i in range(200):
-        watched.filter.add(point(ns=S + i, frame="unknown"))
-    insert(buffer)
-    pending, looked_up, events = watched.filter._pending, [], []
-
-    def add_one():
-        watched.filter.add(point())
-        events.append("added")
-
-    adding = threading.Thread(target=add_one)
-
-    def look_up(message):
-        looked_up.append(message)
-        if len(looked_up) == 20:
-            adding.start()
-        original(message)
-        events.append("looked up")
-
-    original = pending._look_up
-    monkeypatch.setattr(pending, "_look_up", look_up)
-    watched.filter.setTargetFrames(["odom"])
-    adding.join()
-    assert events.count("looked up") == 201
-    assert "added" in events[:200]
-
-
 def test_no_message_passes_for_the_frames_before_the_change(make, buffer, monkeypatch):
     watched = make(frames="map")
     for i in range(100):

@@ -4,11 +4,11 @@ import itertools
 import threading
 import time
 from collections import OrderedDict, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from enum import Enum
 from functools import partial
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from tf2_py import BufferCore, TransformException
 from tf2_py._internal import frame_name, time_ns
@@ -17,11 +17,6 @@ from tf2_ros._wait.blocking import LongWait, Lookup, report_if_long
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer import Buffer
-
-SLICE = 16  # messages that are looked up again under one lock
-# Between two slices: a thread that takes a lock again at once gets it before those that wait.
-GIVE_WAY_S = 1e-4
-
 
 _Item = TypeVar("_Item")
 
@@ -53,6 +48,13 @@ class FilterFailureReason(str, Enum):
     TIMEOUT = "TIMEOUT"
 
 
+class Needed(NamedTuple):
+    """What a message waits for: into which frames it can be transformed, also this much later."""
+
+    target_frames: tuple[str, ...]
+    tolerance_ns: int
+
+
 class _PendingMessage:
     """One message that waits."""
 
@@ -64,10 +66,10 @@ class _PendingMessage:
         "lookups",
         "message",
         "missing",  # the wait of each lookup that has no answer, by its index in `lookups`
+        "needed",  # what its lookups are for
         "number",  # in order of arrival; 0: not added yet
         "owner",
         "report",
-        "settings",  # which of `configure` its lookups are for
         "stamp_ns",
     )
 
@@ -84,7 +86,7 @@ class _PendingMessage:
         self.attempt = 0
         self.answer: Any = None
         self.report: LongWait | None = None
-        self.settings = 0
+        self.needed: Needed | None = None
 
     def over(self) -> bool:
         """Whether it no longer waits."""
@@ -103,10 +105,13 @@ class PendingMessages:
     """
     Keeps messages until the buffer can transform them into every target frame.
 
+    :param needed: see :meth:`require`.
+    :param queue_size: see :meth:`limit`.
+    :param timeout_ns: how long a message may wait, in steady time. 0: not at all; None: forever.
     :param passed: called with a message and its transform into the first target frame.
     :param dropped: called with a message, the reason, and the text of the lookup's error, if one was tried.
 
-    One of them is called once for each message, in the thread that caused it, in the order of the causes,
+    One of the two is called once for each message, in the thread that caused it, in the order of the causes,
     with the lock held. They must not raise or run code of a program. Nothing else under the lock runs code of
     a program: the buffer's own methods are called, not those of a subclass, and messages are read before. An
     insert costs nothing for messages that it does not complete.
@@ -115,21 +120,22 @@ class PendingMessages:
     def __init__(
         self,
         buffer: Buffer,
+        needed: Needed,
+        queue_size: int,
+        timeout_ns: int | None,
         passed: Callable[[Any, Any], None],
         dropped: Callable[[Any, FilterFailureReason, str], None],
     ) -> None:
         self._buffer = buffer
+        self.needed = needed
+        self._queue_size = queue_size
+        self._timeout_ns = timeout_ns
         self._passed = passed
         self._dropped = dropped
         self._lock = threading.RLock()
         self._pending: OrderedDict[int, _PendingMessage] = OrderedDict()  # the oldest first
         self.count = 0  # of all that were added
         self._numbers = itertools.count(1)
-        self._settings = 0
-        self._target_frames: tuple[str, ...] = ()
-        self._tolerance_ns = 0
-        self._queue_size = 0
-        self._timeout_ns: int | None = None
         register_for_fork(self)
 
     def after_fork(self) -> None:
@@ -142,36 +148,22 @@ class PendingMessages:
     def __len__(self) -> int:
         return len(self._pending)
 
-    def configure(
-        self, target_frames: Sequence[str], tolerance_ns: int, queue_size: int, timeout_ns: int | None
-    ) -> None:
+    def require(self, **changed: Any) -> None:
         """
-        Set what messages wait for, including those that wait already.
+        Change fields of what is ``needed``, also for messages that wait already.
 
-        :param tolerance_ns: how much later the transforms must be available, too.
-        :param queue_size: how many may wait; 0: any number.
-        :param timeout_ns: how long messages that are added from now on may wait, in steady time. 0: not at
-            all; None: forever.
-
-        From now on no message passes because of what was set before. Those that wait are looked up again when
-        this returns; other threads add messages and insert transforms meanwhile.
+        From now on no message passes because of what was needed before.
         """
         with self._lock:
-            outdated = []
-            if (tuple(target_frames), tolerance_ns) != (self._target_frames, self._tolerance_ns):
-                self._settings += 1
-                outdated = list(self._pending.values())
-            self._target_frames = tuple(target_frames)
-            self._tolerance_ns = tolerance_ns
+            self.needed = self.needed._replace(**changed)
+            for pending in list(self._pending.values()):
+                if pending.number in self._pending:
+                    self._look_up(pending)
+
+    def limit(self, queue_size: int) -> None:
+        """Set how many messages may wait; 0: any number. The oldest above that are dropped."""
+        with self._lock:
             self._queue_size = queue_size
-            self._timeout_ns = timeout_ns
-        for begin in range(0, len(outdated), SLICE):
-            with self._lock:
-                for pending in outdated[begin : begin + SLICE]:
-                    if pending.number in self._pending and pending.settings != self._settings:
-                        self._look_up(pending)
-            time.sleep(GIVE_WAY_S)
-        with self._lock:
             self._keep_to_size()
 
     def add(self, message: Any) -> None:
@@ -240,7 +232,7 @@ class PendingMessages:
     def _look_up(self, pending: _PendingMessage) -> None:
         # Begin anew: the answers of an earlier attempt are out of date.
         self._stop(pending)
-        pending.settings = self._settings
+        pending.needed = self.needed
         attempt = pending.attempt
         try:
             pending.lookups = self._lookups(pending)
@@ -258,12 +250,12 @@ class PendingMessages:
             self._pass(pending)
 
     def _lookups(self, pending: _PendingMessage) -> list[Lookup]:
-        lookups = [Lookup.simple(target, pending.frame, pending.stamp_ns) for target in self._target_frames]
+        stamps_ns = [pending.stamp_ns]
         # The latest time has no later one.
-        if self._tolerance_ns and pending.stamp_ns:
-            later = pending.stamp_ns + self._tolerance_ns
-            lookups += [Lookup.simple(target, pending.frame, later) for target in self._target_frames]
-        return lookups
+        if self.needed.tolerance_ns and pending.stamp_ns:
+            stamps_ns.append(pending.stamp_ns + self.needed.tolerance_ns)
+        targets = self.needed.target_frames
+        return [Lookup.simple(target, pending.frame, ns) for ns in stamps_ns for target in targets]
 
     def _receive_answer(self, pending: _PendingMessage, attempt: int, place: int, answer: Any) -> None:
         with self._lock:
@@ -273,7 +265,7 @@ class PendingMessages:
                 pending.answer = answer
             if pending.missing:
                 return
-            if len(pending.lookups) == 1 and pending.settings == self._settings:
+            if len(pending.lookups) == 1 and pending.needed is self.needed:
                 self._pass(pending)
             else:
                 # The buffer may have lost what was found first, or something else is needed by now.

@@ -713,6 +713,20 @@ def test_threads_that_add_insert_and_change_lose_nothing(tf2_ros, new_node, buff
     assert buffer.statistics()["waiters"] == 0
 
 
+def test_a_message_that_is_looked_up_again_keeps_its_deadline(watched, monkeypatch):
+    watched.filter.add(point(1))
+    queue, over = watched.filter._pending, []
+    original = queue._lookups
+
+    def lookups(pending):
+        over.append(pending.over())
+        return original(pending)
+
+    monkeypatch.setattr(queue, "_lookups", lookups)
+    watched.filter.setTargetFrames("odom")
+    assert over == [False]
+
+
 def test_no_message_passes_for_the_frames_before_the_change(make, buffer, monkeypatch):
     watched = make(frames="map")
     for i in range(100):

@@ -89,8 +89,8 @@ class _PendingMessage:
         self.needed: Needed | None = None
 
     def over(self) -> bool:
-        """Whether it no longer waits."""
-        return not self.missing
+        """Whether it no longer waits; not while it is looked up again, or its deadline would be forgotten."""
+        return self.number not in self.owner.pending
 
     def expire(self) -> None:
         """Drop the message, because its timeout has passed."""
@@ -133,7 +133,7 @@ class PendingMessages:
         self._passed = passed
         self._dropped = dropped
         self._lock = threading.RLock()
-        self._pending: OrderedDict[int, _PendingMessage] = OrderedDict()  # the oldest first
+        self.pending: OrderedDict[int, _PendingMessage] = OrderedDict()  # the oldest first
         self.count = 0  # of all that were added
         self._numbers = itertools.count(1)
         register_for_fork(self)
@@ -141,12 +141,9 @@ class PendingMessages:
     def after_fork(self) -> None:
         """Forget the messages in a forked child, where they do not wait any more."""
         self._lock = threading.RLock()
-        for pending in self._pending.values():
+        for pending in self.pending.values():
             self._stop(pending)
-        self._pending = OrderedDict()
-
-    def __len__(self) -> int:
-        return len(self._pending)
+        self.pending = OrderedDict()
 
     def require(self, **changed: Any) -> None:
         """
@@ -156,8 +153,8 @@ class PendingMessages:
         """
         with self._lock:
             self.needed = self.needed._replace(**changed)
-            for pending in list(self._pending.values()):
-                if pending.number in self._pending:
+            for pending in list(self.pending.values()):
+                if pending.number in self.pending:
                     self._look_up(pending)
 
     def limit(self, queue_size: int) -> None:
@@ -178,12 +175,12 @@ class PendingMessages:
             pending.number = next(self._numbers)
             # No signal handler comes between these.
             self.count += 1
-            self._pending[pending.number] = pending
+            self.pending[pending.number] = pending
             try:
                 self._begin(pending)
             except BaseException:
                 # A signal handler has raised: nothing would complete it.
-                if pending.number in self._pending:
+                if pending.number in self.pending:
                     self._remove(pending)
                     self.count -= 1
                 raise
@@ -191,15 +188,15 @@ class PendingMessages:
     def clear(self) -> int:
         """Remove all messages that wait; return how many there were."""
         with self._lock:
-            count = len(self._pending)
-            for pending in list(self._pending.values()):
+            count = len(self.pending)
+            for pending in list(self.pending.values()):
                 self._remove(pending)
             return count
 
     def expire(self, pending: _PendingMessage) -> None:
         """Drop a message, because its timeout has passed."""
         with self._lock:
-            if pending.number in self._pending:
+            if pending.number in self.pending:
                 self._drop(pending, FilterFailureReason.TIMEOUT)
 
     def _begin(self, pending: _PendingMessage) -> None:
@@ -213,7 +210,7 @@ class PendingMessages:
             pending.report = report_if_long(pending.missing.values())
             self._await(pending)
         # Those that were added before may have become too old while they waited.
-        while self._pending and self._is_out_the_back(oldest := next(iter(self._pending.values()))):
+        while self.pending and self._is_out_the_back(oldest := next(iter(self.pending.values()))):
             self._drop(oldest, FilterFailureReason.OUT_THE_BACK)
 
     def _await(self, pending: _PendingMessage) -> None:
@@ -226,8 +223,8 @@ class PendingMessages:
             self._keep_to_size()
 
     def _keep_to_size(self) -> None:
-        while self._queue_size and len(self._pending) > self._queue_size:
-            self._drop(next(iter(self._pending.values())), FilterFailureReason.QUEUE_FULL)
+        while self._queue_size and len(self.pending) > self._queue_size:
+            self._drop(next(iter(self.pending.values())), FilterFailureReason.QUEUE_FULL)
 
     def _look_up(self, pending: _PendingMessage) -> None:
         # Begin anew: the answers of an earlier attempt are out of date.
@@ -288,7 +285,7 @@ class PendingMessages:
 
     def _pass(self, pending: _PendingMessage) -> None:
         # One insert may also have answered older ones, in a thread that has not notified them yet.
-        while (oldest := next(iter(self._pending.values()))) is not pending and oldest.is_answered():
+        while (oldest := next(iter(self.pending.values()))) is not pending and oldest.is_answered():
             for place, wait in list(oldest.missing.items()):
                 self._receive_answer(oldest, oldest.attempt, place, wait.answer)
         self._remove(pending)
@@ -301,7 +298,7 @@ class PendingMessages:
         self._dropped(pending.message, reason, text)
 
     def _remove(self, pending: _PendingMessage) -> None:
-        del self._pending[pending.number]
+        del self.pending[pending.number]
         self._stop(pending)
 
     def _stop(self, pending: _PendingMessage) -> None:

@@ -59,6 +59,7 @@ from tf2_ros.buffer_interface import (
 
 if TYPE_CHECKING or HAS_ROS:
     from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, Vector3Stamped
+    from rclpy.action.client import ActionClient
     from rclpy.duration import Duration
     from rclpy.time import Time
     from sensor_msgs.msg import PointCloud2
@@ -86,7 +87,7 @@ if TYPE_CHECKING or HAS_ROS:
         builtin_interfaces,
         rclpy,
     )
-    from tf2_ros.buffer_client import ActionClient, BufferClient
+    from tf2_ros.buffer_client import BufferClient
     from tf2_ros.buffer_interface import MsgStamped, TransformableObject
     from tf2_ros.buffer_server import BufferServer as BufferServer
     from tf2_ros.message_filter import FilterFailureReason as FilterFailureReason

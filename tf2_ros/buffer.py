@@ -2,6 +2,7 @@
 
 import warnings
 import weakref
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from tf2_py import BufferCore, TransformException
@@ -10,19 +11,7 @@ from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros._arguments import has, is_duration, refuse_swapped
 from tf2_ros._messages import TransformStamped
 from tf2_ros._shared.naming import buffer_name, domain_of, require_linux
-from tf2_ros._tf2_names import (
-    Callable,
-    FrameGraphSrvRequest,
-    FrameGraphSrvResponse,
-    List,
-    Optional,
-    Tuple,
-    TypeVar,
-    sleep,
-    tf2,
-    tf2_ros,
-    threading,
-)
+from tf2_ros._tf2_names import add_names_of_tf2
 from tf2_ros._wait.blocking import BlockingWait, Lookup
 from tf2_ros.buffer_interface import NO_TIMEOUT, AnsweringInterface
 from tf2_ros_cython._presence import HAS_ROS, absence
@@ -36,13 +25,10 @@ if TYPE_CHECKING or HAS_ROS:
     from rclpy.duration import Duration
     from rclpy.node import Node
     from rclpy.service import Service
-    from rclpy.task import Future
-    from rclpy.time import Time
 
     from tf2_msgs.srv import FrameGraph
     from tf2_ros._nodes import WaitContexts, fills
     from tf2_ros._receive.inboxes import attribute_changed, hold, insert_arrived, release
-    from tf2_ros._tf2_names import rclpy
     from tf2_ros._wait.changes import Changes, ChangeSubscription
     from tf2_ros._wait.futures import TransformFuture, WakingFuture
 
@@ -59,31 +45,8 @@ else:
         leave_out_ros,
     )
 
-# What `import *` gives from tf2's module.
-__all__ = [
-    "Any",
-    "Buffer",
-    "Callable",
-    "Duration",
-    "FrameGraph",
-    "FrameGraphSrvRequest",
-    "FrameGraphSrvResponse",
-    "Future",
-    "JumpThreshold",
-    "List",
-    "Node",
-    "Optional",
-    "Time",
-    "TimeJump",
-    "TransformStamped",
-    "Tuple",
-    "TypeVar",
-    "rclpy",
-    "sleep",
-    "tf2",
-    "tf2_ros",
-    "threading",
-]
+__all__ = ["Buffer"]
+add_names_of_tf2(globals())
 
 JUMP_BACK_S = 1  # when its clock jumps back this far, a buffer is cleared
 

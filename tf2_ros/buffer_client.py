@@ -15,12 +15,11 @@ from typing import Any
 from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import TransformStamped
 from rclpy.action.client import ActionClient
-from rclpy.clock import ClockType
+from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
 from rclpy.task import Future
-from rclpy.time import Time
 
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error
@@ -33,43 +32,15 @@ from tf2_ros._messages import time_msg
 from tf2_ros._nodes import Spinner, hidden_node
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import action_result, context_was_shut_down
-from tf2_ros._tf2_names import (
-    Clock,
-    LookupTransformGoal,
-    LookupTransformResult,
-    TypeVar,
-    builtin_interfaces,
-    sleep,
-    tf2,
-    tf2_ros,
-    warnings,
-)
+from tf2_ros._tf2_names import add_names_of_tf2
 from tf2_ros._wait.callbacks import CallbackQueue
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer_interface import NO_TIMEOUT, AnsweringInterface
 from tf2_ros.buffer_server import CODES
 
-# What `import *` gives from tf2's module.
-__all__ = [
-    "ActionClient",
-    "BufferClient",
-    "Clock",
-    "Duration",
-    "LookupTransform",
-    "LookupTransformGoal",
-    "LookupTransformResult",
-    "Node",
-    "Time",
-    "TransformStamped",
-    "TypeVar",
-    "builtin_interfaces",
-    "sleep",
-    "tf2",
-    "tf2_ros",
-    "threading",
-    "warnings",
-]
+__all__ = ["BufferClient"]
+add_names_of_tf2(globals())
 
 FOR_EVER = Duration(seconds=2**31 - 1)  # the longest that a duration message can hold
 FIRST_RETRY_DELAY_NS = 500_000_000  # before a request is sent again; twice as long each time

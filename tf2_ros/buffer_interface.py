@@ -14,15 +14,7 @@ from tf2_ros._registration import (
     TypeException,
     convert,
 )
-from tf2_ros._tf2_names import (
-    Callable,
-    Optional,
-    Tuple,
-    Union,
-    deepcopy,
-    tf2,
-    tf2_ros,
-)
+from tf2_ros._tf2_names import Union, add_names_of_tf2
 from tf2_ros_cython._presence import HAS_ROS
 
 if TYPE_CHECKING:
@@ -30,46 +22,24 @@ if TYPE_CHECKING:
 if TYPE_CHECKING or HAS_ROS:
     from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, Vector3Stamped
     from rclpy.duration import Duration
-    from rclpy.time import Time
     from sensor_msgs.msg import PointCloud2
-
-    from tf2_ros._tf2_names import rclpy
 else:
     from tf2_ros._without_ros import leave_out_ros
 
-# What `import *` gives from tf2's module.
 __all__ = [
-    "Any",
     "BufferInterface",
-    "Callable",
     "ConvertRegistration",
-    "Duration",
-    "Header",
     "MsgStamped",
     "NotImplementedException",
-    "Optional",
-    "PointCloud2",
-    "PointStamped",
-    "PoseStamped",
-    "PoseWithCovarianceStamped",
     "PyKDLType",
     "Stamped",
-    "Time",
     "TransformRegistration",
-    "TransformStamped",
     "TransformableObject",
     "TransformableObjectType",
-    "Tuple",
     "TypeException",
-    "TypeVar",
-    "Union",
-    "Vector3Stamped",
     "convert",
-    "deepcopy",
-    "rclpy",
-    "tf2",
-    "tf2_ros",
 ]
+add_names_of_tf2(globals())
 
 PyKDLType = TypeVar("PyKDLType")
 TransformableObjectType = TypeVar("TransformableObjectType")

@@ -27,16 +27,7 @@ from tf2_ros._rclpy import RCLError, context_was_shut_down, has_callback_groups
 from tf2_ros._receive.receiver import ListenerGroup, Receiver, can_receive, wake_executor
 from tf2_ros._receive.reception import ReceivedTopic, Reception
 from tf2_ros._shared.naming import is_wanted
-from tf2_ros._tf2_names import (
-    DurabilityPolicy,
-    HistoryPolicy,
-    Optional,
-    ReentrantCallbackGroup,
-    SingleThreadedExecutor,
-    Thread,
-    Union,
-    tf2_ros,
-)
+from tf2_ros._tf2_names import add_names_of_tf2
 from tf2_ros._wait.callbacks import callback_queue
 from tf2_ros.buffer import SETTERS, Buffer
 from tf2_ros.records import Recording
@@ -44,24 +35,8 @@ from tf2_ros.records import Recording
 if TYPE_CHECKING:
     from tf2_ros._shared.attachment import AttachedListener
 
-# What `import *` gives from tf2's module.
-__all__ = [
-    "DEFAULT_STATIC_TF_TOPIC",
-    "DEFAULT_TF_TOPIC",
-    "Buffer",
-    "DurabilityPolicy",
-    "HistoryPolicy",
-    "Node",
-    "Optional",
-    "QoSProfile",
-    "ReentrantCallbackGroup",
-    "SingleThreadedExecutor",
-    "TFMessage",
-    "Thread",
-    "TransformListener",
-    "Union",
-    "tf2_ros",
-]
+__all__ = ["DEFAULT_STATIC_TF_TOPIC", "DEFAULT_TF_TOPIC", "TransformListener"]
+add_names_of_tf2(globals())
 
 DEFAULT_TF_TOPIC = "/tf"
 DEFAULT_STATIC_TF_TOPIC = "/tf_static"

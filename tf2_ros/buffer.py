@@ -169,13 +169,6 @@ class Buffer(BufferCore, AnsweringInterface):
         if name in _DECIDING:
             attribute_changed(self)
 
-    def __delattr__(self, name: str) -> None:
-        if name in _DECIDING:
-            insert_arrived(self)
-        super().__delattr__(name)
-        if name in _DECIDING:
-            attribute_changed(self)
-
     def __getstate__(self) -> dict[str, Any]:
         """
         Return what a pickle or copy is made of: see ``BufferCore``, but without what belongs to a node.

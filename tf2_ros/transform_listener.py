@@ -178,21 +178,17 @@ class TransformListener:
             raise
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name in REDIRECTING:
-            self.__insert_arrived()
+        # What arrived before a change goes where it belonged.
+        if name in REDIRECTING and self._receiver is not None:
+            self._receiver.catch_up()
         super().__setattr__(name, value)
         if name in REDIRECTING:
-            self.__decide()
+            for source in (self._attachment, self._receiver):
+                if source is not None:
+                    source.decide()
         if name == "buffer" and self._reception is not None:
             fills(self.node, value, listener=True)
             self._reception.fill(value)
-
-    def __delattr__(self, name: str) -> None:
-        if name in REDIRECTING:
-            self.__insert_arrived()
-        super().__delattr__(name)
-        if name in REDIRECTING:
-            self.__decide()
 
     @property
     def tf_sub(self) -> Subscription | None:
@@ -226,16 +222,6 @@ class TransformListener:
     def __use_subscriptions(self) -> None:
         if self._attachment is not None:
             self._attachment.use_subscriptions()
-
-    def __insert_arrived(self) -> None:
-        # What arrived before a change goes where it belonged.
-        if self._receiver is not None:
-            self._receiver.catch_up()
-
-    def __decide(self) -> None:
-        for source in (self._attachment, self._receiver):
-            if source is not None:
-                source.decide()
 
     @property
     def receives(self) -> tuple[str, ...]:

@@ -248,9 +248,11 @@ class Buffer(BufferCore, AnsweringInterface):
         fixed_frame: str,
         timeout: TimeoutLike = NO_TIMEOUT,
     ) -> TransformStamped:
-        arguments = (target_frame, target_time, source_frame, source_time, fixed_frame)
         if timeout is NO_TIMEOUT:
-            return self.lookup_transform_full_core(*arguments)
+            return self.lookup_transform_full_core(
+                target_frame, target_time, source_frame, source_time, fixed_frame
+            )
+        arguments = (target_frame, target_time, source_frame, source_time, fixed_frame)
         if self.__is_replaced(*_CAN_FULL, "lookup_transform_full_core"):
             return self.__look_up_via(
                 self.can_transform_full, self.lookup_transform_full_core, timeout, arguments

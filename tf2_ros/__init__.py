@@ -20,30 +20,11 @@ from tf2_py import (
 )
 from tf2_py import FrameInfo as FrameInfo
 from tf2_py import History as History
-from tf2_ros import buffer, buffer_interface
+from tf2_ros import _tf2_names, buffer, buffer_interface
 from tf2_ros._messages import Header, PoseStamped, TransformStamped
 from tf2_ros._messages import format_transform as format_transform
 from tf2_ros._shared.naming import SharedBufferError as SharedBufferError
-from tf2_ros._tf2_names import (
-    Any,
-    Callable,
-    FrameGraphSrvRequest,
-    FrameGraphSrvResponse,
-    List,
-    LookupTransformGoal,
-    LookupTransformResult,
-    Optional,
-    Thread,
-    Tuple,
-    TypeVar,
-    Union,
-    deepcopy,
-    sleep,
-    tf2,
-    tf2_ros,
-    threading,
-    warnings,
-)
+from tf2_ros._tf2_names import *  # noqa: F403
 from tf2_ros.buffer import Buffer
 from tf2_ros.buffer_interface import (
     BufferInterface,
@@ -61,7 +42,6 @@ if TYPE_CHECKING or HAS_ROS:
     from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, Vector3Stamped
     from rclpy.action.client import ActionClient
     from rclpy.duration import Duration
-    from rclpy.time import Time
     from sensor_msgs.msg import PointCloud2
 
     from tf2_msgs.action import LookupTransform
@@ -72,20 +52,6 @@ if TYPE_CHECKING or HAS_ROS:
         static_transform_broadcaster,
         transform_broadcaster,
         transform_listener,
-    )
-    from tf2_ros._tf2_names import (
-        Clock,
-        DurabilityPolicy,
-        Future,
-        HistoryPolicy,
-        JumpThreshold,
-        Node,
-        QoSProfile,
-        ReentrantCallbackGroup,
-        SingleThreadedExecutor,
-        TimeJump,
-        builtin_interfaces,
-        rclpy,
     )
     from tf2_ros.buffer_client import BufferClient
     from tf2_ros.buffer_interface import MsgStamped, TransformableObject
@@ -109,49 +75,29 @@ __all__ = [
     "DEFAULT_STATIC_TF_TOPIC",
     "DEFAULT_TF_TOPIC",
     "ActionClient",
-    "Any",
     "Buffer",
     "BufferClient",
     "BufferCore",
     "BufferInterface",
-    "Callable",
-    "Clock",
     "ConnectivityException",
     "ConvertRegistration",
-    "DurabilityPolicy",
     "Duration",
     "ExtrapolationException",
     "FrameGraph",
-    "FrameGraphSrvRequest",
-    "FrameGraphSrvResponse",
-    "Future",
     "Header",
-    "HistoryPolicy",
     "InvalidArgumentException",
-    "JumpThreshold",
-    "List",
     "LookupException",
     "LookupTransform",
-    "LookupTransformGoal",
-    "LookupTransformResult",
     "MsgStamped",
-    "Node",
     "NotImplementedException",
-    "Optional",
     "PointCloud2",
     "PointStamped",
     "PoseStamped",
     "PoseWithCovarianceStamped",
     "PyKDLType",
-    "QoSProfile",
-    "ReentrantCallbackGroup",
-    "SingleThreadedExecutor",
     "Stamped",
     "StaticTransformBroadcaster",
     "TFMessage",
-    "Thread",
-    "Time",
-    "TimeJump",
     "TimeoutException",
     "TransformBroadcaster",
     "TransformException",
@@ -160,31 +106,27 @@ __all__ = [
     "TransformStamped",
     "TransformableObject",
     "TransformableObjectType",
-    "Tuple",
     "TypeException",
-    "TypeVar",
-    "Union",
     "Vector3Stamped",
     "add_dll_directories_from_env",
     "buffer",
     "buffer_client",
     "buffer_interface",
-    "builtin_interfaces",
     "convert",
-    "deepcopy",
-    "rclpy",
-    "sleep",
     "static_transform_broadcaster",
-    "tf2",
-    "tf2_ros",
-    "threading",
     "transform_broadcaster",
     "transform_listener",
-    "warnings",
 ]
+__all__ += _tf2_names.__all__
 
 if not (TYPE_CHECKING or HAS_ROS):
     leave_out_ros(
         globals(),
-        {"BufferServer", "FilterFailureReason", "MessageFilter", "StaticTransformListener"},
+        {
+            "BufferServer",
+            "FilterFailureReason",
+            "MessageFilter",
+            "StaticTransformListener",
+            *_tf2_names.LACKING,
+        },
     )

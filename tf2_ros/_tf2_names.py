@@ -9,7 +9,6 @@ from typing import (  # noqa: UP035
     TYPE_CHECKING,
     Any,
     Callable,
-    Iterable,
     List,
     Optional,
     Tuple,
@@ -47,7 +46,6 @@ __all__ = [
     "FrameGraphSrvResponse",
     "Future",
     "HistoryPolicy",
-    "Iterable",
     "JumpThreshold",
     "List",
     "LookupTransformGoal",
@@ -77,6 +75,11 @@ FrameGraphSrvRequest = TypeVar("FrameGraphSrvRequest")
 FrameGraphSrvResponse = TypeVar("FrameGraphSrvResponse")
 LookupTransformGoal = TypeVar("LookupTransformGoal")
 LookupTransformResult = TypeVar("LookupTransformResult")
+
+# Those that need ROS, if there is none.
+LACKING = [name for name in __all__ if name not in globals()]
+if not TYPE_CHECKING:
+    __all__ = [name for name in __all__ if name not in LACKING]
 
 # The names in each module that are neither its own nor this project's.
 _IN_MODULES = {

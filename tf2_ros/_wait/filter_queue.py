@@ -366,6 +366,6 @@ class MessageStream(Generic[_Item]):
 class _Arrival(WakingFuture[None]):
     """Completed when the iteration is to look again."""
 
-    def end_with_context(self) -> None:
+    def expire(self) -> None:
         """Wake the iteration, because nothing arrives any more."""
         self.set_result(None)

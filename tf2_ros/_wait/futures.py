@@ -56,7 +56,7 @@ class ContextCheck:
         if future is None:
             return
         if future.is_in_vain():
-            future.end_with_context()
+            future.expire()
         else:
             deadlines.add(time.monotonic_ns() + CONTEXT_CHECK_NS, self)
 
@@ -66,7 +66,7 @@ class WakingFuture(HookedFuture, Generic[_Result]):
     A future that may be completed in any thread, and wakes whatever runs the tasks that await it.
 
     :param in_vain: returns whether a shutdown has ended the wait. It is called while an asyncio loop awaits
-        the future; :meth:`end_with_context` then wakes the loop. None: no check.
+        the future; :meth:`expire` then wakes the loop. None: no check.
     """
 
     if TYPE_CHECKING:  # rclpy's of Jazzy are not annotated
@@ -123,17 +123,17 @@ class WakingFuture(HookedFuture, Generic[_Result]):
 
     def __wake_and_await(self) -> Generator[Any, Any, _Result]:
         # Callbacks that only wake must not keep a future alive, so no method of a subclass adds them.
-        sleeper = _SleepingTask.current()
-        if sleeper is not None:
+        if (task := running_task()) is not None:
             # An executor steps an awaiting task only when it has something else to do, and completing this
             # future gives it nothing to do.
-            waker = _task_waker(sleeper)
-            Future.add_done_callback(self, waker)
+            sleeper = _SleepingTask(task)
+            del task
+            Future.add_done_callback(self, sleeper.wake)
             try:
                 return cast(_Result, (yield from super().__await__()))
             finally:
                 sleeper.awake = True
-                Future.remove_done_callback(self, waker)
+                Future.remove_done_callback(self, sleeper.wake)
         if (loop := _running_loop()) is not None:
             # Without this, asyncio would poll.
             woken = loop.create_future()
@@ -152,7 +152,7 @@ class WakingFuture(HookedFuture, Generic[_Result]):
         """Whether a shutdown has ended the wait."""
         return self.__in_vain is not None and self.__in_vain()
 
-    def end_with_context(self) -> None:
+    def expire(self) -> None:
         """End the wait after a shutdown; called in any thread."""
         raise NotImplementedError
 
@@ -164,15 +164,9 @@ class _SleepingTask:
         self.awake = False
         self._task = weakref.ref(task)
 
-    @classmethod
-    def current(cls) -> "_SleepingTask | None":
-        """The task that executes the caller."""
-        task = running_task()
-        return None if task is None else cls(task)
-
-    def wake(self) -> None:
+    def wake(self, _: object = None) -> None:
         """Have the executor step the task, once none of its threads does."""
-        task = self._task()
+        task = None if self.awake else self._task()
         executor = None if task is None else task_executor(task)
         if task is None or executor is None:
             return
@@ -192,18 +186,6 @@ class _SleepingTask:
     def expire(self) -> None:
         """Try again, because the step may be done."""
         self.wake()
-
-
-def _task_waker(sleeper: _SleepingTask) -> Callable[[Any], None]:
-    # The task refers to the future, which must not refer to the task.
-    reference = weakref.ref(sleeper)
-
-    def wake(_: Any) -> None:
-        sleeping = reference()
-        if sleeping is not None and not sleeping.awake:
-            sleeping.wake()
-
-    return wake
 
 
 def _running_loop() -> "asyncio.AbstractEventLoop | None":
@@ -321,14 +303,6 @@ class TransformFuture(WakingFuture[TransformStamped]):
             # Its traceback refers to this future, so only the collector would free both.
             super().set_exception(error.with_traceback(None))
 
-    def expire(self) -> None:
-        """End at the timeout: with the answer if it has just arrived, or with a TimeoutException."""
-        self.__end_unanswered()
-
-    def end_with_context(self) -> None:
-        """Do the same, because the context was shut down."""
-        self.__end_unanswered()
-
     def over(self) -> bool:
         """Whether the wait has ended in any way."""
         return not self.__claims
@@ -377,7 +351,11 @@ class TransformFuture(WakingFuture[TransformStamped]):
             return None
         return self.__end_with(partial(self.fail, wait.reason()))
 
-    def __end_unanswered(self) -> None:
+    def expire(self) -> None:
+        """
+        End at the timeout, or because the context was shut down: with the answer if it has just arrived, or
+        with a TimeoutException.
+        """
         wait, core, poll = self.__wait, self.__core, self.__poll
         if core is not None and poll is not None:
             queue_of(core).put(partial(self.__end_poll, poll))

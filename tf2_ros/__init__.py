@@ -20,30 +20,11 @@ from tf2_py import (
 )
 from tf2_py import FrameInfo as FrameInfo
 from tf2_py import History as History
-from tf2_ros import _on_use, buffer, buffer_interface
+from tf2_ros import _on_use, _tf2_names, buffer, buffer_interface
 from tf2_ros._messages import Header, PoseStamped, TransformStamped
 from tf2_ros._messages import format_transform as format_transform
 from tf2_ros._shared.naming import SharedBufferError as SharedBufferError
-from tf2_ros._tf2_names import (
-    Any,
-    Callable,
-    FrameGraphSrvRequest,
-    FrameGraphSrvResponse,
-    List,
-    LookupTransformGoal,
-    LookupTransformResult,
-    Optional,
-    Thread,
-    Tuple,
-    TypeVar,
-    Union,
-    deepcopy,
-    sleep,
-    tf2,
-    tf2_ros,
-    threading,
-    warnings,
-)
+from tf2_ros._tf2_names import *  # noqa: F403
 from tf2_ros.buffer import Buffer
 from tf2_ros.buffer_interface import (
     BufferInterface,
@@ -60,25 +41,10 @@ from tf2_ros.buffer_interface import (
 if TYPE_CHECKING or HAS_ROS:
     from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, Vector3Stamped
     from rclpy.duration import Duration
-    from rclpy.time import Time
 
     from tf2_msgs.msg import TFMessage
     from tf2_msgs.srv import FrameGraph
     from tf2_ros import static_transform_broadcaster, transform_broadcaster, transform_listener
-    from tf2_ros._tf2_names import (
-        Clock,
-        DurabilityPolicy,
-        Future,
-        HistoryPolicy,
-        JumpThreshold,
-        Node,
-        QoSProfile,
-        ReentrantCallbackGroup,
-        SingleThreadedExecutor,
-        TimeJump,
-        builtin_interfaces,
-        rclpy,
-    )
     from tf2_ros.static_transform_broadcaster import StaticTransformBroadcaster
     from tf2_ros.transform_broadcaster import TransformBroadcaster
     from tf2_ros.transform_listener import (
@@ -89,11 +55,12 @@ if TYPE_CHECKING or HAS_ROS:
     from tf2_ros.transform_listener import StaticTransformListener as StaticTransformListener
 
 if TYPE_CHECKING:
+    from rclpy.action.client import ActionClient
     from sensor_msgs.msg import PointCloud2
 
     from tf2_msgs.action import LookupTransform
     from tf2_ros import buffer_client
-    from tf2_ros.buffer_client import ActionClient, BufferClient
+    from tf2_ros.buffer_client import BufferClient
     from tf2_ros.buffer_interface import MsgStamped, TransformableObject
     from tf2_ros.buffer_server import BufferServer as BufferServer
     from tf2_ros.message_filter import FilterFailureReason as FilterFailureReason
@@ -105,49 +72,29 @@ __all__ = [
     "DEFAULT_STATIC_TF_TOPIC",
     "DEFAULT_TF_TOPIC",
     "ActionClient",
-    "Any",
     "Buffer",
     "BufferClient",
     "BufferCore",
     "BufferInterface",
-    "Callable",
-    "Clock",
     "ConnectivityException",
     "ConvertRegistration",
-    "DurabilityPolicy",
     "Duration",
     "ExtrapolationException",
     "FrameGraph",
-    "FrameGraphSrvRequest",
-    "FrameGraphSrvResponse",
-    "Future",
     "Header",
-    "HistoryPolicy",
     "InvalidArgumentException",
-    "JumpThreshold",
-    "List",
     "LookupException",
     "LookupTransform",
-    "LookupTransformGoal",
-    "LookupTransformResult",
     "MsgStamped",
-    "Node",
     "NotImplementedException",
-    "Optional",
     "PointCloud2",
     "PointStamped",
     "PoseStamped",
     "PoseWithCovarianceStamped",
     "PyKDLType",
-    "QoSProfile",
-    "ReentrantCallbackGroup",
-    "SingleThreadedExecutor",
     "Stamped",
     "StaticTransformBroadcaster",
     "TFMessage",
-    "Thread",
-    "Time",
-    "TimeJump",
     "TimeoutException",
     "TransformBroadcaster",
     "TransformException",
@@ -156,27 +103,20 @@ __all__ = [
     "TransformStamped",
     "TransformableObject",
     "TransformableObjectType",
-    "Tuple",
     "TypeException",
-    "TypeVar",
-    "Union",
     "Vector3Stamped",
     "add_dll_directories_from_env",
     "buffer",
     "buffer_client",
     "buffer_interface",
-    "builtin_interfaces",
     "convert",
-    "deepcopy",
-    "rclpy",
-    "sleep",
     "static_transform_broadcaster",
-    "tf2",
-    "tf2_ros",
-    "threading",
     "transform_broadcaster",
     "transform_listener",
-    "warnings",
 ]
+__all__ += _tf2_names.__all__
 
-_on_use.offer(globals(), {"BufferServer", "FilterFailureReason", "MessageFilter", "StaticTransformListener"})
+_on_use.offer(
+    globals(),
+    {"BufferServer", "FilterFailureReason", "MessageFilter", "StaticTransformListener", *_tf2_names.LACKING},
+)

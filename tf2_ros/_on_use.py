@@ -6,7 +6,7 @@ from typing import Any
 
 from tf2_ros_cython._presence import HAS_ROS, absence
 
-# Few programs use these, and importing them takes about as long as importing the rest of tf2_ros.
+# Few programs use these, and importing most of them takes about as long as importing the rest of tf2_ros.
 SOURCES = {
     "ActionClient": "tf2_ros.buffer_client",
     "BufferClient": "tf2_ros.buffer_client",
@@ -16,7 +16,11 @@ SOURCES = {
     "MessageFilter": "tf2_ros.message_filter",
     "MsgStamped": "tf2_ros._tf2_types",
     "PointCloud2": "sensor_msgs.msg",
+    "PointStamped": "geometry_msgs.msg",
+    "PoseStamped": "geometry_msgs.msg",
+    "PoseWithCovarianceStamped": "geometry_msgs.msg",
     "TransformableObject": "tf2_ros._tf2_types",
+    "Vector3Stamped": "geometry_msgs.msg",
     "buffer_client": "tf2_ros",
 }
 

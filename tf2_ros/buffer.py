@@ -2,7 +2,7 @@
 
 import warnings
 import weakref
-from types import MethodType
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from tf2_py import BufferCore, TransformException
@@ -12,19 +12,7 @@ from tf2_ros import _on_use
 from tf2_ros._arguments import has, is_duration, refuse_swapped
 from tf2_ros._messages import TransformStamped
 from tf2_ros._shared.naming import buffer_name, require_linux
-from tf2_ros._tf2_names import (
-    Callable,
-    FrameGraphSrvRequest,
-    FrameGraphSrvResponse,
-    List,
-    Optional,
-    Tuple,
-    TypeVar,
-    sleep,
-    tf2,
-    tf2_ros,
-    threading,
-)
+from tf2_ros._tf2_names import add_names_of_tf2
 from tf2_ros._wait.blocking import BlockingWait, Lookup
 from tf2_ros.buffer_interface import NO_TIMEOUT, AnsweringInterface
 from tf2_ros_cython._presence import HAS_ROS, absence
@@ -38,13 +26,10 @@ if TYPE_CHECKING or HAS_ROS:
     from rclpy.duration import Duration
     from rclpy.node import Node
     from rclpy.service import Service
-    from rclpy.task import Future
-    from rclpy.time import Time
 
     from tf2_msgs.srv import FrameGraph
     from tf2_ros._nodes import WaitContexts, fills
     from tf2_ros._receive.inboxes import attribute_changed, held, insert_arrived
-    from tf2_ros._tf2_names import rclpy
     from tf2_ros._wait.changes import Changes, ChangeSubscription
     from tf2_ros._wait.futures import TransformFuture, WakingFuture
 
@@ -60,31 +45,8 @@ else:
         insert_arrived,
     )
 
-# What `import *` gives from tf2's module.
-__all__ = [
-    "Any",
-    "Buffer",
-    "Callable",
-    "Duration",
-    "FrameGraph",
-    "FrameGraphSrvRequest",
-    "FrameGraphSrvResponse",
-    "Future",
-    "JumpThreshold",
-    "List",
-    "Node",
-    "Optional",
-    "Time",
-    "TimeJump",
-    "TransformStamped",
-    "Tuple",
-    "TypeVar",
-    "rclpy",
-    "sleep",
-    "tf2",
-    "tf2_ros",
-    "threading",
-]
+__all__ = ["Buffer"]
+add_names_of_tf2(globals())
 
 JUMP_BACK_S = 1  # when its clock jumps back this far, a buffer is cleared
 
@@ -200,36 +162,12 @@ class Buffer(BufferCore, AnsweringInterface):
             self.jump_handle.unregister()  # __init__ was called again
         self.jump_handle: JumpHandle = _clear_at_jumps(self)
 
-    def __init_subclass__(cls, **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
-        # A lookup calls what a subclass replaced. Decided here, and not at each lookup.
-        if cls.__replaces(*_CAN) and cls.lookup_transform is Buffer.lookup_transform:
-            cls.lookup_transform = _lookup_transform_via_can  # type: ignore[method-assign]
-        if cls.__replaces(*_CAN_FULL) and cls.lookup_transform_full is Buffer.lookup_transform_full:
-            cls.lookup_transform_full = _lookup_transform_full_via_can  # type: ignore[method-assign]
-
     def __setattr__(self, name: str, value: Any) -> None:
         if name in _DECIDING:
             insert_arrived(self)  # not by what is being set
         super().__setattr__(name, value)
         if name in _DECIDING:
             attribute_changed(self)
-        elif name in _VIA_CAN:
-            # Lookups call it from now on. One without a timeout would be slowed down by a check.
-            lookup, via_can = _VIA_CAN[name]
-            if getattr(type(self), lookup) is getattr(Buffer, lookup):
-                self.__dict__.setdefault(lookup, MethodType(via_can, self))
-
-    def __delattr__(self, name: str) -> None:
-        if name in _DECIDING:
-            insert_arrived(self)
-        super().__delattr__(name)
-        if name in _DECIDING:
-            attribute_changed(self)
-        elif name in _VIA_CAN:
-            lookup, via_can = _VIA_CAN[name]
-            if getattr(self.__dict__.get(lookup), "__func__", None) is via_can:
-                del self.__dict__[lookup]
 
     def __getstate__(self) -> dict[str, Any]:
         """
@@ -291,17 +229,15 @@ class Buffer(BufferCore, AnsweringInterface):
         >>> buffer.lookup_transform("base_link", "camera", 1_000_000_000, timeout=0.5).header.stamp.sec
         1
         """
-        if policy:
-            accepted = policy_of(**policy)
-            if timeout is NO_TIMEOUT:
-                return self._lookup_under(target_frame, source_frame, time, accepted)
-            lookup = Lookup.simple(target_frame, source_frame, time, accepted)
-            return self.__begin_wait(timeout).for_answer(lookup)
-        if timeout is NO_TIMEOUT and Buffer.can_transform is _CAN_TRANSFORM:
+        if timeout is NO_TIMEOUT:
+            if policy:
+                return self._lookup_under(target_frame, source_frame, time, policy_of(**policy))
             return self.lookup_transform_core(target_frame, source_frame, time)
-        if self.__is_replaced(*_CAN, "lookup_transform_core"):
-            return _lookup_transform_via_can(self, target_frame, source_frame, time, timeout)
-        return self.__begin_wait(timeout).for_answer(Lookup.simple(target_frame, source_frame, time))
+        arguments = (target_frame, source_frame, time)
+        if not policy and self.__is_replaced(*_CAN, "lookup_transform_core"):
+            return self.__look_up_via(self.can_transform, self.lookup_transform_core, timeout, arguments)
+        lookup = Lookup.simple(*arguments, policy_of(**policy))
+        return self.__begin_wait(timeout).for_answer(lookup)
 
     def lookup_transform_full(
         self,
@@ -312,16 +248,16 @@ class Buffer(BufferCore, AnsweringInterface):
         fixed_frame: str,
         timeout: TimeoutLike = NO_TIMEOUT,
     ) -> TransformStamped:
-        if timeout is NO_TIMEOUT and Buffer.can_transform_full is _CAN_TRANSFORM_FULL:
+        if timeout is NO_TIMEOUT:
             return self.lookup_transform_full_core(
                 target_frame, target_time, source_frame, source_time, fixed_frame
             )
+        arguments = (target_frame, target_time, source_frame, source_time, fixed_frame)
         if self.__is_replaced(*_CAN_FULL, "lookup_transform_full_core"):
-            return _lookup_transform_full_via_can(
-                self, target_frame, target_time, source_frame, source_time, fixed_frame, timeout
+            return self.__look_up_via(
+                self.can_transform_full, self.lookup_transform_full_core, timeout, arguments
             )
-        lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame)
-        return self.__begin_wait(timeout).for_answer(lookup)
+        return self.__begin_wait(timeout).for_answer(Lookup(*arguments))
 
     def _tf2_can(self, timeout: TimeoutLike, *arguments: Any) -> tuple[bool, str]:
         is_simple = len(arguments) == 3
@@ -414,13 +350,11 @@ class Buffer(BufferCore, AnsweringInterface):
 
         A coroutine for asyncio and for rclpy's executors.
         """
-        answer = await self.wait_for_transform_async(
-            target_frame, source_frame, time, timeout=timeout, **policy
-        )
+        arguments = (target_frame, source_frame, time)
+        answer = await self.wait_for_transform_async(*arguments, timeout=timeout, **policy)
         if policy:
-            arguments = (target_frame, source_frame, time, policy_of(**policy))
-            return self.__renewed(answer, self._lookup_under, *arguments)
-        return self.__renewed(answer, self.lookup_transform_core, target_frame, source_frame, time)
+            return self.__renewed(answer, self._lookup_under, *arguments, policy_of(**policy))
+        return self.__renewed(answer, self.lookup_transform_core, *arguments)
 
     async def lookup_transform_full_async(
         self,
@@ -438,18 +372,9 @@ class Buffer(BufferCore, AnsweringInterface):
         :param target_frame: see that method, also for all others but ``timeout``.
         :param timeout: see :meth:`lookup_transform_async`, which raises the same.
         """
-        answer = await self.wait_for_transform_full_async(
-            target_frame, target_time, source_frame, source_time, fixed_frame, timeout=timeout
-        )
-        return self.__renewed(
-            answer,
-            self.lookup_transform_full_core,
-            target_frame,
-            target_time,
-            source_frame,
-            source_time,
-            fixed_frame,
-        )
+        arguments = (target_frame, target_time, source_frame, source_time, fixed_frame)
+        answer = await self.wait_for_transform_full_async(*arguments, timeout=timeout)
+        return self.__renewed(answer, self.lookup_transform_full_core, *arguments)
 
     def forget(self, frame: str) -> bool:
         """Remove every transform of a frame; see :meth:`tf2_py.BufferCore.forget`."""
@@ -502,14 +427,29 @@ class Buffer(BufferCore, AnsweringInterface):
         log.logger("tf2_buffer").warning(f"{happened}. Clearing TF buffer.")
         self.clear()
 
-    @classmethod
-    def __replaces(cls, *names: str) -> bool:
-        return any(getattr(cls, name) is not _ORIGINALS[name] for name in names)
-
     def __is_replaced(self, *names: str) -> bool:
         """Whether a subclass, or a program later, replaced one of these methods."""
-        own = self.__dict__
-        return self.__replaces(*names) or any(name in own for name in names)
+        own, cls = self.__dict__, type(self)
+        return any(name in own or getattr(cls, name) is not _ORIGINALS[name] for name in names)
+
+    def __look_up_via(
+        self, can: Callable[..., Any], look_up: Callable[..., Any], timeout: Any, arguments: tuple[Any, ...]
+    ) -> TransformStamped:
+        # As in tf2, what a program put in the place of `can_transform` waits.
+        try:
+            nanoseconds = timeout_ns(timeout)
+        except (TypeError, ValueError):
+            nanoseconds = 0  # a program's own method may accept other objects as timeouts
+        wait = BlockingWait(self, nanoseconds)
+        can(*arguments, timeout)
+        try:
+            answer: TransformStamped = look_up(*arguments)
+            return answer
+        except TransformException as error:
+            told = wait.error(error)
+            if told is error:
+                raise
+            raise told from None
 
     def __begin_wait(self, timeout: TimeoutLike) -> BlockingWait:
         return BlockingWait(self, timeout_ns(timeout))
@@ -569,55 +509,6 @@ def _opened(name: str, node: "Node | None") -> "Ring":
     from tf2_ros._shared.attachment import open_ring
 
     return open_ring(buffer_name(name, node))
-
-
-# The lookups of a buffer that has its own `can_transform*` call that method, as in tf2.
-
-
-def _lookup_transform_via_can(
-    self: Any,
-    target_frame: str,
-    source_frame: str,
-    time: TimeLike,
-    timeout: TimeoutLike = NO_TIMEOUT,
-    **policy: Any,
-) -> TransformStamped:
-    """The ``lookup_transform`` of a buffer that has its own ``can_transform*``."""
-    if policy:
-        return Buffer.lookup_transform(self, target_frame, source_frame, time, timeout, **policy)
-    arguments = (target_frame, source_frame, time)
-    return _look_up_via(self, self.can_transform, self.lookup_transform_core, timeout, arguments)
-
-
-def _lookup_transform_full_via_can(
-    self: Any,
-    target_frame: str,
-    target_time: TimeLike,
-    source_frame: str,
-    source_time: TimeLike,
-    fixed_frame: str,
-    timeout: TimeoutLike = NO_TIMEOUT,
-) -> TransformStamped:
-    """The same for ``lookup_transform_full``."""
-    arguments = (target_frame, target_time, source_frame, source_time, fixed_frame)
-    return _look_up_via(self, self.can_transform_full, self.lookup_transform_full_core, timeout, arguments)
-
-
-def _look_up_via(buffer: Any, can: Any, look_up: Any, timeout: Any, arguments: Any) -> TransformStamped:
-    try:
-        nanoseconds = timeout_ns(timeout)
-    except (TypeError, ValueError):
-        nanoseconds = 0  # a program's own `can_transform` may accept other objects as timeouts
-    wait = BlockingWait(buffer, nanoseconds)
-    can(*arguments, timeout)
-    try:
-        answer: TransformStamped = look_up(*arguments)
-        return answer
-    except TransformException as error:
-        told = wait.error(error)
-        if told is error:
-            raise
-        raise told from None
 
 
 def _without_node(attributes: dict[str, Any], class_name: str) -> dict[str, Any]:
@@ -690,12 +581,6 @@ _CAN = ("can_transform", "can_transform_core")
 _LOOKUP = ("lookup_transform", "lookup_transform_core")
 _CAN_FULL = ("can_transform_full", "can_transform_full_core")
 _LOOKUP_FULL = ("lookup_transform_full", "lookup_transform_full_core")
-_CAN_TRANSFORM, _CAN_TRANSFORM_FULL = Buffer.can_transform, Buffer.can_transform_full
-# What a program may set in an instance, and by what the lookup that calls it is replaced then.
-_VIA_CAN: dict[str, tuple[str, Callable[..., Any]]] = {
-    "can_transform": ("lookup_transform", _lookup_transform_via_can),
-    "can_transform_full": ("lookup_transform_full", _lookup_transform_full_via_can),
-}
 _ORIGINALS = {name: getattr(Buffer, name) for name in (*_CAN, *_LOOKUP, *_CAN_FULL, *_LOOKUP_FULL)}
 
 _on_use.offer(globals())

@@ -15,12 +15,11 @@ from typing import Any
 from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import TransformStamped
 from rclpy.action.client import ActionClient
-from rclpy.clock import ClockType
+from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
 from rclpy.task import Future
-from rclpy.time import Time
 
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error
@@ -33,43 +32,15 @@ from tf2_ros._messages import time_msg
 from tf2_ros._nodes import Spinner, hidden_node
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import action_result, context_was_shut_down
-from tf2_ros._tf2_names import (
-    Clock,
-    LookupTransformGoal,
-    LookupTransformResult,
-    TypeVar,
-    builtin_interfaces,
-    sleep,
-    tf2,
-    tf2_ros,
-    warnings,
-)
+from tf2_ros._tf2_names import add_names_of_tf2
 from tf2_ros._wait.callbacks import CallbackQueue
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer_interface import NO_TIMEOUT, AnsweringInterface
 from tf2_ros.buffer_server import CODES
 
-# What `import *` gives from tf2's module.
-__all__ = [
-    "ActionClient",
-    "BufferClient",
-    "Clock",
-    "Duration",
-    "LookupTransform",
-    "LookupTransformGoal",
-    "LookupTransformResult",
-    "Node",
-    "Time",
-    "TransformStamped",
-    "TypeVar",
-    "builtin_interfaces",
-    "sleep",
-    "tf2",
-    "tf2_ros",
-    "threading",
-    "warnings",
-]
+__all__ = ["BufferClient"]
+add_names_of_tf2(globals())
 
 FOR_EVER = Duration(seconds=2**31 - 1)  # the longest that a duration message can hold
 FIRST_RETRY_DELAY_NS = 500_000_000  # before a request is sent again; twice as long each time
@@ -110,11 +81,12 @@ class PendingGoal:
 
     def expire(self) -> None:
         """A deadline has passed; there may be a later one by now."""
-        self._sender.expire(self)
+        self._sender.put(self._sender.expire, self)
 
     def abandon(self) -> None:
         """Stop waiting for the outcome; without effect if it is known."""
-        self._sender.abandon(self)
+        if not self.over():
+            self._sender.put(self._sender.abandon, self)
 
 
 class GoalSender:
@@ -167,7 +139,7 @@ class GoalSender:
         """
         pending = PendingGoal(self, goal, timeout_ns, padding_ns)
         self._pending.add(pending)
-        self._put(self._begin, pending)
+        self.put(self._begin, pending)
         if pending.deadline_ns is not None:
             deadlines.add(pending.deadline_ns, pending)
         if not self.alive():
@@ -183,14 +155,9 @@ class GoalSender:
         goals = counted(len(self._pending), "pending lookup") if self.alive() else "ended"
         return f"action {printable(self._name)}, {goals}"
 
-    def expire(self, pending: PendingGoal) -> None:
-        """Fail this goal if its deadline has passed; from any thread."""
-        self._put(self._expire, pending)
-
-    def abandon(self, pending: PendingGoal) -> None:
-        """Cancel this goal, unless its outcome is known; from any thread."""
-        if not pending.over():
-            self._put(self._abandon, pending)
+    def put(self, step: Callable[[PendingGoal], None], pending: PendingGoal) -> None:
+        """Have the thread take this step with a goal; from any thread."""
+        self._steps.put(partial(self._run_step, partial(step, pending)))
 
     def close(self, *, wait: bool = True) -> None:
         """
@@ -218,9 +185,6 @@ class GoalSender:
         self._steps.close()
         self.action_client.destroy()
         self._node.destroy_node()
-
-    def _put(self, step: Callable[[PendingGoal], None], pending: PendingGoal) -> None:
-        self._steps.put(partial(self._run_step, partial(step, pending)))
 
     def _run_step(self, step: Callable[[], None]) -> None:
         if self._ended:
@@ -304,7 +268,8 @@ class GoalSender:
         pending.request = partial(self._request_goal, pending)
         pending.retry_ns = time.monotonic_ns() + pending.retry_delay_ns
 
-    def _expire(self, pending: PendingGoal) -> None:
+    def expire(self, pending: PendingGoal) -> None:
+        """Fail this goal if its deadline has passed; in the thread, like :meth:`abandon`."""
         if pending.over() or pending.deadline_ns is None:
             return
         if pending.request is None:
@@ -318,7 +283,8 @@ class GoalSender:
             )
             self._cancel(pending)
 
-    def _abandon(self, pending: PendingGoal) -> None:
+    def abandon(self, pending: PendingGoal) -> None:
+        """Cancel this goal, unless its outcome is known."""
         if not pending.over():
             self._pending.discard(pending)
             pending.outcome.cancel()

@@ -6,7 +6,7 @@ from tf2_py import TransformException
 from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros import _on_use
 from tf2_ros._arguments import has, is_name, swapped
-from tf2_ros._messages import Header, PoseStamped, TransformStamped, time_msg
+from tf2_ros._messages import Header, TransformStamped, time_msg
 from tf2_ros._messages import Time as TimeMsg
 from tf2_ros._registration import (
     ConvertRegistration,
@@ -15,67 +15,40 @@ from tf2_ros._registration import (
     TypeException,
     convert,
 )
-from tf2_ros._tf2_names import (
-    Callable,
-    Optional,
-    PyKDLType,
-    Tuple,
-    Union,
-    deepcopy,
-    tf2,
-    tf2_ros,
-)
+from tf2_ros._tf2_names import add_names_of_tf2
 from tf2_ros_cython._presence import HAS_ROS
 
-if TYPE_CHECKING or HAS_ROS:
-    from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, Vector3Stamped
-    from rclpy.duration import Duration
-    from rclpy.time import Time
-
-    from tf2_ros._tf2_names import rclpy
-
 if TYPE_CHECKING:
-    from sensor_msgs.msg import PointCloud2
-
+    from typing_extensions import TypeVar as _TypeVarWithDefault
+if TYPE_CHECKING or HAS_ROS:
+    from rclpy.duration import Duration
+if TYPE_CHECKING:
     from tf2_ros._tf2_types import MsgStamped, TransformableObject
 
-# What `import *` gives from tf2's module.
 __all__ = [
-    "Any",
     "BufferInterface",
-    "Callable",
     "ConvertRegistration",
-    "Duration",
-    "Header",
     "MsgStamped",
     "NotImplementedException",
-    "Optional",
-    "PointCloud2",
-    "PointStamped",
-    "PoseStamped",
-    "PoseWithCovarianceStamped",
     "PyKDLType",
     "Stamped",
-    "Time",
     "TransformRegistration",
-    "TransformStamped",
     "TransformableObject",
     "TransformableObjectType",
-    "Tuple",
     "TypeException",
-    "TypeVar",
-    "Union",
-    "Vector3Stamped",
     "convert",
-    "deepcopy",
-    "rclpy",
-    "tf2",
-    "tf2_ros",
 ]
+add_names_of_tf2(globals())
 
+PyKDLType = TypeVar("PyKDLType")
 TransformableObjectType = TypeVar("TransformableObjectType")
+
 _Object = TypeVar("_Object")
-_New = TypeVar("_New")
+if TYPE_CHECKING:
+    # What a method returns without a `new_type`.
+    _New = _TypeVarWithDefault("_New", default=_Object)
+else:
+    _New = TypeVar("_New")
 
 # The default of every `timeout`. It is one object, so that a check for it need not compare Durations.
 NO_TIMEOUT: TimeoutLike = Duration() if TYPE_CHECKING or HAS_ROS else 0.0
@@ -104,31 +77,13 @@ class BufferInterface:
     def __init__(self) -> None:
         self.registration = TransformRegistration()
 
-    @overload
     def transform(
         self,
         object_stamped: _Object,
         target_frame: str,
-        timeout: TimeoutLike = ...,
-        new_type: None = ...,
-    ) -> _Object: ...
-
-    @overload
-    def transform(
-        self,
-        object_stamped: Any,
-        target_frame: str,
-        timeout: TimeoutLike = ...,
-        new_type: type[_New] = ...,  # pyright: ignore[reportInvalidTypeVarUse]
-    ) -> _New: ...
-
-    def transform(
-        self,
-        object_stamped: Any,
-        target_frame: str,
         timeout: TimeoutLike = NO_TIMEOUT,
-        new_type: type | None = None,
-    ) -> Any:
+        new_type: type[_New] | None = None,
+    ) -> _New:
         """
         Transform an object into another frame, at the object's own time. The result describes the same place,
         as seen from that frame. The default ``timeout`` does not wait.
@@ -151,40 +106,18 @@ class BufferInterface:
         except TransformException as error:
             _add_if_frame_is_empty(error, object_stamped)
             raise
-        result = do_transform(object_stamped, transform)
+        result: _New = do_transform(object_stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
-    @overload
     def transform_full(
         self,
         object_stamped: _Object,
         target_frame: str,
         target_time: TimeLike,
         fixed_frame: str,
-        timeout: TimeoutLike = ...,
-        new_type: None = ...,
-    ) -> _Object: ...
-
-    @overload
-    def transform_full(
-        self,
-        object_stamped: Any,
-        target_frame: str,
-        target_time: TimeLike,
-        fixed_frame: str,
-        timeout: TimeoutLike = ...,
-        new_type: type[_New] = ...,  # pyright: ignore[reportInvalidTypeVarUse]
-    ) -> _New: ...
-
-    def transform_full(
-        self,
-        object_stamped: Any,
-        target_frame: str,
-        target_time: TimeLike,
-        fixed_frame: str,
         timeout: TimeoutLike = NO_TIMEOUT,
-        new_type: type | None = None,
-    ) -> Any:
+        new_type: type[_New] | None = None,
+    ) -> _New:
         """
         Transform an object from its own time into another frame at another time. ``Time()`` as target time
         asks for the latest. The default ``timeout`` does not wait.
@@ -206,34 +139,16 @@ class BufferInterface:
         except TransformException as error:
             _add_if_frame_is_empty(error, object_stamped)
             raise
-        result = do_transform(object_stamped, transform)
+        result: _New = do_transform(object_stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
-    @overload
     async def transform_async(
         self,
         object_stamped: _Object,
         target_frame: str,
-        timeout: TimeoutLike | None = ...,
-        new_type: None = ...,
-    ) -> _Object: ...
-
-    @overload
-    async def transform_async(
-        self,
-        object_stamped: Any,
-        target_frame: str,
-        timeout: TimeoutLike | None = ...,
-        new_type: type[_New] = ...,  # pyright: ignore[reportInvalidTypeVarUse]
-    ) -> _New: ...
-
-    async def transform_async(
-        self,
-        object_stamped: Any,
-        target_frame: str,
         timeout: TimeoutLike | None = None,
-        new_type: type | None = None,
-    ) -> Any:
+        new_type: type[_New] | None = None,
+    ) -> _New:
         """
         Transform an object into another frame as soon as the transform is available. Without ``timeout`` it
         waits forever.
@@ -254,7 +169,7 @@ class BufferInterface:
         except TransformException as error:
             _add_if_frame_is_empty(error, object_stamped)
             raise
-        result = do_transform(object_stamped, transform)
+        result: _New = do_transform(object_stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
     def lookup_transform(
@@ -263,15 +178,9 @@ class BufferInterface:
         """
         Get the pose of ``source_frame`` in ``target_frame``: it carries data from the source to the target.
 
-        A point at p in ``source_frame`` is at R p + t in ``target_frame``: R and t are the rotation and the
-        translation returned. ``Time()``, which is 0, asks for the latest time for which all frames on the
-        path have data. The default ``timeout`` does not wait.
+        ``Time()``, which is 0, asks for the latest time. The default ``timeout`` does not wait.
 
-        :param target_frame: the frame into which the data is to be transformed.
-        :param source_frame: the frame that the data is in.
-        :param time: of the transform; 0 is the latest time for which all frames on the path have data.
-        :param timeout: how long to wait for it, in steady time. Zero: do not wait.
-        :return: a ``TransformStamped``, see :meth:`tf2_ros.Buffer.lookup_transform`.
+        :param target_frame: see :meth:`tf2_ros.Buffer.lookup_transform`, also for all others.
         """
         raise NotImplementedException()
 

@@ -141,20 +141,13 @@ class BufferServer:
         try:
             if wait_ns > 0:
                 return TransformFuture(self._buffer, lookup, Duration(nanoseconds=wait_ns))
-            future.set_result(self._look_up_now(goal))
+            future.set_result(lookup.now(self._buffer))
         except OverflowError as error:
             # Its seconds and nanoseconds add up to more than a stamp can be.
             future.set_exception(InvalidArgumentException(str(error)))
         except TransformException as error:
             future.set_exception(error)
         return future
-
-    def _look_up_now(self, goal: Any) -> Any:
-        if not goal.advanced:
-            return self._buffer.lookup_transform_core(goal.target_frame, goal.source_frame, goal.source_time)
-        return self._buffer.lookup_transform_full_core(
-            goal.target_frame, goal.target_time, goal.source_frame, goal.source_time, goal.fixed_frame
-        )
 
     def _cancel(self, handle: Any) -> CancelResponse:
         lookup = self._lookups.get(bytes(handle.goal_id.uuid))

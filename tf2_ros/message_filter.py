@@ -28,7 +28,7 @@ from tf2_ros._arguments import has, is_a, is_names, kind_of, optional_timeout_ns
 from tf2_ros._forking import FORKED, LiveObjects, register_for_fork
 from tf2_ros._nodes import node_has_ended
 from tf2_ros._wait.callbacks import CallbackQueue, callback_queue, patience_ns
-from tf2_ros._wait.filter_queue import FilterFailureReason, MessageStream, PendingMessages
+from tf2_ros._wait.filter_queue import FilterFailureReason, MessageStream, Needed, PendingMessages
 from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer import Buffer
 
@@ -160,10 +160,6 @@ class MessageFilter(Generic[_Message]):
             raise TypeError(f"buffer must be a tf2_ros.Buffer, not {type(buffer).__name__}")
         self.callbacks: dict[int, tuple[Callable[..., object], tuple[Any, ...]]] = {}
         self._node = node
-        self._target_frames = _names(target_frames)
-        self._queue_size = _size(queue_size)
-        self._timeout_ns = optional_timeout_ns(buffer_timeout, "buffer_timeout")
-        self._tolerance_ns = _tolerance_ns(tolerance)
         self._failure_callbacks: dict[int, tuple[Callable[..., object], tuple[Any, ...]]] = {}
         self._connections = itertools.count()
         self._streams: LiveObjects[MessageStream[tuple[_Message, TransformStamped]]] = LiveObjects()
@@ -178,8 +174,14 @@ class MessageFilter(Generic[_Message]):
         # For each message, in order: it, its transform, the reason if it is dropped, and the lookup's error.
         self._outcomes: deque[tuple[Any, Any, FilterFailureReason | None, str]] = deque()
         self._unspun: _UnspunWarning | None = None
-        self._pending = PendingMessages(buffer, self._on_pass, self._on_drop)
-        self._configure()
+        self._pending = PendingMessages(
+            buffer,
+            Needed(_names(target_frames), _tolerance_ns(tolerance)),
+            _size(queue_size),
+            optional_timeout_ns(buffer_timeout, "buffer_timeout"),
+            self._on_pass,
+            self._on_drop,
+        )
         register_for_fork(self)
         try:
             if input is not None:
@@ -266,8 +268,7 @@ class MessageFilter(Generic[_Message]):
         :raises TypeError: one of them is not a ``str``.
         :raises ValueError: there are no names, or one is empty.
         """
-        self._target_frames = _names(target_frames)
-        self._configure()
+        self._pending.require(target_frames=_names(target_frames))
 
     def setTolerance(self, tolerance: DurationLike) -> None:
         """
@@ -277,8 +278,7 @@ class MessageFilter(Generic[_Message]):
         :raises TypeError: it is not a duration.
         :raises ValueError: it is negative or infinite.
         """
-        self._tolerance_ns = _tolerance_ns(tolerance)
-        self._configure()
+        self._pending.require(tolerance_ns=_tolerance_ns(tolerance))
 
     def setQueueSize(self, queue_size: int) -> None:
         """
@@ -287,8 +287,7 @@ class MessageFilter(Generic[_Message]):
         :param queue_size: 0: any number.
         :raises ValueError: it is negative.
         """
-        self._queue_size = _size(queue_size)
-        self._configure()
+        self._pending.limit(_size(queue_size))
 
     def clear(self) -> None:
         """Remove the messages that wait, and those for which no callback was called yet."""
@@ -328,7 +327,8 @@ class MessageFilter(Generic[_Message]):
             facts.append("closed")
         elif not self._queue.is_spun():
             facts.append("node not spun")
-        return f"<{name}: into {printable(' and '.join(self._target_frames))}: {', '.join(facts)}>"
+        frames = printable(" and ".join(self._pending.needed.target_frames))
+        return f"<{name}: into {frames}: {', '.join(facts)}>"
 
     def after_fork(self) -> None:
         """End in a forked child, where no executor takes messages and no callback is due."""
@@ -371,9 +371,6 @@ class MessageFilter(Generic[_Message]):
     def _warn_if_unspun(self) -> None:
         if self._unspun is not None and (self.callbacks or self._failure_callbacks or self._streams):
             self._unspun.rely()
-
-    def _configure(self) -> None:
-        self._pending.configure(self._target_frames, self._tolerance_ns, self._queue_size, self._timeout_ns)
 
     def _connector(self, input: Any) -> Callable[[], Callable[[], None]]:
         if isinstance(input, tuple) and len(input) == 3:
@@ -470,7 +467,7 @@ class MessageFilter(Generic[_Message]):
         if dropped < NEARLY_ALL or reason is None or time.monotonic() < self._warn_again_at:
             return
         self._warn_again_at = time.monotonic() + WARN_EVERY_S
-        frames = printable(" ".join(self._target_frames))
+        frames = printable(" ".join(self._pending.needed.target_frames))
         self._node.get_logger().warning(
             f"MessageFilter [target={frames}]: {dropped} of the last {SAMPLE} messages were dropped; the "
             f"last, from frame [{printable(message.header.frame_id)}], for {reason.value}. {text}".rstrip()

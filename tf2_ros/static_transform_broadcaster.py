@@ -17,13 +17,7 @@ from tf2_msgs.msg import TFMessage
 from tf2_ros._arguments import require_node
 from tf2_ros._forking import register_for_fork
 from tf2_ros._qos import chosen_qos
-from tf2_ros._tf2_names import (
-    DurabilityPolicy,
-    HistoryPolicy,
-    List,
-    Optional,
-    Union,
-)
+from tf2_ros._tf2_names import add_names_of_tf2
 from tf2_ros.transform_broadcaster import (
     RefusedTransforms,
     publish_transforms,
@@ -31,19 +25,8 @@ from tf2_ros.transform_broadcaster import (
     transforms_of,
 )
 
-# What `import *` gives from tf2's module.
-__all__ = [
-    "DurabilityPolicy",
-    "HistoryPolicy",
-    "List",
-    "Node",
-    "Optional",
-    "QoSProfile",
-    "StaticTransformBroadcaster",
-    "TFMessage",
-    "TransformStamped",
-    "Union",
-]
+__all__ = ["StaticTransformBroadcaster"]
+add_names_of_tf2(globals())
 
 
 class StaticTransformBroadcaster:

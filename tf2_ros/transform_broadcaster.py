@@ -17,23 +17,10 @@ from tf2_msgs.msg import TFMessage
 from tf2_py._internal import MalformedObjectError, raise_refused, refused, serialize_transforms
 from tf2_ros._arguments import kind_of, require_node
 from tf2_ros._qos import chosen_qos
-from tf2_ros._tf2_names import (
-    List,
-    Optional,
-    Union,
-)
+from tf2_ros._tf2_names import add_names_of_tf2
 
-# What `import *` gives from tf2's module.
-__all__ = [
-    "List",
-    "Node",
-    "Optional",
-    "QoSProfile",
-    "TFMessage",
-    "TransformBroadcaster",
-    "TransformStamped",
-    "Union",
-]
+__all__ = ["TransformBroadcaster"]
+add_names_of_tf2(globals())
 
 MOST_WARNINGS = 100
 

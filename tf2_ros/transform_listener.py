@@ -26,16 +26,7 @@ from tf2_ros._rclpy import RCLError, context_was_shut_down, has_callback_groups
 from tf2_ros._receive.receiver import ListenerGroup, Receiver, can_receive, wake_executor
 from tf2_ros._receive.reception import ReceivedTopic, Reception
 from tf2_ros._shared.naming import is_wanted
-from tf2_ros._tf2_names import (
-    DurabilityPolicy,
-    HistoryPolicy,
-    Optional,
-    ReentrantCallbackGroup,
-    SingleThreadedExecutor,
-    Thread,
-    Union,
-    tf2_ros,
-)
+from tf2_ros._tf2_names import add_names_of_tf2
 from tf2_ros._wait.callbacks import callback_queue
 from tf2_ros.buffer import SETTERS, Buffer
 from tf2_ros.records import Recording
@@ -43,24 +34,8 @@ from tf2_ros.records import Recording
 if TYPE_CHECKING:
     from tf2_ros._shared.attachment import AttachedListener
 
-# What `import *` gives from tf2's module.
-__all__ = [
-    "DEFAULT_STATIC_TF_TOPIC",
-    "DEFAULT_TF_TOPIC",
-    "Buffer",
-    "DurabilityPolicy",
-    "HistoryPolicy",
-    "Node",
-    "Optional",
-    "QoSProfile",
-    "ReentrantCallbackGroup",
-    "SingleThreadedExecutor",
-    "TFMessage",
-    "Thread",
-    "TransformListener",
-    "Union",
-    "tf2_ros",
-]
+__all__ = ["DEFAULT_STATIC_TF_TOPIC", "DEFAULT_TF_TOPIC", "TransformListener"]
+add_names_of_tf2(globals())
 
 DEFAULT_TF_TOPIC = "/tf"
 DEFAULT_STATIC_TF_TOPIC = "/tf_static"
@@ -202,21 +177,17 @@ class TransformListener:
             raise
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name in REDIRECTING:
-            self.__insert_arrived()
+        # What arrived before a change goes where it belonged.
+        if name in REDIRECTING and self._receiver is not None:
+            self._receiver.catch_up()
         super().__setattr__(name, value)
         if name in REDIRECTING:
-            self.__decide()
+            for source in (self._attachment, self._receiver):
+                if source is not None:
+                    source.decide()
         if name == "buffer" and self._reception is not None:
             fills(self.node, value, listener=True)
             self._reception.fill(value)
-
-    def __delattr__(self, name: str) -> None:
-        if name in REDIRECTING:
-            self.__insert_arrived()
-        super().__delattr__(name)
-        if name in REDIRECTING:
-            self.__decide()
 
     @property
     def tf_sub(self) -> Subscription | None:
@@ -250,16 +221,6 @@ class TransformListener:
     def __use_subscriptions(self) -> None:
         if self._attachment is not None:
             self._attachment.use_subscriptions()
-
-    def __insert_arrived(self) -> None:
-        # What arrived before a change goes where it belonged.
-        if self._receiver is not None:
-            self._receiver.catch_up()
-
-    def __decide(self) -> None:
-        for source in (self._attachment, self._receiver):
-            if source is not None:
-                source.decide()
 
     @property
     def receives(self) -> tuple[str, ...]:

@@ -713,39 +713,18 @@ def test_threads_that_add_insert_and_change_lose_nothing(tf2_ros, new_node, buff
     assert buffer.statistics()["waiters"] == 0
 
 
-def test_a_change_for_many_messages_gives_way_to_those_that_wait(make, buffer, monkeypatch):
-    watched = make()
-    for i in range(200):
-        watched.filter.add(point(ns=S + i, frame="unknown"))
-    insert(buffer)
-    pending, looked_up, events = watched.filter._pending, [], []
+def test_a_message_that_is_looked_up_again_keeps_its_deadline(watched, monkeypatch):
+    watched.filter.add(point(1))
+    queue, over = watched.filter._pending, []
+    original = queue._lookups
 
-    def add_one():
-        watched.filter.add(point())
-        events.append("added")
+    def lookups(pending):
+        over.append(pending.over())
+        return original(pending)
 
-    adding = threading.Thread(target=add_one)
-
-    def look_up(message):
-        looked_up.append(message)
-        if len(looked_up) == 20:
-            adding.start()
-        original(message)
-        events.append("looked up")
-
-    def sleep(seconds):
-        assert seconds > 0
-        if adding.ident is not None:
-            adding.join(DEADLINE_S)
-
-    original = pending._look_up
-    monkeypatch.setattr(pending, "_look_up", look_up)
-    clock = SimpleNamespace(sleep=sleep, monotonic_ns=time.monotonic_ns)
-    monkeypatch.setattr("tf2_ros._wait.filter_queue.time", clock)
-    watched.filter.setTargetFrames(["odom"])
-    assert not adding.is_alive()
-    assert events.count("looked up") == 201
-    assert "added" in events[:200]
+    monkeypatch.setattr(queue, "_lookups", lookups)
+    watched.filter.setTargetFrames("odom")
+    assert over == [False]
 
 
 def test_no_message_passes_for_the_frames_before_the_change(make, buffer, monkeypatch):

@@ -4,11 +4,11 @@ import itertools
 import threading
 import time
 from collections import OrderedDict, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from enum import Enum
 from functools import partial
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from tf2_py import BufferCore, TransformException
 from tf2_py._internal import frame_name, time_ns
@@ -17,11 +17,6 @@ from tf2_ros._wait.blocking import LongWait, Lookup, report_if_long
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer import Buffer
-
-SLICE = 16  # messages that are looked up again under one lock
-# Between two slices: a thread that takes a lock again at once gets it before those that wait.
-GIVE_WAY_S = 1e-4
-
 
 _Item = TypeVar("_Item")
 
@@ -53,6 +48,13 @@ class FilterFailureReason(str, Enum):
     TIMEOUT = "TIMEOUT"
 
 
+class Needed(NamedTuple):
+    """What a message waits for: into which frames it can be transformed, also this much later."""
+
+    target_frames: tuple[str, ...]
+    tolerance_ns: int
+
+
 class _PendingMessage:
     """One message that waits."""
 
@@ -64,10 +66,10 @@ class _PendingMessage:
         "lookups",
         "message",
         "missing",  # the wait of each lookup that has no answer, by its index in `lookups`
+        "needed",  # what its lookups are for
         "number",  # in order of arrival; 0: not added yet
         "owner",
         "report",
-        "settings",  # which of `configure` its lookups are for
         "stamp_ns",
     )
 
@@ -84,11 +86,11 @@ class _PendingMessage:
         self.attempt = 0
         self.answer: Any = None
         self.report: LongWait | None = None
-        self.settings = 0
+        self.needed: Needed | None = None
 
     def over(self) -> bool:
-        """Whether it no longer waits."""
-        return not self.missing
+        """Whether it no longer waits; not while it is looked up again, or its deadline would be forgotten."""
+        return self.number not in self.owner.pending
 
     def expire(self) -> None:
         """Drop the message, because its timeout has passed."""
@@ -103,10 +105,13 @@ class PendingMessages:
     """
     Keeps messages until the buffer can transform them into every target frame.
 
+    :param needed: see :meth:`require`.
+    :param queue_size: see :meth:`limit`.
+    :param timeout_ns: how long a message may wait, in steady time. 0: not at all; None: forever.
     :param passed: called with a message and its transform into the first target frame.
     :param dropped: called with a message, the reason, and the text of the lookup's error, if one was tried.
 
-    One of them is called once for each message, in the thread that caused it, in the order of the causes,
+    One of the two is called once for each message, in the thread that caused it, in the order of the causes,
     with the lock held. They must not raise or run code of a program. Nothing else under the lock runs code of
     a program: the buffer's own methods are called, not those of a subclass, and messages are read before. An
     insert costs nothing for messages that it does not complete.
@@ -115,63 +120,47 @@ class PendingMessages:
     def __init__(
         self,
         buffer: Buffer,
+        needed: Needed,
+        queue_size: int,
+        timeout_ns: int | None,
         passed: Callable[[Any, Any], None],
         dropped: Callable[[Any, FilterFailureReason, str], None],
     ) -> None:
         self._buffer = buffer
+        self.needed = needed
+        self._queue_size = queue_size
+        self._timeout_ns = timeout_ns
         self._passed = passed
         self._dropped = dropped
         self._lock = threading.RLock()
-        self._pending: OrderedDict[int, _PendingMessage] = OrderedDict()  # the oldest first
+        self.pending: OrderedDict[int, _PendingMessage] = OrderedDict()  # the oldest first
         self.count = 0  # of all that were added
         self._numbers = itertools.count(1)
-        self._settings = 0
-        self._target_frames: tuple[str, ...] = ()
-        self._tolerance_ns = 0
-        self._queue_size = 0
-        self._timeout_ns: int | None = None
         register_for_fork(self)
 
     def after_fork(self) -> None:
         """Forget the messages in a forked child, where they do not wait any more."""
         self._lock = threading.RLock()
-        for pending in self._pending.values():
+        for pending in self.pending.values():
             self._stop(pending)
-        self._pending = OrderedDict()
+        self.pending = OrderedDict()
 
-    def __len__(self) -> int:
-        return len(self._pending)
-
-    def configure(
-        self, target_frames: Sequence[str], tolerance_ns: int, queue_size: int, timeout_ns: int | None
-    ) -> None:
+    def require(self, **changed: Any) -> None:
         """
-        Set what messages wait for, including those that wait already.
+        Change fields of what is ``needed``, also for messages that wait already.
 
-        :param tolerance_ns: how much later the transforms must be available, too.
-        :param queue_size: how many may wait; 0: any number.
-        :param timeout_ns: how long messages that are added from now on may wait, in steady time. 0: not at
-            all; None: forever.
-
-        From now on no message passes because of what was set before. Those that wait are looked up again when
-        this returns; other threads add messages and insert transforms meanwhile.
+        From now on no message passes because of what was needed before.
         """
         with self._lock:
-            outdated = []
-            if (tuple(target_frames), tolerance_ns) != (self._target_frames, self._tolerance_ns):
-                self._settings += 1
-                outdated = list(self._pending.values())
-            self._target_frames = tuple(target_frames)
-            self._tolerance_ns = tolerance_ns
+            self.needed = self.needed._replace(**changed)
+            for pending in list(self.pending.values()):
+                if pending.number in self.pending:
+                    self._look_up(pending)
+
+    def limit(self, queue_size: int) -> None:
+        """Set how many messages may wait; 0: any number. The oldest above that are dropped."""
+        with self._lock:
             self._queue_size = queue_size
-            self._timeout_ns = timeout_ns
-        for begin in range(0, len(outdated), SLICE):
-            with self._lock:
-                for pending in outdated[begin : begin + SLICE]:
-                    if pending.number in self._pending and pending.settings != self._settings:
-                        self._look_up(pending)
-            time.sleep(GIVE_WAY_S)
-        with self._lock:
             self._keep_to_size()
 
     def add(self, message: Any) -> None:
@@ -186,12 +175,12 @@ class PendingMessages:
             pending.number = next(self._numbers)
             # No signal handler comes between these.
             self.count += 1
-            self._pending[pending.number] = pending
+            self.pending[pending.number] = pending
             try:
                 self._begin(pending)
             except BaseException:
                 # A signal handler has raised: nothing would complete it.
-                if pending.number in self._pending:
+                if pending.number in self.pending:
                     self._remove(pending)
                     self.count -= 1
                 raise
@@ -199,15 +188,15 @@ class PendingMessages:
     def clear(self) -> int:
         """Remove all messages that wait; return how many there were."""
         with self._lock:
-            count = len(self._pending)
-            for pending in list(self._pending.values()):
+            count = len(self.pending)
+            for pending in list(self.pending.values()):
                 self._remove(pending)
             return count
 
     def expire(self, pending: _PendingMessage) -> None:
         """Drop a message, because its timeout has passed."""
         with self._lock:
-            if pending.number in self._pending:
+            if pending.number in self.pending:
                 self._drop(pending, FilterFailureReason.TIMEOUT)
 
     def _begin(self, pending: _PendingMessage) -> None:
@@ -221,7 +210,7 @@ class PendingMessages:
             pending.report = report_if_long(pending.missing.values())
             self._await(pending)
         # Those that were added before may have become too old while they waited.
-        while self._pending and self._is_out_the_back(oldest := next(iter(self._pending.values()))):
+        while self.pending and self._is_out_the_back(oldest := next(iter(self.pending.values()))):
             self._drop(oldest, FilterFailureReason.OUT_THE_BACK)
 
     def _await(self, pending: _PendingMessage) -> None:
@@ -234,13 +223,13 @@ class PendingMessages:
             self._keep_to_size()
 
     def _keep_to_size(self) -> None:
-        while self._queue_size and len(self._pending) > self._queue_size:
-            self._drop(next(iter(self._pending.values())), FilterFailureReason.QUEUE_FULL)
+        while self._queue_size and len(self.pending) > self._queue_size:
+            self._drop(next(iter(self.pending.values())), FilterFailureReason.QUEUE_FULL)
 
     def _look_up(self, pending: _PendingMessage) -> None:
         # Begin anew: the answers of an earlier attempt are out of date.
         self._stop(pending)
-        pending.settings = self._settings
+        pending.needed = self.needed
         attempt = pending.attempt
         try:
             pending.lookups = self._lookups(pending)
@@ -258,12 +247,12 @@ class PendingMessages:
             self._pass(pending)
 
     def _lookups(self, pending: _PendingMessage) -> list[Lookup]:
-        lookups = [Lookup.simple(target, pending.frame, pending.stamp_ns) for target in self._target_frames]
+        stamps_ns = [pending.stamp_ns]
         # The latest time has no later one.
-        if self._tolerance_ns and pending.stamp_ns:
-            later = pending.stamp_ns + self._tolerance_ns
-            lookups += [Lookup.simple(target, pending.frame, later) for target in self._target_frames]
-        return lookups
+        if self.needed.tolerance_ns and pending.stamp_ns:
+            stamps_ns.append(pending.stamp_ns + self.needed.tolerance_ns)
+        targets = self.needed.target_frames
+        return [Lookup.simple(target, pending.frame, ns) for ns in stamps_ns for target in targets]
 
     def _receive_answer(self, pending: _PendingMessage, attempt: int, place: int, answer: Any) -> None:
         with self._lock:
@@ -273,7 +262,7 @@ class PendingMessages:
                 pending.answer = answer
             if pending.missing:
                 return
-            if len(pending.lookups) == 1 and pending.settings == self._settings:
+            if len(pending.lookups) == 1 and pending.needed is self.needed:
                 self._pass(pending)
             else:
                 # The buffer may have lost what was found first, or something else is needed by now.
@@ -296,7 +285,7 @@ class PendingMessages:
 
     def _pass(self, pending: _PendingMessage) -> None:
         # One insert may also have answered older ones, in a thread that has not notified them yet.
-        while (oldest := next(iter(self._pending.values()))) is not pending and oldest.is_answered():
+        while (oldest := next(iter(self.pending.values()))) is not pending and oldest.is_answered():
             for place, wait in list(oldest.missing.items()):
                 self._receive_answer(oldest, oldest.attempt, place, wait.answer)
         self._remove(pending)
@@ -309,7 +298,7 @@ class PendingMessages:
         self._dropped(pending.message, reason, text)
 
     def _remove(self, pending: _PendingMessage) -> None:
-        del self._pending[pending.number]
+        del self.pending[pending.number]
         self._stop(pending)
 
     def _stop(self, pending: _PendingMessage) -> None:
@@ -377,6 +366,6 @@ class MessageStream(Generic[_Item]):
 class _Arrival(WakingFuture[None]):
     """Completed when the iteration is to look again."""
 
-    def end_with_context(self) -> None:
+    def expire(self) -> None:
         """Wake the iteration, because nothing arrives any more."""
         self.set_result(None)

@@ -27,7 +27,6 @@ from tf2_ros._wait.timers import deadlines
 if TYPE_CHECKING:
     import asyncio
 
-GRACE_S = 1.0  # how long an executor may take to complete a future whose outcome is known
 STEP_CHECK_NS = 2_000_000  # how often to check whether an executor has left the step of a task
 CONTEXT_CHECK_NS = 100_000_000  # how often to check the contexts of what asyncio awaits
 
@@ -57,7 +56,7 @@ class ContextCheck:
         if future is None:
             return
         if future.is_in_vain():
-            future.end_with_context()
+            future.expire()
         else:
             deadlines.add(time.monotonic_ns() + CONTEXT_CHECK_NS, self)
 
@@ -67,7 +66,7 @@ class WakingFuture(HookedFuture, Generic[_Result]):
     A future that may be completed in any thread, and wakes whatever runs the tasks that await it.
 
     :param in_vain: returns whether a shutdown has ended the wait. It is called while an asyncio loop awaits
-        the future; :meth:`end_with_context` then wakes the loop. None: no check.
+        the future; :meth:`expire` then wakes the loop. None: no check.
     """
 
     if TYPE_CHECKING:  # rclpy's of Jazzy are not annotated
@@ -124,23 +123,22 @@ class WakingFuture(HookedFuture, Generic[_Result]):
 
     def __wake_and_await(self) -> Generator[Any, Any, _Result]:
         # Callbacks that only wake must not keep a future alive, so no method of a subclass adds them.
-        sleeper = _SleepingTask.current()
-        if sleeper is not None:
+        if (task := running_task()) is not None:
             # An executor steps an awaiting task only when it has something else to do, and completing this
             # future gives it nothing to do.
-            waker = _task_waker(sleeper)
-            Future.add_done_callback(self, waker)
+            sleeper = _SleepingTask(task)
+            del task
+            Future.add_done_callback(self, sleeper.wake)
             try:
                 return cast(_Result, (yield from super().__await__()))
             finally:
                 sleeper.awake = True
-                Future.remove_done_callback(self, waker)
+                Future.remove_done_callback(self, sleeper.wake)
         if (loop := _running_loop()) is not None:
             # Without this, asyncio would poll.
             woken = loop.create_future()
-            waker, early = _loop_waker(loop, woken, 0.0), _loop_waker(loop, woken, GRACE_S)
+            waker = _loop_waker(loop, woken)
             Future.add_done_callback(self, waker)
-            self._wake_when_known(early)
             check = None if self.__in_vain is None or self.done() else ContextCheck(self)
             try:
                 yield from woken
@@ -148,27 +146,14 @@ class WakingFuture(HookedFuture, Generic[_Result]):
                 del check
                 # If the task was cancelled, leave nothing behind.
                 Future.remove_done_callback(self, waker)
-                self._do_not_wake(early)
-            if not self.done() and not self.cancelled():
-                return self._known_outcome()
         return cast(_Result, (yield from super().__await__()))
-
-    def _wake_when_known(self, waker: Callable[[Any], None]) -> None:
-        """Call this, in any thread, when the outcome is known before the future is done."""
-
-    def _do_not_wake(self, waker: Callable[[Any], None]) -> None:
-        """Undo :meth:`_wake_when_known`."""
 
     def is_in_vain(self) -> bool:
         """Whether a shutdown has ended the wait."""
         return self.__in_vain is not None and self.__in_vain()
 
-    def end_with_context(self) -> None:
+    def expire(self) -> None:
         """End the wait after a shutdown; called in any thread."""
-        raise NotImplementedError
-
-    def _known_outcome(self) -> _Result:
-        """Return the outcome of a future that is not done, but has woken what awaits it."""
         raise NotImplementedError
 
 
@@ -179,15 +164,9 @@ class _SleepingTask:
         self.awake = False
         self._task = weakref.ref(task)
 
-    @classmethod
-    def current(cls) -> "_SleepingTask | None":
-        """The task that executes the caller."""
-        task = running_task()
-        return None if task is None else cls(task)
-
-    def wake(self) -> None:
+    def wake(self, _: object = None) -> None:
         """Have the executor step the task, once none of its threads does."""
-        task = self._task()
+        task = None if self.awake else self._task()
         executor = None if task is None else task_executor(task)
         if task is None or executor is None:
             return
@@ -209,18 +188,6 @@ class _SleepingTask:
         self.wake()
 
 
-def _task_waker(sleeper: _SleepingTask) -> Callable[[Any], None]:
-    # The task refers to the future, which must not refer to the task.
-    reference = weakref.ref(sleeper)
-
-    def wake(_: Any) -> None:
-        sleeping = reference()
-        if sleeping is not None and not sleeping.awake:
-            sleeping.wake()
-
-    return wake
-
-
 def _running_loop() -> "asyncio.AbstractEventLoop | None":
     # If a loop runs, asyncio is loaded. It is not imported here: that takes a tenth of the time of importing
     # tf2_ros, and in a forked child it could wait forever for a thread of the parent that was importing it.
@@ -234,9 +201,7 @@ def _running_loop() -> "asyncio.AbstractEventLoop | None":
     return loop
 
 
-def _loop_waker(
-    loop: "asyncio.AbstractEventLoop", woken: "asyncio.Future[None]", delay_s: float
-) -> Callable[[Any], None]:
+def _loop_waker(loop: "asyncio.AbstractEventLoop", woken: "asyncio.Future[None]") -> Callable[[Any], None]:
     def end() -> None:
         if not woken.done():
             woken.set_result(None)
@@ -244,7 +209,7 @@ def _loop_waker(
     def wake(_: Any) -> None:
         # In a closed loop, nothing awaits any more.
         if not loop.is_closed():
-            loop.call_soon_threadsafe(loop.call_later, delay_s, end)
+            loop.call_soon_threadsafe(end)
 
     return wake
 
@@ -263,8 +228,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
         an infinite one: never.
 
     The thread that inserts the missing data completes it. Callbacks are user code, so if a receiver inserts
-    the data, the executor of the listener's node completes a future that has callbacks. An asyncio loop that
-    awaits it waits for that executor for GRACE_S at most.
+    the data, the executor of the listener's node completes a future that has callbacks.
 
     The future exists, and the wait continues, as long as something refers to it or it has a callback.
     """
@@ -288,8 +252,6 @@ class TransformFuture(WakingFuture[TransformStamped]):
         # be called after it.
         self.__ending = self.__is_due = False
         self.__claims = [None]  # the thread that pops it ends the wait
-        self.__outcome: Callable[[], Any] | None = None  # if it is known, and an executor will set it
-        self.__wakers: list[Callable[[Any], None]] = []
         self.__core: BufferCore | None = core
         self.__wait: Any = None
         self.__report: LongWait | None = None
@@ -328,7 +290,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
             return None
         if answer is None:
             return self.__end_in_vain()
-        return self.__end_with(lambda: answer, partial(self.succeed, answer))
+        return self.__end_with(partial(self.succeed, answer))
 
     def succeed(self, answer: Any) -> None:
         """Complete this with the answer."""
@@ -340,14 +302,6 @@ class TransformFuture(WakingFuture[TransformStamped]):
         if self.__claim():
             # Its traceback refers to this future, so only the collector would free both.
             super().set_exception(error.with_traceback(None))
-
-    def expire(self) -> None:
-        """End at the timeout: with the answer if it has just arrived, or with a TimeoutException."""
-        self.__end_unanswered()
-
-    def end_with_context(self) -> None:
-        """Do the same, because the context was shut down."""
-        self.__end_unanswered()
 
     def over(self) -> bool:
         """Whether the wait has ended in any way."""
@@ -391,29 +345,17 @@ class TransformFuture(WakingFuture[TransformStamped]):
                     TransformFuture._kept_alive.discard(self)
         return removed
 
-    def _wake_when_known(self, waker: Callable[[Any], None]) -> None:
-        with LOCK:
-            if self.__outcome is None:
-                self.__wakers.append(waker)
-                return
-        waker(self)
-
-    def _do_not_wake(self, waker: Callable[[Any], None]) -> None:
-        with LOCK, suppress(ValueError):  # it was woken
-            self.__wakers.remove(waker)
-
-    def _known_outcome(self) -> TransformStamped:
-        assert self.__outcome is not None
-        return self.__outcome()
-
     def __end_in_vain(self) -> Callable[[], None] | None:
         wait = self.__wait
         if wait is None:
             return None
-        error = wait.reason()
-        return self.__end_with(partial(_raise, error), partial(self.fail, error))
+        return self.__end_with(partial(self.fail, wait.reason()))
 
-    def __end_unanswered(self) -> None:
+    def expire(self) -> None:
+        """
+        End at the timeout, or because the context was shut down: with the answer if it has just arrived, or
+        with a TimeoutException.
+        """
         wait, core, poll = self.__wait, self.__core, self.__poll
         if core is not None and poll is not None:
             queue_of(core).put(partial(self.__end_poll, poll))
@@ -425,29 +367,21 @@ class TransformFuture(WakingFuture[TransformStamped]):
             rest = self.answered(answer)
         else:
             error = _unanswered(self.__shutdown, self.__begin_ns, self.__timeout_ns, wait.reason)
-            rest = self.__end_with(partial(_raise, error), partial(self.fail, error))
+            rest = self.__end_with(partial(self.fail, error))
         if rest is not None:
             queue_of(core).put(rest)
 
-    def __end_with(self, outcome: Callable[[], Any], end: Callable[[], None]) -> Callable[[], None] | None:
+    def __end_with(self, end: Callable[[], None]) -> Callable[[], None] | None:
         # Ends this if that runs no user code; otherwise returns the function that ends it.
         with LOCK:
-            if self.__callbacks == 0:
-                self.__ending, self.__is_due = True, False
-                end()
-                self.__ending = False
-                wakers = None
-            else:
-                if self.__outcome is None:
-                    self.__outcome = outcome
-                wakers, self.__wakers = self.__wakers, []
-        if wakers is None:
-            if self.__is_due:
-                self._tf2_completed()
-            return None
-        for waker in wakers:
-            waker(self)
-        return end
+            if self.__callbacks:
+                return end
+            self.__ending, self.__is_due = True, False
+            end()
+            self.__ending = False
+        if self.__is_due:
+            self._tf2_completed()
+        return None
 
     def _tf2_completed(self) -> None:
         with LOCK:
@@ -533,10 +467,6 @@ def _notify(reference: "weakref.ref[TransformFuture]") -> Callable[[Any], Callab
         return None if future is None else future.answered(answer)
 
     return notify
-
-
-def _raise(error: BaseException) -> None:
-    raise error
 
 
 def _unanswered(

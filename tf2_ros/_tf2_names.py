@@ -75,6 +75,7 @@ FrameGraphSrvRequest = TypeVar("FrameGraphSrvRequest")
 FrameGraphSrvResponse = TypeVar("FrameGraphSrvResponse")
 LookupTransformGoal = TypeVar("LookupTransformGoal")
 LookupTransformResult = TypeVar("LookupTransformResult")
+PyKDLType = TypeVar("PyKDLType")
 
 # Those that need ROS, if there is none.
 LACKING = [name for name in __all__ if name not in globals()]

@@ -3,8 +3,7 @@
 from geometry_msgs.msg import PointStamped, PoseStamped, PoseWithCovarianceStamped, Vector3Stamped
 from sensor_msgs.msg import PointCloud2
 
-from tf2_ros._tf2_names import Union
-from tf2_ros.buffer_interface import PyKDLType
+from tf2_ros._tf2_names import PyKDLType, Union
 
 # Typing's, as in tf2.
 MsgStamped = Union[PointStamped, PoseStamped, PoseWithCovarianceStamped, Vector3Stamped, PointCloud2]

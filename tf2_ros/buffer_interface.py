@@ -15,7 +15,7 @@ from tf2_ros._registration import (
     TypeException,
     convert,
 )
-from tf2_ros._tf2_names import add_names_of_tf2
+from tf2_ros._tf2_names import PyKDLType, add_names_of_tf2
 from tf2_ros_cython._presence import HAS_ROS
 
 if TYPE_CHECKING:
@@ -40,7 +40,6 @@ __all__ = [
 ]
 add_names_of_tf2(globals())
 
-PyKDLType = TypeVar("PyKDLType")
 TransformableObjectType = TypeVar("TransformableObjectType")
 
 _Object = TypeVar("_Object")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_ros_tools.output import counted, printable, three_digits, write_whole
-from tf2_ros_tools.program import UsageError, read_yaml
+from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import (
     Refused,
     Reported,
@@ -23,6 +23,7 @@ from tf2_ros_tools.streams import (
     newest_streams,
     path_to_root,
 )
+from tf2_ros_tools.yaml_files import NOT_NEGATIVE, Key, boolean, nonempty_text, read_keys, read_yaml
 
 if TYPE_CHECKING:
     from tf2_ros_tools.loading import Heard
@@ -39,15 +40,14 @@ class Expectation:
     max_future: float | None = None  # seconds by which its stamps may be in the future
 
 
-# By the name of the field: the type of its value, and what to call that type.
-_VALUES: Mapping[str, tuple[type | tuple[type, ...], str]] = {
-    "parent": (str, "a name"),
-    "static": (bool, "true or false"),
-    "min_rate": ((int, float), "a number"),
-    "max_delay": ((int, float), "a number"),
-    "max_future": ((int, float), "a number"),
+_KEYS = {
+    "parent": Key("a name", nonempty_text),
+    "static": Key("true or false", boolean),
+    "min_rate": NOT_NEGATIVE,
+    "max_delay": NOT_NEGATIVE,
+    "max_future": NOT_NEGATIVE,
 }
-assert set(_VALUES) == {field.name for field in fields(Expectation)}
+assert set(_KEYS) == {field.name for field in fields(Expectation)}
 
 
 def parse_expectations(document: Any) -> dict[str, Expectation]:
@@ -61,29 +61,16 @@ def parse_expectations(document: Any) -> dict[str, Expectation]:
     frames = document["frames"]
     if not isinstance(frames, dict):
         raise ValueError("frames must be the names of frames, each with what is expected of it")
-    return {_name(name): _expectation(name, given) for name, given in frames.items()}
+    return {
+        _name(name): Expectation(**read_keys(name, {} if given is None else given, _KEYS))
+        for name, given in frames.items()
+    }
 
 
 def _name(name: Any) -> str:
     if not isinstance(name, str):
         raise ValueError(f"{name!r} is not a frame's name")
     return name.removeprefix("/")
-
-
-def _expectation(name: Any, given: Any) -> Expectation:
-    if given is None:
-        return Expectation()
-    if not isinstance(given, dict):
-        raise ValueError(f"{name}: what is expected must be of the form parent: odom")
-    for key, value in given.items():
-        if key not in _VALUES:
-            raise ValueError(f"{name}: {key} is not one of {', '.join(_VALUES)}")
-        kinds, called = _VALUES[key]
-        if not isinstance(value, kinds) or (isinstance(value, bool) and kinds is not bool):
-            raise ValueError(f"{name}: {key} must be {called}, not {value!r}")
-        if value != value:
-            raise ValueError(f"{name}: {key} must be {called}, not NaN")
-    return Expectation(**given)
 
 
 # What may be wrong, in the order in which it is reported.

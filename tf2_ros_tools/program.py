@@ -23,12 +23,9 @@ from socket import socket, socketpair
 from textwrap import fill
 from time import monotonic
 from types import FrameType
-from typing import TYPE_CHECKING, Any, NoReturn, TextIO
+from typing import Any, NoReturn, TextIO
 
 from tf2_ros_tools.output import printable, write_whole
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 SUCCESS = 0
 FAILURE = 1
@@ -455,40 +452,6 @@ def write_output(path: str, data: bytes) -> None:
             write_whole(path, data)
         except OSError as failure:
             raise RunError(f"cannot write {path}: {failure.strerror}") from None
-
-
-def read_yaml(path: "str | Path", reader: str) -> Any:
-    """
-    Read a YAML file.
-
-    :param reader: what needs PyYAML for it, for the error.
-    :raises RunError: PyYAML is not installed.
-    :raises UsageError: the file cannot be read, or is not YAML.
-    """
-    try:
-        import yaml
-    except ModuleNotFoundError:
-        raise RunError(f"{reader} needs the Python package PyYAML: pip install PyYAML") from None
-    try:
-        with open(path, encoding="utf-8") as file:
-            return yaml.safe_load(file)
-    except OSError as refusal:
-        raise UsageError(f"cannot read {path}: {refusal.strerror}") from None
-    except (ValueError, RecursionError, yaml.YAMLError) as refusal:  # a wrong date is a ValueError
-        raise UsageError(f"{path} is not YAML: {refusal}") from None
-
-
-def read_list(path: "Path", reader: str, what: str) -> list[Any]:
-    """
-    Read a YAML file that contains a list.
-
-    :param what: what the list contains, for the error.
-    :raises RunError, UsageError: see :func:`read_yaml`; or it does not contain a list with entries.
-    """
-    entries = read_yaml(path, reader)
-    if not isinstance(entries, list) or not entries:
-        raise UsageError(f"{path} must contain a list of {what}")
-    return entries
 
 
 # Options that several programs have.

@@ -4,19 +4,27 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from tf2_py import BufferCore, FrameInfo, TransformException
 from tf2_ros import TransformStamped
 from tf2_ros_tools.output import not_known
-from tf2_ros_tools.program import UsageError, read_list
+from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import path_to_root
+from tf2_ros_tools.yaml_files import (
+    LAST_S,
+    NOT_NEGATIVE,
+    Key,
+    boolean,
+    nonempty_text,
+    number_in,
+    read_keys,
+    read_list,
+)
 
 S = 1_000_000_000
 LATEST = 0  # asks a buffer for the newest time at which it has everything that a lookup needs
-LAST_S = 2**31 - 1  # the last stamp that a message can hold
 NOW = "now"
 TOPICS = DYNAMIC, STATIC = "/tf", "/tf_static"
 POSES = "PoseStamped", "Odometry"
@@ -62,23 +70,13 @@ class Rule:
 # Read rules.
 
 
-class _Key(NamedTuple):
-    expected: str
-    read: Callable[[Any], Any]  # raises a ValueError, or returns None, for what is not as expected
-    is_required: bool = False
-
-
-def _text(value: Any) -> str | None:
-    return value if isinstance(value, str) and value else None
-
-
 def _topic(value: Any) -> str | None:
     is_topic = isinstance(value, str) and re.fullmatch(r"(~?/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", value, re.ASCII)
     return value if is_topic else None
 
 
 def _frame(value: Any) -> str | None:
-    return _text(value.removeprefix("/")) if isinstance(value, str) else None
+    return nonempty_text(value.removeprefix("/")) if isinstance(value, str) else None
 
 
 def _names(read: Callable[[Any], str | None], count: int | None = None) -> Callable[[Any], Any]:
@@ -92,18 +90,8 @@ def _names(read: Callable[[Any], str | None], count: int | None = None) -> Calla
     return read_names
 
 
-def _number(least: float, most: float = LAST_S) -> Callable[[Any], float | None]:
-    def read_number(value: Any) -> float | None:
-        # YAML reads 1e-3 as a string.
-        if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-            return None
-        return number if least <= (number := float(value)) <= most else None
-
-    return read_number
-
-
 def _shift(value: Any) -> Any:
-    return value if value == NOW else _number(-LAST_S)(value)
+    return value if value == NOW else number_in(-LAST_S)(value)
 
 
 def _new_names(value: Any) -> dict[str | None, str | None] | None:
@@ -114,32 +102,31 @@ def _new_names(value: Any) -> dict[str | None, str | None] | None:
 
 
 _TWO_TOPICS = "two topics, for dynamic and static transforms, such as [/relay/tf, /relay/tf_static]"
-_FRAMES = _Key("the name of a frame, or a list of names", _names(_frame))
-_LIMIT = _Key("a number that is not negative", _number(0.0))
+_FRAMES = Key("the name of a frame, or a list of names", _names(_frame))
 _KEYS_OF_THRESHOLD = {
-    "translation": _LIMIT._replace(is_required=True),
-    "rotation": _LIMIT._replace(is_required=True),
-    "repeat": _LIMIT,
+    "translation": NOT_NEGATIVE._replace(is_required=True),
+    "rotation": NOT_NEGATIVE._replace(is_required=True),
+    "repeat": NOT_NEGATIVE,
 }
 _KEYS = {
-    "name": _Key("a text", _text),
-    "from": _Key(_TWO_TOPICS, _names(_topic, 2)),
-    "to": _Key(_TWO_TOPICS, _names(_topic, 2), is_required=True),
-    "rate": _Key("a number of Hz from 0.0001 to 1000", _number(0.0001, 1000.0)),
-    "threshold": _Key("a mapping", lambda value: value),
-    "prefix": _Key("a text", _text),
-    "rename": _Key("a mapping from names of frames to different new names", _new_names),
-    "shift": _Key(f"a number of seconds, or {NOW}", _shift),
+    "name": Key("a text", nonempty_text),
+    "from": Key(_TWO_TOPICS, _names(_topic, 2)),
+    "to": Key(_TWO_TOPICS, _names(_topic, 2), is_required=True),
+    "rate": Key("a number of Hz from 0.0001 to 1000", number_in(0.0001, 1000.0)),
+    "threshold": Key("a mapping", lambda value: value),
+    "prefix": Key("a text", nonempty_text),
+    "rename": Key("a mapping from names of frames to different new names", _new_names),
+    "shift": Key(f"a number of seconds, or {NOW}", _shift),
     "frames": _FRAMES,
     "subtree": _FRAMES,
     "exclude": _FRAMES,
-    "collapse": _Key("true or false", lambda value: value if isinstance(value, bool) else None),
-    "as": _Key(f"one of {', '.join(POSES)}", lambda value: value if value in POSES else None),
+    "collapse": Key("true or false", boolean),
+    "as": Key(f"one of {', '.join(POSES)}", lambda value: value if value in POSES else None),
 }
 _KEYS_OF_POSE = {
     **{key: one for key, one in _KEYS.items() if key not in ("subtree", "exclude", "collapse")},
-    "to": _Key("one topic, for a pose", _names(_topic, 1), is_required=True),
-    "frames": _Key("[PARENT, CHILD], for a pose", _names(_frame, 2), is_required=True),
+    "to": Key("one topic, for a pose", _names(_topic, 1), is_required=True),
+    "frames": Key("[PARENT, CHILD], for a pose", _names(_frame, 2), is_required=True),
 }
 
 
@@ -159,35 +146,16 @@ def read_rules(path: Path, resolve: Callable[[str], str]) -> list[Rule]:
     return rules
 
 
-def _read(label: str, given: Any, keys: Mapping[str, _Key]) -> dict[str, Any]:
-    required = [key for key in keys if keys[key].is_required]
-    if not isinstance(given, dict):
-        raise ValueError(f"{label} must be a mapping with {' and '.join(required)}, not {given!r}")
-    for key in given:
-        if key not in keys:
-            near = get_close_matches(str(key), keys, n=1)
-            advice = f"did you mean {near[0]}?" if near else f"the keys are {', '.join(keys)}"
-            raise ValueError(f"{label}: {key!r} is not a key; {advice}")
-    read = {}
-    for key in dict.fromkeys([*given, *required]):
-        try:
-            read[key] = keys[key].read(given.get(key))
-        except (ValueError, OverflowError):
-            read[key] = None
-        if read[key] is None:
-            found = f", not {given[key]!r}" if key in given else ""
-            raise ValueError(f"{label}: {key} must be {keys[key].expected}{found}")
-    return read
-
-
 def _rule(label: str, given: Any, resolve: Callable[[str], str]) -> Rule:
     is_mapping = isinstance(given, dict)
-    if is_mapping and _text(given.get("name")) is not None:
+    if is_mapping and nonempty_text(given.get("name")) is not None:
         label = f"{label} ({given['name']})"
-    read = _read(label, given, _KEYS_OF_POSE if is_mapping and "as" in given else _KEYS)
+    read = read_keys(label, given, _KEYS_OF_POSE if is_mapping and "as" in given else _KEYS)
     read.pop("name", None)
     if "threshold" in read:
-        read["threshold"] = Threshold(**_read(f"{label}: threshold", read["threshold"], _KEYS_OF_THRESHOLD))
+        read["threshold"] = Threshold(
+            **read_keys(f"{label}: threshold", read["threshold"], _KEYS_OF_THRESHOLD)
+        )
     shift = read.pop("shift", 0.0)
     try:
         source, to = tuple(map(resolve, read.pop("from", TOPICS))), tuple(map(resolve, read.pop("to")))

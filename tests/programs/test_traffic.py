@@ -690,7 +690,7 @@ class TestExpectations:
         path = tmp_path / "robot.yaml"
         path.write_text(
             "frames:\n"
-            "  /base: {parent: odom, min_rate: 20, max_delay: 0.1, static: false}\n"
+            "  /base: {parent: odom, min_rate: 20, max_delay: 1e-1, static: false}\n"
             "  odom: {max_future: 1}\n"
             "  camera:\n",
             encoding="utf-8",
@@ -708,14 +708,19 @@ class TestExpectations:
             ("frame: {}", "one key, frames"),
             ("frames: [base]", "the names of frames"),
             ("frames: {1: {}}", "1 is not a frame's name"),
-            ("frames: {base: odom}", "base: what is expected must be"),
-            ("frames: {base: {rate: 3}}", "base: rate is not one of parent, static"),
-            ("frames: {base: {min_rate: fast}}", "base: min_rate must be a number, not 'fast'"),
+            ("frames: {base: odom}", "base must be a mapping with parent and static and "),
+            ("frames: {base: {rate: 3}}", "base: 'rate' is not a key; did you mean min_rate"),
+            ("frames: {base: {min_rate: fast}}", "base: min_rate must be a number that .*, not 'fast'"),
             ("frames: {base: {min_rate: true}}", "base: min_rate must be a number"),
-            ("frames: {base: {min_rate: .nan}}", "base: min_rate must be a number, not NaN"),
+            ("frames: {base: {min_rate: .nan}}", "base: min_rate must be a number"),
+            (
+                "frames: {base: {min_rate: -5}}",
+                "base: min_rate must be a number that .*, not -5",
+            ),
             ("frames: {base: {static: 1}}", "base: static must be true or false"),
             ("frames: {base: {parent: 1}}", "base: parent must be a name"),
             ("frames: {", "while parsing"),
+            (f"frames: {5000 * '['}", "is not YAML"),
         ],
     )
     def test_what_is_not_understood_is_told(self, text, said, tmp_path):

@@ -19,10 +19,10 @@ from tf2_ros_tools.program import (
     UsageError,
     deferred_signals,
     finite_number,
-    read_list,
     run,
     wait_for_signal,
 )
+from tf2_ros_tools.yaml_files import read_list
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import TransformStamped

@@ -5,7 +5,6 @@ import gc
 import importlib
 import os
 import random
-import re
 import signal
 import subprocess
 import sys
@@ -23,17 +22,10 @@ from tf2_ros_cython._ros import running_release
 DOMAINS = range(1, 102)  # the ports of higher ones may be taken by the system
 
 
-def _domains_in_shared_memory():
-    # Of programs that run, and of some that were killed: Fast DDS may wait for locks that these held.
-    ports = (re.search(r"port(\d+)", path.name) for path in Path("/dev/shm").glob("*fastrtps_port*"))
-    return {(int(port[1]) - 7400) // 250 for port in ports if port}
-
-
 def _claim_domain():
     # The lock is held as long as this process lives: simultaneous test runs must not share topics. Nor do the
     # processes of one run, `pytest -n`.
-    domains = random.sample(DOMAINS, len(DOMAINS))
-    for domain in sorted(domains, key=_domains_in_shared_memory().__contains__):
+    for domain in random.sample(DOMAINS, len(DOMAINS)):
         lock = open(Path(tempfile.gettempdir()) / f"tf2-ros-cython-domain-{domain}.lock", "w")
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -53,6 +45,8 @@ os.environ["ROS_LOG_DIR"] = _log_folder.name
 # Kilted warns of the variable that Jazzy reads, also in programs that must print nothing.
 _profiles = "FASTRTPS" if running_release() == "Jazzy" else "FASTDDS"
 os.environ[f"{_profiles}_DEFAULT_PROFILES_FILE"] = str(SUPPORT / "fastdds.xml")
+# Not through shared memory: tests kill processes, and the others may then wait for locks that these held.
+os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
 os.environ.pop("ROS_LOCALHOST_ONLY", None)  # it would override the line before
 os.environ.pop("TF2_SHARED_BUFFER", None)  # listeners would not subscribe
 # For the tests' own programs.

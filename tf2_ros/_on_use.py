@@ -17,7 +17,6 @@ SOURCES = {
     "MsgStamped": "tf2_ros._tf2_types",
     "PointCloud2": "sensor_msgs.msg",
     "PointStamped": "geometry_msgs.msg",
-    "PoseStamped": "geometry_msgs.msg",
     "PoseWithCovarianceStamped": "geometry_msgs.msg",
     "TransformableObject": "tf2_ros._tf2_types",
     "Vector3Stamped": "geometry_msgs.msg",

@@ -186,7 +186,8 @@ def hide_from_executors(subscription: Subscription, is_hidden: bool = True) -> N
     Assumes that they skip an entity whose ``_executor_event`` is set, as if an executor were about to take
     from it. An executor that ignores it takes messages, too, and inserts them by the subscription's callback.
     """
-    for entity in (subscription, *subscription.event_handlers):
+    events: Any = subscription.event_handlers  # rclpy declares them as one
+    for entity in (subscription, *events):
         entity._executor_event = is_hidden
 
 

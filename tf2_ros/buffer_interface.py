@@ -7,6 +7,7 @@ from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros import _on_use
 from tf2_ros._arguments import has, is_name, swapped
 from tf2_ros._messages import Header, TransformStamped, time_msg
+from tf2_ros._messages import PoseStamped as PoseStamped
 from tf2_ros._messages import Time as TimeMsg
 from tf2_ros._registration import (
     ConvertRegistration,

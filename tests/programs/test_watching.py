@@ -177,7 +177,7 @@ class TestCheck:
         [
             (["-t", "0"], "argument -t: must be above 0, not 0"),
             (["--ignore", "weather"], "--ignore: weather is not one of nothing, clock, roots"),
-            (["--expect", "/no/such/file"], "/no/such/file: No such file or directory"),
+            (["--expect", "/no/such/file"], "cannot read /no/such/file: No such file or directory"),
             (["--junit", "/no/such/folder/x.xml", "-t", "0.1"], "/no/such/folder/x.xml: No such file"),
         ],
     )
@@ -192,7 +192,7 @@ class TestCheck:
         path.write_text("frames: {odom: {rate: 3}}")
         status, _, err = ended("tf2_check", "--expect", str(path))
         assert status == 2
-        assert err.startswith(f"tf2_check: {path}: odom: rate is not one of parent, static, min_rate")
+        assert err.startswith(f"tf2_check: {path}: odom: 'rate' is not a key; did you mean min_rate?")
 
     def test_interrupted_it_has_no_verdict(self, peer):
         with running("tf2_check", "-t", "3600", "--ros-args", *ALONE) as process:

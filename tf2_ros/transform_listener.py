@@ -68,14 +68,16 @@ class TransformListener:
     :param qos: a profile, or the depth of the queue, for dynamic transforms. None: volatile, depth 100, which
         parameters of the node may override.
     :param static_qos: the same for static transforms. None: transient local, depth 100.
-    :param tf_topic: the topic of dynamic transforms.
+    :param tf_topic: the topic of dynamic transforms. Unlike the default, a name without a leading ``/`` is in
+        the namespace of the node.
     :param tf_static_topic: the topic of static transforms.
-    :param static_only: do not subscribe to dynamic transforms.
+    :param static_only: do not subscribe to dynamic transforms, as in :class:`StaticTransformListener`.
     :param prefix: put before the names of all frames that arrive, as in ``"robot1/"``. Several listeners may
         fill one buffer with the transforms of several robots.
     :param recording: a :class:`tf2_ros.records.Recording`, which records the sender and time of each
-        transform.
-    :raises NotImplementedError: ``recording`` is given, but an executor would take the messages, see below.
+        transform. Call its ``take`` regularly: it has a limited capacity.
+    :raises NotImplementedError: ``recording`` is given, but the listener would not take all messages itself:
+        an executor would, see below, or the buffer is attached to that of another process.
 
     What has arrived is inserted before the buffer is read, whether the node is spun or not, and while
     callbacks block. In some cases the executor that spins the node inserts it instead: if a subclass
@@ -161,6 +163,11 @@ class TransformListener:
                 if prefix and self._attachment is not None:
                     raise ValueError(
                         "a listener of an attached buffer takes no prefix: its owner names frames"
+                    )
+                if recording is not None and self._attachment is not None:
+                    raise NotImplementedError(
+                        "who sends transforms cannot be recorded here: the listener of an attached buffer "
+                        "subscribes to nothing"
                     )
             if self._attachment is None:
                 self._listen_itself()
@@ -406,6 +413,8 @@ class TransformListener:
         ]
         if (
             subscriptions
+            # A recording of some topics would look complete.
+            and (self._recording is None or len(subscriptions) == len(topics))
             and self._direct_buffer() is not None
             and can_receive()
             and isinstance(self.node, Node)

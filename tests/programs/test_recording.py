@@ -123,15 +123,25 @@ def test_many_names_arrive_whole(heard, peer):
     assert recording.frames() is recording.frames()
 
 
-def test_a_listener_that_cannot_record_says_so(tf2_ros, node):
-    class Listener(tf2_ros.TransformListener):
-        def callback(self, data):
-            super().callback(data)
+@pytest.mark.parametrize("overridden", [("callback",), ("static_callback",), ("callback", "static_callback")])
+def test_a_listener_that_cannot_record_every_topic_says_so(tf2_ros, node, overridden):
+    def insert(self, data):
+        for transform in data.transforms:
+            self.buffer.set_transform(transform, "example")
 
-        static_callback = callback
-
+    listener = type("Listener", (tf2_ros.TransformListener,), dict.fromkeys(overridden, insert))
     with pytest.raises(NotImplementedError, match="cannot be recorded here: code of this program handles"):
-        Listener(tf2_ros.Buffer(node=node), node, recording=Recording())
+        listener(tf2_ros.Buffer(node=node), node, recording=Recording())
+
+
+def test_a_listener_of_an_attached_buffer_cannot_record(tf2_ros, node, request):
+    name = f"recording-{abs(hash(request.node.nodeid)) % 10**8}"
+    owner = tf2_ros.Buffer(share=name)
+    with (
+        tf2_ros.TransformListener(owner, node),
+        pytest.raises(NotImplementedError, match="the listener of an attached buffer"),
+    ):
+        tf2_ros.TransformListener(tf2_ros.Buffer(attach=name), node, recording=Recording())
 
 
 def test_a_new_recording_is_empty():

@@ -348,7 +348,8 @@ class Buffer(BufferCore, AnsweringInterface):
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
         :raises TypeError: see :meth:`lookup_transform`.
 
-        A coroutine for asyncio and for rclpy's executors.
+        A coroutine for asyncio and for rclpy's executors. A callback of rclpy that awaits it should have a
+        ``ReentrantCallbackGroup``: in the node's default group, no other callback runs meanwhile.
         """
         arguments = (target_frame, source_frame, time)
         answer = await self.wait_for_transform_async(*arguments, timeout=timeout, **policy)

@@ -111,6 +111,29 @@ def test_the_first_robot_ends_on_ctrl_c_without_a_traceback(tmp_path):
     assert (robot.returncode, errors) == (0, "")
 
 
+def test_the_recorder_saves_what_it_received_until_ctrl_c(tmp_path, peer):
+    code = named_programs(ROOT / "docs" / "recordings.md")["record.py"]
+    # It says when it has received everything: interrupted before that, there might be nothing to save.
+    received = 'print(buffer.can_transform("map", "camera", 1_000_000_000, timeout=60), flush=True)'
+    code = code.replace("        time.sleep(60)", f"        {received}\n        time.sleep(60)")
+    with subprocess.Popen(
+        [sys.executable, "-c", code], cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as recorder:
+        try:
+            assert recorder.stdout.readline() == "Recording for 60 s, or until Ctrl-C\n"
+            robot = peer()
+            robot.send(("base_link", "camera", 0, 0.5), static=True)
+            robot.send(("map", "base_link", 1_000_000_000, 1.0))
+            assert recorder.stdout.readline() == "True\n"
+            recorder.send_signal(signal.SIGINT)
+            _, errors = recorder.communicate(timeout=DEADLINE_S)
+        finally:
+            recorder.kill()
+    assert (recorder.returncode, errors) == (0, "")
+    buffer = importlib.import_module("tf2_ros.bag").load(tmp_path / "live.mcap")
+    assert buffer.lookup_transform("map", "camera", 1_000_000_000).transform.translation.x == 1.5
+
+
 def test_the_node_of_getting_started_finds_the_camera(tmp_path):
     page = ROOT / "docs" / "getting-started.md"
     with (

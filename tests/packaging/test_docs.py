@@ -35,7 +35,8 @@ pytestmark = pytest.mark.ours
 
 by_name = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 
-APPLIED = {"cython": "packaging/test_adding_a_type.py"}  # by that test, which reads the page
+# By these tests, which read the page.
+APPLIED = {"cython": "packaging/test_adding_a_type.py", "toml": "packaging/test_typing.py"}
 
 
 @by_name

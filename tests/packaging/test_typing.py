@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import pytest
-from pages import PAGES, program, provide_torch
+from pages import PAGES, blocks, program, provide_torch
 from paths import ROOT, SUPPORT
 from processes import DEADLINE_S
 from public_names import MODULES, OURS
@@ -33,8 +33,8 @@ TYPED = SUPPORT / "typed"
 EVERY_NAME, MISTAKES = "every_name.py", "mistakes.py"
 # Its program is for an environment without ROS 2, where messages have no types.
 WITHOUT_ROS = "installing.md"
-# Their messages have no types: mypy takes them for Any, pyright reads their source.
-MESSAGES = ("builtin_interfaces", "geometry_msgs", "nav_msgs", "sensor_msgs", "std_msgs", "tf2_msgs")
+# Has mypy's settings. Messages have no types: mypy takes them for Any, pyright reads their source.
+SETTINGS = ROOT / "docs" / "types.md"
 OF_MESSAGES = "# wrong for pyright"
 CHECK_S = 15 * DEADLINE_S  # a checker reads NumPy's types, too
 
@@ -82,8 +82,8 @@ def folder(tmp_path_factory):
     for name in (EVERY_NAME, MISTAKES):
         shutil.copy(TYPED / name, folder)
     provide_torch(folder)
-    untyped = "\n".join(f"[mypy-{package}.*]\nignore_missing_imports = True" for package in MESSAGES)
-    (folder / "mypy.ini").write_text(f"[mypy]\n{untyped}\n")
+    [settings] = [block.code for block in blocks(SETTINGS) if block.language == "toml"]
+    (folder / "pyproject.toml").write_text(settings)
     return folder
 
 
@@ -92,7 +92,8 @@ def programs(folder):
 
 
 def by_mypy(folder):
-    # On PYTHONPATH, and not on mypy's own path, this project is what an installed package is.
+    # On PYTHONPATH, and not on mypy's own path, this project is what an installed package is. The option
+    # overrides the setting that allows calls of untyped functions: this project has none.
     ended = run(folder, "mypy", "--strict", "--cache-dir=cache", *programs(folder))
     assert ended.returncode in (0, 1), ended.stdout + ended.stderr
     return re.findall(r"^(\S+):(\d+): error: (.*)$", ended.stdout, re.MULTILINE)
@@ -144,6 +145,43 @@ def test_the_programs_of_the_documentation_are_accepted(errors):
         for error in found
         if not re.search(r"\[(no-untyped-(def|call)|no-any-return|import-untyped)\]$", error[2])
     ] == []
+
+
+A_NODE = """\
+import rclpy
+from geometry_msgs.msg import PointStamped
+from rclpy.node import Node
+from rclpy.time import Time
+from std_srvs.srv import Trigger
+from tf2_ros import Buffer, TransformListener
+
+
+class Finder(Node):
+    def __init__(self) -> None:
+        super().__init__("finder")
+        self.buffer = Buffer(node=self)
+        self.listener = TransformListener(self.buffer, self)
+        self.create_subscription(PointStamped, "point", self.on_point, 10)
+        self.create_service(Trigger, "find", self.find)
+
+    def on_point(self, point: PointStamped) -> None:
+        self.get_logger().info(str(self.buffer.transform(point, "map").point.x))
+
+    async def find(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        await self.buffer.lookup_transform_async("map", "base_link", Time(), timeout=1.0)
+        return response
+
+
+rclpy.init()
+rclpy.spin(Finder())
+"""
+
+
+def test_a_node_is_accepted_with_the_settings_of_the_page_and_not_without(folder, tmp_path):
+    for place, accepted in ((folder, True), (tmp_path, False)):
+        (place / "node.txt").write_text(A_NODE)  # not one of the programs
+        ended = run(place, "mypy", "--cache-dir=cache", *([] if accepted else ["--strict"]), "node.txt")
+        assert (ended.returncode == 0) == accepted, ended.stdout + ended.stderr
 
 
 def test_mistakes_are_found_and_nothing_else(request, errors):

@@ -156,9 +156,9 @@ def find(
         expected = expectations.get(frame, Expectation())
         found += _of_frame(frame, own, alive)
         found += _as_expected(frame, newest_streams(own)[frame], expected)
-        for stream in own:
-            if not stream.static:
-                found += _of_stream(stream, limits, expected, recorded)
+        moving = [one for one in own if not one.static]
+        for stream in moving:
+            found += _of_stream(stream, _told_apart(stream, moving), limits, expected, recorded)
     # The static transforms of a publisher that has exited no longer reach anybody.
     refused = [one for one in refused if not one.static or alive is None or one.publisher_id in alive]
     found += map(_of_refused, refused)
@@ -209,42 +209,59 @@ def _of_frame(frame: str, own: Sequence[Stream], alive: Collection[int] | None) 
         yield Finding("mixed", frame, text, {"static": still, "dynamic": moving})
 
 
+def _told_apart(stream: Stream, others: Sequence[Stream]) -> str:
+    """A name for one of the dynamic streams of a frame, with what the others do not share."""
+    text = stream.frame
+    if any(one.parent != stream.parent for one in others):
+        text += f" in {stream.parent}"
+    if any(one.publisher_id != stream.publisher_id for one in others):
+        text += f" by {stream.publisher}"
+    namesakes = sorted({one.publisher_id for one in others if one.publisher == stream.publisher})
+    if len(namesakes) > 1:
+        text += f" ({namesakes.index(stream.publisher_id) + 1} of {len(namesakes)} of this name)"
+    return text
+
+
 def _of_refused(one: Refused) -> Finding:
     which = f"{one.count} of {one.received} transforms of {one.frame or repr('')} by {one.publisher}"
     numbers = {"refused": one.count, "received": one.received, "publisher": one.publisher}
     return Finding("refused", one.frame, f"{which} are refused: {one.because}", numbers)
 
 
-def _of_stream(stream: Stream, limits: Limits, expected: Expectation, recorded: bool) -> Iterator[Finding]:
+def _of_stream(
+    stream: Stream, name: str, limits: Limits, expected: Expectation, recorded: bool
+) -> Iterator[Finding]:
     frame = stream.frame
     future = limits.future if expected.max_future is None else expected.max_future
     if stream.delay_min is not None and -stream.delay_min > future:
         ahead = -stream.delay_min
         yield Finding(
-            "future", frame, f"{frame} is stamped up to {three_digits(ahead)} s ahead", {"ahead": ahead}
+            "future", frame, f"{name} is stamped up to {three_digits(ahead)} s ahead", {"ahead": ahead}
         )
     if stream.period is not None:
-        yield from _of_intervals(stream, stream.period, limits, recorded)
+        yield from _of_intervals(stream, name, stream.period, limits, recorded)
     min_rate = limits.min_rate if expected.min_rate is None else expected.min_rate
     rate = stream.rate if recorded and stream.rate is not None else _rate_at_most(stream)
     if min_rate is not None and rate is not None and rate < min_rate:
-        text = f"{frame} is published at {three_digits(rate)} Hz, less than {min_rate:g} Hz"
+        text = f"{name} is published at {three_digits(rate)} Hz, less than {min_rate:g} Hz"
         yield Finding("rate", frame, text, {"rate": rate, "min_rate": min_rate})
 
 
-def _of_intervals(stream: Stream, period: float, limits: Limits, recorded: bool) -> Iterator[Finding]:
+def _of_intervals(
+    stream: Stream, name: str, period: float, limits: Limits, recorded: bool
+) -> Iterator[Finding]:
     since = "before the end" if recorded else "ago"
     frame, usual = stream.frame, f"its period is {three_digits(period)} s"
     longest = max(limits.stale, limits.stale_periods * period)
     if stream.silence > longest:
-        text = f"{frame} was last received {three_digits(stream.silence)} s {since}; {usual}"
+        text = f"{name} was last received {three_digits(stream.silence)} s {since}; {usual}"
         yield Finding("stale", frame, text, {"silence": stream.silence})
     elif stream.stalled > longest:
-        text = f"{frame} has had no newer stamp for {three_digits(stream.stalled)} s; {usual}"
+        text = f"{name} has had no newer stamp for {three_digits(stream.stalled)} s; {usual}"
         yield Finding("stale", frame, text, {"stalled": stream.stalled})
     longest = max(limits.gap, limits.gap_periods * period)
     if stream.count >= limits.gap_count and stream.gap > longest:
-        text = f"{frame} was not received for {three_digits(stream.gap)} s; {usual}"
+        text = f"{name} was not received for {three_digits(stream.gap)} s; {usual}"
         yield Finding("gap", frame, text, {"gap": stream.gap})
 
 

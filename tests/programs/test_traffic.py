@@ -4,7 +4,7 @@ import math
 import random
 import statistics
 from argparse import Namespace
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -475,6 +475,24 @@ class TestFindings:
         assert one.numbers["ahead"] == pytest.approx(0.5)
         assert found(steady("odom", delay=-0.05)) == []
         assert found(steady("odom", delay=-0.5), expected={"odom": Expectation(max_future=1.0)}) == []
+
+    def test_which_of_a_frames_publishers_is_meant(self):
+        other = steady("odom", delay=-1, publisher="/other", start=0.01)
+        said = [one.text for one in found(steady("odom", delay=-1), other) if one.kind == "future"]
+        assert sorted(said) == [
+            f"odom by {name} is stamped up to 1 s ahead" for name in ("/odometry", "/other")
+        ]
+        streams = streams_of(steady("odom", delay=-1), other)
+        streams = [replace(one, publisher="/started_twice") for one in streams]
+        said = [one.text for one in find(streams, DEFAULTS) if one.kind == "future"]
+        assert sorted(text.partition(" is stamped")[0] for text in said) == [
+            f"odom by /started_twice ({number} of 2 of this name)" for number in (1, 2)
+        ]
+
+    def test_which_of_a_frames_parents_is_meant(self):
+        mine = steady("base", "odom", delay=-1), steady("base", "map", delay=-1, start=0.01)
+        said = [one.text for one in found(*ROBOT[:1], *mine) if one.kind == "future"]
+        assert sorted(said) == [f"base in {name} is stamped up to 1 s ahead" for name in ("map", "odom")]
 
     def test_a_gap(self):
         [one] = found(steady("odom", end=1), steady("odom", start=2))

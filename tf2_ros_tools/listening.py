@@ -134,6 +134,10 @@ def filled_buffer(
 
 
 DRAIN_S = 1.0  # the longest time between two calls of `drain`
+# After this time, also on a busy machine, DDS has discovered what there is: its announcements are repeated
+# every three seconds.
+DISCOVERY_S = 5.0
+UNTIL_DISCOVERED = {"nothing", "clock", "roots", "missing"}  # kinds of findings that discovery may explain
 UNKNOWN_NODE = (
     "_NODE_NAME_UNKNOWN_"  # of an endpoint whose node the graph does not know yet, or no longer knows
 )
@@ -160,6 +164,7 @@ class Report:
     messages: int
     malformed: int  # messages that could not be read
     lost: int  # transforms that arrived faster than they could be recorded
+    discovering: bool  # some findings are left out, because discovery may still explain them
 
 
 class Listening:
@@ -185,6 +190,7 @@ class Listening:
         self.where = f"on {' and '.join(self.topics)} in ROS domain {node.context.get_domain_id()}"
         self._streams = Streams(window_s)
         self._settling = Settling()
+        self._discovered = time.monotonic() + DISCOVERY_S
         self._names: dict[bytes, str] = {}  # of publishers, by gid
 
     def listen(self, seconds: float, kept: list[NDArray[np.void]] | None = None) -> None:
@@ -195,6 +201,10 @@ class Listening:
             records = self.drain()
             if kept is not None:
                 kept.append(records)
+
+    def finish_discovery(self) -> None:
+        """Listen until reports leave out nothing, see ``Report.discovering``."""
+        self.listen(self._discovered - time.monotonic())
 
     def drain(self) -> NDArray[np.void]:
         """Account for everything that has arrived since the last call, and return its records."""
@@ -228,6 +238,11 @@ class Listening:
         findings = find(
             streams, limits, expectations, alive_ids, refused=refused, jump_back=jump_back, where=self.where
         )
+        discovering = False
+        if time.monotonic() < self._discovered:
+            kept = [one for one in findings if one.kind not in UNTIL_DISCOVERED]
+            discovering = len(kept) < len(findings)
+            findings = kept
         return Report(
             time=now_ns / S,
             streams=streams,
@@ -237,6 +252,7 @@ class Listening:
             messages=self._recording.messages,
             malformed=self._recording.malformed,
             lost=self._recording.lost,
+            discovering=discovering,
         )
 
     def _look_up_publishers(self) -> set[bytes]:

@@ -156,10 +156,9 @@ class TestCheck:
         # On a busy machine, discovery may need the announcements that follow after three seconds.
         options = ("-t", "8", "--junit", str(junit), "--ros-args", *topics)
         with running("tf2_check", *options) as process:
-            stamp = 2 * S
             while process.poll() is None:
+                stamp = time.time_ns()
                 talker.send_without_subscriber((HOSTILE, "a", stamp, 1.0), ("other", "b", stamp, 1.0))
-                stamp += S // 20
                 threading.Event().wait(0.05)  # as a robot does
             out, _ = process.communicate(timeout=DEADLINE_S)
         said = f"2 unconnected trees: other (2 frames), {ESCAPED} (2 frames)"
@@ -171,6 +170,13 @@ class TestCheck:
         silence = "no transform was received on /tf_alone and /tf_static_alone in ROS domain"
         assert status == 1
         assert re.fullmatch(rf"nothing: {silence} \d+", out.splitlines()[0])
+        # After the time that discovery may take.
+        assert out.splitlines()[1] == "wrong: 1 finding in 0 frames, 0 messages and 5 s"
+
+    def test_what_is_not_discovered_yet_is_no_finding(self, robot):
+        status, out, err = ended("tf2_check", "-t", "0.01", *TOLERANT)
+        assert (status, err) == (0, "")
+        assert re.fullmatch(r"ok: no findings in 4 frames, .*\n", out)
 
     @pytest.mark.parametrize(
         ("given", "said"),
@@ -265,11 +271,12 @@ class TestMonitor:
     def test_a_pipe_gets_problems_after_all_of_that(self):
         with running("tf2_monitor", "--interval", "1", "--ros-args", *ALONE) as process:
             assert process.stdout.readline() == "Gathering data on all frames for 1 second...\n"
-            wanted = ["", "", "", "RESULTS: for all Frames", "", "Frames:", "", "All Broadcasters:", ""]
-            lines = [process.stdout.readline().rstrip("\n") for _ in range(len(wanted) + 2)]
-        silence = "no transform was received on /tf_alone and /tf_static_alone in ROS domain"
-        assert lines[:-1] == [*wanted, "Problems:"]
-        assert re.fullmatch(rf"{silence} \d+", lines[-1])
+            wanted = ["", "", "", "RESULTS: for all Frames", "", "Frames:", "", "All Broadcasters:"]
+            assert [process.stdout.readline().rstrip("\n") for _ in wanted] == wanted
+            # Not before publishers would have been discovered.
+            first_line(process, "Problems:")
+            silence = "no transform was received on /tf_alone and /tf_static_alone in ROS domain"
+            assert re.fullmatch(rf"{silence} \d+\n", process.stdout.readline())
 
     def test_a_terminal_gets_a_line_for_each_frame(self, robot):
         pytest.importorskip("pexpect")
@@ -349,6 +356,13 @@ class TestMonitor:
 
             delay = frames(first_report(process, is_known))["simulated"]["delay"]
         assert delay == pytest.approx(3.0)
+
+    def test_discovery_is_no_finding(self):
+        with running("tf2_monitor", "--json", "--interval", "0.2", "--ros-args", *ALONE) as process:
+            [first] = reports(process, 1)
+            assert (first["findings"], first["discovering"]) == ([], True)
+            [silence] = first_report(process, lambda report: report["findings"])["findings"]
+        assert silence["kind"] == "nothing"
 
     @pytest.mark.parametrize("frames", [["map"], ["map", "odom", "camera"]])
     def test_one_frame_or_three_are_wrong_usage(self, frames):

@@ -476,8 +476,20 @@ class TestCheck:
         ]
         assert run("check", str(write_mcap(tmp_path / "ahead.mcap", ahead)))[0] == 0
 
+    def test_a_late_clock_is_found(self, run, tmp_path):
+        moving = [
+            Sent(105 * S + i * S // 20, "/tf", [Tf("map", "odom", 100 * S + i * S // 20)]) for i in range(60)
+        ]
+        path = str(write_mcap(tmp_path / "late.mcap", moving))
+        status, out, _ = run("check", path)
+        assert (status, out.splitlines()[0]) == (
+            1,
+            "delay: odom is on average 5 s old when it is received, more than 1 s",
+        )
+        assert run("check", path, "--max-delay", "6")[0] == 0
+
     def test_an_unknown_kind_and_expectations_are_wrong_usage(self, run, drive_mcap, tmp_path):
-        with pytest.raises(UsageError, match="--ignore: nonsense is not one of nothing, clock, roots"):
+        with pytest.raises(UsageError, match="--ignore: nonsense is not one of nothing, clock, clocks"):
             run("check", drive_mcap, "--ignore", "nonsense")
         (tmp_path / "bad.yaml").write_text("frames: 3\n")
         with pytest.raises(UsageError, match=r"bad\.yaml: frames must be"):

@@ -34,6 +34,8 @@ HOSTILE, ESCAPED = "x\x1b[2J\x01\nok: 1 frames", r"x\x1b[2J\x01\nok: 1 frames"
 TOLERANT = ("--ignore", "gap")
 # Without the robot of the other tests.
 ALONE = ("-r", "/tf:=/tf_alone", "-r", "/tf_static:=/tf_static_alone")
+SIMULATED = ("-p", "use_sim_time:=true")
+CLOCKS = "clocks: the stamps of base by /peer are"
 
 
 @pytest.fixture(scope="module")
@@ -179,10 +181,49 @@ class TestCheck:
         assert re.fullmatch(r"ok: no findings in 4 frames, .*\n", out)
 
     @pytest.mark.parametrize(
+        ("options", "offset", "simulated", "said"),
+        [
+            (
+                [],
+                5 * S,
+                None,
+                r"delay: base is on average 5(\.\d+)? s old when it is received, more than 1 s",
+            ),
+            ([], 1_600_000_000 * S, None, rf"{CLOCKS} [\d.]+ years behind .* \(see use_sim_time\), .*"),
+            (SIMULATED, 0, 100, rf"{CLOCKS} [\d.]+ years ahead of .* \(see use_sim_time\), .*"),
+            (SIMULATED, 0, None, "clock: use_sim_time is set, and no time was received on /clock, .*"),
+        ],
+        ids=["late", "robot simulated", "tool simulated", "without a clock"],
+    )
+    def test_a_clock_that_is_wrong_is_found(self, options, offset, simulated, said, peer):
+        talker = peer(*ALONE)
+        talker.send_without_subscriber(("base", "camera", S, 1.0), static=True)
+        with running("tf2_check", *TOLERANT, "--ros-args", *options, *ALONE) as process:
+            while process.poll() is None:
+                if simulated is not None:
+                    talker.set_clock(simulated)
+                talker.send_without_subscriber(("map", "base", time.time_ns() - offset, 0.0))
+                threading.Event().wait(0.05)  # as a robot does
+            out, _ = process.communicate(timeout=DEADLINE_S)
+        assert process.returncode == 1
+        finding, verdict = out.splitlines()
+        assert re.fullmatch(said, finding)
+        assert verdict.startswith("wrong: 1 finding in 3 frames, ")
+
+    def test_a_delay_may_be_allowed(self, peer):
+        talker = peer(*ALONE)
+        with running("tf2_check", "--max-delay", "60", *TOLERANT, "--ros-args", *ALONE) as process:
+            while process.poll() is None:
+                talker.send_without_subscriber(("map", "base", time.time_ns() - 5 * S, 0.0))
+                threading.Event().wait(0.05)
+            out, _ = process.communicate(timeout=DEADLINE_S)
+        assert (process.returncode, out[:27]) == (0, "ok: no findings in 2 frames")
+
+    @pytest.mark.parametrize(
         ("given", "said"),
         [
             (["-t", "0"], "argument -t: must be above 0, not 0"),
-            (["--ignore", "weather"], "--ignore: weather is not one of nothing, clock, roots"),
+            (["--ignore", "weather"], "--ignore: weather is not one of nothing, clock, clocks"),
             (["--expect", "/no/such/file"], "cannot read /no/such/file: No such file or directory"),
             (["--junit", "/no/such/folder/x.xml", "-t", "0.1"], "/no/such/folder/x.xml: No such file"),
         ],
@@ -363,6 +404,19 @@ class TestMonitor:
             assert (first["findings"], first["discovering"]) == ([], True)
             [silence] = first_report(process, lambda report: report["findings"])["findings"]
         assert silence["kind"] == "nothing"
+
+    def test_without_a_clock_all_frames_are_shown(self, peer):
+        talker = peer(*ALONE)
+        options = ("--json", "--interval", "0.2", "--ros-args", *SIMULATED, *ALONE)
+        with running("tf2_monitor", *options) as process:
+
+            def is_known(report):
+                talker.send(("map", "simulated", 97 * S, 0.0))
+                return report["findings"] and frames(report)
+
+            report = first_report(process, is_known)
+        assert [one["kind"] for one in report["findings"]] == ["clock"]
+        assert frames(report)["simulated"]["delay"] is None
 
     @pytest.mark.parametrize("frames", [["map"], ["map", "odom", "camera"]])
     def test_one_frame_or_three_are_wrong_usage(self, frames):

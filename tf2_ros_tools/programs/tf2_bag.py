@@ -113,7 +113,8 @@ def check(options: Namespace) -> int:
 
     expected = expected_by(options)
     refuse_unknown_kinds(options)
-    said = report(heard_of(options), replace(LIMITS, min_rate=options.min_rate), expected)
+    limits = replace(LIMITS, min_rate=options.min_rate, max_delay=options.max_delay)
+    said = report(heard_of(options), limits, expected)
     wrong = not_ignored(said.findings, options)
     if options.json:
         print(json.dumps({"file": options.file, **asdict(replace(said, findings=wrong))}))

@@ -18,8 +18,8 @@ def parser() -> Parser:
         "tf2_check",
         "Listen to transforms for a while, and print a line for each problem: no transform at all, "
         "unconnected trees, loops, frames with two parents or two publishers, frames that are no longer "
-        "published, gaps, stamps in the future, and differences from a file of expectations. The exit status "
-        "is 0 if there are no problems, otherwise 1.",
+        "published, gaps, late transforms, stamps of another clock or in the future, and differences from a "
+        "file of expectations. The exit status is 0 if there are no problems, otherwise 1.",
         "  tf2_check -t 10 --expect robot.yaml --junit transforms.xml",
     )
     made.add_argument(
@@ -51,7 +51,7 @@ def check(options: Namespace) -> int:
 
     expected = expected_by(options)
     refuse_unknown_kinds(options)
-    limits, seconds = Limits(min_rate=options.min_rate), options.t
+    limits, seconds = Limits(min_rate=options.min_rate, max_delay=options.max_delay), options.t
     with spun_node("tf2_check", options) as node, listening(node) as heard:
         heard.listen(seconds)
         report = heard.report(limits, expected)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from math import inf
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
@@ -361,6 +362,7 @@ class Report:
     end: float | None
     transforms: int
     clocks_differ: bool  # stamps and log times come from two clocks, so all delays are None
+    saved: bool  # by a buffer, so log times are stamps, and all delays are None
 
 
 def report(
@@ -377,20 +379,23 @@ def report(
     """
     records = heard.records
     if not len(records):
-        return Report([], [], find([], limits, expectations), None, None, 0, False)
+        return Report([], [], find([], limits, expectations), None, None, 0, False, heard.saved)
     received, static = records["received_ns"], records["static"] != 0
     now_ns = int((received if static.all() else received[~static]).max())
     streams, refused = _reported(heard, now_ns)
     # A recorder discovers publishers like any listener, and receives late what it has missed.
     judged = _reported(heard, now_ns, Settling().early(records)).streams
-    differ = _clocks_differ(streams)
-    if differ:
+    differ = not heard.saved and _clocks_differ(streams)
+    if heard.saved:
+        # A frame whose last stamp is old may have been late.
+        limits = replace(limits, stale=inf)
+    if differ or heard.saved:
         streams, judged = ([without_delays(one) for one in some] for some in (streams, judged))
     found = find(judged, limits, expectations, refused=refused, recorded=True)
     if heard.end_ns is not None and not static.all():
         found = [*_of_the_end((heard.end_ns - now_ns) / S, limits), *found]
     begin, end = int(received.min()) / S, int(received.max()) / S
-    return Report(streams, refused, found, begin, end, len(records), clocks_differ=differ)
+    return Report(streams, refused, found, begin, end, len(records), differ, heard.saved)
 
 
 def _reported(heard: Heard, now_ns: int, early: NDArray[np.bool_] | None = None) -> Reported:

@@ -96,6 +96,8 @@ def info(options: Namespace) -> int:
         print(f"  {stream_line(stream)}{_gap(stream)}")
     if said.clocks_differ:
         print("stamps and log times are of different clocks: no delays")
+    if said.saved:
+        print("saved by a buffer, which keeps stamps but no times of reception: no delays")
     _print_findings(said, said.findings)
     return SUCCESS
 

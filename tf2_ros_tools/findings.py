@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from math import inf
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
@@ -12,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_ros_tools.output import counted, printable, three_digits, write_whole
+from tf2_ros_tools.output import counted, first_names, printable, three_digits, write_whole
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import (
     Refused,
@@ -76,7 +77,8 @@ def _name(name: Any) -> str:
 # What may be wrong, in the order in which it is reported.
 KINDS = {
     "nothing": "no transform was received",
-    "clock": "the clock jumped back",
+    "clock": "the clock jumped back, or simulated time has none",
+    "clocks": "stamps are not of the clock of their reception",
     "roots": "the frames are more than one tree",
     "loop": "frames are each other's ancestors",
     "parents": "a frame has two parents in turn",
@@ -89,9 +91,14 @@ KINDS = {
     "rate": "a frame is published less often than it must be",
     "missing": "an expected frame is not published",
     "parent": "a frame has another parent than expected",
-    "delay": "transforms are older than expected",
+    "delay": "transforms are old when they are received",
     "static": "a frame is static where a dynamic one is expected, or dynamic",
 }
+
+
+YEAR_S = 365.25 * 24 * 3600.0
+# If stamps and times of reception differ by more, they come from two clocks: one was simulated or replayed.
+SAME_CLOCK_S = 3600.0
 
 
 @dataclass(frozen=True)
@@ -99,6 +106,9 @@ class Limits:
     """The limits beyond which something is wrong; times are in seconds."""
 
     min_rate: float | None = None  # Hz, of every dynamic frame
+    max_delay: float | None = None  # of every dynamic transform; None: the next two
+    delay: float = 1.0  # a frame may on average be so old when it is received ...
+    delay_periods: float = 3.0  # ... or so many of its periods, whichever is longer
     future: float = 0.1  # a stamp may be so far ahead of the clock
     stale: float = 1.0  # a frame may be silent so long ...
     stale_periods: float = 10.0  # ... and for so many of its periods, whichever is longer
@@ -126,6 +136,7 @@ def find(
     refused: Sequence[Refused] = (),
     recorded: bool = False,
     jump_back: float | None = None,
+    no_clock: bool = False,
     where: str = "",
 ) -> list[Finding]:
     """
@@ -138,6 +149,7 @@ def find(
     :param recorded: the time of the report is the end of a recording. The rate of a frame is then computed
         over the time in which it was published.
     :param jump_back: how far the clock has jumped back, in seconds; None: it has not.
+    :param no_clock: time is simulated, and has not begun.
     :param where: a phrase that names the topics, for a report that nothing was received.
     """
     found = [*_in_the_tree(streams)]
@@ -145,6 +157,10 @@ def find(
         what = "only what was received after that is judged"
         text = f"the clock jumped back by {three_digits(jump_back)} s; {what}"
         found.append(Finding("clock", "", text, {"jump": jump_back}))
+    if no_clock:
+        text = "use_sim_time is set, and no time was received on /clock, so rates and delays are unknown"
+        found.append(Finding("clock", "", text))
+    found += _of_other_clocks(streams, "the log times" if recorded else "the clock of this program")
     if not streams:
         which = " that buffers accept" if refused else ""
         text = f"no transform{which} was received{where and f' {where}'}"
@@ -156,9 +172,10 @@ def find(
         expected = expectations.get(frame, Expectation())
         found += _of_frame(frame, own, alive)
         found += _as_expected(frame, newest_streams(own)[frame], expected)
-        for stream in own:
-            if not stream.static:
-                found += _of_stream(stream, limits, expected, recorded)
+        moving = [one for one in own if not one.static]
+        for stream in moving:
+            judged = stream if _clock_offset(stream) is None else without_delays(stream)
+            found += _of_stream(judged, _told_apart(stream, moving), limits, expected, recorded)
     # The static transforms of a publisher that has exited no longer reach anybody.
     refused = [one for one in refused if not one.static or alive is None or one.publisher_id in alive]
     found += map(_of_refused, refused)
@@ -209,42 +226,99 @@ def _of_frame(frame: str, own: Sequence[Stream], alive: Collection[int] | None) 
         yield Finding("mixed", frame, text, {"static": still, "dynamic": moving})
 
 
+def _clock_offset(stream: Stream) -> float | None:
+    """How much earlier all its stamps are than their reception, if that means that a clock is another one."""
+    least, most = stream.delay_min, stream.delay_max
+    if least is not None and least > SAME_CLOCK_S:
+        return least
+    return most if most is not None and most < -SAME_CLOCK_S else None
+
+
+def _of_other_clocks(streams: Sequence[Stream], clock: str) -> Iterator[Finding]:
+    by_publisher: dict[tuple[str, bool], dict[str, float]] = {}
+    for one in streams:
+        offset = _clock_offset(one)
+        if offset is not None:
+            by_publisher.setdefault((one.publisher, offset > 0.0), {})[one.frame] = offset
+    for (publisher, is_behind), offsets in sorted(by_publisher.items()):
+        size = min(map(abs, offsets.values()))
+        long = f"{size / YEAR_S:.3g} years" if size > YEAR_S else f"{three_digits(size / 3600.0)} hours"
+        where = f"{long} {'behind' if is_behind else 'ahead of'} {clock}"
+        why = "only one of the two is simulated (see use_sim_time), or a clock is wrong"
+        text = f"the stamps of {first_names([*offsets])} by {publisher} are {where}: {why}"
+        numbers = {"publisher": publisher, "frames": [*offsets], "delay": size if is_behind else -size}
+        yield Finding("clocks", "", text, numbers)
+
+
+def _told_apart(stream: Stream, others: Sequence[Stream]) -> str:
+    """A name for one of the dynamic streams of a frame, with what the others do not share."""
+    text = stream.frame
+    if any(one.parent != stream.parent for one in others):
+        text += f" in {stream.parent}"
+    if any(one.publisher_id != stream.publisher_id for one in others):
+        text += f" by {stream.publisher}"
+    namesakes = sorted({one.publisher_id for one in others if one.publisher == stream.publisher})
+    if len(namesakes) > 1:
+        text += f" ({namesakes.index(stream.publisher_id) + 1} of {len(namesakes)} of this name)"
+    return text
+
+
 def _of_refused(one: Refused) -> Finding:
     which = f"{one.count} of {one.received} transforms of {one.frame or repr('')} by {one.publisher}"
     numbers = {"refused": one.count, "received": one.received, "publisher": one.publisher}
     return Finding("refused", one.frame, f"{which} are refused: {one.because}", numbers)
 
 
-def _of_stream(stream: Stream, limits: Limits, expected: Expectation, recorded: bool) -> Iterator[Finding]:
+def _of_stream(
+    stream: Stream, name: str, limits: Limits, expected: Expectation, recorded: bool
+) -> Iterator[Finding]:
     frame = stream.frame
     future = limits.future if expected.max_future is None else expected.max_future
     if stream.delay_min is not None and -stream.delay_min > future:
         ahead = -stream.delay_min
         yield Finding(
-            "future", frame, f"{frame} is stamped up to {three_digits(ahead)} s ahead", {"ahead": ahead}
+            "future", frame, f"{name} is stamped up to {three_digits(ahead)} s ahead", {"ahead": ahead}
         )
+    yield from _of_delay(stream, name, limits, expected)
     if stream.period is not None:
-        yield from _of_intervals(stream, stream.period, limits, recorded)
+        yield from _of_intervals(stream, name, stream.period, limits, recorded)
     min_rate = limits.min_rate if expected.min_rate is None else expected.min_rate
     rate = stream.rate if recorded and stream.rate is not None else _rate_at_most(stream)
     if min_rate is not None and rate is not None and rate < min_rate:
-        text = f"{frame} is published at {three_digits(rate)} Hz, less than {min_rate:g} Hz"
+        text = f"{name} is published at {three_digits(rate)} Hz, less than {min_rate:g} Hz"
         yield Finding("rate", frame, text, {"rate": rate, "min_rate": min_rate})
 
 
-def _of_intervals(stream: Stream, period: float, limits: Limits, recorded: bool) -> Iterator[Finding]:
+def _of_delay(stream: Stream, name: str, limits: Limits, expected: Expectation) -> Iterator[Finding]:
+    allowed = limits.max_delay if expected.max_delay is None else expected.max_delay
+    if allowed is not None:
+        how, delay = "up to", stream.delay_max
+    elif stream.period is not None:
+        allowed = max(limits.delay, limits.delay_periods * stream.period)
+        # The delay of stamps that stand still grows, but that is another problem.
+        stands_still = stream.stalled - stream.silence > allowed
+        how, delay = "on average", None if stands_still else stream.delay
+    if allowed is not None and delay is not None and delay > allowed:
+        age = f"{how} {three_digits(delay)} s old when it is received"
+        text = f"{name} is {age}, more than {three_digits(allowed)} s"
+        yield Finding("delay", stream.frame, text, {"delay": delay, "max_delay": allowed})
+
+
+def _of_intervals(
+    stream: Stream, name: str, period: float, limits: Limits, recorded: bool
+) -> Iterator[Finding]:
     since = "before the end" if recorded else "ago"
     frame, usual = stream.frame, f"its period is {three_digits(period)} s"
     longest = max(limits.stale, limits.stale_periods * period)
     if stream.silence > longest:
-        text = f"{frame} was last received {three_digits(stream.silence)} s {since}; {usual}"
+        text = f"{name} was last received {three_digits(stream.silence)} s {since}; {usual}"
         yield Finding("stale", frame, text, {"silence": stream.silence})
     elif stream.stalled > longest:
-        text = f"{frame} has had no newer stamp for {three_digits(stream.stalled)} s; {usual}"
+        text = f"{name} has had no newer stamp for {three_digits(stream.stalled)} s; {usual}"
         yield Finding("stale", frame, text, {"stalled": stream.stalled})
     longest = max(limits.gap, limits.gap_periods * period)
     if stream.count >= limits.gap_count and stream.gap > longest:
-        text = f"{frame} was not received for {three_digits(stream.gap)} s; {usual}"
+        text = f"{name} was not received for {three_digits(stream.gap)} s; {usual}"
         yield Finding("gap", frame, text, {"gap": stream.gap})
 
 
@@ -266,19 +340,12 @@ def _as_expected(frame: str, newest: Stream, expected: Expectation) -> Iterator[
         kinds = {True: "static", False: "dynamic"}
         text = f"{frame} is {kinds[newest.static]}, not {kinds[expected.static]}"
         yield Finding("static", frame, text)
-    most = newest.delay_max
-    if expected.max_delay is not None and most is not None and most > expected.max_delay:
-        age = f"up to {three_digits(most)} s old when it is received"
-        text = f"{frame} is {age}, more than {expected.max_delay:g} s"
-        yield Finding("delay", frame, text, {"delay": most, "max_delay": expected.max_delay})
 
 
 # A whole recording.
 
 
 S = 1_000_000_000
-# If stamps and log times differ by more, they come from two clocks: one was simulated or replayed.
-SAME_CLOCK_S = 3600.0
 # A recording often ends with the shutdown of the robot, for which launch allows five seconds.
 LIMITS = Limits(stale=5.0)
 NOTHING_EXPECTED: Mapping[str, Expectation] = MappingProxyType({})
@@ -295,6 +362,7 @@ class Report:
     end: float | None
     transforms: int
     clocks_differ: bool  # stamps and log times come from two clocks, so all delays are None
+    saved: bool  # by a buffer, so log times are stamps, and all delays are None
 
 
 def report(
@@ -311,20 +379,23 @@ def report(
     """
     records = heard.records
     if not len(records):
-        return Report([], [], find([], limits, expectations), None, None, 0, False)
+        return Report([], [], find([], limits, expectations), None, None, 0, False, heard.saved)
     received, static = records["received_ns"], records["static"] != 0
     now_ns = int((received if static.all() else received[~static]).max())
     streams, refused = _reported(heard, now_ns)
     # A recorder discovers publishers like any listener, and receives late what it has missed.
     judged = _reported(heard, now_ns, Settling().early(records)).streams
-    differ = _clocks_differ(streams)
-    if differ:
-        streams, judged = ([_without_delays(one) for one in some] for some in (streams, judged))
+    differ = not heard.saved and _clocks_differ(streams)
+    if heard.saved:
+        # A frame whose last stamp is old may have been late.
+        limits = replace(limits, stale=inf)
+    if differ or heard.saved:
+        streams, judged = ([without_delays(one) for one in some] for some in (streams, judged))
     found = find(judged, limits, expectations, refused=refused, recorded=True)
     if heard.end_ns is not None and not static.all():
         found = [*_of_the_end((heard.end_ns - now_ns) / S, limits), *found]
     begin, end = int(received.min()) / S, int(received.max()) / S
-    return Report(streams, refused, found, begin, end, len(records), clocks_differ=differ)
+    return Report(streams, refused, found, begin, end, len(records), differ, heard.saved)
 
 
 def _reported(heard: Heard, now_ns: int, early: NDArray[np.bool_] | None = None) -> Reported:
@@ -344,7 +415,8 @@ def _clocks_differ(streams: Sequence[Stream]) -> bool:
     return bool(delays) and float(np.median(delays)) > SAME_CLOCK_S
 
 
-def _without_delays(stream: Stream) -> Stream:
+def without_delays(stream: Stream) -> Stream:
+    """The same, with unknown delays."""
     return replace(stream, delay=None, delay_max=None, delay_min=None, jitter=None)
 
 

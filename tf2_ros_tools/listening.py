@@ -1,7 +1,7 @@
 """Nodes of programs, and listening: which transforms arrive, who publishes them, and what is wrong."""
 
 # First, because their errors say in one line what is missing, or that another tf2_ros is imported.
-from tf2_ros.records import Recording
+from tf2_ros.records import RECORD, Recording
 from tf2_ros.transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, TransformListener
 
 # isort: split
@@ -24,7 +24,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from tf2_ros import Buffer
-from tf2_ros_tools.findings import Expectation, Finding, Limits, find, milliseconds
+from tf2_ros_tools.findings import Expectation, Finding, Limits, find, milliseconds, without_delays
 from tf2_ros_tools.output import counted
 from tf2_ros_tools.program import UsageError, deferred_signals, interruptible, sleep
 from tf2_ros_tools.streams import (
@@ -35,6 +35,7 @@ from tf2_ros_tools.streams import (
     chain_between,
     moving_on,
     newest_streams,
+    replaced,
     unknown_ends,
 )
 
@@ -134,6 +135,10 @@ def filled_buffer(
 
 
 DRAIN_S = 1.0  # the longest time between two calls of `drain`
+# After this time, also on a busy machine, DDS has discovered what there is: its announcements are repeated
+# every three seconds.
+DISCOVERY_S = 5.0
+UNTIL_DISCOVERED = {"nothing", "clock", "roots", "missing"}  # kinds of findings that discovery may explain
 UNKNOWN_NODE = (
     "_NODE_NAME_UNKNOWN_"  # of an endpoint whose node the graph does not know yet, or no longer knows
 )
@@ -160,6 +165,7 @@ class Report:
     messages: int
     malformed: int  # messages that could not be read
     lost: int  # transforms that arrived faster than they could be recorded
+    discovering: bool  # some findings are left out, because discovery may still explain them
 
 
 class Listening:
@@ -185,6 +191,9 @@ class Listening:
         self.where = f"on {' and '.join(self.topics)} in ROS domain {node.context.get_domain_id()}"
         self._streams = Streams(window_s)
         self._settling = Settling()
+        self._discovered = time.monotonic() + DISCOVERY_S
+        # The last dynamic transform of each stream that was received before simulated time began.
+        self._untimed = np.zeros(0, RECORD)
         self._names: dict[bytes, str] = {}  # of publishers, by gid
 
     def listen(self, seconds: float, kept: list[NDArray[np.void]] | None = None) -> None:
@@ -196,11 +205,21 @@ class Listening:
             if kept is not None:
                 kept.append(records)
 
+    def finish_discovery(self) -> None:
+        """Listen until reports leave out nothing, see ``Report.discovering``."""
+        self.listen(self._discovered - time.monotonic())
+
     def drain(self) -> NDArray[np.void]:
-        """Account for everything that has arrived since the last call, and return its records."""
+        """
+        Account for everything that has arrived since the last call, and return its records.
+
+        Without the dynamic ones before the first message on /clock: until then, simulated time is 0.
+        """
         records: NDArray[np.void] = self._recording.take()
-        # Until the first message on /clock, simulated time is 0, so delays are not known.
-        records = records[(records["received_ns"] > 0) | (records["static"] != 0)]
+        is_untimed = (records["received_ns"] <= 0) & (records["static"] == 0)
+        untimed = np.concatenate((self._untimed, records[is_untimed]))
+        self._untimed = untimed[~replaced(untimed, np.ones(len(untimed), np.bool_))]
+        records = records[~is_untimed]
         self._streams.add(records, self._settling.early(records))
         if not self._names.keys() >= {*self._recording.publishers()}:
             self._look_up_publishers()  # now, because it may exit before the report
@@ -222,21 +241,42 @@ class Listening:
         gids = self._recording.publishers()
         alive = self._look_up_publishers()
         publishers = [self._names.get(gid) or _short(gid) for gid in gids]
-        streams, refused = self._streams.report(now_ns, self._recording.frames(), publishers)
+        names = self._recording.frames(), publishers
+        streams, refused = self._streams.report(now_ns, *names)
+        no_clock = now_ns <= 0
+        untimed = Streams()
+        untimed.add(self._untimed)
+        others = untimed.report(now_ns, *names)
+        known = {one.frame for one in streams}
+        streams += [without_delays(one) for one in others.streams if one.frame not in known]
+        refused += others.refused if no_clock else []
         alive_ids = {number for number, gid in enumerate(gids) if gid in alive}
         jump_back = self._streams.jump_back(now_ns)
         findings = find(
-            streams, limits, expectations, alive_ids, refused=refused, jump_back=jump_back, where=self.where
+            streams,
+            limits,
+            expectations,
+            alive_ids,
+            refused=refused,
+            jump_back=jump_back,
+            no_clock=no_clock,
+            where=self.where,
         )
+        discovering = False
+        if time.monotonic() < self._discovered:
+            kept = [one for one in findings if one.kind not in UNTIL_DISCOVERED]
+            discovering = len(kept) < len(findings)
+            findings = kept
         return Report(
             time=now_ns / S,
-            streams=streams,
+            streams=sorted(streams, key=lambda one: one.frame),
             refused=refused,
             findings=findings,
             chain=None if ends is None else self._chain(ends, streams, now_ns),
             messages=self._recording.messages,
             malformed=self._recording.malformed,
             lost=self._recording.lost,
+            discovering=discovering,
         )
 
     def _look_up_publishers(self) -> set[bytes]:

@@ -426,7 +426,7 @@ class Heard:
     times of reception. Its ids are indices into ``frames`` and ``publishers``; a publisher is the name of a
     topic. ``start_ns`` and ``end_ns`` are the first and the last log time of all topics; None if there are no
     messages. ``problem`` says what could not be read, or is None. ``times_ns`` are the stamps of the topic
-    whose stamps were asked for, or None.
+    whose stamps were asked for, or None. ``saved``: a buffer has saved it, so the log times are stamps.
     """
 
     buffer: "Buffer"
@@ -437,6 +437,7 @@ class Heard:
     end_ns: int | None
     problem: str | None
     times_ns: NDArray[np.int64] | None
+    saved: bool
 
 
 def hear(
@@ -473,6 +474,7 @@ def hear(
         recorded.end_ns,
         "; ".join(recorded.problems) or None,
         times_ns,
+        recorded.saved,
     )
 
 

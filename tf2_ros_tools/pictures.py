@@ -444,7 +444,7 @@ def _draw_row(axes: Any, row: Row, bottom: int, begin: float, end: float) -> Non
     step = (end - begin) / PLACES
     axes.vlines(begin + step * np.unique(np.round((times - begin) / step)), low, high, **RECEIVED)
     axes.broken_barh(_gaps(row, begin, end), (bottom, 1.0), **GAP)
-    if len(delays):
+    if len(delays) and row.stream is not None and row.stream.delay is not None:
         least, most = min(0.0, float(delays.min())), max(0.0, float(delays.max()))
         low, high = (bottom + part for part in DELAYS)
         axes.plot(times, low + (high - low) * (delays - least) / max(most - least, SMALLEST), **DELAY)

@@ -465,6 +465,12 @@ def add_check_options(made: ArgumentParser) -> None:
     made.add_argument("--junit", metavar="FILE", help="also write the result as JUnit XML")
     made.add_argument("--min-rate", type=positive_number, metavar="HZ", help="minimum rate of dynamic frames")
     made.add_argument(
+        "--max-delay",
+        type=non_negative_number,
+        metavar="S",
+        help="maximum delay of dynamic transforms; without it, the average of a frame may be 1 s",
+    )
+    made.add_argument(
         "--ignore",
         action="append",
         metavar="KIND",

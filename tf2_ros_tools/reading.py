@@ -30,6 +30,8 @@ RawMessage: TypeAlias = "tuple[Connection, int, bytes | memoryview]"
 Reader: TypeAlias = Any
 
 LAST_NS = (1 << 63) - 1  # log times are int64
+# The name of the metadata with which a file begins that a buffer has saved.
+SAVED = b"tf2_ros_cython.buffer"
 
 
 # The argument of `load` and the option of tf2_bag have this name.
@@ -134,11 +136,15 @@ class Recorded:
     An open recording.
 
     ``path`` is its path, ``topics`` maps the names to a :class:`Topic` each, ``start_ns`` and ``end_ns`` are
-    the log times of its first and last message of any topic; None if it has no messages.
+    the log times of its first and last message of any topic; None if it has no messages. ``saved``: a buffer
+    has saved it, so its log times are stamps.
     """
 
-    def __init__(self, path: str, readers: list[Reader], partial: bool, problems: list[str]) -> None:
+    def __init__(
+        self, path: str, readers: list[Reader], partial: bool, problems: list[str], saved: bool
+    ) -> None:
         self.path = path
+        self.saved = saved
         self._partial = partial
         self._problems = problems
         # By topic: the first message that cannot be read, and how many there are.
@@ -334,7 +340,8 @@ def open_recording(path: "str | PathLike[str]", *, partial: bool = False) -> Ite
                 lost = ", and nothing before that can be read" if error.readable_in_part else ""
                 raise BagError(f"{error.found}{lost}") from error
             problems = list(dict.fromkeys([error.found, *problems]))
-        yield Recorded(text, readers, partial, problems)
+        files = _files(source)
+        yield Recorded(text, readers, partial, problems, bool(files) and all(map(_is_saved, files)))
 
 
 @contextmanager
@@ -426,6 +433,11 @@ def _check_folder(path: Path) -> None:
             readable_in_part=True,
         )
     raise BagError(f"{name} is not a recording: the folder has no metadata.yaml")
+
+
+def _is_saved(path: Path) -> bool:
+    with open(path, "rb") as file:
+        return SAVED in file.read(256)
 
 
 def _check_file(path: Path, name: str) -> None:

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from making import S
 from processes import until
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 
 from tf2_ros.records import RECORD, Recording
 from tf2_ros_tools.findings import Limits
@@ -188,6 +190,34 @@ class TestListening:
 
             monkeypatch.setattr(node, "get_publishers_info_by_topic", without_names)
             assert named("/lost")
+
+    def test_what_came_before_simulated_time_began_is_listed(self, new_node, peer):
+        node = new_node("simulated", parameter_overrides=[Parameter("use_sim_time", value=True)])
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        talker = peer()
+        with listening(node) as heard:
+
+            def streams(*transforms):
+                talker.send(*transforms)
+                report = heard.report(Limits(), ends=("map", "camera"))
+                return {one.frame: one for one in report.streams}, report.chain.frames
+
+            def sees(wanted, *transforms):
+                return lambda: (found := streams(*transforms))[0].keys() == wanted and found
+
+            once = ("map", "odom", 5 * S, 0.0)
+            before, _ = until(sees({"odom"}, once), executor)
+            assert (before["odom"].count, before["odom"].delay, before["odom"].rate) == (1, None, None)
+            talker.set_clock(100)
+            until(lambda: node.get_clock().now().nanoseconds == 100 * S, executor)
+            later = ("odom", "camera", 99 * S, 0.0)
+            after, chain = until(sees({"odom", "camera"}, later), executor)
+            assert (after["odom"].delay, after["camera"].delay) == (None, pytest.approx(1.0))
+            assert chain == ["map", "odom", "camera"]
+            again, _ = until(lambda: (found := streams(once))[0]["odom"].delay and found, executor)
+            assert again["odom"].delay == pytest.approx(95.0)
+        executor.shutdown()
 
     def test_an_unknown_publisher_is_told_by_its_number(self, node, peer, monkeypatch):
         with listening(node) as heard:

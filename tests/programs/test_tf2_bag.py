@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from making import transform
 from making_bags import S, Sent, Tf, drive, scan, write_folder, write_mcap, write_ros1
 from processes import DEADLINE_S, completed, ended, needs_dot, running, until
 
@@ -476,8 +477,36 @@ class TestCheck:
         ]
         assert run("check", str(write_mcap(tmp_path / "ahead.mcap", ahead)))[0] == 0
 
+    def test_of_a_saved_buffer_no_delay_is_known(self, run, tmp_path, tf2_ros):
+        buffer = tf2_ros.Buffer()
+        for i in range(100):
+            stamp = 1_795_000_000 + i / 20
+            buffer.set_transform(transform("map", "odom", stamp), "here")
+            buffer.set_transform(transform("odom", "base", stamp - 6), "a publisher that is late")
+        buffer.save(tmp_path / "saved.mcap")
+        status, out, _ = run("check", tmp_path / "saved.mcap", "--max-delay", "0")
+        assert (status, out[:27]) == (0, "ok: no findings in 3 frames")
+        _, out, _ = run("info", tmp_path / "saved.mcap")
+        assert "  base: parent odom, publisher /tf, 20.0 Hz, longest gap 0.05 s\n" in out
+        assert "\nsaved by a buffer, which keeps stamps but no times of reception: no delays\n" in out
+        _, out, _ = run("info", tmp_path / "saved.mcap", "--json")
+        found = json.loads(out)
+        assert found["saved"] and {one["delay"] for one in found["streams"]} == {None}
+
+    def test_a_late_clock_is_found(self, run, tmp_path):
+        moving = [
+            Sent(105 * S + i * S // 20, "/tf", [Tf("map", "odom", 100 * S + i * S // 20)]) for i in range(60)
+        ]
+        path = str(write_mcap(tmp_path / "late.mcap", moving))
+        status, out, _ = run("check", path)
+        assert (status, out.splitlines()[0]) == (
+            1,
+            "delay: odom is on average 5 s old when it is received, more than 1 s",
+        )
+        assert run("check", path, "--max-delay", "6")[0] == 0
+
     def test_an_unknown_kind_and_expectations_are_wrong_usage(self, run, drive_mcap, tmp_path):
-        with pytest.raises(UsageError, match="--ignore: nonsense is not one of nothing, clock, roots"):
+        with pytest.raises(UsageError, match="--ignore: nonsense is not one of nothing, clock, clocks"):
             run("check", drive_mcap, "--ignore", "nonsense")
         (tmp_path / "bad.yaml").write_text("frames: 3\n")
         with pytest.raises(UsageError, match=r"bad\.yaml: frames must be"):

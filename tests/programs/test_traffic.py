@@ -4,7 +4,7 @@ import math
 import random
 import statistics
 from argparse import Namespace
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -475,6 +475,73 @@ class TestFindings:
         assert one.numbers["ahead"] == pytest.approx(0.5)
         assert found(steady("odom", delay=-0.05)) == []
         assert found(steady("odom", delay=-0.5), expected={"odom": Expectation(max_future=1.0)}) == []
+
+    def test_stamps_of_a_clock_that_is_late(self):
+        [one] = found(steady("odom", delay=5))
+        assert (one.kind, one.frame) == ("delay", "odom")
+        assert one.text == "odom is on average 5 s old when it is received, more than 1 s"
+        assert one.numbers == {"delay": pytest.approx(5), "max_delay": 1}
+        assert found(steady("odom", delay=0.9)) == []
+        # For a slow frame, it is a few periods.
+        assert found(steady("odom", rate=0.5, end=20, delay=5), now=20) == []
+        assert kinds(found(steady("odom", rate=0.5, end=20, delay=7), now=20)) == [("delay", "odom")]
+        # On a busy machine single transforms are late.
+        assert found(steady("odom"), [heard(3.0 + i / 100, "odom", delay=3) for i in range(20)]) == []
+        late = found(steady("odom", delay=5, end=2))
+        assert kinds(late) == [("delay", "odom"), ("stale", "odom")]
+
+    def test_the_longest_delay_may_be_given(self):
+        assert found(steady("odom", delay=5), limits=Limits(max_delay=6)) == []
+        [one] = found(steady("odom"), [heard(3, "odom", delay=0.5)], limits=Limits(max_delay=0.25))
+        assert one.text == "odom is up to 0.5 s old when it is received, more than 0.25 s"
+        expected = {"odom": Expectation(max_delay=1.0)}
+        assert found(steady("odom", delay=0.5), limits=Limits(max_delay=0.25), expected=expected) == []
+
+    @pytest.mark.parametrize(
+        ("delay", "where"),
+        [
+            (START_NS / S - 100, "56.9 years behind"),
+            (100 - START_NS / S, "56.9 years ahead of"),
+            (2 * 3600.0, "2 hours behind"),
+        ],
+    )
+    def test_stamps_of_another_clock(self, delay, where):
+        other = steady("base", "odom", delay=delay), steady("camera", "base", delay=delay)
+        [one] = found(*ROBOT[:1], *other)
+        assert (one.kind, one.frame) == ("clocks", "")
+        assert one.text == (
+            f"the stamps of base, camera by /odometry are {where} the clock of this program: "
+            "only one of the two is simulated (see use_sim_time), or a clock is wrong"
+        )
+        assert one.numbers["frames"] == ["base", "camera"]
+        assert one.numbers["delay"] == pytest.approx(delay, abs=1)
+
+    def test_a_stamp_that_was_forgotten_is_not_another_clock(self):
+        [one] = found(steady("odom"), [heard(2, "odom", delay=at(2) / S)])
+        assert (one.kind, one.frame) == ("delay", "odom")
+
+    def test_simulated_time_without_a_clock(self):
+        [one] = find(streams_of(*ROBOT), DEFAULTS, no_clock=True)
+        assert (one.kind, one.frame) == ("clock", "")
+        assert one.text.startswith("use_sim_time is set, and no time was received on /clock")
+
+    def test_which_of_a_frames_publishers_is_meant(self):
+        other = steady("odom", delay=-1, publisher="/other", start=0.01)
+        said = [one.text for one in found(steady("odom", delay=-1), other) if one.kind == "future"]
+        assert sorted(said) == [
+            f"odom by {name} is stamped up to 1 s ahead" for name in ("/odometry", "/other")
+        ]
+        streams = streams_of(steady("odom", delay=-1), other)
+        streams = [replace(one, publisher="/started_twice") for one in streams]
+        said = [one.text for one in find(streams, DEFAULTS) if one.kind == "future"]
+        assert sorted(text.partition(" is stamped")[0] for text in said) == [
+            f"odom by /started_twice ({number} of 2 of this name)" for number in (1, 2)
+        ]
+
+    def test_which_of_a_frames_parents_is_meant(self):
+        mine = steady("base", "odom", delay=-1), steady("base", "map", delay=-1, start=0.01)
+        said = [one.text for one in found(*ROBOT[:1], *mine) if one.kind == "future"]
+        assert sorted(said) == [f"base in {name} is stamped up to 1 s ahead" for name in ("map", "odom")]
 
     def test_a_gap(self):
         [one] = found(steady("odom", end=1), steady("odom", start=2))

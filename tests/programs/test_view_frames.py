@@ -25,7 +25,13 @@ TREE = re.compile(
   odom \(\d+ samples over [\d.]+ s, newest at \d+\.\d+\)
     base_link \(\d+ samples over [\d.]+ s, newest at \d+\.\d+\)
       camera \(static\)
-"""
+(
+(gap: .*
+)+)?"""  # on a busy machine a healthy robot has gaps
+)
+FAULTS = (
+    "parents: two_parents has 2 parents in turn: map, odom",
+    "publishers: two_publishers is published by 2 publishers: /fleet/robot, /intruder",
 )
 
 
@@ -187,6 +193,15 @@ class TestWhatFails:
         assert [path.name for path in tmp_path.iterdir()] == ["robot.gv"]
         [line] = [line for line in err.splitlines() if line.startswith("view_frames: ")]
         assert line.startswith("view_frames: no picture, only robot.gv: install Graphviz")
+
+    def test_the_text_ends_with_what_is_wrong(self, tmp_path, without_dot):
+        with broadcasting("faults"):
+            status, out, _ = ended("view_frames", "--text", *LISTEN)
+            told = out.partition("\n\n")[2].splitlines()
+            assert status == 0 and {*FAULTS} <= {*told}
+            status, out, _ = ended("view_frames", *LISTEN, "-o", "robot", cwd=tmp_path, env=without_dot)
+            told = out.partition("\n\n")[2].splitlines()
+            assert status == 1 and {*FAULTS} <= {*told}
 
     def test_watching_without_dot_ends_so_too(self, robot, tmp_path, without_dot):
         status, out, err = ended("view_frames", "--watch", *LISTEN, cwd=tmp_path, env=without_dot)

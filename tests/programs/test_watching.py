@@ -34,6 +34,8 @@ HOSTILE, ESCAPED = "x\x1b[2J\x01\nok: 1 frames", r"x\x1b[2J\x01\nok: 1 frames"
 TOLERANT = ("--ignore", "gap")
 # Without the robot of the other tests.
 ALONE = ("-r", "/tf:=/tf_alone", "-r", "/tf_static:=/tf_static_alone")
+SIMULATED = ("-p", "use_sim_time:=true")
+CLOCKS = "clocks: the stamps of base by /peer are"
 
 
 @pytest.fixture(scope="module")
@@ -156,10 +158,9 @@ class TestCheck:
         # On a busy machine, discovery may need the announcements that follow after three seconds.
         options = ("-t", "8", "--junit", str(junit), "--ros-args", *topics)
         with running("tf2_check", *options) as process:
-            stamp = 2 * S
             while process.poll() is None:
+                stamp = time.time_ns()
                 talker.send_without_subscriber((HOSTILE, "a", stamp, 1.0), ("other", "b", stamp, 1.0))
-                stamp += S // 20
                 threading.Event().wait(0.05)  # as a robot does
             out, _ = process.communicate(timeout=DEADLINE_S)
         said = f"2 unconnected trees: other (2 frames), {ESCAPED} (2 frames)"
@@ -171,12 +172,58 @@ class TestCheck:
         silence = "no transform was received on /tf_alone and /tf_static_alone in ROS domain"
         assert status == 1
         assert re.fullmatch(rf"nothing: {silence} \d+", out.splitlines()[0])
+        # After the time that discovery may take.
+        assert out.splitlines()[1] == "wrong: 1 finding in 0 frames, 0 messages and 5 s"
+
+    def test_what_is_not_discovered_yet_is_no_finding(self, robot):
+        status, out, err = ended("tf2_check", "-t", "0.01", *TOLERANT)
+        assert (status, err) == (0, "")
+        assert re.fullmatch(r"ok: no findings in 4 frames, .*\n", out)
+
+    @pytest.mark.parametrize(
+        ("options", "offset", "simulated", "said"),
+        [
+            (
+                [],
+                5 * S,
+                None,
+                r"delay: base is on average 5(\.\d+)? s old when it is received, more than 1 s",
+            ),
+            ([], 1_600_000_000 * S, None, rf"{CLOCKS} [\d.]+ years behind .* \(see use_sim_time\), .*"),
+            (SIMULATED, 0, 100, rf"{CLOCKS} [\d.]+ years ahead of .* \(see use_sim_time\), .*"),
+            (SIMULATED, 0, None, "clock: use_sim_time is set, and no time was received on /clock, .*"),
+        ],
+        ids=["late", "robot simulated", "tool simulated", "without a clock"],
+    )
+    def test_a_clock_that_is_wrong_is_found(self, options, offset, simulated, said, peer):
+        talker = peer(*ALONE)
+        talker.send_without_subscriber(("base", "camera", S, 1.0), static=True)
+        with running("tf2_check", *TOLERANT, "--ros-args", *options, *ALONE) as process:
+            while process.poll() is None:
+                if simulated is not None:
+                    talker.set_clock(simulated)
+                talker.send_without_subscriber(("map", "base", time.time_ns() - offset, 0.0))
+                threading.Event().wait(0.05)  # as a robot does
+            out, _ = process.communicate(timeout=DEADLINE_S)
+        assert process.returncode == 1
+        finding, verdict = out.splitlines()
+        assert re.fullmatch(said, finding)
+        assert verdict.startswith("wrong: 1 finding in 3 frames, ")
+
+    def test_a_delay_may_be_allowed(self, peer):
+        talker = peer(*ALONE)
+        with running("tf2_check", "--max-delay", "60", *TOLERANT, "--ros-args", *ALONE) as process:
+            while process.poll() is None:
+                talker.send_without_subscriber(("map", "base", time.time_ns() - 5 * S, 0.0))
+                threading.Event().wait(0.05)
+            out, _ = process.communicate(timeout=DEADLINE_S)
+        assert (process.returncode, out[:27]) == (0, "ok: no findings in 2 frames")
 
     @pytest.mark.parametrize(
         ("given", "said"),
         [
             (["-t", "0"], "argument -t: must be above 0, not 0"),
-            (["--ignore", "weather"], "--ignore: weather is not one of nothing, clock, roots"),
+            (["--ignore", "weather"], "--ignore: weather is not one of nothing, clock, clocks"),
             (["--expect", "/no/such/file"], "cannot read /no/such/file: No such file or directory"),
             (["--junit", "/no/such/folder/x.xml", "-t", "0.1"], "/no/such/folder/x.xml: No such file"),
         ],
@@ -265,11 +312,12 @@ class TestMonitor:
     def test_a_pipe_gets_problems_after_all_of_that(self):
         with running("tf2_monitor", "--interval", "1", "--ros-args", *ALONE) as process:
             assert process.stdout.readline() == "Gathering data on all frames for 1 second...\n"
-            wanted = ["", "", "", "RESULTS: for all Frames", "", "Frames:", "", "All Broadcasters:", ""]
-            lines = [process.stdout.readline().rstrip("\n") for _ in range(len(wanted) + 2)]
-        silence = "no transform was received on /tf_alone and /tf_static_alone in ROS domain"
-        assert lines[:-1] == [*wanted, "Problems:"]
-        assert re.fullmatch(rf"{silence} \d+", lines[-1])
+            wanted = ["", "", "", "RESULTS: for all Frames", "", "Frames:", "", "All Broadcasters:"]
+            assert [process.stdout.readline().rstrip("\n") for _ in wanted] == wanted
+            # Not before publishers would have been discovered.
+            first_line(process, "Problems:")
+            silence = "no transform was received on /tf_alone and /tf_static_alone in ROS domain"
+            assert re.fullmatch(rf"{silence} \d+\n", process.stdout.readline())
 
     def test_a_terminal_gets_a_line_for_each_frame(self, robot):
         pytest.importorskip("pexpect")
@@ -349,6 +397,26 @@ class TestMonitor:
 
             delay = frames(first_report(process, is_known))["simulated"]["delay"]
         assert delay == pytest.approx(3.0)
+
+    def test_discovery_is_no_finding(self):
+        with running("tf2_monitor", "--json", "--interval", "0.2", "--ros-args", *ALONE) as process:
+            [first] = reports(process, 1)
+            assert (first["findings"], first["discovering"]) == ([], True)
+            [silence] = first_report(process, lambda report: report["findings"])["findings"]
+        assert silence["kind"] == "nothing"
+
+    def test_without_a_clock_all_frames_are_shown(self, peer):
+        talker = peer(*ALONE)
+        options = ("--json", "--interval", "0.2", "--ros-args", *SIMULATED, *ALONE)
+        with running("tf2_monitor", *options) as process:
+
+            def is_known(report):
+                talker.send(("map", "simulated", 97 * S, 0.0))
+                return report["findings"] and frames(report)
+
+            report = first_report(process, is_known)
+        assert [one["kind"] for one in report["findings"]] == ["clock"]
+        assert frames(report)["simulated"]["delay"] is None
 
     @pytest.mark.parametrize("frames", [["map"], ["map", "odom", "camera"]])
     def test_one_frame_or_three_are_wrong_usage(self, frames):

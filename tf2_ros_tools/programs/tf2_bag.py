@@ -96,6 +96,8 @@ def info(options: Namespace) -> int:
         print(f"  {stream_line(stream)}{_gap(stream)}")
     if said.clocks_differ:
         print("stamps and log times are of different clocks: no delays")
+    if said.saved:
+        print("saved by a buffer, which keeps stamps but no times of reception: no delays")
     _print_findings(said, said.findings)
     return SUCCESS
 
@@ -113,7 +115,8 @@ def check(options: Namespace) -> int:
 
     expected = expected_by(options)
     refuse_unknown_kinds(options)
-    said = report(heard_of(options), replace(LIMITS, min_rate=options.min_rate), expected)
+    limits = replace(LIMITS, min_rate=options.min_rate, max_delay=options.max_delay)
+    said = report(heard_of(options), limits, expected)
     wrong = not_ignored(said.findings, options)
     if options.json:
         print(json.dumps({"file": options.file, **asdict(replace(said, findings=wrong))}))

@@ -18,12 +18,16 @@ def parser() -> Parser:
         "tf2_check",
         "Listen to transforms for a while, and print a line for each problem: no transform at all, "
         "unconnected trees, loops, frames with two parents or two publishers, frames that are no longer "
-        "published, gaps, stamps in the future, and differences from a file of expectations. The exit status "
-        "is 0 if there are no problems, otherwise 1.",
+        "published, gaps, late transforms, stamps of another clock or in the future, and differences from a "
+        "file of expectations. The exit status is 0 if there are no problems, otherwise 1.",
         "  tf2_check -t 10 --expect robot.yaml --junit transforms.xml",
     )
     made.add_argument(
-        "-t", type=positive_number, metavar="S", default=5.0, help="listen for S seconds; 5 by default"
+        "-t",
+        type=positive_number,
+        metavar="S",
+        default=5.0,
+        help="listen for S seconds, 5 by default, or longer if something may not be discovered yet",
     )
     add_check_options(made)
     made.add_argument("--json", action="store_true", help="print the result as one line of JSON")
@@ -32,7 +36,7 @@ def parser() -> Parser:
 
 def check(options: Namespace) -> int:
     """Listen, print the problems, and return the exit status."""
-    from tf2_ros_tools.listening import listening, problems, spun_node
+    from tf2_ros_tools.listening import DISCOVERY_S, listening, problems, spun_node
 
     # isort: split
     from tf2_ros_tools.findings import (
@@ -47,20 +51,25 @@ def check(options: Namespace) -> int:
 
     expected = expected_by(options)
     refuse_unknown_kinds(options)
+    limits, seconds = Limits(min_rate=options.min_rate, max_delay=options.max_delay), options.t
     with spun_node("tf2_check", options) as node, listening(node) as heard:
-        heard.listen(options.t)
-        report = heard.report(Limits(min_rate=options.min_rate), expected)
+        heard.listen(seconds)
+        report = heard.report(limits, expected)
+        if report.discovering:
+            seconds = DISCOVERY_S
+            heard.finish_discovery()
+            report = heard.report(limits, expected)
     wrong = not_ignored(report.findings, options)
     if options.json:
-        print(json.dumps({"ok": not wrong, "seconds": options.t, **asdict(replace(report, findings=wrong))}))
+        print(json.dumps({"ok": not wrong, "seconds": seconds, **asdict(replace(report, findings=wrong))}))
     else:
         for finding in wrong:
             print(line_of(finding))
-        print(verdict_of(wrong, report.streams, f"{counted(report.messages, 'message')} and {options.t:g} s"))
+        print(verdict_of(wrong, report.streams, f"{counted(report.messages, 'message')} and {seconds:g} s"))
         for problem in problems(replace(report, findings=[])):
             print(problem.text, file=sys.stderr)
     if options.junit is not None:
-        write_junit(options.junit, "tf2_check", wrong, options.ignore, options.t)
+        write_junit(options.junit, "tf2_check", wrong, options.ignore, seconds)
     return FAILURE if wrong else SUCCESS
 
 

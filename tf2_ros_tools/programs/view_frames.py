@@ -110,7 +110,7 @@ def _view_once(options: Namespace, draws: bool) -> int:
     ):
         node.get_logger().info(f"Listening to tf data for {seconds(wait_s)}...")
         heard.listen(wait_s)
-        text = heard.buffer.tree()
+        text = _text(heard)
         dot = _dot(heard) if draws else ""
         if not heard.frames():
             _report_silence(heard.where, wait_s)
@@ -149,7 +149,7 @@ def _watch(options: Namespace) -> int:
             try:
                 _write(_dot(heard), *files)
             except FileNotFoundError:
-                print(heard.buffer.tree())
+                print(_text(heard))
                 _report_lack(files[0])
                 return FAILURE
             took = time.monotonic() - begin
@@ -158,6 +158,15 @@ def _watch(options: Namespace) -> int:
                 for name in files[:2]:
                     print(name)
     return SUCCESS
+
+
+def _text(heard: Listening) -> str:
+    """The tree, and below it what is wrong; of no frames, only that there are none."""
+    from tf2_ros_tools.findings import Limits, line_of
+
+    text: str = heard.buffer.tree()
+    found = heard.report(Limits()).findings if heard.frames() else []
+    return "\n".join([text, "", *map(line_of, found)]) if found else text
 
 
 def _dot(heard: Listening) -> str:

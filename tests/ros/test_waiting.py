@@ -784,6 +784,17 @@ class TestAwaiting:
         assert asyncio.run(main()).child_frame_id == "robot"
 
     @pytest.mark.ours
+    def test_what_is_there_is_awaited_without_a_thread(self, buffer, executor, monkeypatch):
+        def refuse(*_):
+            raise RuntimeError("can't start new thread")
+
+        insert(buffer)
+        monkeypatch.setattr(threading, "_start_new_thread", refuse)
+        task = executor.create_task(buffer.lookup_transform_async("map", "robot", at(1)))
+        until(task.done, executor)
+        assert task.result().child_frame_id == "robot"
+
+    @pytest.mark.ours
     def test_a_task_that_awaits_is_no_cycle(self, buffer, executor):
         task = executor.create_task(buffer.lookup_transform_async("map", "robot", at(1)))
         executor.spin_once(timeout_sec=0)

@@ -123,7 +123,9 @@ class WakingFuture(HookedFuture, Generic[_Result]):
 
     def __wake_and_await(self) -> Generator[Any, Any, _Result]:
         # Callbacks that only wake must not keep a future alive, so no method of a subclass adds them.
-        if (task := running_task()) is not None:
+        if self.done() or self.cancelled():
+            pass  # and nothing has to be woken
+        elif (task := running_task()) is not None:
             # An executor steps an awaiting task only when it has something else to do, and completing this
             # future gives it nothing to do.
             sleeper = _SleepingTask(task)
@@ -134,7 +136,7 @@ class WakingFuture(HookedFuture, Generic[_Result]):
             finally:
                 sleeper.awake = True
                 Future.remove_done_callback(self, sleeper.wake)
-        if (loop := _running_loop()) is not None:
+        elif (loop := _running_loop()) is not None:
             # Without this, asyncio would poll.
             woken = loop.create_future()
             waker = _loop_waker(loop, woken)

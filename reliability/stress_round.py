@@ -402,7 +402,7 @@ class Round:
         deadline = time.monotonic() + DONE_S
         while True:
             waiters = self.buffer.statistics()["waiters"]
-            with_callbacks = [one for one in list(type(self.never[0])._kept_alive) if not one.done()]
+            with_callbacks = [one for one in list(self.buffer._kept) if not one.done()]
             if waiters == NEVER + len(with_callbacks):
                 break
             if time.monotonic() > deadline:

@@ -79,3 +79,9 @@ def optional_timeout_ns(timeout: Any, argument: str = "timeout") -> int | None:
 def kind_of(value: Any) -> str:
     """The name of a value's class; for a class, which may have been passed for an object, its own name."""
     return f"the class {value.__name__}" if isinstance(value, type) else type(value).__name__
+
+
+def require_callable(method: str, callback: object) -> None:
+    """Raise a TypeError if what a method is to call cannot be called."""
+    if not callable(callback):
+        raise TypeError(f"{method} needs a function to call, not {kind_of(callback)}")

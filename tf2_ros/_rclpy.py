@@ -314,11 +314,12 @@ def only_wakes_executor(callback: Any) -> bool:
 
 class HookedFuture(Future):
     """
-    A future with a say in how its done callbacks are called.
+    A future with a say in when and how its done callbacks are called.
 
     Assumes that ``Future`` keeps its callbacks in the list ``_callbacks`` and its executor in the weak
-    reference ``_executor``, both under ``_lock``, and calls them in ``_schedule_or_invoke_done_callbacks()``,
-    for which it does not hold the lock. If it has no such attributes, it calls them in its own way.
+    reference ``_executor``, both under ``_lock``, and that the methods that set the outcome call the
+    callbacks in ``_schedule_or_invoke_done_callbacks()``. If it has no such attributes, it calls them in its
+    own way.
 
     :param lock: used instead of rclpy's own, which a fork may find held.
     """
@@ -329,22 +330,32 @@ class HookedFuture(Future):
         super().__init__()
         self._lock = lock
 
-    def _schedule_or_invoke_done_callbacks(self) -> None:
+    def set_result(self, result: Any) -> None:
+        """Set the result, and call the callbacks."""
+        super().set_result(result)
         self._tf2_completed()
 
+    def set_exception(self, exception: BaseException) -> None:
+        """Set the exception, and call the callbacks."""
+        super().set_exception(exception)
+        self._tf2_completed()
+
+    def cancel(self) -> None:
+        """Cancel, if it is pending, and call the callbacks."""
+        super().cancel()
+        self._tf2_completed()
+
+    def _schedule_or_invoke_done_callbacks(self) -> None:
+        """Leave the callbacks to :meth:`_tf2_completed`."""
+
     def _tf2_completed(self) -> None:
-        """Run the callbacks, because the outcome is set."""
-        with self._lock:
-            reference: Any = getattr(self, "_executor", None)
-            callbacks: list[Callable[[Any], None]] | None = None
-            if reference is not None and hasattr(self, "_callbacks"):
-                callbacks, self._callbacks = self._callbacks, []
-        if callbacks is None:
+        """Call the callbacks that were not called yet, because the outcome is set."""
+        reference: Any = getattr(self, "_executor", None)
+        if reference is None or not hasattr(self, "_callbacks"):
             super()._schedule_or_invoke_done_callbacks()
         else:
-            self._tf2_run_callbacks(None if reference is None else reference(), callbacks)
+            self._tf2_run_callbacks(reference(), self._callbacks)
 
     def _tf2_run_callbacks(self, executor: Executor | None, callbacks: list[Callable[[Any], None]]) -> None:
-        """Run the callbacks, in rclpy's way; a subclass may differ."""
-        for callback in callbacks:
-            callback(self) if executor is None else executor.create_task(callback, self)
+        """Remove the callbacks from the list, and call each of them."""
+        raise NotImplementedError

@@ -412,7 +412,8 @@ class Buffer(BufferCore, AnsweringInterface):
         :param target_frame: see :meth:`lookup_transform`, also for ``source_frame``.
         :param callback: called with the transform, in the thread in which callbacks of
             :meth:`wait_for_transform_async` run; never by two threads at once.
-        :return: an object that ends this with ``cancel()``. Until then, the buffer exists.
+        :return: an object that ends this with ``cancel()``. Otherwise it ends with the buffer.
+        :raises TypeError: ``callback`` cannot be called.
         """
         return Changes(self, target_frame, source_frame).call(callback)
 

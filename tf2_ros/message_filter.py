@@ -9,9 +9,7 @@ import inspect
 import itertools
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from functools import partial
 from typing import Any, Generic, Protocol, TypedDict, TypeVar, overload
 
@@ -22,9 +20,17 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from tf2_py._internal import FOR_EVER_NS, class_name, duration_ns, frame_name, printable
+from tf2_py._internal import FOR_EVER_NS, call_all, class_name, duration_ns, frame_name, printable
 from tf2_py.typing import DurationLike, TimeoutLike
-from tf2_ros._arguments import has, is_a, is_names, kind_of, optional_timeout_ns, refuse_swapped
+from tf2_ros._arguments import (
+    has,
+    is_a,
+    is_names,
+    kind_of,
+    optional_timeout_ns,
+    refuse_swapped,
+    require_callable,
+)
 from tf2_ros._forking import FORKED, LiveObjects, register_for_fork
 from tf2_ros._nodes import node_has_ended
 from tf2_ros._wait.callbacks import CallbackQueue, callback_queue, patience_ns
@@ -85,7 +91,8 @@ class MessageFilter(Generic[_Message]):
     become available, or in which it is dropped. Callbacks run one after the other in the node's executor,
     even if another thread adds messages or inserts transforms. Only a subscription needs that executor. If
     callbacks or iterations rely on a subscription and nobody spins the node for 5 s, a warning is logged
-    once; the representation shows it at once. If nobody spins the node, what a callback raises is logged.
+    once; the representation shows it at once. What a callback
+    raises is logged; in the main thread, other exceptions than an ``Exception`` end the spin.
 
     ``async for message, transform in filter`` gives the same messages, from the start of the iteration to
     :meth:`close`, or to the end of the node or its context, each with its transform into the first target
@@ -168,20 +175,17 @@ class MessageFilter(Generic[_Message]):
         self._closed = self._forked = False
         self._counts_lock = threading.RLock()
         self._passed = self._cleared = 0
-        self._dropped = dict.fromkeys(FilterFailureReason, 0)
         self._sampled = self._sampled_dropped = 0
         self._warn_again_at = 0.0
         self._queue = callback_queue(node)
-        # For each message, in order: it, its transform, the reason if it is dropped, and the lookup's error.
-        self._outcomes: deque[tuple[Any, Any, FilterFailureReason | None, str]] = deque()
+        self._kept: set[Any] = set()  # what awaits a message, and nothing else may refer to
         self._unspun: _UnspunWarning | None = None
         self._pending = PendingMessages(
             buffer,
             Needed(_names(target_frames), _tolerance_ns(tolerance)),
             _size(queue_size),
             optional_timeout_ns(buffer_timeout, "buffer_timeout"),
-            self._on_pass,
-            self._on_drop,
+            self._announce,
         )
         register_for_fork(self)
         try:
@@ -218,7 +222,7 @@ class MessageFilter(Generic[_Message]):
         :return: the key of the callback in the dictionary ``callbacks``; removing the entry removes the
             callback.
         """
-        _require_callable("registerCallback", callback)
+        require_callable("registerCallback", callback)
         connection = next(self._connections)
         self.callbacks = {**self.callbacks, connection: (callback, arguments)}
         self._warn_if_unspun()
@@ -239,7 +243,7 @@ class MessageFilter(Generic[_Message]):
         :param callback: ``reason`` is a :class:`FilterFailureReason`.
         :return: a number, which no other callback of this filter has.
         """
-        _require_callable("registerFailureCallback", callback)
+        require_callable("registerFailureCallback", callback)
         connection = next(self._connections)
         self._failure_callbacks = {**self._failure_callbacks, connection: (callback, arguments)}
         self._warn_if_unspun()
@@ -293,9 +297,6 @@ class MessageFilter(Generic[_Message]):
     def clear(self) -> None:
         """Remove the messages that wait, and those for which no callback was called yet."""
         cleared = self._pending.clear()
-        with suppress(IndexError):
-            while True:
-                cleared += self._outcomes.popleft()[2] is None
         with self._counts_lock:
             self._cleared += cleared
 
@@ -336,7 +337,6 @@ class MessageFilter(Generic[_Message]):
         self._counts_lock = threading.RLock()
         self._forked = self._closed = True
         self._disconnect = None
-        self._outcomes.clear()
         for stream in self._streams:
             stream.after_fork()
 
@@ -348,7 +348,7 @@ class MessageFilter(Generic[_Message]):
             ``cleared``; and ``waiting``, which are all others.
         """
         with self._counts_lock:
-            dropped = {reason.value: count for reason, count in self._dropped.items()}
+            dropped = {reason.value: self._pending.ended[reason] for reason in FilterFailureReason}
             done = self._passed + sum(dropped.values()) + self._cleared
             received = self._pending.count
             return {
@@ -361,7 +361,7 @@ class MessageFilter(Generic[_Message]):
 
     def __aiter__(self) -> MessageStream[tuple[_Message, TransformStamped]]:
         stream: MessageStream[tuple[_Message, TransformStamped]] = MessageStream(
-            partial(node_has_ended, self._node)
+            partial(node_has_ended, self._node), self._kept
         )
         self._streams.add(stream)
         if self._closed:
@@ -428,36 +428,29 @@ class MessageFilter(Generic[_Message]):
 
         return disconnect
 
-    def _on_pass(self, message: Any, transform: Any) -> None:
-        self._put((message, transform, None, ""))
-
-    def _on_drop(self, message: Any, reason: FilterFailureReason, text: str) -> None:
-        with self._counts_lock:
-            self._dropped[reason] += 1
-        self._put((message, None, reason, text))
-
-    def _put(self, outcome: tuple[Any, Any, FilterFailureReason | None, str]) -> None:
-        if not self._closed and not node_has_ended(self._node):
-            self._outcomes.append(outcome)
-            self._queue.put(self._deliver)
+    def _announce(self) -> bool:
+        if self._closed or node_has_ended(self._node):
+            return False
+        self._queue.put(self._deliver)
+        return True
 
     def _deliver(self) -> None:
         """Call back with the next outcome."""
-        try:
-            message, transform, reason, text = self._outcomes.popleft()
-        except IndexError:
+        outcome = self._pending.next_outcome()
+        if outcome is None:
             return  # removed by `clear`
+        message, transform, reason, text = outcome
         self._warn_of_drops(message, reason, text)
         if reason is not None:
-            for callback, arguments in self._failure_callbacks.values():
-                callback(message, reason, *arguments)
+            failed = self._failure_callbacks.values()
+            call_all([partial(callback, message, reason, *arguments) for callback, arguments in failed])
             return
         with self._counts_lock:
             self._passed += 1
         for stream in self._streams:
             stream.put((message, transform))
-        for callback, arguments in list(self.callbacks.values()):
-            callback(message, *arguments)
+        passed = list(self.callbacks.values())
+        call_all([partial(callback, message, *arguments) for callback, arguments in passed])
 
     def _warn_of_drops(self, message: Any, reason: FilterFailureReason | None, text: str) -> None:
         self._sampled += 1
@@ -534,11 +527,6 @@ def _names(target_frames: str | Sequence[str]) -> tuple[str, ...]:
     if "" in names:
         raise ValueError("the name of a target frame must not be empty")
     return names
-
-
-def _require_callable(method: str, callback: object) -> None:
-    if not callable(callback):
-        raise TypeError(f"{method} needs a function to call, not {kind_of(callback)}")
 
 
 def _size(queue_size: int) -> int:

@@ -3,6 +3,7 @@
 import gc
 import os
 import signal
+import sys
 import threading
 import time
 
@@ -214,20 +215,32 @@ class TestOrder:
         until(lambda: len(order) == 2, executor)
         assert order == [1, 2]
 
-    def test_what_one_raises_the_spin_raises_and_the_rest_are_run(self, queue, node, executor):
+    def test_what_one_raises_is_logged_and_the_rest_are_run(self, queue, node, executor, capfd):
         order = []
         queue.put(lambda: 1 / 0)
         queue.put(lambda: order.append(1))
-        with pytest.raises(ZeroDivisionError):
+        until(lambda: order, executor)
+        assert "ZeroDivisionError" in capfd.readouterr().err
+
+    def test_what_ends_a_program_ends_the_spin_of_the_main_thread(self, queue, node, executor):
+        order = []
+        queue.put(sys.exit)
+        queue.put(lambda: order.append(1))
+        with pytest.raises(SystemExit):
             until(lambda: False, executor)
         until(lambda: order, executor)
 
-    def test_what_one_raises_in_the_thread_is_logged(self, queue, capfd):
+    @pytest.mark.parametrize("error", [ZeroDivisionError, SystemExit])
+    def test_what_one_raises_in_a_thread_is_logged(self, queue, capfd, error):
         order = []
-        queue.put(lambda: 1 / 0)
+
+        def fail():
+            raise error
+
+        queue.put(fail)
         queue.put(lambda: order.append(1))
         until(lambda: order)
-        assert "ZeroDivisionError" in capfd.readouterr().err
+        assert error.__name__ in capfd.readouterr().err
 
     def test_nothing_runs_once_it_is_closed(self, node, executor):
         order, own = [], CallbackQueue(node)

@@ -29,6 +29,27 @@ async def take(buffer, count, after_each=lambda: None):
 
 
 class TestIterator:
+    def test_a_task_that_nobody_refers_to_goes_on(self, tf2_ros):
+        buffer, seen = tf2_ros.Buffer(), []
+
+        async def follow():
+            async for one in buffer.changes("map", "base"):
+                seen.append(stamp_ns(one) / S)
+                if len(seen) == 2:
+                    return
+
+        async def main():
+            asyncio.create_task(follow())
+            for second in 1, 2:
+                await asyncio.sleep(0)
+                gc.collect()
+                insert(buffer, second)
+                while len(seen) < second:
+                    await asyncio.sleep(0)
+
+        asyncio.run(main())
+        assert seen == [1, 2]
+
     def test_it_begins_with_the_present_one_and_yields_each_new_one(self, tf2_ros):
         buffer, times = tf2_ros.Buffer(), iter((2, 3, 5))
         insert(buffer, 1)
@@ -117,6 +138,30 @@ class TestIterator:
 
 
 class TestCallbacks:
+    @pytest.mark.parametrize("spun", [True, False])
+    def test_one_that_raises_at_its_first_call_is_called_again_like_all_others(self, tf2_ros, node, spun):
+        buffer, seen, calls = tf2_ros.Buffer(), [], []
+        listener = tf2_ros.TransformListener(buffer, node if spun else None, spin_thread=spun)
+
+        def fail(_):
+            calls.append(1)
+            raise ValueError("mine")
+
+        insert(buffer, 1)
+        subscriptions = [buffer.on_change("map", "base", fail), buffer.on_change("map", "base", seen.append)]
+        until(lambda: calls and seen)
+        with pytest.warns(UserWarning, match="mine"):
+            insert(buffer, 2)
+        assert (len(calls), len(seen)) == (2, 2)
+        assert listener._spinner is None or listener._spinner.thread.is_alive()
+        for subscription in subscriptions:
+            subscription.cancel()
+        listener.unregister()
+
+    def test_it_must_be_a_function(self, tf2_ros):
+        with pytest.raises(TypeError, match="on_change needs a function to call, not int"):
+            tf2_ros.Buffer().on_change("map", "base", 3)
+
     def test_each_new_transform_is_passed_on(self, tf2_ros):
         buffer, seen = tf2_ros.Buffer(), []
         subscription = buffer.on_change("map", "base", lambda one: seen.append(stamp_ns(one) / S))

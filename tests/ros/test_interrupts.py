@@ -6,8 +6,13 @@ import subprocess
 import threading
 
 import pytest
+from geometry_msgs.msg import PointStamped
+from interrupting import Interrupt, interrupted
+from making import at, transform
 from processes import DEADLINE_S, start, until
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.time import Time
+from spinning import spinning
 
 pytestmark = pytest.mark.ours
 
@@ -96,3 +101,132 @@ def test_timeouts_end_while_listeners_begin_and_end(tf2_ros, node):
         ending.set()
         thread.join()
         listener.unregister()
+
+
+def point(seconds):
+    message = PointStamped()
+    message.header.frame_id, message.header.stamp = "robot", at(seconds).to_msg()
+    return message
+
+
+class TestEachLine:
+    """A handler that raises before any of the lines that an insert runs ends only that insert."""
+
+    @pytest.fixture
+    def buffer(self, tf2_ros):
+        return tf2_ros.Buffer()
+
+    def rounds(self, buffer):
+        """
+        Yield a second, and a function that inserts the transform of that second, until no line is left.
+
+        The insert of each round is interrupted one line later than the one before.
+        """
+        self.reached = True
+        second = 0
+        while self.reached:
+            second += 1
+
+            def insert(second=second):
+                message = transform("map", "robot", second)
+                with interrupted(second) as count:
+                    buffer.set_transform(message, "x")
+                self.reached = count.reached
+
+            yield second, insert
+        assert second > 2, "nothing was interrupted"
+
+    def test_a_future_is_done(self, buffer):
+        for second, insert in self.rounds(buffer):
+            future = buffer.wait_for_transform_async("map", "robot", at(second), timeout=DEADLINE_S)
+            insert()
+            assert future.done()
+            assert buffer.statistics()["waiters"] == 0
+
+    def test_a_future_calls_its_callback(self, buffer):
+        called = []
+        for second, insert in self.rounds(buffer):
+            future = buffer.wait_for_transform_async("map", "robot", at(second))
+            future.add_done_callback(called.append)
+            insert()
+            assert called == [future]
+            called.clear()
+
+    def test_another_future_is_done_where_a_callback_is_interrupted(self, buffer):
+        def interrupt(_):
+            raise Interrupt
+
+        futures = [buffer.wait_for_transform_async("map", "robot", at(1)) for _ in range(3)]
+        for future in futures[:2]:
+            future.add_done_callback(interrupt)
+        with pytest.raises(Interrupt):
+            buffer.set_transform(transform("map", "robot", 1), "x")
+        assert all(future.done() for future in futures)
+
+    def test_a_task_of_asyncio_goes_on(self, buffer):
+        async def main():
+            for second, insert in self.rounds(buffer):
+                task = asyncio.ensure_future(buffer.lookup_transform_async("map", "robot", at(second)))
+                await asyncio.sleep(0)
+                insert()
+                await asyncio.wait_for(task, DEADLINE_S)
+
+        asyncio.run(main())
+
+    def test_a_task_of_an_executor_goes_on(self, buffer, node):
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        with spinning(executor):
+            for second, insert in self.rounds(buffer):
+                began = threading.Event()
+
+                async def follow(second=second, began=began):
+                    future = buffer.wait_for_transform_async("map", "robot", at(second))
+                    began.set()
+                    await future
+
+                task = executor.create_task(follow)
+                assert began.wait(DEADLINE_S)
+                insert()
+                until(task.done)
+
+    def test_a_filter_passes_its_message(self, buffer, tf2_ros, node):
+        executor, passed = SingleThreadedExecutor(), []
+        executor.add_node(node)
+        with tf2_ros.MessageFilter(None, buffer, "map", 10, node=node) as filter, spinning(executor):
+            filter.registerCallback(lambda message: passed.append(message.header.stamp.sec))
+            for second, insert in self.rounds(buffer):
+                filter.add(point(second))
+                insert()
+                until(lambda second=second: passed == [second])
+                passed.clear()
+            assert filter.statistics()["received"] == filter.statistics()["passed"] == second
+
+    @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # rclpy's Future.__init__
+    def test_a_subscription_to_changes_gets_the_next_one(self, buffer):
+        seen = []
+        subscription = buffer.on_change("map", "robot", lambda found: seen.append(found.header.stamp.sec))
+        for second, insert in self.rounds(buffer):
+            insert()
+            buffer.set_transform(transform("map", "robot", second + 0.5), "x")
+            assert seen[-1] == second
+        subscription.cancel()
+
+
+def test_a_signal_handler_may_insert_what_is_being_added_to_a_filter(tf2_ros, node, executor):
+    buffer, passed = tf2_ros.Buffer(cache_time=1e6), []
+    with tf2_ros.MessageFilter(None, buffer, ("map", "base"), 0, node=node) as filter:
+        filter.registerCallback(lambda message: passed.append(message.header.stamp.sec))
+        buffer.set_transform_static(transform("map", "base"), "x")
+        line = 0
+        while line is not None:
+            line += 1
+            message = transform("map", "robot", line)
+            with interrupted(line, lambda message=message: buffer.set_transform(message, "x")) as count:
+                filter.add(point(line))
+            buffer.set_transform(message, "x")
+            until(lambda line=line: passed == [line], executor)
+            passed.clear()
+            if not count.reached:
+                break
+        assert line > 10

@@ -59,7 +59,7 @@ class Watched:
 
     def settle(self):
         """Let everything that is due happen."""
-        until(lambda: not self.filter._outcomes, self.executor)
+        until(lambda: not self.filter._pending._outcomes, self.executor)
 
 
 @pytest.fixture
@@ -468,7 +468,7 @@ class TestCallbacks:
         assert watched.seconds() == [1]
         assert seen == []
 
-    def test_one_that_raises_does_not_lose_the_messages_behind(self, watched, buffer):
+    def test_one_that_raises_is_logged_and_does_not_lose_the_messages_behind(self, watched, buffer, capfd):
         raising = [RuntimeError("mine")]
 
         def fail(message):
@@ -479,9 +479,19 @@ class TestCallbacks:
         insert(buffer)
         for _ in range(3):
             watched.filter.add(point())
-        with pytest.raises(RuntimeError, match="mine"):
-            watched.settle()
+        watched.settle()
         assert watched.seconds() == [1, 1, 1]
+        assert "RuntimeError: mine" in capfd.readouterr().err
+
+    def test_one_that_raises_does_not_keep_a_message_from_the_others(self, watched, buffer, capfd):
+        seen = []
+        watched.filter.registerCallback(lambda message: sys.exit("mine"))
+        watched.filter.registerCallback(seen.append)
+        insert(buffer)
+        watched.filter.add(point())
+        with pytest.raises(SystemExit, match="mine"):  # out of the spin of the main thread
+            watched.settle()
+        assert len(seen) == 1
 
     def test_one_may_use_the_filter_and_the_buffer(self, watched, buffer):
         def more(message):
@@ -927,7 +937,7 @@ class TestWithoutExecutor:
         node.destroy_node()
         insert(buffer)
         filter.add(point())
-        assert not filter._outcomes
+        assert filter._pending.next_outcome() is None
         filter.close()
 
 

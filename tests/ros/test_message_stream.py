@@ -1,13 +1,16 @@
 """The asynchronous iteration of message filters, by several consumers at once."""
 
 import asyncio
+import gc
 import signal
 import subprocess
 import sys
 import threading
 
 import pytest
+from geometry_msgs.msg import PointStamped
 from processes import DEADLINE_S, start
+from rclpy.executors import SingleThreadedExecutor
 
 from tf2_ros._wait.filter_queue import MessageStream
 
@@ -73,6 +76,31 @@ def test_a_consumer_that_leaves_takes_nothing_with_it():
         assert not stream._awaiting
 
     asyncio.run(main())
+
+
+def test_a_task_that_nobody_refers_to_goes_on(tf2_ros, node):
+    seen = []
+
+    async def main(filter, executor):
+        async def follow():
+            async for message, _ in filter:
+                seen.append(message)
+
+        asyncio.create_task(follow())
+        await asyncio.sleep(0)
+        gc.collect()
+        message = PointStamped()
+        message.header.frame_id = "map"
+        filter.add(message)
+        while not seen:
+            executor.spin_once(timeout_sec=0)
+            await asyncio.sleep(0)
+
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    with tf2_ros.MessageFilter(None, tf2_ros.Buffer(), "map", 0, node=node) as filter:
+        asyncio.run(asyncio.wait_for(main(filter, executor), DEADLINE_S))
+    executor.shutdown()
 
 
 class TestShutdown:

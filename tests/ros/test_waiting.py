@@ -783,6 +783,47 @@ class TestAwaiting:
 
         assert asyncio.run(main()).child_frame_id == "robot"
 
+    def test_a_task_of_asyncio_that_nobody_refers_to_goes_on(self, buffer):
+        done = []
+
+        async def follow():
+            done.append(await buffer.lookup_transform_async("map", "robot", at(1)))
+
+        async def main():
+            asyncio.create_task(follow())
+            await asyncio.sleep(0)
+            gc.collect()
+            insert(buffer)
+            while not done:
+                await asyncio.sleep(0)
+
+        asyncio.run(asyncio.wait_for(main(), DEADLINE_S))
+
+    @pytest.mark.ours
+    def test_what_is_there_is_awaited_without_a_thread(self, buffer, executor, monkeypatch):
+        def refuse(*_):
+            raise RuntimeError("can't start new thread")
+
+        insert(buffer)
+        monkeypatch.setattr(threading, "_start_new_thread", refuse)
+        task = executor.create_task(buffer.lookup_transform_async("map", "robot", at(1)))
+        until(task.done, executor)
+        assert task.result().child_frame_id == "robot"
+
+    @pytest.mark.ours
+    def test_what_awaits_or_has_callbacks_goes_with_its_buffer(self, tf2_ros, node):
+        buffer = tf2_ros.Buffer()
+        node.listener = tf2_ros.TransformListener(buffer, node)
+        buffer.node = node  # buffer, wait, callback, node, listener, and the buffer again
+
+        future = wait(buffer, at(1))
+        future.add_done_callback(lambda _, node=node: node)
+        ended = [weakref.ref(future), weakref.ref(buffer)]
+        node.listener.unregister()
+        del future, buffer, node.listener
+        gc.collect()
+        assert [one() for one in ended] == [None, None]
+
     @pytest.mark.ours
     def test_a_task_that_awaits_is_no_cycle(self, buffer, executor):
         task = executor.create_task(buffer.lookup_transform_async("map", "robot", at(1)))

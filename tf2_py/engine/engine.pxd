@@ -55,6 +55,7 @@ cdef class Engine:
     cdef Advice _advice                 # what error texts add
     cdef list _names                    # of the tree, by id, as far as some text has needed them
     cdef list _authorities              # likewise
+    cdef readonly set _kept             # what waits for this engine, and nothing else may refer to
     cdef list _observers                # called after every insert; changed with the GIL, counted without
     cdef Inbox _inboxes                 # the first of those that fill this engine, or None
     cdef Tap _tap                       # of what a program inserts here; or None

@@ -198,6 +198,7 @@ cdef class Engine:
         self._throttle = Throttle()
         self._advice = Advice()
         self._observers = []
+        self._kept = set()
         self._names, self._authorities = [], []
 
     def __dealloc__(self):
@@ -362,25 +363,24 @@ cdef class Engine:
     cdef object _deliver(self, Batch* batch, list later):
         # One at a time, because callbacks may insert, wait or cancel. All are called, even if one raises.
         cdef Waiter* waiter
-        error = None
+        cdef list errors = []
         while True:
             lock_acquire(&self._lock)
             waiter = waiters_next_ready(&self._waiters, &batch.wake, &batch.ready)
             unlock_written(&self._lock, &self._tree, &self._waiters)
             if waiter == NULL:
-                return error
+                return errors[0] if errors else None
             # The owner still exists: it removes its waiter, with the GIL, before it is destroyed.
+            rest = _deliver_one(<WaiterOwner>waiter.owner, errors)
+            if rest is None:
+                continue
+            if later is not None:
+                later.append(rest)
+                continue
             try:
-                rest = (<WaiterOwner>waiter.owner).deliver()
-                if rest is None:
-                    continue
-                if later is None:
-                    rest()
-                else:
-                    later.append(rest)
+                rest()
             except BaseException as raised:
-                if error is None:
-                    error = raised
+                errors.append(raised)
 
     cdef Removal remove(self, const char* name, size_t size,
                         int64_t before_ns=INT64_MAX) except REMOVAL_ERROR:
@@ -727,6 +727,53 @@ cdef _extend(list chain, list frames):
         if frame in chain:
             del chain[chain.index(frame):]
         chain.append(frame)
+
+
+cdef enum:
+    TRIES = 10      # a second signal during one of these short calls is rare already
+
+
+cdef object _deliver_one(WaiterOwner owner, list errors):
+    # It runs no user code, but a signal handler may raise in it. Nothing else would deliver the answer.
+    for _ in range(TRIES):
+        try:
+            return owner.deliver()
+        except BaseException as raised:
+            errors.append(raised)
+    return None
+
+
+def call_despite_signals(call):
+    """
+    Call a function that may be called several times, until no signal handler that raises has cut it short.
+
+    :raises BaseException: what was raised first, after the call succeeded.
+    """
+    cdef list errors = []
+    for _ in range(TRIES):
+        try:
+            call()
+            break
+        except BaseException as raised:
+            errors.append(raised)
+    if errors:
+        raise errors[0]
+
+
+def call_all(calls, *_):
+    """
+    Call each of these, and in the end raise the first exception, if there was one.
+
+    Further arguments are ignored, so that this can be the callback of a future.
+    """
+    cdef list errors = []
+    for call in calls:
+        try:
+            call()
+        except BaseException as raised:
+            errors.append(raised)
+    if errors:
+        raise errors[0]
 
 
 cdef size_t _copy_owners(const WaiterList* waiters, void** owners, size_t count, size_t most) noexcept:

@@ -53,8 +53,9 @@ from tf2_py._internal cimport (
 )
 import traceback
 import weakref
+from functools import partial
 
-from tf2_py._internal import log
+from tf2_py._internal import call_despite_signals, log
 
 cdef enum:
     READ_SLICE = 64             # messages that a read inserts before it releases the GIL
@@ -658,7 +659,7 @@ cdef class MessageInbox(Inbox):
             parcel = parcel.next
         _free_parcels(parcels)
         if later:
-            self.hand_over(later)
+            call_despite_signals(partial(self.hand_over, later))
         return 0
 
 

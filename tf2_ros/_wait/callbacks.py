@@ -1,9 +1,8 @@
 """Run a program's callbacks in the queue of their node: in which thread, and when."""
 
 import time
-import traceback
 import weakref
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import Any
@@ -13,7 +12,7 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.waitable import Waitable
 
-from tf2_py._internal import log
+from tf2_py._internal import call_all
 from tf2_ros._forking import LOCK, keep_for_ever, register_for_fork
 from tf2_ros._nodes import WaitContexts, node_has_ended
 from tf2_ros._rclpy import holding_executor, is_in_callback, new_wake_handle
@@ -226,9 +225,6 @@ class CallbackQueue(ExecutorRounds, Waitable):
         ran = True
         try:
             ran = self.run(len(self.calls))
-        except Exception:
-            # The executor crashes if a task raises (seen with rclpy 7.1.6).
-            log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
         finally:
             self.asked()
             # A thread that is inside a call offers the rest at its end.
@@ -251,29 +247,13 @@ class _CallbackThread(Worker):
 
     def _work(self) -> float:
         while self._has_work() and (queue := self._queue()) is not None:
-            self._call(partial(queue.run, 1), "In a callback")
+            queue.run(1)
         return LINGER_S
 
     def _has_work(self) -> bool:
         queue = self._queue()
         # An executor that is inside one of the calls offers those that are left at its end.
         return queue is not None and bool(queue.calls) and not queue.running and queue.thread_may_run()
-
-
-def call_all(calls: Iterable[Call]) -> None:
-    """Call each of these, and in the end raise the first exception, if there was one."""
-    error: BaseException | None = None
-    for call in calls:
-        try:
-            call()
-        except BaseException as raised:
-            if error is None:
-                error = raised
-    try:
-        if error is not None:
-            raise error
-    finally:
-        del error  # its traceback leads here
 
 
 # For calls that belong to no node, one for the whole process.

@@ -8,6 +8,8 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.time import Time
 
 from tf2_py import BufferCore, TimeoutException
+from tf2_py._internal import call_all, call_despite_signals
+from tf2_ros._arguments import require_callable
 from tf2_ros._nodes import Shutdown
 from tf2_ros._wait.blocking import Lookup
 from tf2_ros._wait.callbacks import queue_of
@@ -78,10 +80,13 @@ class ChangeSubscription:
     def __init__(
         self, buffer: BufferCore, changes: Changes, callback: Callable[[TransformStamped], object]
     ) -> None:
+        require_callable("on_change", callback)
         self._buffer, self._changes, self._callback = buffer, changes, callback
-        self._future: TransformFuture | None = None
+        self._future: TransformFuture | None = None  # of the next change
+        self._awaited: TransformFuture | None = None  # the last one whose steps were registered
+        self._delivered: TransformFuture | None = None  # the last one whose result the callback got
         self._is_cancelled = False
-        self._wait()
+        self._go_on(None)
         if self._future is not None and self._future.done() and self._future.exception() is not None:
             self._future.result()  # raises: a name is invalid
 
@@ -91,21 +96,33 @@ class ChangeSubscription:
         if self._future is not None:
             self._future.cancel()
 
-    def _wait(self) -> None:
-        future = self._future = self._changes.future()
+    def _go_on(self, done: TransformFuture | None) -> None:
+        """Wait for the change after this one; to be called again if a signal handler has cut it short."""
+        if self._future is done:
+            self._changes.deliver()
+            self._future = self._changes.future()
+        future = self._future
+        if future is None or self._awaited is future:
+            return
+        steps = (partial(self._deliver, future), partial(call_despite_signals, partial(self._after, future)))
         if self._is_cancelled:
             future.cancel()
         elif future.done():
             # Not here, because as many may follow as arrive during the callback.
-            queue_of(self._buffer).put(partial(self._call, future))
+            queue_of(self._buffer).put_all(steps)
         else:
-            future.add_done_callback(self._call)
+            future.add_done_callback(partial(call_all, steps))
+        self._awaited = future
 
-    def _call(self, future: TransformFuture) -> None:
-        if self._is_cancelled or future.cancelled() or future.exception() is not None:
+    def _deliver(self, future: TransformFuture) -> None:
+        if self._has_ended_at(future) or self._delivered is future:
             return
-        self._changes.deliver()
-        try:
-            self._callback(future.result())
-        finally:
-            self._wait()
+        self._delivered = future
+        self._callback(future.result())
+
+    def _after(self, future: TransformFuture) -> None:
+        if not self._has_ended_at(future):
+            self._go_on(future)
+
+    def _has_ended_at(self, future: TransformFuture) -> bool:
+        return self._is_cancelled or future.cancelled() or future.exception() is not None

@@ -3,7 +3,7 @@
 import itertools
 import threading
 import time
-from collections import OrderedDict, deque
+from collections import Counter, OrderedDict, deque
 from collections.abc import Callable
 from contextlib import suppress
 from enum import Enum
@@ -15,6 +15,7 @@ from tf2_py._internal import frame_name, time_ns
 from tf2_ros._forking import register_for_fork
 from tf2_ros._wait.blocking import LongWait, Lookup, report_if_long
 from tf2_ros._wait.futures import WakingFuture
+from tf2_ros._wait.rounds import first_value, move_outcome
 from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer import Buffer
 
@@ -48,6 +49,15 @@ class FilterFailureReason(str, Enum):
     TIMEOUT = "TIMEOUT"
 
 
+class Outcome(NamedTuple):
+    """What became of a message."""
+
+    message: Any
+    transform: Any  # into the first target frame, if it passed
+    reason: FilterFailureReason | None  # if it was dropped
+    text: str  # of the lookup's error, if it was dropped and one was tried
+
+
 class Needed(NamedTuple):
     """What a message waits for: into which frames it can be transformed, also this much later."""
 
@@ -65,7 +75,7 @@ class _PendingMessage:
         "frame",
         "lookups",
         "message",
-        "missing",  # the wait of each lookup that has no answer, by its index in `lookups`
+        "missing",  # the wait of each lookup that had no answer at once, by its index in `lookups`
         "needed",  # what its lookups are for
         "number",  # in order of arrival; 0: not added yet
         "owner",
@@ -97,8 +107,9 @@ class _PendingMessage:
         self.owner.expire(self)
 
     def is_answered(self) -> bool:
-        """Whether every missing answer is available, although this was not notified yet."""
-        return bool(self.missing) and all(wait.answer is not None for wait in self.missing.values())
+        """Whether every missing answer is available, also if this was not notified yet."""
+        waits = list(self.missing.values())
+        return bool(waits) and all(wait.answer is not None for wait in waits)
 
 
 class PendingMessages:
@@ -108,13 +119,14 @@ class PendingMessages:
     :param needed: see :meth:`require`.
     :param queue_size: see :meth:`limit`.
     :param timeout_ns: how long a message may wait, in steady time. 0: not at all; None: forever.
-    :param passed: called with a message and its transform into the first target frame.
-    :param dropped: called with a message, the reason, and the text of the lookup's error, if one was tried.
+    :param announce: called before a message gets its outcome, which :meth:`next_outcome` then returns, in the
+        thread that caused it, with the lock held. It must not run user code. It returns whether anyone will
+        ask for the outcome.
 
-    One of the two is called once for each message, in the thread that caused it, in the order of the causes,
-    with the lock held. They must not raise or run code of a program. Nothing else under the lock runs code of
-    a program: the buffer's own methods are called, not those of a subclass, and messages are read before. An
-    insert costs nothing for messages that it does not complete.
+    Nothing under the lock runs user code: the buffer's own methods are called, not those of a subclass, and
+    messages are read before. An insert costs nothing for messages that it does not complete. In the main
+    thread, a signal handler may interrupt any method, add messages or insert transforms there, and raise:
+    each message still gets one outcome.
     """
 
     def __init__(
@@ -123,18 +135,18 @@ class PendingMessages:
         needed: Needed,
         queue_size: int,
         timeout_ns: int | None,
-        passed: Callable[[Any, Any], None],
-        dropped: Callable[[Any, FilterFailureReason, str], None],
+        announce: Callable[[], bool],
     ) -> None:
         self._buffer = buffer
         self.needed = needed
         self._queue_size = queue_size
         self._timeout_ns = timeout_ns
-        self._passed = passed
-        self._dropped = dropped
+        self._announce = announce
         self._lock = threading.RLock()
         self.pending: OrderedDict[int, _PendingMessage] = OrderedDict()  # the oldest first
+        self._outcomes: deque[Outcome] = deque()
         self.count = 0  # of all that were added
+        self.ended: Counter[FilterFailureReason | None] = Counter()  # by the reason if they were dropped
         self._numbers = itertools.count(1)
         register_for_fork(self)
 
@@ -144,6 +156,12 @@ class PendingMessages:
         for pending in self.pending.values():
             self._stop(pending)
         self.pending = OrderedDict()
+        self._outcomes.clear()
+
+    def next_outcome(self) -> "Outcome | None":
+        """Get and remove the oldest outcome."""
+        with self._lock:  # one that was announced is there
+            return self._outcomes.popleft() if self._outcomes else None
 
     def require(self, **changed: Any) -> None:
         """
@@ -180,24 +198,26 @@ class PendingMessages:
                 self._begin(pending)
             except BaseException:
                 # A signal handler has raised: nothing would complete it.
-                if pending.number in self.pending:
-                    self._remove(pending)
+                if self.pending.pop(pending.number, None) is not None:
+                    self._stop(pending)
                     self.count -= 1
                 raise
 
     def clear(self) -> int:
-        """Remove all messages that wait; return how many there were."""
+        """Remove all messages that wait, and all outcomes; return how many that leaves without one."""
+        count = 0
         with self._lock:
-            count = len(self.pending)
             for pending in list(self.pending.values()):
-                self._remove(pending)
-            return count
+                count += self.pending.pop(pending.number, None) is not None
+                self._stop(pending)
+            while self._outcomes:
+                count += self._outcomes.popleft().reason is None
+        return count
 
     def expire(self, pending: _PendingMessage) -> None:
         """Drop a message, because its timeout has passed."""
         with self._lock:
-            if pending.number in self.pending:
-                self._drop(pending, FilterFailureReason.TIMEOUT)
+            self._drop(pending, FilterFailureReason.TIMEOUT)
 
     def _begin(self, pending: _PendingMessage) -> None:
         if not pending.frame:
@@ -210,7 +230,7 @@ class PendingMessages:
             pending.report = report_if_long(pending.missing.values())
             self._await(pending)
         # Those that were added before may have become too old while they waited.
-        while self.pending and self._is_out_the_back(oldest := next(iter(self.pending.values()))):
+        while (oldest := first_value(self.pending)) is not None and self._is_out_the_back(oldest):
             self._drop(oldest, FilterFailureReason.OUT_THE_BACK)
 
     def _await(self, pending: _PendingMessage) -> None:
@@ -224,26 +244,34 @@ class PendingMessages:
 
     def _keep_to_size(self) -> None:
         while self._queue_size and len(self.pending) > self._queue_size:
-            self._drop(next(iter(self.pending.values())), FilterFailureReason.QUEUE_FULL)
+            oldest = first_value(self.pending)
+            if oldest is not None:
+                self._drop(oldest, FilterFailureReason.QUEUE_FULL)
 
     def _look_up(self, pending: _PendingMessage) -> None:
         # Begin anew: the answers of an earlier attempt are out of date.
         self._stop(pending)
         pending.needed = self.needed
         attempt = pending.attempt
+        missing = {}
         try:
-            pending.lookups = self._lookups(pending)
-            for place, lookup in enumerate(pending.lookups):
-                wait = lookup.wait(self._buffer, partial(self._receive_answer, pending, attempt, place))
+            pending.lookups = lookups = self._lookups(pending)
+            for place, lookup in enumerate(lookups):
+                wait = lookup.wait(self._buffer, partial(self._receive_answer, pending, attempt))
                 answer = wait.answer
                 if answer is None:
-                    pending.missing[place] = wait
+                    missing[place] = wait
                 elif place == 0:
                     pending.answer = answer
         except (TransformException, OverflowError, ValueError) as error:
             self._drop(pending, FilterFailureReason.NO_TRANSFORM_FOUND, str(error))
             return
-        if not pending.missing:
+        if pending.attempt != attempt:
+            return  # a signal handler has begun anew meanwhile
+        pending.missing.update(missing)
+        if missing:
+            self._settle(pending)  # if answers have arrived before this
+        else:
             self._pass(pending)
 
     def _lookups(self, pending: _PendingMessage) -> list[Lookup]:
@@ -254,23 +282,29 @@ class PendingMessages:
         targets = self.needed.target_frames
         return [Lookup.simple(target, pending.frame, ns) for ns in stamps_ns for target in targets]
 
-    def _receive_answer(self, pending: _PendingMessage, attempt: int, place: int, answer: Any) -> None:
+    def _receive_answer(self, pending: _PendingMessage, attempt: int, _: Any) -> None:
         with self._lock:
-            if attempt != pending.attempt or pending.missing.pop(place, None) is None:
-                return
-            if place == 0:
-                pending.answer = answer
-            if pending.missing:
-                return
-            if len(pending.lookups) == 1 and pending.needed is self.needed:
-                self._pass(pending)
-            else:
-                # The buffer may have lost what was found first, or something else is needed by now.
-                self._look_up(pending)
+            if attempt == pending.attempt:
+                self._settle(pending)
+
+    def _settle(self, pending: _PendingMessage) -> None:
+        """Let a message pass if every missing answer is available."""
+        waits = dict(pending.missing)  # a signal handler may begin anew meanwhile
+        if not pending.is_answered():
+            return
+        if list(waits) == [0] and len(pending.lookups) == 1 and pending.needed is self.needed:
+            pending.answer = waits[0].answer
+            self._pass(pending)
+        else:
+            # The buffer may have lost what was found first, or something else is needed by now.
+            self._look_up(pending)
 
     def _is_out_the_back(self, pending: _PendingMessage) -> bool:
-        for place in pending.missing:
-            lookup = pending.lookups[place]
+        attempt, lookups = pending.attempt, pending.lookups
+        for place in list(pending.missing):
+            if pending.attempt != attempt:
+                return False  # a signal handler has begun anew meanwhile
+            lookup = lookups[place]
             stamp_ns = lookup.source_time
             try:
                 newest_ns = BufferCore.get_latest_common_time(
@@ -285,27 +319,30 @@ class PendingMessages:
 
     def _pass(self, pending: _PendingMessage) -> None:
         # One insert may also have answered older ones, in a thread that has not notified them yet.
-        while (oldest := next(iter(self.pending.values()))) is not pending and oldest.is_answered():
-            for place, wait in list(oldest.missing.items()):
-                self._receive_answer(oldest, oldest.attempt, place, wait.answer)
-        self._remove(pending)
-        self._passed(pending.message, pending.answer)
+        while (oldest := first_value(self.pending)) is not None and oldest is not pending:
+            if not oldest.is_answered():
+                break
+            self._settle(oldest)
+        self._end(pending, Outcome(pending.message, pending.answer, None, ""))
 
     def _drop(self, pending: _PendingMessage, reason: FilterFailureReason, text: str = "") -> None:
-        if not text and pending.missing:
-            text = str(next(iter(pending.missing.values())).reason())
-        self._remove(pending)
-        self._dropped(pending.message, reason, text)
+        waits = list(pending.missing.values())
+        if not text and waits:
+            text = str(waits[0].reason())
+        self._end(pending, Outcome(pending.message, None, reason, text))
 
-    def _remove(self, pending: _PendingMessage) -> None:
-        del self.pending[pending.number]
+    def _end(self, pending: _PendingMessage, outcome: "Outcome") -> None:
+        if pending.number in self.pending:
+            outcomes = self._outcomes if self._announce() else deque()
+            move_outcome(self.pending, pending.number, outcomes, outcome, self.ended, outcome.reason)
         self._stop(pending)
 
     def _stop(self, pending: _PendingMessage) -> None:
-        for wait in pending.missing.values():
-            wait.cancel()
-        pending.missing.clear()
         pending.attempt += 1
+        waits = list(pending.missing.values())
+        pending.missing.clear()
+        for wait in waits:
+            wait.cancel()
 
 
 class MessageStream(Generic[_Item]):
@@ -313,12 +350,14 @@ class MessageStream(Generic[_Item]):
     An asynchronous iterator over items that another thread puts in; ends, when closed, after the last.
 
     :param has_ended: returns whether a shutdown prevents new items; this also ends the iteration.
+    :param kept: the owner's references to what awaits an item.
 
     If several iterate, each item is given to one of them.
     """
 
-    def __init__(self, has_ended: Callable[[], bool]) -> None:
+    def __init__(self, has_ended: Callable[[], bool], kept: set[Any] | None = None) -> None:
         self._has_ended = has_ended
+        self._kept = kept
         self._items: deque[_Item] = deque()
         # Never replaced, so that one that is about to be added is found.
         self._awaiting: deque[WakingFuture[None]] = deque()
@@ -343,7 +382,7 @@ class MessageStream(Generic[_Item]):
 
     async def __anext__(self) -> _Item:
         while True:
-            arrival = _Arrival(self._has_ended)
+            arrival = _Arrival(self._has_ended, self._kept)
             # First this, then the check; `put` does this in the opposite order.
             self._awaiting.append(arrival)
             try:

@@ -2,7 +2,6 @@
 
 import sys
 import time
-import warnings
 import weakref
 from collections.abc import Callable, Generator
 from contextlib import suppress
@@ -15,13 +14,14 @@ from rclpy.executors import Executor
 from rclpy.task import Future, Task
 
 from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
-from tf2_py._internal import errors
+from tf2_py._internal import call_despite_signals, errors
 from tf2_ros._arguments import optional_timeout_ns
 from tf2_ros._forking import FORKED, LOCK, generation
 from tf2_ros._nodes import Shutdown
 from tf2_ros._rclpy import HookedFuture, is_in_step, only_wakes_executor, running_task, task_executor
 from tf2_ros._wait.blocking import POLL_PERIOD_S, LongWait, Lookup, report_if_long
-from tf2_ros._wait.callbacks import call_all, queue_of
+from tf2_ros._wait.callbacks import queue_of
+from tf2_ros._wait.rounds import Waker, run_done_callbacks
 from tf2_ros._wait.timers import deadlines
 
 if TYPE_CHECKING:
@@ -67,6 +67,8 @@ class WakingFuture(HookedFuture, Generic[_Result]):
 
     :param in_vain: returns whether a shutdown has ended the wait. It is called while an asyncio loop awaits
         the future; :meth:`expire` then wakes the loop. None: no check.
+    :param kept: the owner's references to what awaits this. Nothing else may refer to the task of an asyncio
+        loop, which refers to its tasks only weakly.
     """
 
     if TYPE_CHECKING:  # rclpy's of Jazzy are not annotated
@@ -77,23 +79,14 @@ class WakingFuture(HookedFuture, Generic[_Result]):
         def exception(self) -> BaseException | None: ...
         def add_done_callback(self, callback: Callable[[Any], object]) -> None: ...
 
-    def __init__(self, in_vain: Callable[[], bool] | None = None) -> None:
+    def __init__(self, in_vain: Callable[[], bool] | None = None, kept: "set[Any] | None" = None) -> None:
         super().__init__(LOCK)
         self.__in_vain = in_vain
+        self.__kept = kept
         self.__generation = generation()
 
     def _tf2_run_callbacks(self, executor: Executor | None, callbacks: list[Callable[[Any], None]]) -> None:
-        # rclpy does not call those behind one that raises a BaseException.
-        call_all(partial(self.__run_callback, executor, callback) for callback in callbacks)
-
-    def __run_callback(self, executor: Executor | None, callback: Callable[[Any], None]) -> None:
-        try:
-            if executor is None:
-                callback(self)
-            else:
-                executor.create_task(callback, self)
-        except Exception as error:
-            warnings.warn(f"Unhandled exception in done callback: {error}", stacklevel=2)
+        run_done_callbacks(self, executor, callbacks)
 
     def is_dead(self) -> bool:
         """Whether it is pending in a parent process, so that nothing completes it in this forked child."""
@@ -123,29 +116,33 @@ class WakingFuture(HookedFuture, Generic[_Result]):
 
     def __wake_and_await(self) -> Generator[Any, Any, _Result]:
         # Callbacks that only wake must not keep a future alive, so no method of a subclass adds them.
-        if (task := running_task()) is not None:
+        if self.done() or self.cancelled():
+            pass  # and nothing has to be woken
+        elif (task := running_task()) is not None:
             # An executor steps an awaiting task only when it has something else to do, and completing this
             # future gives it nothing to do.
             sleeper = _SleepingTask(task)
             del task
-            Future.add_done_callback(self, sleeper.wake)
+            Future.add_done_callback(self, sleeper)
             try:
                 return cast(_Result, (yield from super().__await__()))
             finally:
                 sleeper.awake = True
-                Future.remove_done_callback(self, sleeper.wake)
-        if (loop := _running_loop()) is not None:
+                Future.remove_done_callback(self, sleeper)
+        elif (loop := _running_loop()) is not None:
             # Without this, asyncio would poll.
-            woken = loop.create_future()
-            waker = _loop_waker(loop, woken)
-            Future.add_done_callback(self, waker)
-            check = None if self.__in_vain is None or self.done() else ContextCheck(self)
+            waker = _LoopWaker(loop)
+            kept = set() if self.__kept is None else self.__kept
+            check = None if self.__in_vain is None else ContextCheck(self)
             try:
-                yield from woken
+                kept.add(waker)
+                Future.add_done_callback(self, waker)
+                yield from waker.woken
             finally:
                 del check
                 # If the task was cancelled, leave nothing behind.
                 Future.remove_done_callback(self, waker)
+                kept.discard(waker)
         return cast(_Result, (yield from super().__await__()))
 
     def is_in_vain(self) -> bool:
@@ -157,14 +154,14 @@ class WakingFuture(HookedFuture, Generic[_Result]):
         raise NotImplementedError
 
 
-class _SleepingTask:
+class _SleepingTask(Waker):
     """An awaiting task of an executor. This does not keep it alive, because it refers to the future."""
 
     def __init__(self, task: Task) -> None:
         self.awake = False
         self._task = weakref.ref(task)
 
-    def wake(self, _: object = None) -> None:
+    def __call__(self, _: object = None) -> None:
         """Have the executor step the task, once none of its threads does."""
         task = None if self.awake else self._task()
         executor = None if task is None else task_executor(task)
@@ -185,7 +182,7 @@ class _SleepingTask:
 
     def expire(self) -> None:
         """Try again, because the step may be done."""
-        self.wake()
+        self()
 
 
 def _running_loop() -> "asyncio.AbstractEventLoop | None":
@@ -201,17 +198,21 @@ def _running_loop() -> "asyncio.AbstractEventLoop | None":
     return loop
 
 
-def _loop_waker(loop: "asyncio.AbstractEventLoop", woken: "asyncio.Future[None]") -> Callable[[Any], None]:
-    def end() -> None:
-        if not woken.done():
-            woken.set_result(None)
+class _LoopWaker(Waker):
+    """What a task of an asyncio loop awaits: ``woken``, which refers to the task."""
 
-    def wake(_: Any) -> None:
+    def __init__(self, loop: "asyncio.AbstractEventLoop") -> None:
+        self._loop = loop
+        self.woken: asyncio.Future[None] = loop.create_future()
+
+    def __call__(self, _: object) -> None:
         # In a closed loop, nothing awaits any more.
-        if not loop.is_closed():
-            loop.call_soon_threadsafe(end)
+        if not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._end)
 
-    return wake
+    def _end(self) -> None:
+        if not self.woken.done():
+            self.woken.set_result(None)
 
 
 class TransformFuture(WakingFuture[TransformStamped]):
@@ -230,11 +231,12 @@ class TransformFuture(WakingFuture[TransformStamped]):
     The thread that inserts the missing data completes it. Callbacks are user code, so if a receiver inserts
     the data, the executor of the listener's node completes a future that has callbacks.
 
-    The future exists, and the wait continues, as long as something refers to it or it has a callback.
-    """
+    The wait continues as long as something refers to the future. The buffer does if the future has a callback
+    or is awaited.
 
-    # The futures that have callbacks, which keep them alive.
-    _kept_alive: "set[TransformFuture]" = set()
+    Everything that ends the wait may be called several times, so that it can be repeated when a signal
+    handler has cut it short.
+    """
 
     # Two leading underscores keep these names apart from those of rclpy's Future in any release.
 
@@ -242,16 +244,13 @@ class TransformFuture(WakingFuture[TransformStamped]):
         self, core: BufferCore, lookup: Lookup, timeout: Any = None, asked: "Asked | None" = None
     ) -> None:
         self.__shutdown = Shutdown(core)
-        super().__init__(self.__shutdown.happened)
+        self.__kept: set[Any] = core._kept
+        super().__init__(self.__shutdown.happened, self.__kept)
         self.__begin_ns = time.monotonic_ns()
         self.__timeout_ns = optional_timeout_ns(timeout)
         # How many were added by anything but an executor. Guarded by LOCK; they decide which thread completes
         # this.
         self.__callbacks = 0
-        # Whether a thread is inside `__end_with`, under LOCK; and whether callbacks, which only wake, are to
-        # be called after it.
-        self.__ending = self.__is_due = False
-        self.__claims = [None]  # the thread that pops it ends the wait
         self.__core: BufferCore | None = core
         self.__wait: Any = None
         self.__report: LongWait | None = None
@@ -288,39 +287,36 @@ class TransformFuture(WakingFuture[TransformStamped]):
         """
         if self.is_dead():
             return None
-        if answer is None:
-            return self.__end_in_vain()
-        return self.__end_with(partial(self.succeed, answer))
+        if answer is not None:
+            return self.__end_or_return(partial(Future.set_result, self, answer))
+        wait = self.__wait
+        return None if wait is None else self.__end_or_return(self.__failure(wait.reason()))
 
     def succeed(self, answer: Any) -> None:
         """Complete this with the answer."""
-        if self.__claim():
-            super().set_result(answer)
+        self.__end(partial(Future.set_result, self, answer))
 
     def fail(self, error: BaseException) -> None:
         """Complete this with an error."""
-        if self.__claim():
-            # Its traceback refers to this future, so only the collector would free both.
-            super().set_exception(error.with_traceback(None))
+        self.__end(self.__failure(error))
 
     def over(self) -> bool:
         """Whether the wait has ended in any way."""
-        return not self.__claims
+        return bool(self.done() or self.cancelled())
 
     def cancel(self) -> None:
-        """End the wait; without effect if there is an answer, or a thread is about to set it."""
-        if self.__claim():
-            super().cancel()
+        """End the wait; without effect if it has an outcome."""
+        self.__end(partial(Future.cancel, self))
 
     def set_result(self, result: Any) -> None:
         """End the wait with this result."""
-        self.__claim()
         super().set_result(result)
+        self.__release()
 
     def set_exception(self, exception: BaseException) -> None:
         """End the wait with this exception."""
-        self.__claim()
         super().set_exception(exception)
+        self.__release()
 
     def add_done_callback(self, callback: Callable[[Any], object]) -> None:
         """Add a callback; from now on it keeps the future alive."""
@@ -328,10 +324,10 @@ class TransformFuture(WakingFuture[TransformStamped]):
             with LOCK:
                 if not self.over():
                     self.__callbacks += 1
-                    TransformFuture._kept_alive.add(self)
+                    self.__kept.add(self)
                     super().add_done_callback(callback)
                     if self.over():  # a finalizer ended it meanwhile
-                        TransformFuture._kept_alive.discard(self)
+                        self.__kept.discard(self)
                     return
         super().add_done_callback(callback)
 
@@ -342,14 +338,8 @@ class TransformFuture(WakingFuture[TransformStamped]):
             if removed and not only_wakes_executor(callback):
                 self.__callbacks -= 1
                 if self.__callbacks == 0:
-                    TransformFuture._kept_alive.discard(self)
+                    self.__kept.discard(self)
         return removed
-
-    def __end_in_vain(self) -> Callable[[], None] | None:
-        wait = self.__wait
-        if wait is None:
-            return None
-        return self.__end_with(partial(self.fail, wait.reason()))
 
     def expire(self) -> None:
         """
@@ -367,48 +357,50 @@ class TransformFuture(WakingFuture[TransformStamped]):
             rest = self.answered(answer)
         else:
             error = _unanswered(self.__shutdown, self.__begin_ns, self.__timeout_ns, wait.reason)
-            rest = self.__end_with(partial(self.fail, error))
+            rest = self.__end_or_return(self.__failure(error))
         if rest is not None:
             queue_of(core).put(rest)
 
-    def __end_with(self, end: Callable[[], None]) -> Callable[[], None] | None:
+    def __failure(self, error: BaseException) -> Callable[[], None]:
+        # Its traceback refers to this future, so only the collector would free both.
+        return partial(Future.set_exception, self, error.with_traceback(None))
+
+    def __end_or_return(self, set_outcome: Callable[[], None]) -> Callable[[], None] | None:
         # Ends this if that runs no user code; otherwise returns the function that ends it.
         with LOCK:
             if self.__callbacks:
-                return end
-            self.__ending, self.__is_due = True, False
-            end()
-            self.__ending = False
-        if self.__is_due:
-            self._tf2_completed()
+                return partial(call_despite_signals, partial(self.__end, set_outcome))
+            self.__set(set_outcome)
+        self.__complete()
         return None
 
-    def _tf2_completed(self) -> None:
+    def __end(self, set_outcome: Callable[[], None]) -> None:
+        self.__set(set_outcome)
+        self.__complete()
+
+    def __set(self, set_outcome: Callable[[], None]) -> None:
+        # Of all threads that try to end the wait, the first one sets the outcome.
         with LOCK:
-            if self.__ending:
-                self.__is_due = True
-                return
-        super()._tf2_completed()
+            if not self.over():
+                set_outcome()
+
+    def __complete(self) -> None:
+        self.__release()
+        self._tf2_completed()
 
     def __end_poll(self, poll: "_Poll") -> None:
         reason = poll.ask()
         if reason is not None:
             self.fail(_unanswered(self.__shutdown, self.__begin_ns, self.__timeout_ns, lambda: reason))
 
-    def __claim(self) -> bool:
-        # Of all threads that try to end the wait, one gets True, and ends it.
-        try:
-            self.__claims.pop()
-        except IndexError:
-            return False
+    def __release(self) -> None:
         wait, self.__wait, self.__core = self.__wait, None, None  # they hold the buffer
         poll, self.__poll, self.__report = self.__poll, None, None
         if poll is not None:
             poll.end()
         if wait is not None:
             wait.cancel()
-        TransformFuture._kept_alive.discard(self)
-        return True
+        self.__kept.discard(self)
 
 
 Asked = tuple[Callable[[], tuple[Any, str]], Callable[[], Any]]

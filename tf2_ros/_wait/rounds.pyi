@@ -4,6 +4,10 @@ from types import FrameType
 from typing import Any, TypeVar
 
 _Rounds = TypeVar("_Rounds", bound=ExecutorRounds)
+_Key = TypeVar("_Key")
+_Kind = TypeVar("_Kind")
+_Value = TypeVar("_Value")
+_Outcome = TypeVar("_Outcome")
 
 class ExecutorRounds:
     calls: deque[Callable[[], object]]
@@ -30,4 +34,16 @@ class ExecutorRounds:
     def run(self, count: int) -> bool: ...
     def wake(self) -> None: ...
 
+class Waker: ...
+
+def run_done_callbacks(future: Any, executor: Any, callbacks: list[Callable[[Any], None]]) -> None: ...
+def move_outcome(
+    pending: dict[_Key, Any],
+    number: _Key,
+    outcomes: deque[_Outcome],
+    outcome: _Outcome,
+    counts: dict[_Kind, int],
+    kind: _Kind,
+) -> bool: ...
+def first_value(mapping: dict[Any, _Value]) -> _Value | None: ...
 def is_below_own_loop(frame: FrameType | None) -> bool: ...

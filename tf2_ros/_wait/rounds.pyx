@@ -20,12 +20,16 @@ from tf2_ros._rcl cimport (
 )
 
 import sys
+import traceback
+import warnings
 from collections import deque
+from threading import get_ident, main_thread
 
 import rclpy
 from rclpy.executors import Executor
 from rclpy.waitable import NumberOfEntities
 
+from tf2_py._internal import log
 from tf2_ros._rclpy import has_tasks
 
 cdef extern from *:
@@ -106,6 +110,79 @@ def is_below_own_loop(frame):
             return True
         frame = frame.f_back
     return False
+
+
+class Waker:
+    """The done callback of a future that only wakes whatever awaits it, and may be called several times."""
+
+
+cdef enum:
+    TRIES = 10      # a second signal during a call that only wakes something is rare already
+
+
+cdef bint _only_wakes(callback):
+    # An executor wakes itself by a function of its own module.
+    return isinstance(callback, Waker) or getattr(callback, "__module__", None) == "rclpy.executors"
+
+
+def run_done_callbacks(future, executor, list callbacks):
+    """
+    Remove the callbacks from their list, and call each with the future, in the end raising the first error.
+
+    :param executor: runs the callbacks as tasks; None: they are called here.
+
+    An ``Exception`` of a callback becomes a warning, as in rclpy, which does not call those behind one that
+    raises anything else. What only wakes is called again if a signal handler has cut it short.
+    """
+    cdef int tries
+    cdef list errors = []
+    while True:
+        try:
+            callback = callbacks.pop(0)
+        except IndexError:
+            break
+        tries = TRIES if executor is None and _only_wakes(callback) else 1
+        failed = None
+        while tries > 0:
+            tries -= 1
+            try:
+                callback(future) if executor is None else executor.create_task(callback, future)
+            except BaseException as raised:
+                failed = raised
+            else:
+                if failed is not None:
+                    errors.append(failed)   # of a signal handler
+                    failed = None
+                break
+        if isinstance(failed, Exception):
+            try:
+                warnings.warn(f"Unhandled exception in done callback: {failed}", stacklevel=2)
+            except BaseException as raised:
+                errors.append(raised)
+        elif failed is not None:
+            errors.append(failed)
+    if errors:
+        raise errors[0]
+
+
+def move_outcome(pending, number, outcomes, outcome, counts, kind):
+    """
+    Remove a message from those that wait, count it, and append its outcome, in one step.
+
+    :return: whether it was there; otherwise nothing happens.
+    """
+    if pending.pop(number, None) is None:
+        return False
+    counts[kind] += 1
+    outcomes.append(outcome)
+    return True
+
+
+def first_value(mapping):
+    """The first value of a dict, or None, in one step."""
+    for value in mapping.values():
+        return value
+    return None
 
 
 @cython.no_gc_clear     # threads without the GIL use the guard condition until this is destroyed
@@ -224,7 +301,11 @@ cdef class ExecutorRounds:
         """
         Run at most this many calls, the oldest first, unless another thread runs some.
 
-        :return: whether it could. If a call raises, so does this, and the others remain.
+        What a call raises is logged, because later calls and other callbacks of the node do not depend on it.
+        In the main thread, what ends a program is raised instead, such as a KeyboardInterrupt; the other
+        calls remain.
+
+        :return: whether it could.
         """
         if self.running:
             return False
@@ -235,7 +316,12 @@ cdef class ExecutorRounds:
                     call = self.calls.popleft()
                 except IndexError:
                     break
-                call()
+                try:
+                    call()
+                except BaseException as error:
+                    if not isinstance(error, Exception) and get_ident() == main_thread().ident:
+                        raise
+                    log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
                 del call
         finally:
             self.running = False

@@ -79,12 +79,21 @@ class TestLookup:
     def test_by_default_the_times_are_the_stamps_of_what_moves_between(self, run, tmp_path):
         late = [Tf("base", "arm", 102 * S + i * S // 3, (0.0, i, 0.0)) for i in range(20)]
         path = recording(tmp_path / "a.mcap", *(Sent(one.ns + 10, "/tf", [one]) for one in late))
-        stamps, poses, _ = rows_of(run("lookup", path, "odom", "arm")[1])
+        status, out, err = run("lookup", path, "odom", "arm")
+        stamps, poses, valid = rows_of(out)
         of_robot = {100 * S + i * S // 10 for i in range(100)}
-        expected = sorted(of_robot | {one.ns for one in late})
-        assert stamps == [stamp for stamp in expected if late[0].ns <= stamp <= late[-1].ns]
+        assert stamps == sorted(of_robot | {one.ns for one in late})
+        known = [late[0].ns <= stamp <= late[-1].ns for stamp in stamps]
+        assert valid == ["true" if one else "false" for one in known]
         buffer = load(path)
-        assert poses == [pose(buffer, stamp, "odom", "arm") for stamp in stamps]
+        unknown = [math.nan] * len(COLUMNS)
+        expected = [
+            pose(buffer, stamp, "odom", "arm") if one else unknown
+            for stamp, one in zip(stamps, known, strict=True)
+        ]
+        assert np.array_equal(poses, expected, equal_nan=True)
+        missing = f"{known.count(False)} of {len(stamps)}"
+        assert (status, err) == (0, f"tf2_bag lookup: no answer at {missing} times\n")
 
     def test_what_does_not_move_is_one_row(self, run, drive_mcap):
         stamps, poses, _ = rows_of(run("lookup", drive_mcap, "base", "/camera")[1])

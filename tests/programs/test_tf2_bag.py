@@ -494,7 +494,8 @@ class TestCheck:
 
     def test_expectations_without_a_reader_of_yaml_say_what_to_install(self, run, drive_mcap, monkeypatch):
         monkeypatch.setitem(sys.modules, "yaml", None)
-        with pytest.raises(RunError, match="--expect needs the Python package PyYAML: pip install PyYAML"):
+        advice = re.escape("PyYAML: pip install 'tf2-ros-cython[cli]'")
+        with pytest.raises(RunError, match=f"--expect needs the Python package {advice}"):
             run("check", drive_mcap, "--expect", "robot.yaml")
 
     def test_names_are_shown_escaped(self, run, tmp_path):
@@ -517,6 +518,14 @@ class TestPictures:
         assert (tmp_path / "t.pdf").read_bytes().startswith(b"%PDF")
         assert (tmp_path / "t.png").read_bytes().startswith(b"\x89PNG")
         assert sorted(os.listdir(tmp_path)) == ["t.pdf", "t.png", "t.svg"]
+
+    def test_without_the_package_graphviz_one_line_says_what_to_install(
+        self, run, drive_mcap, tmp_path, monkeypatch
+    ):
+        monkeypatch.setattr("tf2_ros_tools.pictures.find_spec", lambda name: None)
+        advice = re.escape("graphviz: pip install 'tf2-ros-cython[cli]'; the tree as text does not")
+        with pytest.raises(RunError, match=f"pictures need the Python package {advice}"):
+            run("tree", drive_mcap, "-o", tmp_path / "t.svg")
 
     def test_graphvizs_file_needs_no_graphviz(self, run, drive_mcap, tmp_path, monkeypatch):
         monkeypatch.setenv("PATH", str(tmp_path))

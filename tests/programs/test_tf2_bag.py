@@ -181,7 +181,7 @@ class TestLookup:
             (["map", "base", "--parquet"], "--parquet needs a file: -o FILE"),
             (["map", "base", "--times", "1", "x"], "--times: 'x' is not a number"),
             (["map", "base", "--times", "/nothing/there"], "--times: /nothing/there: No such file"),
-            (["map", "base", "--times", "1e300"], "must fit into 64 bits"),
+            (["map", "base", "--times", "1795210034251000000"], "--times must be seconds since 1970"),
             (["map", "base", "--start", "1e300"], "--start must be seconds"),
             (["map", "base", "--start", "5", "--end", "4"], "--end must not be before --start"),
         ],
@@ -208,6 +208,14 @@ class TestLookup:
         status, out, err = ended("tf2_bag", "lookup", drive_mcap, *arguments)
         assert (status, out, err.count("\n")) == (1, "", 1)
         assert err.startswith("tf2_bag lookup: ") and said in err
+
+    def test_times_in_1970_are_called_what_the_option_takes_them_for(self, tmp_path):
+        moving = [Sent(i, "/tf", [Tf("map", "base", 1_795_210_034 * S + i)]) for i in range(2)]
+        path = str(write_mcap(tmp_path / "now.mcap", moving))
+        status, _, err = ended("tf2_bag", "lookup", path, "map", "base", "--times", "1", "2")
+        assert status == 1
+        assert "Requested time 1.000000000 " in err and "nanoseconds" not in err
+        assert "in 1970: is it in the wrong unit, or simulated time?" in err
 
     def test_unconnected_frames_are_told(self, run, tmp_path):
         path = recording(tmp_path / "a.mcap", Sent(100 * S, "/tf_static", [Tf("sea", "boat", 0)]))

@@ -695,7 +695,8 @@ class TestView:
         bare = {name: value for name, value in os.environ.items() if name not in screens}
         status, out, err = ended("tf2_bag", "view", drive_mcap, env=bare)
         assert (status, out, err.count("\n")) == (1, "", 1), err
-        assert err.startswith("tf2_bag view: the viewer of rerun did not open: ")
+        assert err.startswith("tf2_bag view: the viewer of rerun did not open: there is no screen (neither ")
+        assert err.endswith(" is set); -o FILE does not need a screen\n")
 
 
 def texts_of(path):

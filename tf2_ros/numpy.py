@@ -186,7 +186,8 @@ def to_rotation(rotations: Message | Quaternion | Pair | npt.ArrayLike) -> Rotat
     except ModuleNotFoundError as missing:
         if missing.name != "scipy":
             raise
-        raise ModuleNotFoundError("to_rotation needs SciPy: pip install scipy", name="scipy") from None
+        advice = "to_rotation needs SciPy: pip install 'tf2-ros-cython[scipy]'"
+        raise ModuleNotFoundError(advice, name="scipy") from None
     # Not by from_quat, which refuses NaN. The rows already have the length one.
     return Rotation(_rotations(rotations), normalize=False)
 

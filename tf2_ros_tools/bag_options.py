@@ -53,6 +53,7 @@ def _topic(text: str) -> tuple[str, str]:
 
 
 NS_BITS = 63
+WANTED_TIMES = "must be seconds since 1970, and before the year 2262"  # what fits into 64 bits of nanoseconds
 
 
 def topics_of(options: Namespace) -> Topics:
@@ -75,7 +76,7 @@ def heard_of(options: Namespace, at: str | None = None) -> Heard:
 
     for name, time_ns in (("--start", options.start), ("--end", options.end)):
         if time_ns is not None and abs(time_ns) >> NS_BITS:
-            raise UsageError(f"{name} must be seconds since the epoch, in 64 bits of nanoseconds")
+            raise UsageError(f"{name} {WANTED_TIMES}")
     if None not in (options.start, options.end) and options.end < options.start:
         raise UsageError("--end must not be before --start")
     with reported_files(options.file):

@@ -9,6 +9,7 @@ from io import BytesIO
 from typing import TYPE_CHECKING
 
 from tf2_ros_tools.bag_options import (
+    WANTED_TIMES,
     add_topics,
     heard_of,
     reported_files,
@@ -212,7 +213,7 @@ def _given_times(texts: list[str]) -> NDArray[np.int64]:
     try:
         return np.array(times, np.int64)
     except OverflowError:
-        raise UsageError("--times: in nanoseconds, they must fit into 64 bits") from None
+        raise UsageError(f"--times {WANTED_TIMES}") from None
 
 
 def _times_in(path: str) -> list[int]:

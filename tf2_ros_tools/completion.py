@@ -5,8 +5,8 @@ from typing import Any
 
 from tf2_ros_tools.program import arguments_for_ros
 
-WAIT_S = 2.0  # for the first transform; discovery takes a while
-MORE_S = 0.3  # for the transforms of other publishers
+# Fast DDS may find some of the publishers at once, and the others when it repeats its messages, after 3 s.
+LISTEN_S = 4.0
 
 
 def add_frames(parser: ArgumentParser, *names: str, **settings: Any) -> Action:
@@ -28,9 +28,5 @@ def _frames(parsed_args: Namespace, **_: object) -> list[str]:
 
     options = Namespace(ros_arguments=arguments_for_ros(parsed_args))
     with spun_node("_completion", options) as node, listening(node) as heard:
-        for _try in range(round(WAIT_S / MORE_S)):
-            before = heard.buffer.frames()
-            heard.listen(MORE_S)
-            if before:
-                break
+        heard.listen(LISTEN_S)
         return sorted(heard.buffer.frames())

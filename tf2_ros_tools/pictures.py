@@ -506,7 +506,7 @@ def refuse_plot(options: Namespace) -> None:
     if options.path is not None and options.frames:
         raise UsageError("frames or --path, not both")
     if find_spec("matplotlib") is None:
-        raise RunError("pictures need the Python package matplotlib: pip install matplotlib")
+        raise RunError("pictures need the Python package matplotlib: pip install 'tf2-ros-cython[plot]'")
 
 
 def needs_graphviz(without: str) -> None:
@@ -516,7 +516,8 @@ def needs_graphviz(without: str) -> None:
     :param without: what works without it.
     """
     if find_spec("graphviz") is None:
-        raise RunError(f"pictures need the Python package graphviz: pip install graphviz; {without} does not")
+        advice = "pip install 'tf2-ros-cython[cli]'"
+        raise RunError(f"pictures need the Python package graphviz: {advice}; {without} does not")
 
 
 def heard_picture(

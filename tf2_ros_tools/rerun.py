@@ -356,6 +356,8 @@ def _check_ended(status: int, said: str) -> None:
     errors = [line for line in said.splitlines() if line.startswith("Error: ")]
     if errors or status:
         why = errors[-1].removeprefix("Error: ") if errors else f"it ended with {status}"
+        if "EventLoopError" in why:  # of winit, which opens windows; a place in its source code follows
+            why = f"there is no screen ({why.rpartition(': ')[2].rstrip('.')})"
         raise ViewerError(f"the viewer of rerun did not open: {why}")
 
 

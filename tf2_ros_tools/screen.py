@@ -27,6 +27,10 @@ CPU_SHARE = 0.04  # of a core, for all that this thread does; above it, updates 
 LONGEST_INTERVAL_S = 3.0  # ... but at least this frequent
 FEWEST_LETTERS = 24  # of a frame's name that are on one line; on a wide screen, half its width
 LOG_LINES = 200  # that are kept
+# Lines of the screen.
+LOG_HEIGHT = 5  # at most, with its border; on a small screen, a quarter of it
+LEAST_TABLE = 3  # the titles of the columns, and two frames; also its min-height
+LEAST_PANE = 2  # of one that is cut: a line, and which one it is
 PIPE_BYTES = 65536
 
 
@@ -54,8 +58,8 @@ COLUMNS = (
     _Column("jitter ms", _of_delay(lambda stream: stream.jitter), is_number=True),
 )
 # The smallest value is shown first; unknown rates and delays come last.
-ORDERS: dict[str, Callable[[Stream, bool], tuple[float, str]]] = {
-    "trouble": lambda stream, is_wrong: (not is_wrong, stream.frame),
+ORDERS: dict[str, Callable[[Stream, int], tuple[float, str]]] = {
+    "trouble": lambda stream, problem_count: (-problem_count, stream.frame),
     "name": lambda stream, _: (0, stream.frame),
     "rate": lambda stream, _: (-(stream.rate or 0.0) if not stream.static else 1.0, stream.frame),
     "delay": lambda stream, _: (float("inf") if stream.delay is None else -stream.delay, stream.frame),
@@ -110,22 +114,23 @@ def _terminal_for_textual() -> Iterator[int | None]:
 
 class _Screen(App[None]):
     CSS = """
+    Screen { overflow: hidden; }
     #summary, #wrong, #details { height: auto; padding: 0 1; }
-    #wrong, #details { max-height: 4; }
     #wrong { color: $text-error; }
     #filter { height: 1; border: none; padding: 0 1; display: none; }
     DataTable { height: 1fr; min-height: 3; }
-    RichLog { height: auto; max-height: 5; padding: 0 1; border-top: solid $panel; display: none;
-        overflow-x: hidden; }
+    RichLog { height: auto; padding: 0 1; border-top: solid $panel; display: none; overflow-x: hidden; }
     """
     BINDINGS = [
-        Binding("t", "sort('trouble')", "Trouble", tooltip="Frames with problems first"),
+        Binding("t", "sort('trouble')", "Trouble", tooltip="The frames with the most problems first"),
         Binding("n", "sort('name')", "Name", tooltip="Sort by name"),
         Binding("r", "sort('rate')", "Rate", tooltip="Sort by rate, the highest first"),
         Binding("d", "sort('delay')", "Delay", tooltip="Sort by delay, the longest first"),
         # Of the screen as a whole: otherwise the keys that follow at once would miss the filter, or reach it.
         Binding("slash", "filter", "Filter", key_display="/", priority=True),
         Binding("enter", "leave_filter", show=False, priority=True),
+        Binding("space", "page(1)", show=False),
+        Binding("b", "page(-1)", show=False),
         Binding("escape", "show_all", show=False),
         Binding("q", "quit", "Quit"),
         Binding("ctrl+c", "quit", show=False, priority=True),
@@ -145,6 +150,9 @@ class _Screen(App[None]):
         self._streams: list[Stream] = []  # a row for each
         self._order, self._reverse = "trouble", False
         self._layout: object = None  # of the table: columns, widths, heights of rows
+        self._table_height = 0  # of all its lines
+        self._page = 0  # of the panes that are cut, each modulo the number of its pages
+        self._described: object = None  # which stream is
         self._spent_s = 0.0  # by this thread, until the last update
 
     def compose(self) -> ComposeResult:
@@ -210,6 +218,10 @@ class _Screen(App[None]):
         self.query_one(Input).display = False
         self.query_one(DataTable).focus()
 
+    def action_page(self, step: int) -> None:
+        self._page += step
+        self._show_panes()
+
     def on_input_changed(self) -> None:
         self._hide_unused_filter()  # it may have been left before its last letters arrive
         self._show()
@@ -235,16 +247,10 @@ class _Screen(App[None]):
         if report is None:
             return
         streams = shown_streams(report)
-        frames = {stream.frame for stream in streams}
-        elsewhere = [
-            one.text for frame, some in self._problems.items() if frame not in frames for one in some
-        ]
         with self.batch_update():
             self.query_one("#summary", Static).update(Text(self._summary(report, streams)))
-            self.query_one("#wrong", Static).update(Text("\n".join(map(printable, elsewhere))))
-            self.query_one("#wrong").display = bool(elsewhere)
             self._fill(self._sorted(self._filtered(streams)))
-            self._show_details()
+            self._show_panes()
 
     def _summary(self, report: Report, streams: Sequence[Stream]) -> str:
         frames = counted(len({stream.frame for stream in streams}), "frame")
@@ -259,7 +265,11 @@ class _Screen(App[None]):
 
     def _sorted(self, streams: Sequence[Stream]) -> list[Stream]:
         key = ORDERS[self._order]
-        return sorted(streams, key=lambda one: key(one, one.frame in self._problems), reverse=self._reverse)
+        return sorted(
+            sorted(streams, key=_name_of),  # in a report, the order of those of one frame varies
+            key=lambda one: key(one, len(self._problems.get(one.frame, ()))),
+            reverse=self._reverse,
+        )
 
     def _fill(self, streams: list[Stream]) -> None:
         kinds = [[one.kind for one in self._problems.get(stream.frame, ())] for stream in streams]
@@ -279,6 +289,7 @@ class _Screen(App[None]):
                 cells[column], widths[column] = texts, width
                 left -= width + 2
         heights = [-(-cell_len(name) // widths[COLUMNS[0]]) for name in cells[COLUMNS[0]]]
+        self._table_height = 1 + sum(heights)
         table = self.query_one(DataTable)
         chosen, top = self._chosen(), table.scroll_y
         layout = (*widths.items(), *heights)
@@ -307,18 +318,61 @@ class _Screen(App[None]):
         return self._streams[row] if 0 < row < len(self._streams) else None
 
     def on_data_table_row_highlighted(self) -> None:
-        self._show_details()
+        self._show_panes()
+        table = self.query_one(DataTable)
+        self.call_after_refresh(lambda: table.move_cursor(row=table.cursor_row))  # it may be lower now
 
-    def _show_details(self) -> None:
+    def _show_panes(self) -> None:
+        """Show the problems above the table and the details below it; the table leaves them half, or more."""
+        report = self._report
+        if report is None:
+            return
+        streams = shown_streams(report)
+        above, below = self._folded(self._elsewhere(streams)), self._folded(self._details())
+        left = self.size.height - len(self._folded(Text(self._summary(report, streams))))
+        left -= sum(self.query_one(one).display for one in (Footer, Input))
+        log, log_height = self.query_one(RichLog), min(LOG_HEIGHT, self.size.height // 4)
+        log.styles.max_height = log_height
+        left -= log_height if log.display else 0
+        left -= max(LEAST_TABLE, min(self._table_height, left // 2))
+        height = min(len(above), max(left // 2, left - len(below)))
+        self._show_pane("#wrong", above, height)
+        self._show_pane("#details", below, left - height)
+
+    def _folded(self, text: Text) -> list[Text]:
+        return [*text.wrap(self.console, max(1, self.size.width - 2), overflow="fold")] if text else []
+
+    def _show_pane(self, name: str, lines: list[Text], height: int) -> None:
+        height = max(height, LEAST_PANE)
+        if (count := len(lines)) > height:
+            step = height - 1  # the last line says which these are
+            first = min(self._page % -(-count // step) * step, count - step)
+            shown = f"lines {first + 1} to {first + step}" if step > 1 else f"line {first + 1}"
+            said = Text(f"{shown} of {count}; space and b scroll", style="reverse")
+            lines = [*lines[first : first + step], said]
+        pane = self.query_one(name, Static)
+        pane.update(Text("\n").join(lines))
+        pane.display = bool(lines)
+
+    def _elsewhere(self, streams: Sequence[Stream]) -> Text:
+        """The problems of no frame, and of frames that have no row."""
+        frames = {stream.frame for stream in streams}
+        found = (one for frame, some in self._problems.items() if frame not in frames for one in some)
+        return Text("\n".join(printable(one.text) for one in found))
+
+    def _details(self) -> Text:
+        """The figures and problems of the stream of the highlighted row."""
         row = self.query_one(DataTable).cursor_row
-        details = self.query_one("#details", Static)
-        details.display = 0 <= row < len(self._streams)
-        if details.display:
-            stream = self._streams[row]
-            text = Text(stream_line(stream))
-            for problem in self._problems.get(stream.frame, ()):
-                text.append(f"\n{printable(problem.text)}", style="bold red")
-            details.update(text)
+        stream = self._streams[row] if 0 <= row < len(self._streams) else None
+        described = None if stream is None else _name_of(stream)
+        if described != self._described:
+            self._described, self._page = described, 0
+        if stream is None:
+            return Text()
+        text = Text(stream_line(stream))
+        for problem in self._problems.get(stream.frame, ()):
+            text.append(f"\n{printable(problem.text)}", style="bold red")
+        return text
 
     def _read_log(self) -> None:
         assert self._log_reader is not None

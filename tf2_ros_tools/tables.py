@@ -201,8 +201,7 @@ def look_up_when(
     stamps = stamps_on(heard.records, heard.frames, frames, between)
     if not len(stamps):
         stamps = taken(heard.records)["stamp_ns"][:1]  # nothing moves: one time is enough
-    # Nobody has asked for the times at which a part of the chain had not begun, or had ended.
-    return look_up(heard.buffer, target, source, stamps).from_first_to_last_answer()
+    return look_up(heard.buffer, target, source, stamps)
 
 
 # Write tables.

@@ -247,8 +247,13 @@ def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
         raise TypeError(f"a URDF must be a path or its text, not {type(source).__name__}")
     if isinstance(source, str) and source.lstrip(BEFORE).startswith("<"):
         return parse(source, prefix)
-    with open(source, "rb") as file:
-        text = file.read()
+    try:
+        with open(source, "rb") as file:
+            text = file.read()
+    except (OSError, ValueError):  # a ValueError for a null character
+        if isinstance(source, str) and "<" in source:
+            return parse(source, prefix)  # says what is wrong with a text that is damaged at its beginning
+        raise
     try:
         return parse(text, prefix)
     except UrdfError as error:

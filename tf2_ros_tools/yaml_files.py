@@ -21,7 +21,8 @@ def read_yaml(path: str | Path, reader: str) -> Any:
     try:
         import yaml
     except ModuleNotFoundError:
-        raise RunError(f"{reader} needs the Python package PyYAML: pip install PyYAML") from None
+        advice = "pip install 'tf2-ros-cython[cli]'"
+        raise RunError(f"{reader} needs the Python package PyYAML: {advice}") from None
     try:
         with open(path, encoding="utf-8") as file:
             return yaml.safe_load(file)

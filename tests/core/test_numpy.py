@@ -3,6 +3,7 @@
 import importlib.abc
 import json
 import math
+import re
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -481,7 +482,8 @@ class TestSciPy:
         for name in [name for name in sys.modules if name.partition(".")[0] == "scipy"]:
             monkeypatch.delitem(sys.modules, name)
         monkeypatch.setattr(sys, "meta_path", [WithoutSciPy(), *sys.meta_path])
-        with pytest.raises(ImportError, match="to_rotation needs SciPy: pip install scipy"):
+        advice = re.escape("pip install 'tf2-ros-cython[scipy]'")
+        with pytest.raises(ImportError, match=f"to_rotation needs SciPy: {advice}"):
             to_rotation(Transform())
 
     def test_scipy_is_imported_only_when_it_is_needed(self):

@@ -140,6 +140,19 @@ class TestKeys:
             terminal.press("t")
             terminal.shows(lambda lines: names(lines)[:3] == [NAMES[-1], NAMES[-1], NAMES[0]])
 
+    def test_most_problems_are_first(self, talker, peer):
+        other = peer(*TOPICS)
+        other.send_without_subscriber(
+            ("base_link", NAMES[3], S, 1.0), ("odom", NAMES[9], S, 1.0), static=True
+        )
+        with monitor((80, 24)) as terminal:
+
+            def is_sorted(lines):
+                other.send(("base_link", NAMES[9], time.time_ns(), 1.0))
+                return names(lines)[:6] == [NAMES[9]] * 3 + [NAMES[3]] * 2 + [NAMES[0]]
+
+            terminal.shows(is_sorted)
+
     def test_a_filter_is_set_and_removed(self, talker):
         with monitor((80, 24)) as terminal:
             terminal.shows(lambda lines: len(names(lines)) >= 8)
@@ -204,6 +217,48 @@ class TestKeys:
 
 
 class TestPanes:
+    BROKEN = [f"broken_{number:02}" for number in range(30)]
+
+    @pytest.fixture
+    def broken(self, peer):
+        """Sends static transforms that all buffers refuse, so that no frame of them has a row."""
+        broken = peer(*TOPICS)
+        broken.send_without_subscriber(*(("map", name, S, math.nan) for name in self.BROKEN), static=True)
+
+    def test_what_is_cut_says_so_and_is_scrolled(self, talker, broken):
+        def page(lines):
+            is_marked = any(re.fullmatch(r" lines \d+ to \d+ of 30; space and b scroll", o) for o in lines)
+            return is_marked and re.findall(r"transforms of (broken_\d\d)", joined(lines))
+
+        with monitor((80, 24)) as terminal:
+            seen = {*terminal.shows(lambda lines: len(names(lines)) >= 8 and page(lines))}
+            while seen != {*self.BROKEN}:
+                terminal.press(" ")
+                seen |= {*terminal.shows(lambda lines: {*(page(lines) or ())} - seen)}  # noqa: B023
+            terminal.press(" ")
+            terminal.shows(lambda lines: (page(lines) or [""])[0] == self.BROKEN[0])
+            terminal.press("b")
+            terminal.shows(lambda lines: (page(lines) or [""])[-1] == self.BROKEN[-1])
+            terminal.press(f"/nobody{ENTER}")
+            terminal.shows(lambda lines: not names(lines) and page(lines) and "Quit" in lines[-1])
+
+    def test_a_high_terminal_shows_everything(self, talker, broken):
+        with monitor((120, 70)) as terminal:
+            terminal.shows(
+                lambda lines: (
+                    re.findall(r"broken_\d\d", joined(lines)) == self.BROKEN and names(lines) == NAMES
+                )
+            )
+            assert "scroll" not in joined(terminal.lines)
+
+    def test_all_about_a_frame_with_a_long_name_is_shown(self, peer):
+        name = "".join(f"{number:03}" for number in range(40))
+        for talker in (peer(*TOPICS), peer(*TOPICS)):
+            talker.send_without_subscriber(("map", name, S, 1.0), static=True)
+        with monitor((45, 24)) as terminal:
+            text = f"{name} is published by 2 publishers: /peer, /peer"
+            terminal.shows(lambda lines: text.replace(" ", "") in "".join(lines).replace(" ", ""))
+
     def test_nothing_received_is_said_with_topics_and_domain(self):
         with monitor((80, 24)) as terminal:
             text = r"no transform was received on /tf_screen and /tf_static_screen in ROS domain \d+"

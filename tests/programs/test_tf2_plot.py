@@ -98,7 +98,8 @@ def test_without_matplotlib_one_line_says_what_to_install():
     )
     done = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True, timeout=DEADLINE_S)
     assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == "tf2_plot: pictures need the Python package matplotlib: pip install matplotlib\n"
+    advice = "pip install 'tf2-ros-cython[plot]'"
+    assert done.stderr == f"tf2_plot: pictures need the Python package matplotlib: {advice}\n"
 
 
 @pytest.mark.parametrize(

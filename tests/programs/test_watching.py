@@ -7,6 +7,7 @@ import signal
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from xml.etree import ElementTree
 
 import pytest
@@ -261,6 +262,22 @@ class TestCheck:
 )
 def test_a_shell_completes_the_names_of_frames(line, robot, tmp_path):
     until(lambda: completed(line, tmp_path) == "base_link")
+
+
+def test_a_shell_completes_the_frames_of_a_publisher_that_is_found_late(peer, tmp_path):
+    topics = ("-r", "/tf:=/late/tf", "-r", "/tf_static:=/late/tf_static")
+    one, other = peer(*topics), peer(*topics)
+    one.send_without_subscriber(("map", "frame_of_one", S, 1.0), static=True)
+
+    def are_both_completed():
+        with ThreadPoolExecutor() as pool:
+            answer = pool.submit(completed, "tf2_monitor --namespace late frame", tmp_path)
+            other.matched(1)
+            threading.Event().wait(2.2)  # as if the middleware had found it only now
+            other.send_without_subscriber(("map", "frame_of_other", S, 1.0))
+            return answer.result() == "frame_of_one\nframe_of_other"
+
+    until(are_both_completed)  # on a busy machine, it may be found even later
 
 
 class TestMonitor:

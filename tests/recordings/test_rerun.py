@@ -344,6 +344,18 @@ def viewer_home(monkeypatch, tmp_path):
         monkeypatch.delenv(variable, raising=False)
 
 
+@pytest.mark.parametrize("display", [None, ":99"], ids=["none", "one that is not there"])
+def test_without_a_screen_tf2_view_names_the_options_that_need_none(display, viewer_home, monkeypatch):
+    for variable in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(variable, raising=False)
+    if display is not None:
+        monkeypatch.setenv("DISPLAY", display)
+    status, out, err = ended("tf2_view")
+    assert (status, out) == (1, "")
+    said = r"tf2_view: the viewer of rerun did not open: there is no screen \([^()/]*\)"
+    assert re.fullmatch(f"{said}; --web and -o FILE do not need a screen", err.splitlines()[-1])
+
+
 def test_without_a_screen_the_viewer_says_so_in_one_line(monkeypatch, viewer_home):
     for variable in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(variable, raising=False)

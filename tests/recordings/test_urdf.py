@@ -223,6 +223,18 @@ def test_xacro_that_was_not_expanded_is_named(text):
         urdf.load(text)
 
 
+@pytest.mark.parametrize("before", ["ï»¿", "x", "\0", "\x0c", "x" * 300])
+def test_a_text_that_is_damaged_at_its_beginning_is_not_a_file_name(before):
+    with pytest.raises(urdf.UrdfError, match="^not XML: "):
+        urdf.load(f"{before}<robot><link name='base'/></robot>")
+
+
+def test_a_file_name_may_contain_what_a_text_does(tmp_path):
+    path = tmp_path / "a<b.urdf"
+    path.write_text("<robot><link name='base'/></robot>")
+    assert urdf.load(str(path)).root == "base"
+
+
 def test_a_file_that_is_not_one_is_named(tmp_path):
     with pytest.raises(FileNotFoundError):
         urdf.load(tmp_path / "none.urdf")

@@ -46,7 +46,7 @@ def suspicion(time, edge):
     """What is added where the time asked for is of 1970, and the samples are of this century."""
     year = 365 * 86400 * 10**9
     if 0 < time < year and edge > 30 * year:
-        return ". The requested time is in 1970: an integer that is not nanoseconds, or simulated time?"
+        return ". The requested time is in 1970: is it in the wrong unit, or simulated time?"
     return ""
 
 

@@ -157,7 +157,7 @@ def extrapolation(
         fact = f"at time {requested}"
         lack = f"no sample of {child} is held"
     if 0 < requested_ns < YEAR_NS and edge_ns > 30 * YEAR_NS:
-        lack += ". The requested time is in 1970: an integer that is not nanoseconds, or simulated time?"
+        lack += ". The requested time is in 1970: is it in the wrong unit, or simulated time?"
     return ExtrapolationException(
         f"Lookup would require extrapolation {fact}, when looking up transform from frame [{source}] to "
         f"frame [{target}]; {lack}"

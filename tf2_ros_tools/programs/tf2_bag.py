@@ -227,7 +227,7 @@ def view(options: Namespace) -> int:
     try:
         rerun.view(heard.buffer)
     except rerun.ViewerError as failure:
-        raise RunError(str(failure)) from None
+        raise RunError(f"{failure}; -o FILE does not need a screen") from None
     return SUCCESS
 
 

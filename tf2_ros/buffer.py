@@ -92,7 +92,7 @@ class Buffer(BufferCore, AnsweringInterface):
     rotations are unit quaternions.
 
     With ``TF2_DEBUG=1`` in the environment when this module is imported, a wait for a transform logs what it
-    lacks after one second and after ten, unless the program has replaced the method that waits.
+    lacks after one second and after ten.
 
     >>> from rclpy.time import Time
     >>> from tf2_ros import Buffer
@@ -233,10 +233,7 @@ class Buffer(BufferCore, AnsweringInterface):
             if policy:
                 return self._lookup_under(target_frame, source_frame, time, policy_of(**policy))
             return self.lookup_transform_core(target_frame, source_frame, time)
-        arguments = (target_frame, source_frame, time)
-        if not policy and self.__is_replaced(*_CAN, "lookup_transform_core"):
-            return self.__look_up_via(self.can_transform, self.lookup_transform_core, timeout, arguments)
-        lookup = Lookup.simple(*arguments, policy_of(**policy))
+        lookup = Lookup.simple(target_frame, source_frame, time, policy_of(**policy))
         return self.__begin_wait(timeout).for_answer(lookup)
 
     def lookup_transform_full(
@@ -252,22 +249,15 @@ class Buffer(BufferCore, AnsweringInterface):
             return self.lookup_transform_full_core(
                 target_frame, target_time, source_frame, source_time, fixed_frame
             )
-        arguments = (target_frame, target_time, source_frame, source_time, fixed_frame)
-        if self.__is_replaced(*_CAN_FULL, "lookup_transform_full_core"):
-            return self.__look_up_via(
-                self.can_transform_full, self.lookup_transform_full_core, timeout, arguments
-            )
-        return self.__begin_wait(timeout).for_answer(Lookup(*arguments))
+        lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame)
+        return self.__begin_wait(timeout).for_answer(lookup)
 
     def _tf2_can(self, timeout: TimeoutLike, *arguments: Any) -> tuple[bool, str]:
-        is_simple = len(arguments) == 3
-        ask = self.can_transform_core if is_simple else self.can_transform_full_core
+        ask = self.can_transform_core if len(arguments) == 3 else self.can_transform_full_core
         wait = None
         if timeout is not NO_TIMEOUT:
             wait = self.__begin_wait(timeout)
-            if self.__is_replaced((_CAN if is_simple else _CAN_FULL)[1]):
-                wait.poll(lambda: ask(*arguments)[0])
-            elif self.__becomes_available(wait, Lookup.of(*arguments)):
+            if self.__becomes_available(wait, Lookup.of(*arguments)):
                 return True, ""
         can, reason = ask(*arguments)
         return bool(can), reason if can or wait is None else wait.told(reason)
@@ -296,11 +286,8 @@ class Buffer(BufferCore, AnsweringInterface):
         listener's node, or in a thread for callbacks if there is no such executor. With an invalid name, the
         future holds an ``InvalidArgumentException`` at once.
         """
-        arguments = (target_frame, source_frame, time)
-        asked = None
-        if not policy and self.__is_replaced(*_CAN, *_LOOKUP):
-            asked = (lambda: self.can_transform_core(*arguments), lambda: self.lookup_transform(*arguments))
-        return TransformFuture(self, Lookup.simple(*arguments, policy_of(**policy)), timeout, asked)
+        lookup = Lookup.simple(target_frame, source_frame, time, policy_of(**policy))
+        return TransformFuture(self, lookup, timeout)
 
     def wait_for_transform_full_async(
         self,
@@ -318,14 +305,8 @@ class Buffer(BufferCore, AnsweringInterface):
         :param target_frame: see that method, also for all others but ``timeout``.
         :param timeout: see :meth:`wait_for_transform_async`, which does the same for a simple lookup.
         """
-        arguments = (target_frame, target_time, source_frame, source_time, fixed_frame)
-        asked = None
-        if self.__is_replaced(*_CAN_FULL, *_LOOKUP_FULL):
-            asked = (
-                lambda: self.can_transform_full_core(*arguments),
-                lambda: self.lookup_transform_full_core(*arguments),
-            )
-        return TransformFuture(self, Lookup(*arguments), timeout, asked)
+        lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame)
+        return TransformFuture(self, lookup, timeout)
 
     async def lookup_transform_async(
         self,
@@ -428,30 +409,6 @@ class Buffer(BufferCore, AnsweringInterface):
             self._sharing.set_simulated(getattr(self.clock, "ros_time_is_active", False))
         log.logger("tf2_buffer").warning(f"{happened}. Clearing TF buffer.")
         self.clear()
-
-    def __is_replaced(self, *names: str) -> bool:
-        """Whether a subclass, or a program later, replaced one of these methods."""
-        own, cls = self.__dict__, type(self)
-        return any(name in own or getattr(cls, name) is not _ORIGINALS[name] for name in names)
-
-    def __look_up_via(
-        self, can: Callable[..., Any], look_up: Callable[..., Any], timeout: Any, arguments: tuple[Any, ...]
-    ) -> TransformStamped:
-        # As in tf2, what a program put in the place of `can_transform` waits.
-        try:
-            nanoseconds = timeout_ns(timeout)
-        except (TypeError, ValueError):
-            nanoseconds = 0  # a program's own method may accept other objects as timeouts
-        wait = BlockingWait(self, nanoseconds)
-        can(*arguments, timeout)
-        try:
-            answer: TransformStamped = look_up(*arguments)
-            return answer
-        except TransformException as error:
-            told = wait.error(error)
-            if told is error:
-                raise
-            raise told from None
 
     def __begin_wait(self, timeout: TimeoutLike) -> BlockingWait:
         return BlockingWait(self, timeout_ns(timeout))
@@ -577,12 +534,5 @@ def _jump_text(time_jump: "TimeJump") -> str:
         return "Simulated time was switched off"
     return f"Detected jump back in time by {-time_jump.delta.nanoseconds / 1e9:.3f} s"
 
-
-# What the waits call, in tf2's own order.
-_CAN = ("can_transform", "can_transform_core")
-_LOOKUP = ("lookup_transform", "lookup_transform_core")
-_CAN_FULL = ("can_transform_full", "can_transform_full_core")
-_LOOKUP_FULL = ("lookup_transform_full", "lookup_transform_full_core")
-_ORIGINALS = {name: getattr(Buffer, name) for name in (*_CAN, *_LOOKUP, *_CAN_FULL, *_LOOKUP_FULL)}
 
 _on_use.offer(globals())

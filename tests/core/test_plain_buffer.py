@@ -145,19 +145,6 @@ class TestWaits:
         assert time.monotonic() - begin < 30.0
         thread.join()
 
-    def test_a_replaced_method_is_asked(self, tf2_ros):
-        class Patient(tf2_ros.Buffer):
-            asked = 0
-
-            def can_transform_core(self, *arguments):
-                self.asked += 1
-                return super().can_transform_core(*arguments) if self.asked > 2 else (0, "not yet")
-
-        buffer = Patient()
-        buffer.set_transform_static(transform(tf2_ros, 1.0), "example")
-        assert buffer.lookup_transform("base_link", "camera", 0, timeout=60.0).transform.translation.x == 1.0
-        assert buffer.asked > 2
-
 
 class TestMaking:
     def test_its_parameters_are_those_of_a_node(self, tf2_ros):

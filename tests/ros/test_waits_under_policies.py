@@ -1,4 +1,4 @@
-"""Waits for a time that transforms no longer arrive for, and replaced methods beside a policy."""
+"""Waits for a time that transforms no longer arrive for."""
 
 import asyncio
 
@@ -54,13 +54,3 @@ class TestFutures:
             asyncio.run(buffer.lookup_transform_async("map", "base", at(19), tolerance=0))
         with pytest.raises(TypeError, match="tolerence"):
             asyncio.run(buffer.lookup_transform_async("map", "base", at(41), tolerence=1))
-
-
-def test_a_policy_passes_by_a_replaced_can_transform(tf2_ros):
-    class Own(tf2_ros.Buffer):
-        def can_transform(self, *arguments, **options):
-            raise AssertionError("was called")
-
-    buffer = Own()
-    insert(buffer, 20, 21)
-    assert stamp_ns(buffer.lookup_transform("map", "base", at(22), tolerance=1)) == 21 * S

@@ -1,7 +1,6 @@
 """Wait for a lookup in the calling thread, and log waits that last long."""
 
 import os
-import threading
 import time
 from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,8 +14,6 @@ if TYPE_CHECKING or HAS_ROS:
     from tf2_ros._nodes import Shutdown
 else:
     from tf2_ros._without_ros import Shutdown
-
-POLL_PERIOD_S = 0.02  # for methods that a program has replaced: their answers may depend on anything
 
 DEBUG = os.environ.get("TF2_DEBUG") == "1"
 # Soon, and again when all publishers must have been discovered, because the first time is often before that.
@@ -122,14 +119,6 @@ class BlockingWait:
                 raise self.error(reason)
             # It has arrived between the two, and the next lookup finds it.
 
-    def poll(self, can: Callable[[], Any]) -> None:
-        """Poll until ``can()`` is true, or the wait has ended."""
-        deadline_ns = self._begin_ns + self._timeout_ns
-        while time.monotonic_ns() < deadline_ns and not can():
-            if not self._alive():
-                return
-            threading.Event().wait(POLL_PERIOD_S)
-
     def told(self, reason: str) -> str:
         """Add to the reason of the lookup how long the wait took; or say what ended it."""
         if not self._waits:
@@ -147,8 +136,7 @@ class BlockingWait:
             return error
         text = str(error)
         told = self.told(text)
-        # A program's own class may not accept a text.
-        return error if told == text or type(error).__module__ != "tf2_py" else type(error)(told)
+        return error if told == text else type(error)(told)
 
     def _alive(self) -> bool:
         return not self._shutdown.happened()

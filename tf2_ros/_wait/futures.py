@@ -19,7 +19,7 @@ from tf2_ros._arguments import optional_timeout_ns
 from tf2_ros._forking import FORKED, LOCK, generation
 from tf2_ros._nodes import Shutdown
 from tf2_ros._rclpy import HookedFuture, is_in_step, only_wakes_executor, running_task, task_executor
-from tf2_ros._wait.blocking import POLL_PERIOD_S, LongWait, Lookup, report_if_long
+from tf2_ros._wait.blocking import LongWait, Lookup, report_if_long
 from tf2_ros._wait.callbacks import queue_of
 from tf2_ros._wait.rounds import Waker, run_done_callbacks
 from tf2_ros._wait.timers import deadlines
@@ -221,10 +221,6 @@ class TransformFuture(WakingFuture[TransformStamped]):
 
     :param lookup: what to wait for. Invalid arguments raise, except an invalid name, which ends the future at
         once.
-    :param asked: two functions instead of ``lookup``, because a program has replaced methods: the first
-        returns whether there is an answer and why not, as ``can_transform_core`` does, the second returns the
-        answer. They are called after each insert and every POLL_PERIOD_S, because their answers may depend on
-        anything.
     :param timeout: an rclpy Duration of steady time, after which the future holds a TimeoutException. None or
         an infinite one: never.
 
@@ -240,9 +236,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
 
     # Two leading underscores keep these names apart from those of rclpy's Future in any release.
 
-    def __init__(
-        self, core: BufferCore, lookup: Lookup, timeout: Any = None, asked: "Asked | None" = None
-    ) -> None:
+    def __init__(self, core: BufferCore, lookup: Lookup, timeout: Any = None) -> None:
         self.__shutdown = Shutdown(core)
         self.__kept: set[Any] = core._kept
         super().__init__(self.__shutdown.happened, self.__kept)
@@ -254,13 +248,6 @@ class TransformFuture(WakingFuture[TransformStamped]):
         self.__core: BufferCore | None = core
         self.__wait: Any = None
         self.__report: LongWait | None = None
-        self.__poll: _Poll | None = None
-        if asked is not None:
-            self.__poll = _Poll(self, core, asked)
-            self.__poll.check()
-            if self.__timeout_ns is not None and not self.over():
-                deadlines.add(self.__begin_ns + self.__timeout_ns, self)
-            return
         try:
             wait = self.__wait = lookup.wait(core, _notify(weakref.ref(self)))
         except InvalidArgumentException as error:
@@ -346,9 +333,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
         End at the timeout, or because the context was shut down: with the answer if it has just arrived, or
         with a TimeoutException.
         """
-        wait, core, poll = self.__wait, self.__core, self.__poll
-        if core is not None and poll is not None:
-            queue_of(core).put(partial(self.__end_poll, poll))
+        wait, core = self.__wait, self.__core
         if wait is None or core is None:
             return
         wait.cancel()
@@ -388,68 +373,12 @@ class TransformFuture(WakingFuture[TransformStamped]):
         self.__release()
         self._tf2_completed()
 
-    def __end_poll(self, poll: "_Poll") -> None:
-        reason = poll.ask()
-        if reason is not None:
-            self.fail(_unanswered(self.__shutdown, self.__begin_ns, self.__timeout_ns, lambda: reason))
-
     def __release(self) -> None:
         wait, self.__wait, self.__core = self.__wait, None, None  # they hold the buffer
-        poll, self.__poll, self.__report = self.__poll, None, None
-        if poll is not None:
-            poll.end()
+        self.__report = None
         if wait is not None:
             wait.cancel()
         self.__kept.discard(self)
-
-
-Asked = tuple[Callable[[], tuple[Any, str]], Callable[[], Any]]
-
-
-class _Poll:
-    """Calls replaced methods of a program repeatedly, for a future that it does not keep alive."""
-
-    def __init__(self, future: TransformFuture, core: BufferCore, asked: Asked) -> None:
-        self._future = weakref.ref(future)
-        self._core = core
-        self._can, self._look_up = asked
-        core._new_data_callbacks.append(self.ask)
-
-    def end(self) -> None:
-        """Stop asking."""
-        with suppress(ValueError):
-            self._core._new_data_callbacks.remove(self.ask)
-
-    def ask(self) -> str | None:
-        """End the future, if there is an answer or an error; otherwise return why there is none."""
-        future = self._future()
-        if future is None or future.over():
-            self.end()
-            return None
-        try:
-            can, reason = self._can()
-            if not can:
-                return reason
-            future.succeed(self._look_up())
-        except BaseException as error:
-            future.fail(error)
-        return None
-
-    def check(self) -> None:
-        """Ask now and later."""
-        if self.ask() is not None:
-            deadlines.add(time.monotonic_ns() + int(POLL_PERIOD_S * 1e9), self)
-
-    # The protocol of what has a deadline.
-
-    def over(self) -> bool:
-        """Whether asking has ended."""
-        future = self._future()
-        return future is None or future.over()
-
-    def expire(self) -> None:
-        """Ask, in the thread that runs code of a program."""
-        queue_of(self._core).put(self.check)
 
 
 def _notify(reference: "weakref.ref[TransformFuture]") -> Callable[[Any], Callable[[], None] | None]:

@@ -165,6 +165,17 @@ def test_what_cannot_be_published_is_a_warning(robot, file, tmp_path):
         same(robot.moved(103 * S, ["lift"], [0.1]), shoulder)
 
 
+def test_a_joint_that_mimics_an_unknown_one_is_left_out_with_a_warning(robot, file, tmp_path):
+    log = tmp_path / "log"
+    with open(file, "w") as urdf:
+        urdf.write(ARM.replace('joint="grip"', 'joint="gripper"'))
+    with open(log, "w") as err, running(NAME, file, stderr=err):
+        wanted = expected(0.1, 0.2, 0.3)
+        del wanted["camera"], wanted["thumb"]
+        same(robot.moved(100 * S, SIMPLE, (0.1, 0.2, 0.3)), wanted)
+    assert log.read_text().count("joint pinch mimics gripper, which is not a joint") == 1
+
+
 class TestParameters:
     @pytest.fixture
     def change(self, node, executor, file, robot):

@@ -25,6 +25,7 @@ from tf2_ros_tools.urdf import fixed, parse, unknown_mimics
 
 S = 1_000_000_000
 LOWEST_HZ, HIGHEST_HZ = 0.0001, 1000.0
+JUMP_NS = 1_000_000_000  # stamps go back further than this when a recording begins again, as in tf2_relay
 SELDOM = {"throttle_duration_sec": 5.0}  # warnings about messages
 MOST_JOINTS = 100_000  # whose stamps are kept; a publisher that invents names must not fill the memory
 
@@ -140,6 +141,10 @@ class StatePublisher:
         oldest_ns = min(known.get(name, 0) for name in names)
         interval_ns = int(S / self._value("publish_frequency"))
         if self._value("ignore_timestamp") or stamp_ns >= oldest_ns + interval_ns:
+            known.update(dict.fromkeys(names, stamp_ns))
+            return True
+        if 0 < stamp_ns < oldest_ns - JUMP_NS:
+            self._log.warning("The stamps of joint states went back; going on from there", **SELDOM)
             known.update(dict.fromkeys(names, stamp_ns))
             return True
         if stamp_ns == 0:

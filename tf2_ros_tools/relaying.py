@@ -177,7 +177,9 @@ class Relaying:
         for target in targets:
             yield f"out, {target.topic}: {_amount(target.count)}"
         received, sent = (sum(one.count["bytes"] for one in some) for some in (sources, targets))
-        if received:
+        if sent > received:
+            yield f"sent {readable_size(sent - received)} more than received"
+        elif received:
             yield f"saved: {readable_size(received - sent)} of {readable_size(received)}"
 
     def problems(self) -> list[str]:

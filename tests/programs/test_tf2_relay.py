@@ -529,3 +529,13 @@ def test_the_bytes_are_those_of_the_messages(tmp_path, node, executor, robots):
         out, _ = process.communicate(timeout=DEADLINE_S)
     size = readable_size(len(serialize_message(received[-1])))
     assert f"out, /relay/tf_static: 1 message, 8 transforms, {size}\n" in out
+
+
+def test_a_relay_that_sends_more_than_it_received_says_so(tmp_path, node, executor, robots):
+    with relaying(tmp_path, f"- {{{TO_TEXT}, prefix: {'robot1/' * 20}}}") as (process, _):
+        received = Received(node, "/relay/tf_static", static=True)
+        robots[0].send(("base", "camera", 0, 1.0), static=True)
+        until(lambda: received, executor)
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=DEADLINE_S)
+    assert "\nsent 280 bytes more than received\n" in out and "saved" not in out, out

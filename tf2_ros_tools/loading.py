@@ -32,7 +32,7 @@ from tf2_ros_tools.reading import (
     stamps_of,
 )
 from tf2_ros_tools.serialised import Reader
-from tf2_ros_tools.urdf import Robot, UrdfError, fixed, parse
+from tf2_ros_tools.urdf import Robot, UrdfError, fixed, parse, unknown_mimics
 from tf2_ros_tools.urdf import load as load_urdf
 
 if TYPE_CHECKING:
@@ -293,9 +293,12 @@ def _described(recorded: Recorded, states: str) -> Robot:
     if not text:
         raise BagError(f"{where}: it is empty; pass the path of a URDF")
     try:
-        return parse(text)
+        robot = parse(text)
     except UrdfError as error:
         raise BagError(f"{where}: {error}") from error
+    for problem in unknown_mimics(robot):
+        warnings.warn(BagWarning(f"{where}: {problem}"), stacklevel=2)
+    return robot
 
 
 def _check_joints(recorded: Recorded, topic: str, states: Joints) -> None:

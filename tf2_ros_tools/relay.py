@@ -2,7 +2,9 @@
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections import defaultdict, deque
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,6 +28,11 @@ from tf2_ros_tools.yaml_files import (
 S = 1_000_000_000
 LATEST = 0  # asks a buffer for the newest time at which it has everything that a lookup needs
 NOW = "now"
+ALL = "all"
+ALL_RATE = math.inf  # of a rule that sends every transform
+MOST_KEPT = 1000  # stamps of a frame that wait until a rule is due
+# What a rule may send later than its rate allows, because transforms do not arrive evenly.
+RESERVE_S, LEAST_RESERVE = 0.1, 2
 TOPICS = DYNAMIC, STATIC = "/tf", "/tf_static"
 POSES = "PoseStamped", "Odometry"
 
@@ -90,6 +97,10 @@ def _names(read: Callable[[Any], str | None], count: int | None = None) -> Calla
     return read_names
 
 
+def _rate(value: Any) -> float | None:
+    return ALL_RATE if value == ALL else number_in(0.0001, 1000.0)(value)
+
+
 def _shift(value: Any) -> Any:
     return value if value == NOW else number_in(-LAST_S)(value)
 
@@ -112,7 +123,7 @@ _KEYS = {
     "name": Key("a text", nonempty_text),
     "from": Key(_TWO_TOPICS, _names(_topic, 2)),
     "to": Key(_TWO_TOPICS, _names(_topic, 2), is_required=True),
-    "rate": Key("a number of Hz from 0.0001 to 1000", number_in(0.0001, 1000.0)),
+    "rate": Key(f"a number of Hz from 0.0001 to 1000, or {ALL}", _rate),
     "threshold": Key("a mapping", lambda value: value),
     "prefix": Key("a text", nonempty_text),
     "rename": Key("a mapping from names of frames to different new names", _new_names),
@@ -257,14 +268,40 @@ class Relay:
         self._owners = owners
         self._tree: dict[str, tuple[str | None, bool]] = {}
         self._links: list[Link] = []
+        self._hops: dict[str, list[str]] = {}  # the moving frames on the path of a link, by its child
+        self._links_over: dict[str, list[str]] = {}  # the same from the other end: children of links, by hop
         self._conflicts: list[str] = []
         self.forget()
 
     def forget(self) -> None:
         """Begin anew, because time has jumped back."""
+        self._arrived_ns: dict[str, int] = {}  # the newest stamps that were noted, by frame
+        self._kept_ns: defaultdict[str, deque[int]] = defaultdict(lambda: deque(maxlen=MOST_KEPT))  # of links
+        self._reserve: dict[str, int] = {}  # how many transforms of a link may be sent in addition
+        self._called_s: float | None = None
         self._stamps_ns: dict[str, int] = {}  # of the newest transforms
         self._sent: dict[str, _Sent] = {}
         self._offset_ns = self.rule.shift_ns
+
+    def note(self, arrived: Iterable[tuple[str, int]]) -> None:
+        """
+        Note the children and stamps of dynamic transforms, in the order of their arrival.
+
+        Otherwise, of those that arrive between two calls of :meth:`dynamic_transforms`, only the newest of
+        each frame is sent, however few they are.
+        """
+        for frame, stamp_ns in arrived:
+            if frame not in self._tree:
+                self._present_links()
+            self._arrived_ns[frame] = max(stamp_ns, self._arrived_ns.get(frame, LATEST))
+            for child in self._links_over.get(frame, ()):
+                is_chain = len(self._hops[child]) > 1
+                if known_ns := self._known_ns(child) if is_chain else stamp_ns:
+                    self._kept_ns[child].append(known_ns)
+
+    def _known_ns(self, child: str) -> int:
+        """The newest time at which all of a link was noted, or LATEST."""
+        return min((self._arrived_ns.get(hop, LATEST) for hop in self._hops[child]), default=LATEST)
 
     def static_transforms(self) -> list[TransformStamped]:
         """All static transforms that the rule sends."""
@@ -279,13 +316,16 @@ class Relay:
         """
         if self._offset_ns is None and clock_ns == 0:
             return []  # simulated time is not known yet
+        periods = math.inf
+        if self.rule.rate != ALL_RATE:
+            elapsed_s = 0.0 if self._called_s is None else now_s - self._called_s
+            periods = max(round(elapsed_s * self.rule.rate), 1)
+        self._called_s = now_s
         needed: list[TransformStamped] = []
-        for transform in self._look_up(is_static=False):
-            if self.rule.pose and _stamp_ns(transform) == 0:  # the frames do not move
-                _set_stamp(transform, clock_ns)
-            stamp_ns = _stamp_ns(transform)
-            if stamp_ns != self._stamps_ns.get(transform.child_frame_id):
-                self._stamps_ns[transform.child_frame_id] = stamp_ns
+        for newest in self._look_up(is_static=False):
+            if self.rule.pose and _stamp_ns(newest) == 0:  # the frames do not move
+                _set_stamp(newest, clock_ns)
+            for transform in self._due(newest, periods):
                 needed += self._needed(transform, now_s)
         if self._offset_ns is None and needed:
             self._offset_ns = clock_ns - max(self._stamps_ns.values())
@@ -314,6 +354,7 @@ class Relay:
         tree = {name: (info.parent, info.static) for name, info in frames.items()}
         if tree != self._tree:
             self._tree, self._links, self._conflicts = tree, [], []
+            self._hops, self._links_over = {}, {}
             found = links_of(self.rule, frames)
             names = {self.rule.new_name(link.parent): link.parent for link in found}
             for link in found:
@@ -321,11 +362,41 @@ class Relay:
                 owners = [self._owners.setdefault((topic, name), sender) for topic in self.rule.to]
                 if names.setdefault(name, link.child) == link.child and {*owners} == {sender}:
                     self._links.append(link)
+                    above = {*path_to_root(frames, link.child)} ^ {*path_to_root(frames, link.parent)}
+                    self._hops[link.child] = [one for one in above if not frames[one].static]
+                    for hop in self._hops[link.child]:
+                        self._links_over.setdefault(hop, []).append(link.child)
                 else:
                     self._conflicts.append(
                         f"{self.rule.label}: {link.child} is not sent: the name {name} is taken"
                     )
         return self._links
+
+    def _due(self, newest: TransformStamped, periods: float) -> Iterator[TransformStamped]:
+        """
+        Choose what is sent of a link: the newest transform, if it is new, and some before it.
+
+        :param periods: how many periods of the rate have passed since the last call.
+        """
+        parent, child = newest.header.frame_id, newest.child_frame_id
+        newest_ns, known_ns, last_ns = _stamp_ns(newest), self._known_ns(child), self._stamps_ns.get(child)
+        stamps_ns = sorted({*self._kept_ns.pop(child, ()), newest_ns} - {last_ns})
+        if known_ns != LATEST and newest_ns > known_ns:
+            # It has arrived since the last call of `note`, and perhaps others before it.
+            stamps_ns = [one for one in stamps_ns if one <= known_ns]
+            newest_ns = max([last_ns or LATEST, *stamps_ns[-1:]])
+        self._stamps_ns[child] = newest_ns
+        if periods != math.inf:
+            most = max(LEAST_RESERVE, round(self.rule.rate * RESERVE_S))
+            allowed = self._reserve.get(child, most) + int(periods)
+            stamps_ns = stamps_ns[-allowed:]
+            self._reserve[child] = min(allowed - len(stamps_ns), most)
+        for stamp_ns in stamps_ns:
+            if stamp_ns == _stamp_ns(newest):
+                yield newest
+            else:
+                with suppress(TransformException):  # it was forgotten, or never inserted
+                    yield self.buffer.lookup_transform_core(parent, child, stamp_ns)
 
     def _needed(self, transform: TransformStamped, now_s: float) -> Iterator[TransformStamped]:
         limits, sent = self.rule.threshold, self._sent.get(transform.child_frame_id)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
@@ -28,15 +27,18 @@ from tf2_ros import TransformBroadcaster
 from tf2_ros.records import Recording
 from tf2_ros_tools.output import counted, printable, readable_size
 from tf2_ros_tools.program import UsageError, sleep
-from tf2_ros_tools.relay import STATIC, Relay, Rule, read_rules
+from tf2_ros_tools.relay import ALL_RATE, STATIC, Relay, Rule, read_rules
 
-MAINTAIN_S = 0.5  # between two looks at static transforms, at the file, and at what has arrived
+MAINTAIN_S = 0.5  # between two looks at static transforms, and at the file
+LOOK_S = 0.05  # between two looks at what has arrived, at most
+ALL_S = 0.01  # between two messages of a rule that sends every transform
 PATIENCE_S = 5.0  # until a warning about a frame that nobody has published
 JUMP_NS = 1_000_000_000  # all stamps go back further than this when a recording begins again
+ACTIVE_S = 0.5  # how long after its last transform a publisher counts as active
 AVERAGING_S, MOST_AVERAGING_S = 0.1, 5.0  # of the velocities in an Odometry; buffers keep 10 s
 
 
-class _Source:
+class Source:
     """The two topics that rules read, and the buffer that they fill."""
 
     def __init__(self, topics: tuple[str, ...], buffer: BufferCore, recording: Recording) -> None:
@@ -45,27 +47,40 @@ class _Source:
         self.count: Counter[str] = Counter()
         self._recording = recording
         self._newest_ns: dict[int, int] = {}  # by number of the child
+        # By number of the publisher and the child: the time of the last transform, and whether it was behind.
+        self._active: dict[tuple[int, int], tuple[float, bool]] = {}
 
-    def look(self) -> bool:
-        """Count what has arrived since the last call, and return whether time has gone back."""
+    def look(self, now_s: float) -> tuple[list[tuple[str, int]], bool]:
+        """
+        Count what has arrived since the last call.
+
+        :param now_s: the time of the monotonic clock.
+        :return: the children and stamps of dynamic transforms, and whether time has gone back.
+        """
+        _ = "" in self.buffer  # as any read, it inserts and records what has arrived
         records, names = self._recording.take(), self._recording.frames()
         messages = self._recording.messages - self.count["messages"]
         pairs = [(names[parent], names[child]) for parent, child in records[["parent", "child"]].tolist()]
         size = _size(pairs) + (messages - 1) * _size(())
         self.count.update(messages=messages, transforms=len(pairs), bytes=size)
-        moving = records[records["static"] == 0]
-        newest_ns = {
-            child: int(moving["stamp_ns"][moving["child"] == child].max())
-            for child in np.unique(moving["child"]).tolist()
-        }
-        # All frames, because one publisher with a wrong clock is no reason to forget the others.
-        went_back = bool(newest_ns) and all(
-            stamp_ns < self._newest_ns.get(child, stamp_ns) - JUMP_NS for child, stamp_ns in newest_ns.items()
-        )
+        moving = records[(records["static"] == 0) & (records["refusals"] == 0)]
+        arrived = moving[["publisher", "child", "stamp_ns"]].tolist()
+        went_back = self._has_gone_back(arrived, now_s)
+        return [(names[child], stamp_ns) for _, child, stamp_ns in arrived], went_back
+
+    def _has_gone_back(self, arrived: Sequence[tuple[int, int, int]], now_s: float) -> bool:
+        # All that are active, because one publisher with a wrong clock is no reason to forget the others.
+        for publisher, child, stamp_ns in arrived:
+            is_behind = stamp_ns < self._newest_ns.get(child, stamp_ns) - JUMP_NS
+            self._active[publisher, child] = now_s, is_behind
+        self._active = {key: last for key, last in self._active.items() if last[0] > now_s - ACTIVE_S}
+        went_back = bool(self._active) and all(is_behind for _, is_behind in self._active.values())
         if went_back:
-            self._newest_ns.clear()
-        for child, stamp_ns in newest_ns.items():
-            self._newest_ns[child] = max(stamp_ns, self._newest_ns.get(child, stamp_ns))
+            self._newest_ns = {child: stamp_ns for _, child, stamp_ns in arrived}  # the last of each
+            self._active.clear()
+        else:
+            for _, child, stamp_ns in arrived:
+                self._newest_ns[child] = max(stamp_ns, self._newest_ns.get(child, stamp_ns))
         return went_back
 
 
@@ -140,7 +155,7 @@ class Relaying:
         self._is_dry = is_dry
         self._stack = stack
         # Topics remain until the program ends, also if the rules no longer name them.
-        self._sources: dict[tuple[str, ...], _Source] = {}
+        self._sources: dict[tuple[str, ...], Source] = {}
         self._targets: dict[tuple[str, str], _Target] = {}  # by topic and use
         self._dry: dict[str, BufferCore] = defaultdict(BufferCore)  # by topics
         self._version = _version(path)
@@ -154,18 +169,21 @@ class Relaying:
             if now_s >= maintain_s:
                 self._maintain(now_s)
                 maintain_s = now_s + MAINTAIN_S
+            self._look(now_s)
             for one in self._running:
                 if now_s >= one.due_s:
-                    one.due_s = max(one.due_s + 1.0 / one.relay.rule.rate, now_s)
+                    rate = one.relay.rule.rate
+                    period_s = ALL_S if rate == ALL_RATE else 1.0 / rate
+                    one.due_s = max(one.due_s + period_s, now_s)
                     self._send_dynamic(one, now_s)
-            wake_s = min(maintain_s, end_s, *(one.due_s for one in self._running))
+            wake_s = min(now_s + LOOK_S, maintain_s, end_s, *(one.due_s for one in self._running))
             sleep(max(wake_s - time.monotonic(), 0.0))
 
     def report(self) -> Iterator[str]:
         """Describe in lines what was received and sent, or would be, and the trees if nothing was sent."""
         sources, targets = self._sources.values(), self._targets.values()
         for source in sources:
-            source.look()
+            source.look(time.monotonic())
         if self._is_dry:
             trees = [(f"in, {source.name}", source.buffer) for source in sources]
             trees += [(f"out, {topics}", buffer) for topics, buffer in self._dry.items()]
@@ -177,7 +195,9 @@ class Relaying:
         for target in targets:
             yield f"out, {target.topic}: {_amount(target.count)}"
         received, sent = (sum(one.count["bytes"] for one in some) for some in (sources, targets))
-        if received:
+        if sent > received:
+            yield f"sent {readable_size(sent - received)} more than received"
+        elif received:
             yield f"saved: {readable_size(received - sent)} of {readable_size(received)}"
 
     def problems(self) -> list[str]:
@@ -199,11 +219,11 @@ class Relaying:
         self._warned: set[str] = set()
         self._patience_s = time.monotonic() + PATIENCE_S
 
-    def _source(self, topics: tuple[str, ...]) -> _Source:
+    def _source(self, topics: tuple[str, ...]) -> Source:
         if topics not in self._sources:
             recording = Recording()
             buffer = self._stack.enter_context(filled_buffer(self._node, recording, topics=topics))
-            self._sources[topics] = _Source(topics, buffer, recording)
+            self._sources[topics] = Source(topics, buffer, recording)
         return self._sources[topics]
 
     def _target(self, rule: Rule, topic: str, use: str) -> _Target:
@@ -220,15 +240,23 @@ class Relaying:
         """Do what is needed from time to time only."""
         if not self._is_dry:
             self._read_if_changed()
-        for source in self._sources.values():
-            if source.look():
-                self._forget(source)
         self._send_static()
         if not self._is_dry and now_s >= self._patience_s:
             for problem in self.problems():
                 if problem not in self._warned:
                     self._warned.add(problem)
                     self._node.get_logger().warning(printable(problem))
+
+    def _look(self, now_s: float) -> None:
+        """Let the rules know what has arrived."""
+        for source in self._sources.values():
+            arrived, went_back = source.look(now_s)
+            if went_back:
+                self._forget(source)
+                continue  # what has arrived was forgotten, too
+            for one in self._running:
+                if one.relay.buffer is source.buffer:
+                    one.relay.note(arrived)
 
     def _read_if_changed(self) -> None:
         log, version = self._node.get_logger(), _version(self._path)
@@ -240,7 +268,7 @@ class Relaying:
             except UsageError as refusal:
                 log.error(f"{' '.join(str(refusal).split())}; the old rules stay")
 
-    def _forget(self, source: _Source) -> None:
+    def _forget(self, source: Source) -> None:
         clock: Any = self._node.get_clock()
         if not clock.ros_time_is_active:  # otherwise the buffer follows it
             source.buffer.clear()

@@ -21,10 +21,11 @@ from std_msgs.msg import String
 from tf2_ros_tools.output import first_names
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.serialised import Layout, Series, joint_names, numbers_of, tf_messages
-from tf2_ros_tools.urdf import fixed, parse
+from tf2_ros_tools.urdf import fixed, parse, unknown_mimics
 
 S = 1_000_000_000
 LOWEST_HZ, HIGHEST_HZ = 0.0001, 1000.0
+JUMP_NS = 1_000_000_000  # stamps go back further than this when a recording begins again, as in tf2_relay
 SELDOM = {"throttle_duration_sec": 5.0}  # warnings about messages
 MOST_JOINTS = 100_000  # whose stamps are kept; a publisher that invents names must not fill the memory
 
@@ -112,6 +113,8 @@ class StatePublisher:
             self._descriptions.publish(String(data=description))
             self._static.publish(fixed(self._robot, (), self._node.get_clock().now().nanoseconds))
             self._log.info(f"Robot initialized: {self._robot!r}")
+            for problem in unknown_mimics(self._robot):
+                self._log.warning(problem)
 
     def _receive(self, raw: bytes) -> None:
         try:
@@ -138,6 +141,10 @@ class StatePublisher:
         oldest_ns = min(known.get(name, 0) for name in names)
         interval_ns = int(S / self._value("publish_frequency"))
         if self._value("ignore_timestamp") or stamp_ns >= oldest_ns + interval_ns:
+            known.update(dict.fromkeys(names, stamp_ns))
+            return True
+        if 0 < stamp_ns < oldest_ns - JUMP_NS:
+            self._log.warning("The stamps of joint states went back; going on from there", **SELDOM)
             known.update(dict.fromkeys(names, stamp_ns))
             return True
         if stamp_ns == 0:

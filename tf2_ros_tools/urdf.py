@@ -1,6 +1,7 @@
 """Read a URDF, and compute the transforms of its joints from joint states: ``load``, ``Robot``."""
 
 import os
+import warnings
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -53,7 +54,8 @@ class Joint:
     :param rotation: likewise, a quaternion x y z w.
     :param axis: in the frame of the joint, of length one; the normal of a planar joint.
     :param limits: the lowest and the highest position, which nothing enforces; None: not given.
-    :param mimic: the joint that this one follows, the multiplier and the offset; or None.
+    :param mimic: the joint that this one follows, the multiplier and the offset; or None. If there is no such
+        joint, this one moves only by a position of its own.
     """
 
     name: str
@@ -151,6 +153,8 @@ def _plan(robot: Robot, names: tuple[str, ...]) -> _Plan:
                 return None
             followed, multiplier, added = joint.mimic
             factor, offset = factor * multiplier, offset + factor * added
+            if followed not in by_name:
+                return None
             joint = by_name[followed]
         return place[joint.name], factor, offset
 
@@ -234,7 +238,7 @@ def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, f
 
 def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
     """
-    Read the joints of a URDF.
+    Read the joints of a URDF. A joint that mimics an unknown one is a warning.
 
     :param source: the path of a file, or the text itself, whose first character is ``<``.
     :param prefix: is put in front of the names of all frames, for several robots.
@@ -246,7 +250,15 @@ def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
     if not isinstance(source, str | PathLike):
         raise TypeError(f"a URDF must be a path or its text, not {type(source).__name__}")
     if isinstance(source, str) and source.lstrip(BEFORE).startswith("<"):
-        return parse(source, prefix)
+        robot = parse(source, prefix)
+    else:
+        robot = _read(source, prefix)
+    for problem in unknown_mimics(robot):
+        warnings.warn(problem, stacklevel=2)
+    return robot
+
+
+def _read(source: "str | PathLike[str]", prefix: str) -> Robot:
     try:
         with open(source, "rb") as file:
             text = file.read()
@@ -279,6 +291,18 @@ def parse(text: str | bytes, prefix: str = "") -> Robot:
     joints = [_joint(element, links) for element in root.findall("joint")]
     named = (replace(one, parent=prefix + one.parent, child=prefix + one.child) for one in joints)
     return Robot(root.get("name", ""), prefix + _root(links, joints), tuple(named))
+
+
+def unknown_mimics(robot: Robot) -> list[str]:
+    """Get a text for each joint that mimics an unknown one."""
+    names = {joint.name for joint in robot.joints}
+    mimics = [(joint.name, joint.mimic[0]) for joint in robot.joints if joint.mimic is not None]
+    return [
+        f"joint {printable(name)} mimics {printable(followed)}, which is not a joint; "
+        "it is left out, except where its own position is given"
+        for name, followed in mimics
+        if followed not in names
+    ]
 
 
 def _names(root: ElementTree.Element, tag: str) -> set[str]:
@@ -341,10 +365,6 @@ def _root(links: set[str], joints: Iterable[Joint]) -> str:
     mimics = {joint.name: joint.mimic[0] for joint in joints if joint.mimic is not None}
     if (name := one_in_a_loop(mimics)) is not None:
         raise UrdfError(f"joint {printable(name)} mimics itself")
-    names = {joint.name for joint in joints}
-    for name, followed in mimics.items():
-        if followed not in names:
-            raise UrdfError(f"joint {printable(name)} mimics {printable(followed)}, which is not a joint")
     roots = sorted(links - above.keys())
     if len(roots) != 1:
         found = f"{len(roots)} links have no parent ({', '.join(map(printable, roots[:5]))})"

@@ -165,6 +165,31 @@ def test_what_cannot_be_published_is_a_warning(robot, file, tmp_path):
         same(robot.moved(103 * S, ["lift"], [0.1]), shoulder)
 
 
+def test_a_joint_that_mimics_an_unknown_one_is_left_out_with_a_warning(robot, file, tmp_path):
+    log = tmp_path / "log"
+    with open(file, "w") as urdf:
+        urdf.write(ARM.replace('joint="grip"', 'joint="gripper"'))
+    with open(log, "w") as err, running(NAME, file, stderr=err):
+        wanted = expected(0.1, 0.2, 0.3)
+        del wanted["camera"], wanted["thumb"]
+        same(robot.moved(100 * S, SIMPLE, (0.1, 0.2, 0.3)), wanted)
+    assert log.read_text().count("joint pinch mimics gripper, which is not a joint") == 1
+
+
+def test_stamps_that_go_back_are_followed_with_a_warning(robot, file, tmp_path):
+    log = tmp_path / "log"
+    with open(log, "w") as err, running(NAME, file, stderr=err):
+        shoulder = {"shoulder": expected(0.1, 0, 0)["shoulder"]}
+        robot.moved(1000 * S, SIMPLE, (0.1, 0.2, 0.3))
+        assert "went back" not in log.read_text()
+        same(robot.moved(500 * S, ["lift"], [0.1]), shoulder)
+        assert log.read_text().count("The stamps of joint states went back; going on from there") == 1
+        robot.send(500 * S + 1, ["lift"], [9.0])  # not due
+        same(robot.moved(501 * S, ["lift"], [0.1]), shoulder)
+    seen = [*dict.fromkeys(ns for one in robot.moving for ns in stamps(one))]
+    assert seen == [1000 * S, 500 * S, 501 * S]
+
+
 class TestParameters:
     @pytest.fixture
     def change(self, node, executor, file, robot):

@@ -188,7 +188,6 @@ def with_more(more):
             robot_of(AB, joint("bc", "b", "c", "hinge")),
             "joint bc: its type is hinge, not fixed, revolute, continuous, prismatic, planar or floating",
         ),
-        (with_more('<mimic joint="x"/>'), "joint bc mimics x, which is not a joint"),
         (with_more('<mimic joint="bc"/>'), "joint bc mimics itself"),
         (
             robot_of(
@@ -207,6 +206,19 @@ def test_what_is_not_a_tree_of_joints_is_refused_in_one_sentence(text, said):
     with pytest.raises(urdf.UrdfError) as refused:
         urdf.load(text)
     assert str(refused.value) == said
+
+
+def test_a_joint_that_mimics_an_unknown_one_is_left_out_with_a_warning():
+    chained = joint("ac", "a", "c", more='<mimic joint="ab"/>')
+    text = robot_of(joint("ab", "a", "b", more='<mimic joint="x" multiplier="2"/>'), chained)
+    said = "^joint ab mimics x, which is not a joint; it is left out, except where its own position is given$"
+    with pytest.warns(UserWarning, match=said) as caught:
+        robot = urdf.load(text)
+    assert [one.filename for one in caught] == [__file__]
+    assert robot.joints[0].mimic == ("x", 2, 0)
+    assert robot.transforms(["x"], [1.0])[0] == []
+    # As with robot_state_publisher.
+    assert [one.name for one in robot.transforms(["ab"], [1.0])[0]] == ["ab", "ac"]
 
 
 @pytest.mark.parametrize(
@@ -400,6 +412,15 @@ class TestRecordings:
         )
         with pytest.warns(bag.BagWarning, match=said):
             check(bag.load(path, urdf=ARM, partial=True), stamps, values)
+
+    def test_a_recorded_urdf_may_mimic_an_unknown_joint(self, tmp_path):
+        messages, stamps, values = states()
+        text = ARM.replace('joint="grip"', 'joint="gripper"')
+        path = write_mcap(tmp_path / "run.mcap", [description(text), *messages])
+        with pytest.warns(bag.BagWarning, match="/robot_description: joint pinch mimics gripper, which is"):
+            buffer = bag.load(path, urdf=True)
+        check(buffer, stamps, values, [one for one in FRAMES if one != "thumb"])
+        assert "thumb" not in buffer
 
     def test_what_is_before_a_break_is_read(self, tmp_path):
         messages, stamps, values = states(200)

@@ -220,7 +220,6 @@ def test_a_second_owner_is_refused_with_the_first_ones_process():
         owner.process.kill()
         owner.process.wait()
         # What a dead one left is taken over.
-        assert owner.path.exists()
         mine = Buffer(share=owner.name)
         with pytest.raises(SharedBufferError, match=f"owned by process {os.getpid()}$"):
             Buffer(share=owner.name)
@@ -232,10 +231,42 @@ def test_what_a_dead_owner_left_is_removed_by_whoever_finds_it():
     with Owner() as owner:
         owner.process.kill()
         owner.process.wait()
-        assert owner.path.exists()
         with pytest.raises(SharedBufferError, match="no process"):
             Buffer(attach=owner.name)
         assert not owner.path.exists()
+
+
+def test_the_next_owner_of_any_name_removes_what_dead_ones_left():
+    with Owner() as living, Owner() as dead, Owner() as other_dead, pair() as (ours, _):
+        user = os.geteuid()
+        not_ours = [
+            dead.path.with_name(f"tf2-ros-cython-{user}-{new_name()}+copy"),  # not a name of a shared buffer
+            dead.path.with_name(f"tf2-ros-cython-{user + 1}-{new_name()}"),
+            dead.path.with_name(f"tf2-ros-cython-{new_name()}"),
+        ]
+        if user == 0:
+            not_ours.append(segment_path(new_name()))
+        link = segment_path(new_name())
+        try:
+            for path in not_ours:
+                path.touch()
+            if user == 0:
+                os.chown(not_ours[-1], 65534, 65534)
+            for path in not_ours:
+                path.chmod(0o600)
+            link.symlink_to(living.path)
+            for one in (dead, other_dead):
+                one.process.kill()
+                one.process.wait()
+            with pair():
+                assert not dead.path.exists() and not other_dead.path.exists()
+                assert living.path.exists() and ours._sharing.path.exists()
+                assert link.is_symlink() and all(path.exists() for path in not_ours)
+            with pytest.raises(SharedBufferError, match=f"owned by process {living.process.pid}$"):
+                Buffer(share=living.name)
+        finally:
+            for path in (*not_ours, link):
+                path.unlink(missing_ok=True)
 
 
 def test_of_many_who_want_to_be_the_owner_one_is():
@@ -347,8 +378,8 @@ def test_another_users_file_is_refused():
     name = new_name()
     path = segment_path(name)
     path.write_bytes(b"x" * 10000)
-    path.chmod(0o600)
     os.chown(path, 65534, 65534)
+    path.chmod(0o600)
     try:
         for keyword in ("share", "attach"):
             with pytest.raises(SharedBufferError, match="not this user's"):
@@ -686,5 +717,5 @@ def test_a_program_with_closed_standard_streams_logs_nothing_into_its_shared_buf
         name = new_name()
         command = ["sh", "-c", f'exec "$@" {closed}', "sh", sys.executable, "-c", code, name]
         ended = subprocess.run([*command, str(PROGRAMS.parent)], timeout=60)
-        segment_path(name).unlink()
+        segment_path(name).unlink(missing_ok=True)
         assert ended.returncode == 0, closed

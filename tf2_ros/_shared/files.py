@@ -17,10 +17,18 @@ from contextlib import ExitStack, suppress
 from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 
-from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path
+from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path, segment_paths
 from tf2_ros._shared.ring import read_text
 
-__all__ = ["Description", "describe_owner", "is_owned", "make_file", "open_file", "publish"]
+__all__ = [
+    "Description",
+    "describe_owner",
+    "is_owned",
+    "make_file",
+    "open_file",
+    "publish",
+    "remove_dead_files",
+]
 
 MOST_TEXT = 3000  # bytes of a description; a file has room for a little more
 
@@ -86,6 +94,17 @@ def open_file(name: str) -> int:
         raise SharedBufferError(f"no process of this user shares a buffer {name!r}") from None
     except OSError as error:
         raise SharedBufferError(f"the shared buffer {name!r} cannot be read: {error}") from None
+
+
+def remove_dead_files() -> None:
+    """Remove the files of this user's dead owners; what cannot be removed stays."""
+    for path in segment_paths():
+        with suppress(OSError), ExitStack() as stack:
+            # Opening another user's file may block: its owner may hold a lease on it.
+            if path.lstat().st_uid == os.geteuid():
+                descriptor = _open(path)
+                stack.callback(os.close, descriptor)
+                _remove_dead(path, descriptor)
 
 
 def is_owned(descriptor: int) -> bool:

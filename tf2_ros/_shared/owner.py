@@ -12,7 +12,7 @@ from typing import Any
 
 from tf2_py._internal import log
 from tf2_ros._receive.inboxes import check_regularly
-from tf2_ros._shared.files import Description, make_file, publish
+from tf2_ros._shared.files import Description, make_file, publish, remove_dead_files
 from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path
 from tf2_ros._shared.ring import RingWriter
 
@@ -39,6 +39,7 @@ class Owner:
         self.path = segment_path(name)
         program = os.path.basename(sys.argv[0]) if sys.argv else ""
         self._description = Description(os.getpid(), program[:100], buffer.cache_time_ns)
+        remove_dead_files()
         try:
             size = _file_size()
             descriptor, lock_descriptor = make_file()

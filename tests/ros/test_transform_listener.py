@@ -431,6 +431,25 @@ class TestThread:
         until(lambda: len(ticks) > 3)
         end(listener)
 
+    @pytest.mark.ours
+    def test_destroying_the_node_ends_it(self, tf2_ros, buffer, new_node):
+        node = new_node("spun")
+        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
+        node.destroy_node()
+        until(lambda: not listener.dedicated_listener_thread.is_alive())
+
+    @pytest.mark.ours
+    def test_other_nodes_in_its_executor_keep_it(self, tf2_ros, buffer, new_node):
+        node, other = new_node("spun"), new_node("other")
+        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
+        ticks = []
+        other.create_timer(0.001, lambda: ticks.append(1))
+        listener.executor.add_node(other)
+        node.destroy_node()
+        ticks.clear()
+        until(lambda: len(ticks) > 3)
+        end(listener)
+
 
 def end(listener):
     """As far as the reference can: a thread of its own must not outlive the test."""

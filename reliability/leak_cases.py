@@ -11,6 +11,7 @@ import os
 import pickle
 import tempfile
 import threading
+import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
@@ -24,6 +25,7 @@ from geometry_msgs.msg import PointStamped, PoseStamped
 from known_types import ALL, TABLES
 from making import S, at, at_ns, transform
 from making_bags import drive, scan, write_mcap
+from random_ends import RandomEnds, make_node
 from random_messages import Maker
 from rclpy.action import ActionClient, ActionServer
 from rclpy.duration import Duration
@@ -63,12 +65,16 @@ LONG_S = 20.0
 # What has no case of its own, and why.
 NO_CASE = {
     "tf2_ros.bag.map_recordings": "works in processes of its own, which end with each recording",
+    "BufferServer.after_fork": "only for children of a fork",
     "MessageFilter.after_fork": "only for children of a fork",
     "StaticTransformBroadcaster.after_fork": "only for children of a fork",
 }
 # What rclpy and Fast DDS themselves leave behind for each call; the cases "(for comparison)" show it.
 OF_A_NODE = {"objects": 50, "heap_bytes": 150_000, "resident_bytes": 150_000}
 OF_AN_ENTITY = {"objects": 6, "heap_bytes": 300, "resident_bytes": 1000}
+# The same without the service that describes types; 3.4 kB of it for each name of a node that is new.
+OF_A_SMALL_NODE = {"objects": 6, "heap_bytes": 4_000, "resident_bytes": 6_000}
+OF_RANDOM_ENDS = {"objects": 30, "heap_bytes": 20_000, "resident_bytes": 60_000}
 # Fast DDS keeps changes of the services in its histories: 80 to 260 bytes for each goal. rclpy's own client
 # leaves 34 objects and 900 bytes.
 OF_A_GOAL = {"heap_bytes": 500, "resident_bytes": 1500}
@@ -82,10 +88,13 @@ OF_RCLPY = {
     "Buffer.__init__ with a node": OF_A_NODE,
     "TransformListener.__del__": OF_A_NODE,
     "TransformListener.unregister": OF_AN_ENTITY,
+    "TransformListener.unregister among others, in random order": OF_RANDOM_ENDS,
     "TransformBroadcaster.__init__": OF_AN_ENTITY,
     "StaticTransformBroadcaster.__init__": OF_AN_ENTITY,
     "MessageFilter.close": OF_AN_ENTITY,
     "BufferClient.destroy": OF_A_NODE,
+    "BufferClient.destroy by its node": OF_A_SMALL_NODE,
+    "BufferServer.destroy by its node": OF_A_SMALL_NODE,
     **{f"BufferClient.{name}": OF_A_GOAL for name in GOALS},
 }
 # How long it takes until what the calls of a group left on purpose is gone: a server keeps results for 10 s.
@@ -413,6 +422,18 @@ def _listener(stack):
         TransformListener(buffer, other)
         other.destroy_node()
 
+    seeds = itertools.count()
+
+    def in_random_order():
+        ends = RandomEnds(next(seeds))
+        ends.play(40)
+        left = ends.left()
+        deadline_s = time.monotonic() + LONG_S
+        while left and time.monotonic() < deadline_s:  # the threads of the last ones may be ending
+            time.sleep(0.01)
+            left = ends.left()
+        assert not left, left
+
     def rclpy_alone():
         for topic in ("/tf", "/tf_static"):
             node.destroy_subscription(node.create_subscription(TFMessage, topic, print, 10))
@@ -435,6 +456,7 @@ def _listener(stack):
     return {
         "unregister": made,
         "unregister with spin_thread": made_with_thread,
+        "unregister among others, in random order": in_random_order,
         "unregister of static ones": partial(made, StaticTransformListener),
         "__del__": forgotten,
         "callback": lambda: listening()[0].callback(message),
@@ -445,6 +467,9 @@ def _listener(stack):
         "tf_static_sub": lambda: listening()[0].tf_static_sub,
         "(for comparison) subscriptions of rclpy": rclpy_alone,
         "(for comparison) nodes of rclpy": lambda: rclpy.create_node("other").destroy_node(),
+        "(for comparison) nodes of rclpy without the description of types": lambda: (
+            make_node().destroy_node()
+        ),
     }
 
 
@@ -599,6 +624,12 @@ def _client(stack):
         plain_client().send_goal_async(LookupTransform.Goal()).add_done_callback(accepted)
         assert ended.wait(LONG_S)
 
+    def by_its_node():
+        _ros(stack)
+        node = make_node()
+        BufferClient(node, "nowhere")
+        node.destroy_node()
+
     simple, full = ("map", "base", at(1), LONG_S), ("map", at(1), "base", at(1), "map", LONG_S)
     point = _point()
 
@@ -626,6 +657,7 @@ def _client(stack):
         "transform_full": lambda: client().transform_full(point, "map", at(1), "map", LONG_S),
         "transform_async": lambda: awaited(lambda: client().transform_async(point, "map")),
         "destroy": lambda: BufferClient(lonely(), "nowhere").destroy(),
+        "destroy by its node": by_its_node,
         "(for comparison) goals of rclpy": rclpy_alone,
     }
 
@@ -634,7 +666,16 @@ def _client(stack):
 def _server(stack):
     node = _node(stack)
     buffer = Buffer()
-    return {"destroy": lambda: BufferServer(buffer, node, "lookup").destroy()}
+
+    def by_its_node():
+        other = make_node()
+        BufferServer(buffer, other, "other_lookup")
+        other.destroy_node()
+
+    return {
+        "destroy": lambda: BufferServer(buffer, node, "lookup").destroy(),
+        "destroy by its node": by_its_node,
+    }
 
 
 @group(Buffer, beyond=Buffer, name="sharing")

@@ -20,6 +20,7 @@ from rclpy.utilities import get_default_context
 from tf2_ros._forking import LOCK, LiveObjects, keep_for_ever, register_for_fork
 from tf2_ros._rcl import skip_exit_handlers
 from tf2_ros._rclpy import (
+    NodeEnd,
     RCLError,
     context_was_shut_down,
     enter_handle,
@@ -97,8 +98,9 @@ class Spinner:
     :param owner: kept alive by the thread.
     :param at_end: called by the thread when it ends, to destroy what only it uses.
 
-    The thread ends with :meth:`stop`, with the shutdown of ``executor``, and with the node's context. It
-    idles when another executor takes the node.
+    The thread ends with :meth:`stop`, with the shutdown of ``executor``, with the node's context, and when
+    the node is destroyed, unless a program has added other nodes to ``executor``. It idles when another
+    executor takes the node.
     """
 
     def __init__(
@@ -120,6 +122,8 @@ class Spinner:
         # unless it is interrupted.
         _running.add(self)
         register_for_fork(self)
+        # A hidden node is destroyed by the thread itself.
+        self._node_end = NodeEnd(None if owner is None else node, self._node_destroyed)
         self.thread.start()
 
     def stop(self, *, wait: bool = True) -> None:
@@ -131,6 +135,7 @@ class Spinner:
         """
         if self._node_use.forked:
             return
+        self._node_end.forget()
         # The spinning thread does the rest of the shutdown: another one could destroy what is in use.
         mark_shut_down(self.executor, self._wake_handle)
         # It does not live if a signal handler raised before it was started.
@@ -142,6 +147,10 @@ class Spinner:
         _running.discard(self)
         self._owner = self._at_end = None
         keep_for_ever(self._wake_handle, *executor_handles(self.executor))
+
+    def _node_destroyed(self) -> None:
+        if not self._node_use.forked and len(self.executor.get_nodes()) <= 1:
+            self.stop(wait=False)
 
     def _run(self) -> None:
         try:

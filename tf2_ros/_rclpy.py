@@ -7,11 +7,13 @@ rounds need in Cython is in ``tf2_ros._wait.rounds``; ``tf2_py.engine.times`` re
 """
 
 import sys
+import weakref
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from types import FrameType, FunctionType
 from typing import Any
 
+from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import EventHandler, QoSSubscriptionEventType
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
@@ -20,6 +22,9 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.task import Future, Task
+from rclpy.timer import Timer
+
+NEVER_S = 1e9  # the period of a timer that never runs
 
 # What the functions of the C++ part raise. Assumes that it has this name there; otherwise a RuntimeError,
 # which rclpy's own error derives from.
@@ -259,6 +264,50 @@ def action_result(client: Any, goal_handle: Any) -> Any:
     """
     answer: Any = client._get_result(goal_handle)
     return answer.result
+
+
+class NodeEnd:
+    """
+    Calls a function when a node is destroyed, which destroys neither action servers nor action clients.
+
+    Assumes that ``destroy_node()`` calls ``destroy()`` of each of the node's timers: this is one that never
+    runs. Executors skip it where they skip an entity whose ``_executor_event`` is set. Where a node makes
+    timers of another class, or is not rclpy's, nothing is called.
+
+    :param call: kept alive by the node until :meth:`forget`.
+    """
+
+    def __init__(self, node: object, call: Callable[[], None]) -> None:
+        self._node: weakref.ref[Node] | None = None
+        if not isinstance(node, Node):
+            return
+        timer: Any = node.create_timer(NEVER_S, _nothing, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        timer.cancel()
+        if type(timer) is Timer:
+            self._node, self._timer = weakref.ref(node), timer
+            timer.__class__, timer.tf2_call, timer._executor_event = _EndTimer, call, True
+
+    def forget(self) -> None:
+        """Call nothing; without effect the second time."""
+        node = None if self._node is None else self._node()
+        if node is not None:
+            self._timer.tf2_call = _nothing
+            with suppress(InvalidHandle):  # its executor is being shut down
+                node.destroy_timer(self._timer)
+        self._node = None
+
+
+class _EndTimer(Timer):
+    tf2_call: Callable[[], None]
+
+    def destroy(self) -> None:
+        call, self.tf2_call = self.tf2_call, _nothing
+        call()
+        super().destroy()
+
+
+def _nothing() -> None:
+    pass
 
 
 # Tasks and futures.

@@ -31,7 +31,7 @@ from tf2_ros._forking import keep_for_ever, register_for_fork
 from tf2_ros._messages import time_msg
 from tf2_ros._nodes import Spinner, hidden_node
 from tf2_ros._qos import lookup_qos
-from tf2_ros._rclpy import action_result, context_was_shut_down
+from tf2_ros._rclpy import NodeEnd, action_result, context_was_shut_down
 from tf2_ros._tf2_names import add_names_of_tf2
 from tf2_ros._wait.callbacks import CallbackQueue
 from tf2_ros._wait.futures import WakingFuture
@@ -129,6 +129,7 @@ class GoalSender:
         self._spinner = Spinner(hidden, daemon=True, at_end=self._end)
         self._spinner.thread.name = "tf2_ros buffer client"
         register_for_fork(self)
+        self._node_end = NodeEnd(node, self.close)
 
     def send(self, goal: Any, timeout_ns: int | None, padding_ns: int) -> PendingGoal:
         """
@@ -168,6 +169,7 @@ class GoalSender:
         if self._closed:
             return
         self._closed = True
+        self._node_end.forget()
         self._spinner.stop(wait=wait)
         for pending in list(self._pending):
             self._fail_at_end(pending)
@@ -185,6 +187,7 @@ class GoalSender:
         self._steps.close()
         self.action_client.destroy()
         self._node.destroy_node()
+        del self._timer  # it refers to this, so only the collector would free both
 
     def _run_step(self, step: Callable[[], None]) -> None:
         if self._ended:
@@ -326,6 +329,8 @@ class BufferClient(AnsweringInterface):
     raises; and a ``TimeoutException`` if no server was found, it did not answer, the transform was not
     available in time, or the context was shut down. The text says which, and how long the wait took.
 
+    ``destroy()`` ends the client, and so does destroying the node.
+
     Where a program replaced this module's ``ActionClient``, or the attribute ``action_client``, goals are
     sent with the replacement, by the thread that calls the lookup. For every ``time`` and ``timeout``, see
     :class:`tf2_ros.Buffer`.
@@ -369,7 +374,7 @@ class BufferClient(AnsweringInterface):
         return f"<{class_name(type(self))}: {state}>"
 
     def destroy(self) -> None:
-        """End the client; pending lookups raise a TimeoutException."""
+        """End the client; pending lookups raise a TimeoutException. May be called again."""
         if self._goal_sender is None or self.action_client is not self._goal_sender.action_client:
             self.action_client.destroy()
         if self._goal_sender is not None:

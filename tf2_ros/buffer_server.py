@@ -26,7 +26,10 @@ from tf2_py import (
 )
 from tf2_py._internal import bad_name, is_invalid_name, timeout_ns
 from tf2_ros._arguments import has, is_a, is_name, refuse_swapped
+from tf2_ros._forking import keep_for_ever, register_for_fork
+from tf2_ros._nodes import NodeUse
 from tf2_ros._qos import lookup_qos
+from tf2_ros._rclpy import NodeEnd
 from tf2_ros._wait.blocking import Lookup
 from tf2_ros._wait.callbacks import CallbackQueue
 from tf2_ros._wait.futures import TransformFuture
@@ -60,7 +63,7 @@ class BufferServer:
 
     A waiting goal does not occupy a thread. A goal whose timeout passes gets ``TIMEOUT_ERROR`` with the
     reason of the last attempt; a goal without a timeout gets the error of its only attempt. The node keeps
-    the server alive; ``destroy()`` ends it.
+    the server alive; ``destroy()`` ends it, and so does destroying the node.
 
     >>> from rclpy.duration import Duration
     >>> from rclpy.time import Time
@@ -94,7 +97,7 @@ class BufferServer:
         # queue is a separate one.
         group = MutuallyExclusiveCallbackGroup()
         self._ended = CallbackQueue(node, group, by_thread=False)
-        self._server = ActionServer(
+        self._server: ActionServer | None = ActionServer(
             node,
             LookupTransform,
             ns,
@@ -107,14 +110,27 @@ class BufferServer:
             cancel_service_qos_profile=lookup_qos(),
             result_timeout=KEEP_RESULT_S,
         )
+        self._node_use = NodeUse(node)
+        register_for_fork(self)
+        self._node_end = NodeEnd(node, self.destroy)
 
     def destroy(self) -> None:
-        """End the server; waiting goals get no result."""
+        """End the server; waiting goals get no result. May be called again; in a forked child, it is dead."""
+        # The action server refers to this, so as long as this refers to it, only the collector frees both.
+        server, self._server = self._server, None
+        if server is None:
+            return
+        self._node_end.forget()
         self._ended.close()
         for lookup in list(self._lookups.values()):
             lookup.cancel()
         self._lookups.clear()
-        self._server.destroy()
+        server.destroy()
+
+    def after_fork(self) -> None:
+        """Leave the server to the parent, in a forked child."""
+        keep_for_ever(self._server)
+        self._server = None
 
     def _begin(self, handle: Any) -> None:
         lookup = self._lookups[bytes(handle.goal_id.uuid)] = self._look_up(handle.request)

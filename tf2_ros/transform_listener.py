@@ -63,8 +63,9 @@ class TransformListener:
     :param buffer: a :class:`tf2_ros.Buffer`, or any object with its ``set_transform`` and
         ``set_transform_static``.
     :param node: gets the subscriptions; also an ``AsyncNode``. None: a hidden node, which a thread spins.
-    :param spin_thread: spin the node in a thread, until its context ends. If another executor takes the node
-        over, the thread no longer serves it, as in tf2. The program does not exit before the thread ends.
+    :param spin_thread: spin the node in a thread, until its context ends or the node is destroyed. If another
+        executor takes the node over, the thread no longer serves it, as in tf2. The program does not exit
+        before the thread ends.
     :param qos: a profile, or the depth of the queue, for dynamic transforms. None: volatile, depth 100, which
         parameters of the node may override.
     :param static_qos: the same for static transforms. None: transient local, depth 100.

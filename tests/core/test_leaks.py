@@ -7,7 +7,8 @@ import threading
 
 import pytest
 from paths import ROOT
-from processes import DEADLINE_S
+from processes import DEADLINE_S, until
+from repetitions import times
 
 from reliability.leaks import leaks, measure
 
@@ -66,3 +67,13 @@ def test_threads_and_descriptors_that_stay_are_found():
         for file in files:
             os.close(file)
     assert [text.split()[0] for text in texts][-2:] == ["threads", "descriptors"]
+
+
+@pytest.mark.parametrize("seed", range(times(5, 50)))
+def test_nothing_is_left_of_what_ended_in_random_order(ros, seed):
+    from random_ends import RandomEnds
+
+    ends = RandomEnds(seed)
+    ends.play(40)
+    # The threads of the last ones may be ending.
+    until(lambda: ends.left() == [])

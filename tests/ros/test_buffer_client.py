@@ -7,6 +7,7 @@ import re
 import subprocess
 import threading
 import time
+import weakref
 from contextlib import contextmanager
 from unittest import mock
 
@@ -325,6 +326,51 @@ class TestThreads:
         with pytest.raises(tf2_py.TimeoutException, match="destroyed"):
             client.lookup_transform("map", "robot", LATEST, LONG)
         assert set(threading.enumerate()) - before <= _deadlines_thread()
+
+    def test_destroying_its_node_ends_the_wait_and_its_thread(self, tf2_ros, new_node, tf2_py):
+        node = new_node("asking")
+        client = tf2_ros.BufferClient(node, "nobody")
+        thread = client._goal_sender._spinner.thread
+        timer = threading.Timer(0.05, node.destroy_node)
+        timer.start()
+        with pytest.raises(tf2_py.TimeoutException, match="destroyed"):
+            client.lookup_transform("map", "robot", LATEST, LONG)
+        timer.join()
+        until(lambda: not thread.is_alive())
+        client.destroy()
+
+    @pytest.mark.parametrize("how", ["destroy", "destroy_node", "dropped"])
+    def test_nothing_of_it_is_left_to_the_collector(self, tf2_ros, new_node, how):
+        node = new_node("asking")
+        before = {*node.timers, *node.waitables}
+        client = tf2_ros.BufferClient(node, "nobody")
+        sender = client._goal_sender
+        parts = [sender, sender.action_client, sender._node, sender._spinner.executor, sender._spinner.thread]
+        parts = [weakref.ref(part) for part in (client, *parts)]
+        del sender
+        gc.disable()
+        try:
+            if how != "dropped":
+                getattr(client if how == "destroy" else node, how)()
+            del client
+            until(lambda: [part() for part in parts] == [None] * len(parts))
+        finally:
+            gc.enable()
+        assert {*node.timers, *node.waitables} <= before
+
+    def test_in_a_forked_child_it_is_the_parents(self, tf2_ros, new_node, server):
+        node = new_node("asking")
+        client = tf2_ros.BufferClient(node, "lookup")
+
+        def end():
+            nonlocal client
+            client.destroy()
+            client = None
+            gc.collect()
+
+        assert in_a_child(end) == 0
+        assert client.can_transform("map", "robot", at(1.5), LONG)
+        client.destroy()
 
     def test_dropping_it_ends_its_thread(self, tf2_ros, node, monkeypatch):
         before = set(threading.enumerate())

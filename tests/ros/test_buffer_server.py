@@ -1,13 +1,16 @@
 """A buffer for the lookups of other processes."""
 
+import gc
 import json
 import subprocess
 import threading
+import weakref
 from contextlib import contextmanager
 
 import pytest
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Time as TimeMsg
+from forking import in_a_child
 from making import S, transform
 from processes import DEADLINE_S, start, until
 from rclpy.action import ActionClient
@@ -277,7 +280,64 @@ class TestEnd:
         node.destroy_node()
         insert(buffer)
         assert buffer.statistics()["waiters"] == 0
-        assert [str(warning.message) for warning in recwarn] == []
+        # The first service of a process imports a module that is deprecated.
+        warned = [warning for warning in recwarn if warning.category is not DeprecationWarning]
+        assert [str(warning.message) for warning in warned] == []
+
+    @pytest.mark.parametrize("how", ["destroy", "destroy_node"])
+    def test_nothing_of_it_is_left_to_the_collector(self, tf2_ros, new_node, how):
+        node, buffer = new_node("serving"), tf2_ros.Buffer()
+        before = {*node.timers, *node.waitables}
+        server = tf2_ros.BufferServer(buffer, node, "lookup")
+        parts = [weakref.ref(part) for part in (server, server._server, buffer)]
+        gc.disable()
+        try:
+            getattr(server if how == "destroy" else node, how)()
+            del server, buffer
+            assert [part() for part in parts] == [None, None, None]
+        finally:
+            gc.enable()
+        assert {*node.timers, *node.waitables} <= before
+
+    def test_destroying_its_node_ends_the_waits_and_the_action(self, tf2_ros, new_node, buffer):
+        node = new_node("serving")
+        server = tf2_ros.BufferServer(buffer, node, "lookup")
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        with spinning(executor), spun_node("client_node") as client_node:
+            goal_client = GoalClient(client_node)
+            goal_client.send()
+            until(lambda: buffer.statistics()["waiters"] == 1)
+            executor.create_task(node.destroy_node)
+            until(lambda: buffer.statistics()["waiters"] == 0)
+            until(lambda: not goal_client.client.server_is_ready())
+            goal_client.client.destroy()
+        for _ in range(2):
+            server.destroy()
+
+    def test_in_a_forked_child_it_is_the_parents(self, tf2_ros, new_node, buffer):
+        node = new_node("serving")
+        server = tf2_ros.BufferServer(buffer, node, "lookup")
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        insert(buffer)
+
+        waitables = list(node.waitables)
+
+        def end():
+            nonlocal server
+            server.destroy()
+            assert list(node.waitables) == waitables
+            server = None
+            gc.collect()
+
+        with spinning(executor), spun_node("client_node") as client_node:
+            goal_client = GoalClient(client_node)
+            # Ended there, it would be gone for all clients.
+            assert in_a_child(end) == 0
+            assert goal_client.answer_to()[0] == GoalStatus.STATUS_SUCCEEDED
+            goal_client.client.destroy()
+        server.destroy()
 
     def test_anything_but_a_buffer_is_refused(self, tf2_ros, node):
         with pytest.raises(TypeError, match="buffer"):

@@ -4,7 +4,7 @@ import re
 import sys
 import threading
 import types
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
@@ -293,6 +293,37 @@ class TestNodesAndActions:
 
     def test_what_is_no_node_of_rclpy_has_none(self):
         assert _rclpy.parameter_overrides(object()) == {}
+
+    def test_a_node_destroys_its_timers_by_their_method(self, new_node):
+        ended = []
+        ending, forgotten = new_node("ending"), new_node("forgotten")
+        _rclpy.NodeEnd(ending, lambda: ended.append("ending"))
+        end = _rclpy.NodeEnd(forgotten, lambda: ended.append("forgotten"))
+        for _ in range(2):
+            end.forget()
+        assert list(forgotten.timers) == []
+        for node in (ending, forgotten, ending):
+            node.destroy_node()
+        assert ended == ["ending"]
+
+    def test_what_is_no_node_of_rclpy_has_no_end(self):
+        _rclpy.NodeEnd(object(), ignore).forget()
+
+    def test_every_executor_holds_a_node_whose_end_is_noticed(self, ros, new_node):
+        kinds = [SingleThreadedExecutor]
+        with suppress(ImportError):
+            from rclpy.experimental import EventsExecutor
+
+            kinds.append(EventsExecutor)
+        for kind in kinds:
+            node, executor, ended, ticks = new_node("ending"), kind(), [], []
+            _rclpy.NodeEnd(node, lambda ended=ended: ended.append(1))
+            node.create_timer(0.001, lambda ticks=ticks: ticks.append(1))
+            executor.add_node(node)
+            until(lambda ticks=ticks: len(ticks) > 3, executor)
+            node.destroy_node()
+            assert ended == [1]
+            executor.shutdown()
 
     def test_an_action_client_waits_for_a_result(self):
         assert callable(ActionClient._get_result)

@@ -431,6 +431,25 @@ class TestThread:
         until(lambda: len(ticks) > 3)
         end(listener)
 
+    @pytest.mark.ours
+    def test_destroying_the_node_ends_it(self, tf2_ros, buffer, new_node):
+        node = new_node("spun")
+        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
+        node.destroy_node()
+        until(lambda: not listener.dedicated_listener_thread.is_alive())
+
+    @pytest.mark.ours
+    def test_other_nodes_in_its_executor_keep_it(self, tf2_ros, buffer, new_node):
+        node, other = new_node("spun"), new_node("other")
+        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
+        ticks = []
+        other.create_timer(0.001, lambda: ticks.append(1))
+        listener.executor.add_node(other)
+        node.destroy_node()
+        ticks.clear()
+        until(lambda: len(ticks) > 3)
+        end(listener)
+
 
 def end(listener):
     """As far as the reference can: a thread of its own must not outlive the test."""
@@ -502,6 +521,30 @@ class TestEnd:
         del node
         gc.collect()
         assert [reference() for reference in references] == [None, None]
+
+    @pytest.mark.ours
+    @pytest.mark.parametrize("how", ["unregister", "destroy_node", "unregister hidden", "thread"])
+    def test_nothing_of_it_is_left_to_the_collector(self, tf2_ros, new_node, inserter, how):
+        """As nothing is of a node of rclpy."""
+        if inserter == "executor":
+            pytest.skip("there the subscriptions are rclpy's, and refer to the listener")
+        node, buffer = None if "hidden" in how else new_node("passing"), tf2_ros.Buffer()
+        listener = tf2_ros.TransformListener(buffer, node, spin_thread=how == "thread")
+        parts = [weakref.ref(part) for part in (buffer, listener, listener.tf_sub)]
+        if node is None:
+            parts += [weakref.ref(listener.node), weakref.ref(listener.executor)]
+        gc.disable()
+        try:
+            if how == "destroy_node":
+                node.destroy_node()
+            elif how == "thread":
+                listener.__exit__(None, None, None)
+            else:
+                listener.unregister()
+            del listener, buffer
+            until(lambda: [part() for part in parts] == [None] * len(parts))
+        finally:
+            gc.enable()
 
     @pytest.mark.ours
     def test_context_node_and_listener_may_end_in_any_order(self, tf2_ros, ros, new_node):

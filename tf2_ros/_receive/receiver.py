@@ -52,6 +52,7 @@ class ReceivedSubscription(Subscription):
     """
 
     tf2_receiver: Any
+    tf2_ended: "weakref.WeakMethod[Any] | None" = None  # the callback, once it was destroyed
 
     @classmethod
     def adopt(cls, subscription: Any, receiver: Any) -> None:
@@ -69,7 +70,8 @@ class ReceivedSubscription(Subscription):
     @property
     def callback(self) -> Any:
         """What is called with each message."""
-        return subscription_callback(self)
+        ended = None if self.tf2_ended is None else self.tf2_ended()
+        return subscription_callback(self) if ended is None else ended
 
     @callback.setter
     def callback(self, value: Any) -> None:
@@ -86,7 +88,15 @@ class ReceivedSubscription(Subscription):
             if self.tf2_receiver.forked:
                 return
             self.tf2_receiver.drop_subscription(self)
+            if self.tf2_ended is None:
+                # It refers to the listener, and that to this, so only the collector would free the buffer.
+                self.tf2_ended = weakref.WeakMethod(subscription_callback(self))
+                set_subscription_callback(self, _ignore)
         super().destroy()
+
+
+def _ignore(_: object) -> None:
+    pass
 
 
 class ListenerGroup(ReentrantCallbackGroup):

@@ -209,11 +209,24 @@ class TestMaxGap:
             buffer.lookup_transform("map", "base", at_ns(3 * S), max_gap=1)
         assert str(raised.value) == (
             "Lookup at time 3.000000000 would require interpolation across 2.000000000 s, when looking up "
-            "transform from frame [base] to frame [map]; the samples of base in map at 2.000000000 and "
+            "transform from frame [base] to frame [map]; the samples of base at 2.000000000 and "
             "4.000000000 are further apart than max_gap, 1.000000000 s"
         )
         with pytest.raises(tf2_ros.ExtrapolationException, match=r"^times\[1\]: Lookup at time 3"):
             buffer.lookup_transforms("map", "base", [S, 3 * S], max_gap=1)
+
+    def test_a_gap_is_one_also_where_the_parent_changes(self, tf2_ros):
+        buffer = tf2_ros.Buffer()
+        for parent, second in (("map", 1), ("map", 2), ("odom", 4), ("odom", 5)):
+            buffer.set_transform(transform(parent, "base", second), "x")
+        for parent, time in (("map", 2 * S), ("map", 3 * S), ("odom", 4 * S)):
+            buffer.lookup_transform(parent, "base", at_ns(time), max_gap=2)
+        for parent, time in (("map", 2 * S), ("odom", 4 * S)):
+            buffer.lookup_transform(parent, "base", at_ns(time), max_gap=1)
+        text = "base at 2.000000000 and 4.000000000 are further apart than max_gap, 1.000000000 s"
+        for look_up, time in ((buffer.lookup_transform, at_ns(3 * S)), (buffer.lookup_transforms, [3 * S])):
+            with pytest.raises(tf2_ros.ExtrapolationException, match=text):
+                look_up("map", "base", time, max_gap=1)
 
 
 class TestCubic:

@@ -166,7 +166,6 @@ def extrapolation(
 
 def long_gap(
     child: str,
-    parent: str,
     requested_ns: int,
     older_ns: int,
     newer_ns: int,
@@ -175,11 +174,11 @@ def long_gap(
     source: str,
 ) -> ExtrapolationException:
     """The error for a time between two samples that are further apart than ``max_gap`` allows."""
-    child, parent, target, source = map(printable, (child, parent, target, source))
+    child, target, source = map(printable, (child, target, source))
     gap = seconds(newer_ns - older_ns)
     return ExtrapolationException(
         f"Lookup at time {seconds(requested_ns)} would require interpolation across {gap} s, when looking up "
-        f"transform from frame [{source}] to frame [{target}]; the samples of {child} in {parent} at "
+        f"transform from frame [{source}] to frame [{target}]; the samples of {child} at "
         f"{seconds(older_ns)} and {seconds(newer_ns)} are further apart than max_gap, {seconds(max_gap_ns)} s"
     )
 

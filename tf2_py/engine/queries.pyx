@@ -224,7 +224,7 @@ cdef object query_error(const Query* query, Status status, str child, str parent
         return errors.loop(target, source)
     if status.gap == GAP_LONG:
         return errors.long_gap(
-            child, parent, status.requested_ns, status.edge_ns, status.newer_ns, query.policy.max_gap_ns,
+            child, status.requested_ns, status.edge_ns, status.newer_ns, query.policy.max_gap_ns,
             target, source,
         )
     error = errors.extrapolation(

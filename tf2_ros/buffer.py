@@ -55,6 +55,7 @@ SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", 
 
 # What `Buffer.__init__` sets; a copy has its own.
 _OF_INIT = {"registration", "_wait_contexts", "srv", "clock", "jump_handle", "_sharing", "_expiry"}
+_OF_INIT |= {"_new_data_callbacks"}  # and what tf2's does
 
 # Setting one of these may change what inserts the transforms that listeners receive.
 _DECIDING = SETTERS | {"__class__"}
@@ -168,6 +169,8 @@ class Buffer(BufferCore, AnsweringInterface):
         super().__setattr__(name, value)
         if name in _DECIDING:
             attribute_changed(self)
+        elif name == "_new_data_callbacks" and self._call_new_data_callbacks not in self._tf2_observers:
+            self._tf2_observers.append(self._call_new_data_callbacks)
 
     def __getstate__(self) -> dict[str, Any]:
         """
@@ -231,7 +234,7 @@ class Buffer(BufferCore, AnsweringInterface):
         """
         if timeout is NO_TIMEOUT:
             if policy:
-                return self._lookup_under(target_frame, source_frame, time, policy_of(**policy))
+                return BufferCore._lookup_under(self, target_frame, source_frame, time, policy_of(**policy))
             return self.lookup_transform_core(target_frame, source_frame, time)
         arguments = (target_frame, source_frame, time)
         if not policy and self.__is_replaced(*_CAN, "lookup_transform_core"):
@@ -353,7 +356,7 @@ class Buffer(BufferCore, AnsweringInterface):
         arguments = (target_frame, source_frame, time)
         answer = await self.wait_for_transform_async(*arguments, timeout=timeout, **policy)
         if policy:
-            return self.__renewed(answer, self._lookup_under, *arguments, policy_of(**policy))
+            return self.__renewed(answer, BufferCore._lookup_under, self, *arguments, policy_of(**policy))
         return self.__renewed(answer, self.lookup_transform_core, *arguments)
 
     async def lookup_transform_full_async(

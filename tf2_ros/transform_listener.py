@@ -230,11 +230,19 @@ class TransformListener:
         The executor that spins the node inserts the transforms of other topics. Empty after the end of the
         listener, and in a forked child.
         """
+        if "receives" in self.__dict__:
+            value: tuple[str, ...] = self.__dict__["receives"]
+            return value
         if self._attachment is not None and self._attachment.alive:
             return self._attachment.topics
         if self._reception is None or self._receiver is None or not self._receiver.alive:
             return ()
         return tuple(topic.name for topic in self._reception.topics if not topic.is_left_to_executors())
+
+    @receives.setter
+    def receives(self, value: Any) -> None:
+        # A program may use the name for something else.
+        self.__dict__["receives"] = value
 
     def unregister(self) -> None:
         """End the subscriptions and the hidden node; the buffer keeps its transforms."""

@@ -260,7 +260,7 @@ def test_many_static_transforms_of_one_moment_are_all_written_again():
         assert owner._sharing._ring.shortage[1] == 0
         late = Buffer(attach=owner._sharing.name)
         assert "marker0" in late
-        assert {f"marker{number}" for number in range(3000)} <= {*late._known_names()}
+        assert {f"marker{number}" for number in range(3000)} <= {*late._tf2_names()}
 
 
 def test_a_static_transform_that_is_written_again_does_not_replace_what_a_reader_has_set():

@@ -46,6 +46,19 @@ def test_it_says_what_inserts_its_transforms(tf2_ros, buffer, node, inserter):
 
 
 @pytest.mark.ours
+def test_a_subclass_may_have_another_attribute_receives(tf2_ros, buffer, node, executor, peer):
+    class Mine(tf2_ros.TransformListener):
+        def __init__(self, *arguments):
+            super().__init__(*arguments)
+            self.receives = 1
+
+    listener = Mine(buffer, node)
+    peer().send(("map", "robot", 1 * S, 1))
+    until(knows(buffer, "robot"), executor)
+    assert listener.receives == 1
+
+
+@pytest.mark.ours
 def test_after_the_shutdown_of_its_context_it_says_why_it_cannot_subscribe(tf2_ros, buffer, new_node):
     context = rclpy.Context()
     context.init()
@@ -326,6 +339,66 @@ class TestSubclasses:
         listener.callback(TFMessage(transforms=[transform("map", "robot", 1)]))
         listener.static_callback(TFMessage(transforms=[transform("robot", "arm")]))
         assert buffer.can_transform("map", "arm", at(1))
+
+
+class TestCopyOfTf2:
+    """Programs carry copies of tf2's buffer.py, which keep their own list of callbacks."""
+
+    @pytest.fixture
+    def buffer(self, tf2_py, tf2_ros):
+        class Buffer(tf2_py.BufferCore, tf2_ros.BufferInterface):
+            def __init__(self):
+                tf2_py.BufferCore.__init__(self)
+                tf2_ros.BufferInterface.__init__(self)
+                self._new_data_callbacks = []
+                self._callbacks_to_remove = []
+                self._callbacks_lock = threading.RLock()
+
+            def set_transform(self, transform, authority):
+                super().set_transform(transform, authority)
+                self._call_new_data_callbacks()
+
+            def set_transform_static(self, transform, authority):
+                super().set_transform_static(transform, authority)
+                self._call_new_data_callbacks()
+
+            def _call_new_data_callbacks(self):
+                with self._callbacks_lock:
+                    for callback in self._new_data_callbacks:
+                        callback()
+                    for callback in self._callbacks_to_remove:
+                        self._new_data_callbacks.remove(callback)
+                    self._callbacks_to_remove.clear()
+
+            def wait_for_transform_async(self, target_frame, source_frame, time):
+                future = rclpy.task.Future()
+
+                def on_new_data():
+                    if self.can_transform_core(target_frame, source_frame, time)[0]:
+                        future.set_result(self.lookup_transform_core(target_frame, source_frame, time))
+
+                self._new_data_callbacks.append(on_new_data)
+                future.add_done_callback(lambda _: self._callbacks_to_remove.append(on_new_data))
+                return future
+
+        return Buffer()
+
+    def test_its_callbacks_are_called_once_after_each_insert(self, buffer):
+        called = []
+        buffer._new_data_callbacks.append(lambda: called.append(1))
+        buffer.set_transform(transform("map", "robot", 1), "me")
+        buffer.set_transform_static(transform("robot", "arm"), "me")
+        assert called == [1, 1]
+
+    def test_a_future_ends_with_what_its_listener_receives(self, tf2_ros, buffer, node, executor, peer):
+        tf2_ros.TransformListener(buffer, node)
+        future = buffer.wait_for_transform_async("map", "arm", at(1))
+        other = peer()
+        other.send(("robot", "arm", 0, 2), static=True)
+        other.send(("map", "robot", 1 * S, 1))
+        until(future.done, executor)
+        assert translation(future.result())[0] == 3
+        assert buffer._new_data_callbacks == []
 
 
 class TestQualityOfService:

@@ -49,7 +49,7 @@ cdef class Engine:
     cdef Waiters _waiters
     cdef Lock _lock
     cdef ForkedLock _forked             # _lock
-    cdef readonly object _throttle      # of log lines
+    cdef object _throttle               # of log lines
     cdef unsigned long long _malformed      # messages; guarded by the GIL
     cdef unsigned long long _waits_refused  # likewise
     cdef Advice _advice                 # what error texts add

@@ -212,11 +212,11 @@ cdef object query_error(const Query* query, Status status, str child, str parent
                         object buffer):
     target, source, fixed = _query_names(query)
     if status.code == STATUS_BAD_TARGET:
-        return _bad_name(target, "target_frame", call, advice, buffer._known_names)
+        return _bad_name(target, "target_frame", call, advice, buffer._tf2_names)
     if status.code == STATUS_BAD_SOURCE:
-        return _bad_name(source, "source_frame", call, advice, buffer._known_names)
+        return _bad_name(source, "source_frame", call, advice, buffer._tf2_names)
     if status.code == STATUS_BAD_FIXED:
-        return _bad_name(fixed, "fixed_frame", call, advice, buffer._known_names)
+        return _bad_name(fixed, "fixed_frame", call, advice, buffer._tf2_names)
     target, source = _ends(query, status)
     if status.code == STATUS_UNCONNECTED:
         return advice.with_silence(errors.unconnected(target, source), buffer, dynamic_only=False)

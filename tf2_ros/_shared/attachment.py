@@ -401,7 +401,7 @@ def _by_environment(buffer: Any, node: "Node", is_usual: bool, topics: Sequence[
             raise SharedBufferError("it, or its buffer, is of another kind than tf2's")
         if (why := problem()) is not None:
             raise SharedBufferError(f"nothing is received here: {why}")
-        if buffer._known_names():
+        if buffer._tf2_names():
             raise SharedBufferError("its buffer holds frames already")
         ring = open_ring(name)
         if lack := _lack(ring, buffer, node, topics):
@@ -433,11 +433,12 @@ def _lack(ring: Ring, buffer: Any, node: "Node", topics: Sequence[str]) -> str:
     missing = [name for name in map(node.resolve_topic_name, topics) if name not in owner.topics]
     if missing:
         return f"is not filled from {' and '.join(missing)}"
-    if owner.cache_time_ns < buffer.cache_time_ns:
-        return f"keeps {owner.cache_time_ns / 1e9:g} s, this one {buffer.cache_time_ns / 1e9:g} s"
+    cache_time_ns: int = buffer._tf2_cache_time_ns
+    if owner.cache_time_ns < cache_time_ns:
+        return f"keeps {owner.cache_time_ns / 1e9:g} s, this one {cache_time_ns / 1e9:g} s"
     short_ns, missed = ring.shortage
-    if 0 < short_ns < buffer.cache_time_ns:
-        return f"has memory for {short_ns / 1e9:.3g} s, this one keeps {buffer.cache_time_ns / 1e9:g} s"
+    if 0 < short_ns < cache_time_ns:
+        return f"has memory for {short_ns / 1e9:.3g} s, this one keeps {cache_time_ns / 1e9:g} s"
     if missed:
         return "has no memory for all messages"
     clock: Any = node.get_clock()

@@ -421,12 +421,12 @@ class _Poll:
         self._future = weakref.ref(future)
         self._core = core
         self._can, self._look_up = asked
-        core._new_data_callbacks.append(self.ask)
+        core._tf2_observers.append(self.ask)
 
     def end(self) -> None:
         """Stop asking."""
         with suppress(ValueError):
-            self._core._new_data_callbacks.remove(self.ask)
+            self._core._tf2_observers.remove(self.ask)
 
     def ask(self) -> str | None:
         """End the future, if there is an answer or an error; otherwise return why there is none."""

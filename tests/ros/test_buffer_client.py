@@ -329,7 +329,7 @@ class TestThreads:
     def test_dropping_it_ends_its_thread(self, tf2_ros, node, monkeypatch):
         before = set(threading.enumerate())
         client = tf2_ros.BufferClient(node, "nobody")
-        thread = client._goal_sender._spinner.thread
+        thread = client._tf2_goal_sender._spinner.thread
         assert thread in threading.enumerate()
         joined = []
         with monkeypatch.context() as patch:
@@ -350,7 +350,7 @@ class TestThreads:
         names = [("lookup", "/robot/lookup"), ("~/lookup", "/robot/asking/lookup"), ("old", "/new")]
         for given, expected in names:
             client = tf2_ros.BufferClient(node, given)
-            assert client._goal_sender._name == expected
+            assert client._tf2_goal_sender._name == expected
             client.destroy()
 
 
@@ -445,7 +445,7 @@ class TestAsync:
             client = tf2_ros.BufferClient(node, "quiet_lookup")
             coroutine = client.lookup_transform_async("silent", "robot", LATEST)
             coroutine.send(None)
-            (pending,) = client._goal_sender._pending
+            (pending,) = client._tf2_goal_sender._pending
             until(lambda: getattr(pending, since) is not None)
             coroutine.close()
             said = []
@@ -453,7 +453,7 @@ class TestAsync:
             listening.start()
             listening.join(DEADLINE_S)
             assert said == ["cancelled\n"]
-            until(lambda: not client._goal_sender._pending)
+            until(lambda: not client._tf2_goal_sender._pending)
             client.destroy()
 
 
@@ -495,7 +495,7 @@ def test_a_server_that_is_killed_in_the_middle_of_a_goal_is_a_timeout(tf2_ros, t
         # On a busy machine it may start later than the lookup gives up.
         assert process.stdout.readline() == "ready\n"
         looking.start()
-        until(lambda: any(pending.handle for pending in client._goal_sender._pending))
+        until(lambda: any(pending.handle for pending in client._tf2_goal_sender._pending))
     finally:
         process.kill()
         process.communicate()

@@ -184,7 +184,7 @@ cdef class Tap:
 
 
 class _Overridable:
-    """A property that a program may replace by an attribute of its own, because our own code does not use it."""
+    """A property that a program may replace by an attribute of its own. Our own code does not use it."""
 
     def __init__(self, get):
         self._get = get

@@ -457,7 +457,7 @@ cdef class BufferCore(Engine):
         cdef Query query
         cdef TimeSeries series
         times_ns = as_times_ns(times)
-        policy = policy_of(tolerance, extrapolate, max_gap, interpolation)
+        policy = policy_of("lookup_transforms", tolerance, extrapolate, max_gap, interpolation)
         if not isinstance(source_frame, (str, bytes)) and _is_sequence(source_frame):
             return self._lookup_frames(
                 target_frame, list(source_frame), times_ns, fixed_frame, target_time,

@@ -242,12 +242,13 @@ class Buffer(BufferCore, AnsweringInterface):
         """
         if timeout is NO_TIMEOUT:
             if policy:
-                return BufferCore._lookup_under(self, target_frame, source_frame, time, policy_of(**policy))
+                accepted = policy_of("lookup_transform", **policy)
+                return BufferCore._lookup_under(self, target_frame, source_frame, time, accepted)
             return self.lookup_transform_core(target_frame, source_frame, time)
         arguments = (target_frame, source_frame, time)
         if not policy and self.__is_replaced(*_CAN, "lookup_transform_core"):
             return self.__look_up_via(self.can_transform, self.lookup_transform_core, timeout, arguments)
-        lookup = Lookup.simple(*arguments, policy_of(**policy))
+        lookup = Lookup.simple(*arguments, policy_of("lookup_transform", **policy))
         return self.__begin_wait(timeout).for_answer(lookup)
 
     def lookup_transform_full(
@@ -311,7 +312,8 @@ class Buffer(BufferCore, AnsweringInterface):
         asked = None
         if not policy and self.__is_replaced(*_CAN, *_LOOKUP):
             asked = (lambda: self.can_transform_core(*arguments), lambda: self.lookup_transform(*arguments))
-        return TransformFuture(self, Lookup.simple(*arguments, policy_of(**policy)), timeout, asked)
+        lookup = Lookup.simple(*arguments, policy_of("wait_for_transform_async", **policy))
+        return TransformFuture(self, lookup, timeout, asked)
 
     def wait_for_transform_full_async(
         self,
@@ -362,9 +364,10 @@ class Buffer(BufferCore, AnsweringInterface):
         A coroutine for asyncio and for rclpy's executors.
         """
         arguments = (target_frame, source_frame, time)
+        accepted = policy_of("lookup_transform_async", **policy)
         answer = await self.wait_for_transform_async(*arguments, timeout=timeout, **policy)
-        if policy:
-            return self.__renewed(answer, BufferCore._lookup_under, self, *arguments, policy_of(**policy))
+        if accepted is not None:
+            return self.__renewed(answer, BufferCore._lookup_under, self, *arguments, accepted)
         return self.__renewed(answer, self.lookup_transform_core, *arguments)
 
     async def lookup_transform_full_async(

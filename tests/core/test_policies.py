@@ -1,5 +1,6 @@
 """Lookups that accept more than tf2's: a tolerance, extrapolation, a longest gap, cubic interpolation."""
 
+import asyncio
 import itertools
 import random
 
@@ -290,6 +291,28 @@ class TestArguments:
             with pytest.raises(error, match=text):
                 look_up("map", "base", [S] if look_up == buffer.lookup_transforms else at_ns(S), **policy)
 
+    @pytest.mark.parametrize(
+        ("name", "meant"),
+        [("tolerence", "tolerance"), ("maxgap", "max_gap"), ("time_out", "timeout"), ("colour", None)],
+    )
+    def test_a_misspelt_one_is_named_with_the_method(self, tf2_ros, name, meant):
+        buffer = tf2_ros.Buffer()
+        given = ("map", "base", at_ns(S))
+        asked = "" if meant is None else rf"\. Did you mean '{meant}'\?"
+        for call, run in (
+            ("lookup_transform", lambda: buffer.lookup_transform(*given, **{name: 1})),
+            ("lookup_transform", lambda: buffer.lookup_transform(*given, timeout=1, **{name: 1})),
+            ("wait_for_transform_async", lambda: buffer.wait_for_transform_async(*given, **{name: 1})),
+            (
+                "lookup_transform_async",
+                lambda: asyncio.run(buffer.lookup_transform_async(*given, **{name: 1})),
+            ),
+        ):
+            with pytest.raises(
+                TypeError, match=rf"^{call}\(\) got an unexpected keyword .* '{name}'{asked}$"
+            ):
+                run()
+
 
 class TestWaits:
     """A wait under a policy ends with the answer, or as soon as there can be none any more."""
@@ -396,4 +419,4 @@ class TestWaits:
 def buffer_policy(**policy):
     from tf2_py._internal import policy_of
 
-    return policy_of(**policy)
+    return policy_of("lookup_transform", **policy)

@@ -44,14 +44,19 @@ cdef class PolicyObject:
     """What a lookup accepts beyond tf2's; made by :func:`policy_of`."""
 
 
-def policy_of(tolerance=None, extrapolate=False, max_gap=None, interpolation="linear"):
+def policy_of(call, tolerance=None, extrapolate=False, max_gap=None, interpolation="linear", **unknown):
     """
     The policy of these arguments, which are those of ``Buffer.lookup_transform``; None: all are defaults.
 
-    :raises TypeError: one of them has the wrong type.
+    :param call: the method that a program called with them.
+    :raises TypeError: one of them has the wrong type, or there are others.
     :raises ValueError: a duration is negative, or the interpolation is unknown.
     """
     cdef PolicyObject made
+    for name in unknown:
+        meant = errors.closest(name, ("timeout", "tolerance", "extrapolate", "max_gap", "interpolation"))
+        raise TypeError(f"{call}() got an unexpected keyword argument {name!r}"
+                        + (f". Did you mean {meant[0]!r}?" if meant else ""))
     if interpolation not in ("linear", "cubic"):
         raise ValueError(f"interpolation must be 'linear' or 'cubic', not {interpolation!r}")
     if tolerance is None and extrapolate:

@@ -127,12 +127,13 @@ def loop(target: str, source: str) -> LookupException:
     )
 
 
-def unconnected(target: str, source: str) -> ConnectivityException:
+def unconnected(target: str, source: str, target_root: str, source_root: str) -> ConnectivityException:
     """The error for two frames in different trees."""
-    target, source = printable(target), printable(source)
+    target, source, target_root, source_root = map(printable, (target, source, target_root, source_root))
     return ConnectivityException(
         f"Could not find a connection between '{target}' and '{source}' because they are "
-        f"not part of the same tree. Tf has two or more unconnected trees."
+        f"not part of the same tree. Tf has two or more unconnected trees. "
+        f"The root of {target} is {target_root}, that of {source} is {source_root}."
     )
 
 

@@ -577,7 +577,7 @@ cdef class Engine:
     cdef object error(self, const Query* query, Status status, str call="lookupTransform"):
         cdef str child = None
         cdef str parent = None
-        if status.code == STATUS_EXTRAPOLATION:
+        if status.code == STATUS_EXTRAPOLATION or status.code == STATUS_UNCONNECTED:
             child, parent = self.frame_names((status.child, status.parent))
         self._begin_advice()
         return query_error(query, status, child, parent, call, self._advice, self)

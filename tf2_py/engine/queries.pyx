@@ -224,7 +224,8 @@ cdef object query_error(const Query* query, Status status, str child, str parent
         return _bad_name(fixed, "fixed_frame", call, advice, buffer._tf2_names)
     target, source = _ends(query, status)
     if status.code == STATUS_UNCONNECTED:
-        return advice.with_silence(errors.unconnected(target, source), buffer, dynamic_only=False)
+        error = errors.unconnected(target, source, parent, child)
+        return advice.with_silence(error, buffer, dynamic_only=False)
     if status.code == STATUS_LOOP:
         return errors.loop(target, source)
     if status.gap == GAP_LONG:

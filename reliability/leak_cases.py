@@ -683,27 +683,27 @@ def _sharing(stack):
     @_once
     def shared():
         owner = _filled(Buffer(share=new_name()))
-        stack.callback(owner._sharing.close)
+        stack.callback(owner._tf2_sharing.close)
         return owner
 
     @_once
     def attached():
-        return Buffer(attach=shared()._sharing.name)
+        return Buffer(attach=shared()._tf2_sharing.name)
 
     stamps = itertools.count(2 * S, S // 100)
 
     def share():
         owner = _filled(Buffer(share=new_name()))
-        owner._sharing.close()
+        owner._tf2_sharing.close()
 
     def attach():
-        reader = Buffer(attach=shared()._sharing.name)
+        reader = Buffer(attach=shared()._tf2_sharing.name)
         reader.lookup_transform("map", "base", at(1))
 
     def end():
-        reader = Buffer(attach=shared()._sharing.name)
+        reader = Buffer(attach=shared()._tf2_sharing.name)
         reader.set_transform(transform("map", "own", 1), "x")
-        reader._sharing.close()
+        reader._tf2_sharing.close()
 
     def insert():
         ns = next(stamps)

@@ -298,7 +298,7 @@ class Node:
     def live(self, listener):
         """Until it has received from both topics, and for some time."""
         deadline = time.monotonic() + FOR_LONG_S
-        while not all(topic.received()[0] for topic in listener._reception.topics):
+        while not all(topic.received()[0] for topic in listener._tf2_reception.topics):
             if self.ending.wait(0.05):
                 return
             if time.monotonic() > deadline:

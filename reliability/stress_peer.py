@@ -53,7 +53,7 @@ def read(ended, name, seed):
         except TransformException:
             continue
     buffer._self_check()
-    assert buffer._sharing.is_attached, "it has lost its owner"
+    assert buffer._tf2_sharing.is_attached, "it has lost its owner"
     print(json.dumps({**counts, **reader.counts}), flush=True)
 
 

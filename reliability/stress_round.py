@@ -269,9 +269,9 @@ class Round:
         else:
             own_node, spins = rclpy.create_node(f"stress_listener_{rng.randrange(10**9)}"), way == 2
             listener = TransformListener(self.buffer, own_node, spin_thread=spins)
-        topics = listener._reception.topics
+        topics = listener._tf2_reception.topics
         self.ending.wait(rng.uniform(0.1, 1.5))
-        receiver = listener._receiver
+        receiver = listener._tf2_receiver
         if spins:
             listener.__exit__()
         else:
@@ -402,7 +402,7 @@ class Round:
         deadline = time.monotonic() + DONE_S
         while True:
             waiters = self.buffer.statistics()["waiters"]
-            with_callbacks = [one for one in list(self.buffer._kept) if not one.done()]
+            with_callbacks = [one for one in list(self.buffer._tf2_kept) if not one.done()]
             if waiters == NEVER + len(with_callbacks):
                 break
             if time.monotonic() > deadline:
@@ -431,7 +431,7 @@ class Round:
         self.executor.shutdown()
         self.node.destroy_node()
         if self.is_shared:
-            self.buffer._sharing.close()
+            self.buffer._tf2_sharing.close()
         self.buffer = self.node = self.executor = self.never = None
         gc.collect()
         left = {thread.name for thread in set(threading.enumerate()) - threads_before if not thread.daemon}

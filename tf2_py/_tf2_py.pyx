@@ -457,7 +457,7 @@ cdef class BufferCore(Engine):
         cdef Query query
         cdef TimeSeries series
         times_ns = as_times_ns(times)
-        policy = policy_of(tolerance, extrapolate, max_gap, interpolation)
+        policy = policy_of("lookup_transforms", tolerance, extrapolate, max_gap, interpolation)
         if not isinstance(source_frame, (str, bytes)) and _is_sequence(source_frame):
             return self._lookup_frames(
                 target_frame, list(source_frame), times_ns, fixed_frame, target_time,
@@ -833,7 +833,7 @@ cdef class BufferCore(Engine):
         _name(frame, "frame", &size)
         if frame not in self:
             self._begin_advice()
-            raise _bad_name(frame, "frame", call, self._advice, self._known_names)
+            raise _bad_name(frame, "frame", call, self._advice, self._tf2_names)
         return 0
 
     def parent(self, frame: str, time: Time = 0) -> str | None:
@@ -916,7 +916,7 @@ cdef class BufferCore(Engine):
     def _getFrameStrings(self) -> list[str]:
         """Every frame name, in the order of first appearance."""
         catch_up(self)
-        return self._known_names()
+        return self._tf2_names()
 
     def _chain(
         self, target_frame: str, target_time: Time, source_frame: str, source_time: Time, fixed_frame: str

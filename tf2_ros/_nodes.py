@@ -223,7 +223,7 @@ def fills(node: object, buffer: object, *, listener: bool = False) -> None:
 
     :param listener: whether it is a listener, whose node runs callbacks of futures.
     """
-    contexts = getattr(buffer, "_wait_contexts", None)
+    contexts = getattr(buffer, "_tf2_wait_contexts", None)
     if isinstance(node, Node) and isinstance(contexts, WaitContexts):
         contexts.add(node.context)
         if listener:
@@ -244,7 +244,7 @@ class Shutdown:
     __slots__ = ("_contexts", "_default")
 
     def __init__(self, core: object) -> None:
-        self._contexts: WaitContexts = getattr(core, "_wait_contexts", _NOTHING_KNOWN)
+        self._contexts: WaitContexts = getattr(core, "_tf2_wait_contexts", _NOTHING_KNOWN)
         self._default = None
         if not self._contexts.known:
             default = get_default_context()

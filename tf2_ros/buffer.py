@@ -54,7 +54,16 @@ JUMP_BACK_S = 1  # when its clock jumps back this far, a buffer is cleared
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
 
 # What `Buffer.__init__` sets; a copy has its own.
-_OF_INIT = {"registration", "_wait_contexts", "srv", "clock", "jump_handle", "_sharing", "_expiry"}
+_OF_INIT = {
+    "registration",
+    "_tf2_wait_contexts",
+    "srv",
+    "clock",
+    "jump_handle",
+    "_tf2_sharing",
+    "_tf2_expiry",
+}
+_OF_INIT |= {"_new_data_callbacks"}  # and what tf2's does
 
 # Setting one of these may change what inserts the transforms that listeners receive.
 _DECIDING = SETTERS | {"__class__"}
@@ -105,8 +114,8 @@ class Buffer(BufferCore, AnsweringInterface):
     0.3
     """
 
-    _sharing: "Owner | Attachment | None" = None  # what shares it, or fills it from another process
-    _expiry: "Expiry"
+    _tf2_sharing: "Owner | Attachment | None" = None  # what shares it, or fills it from another process
+    _tf2_expiry: "Expiry"
 
     def __init__(
         self,
@@ -131,16 +140,16 @@ class Buffer(BufferCore, AnsweringInterface):
             self, cache_time, max_frames=max_frames, max_bytes=max_bytes, max_waiters=max_waiters
         )
         if share is not None:
-            self._sharing = _shared(self, share, node)
+            self._tf2_sharing = _shared(self, share, node)
         if ring is not None:
-            self._sharing = ring.attach_to(self)
+            self._tf2_sharing = ring.attach_to(self)
         self.__connect(node)
-        self.__dict__.pop("_expiry", None)  # __init__ was called again
+        self.__dict__.pop("_tf2_expiry", None)  # __init__ was called again
         if expire_after is not None:
-            self._expiry = _expiry(self, expire_after)
+            self._tf2_expiry = _expiry(self, expire_after)
 
     def __end_sharing(self) -> None:
-        sharing, self._sharing = self._sharing, None
+        sharing, self._tf2_sharing = self._tf2_sharing, None
         if sharing is not None:
             sharing.close()  # __init__ was called again
 
@@ -152,7 +161,7 @@ class Buffer(BufferCore, AnsweringInterface):
             raise absence("a buffer with a node")
 
     def __begin_in_ros(self, node: "Node | None") -> None:
-        self._wait_contexts = WaitContexts()
+        self._tf2_wait_contexts = WaitContexts()
         fills(node, self)
         self.srv: Service | None = None
         self.clock: Clock = Clock() if node is None else node.get_clock()
@@ -168,6 +177,8 @@ class Buffer(BufferCore, AnsweringInterface):
         super().__setattr__(name, value)
         if name in _DECIDING:
             attribute_changed(self)
+        elif name == "_new_data_callbacks" and self._call_new_data_callbacks not in self._tf2_observers:
+            self._tf2_observers.append(self._call_new_data_callbacks)
 
     def __getstate__(self) -> dict[str, Any]:
         """
@@ -231,9 +242,10 @@ class Buffer(BufferCore, AnsweringInterface):
         """
         if timeout is NO_TIMEOUT:
             if policy:
-                return self._lookup_under(target_frame, source_frame, time, policy_of(**policy))
+                accepted = policy_of("lookup_transform", **policy)
+                return BufferCore._lookup_under(self, target_frame, source_frame, time, accepted)
             return self.lookup_transform_core(target_frame, source_frame, time)
-        lookup = Lookup.simple(target_frame, source_frame, time, policy_of(**policy))
+        lookup = Lookup.simple(target_frame, source_frame, time, policy_of("lookup_transform", **policy))
         return self.__begin_wait(timeout).for_answer(lookup)
 
     def lookup_transform_full(
@@ -286,7 +298,7 @@ class Buffer(BufferCore, AnsweringInterface):
         listener's node, or in a thread for callbacks if there is no such executor. With an invalid name, the
         future holds an ``InvalidArgumentException`` at once.
         """
-        lookup = Lookup.simple(target_frame, source_frame, time, policy_of(**policy))
+        lookup = Lookup.simple(target_frame, source_frame, time, policy_of("wait_for_transform_async", **policy))
         return TransformFuture(self, lookup, timeout)
 
     def wait_for_transform_full_async(
@@ -333,9 +345,10 @@ class Buffer(BufferCore, AnsweringInterface):
         ``ReentrantCallbackGroup``: in the node's default group, no other callback runs meanwhile.
         """
         arguments = (target_frame, source_frame, time)
+        accepted = policy_of("lookup_transform_async", **policy)
         answer = await self.wait_for_transform_async(*arguments, timeout=timeout, **policy)
-        if policy:
-            return self.__renewed(answer, self._lookup_under, *arguments, policy_of(**policy))
+        if accepted is not None:
+            return self.__renewed(answer, BufferCore._lookup_under, self, *arguments, accepted)
         return self.__renewed(answer, self.lookup_transform_core, *arguments)
 
     async def lookup_transform_full_async(
@@ -360,7 +373,7 @@ class Buffer(BufferCore, AnsweringInterface):
 
     def forget(self, frame: str) -> bool:
         """Remove every transform of a frame; see :meth:`tf2_py.BufferCore.forget`."""
-        if self._sharing is None or not HAS_ROS:
+        if self._tf2_sharing is None or not HAS_ROS:
             return super().forget(frame)
         # Readers must get what is received meanwhile in the same order.
         with held(self):
@@ -405,8 +418,8 @@ class Buffer(BufferCore, AnsweringInterface):
         :param time_jump: how the clock jumped. None: back, for programs that call this themselves.
         """
         happened = "Detected jump back in time" if time_jump is None else _jump_text(time_jump)
-        if self._sharing is not None:
-            self._sharing.set_simulated(getattr(self.clock, "ros_time_is_active", False))
+        if self._tf2_sharing is not None:
+            self._tf2_sharing.set_simulated(getattr(self.clock, "ros_time_is_active", False))
         log.logger("tf2_buffer").warning(f"{happened}. Clearing TF buffer.")
         self.clear()
 

@@ -357,28 +357,28 @@ class BufferClient(AnsweringInterface):
         self.node = node
         self.check_frequency = check_frequency
         self.timeout_padding = timeout_padding
-        self._goal_sender: GoalSender | None = None
+        self._tf2_goal_sender: GoalSender | None = None
         if ActionClient is not GoalSender.client_class:
             self.action_client = ActionClient(node, LookupTransform, action_name=ns)
             return
-        self._goal_sender = GoalSender(node, ns, 1.0 / check_frequency)
-        self.action_client = self._goal_sender.action_client
+        self._tf2_goal_sender = GoalSender(node, ns, 1.0 / check_frequency)
+        self.action_client = self._tf2_goal_sender.action_client
         # Without destroy(), too, no thread remains; at exit it ends by itself.
-        weakref.finalize(self, self._goal_sender.close, wait=False).atexit = False
+        weakref.finalize(self, self._tf2_goal_sender.close, wait=False).atexit = False
 
     def __repr__(self) -> str:
         attributes, state = self.__dict__, "not initialised"
         if "action_client" in attributes:
-            sender = attributes.get("_goal_sender")
+            sender = attributes.get("_tf2_goal_sender")
             state = "a program's own action client" if sender is None else sender.state()
         return f"<{class_name(type(self))}: {state}>"
 
     def destroy(self) -> None:
         """End the client; pending lookups raise a TimeoutException. May be called again."""
-        if self._goal_sender is None or self.action_client is not self._goal_sender.action_client:
+        if self._tf2_goal_sender is None or self.action_client is not self._tf2_goal_sender.action_client:
             self.action_client.destroy()
-        if self._goal_sender is not None:
-            self._goal_sender.close()
+        if self._tf2_goal_sender is not None:
+            self._tf2_goal_sender.close()
 
     def lookup_transform(
         self, target_frame: str, source_frame: str, time: TimeLike, timeout: TimeoutLike = NO_TIMEOUT
@@ -403,7 +403,7 @@ class BufferClient(AnsweringInterface):
     async def lookup_transform_async(
         self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: TimeoutLike | None = None
     ) -> TransformStamped:
-        return await self._await(_simple_goal(target_frame, source_frame, time), timeout)
+        return await self._tf2_await(_simple_goal(target_frame, source_frame, time), timeout)
 
     async def lookup_transform_full_async(
         self,
@@ -422,16 +422,16 @@ class BufferClient(AnsweringInterface):
         :param timeout: see :meth:`lookup_transform_async`.
         """
         goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame)
-        return await self._await(goal, timeout)
+        return await self._tf2_await(goal, timeout)
 
     # Programs patch the next two methods by the names that they have in tf2's class.
 
     def __process_goal(self, goal: Any) -> TransformStamped:
-        sender = self._goal_sender
+        sender = self._tf2_goal_sender
         if sender is None or self.action_client is not sender.action_client:
             padding_ns = timeout_ns(self.timeout_padding, "timeout_padding")
             return self.__process_result(send_directly(self.action_client, goal, padding_ns))
-        pending = self._send(sender, goal, timeout_ns(Duration.from_msg(goal.timeout)))
+        pending = self._tf2_send(sender, goal, timeout_ns(Duration.from_msg(goal.timeout)))
         done = threading.Event()
         pending.outcome.add_done_callback(lambda _: done.set())
         try:
@@ -446,18 +446,18 @@ class BufferClient(AnsweringInterface):
             raise EXCEPTIONS.get(result.error.error, TransformException)(printable(result.error.error_string))
         return result.transform
 
-    async def _await(self, goal: Any, timeout: TimeoutLike | None) -> TransformStamped:
-        sender = self._goal_sender
+    async def _tf2_await(self, goal: Any, timeout: TimeoutLike | None) -> TransformStamped:
+        sender = self._tf2_goal_sender
         if sender is None or self.action_client is not sender.action_client:
             goal.timeout = _duration_msg(FOR_EVER if timeout is None else timeout)
             return self.__process_goal(goal)
-        pending = self._send(sender, goal, optional_timeout_ns(timeout))
+        pending = self._tf2_send(sender, goal, optional_timeout_ns(timeout))
         try:
             return self.__process_result(_result_of(pending, await pending.outcome))
         finally:
             pending.abandon()
 
-    def _send(self, sender: GoalSender, goal: Any, lookup_ns: int | None) -> PendingGoal:
+    def _tf2_send(self, sender: GoalSender, goal: Any, lookup_ns: int | None) -> PendingGoal:
         return sender.send(goal, lookup_ns, timeout_ns(self.timeout_padding, "timeout_padding"))
 
 

@@ -53,10 +53,10 @@ class StaticTransformBroadcaster:
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None, *, strict: bool = False) -> None:
         require_node("StaticTransformBroadcaster", node, "create_publisher")
-        self._refused = RefusedTransforms(strict)
+        self._tf2_refused = RefusedTransforms(strict)
         self.net_message = TFMessage()
         # Held until a message is published, because the last message must contain all transforms.
-        self._sending = threading.RLock()
+        self._tf2_sending = threading.RLock()
         register_for_fork(self)
         profile, overrides = chosen_qos(node, "/tf_static", "publisher", qos, is_static=True)
         self.pub_tf = node.create_publisher(TFMessage, "/tf_static", profile, **overrides)
@@ -75,8 +75,8 @@ class StaticTransformBroadcaster:
         """
         new_transforms = transforms_of(transform)
         require_transforms(new_transforms)  # before any is kept
-        self._refused.before_sending(new_transforms)
-        with self._sending:
+        self._tf2_refused.before_sending(new_transforms)
+        with self._tf2_sending:
             transforms = {sent.child_frame_id: sent for sent in self.net_message.transforms}
             for new in new_transforms:
                 # Copied, because programs reuse one message.
@@ -85,8 +85,8 @@ class StaticTransformBroadcaster:
             # Kept only afterwards: what cannot be sent would prevent all later messages.
             refused = publish_transforms(self.pub_tf, merged)
             self.net_message.transforms = merged
-        self._refused.after_sending(refused)
+        self._tf2_refused.after_sending(refused)
 
     def after_fork(self) -> None:
         """Make the lock anew, because it must be free in a forked child."""
-        self._sending = threading.RLock()
+        self._tf2_sending = threading.RLock()

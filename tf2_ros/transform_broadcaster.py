@@ -70,11 +70,11 @@ class TransformBroadcaster:
     >>> TransformBroadcaster(node).sendTransform(pose)
     """
 
-    _refused = RefusedTransforms(strict=False)  # if a subclass does not call __init__
+    _tf2_refused = RefusedTransforms(strict=False)  # if a subclass does not call __init__
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None, *, strict: bool = False) -> None:
         require_node("TransformBroadcaster", node, "create_publisher")
-        self._refused = RefusedTransforms(strict)
+        self._tf2_refused = RefusedTransforms(strict)
         profile, overrides = chosen_qos(node, "/tf", "publisher", qos, is_static=False)
         self.pub_tf = node.create_publisher(TFMessage, "/tf", profile, **overrides)
 
@@ -88,8 +88,8 @@ class TransformBroadcaster:
         :raises ValueError: ``strict`` is true, and a listener would refuse one of them; nothing is sent.
         """
         transforms = transforms_of(transform)
-        self._refused.before_sending(transforms)
-        self._refused.after_sending(publish_transforms(self.pub_tf, transforms))
+        self._tf2_refused.before_sending(transforms)
+        self._tf2_refused.after_sending(publish_transforms(self.pub_tf, transforms))
 
 
 def require_transforms(transforms: list[TransformStamped]) -> None:

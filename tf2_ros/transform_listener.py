@@ -115,14 +115,14 @@ class TransformListener:
     _tf2_stays = True  # a copy of a buffer whose attribute this is does not have it
 
     # Where a subclass does not call __init__.
-    _owns_node = False
-    _spinner: Spinner | None = None
-    _receiver: Receiver | None = None
-    _node_use: NodeUse | None = None
-    _reception: Reception | None = None
-    _attachment: "AttachedListener | None" = None
-    _recording: Recording | None = None
-    _prefix = ""
+    _tf2_owns_node = False
+    _tf2_spinner: Spinner | None = None
+    _tf2_receiver: Receiver | None = None
+    _tf2_node_use: NodeUse | None = None
+    _tf2_reception: Reception | None = None
+    _tf2_attachment: "AttachedListener | None" = None
+    _tf2_recording: Recording | None = None
+    _tf2_prefix = ""
 
     def __init__(
         self,
@@ -146,36 +146,36 @@ class TransformListener:
         if node is not None:
             require_node(type(self).__name__, node, "create_subscription")
         self.buffer: Any = buffer
-        self._prefix = _valid_prefix(prefix)
-        self._recording = recording
-        self._owns_node = node is None
+        self._tf2_prefix = _valid_prefix(prefix)
+        self._tf2_recording = recording
+        self._tf2_owns_node = node is None
         self.node = node = hidden_node("transform_listener_impl", self) if node is None else node
-        self._node_use = NodeUse(node)
+        self._tf2_node_use = NodeUse(node)
         fills(node, buffer, listener=True)
         self.group = ListenerGroup()
         try:
             self.__subscription = (qos, static_qos, None if static_only else tf_topic, tf_static_topic)
-            if isinstance(buffer, Buffer) and (buffer._sharing is not None or is_wanted()):
+            if isinstance(buffer, Buffer) and (buffer._tf2_sharing is not None or is_wanted()):
                 # Few programs share a buffer; only they load this.
                 from tf2_ros._shared.attachment import attach_listener
 
-                is_usual = qos is None and static_qos is None and not static_only and self._is_direct()
-                self._attachment = attach_listener(self, is_usual, (tf_topic, tf_static_topic))
-                if prefix and self._attachment is not None:
+                is_usual = qos is None and static_qos is None and not static_only and self._tf2_is_direct()
+                self._tf2_attachment = attach_listener(self, is_usual, (tf_topic, tf_static_topic))
+                if prefix and self._tf2_attachment is not None:
                     raise ValueError(
                         "a listener of an attached buffer takes no prefix: its owner names frames"
                     )
-                if recording is not None and self._attachment is not None:
+                if recording is not None and self._tf2_attachment is not None:
                     raise NotImplementedError(
                         "who sends transforms cannot be recorded here: the listener of an attached buffer "
                         "subscribes to nothing"
                     )
-            if self._attachment is None:
-                self._listen_itself()
+            if self._tf2_attachment is None:
+                self._tf2_listen_itself()
             else:
                 self.group.decide()  # it may contain the program's own subscriptions
-                self._reception = Reception(self, ())
-            if spin_thread or self._owns_node:
+                self._tf2_reception = Reception(self, ())
+            if spin_thread or self._tf2_owns_node:
                 self.__spin()
         except BaseException as error:
             self.__del__()
@@ -186,16 +186,16 @@ class TransformListener:
 
     def __setattr__(self, name: str, value: Any) -> None:
         # What arrived before a change goes where it belonged.
-        if name in REDIRECTING and self._receiver is not None:
-            self._receiver.catch_up()
+        if name in REDIRECTING and self._tf2_receiver is not None:
+            self._tf2_receiver.catch_up()
         super().__setattr__(name, value)
         if name in REDIRECTING:
-            for source in (self._attachment, self._receiver):
+            for source in (self._tf2_attachment, self._tf2_receiver):
                 if source is not None:
                     source.decide()
-        if name == "buffer" and self._reception is not None:
+        if name == "buffer" and self._tf2_reception is not None:
             fills(self.node, value, listener=True)
-            self._reception.fill(value)
+            self._tf2_reception.fill(value)
 
     @property
     def tf_sub(self) -> Subscription | None:
@@ -227,8 +227,8 @@ class TransformListener:
         return self.__dict__.get(name)
 
     def __use_subscriptions(self) -> None:
-        if self._attachment is not None:
-            self._attachment.use_subscriptions()
+        if self._tf2_attachment is not None:
+            self._tf2_attachment.use_subscriptions()
 
     @property
     def receives(self) -> tuple[str, ...]:
@@ -238,72 +238,84 @@ class TransformListener:
         The executor that spins the node inserts the transforms of other topics. Empty after the end of the
         listener, and in a forked child.
         """
-        if self._attachment is not None and self._attachment.alive:
-            return self._attachment.topics
-        if self._reception is None or self._receiver is None or not self._receiver.alive:
+        if "receives" in self.__dict__:
+            value: tuple[str, ...] = self.__dict__["receives"]
+            return value
+        if self._tf2_attachment is not None and self._tf2_attachment.alive:
+            return self._tf2_attachment.topics
+        if self._tf2_reception is None or self._tf2_receiver is None or not self._tf2_receiver.alive:
             return ()
-        return tuple(topic.name for topic in self._reception.topics if not topic.is_left_to_executors())
+        return tuple(topic.name for topic in self._tf2_reception.topics if not topic.is_left_to_executors())
+
+    @receives.setter
+    def receives(self, value: Any) -> None:
+        # A program may use the name for something else.
+        self.__dict__["receives"] = value
 
     def unregister(self) -> None:
         """End the subscriptions and the hidden node; the buffer keeps its transforms."""
-        if self._is_forked():
+        if self._tf2_is_forked():
             return
-        if self._attachment is not None:
-            self._attachment.close()
+        if self._tf2_attachment is not None:
+            self._tf2_attachment.close()
         buffer = self.__dict__.get("buffer")
-        if isinstance(buffer, Buffer) and buffer._sharing is not None:
-            buffer._sharing.forget_listener(self)
-        if not self._owns_node:
+        if isinstance(buffer, Buffer) and buffer._tf2_sharing is not None:
+            buffer._tf2_sharing.forget_listener(self)
+        if not self._tf2_owns_node:
             for name in ("tf_sub", "tf_static_sub"):
                 subscription = self.__dict__.get(name)
                 if subscription is not None:
                     self.__unsubscribe(subscription)
-        elif self._spinner is not None:
-            self._spinner.stop()  # whose thread destroys the node
+        elif self._tf2_spinner is not None:
+            self._tf2_spinner.stop()  # whose thread destroys the node
         else:
             self.node.destroy_node()
 
     def __del__(self) -> None:
         """End the thread that spins the node, and the subscriptions; may be called again."""
-        if self._is_forked():
+        if self._tf2_is_forked():
             return
         attributes = self.__dict__
         # The collector runs in any thread, inside any function, so it must not wait.
-        if self._receiver is not None:
-            self._receiver.stop()
-        if self._attachment is not None:
-            self._attachment.close()
-        if self._spinner is not None:
-            self._spinner.stop(wait=False)
+        if self._tf2_receiver is not None:
+            self._tf2_receiver.stop()
+        if self._tf2_attachment is not None:
+            self._tf2_attachment.close()
+        if self._tf2_spinner is not None:
+            self._tf2_spinner.stop(wait=False)
         elif "executor" in attributes and "dedicated_listener_thread" in attributes:
             # A subclass made them, as this class would have.
             self.executor.shutdown()
             self.dedicated_listener_thread.join(END_WAIT_S)
-        if "node" in attributes and not (self._owns_node and self._spinner is not None):
+        if "node" in attributes and not (self._tf2_owns_node and self._tf2_spinner is not None):
             self.unregister()
 
     def __repr__(self) -> str:
         """Describe the topics: how many messages were received, when the last one, and what receives them."""
         name = class_name(type(self))
-        if self._reception is None:
+        if self._tf2_reception is None:
             return f"<{name}, not initialised>"
-        if self._is_forked():
-            source = self._reception.names() if self._attachment is None else self._attachment.describe()
+        if self._tf2_is_forked():
+            source = (
+                self._tf2_reception.names()
+                if self._tf2_attachment is None
+                else self._tf2_attachment.describe()
+            )
             return f"<{name} of {source}, {FORKED}>"
-        if self._attachment is not None and not self._reception.topics:
-            state = "" if self._attachment.alive else ", ended"
-            return f"<{name} of {self._attachment.describe()}{state}>"
-        if not self._reception.topics:
+        if self._tf2_attachment is not None and not self._tf2_reception.topics:
+            state = "" if self._tf2_attachment.alive else ", ended"
+            return f"<{name} of {self._tf2_attachment.describe()}{state}>"
+        if not self._tf2_reception.topics:
             return f"<{name} with subscriptions of another class than rclpy's>"
-        return f"<{name} of {self._reception.describe()}>"
+        return f"<{name} of {self._tf2_reception.describe()}>"
 
     def __enter__(self: _Listener) -> _Listener:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.unregister()
-        if self._spinner is not None:
-            self._spinner.stop()
+        if self._tf2_spinner is not None:
+            self._tf2_spinner.stop()
 
     def callback(self, data: TFMessage) -> None:
         """Insert the transforms of a message into the buffer; a subclass may do something else."""
@@ -319,30 +331,32 @@ class TransformListener:
 
     def __prefixed(self, data: TFMessage) -> Iterable[TransformStamped]:
         transforms: Iterable[TransformStamped] = data.transforms
-        if not self._prefix:
+        if not self._tf2_prefix:
             return transforms
-        return [_with_prefix(self._prefix, transform) for transform in transforms]
+        return [_with_prefix(self._tf2_prefix, transform) for transform in transforms]
 
-    def _is_forked(self) -> bool:
+    def _tf2_is_forked(self) -> bool:
         # The listener belongs to the parent process, so nothing must be ended here.
-        return self._node_use is not None and self._node_use.forked
+        return self._tf2_node_use is not None and self._tf2_node_use.forked
 
     def __count_call(self, static: bool) -> None:
-        for topic in self._reception.topics if self._reception is not None else ():
+        for topic in self._tf2_reception.topics if self._tf2_reception is not None else ():
             if topic.is_static == static:
                 topic.count_call()
 
-    def _is_direct(self) -> bool:
+    def _tf2_is_direct(self) -> bool:
         """Whether everything it receives goes into its buffer, without code of a program."""
         return (
-            self._recording is None
-            and not self._prefix
+            self._tf2_recording is None
+            and not self._tf2_prefix
             and getattr(type(self.node), "create_subscription", None) is Node.create_subscription
-            and self._direct_buffer() is not None
-            and all(self._is_own(getattr(self, own.__name__), static) for static, own in _CALLBACKS.items())
+            and self._tf2_direct_buffer() is not None
+            and all(
+                self._tf2_is_own(getattr(self, own.__name__), static) for static, own in _CALLBACKS.items()
+            )
         )
 
-    def _direct_buffer(self) -> BufferCore | None:
+    def _tf2_direct_buffer(self) -> BufferCore | None:
         """The buffer; None if code of a program would handle what is inserted. Runs no code of a program."""
         buffer = self.__dict__.get("buffer")
         # A property of a subclass, or one that was added later, comes before what the instance holds.
@@ -354,12 +368,12 @@ class TransformListener:
             return None
         return buffer
 
-    def _is_own(self, callback: Any, is_static: bool) -> bool:
+    def _tf2_is_own(self, callback: Any, is_static: bool) -> bool:
         """Whether this is the listener's own method of this class, and no other code."""
         own = _CALLBACKS[is_static]
         return getattr(callback, "__func__", None) is own and callback.__self__ is self
 
-    def _listen_itself(self) -> None:
+    def _tf2_listen_itself(self) -> None:
         """Subscribe, as this listener was asked to."""
         qos, static_qos, tf_topic, tf_static_topic = self.__subscription
         topics = [("tf_static_sub", tf_static_topic, static_qos, self.static_callback)]
@@ -387,14 +401,14 @@ class TransformListener:
         else:
             subscription.destroy()
 
-    def _stop_listening(self) -> None:
+    def _tf2_stop_listening(self) -> None:
         """Destroy the subscriptions: another process receives."""
-        self._receiver = None
+        self._tf2_receiver = None
         for name in ("tf_sub", "tf_static_sub"):
             subscription = self.__dict__.pop(name, None)
             if subscription is not None:
                 self.__unsubscribe(subscription)
-        self._reception = Reception(self, ())
+        self._tf2_reception = Reception(self, ())
 
     def __receive(self) -> None:
         # A receiver takes from the subscriptions if a program cannot observe the difference.
@@ -410,36 +424,36 @@ class TransformListener:
         subscriptions = [
             (subscription, static)
             for subscription, static in reversed(found)
-            if type(subscription) is Subscription and self._is_own(subscription.callback, static)
+            if type(subscription) is Subscription and self._tf2_is_own(subscription.callback, static)
         ]
         if (
             subscriptions
             # A recording of some topics would look complete.
-            and (self._recording is None or len(subscriptions) == len(topics))
-            and self._direct_buffer() is not None
+            and (self._tf2_recording is None or len(subscriptions) == len(topics))
+            and self._tf2_direct_buffer() is not None
             and can_receive()
             and isinstance(self.node, Node)
             # Otherwise the executor, as rclpy's EventsExecutor, has arrivals reported to itself.
             and callback_queue(self.node).in_sets
         ):
-            self._receiver = Receiver(self, AUTHORITY, subscriptions, callback_queue(self.node))
+            self._tf2_receiver = Receiver(self, AUTHORITY, subscriptions, callback_queue(self.node))
             for topic in topics:
-                topic.receiver = self._receiver
-        elif self._recording is not None:
+                topic.receiver = self._tf2_receiver
+        elif self._tf2_recording is not None:
             reason = problem() or "code of this program handles what is received"
             raise NotImplementedError(f"who sends transforms cannot be recorded here: {reason}")
         else:
             self.group.decide()
             wake_executor(self.node)
-        self._reception = Reception(self, topics)
+        self._tf2_reception = Reception(self, topics)
 
     def __spin(self) -> None:
         # Only the listener uses a hidden node; a program's own is spun also after the listener's end.
-        if self._owns_node:
+        if self._tf2_owns_node:
             spinner = Spinner(self.node, daemon=True, at_end=self.node.destroy_node)
         else:
             spinner = Spinner(self.node, daemon=False, owner=self)
-        self._spinner = spinner
+        self._tf2_spinner = spinner
         self.executor = spinner.executor
         self.dedicated_listener_thread = spinner.thread
 

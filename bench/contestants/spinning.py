@@ -55,7 +55,7 @@ class Spinning:
             if time.monotonic() > deadline:
                 return {"error": f"only {len(self._buffer._getFrameStrings())} frames arrived"}
             threading.Event().wait(0.05)
-        sharing = None if self._buffer is None else self._buffer._sharing
+        sharing = None if self._buffer is None else self._buffer._tf2_sharing
         if (sharing is not None and sharing.is_attached) != (self._what in ("attached", "looking")):
             return {"error": f"a node that is meant to be {self._what} is not"}
         return {}

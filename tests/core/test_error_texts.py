@@ -215,6 +215,27 @@ def test_what_tf2_does_not_tell_follows_after_it(buffer, target, source, seconds
 
 
 @pytest.mark.ours
+def test_frames_in_two_trees_are_told_with_their_roots(tf2_py, buffer):
+    """As they are at the time of the lookup; for two times, those of the half that failed."""
+    buffer.set_transform(transform("sun", "moon", 2), "x")
+    buffer.set_transform(transform("sun", "moon", 3), "x")
+    roots = r" Tf has two or more unconnected trees\. The root of {} is {}, that of {} is {}\.$"
+    for call, arguments, told in (
+        ("lookup_transform_core", ("base", "moon", at(2)), ("base", "map", "moon", "sun")),
+        ("lookup_transform_core", ("moon", "map", at(0)), ("moon", "sun", "map", "map")),
+        ("lookup_transform_full_core", ("map", at(2), "moon", at(2), "odom"), ("odom", "map", "moon", "sun")),
+        ("lookup_transform_full_core", ("moon", at(2), "map", at(2), "odom"), ("moon", "sun", "odom", "map")),
+        ("get_latest_common_time", ("base", "moon"), ("base", "map", "moon", "sun")),
+    ):
+        with pytest.raises(tf2_py.TransformException, match=roots.format(*told)):
+            getattr(buffer, call)(*arguments)
+    buffer.set_transform(transform("stars", "sun", 2), "x")
+    buffer.set_transform(transform("galaxy", "sun", 3), "x")
+    for second, root in ((2, "stars"), (3, "galaxy")):
+        assert buffer.can_transform_core("map", "moon", at(second))[1].endswith(f"that of moon is {root}.")
+
+
+@pytest.mark.ours
 @pytest.mark.parametrize(("target", "source", "seconds", "wanted"), SIMPLE)
 def test_silent_topics_do_not_change_what_is_found(tf2_py, buffer, target, source, seconds, wanted):
     silence = "nothing has been received on /tf_static and nothing on /tf for 12 s"

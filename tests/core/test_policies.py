@@ -1,5 +1,6 @@
 """Lookups that accept more than tf2's: a tolerance, extrapolation, a longest gap, cubic interpolation."""
 
+import asyncio
 import itertools
 import random
 
@@ -209,11 +210,24 @@ class TestMaxGap:
             buffer.lookup_transform("map", "base", at_ns(3 * S), max_gap=1)
         assert str(raised.value) == (
             "Lookup at time 3.000000000 would require interpolation across 2.000000000 s, when looking up "
-            "transform from frame [base] to frame [map]; the samples of base in map at 2.000000000 and "
+            "transform from frame [base] to frame [map]; the samples of base at 2.000000000 and "
             "4.000000000 are further apart than max_gap, 1.000000000 s"
         )
         with pytest.raises(tf2_ros.ExtrapolationException, match=r"^times\[1\]: Lookup at time 3"):
             buffer.lookup_transforms("map", "base", [S, 3 * S], max_gap=1)
+
+    def test_a_gap_is_one_also_where_the_parent_changes(self, tf2_ros):
+        buffer = tf2_ros.Buffer()
+        for parent, second in (("map", 1), ("map", 2), ("odom", 4), ("odom", 5)):
+            buffer.set_transform(transform(parent, "base", second), "x")
+        for parent, time in (("map", 2 * S), ("map", 3 * S), ("odom", 4 * S)):
+            buffer.lookup_transform(parent, "base", at_ns(time), max_gap=2)
+        for parent, time in (("map", 2 * S), ("odom", 4 * S)):
+            buffer.lookup_transform(parent, "base", at_ns(time), max_gap=1)
+        text = "base at 2.000000000 and 4.000000000 are further apart than max_gap, 1.000000000 s"
+        for look_up, time in ((buffer.lookup_transform, at_ns(3 * S)), (buffer.lookup_transforms, [3 * S])):
+            with pytest.raises(tf2_ros.ExtrapolationException, match=text):
+                look_up("map", "base", time, max_gap=1)
 
 
 class TestCubic:
@@ -276,6 +290,28 @@ class TestArguments:
         for look_up in (buffer.lookup_transform, buffer.lookup_transforms):
             with pytest.raises(error, match=text):
                 look_up("map", "base", [S] if look_up == buffer.lookup_transforms else at_ns(S), **policy)
+
+    @pytest.mark.parametrize(
+        ("name", "meant"),
+        [("tolerence", "tolerance"), ("maxgap", "max_gap"), ("time_out", "timeout"), ("colour", None)],
+    )
+    def test_a_misspelt_one_is_named_with_the_method(self, tf2_ros, name, meant):
+        buffer = tf2_ros.Buffer()
+        given = ("map", "base", at_ns(S))
+        asked = "" if meant is None else rf"\. Did you mean '{meant}'\?"
+        for call, run in (
+            ("lookup_transform", lambda: buffer.lookup_transform(*given, **{name: 1})),
+            ("lookup_transform", lambda: buffer.lookup_transform(*given, timeout=1, **{name: 1})),
+            ("wait_for_transform_async", lambda: buffer.wait_for_transform_async(*given, **{name: 1})),
+            (
+                "lookup_transform_async",
+                lambda: asyncio.run(buffer.lookup_transform_async(*given, **{name: 1})),
+            ),
+        ):
+            with pytest.raises(
+                TypeError, match=rf"^{call}\(\) got an unexpected keyword .* '{name}'{asked}$"
+            ):
+                run()
 
 
 class TestWaits:
@@ -383,4 +419,4 @@ class TestWaits:
 def buffer_policy(**policy):
     from tf2_py._internal import policy_of
 
-    return policy_of(**policy)
+    return policy_of("lookup_transform", **policy)

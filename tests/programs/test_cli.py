@@ -102,7 +102,7 @@ class TestBufferServer:
         assert client.can_transform("map", "map", at(0), LONG)
         task = client.lookup_transform_async("map", "robot", at(1), timeout=Duration(seconds=1))
         task.send(None)
-        (pending,) = client._goal_sender._pending
+        (pending,) = client._tf2_goal_sender._pending
         until(lambda: pending.handle is not None)
         server.kill()
         until(pending.outcome.done)

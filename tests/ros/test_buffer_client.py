@@ -330,7 +330,7 @@ class TestThreads:
     def test_destroying_its_node_ends_the_wait_and_its_thread(self, tf2_ros, new_node, tf2_py):
         node = new_node("asking")
         client = tf2_ros.BufferClient(node, "nobody")
-        thread = client._goal_sender._spinner.thread
+        thread = client._tf2_goal_sender._spinner.thread
         timer = threading.Timer(0.05, node.destroy_node)
         timer.start()
         with pytest.raises(tf2_py.TimeoutException, match="destroyed"):
@@ -344,7 +344,7 @@ class TestThreads:
         node = new_node("asking")
         before = {*node.timers, *node.waitables}
         client = tf2_ros.BufferClient(node, "nobody")
-        sender = client._goal_sender
+        sender = client._tf2_goal_sender
         parts = [sender, sender.action_client, sender._node, sender._spinner.executor, sender._spinner.thread]
         parts = [weakref.ref(part) for part in (client, *parts)]
         del sender
@@ -375,7 +375,7 @@ class TestThreads:
     def test_dropping_it_ends_its_thread(self, tf2_ros, node, monkeypatch):
         before = set(threading.enumerate())
         client = tf2_ros.BufferClient(node, "nobody")
-        thread = client._goal_sender._spinner.thread
+        thread = client._tf2_goal_sender._spinner.thread
         assert thread in threading.enumerate()
         joined = []
         with monkeypatch.context() as patch:
@@ -396,7 +396,7 @@ class TestThreads:
         names = [("lookup", "/robot/lookup"), ("~/lookup", "/robot/asking/lookup"), ("old", "/new")]
         for given, expected in names:
             client = tf2_ros.BufferClient(node, given)
-            assert client._goal_sender._name == expected
+            assert client._tf2_goal_sender._name == expected
             client.destroy()
 
 
@@ -491,7 +491,7 @@ class TestAsync:
             client = tf2_ros.BufferClient(node, "quiet_lookup")
             coroutine = client.lookup_transform_async("silent", "robot", LATEST)
             coroutine.send(None)
-            (pending,) = client._goal_sender._pending
+            (pending,) = client._tf2_goal_sender._pending
             until(lambda: getattr(pending, since) is not None)
             coroutine.close()
             said = []
@@ -499,7 +499,7 @@ class TestAsync:
             listening.start()
             listening.join(DEADLINE_S)
             assert said == ["cancelled\n"]
-            until(lambda: not client._goal_sender._pending)
+            until(lambda: not client._tf2_goal_sender._pending)
             client.destroy()
 
 
@@ -541,7 +541,7 @@ def test_a_server_that_is_killed_in_the_middle_of_a_goal_is_a_timeout(tf2_ros, t
         # On a busy machine it may start later than the lookup gives up.
         assert process.stdout.readline() == "ready\n"
         looking.start()
-        until(lambda: any(pending.handle for pending in client._goal_sender._pending))
+        until(lambda: any(pending.handle for pending in client._tf2_goal_sender._pending))
     finally:
         process.kill()
         process.communicate()

@@ -153,7 +153,7 @@ class TestCallbacks:
         with pytest.warns(UserWarning, match="mine"):
             insert(buffer, 2)
         assert (len(calls), len(seen)) == (2, 2)
-        assert listener._spinner is None or listener._spinner.thread.is_alive()
+        assert listener._tf2_spinner is None or listener._tf2_spinner.thread.is_alive()
         for subscription in subscriptions:
             subscription.cancel()
         listener.unregister()

@@ -67,9 +67,20 @@ def test_a_frame_that_a_clear_has_emptied_is_forgotten(tf2_ros, now_ns):
     until(lambda: "silent" not in buffer)
 
 
+def test_a_subclass_may_use_the_names_of_what_forgets(tf2_ros, now_ns):
+    class Mine(tf2_ros.Buffer):
+        frames = _expiry = _forget_silent = None
+
+    buffer = Mine(expire_after=3600.0)
+    buffer._expiry = 1
+    gc.collect()
+    buffer.set_transform(transform("map", "silent", ns=now_ns - DAY_NS), "x")
+    until(lambda: "silent" not in buffer)
+
+
 def test_a_copy_keeps_all(tf2_ros, now_ns):
     buffer = tf2_ros.Buffer(expire_after=3600)
-    assert not hasattr(copy.copy(buffer), "_expiry")
+    assert not hasattr(copy.copy(buffer), "_tf2_expiry")
 
 
 def test_it_does_not_keep_the_buffer(tf2_ros):

@@ -119,7 +119,7 @@ class TestWaitsOfTheParent:
         broadcaster = tf2_ros.StaticTransformBroadcaster(node)
         message_filter = tf2_ros.MessageFilter(None, buffer, "map", 10, node=node)
         locks = [
-            broadcaster._sending,
+            broadcaster._tf2_sending,
             message_filter._counts_lock,
             message_filter._pending._lock,
         ]
@@ -139,7 +139,7 @@ class TestWaitsOfTheParent:
             message_filter.setQueueSize(5)
             assert message_filter.statistics()["received"] == 0
             message_filter.close()
-            with broadcaster._sending:
+            with broadcaster._tf2_sending:
                 pass
 
         thread = threading.Thread(target=hold)

@@ -39,7 +39,7 @@ def listener(tf2_ros, buffer, node):
 
 def arrived(listener, count=1):
     """Whether so many messages of dynamic transforms have; the thread inserts what has waited for 0.1 s."""
-    receiver = listener._receiver
+    receiver = listener._tf2_receiver
     return lambda: receiver.has_pending() or receiver.taken(is_static=False)[0] >= count
 
 
@@ -80,7 +80,7 @@ def test_every_read_sees_all_that_has_arrived(buffer, listener, peer):
     for number, (read, finds) in enumerate(READS.items()):
         assert buffer.statistics()["taken"] == number
         buffer.known = number
-        listener._receiver.forget_reads()
+        listener._tf2_receiver.forget_reads()
         publisher.send(("map", f"frame_{number}", 1 * S, 5))
         until(arrived(listener, number + 1))
         assert finds(buffer, f"frame_{number}"), read
@@ -111,7 +111,7 @@ def test_what_arrived_before_clear_is_cleared(buffer, listener, peer):
 class TestWithoutAReader:
     def test_it_is_inserted_soon(self, buffer, listener, peer):
         peer().send(("map", "robot", 1 * S, 5))
-        until(lambda: listener._receiver.taken(is_static=False)[0] == 1)
+        until(lambda: listener._tf2_receiver.taken(is_static=False)[0] == 1)
 
     def test_what_is_refused_is_logged(self, listener, peer, capfd):
         peer().send(("map", "map", 1 * S, 5))
@@ -126,7 +126,7 @@ class TestWithoutAReader:
         import ctypes
 
         process = flood(100, 1, 300)
-        until(lambda: listener._receiver.taken(is_static=False)[0] > 0)
+        until(lambda: listener._tf2_receiver.taken(is_static=False)[0] > 0)
         ctypes.PyDLL(None).usleep(2_500_000)
         process.wait()
         until(lambda: buffer.statistics()["taken"] == 300)
@@ -418,7 +418,7 @@ def test_garbage_is_not_drained(tf2_ros, ros, publisher):
         node.buffer = tf2_ros.Buffer()
         node.listener = Listener(node.buffer, node)
         node.itself = node
-        receiver = weakref.ref(node.listener._receiver)
+        receiver = weakref.ref(node.listener._tf2_receiver)
         until(arrived(node.listener))
         del node
         gc.collect()
@@ -521,8 +521,8 @@ def test_listeners_of_one_node_in_several_threads(tf2_ros, node):
             thread.join()
     finally:
         sys.setswitchinterval(interval)
-    queue = listeners[0]._receiver._queue
-    receivers = {id(listener._receiver) for listener in listeners}
+    queue = listeners[0]._tf2_receiver._queue
+    receivers = {id(listener._tf2_receiver) for listener in listeners}
     assert {id(one.__self__) for one in queue.sleepers} == receivers
     for listener in listeners:
         listener.unregister()

@@ -111,7 +111,7 @@ class TestErrors:
         silence = "nothing has been received on /tf for 1 s"
         until(lambda: error_at_any_time().endswith(f"does not exist. {silence.capitalize()}"), executor)
         assert error_at_any_time("map", "arm", at(9)).endswith("of arm in map; " + silence)
-        assert error_at_any_time("map", "tool").endswith("unconnected trees. " + silence.capitalize())
+        assert error_at_any_time("map", "tool").endswith("that of tool is other. " + silence.capitalize())
         # What is received now does not help with the past.
         assert error(buffer, "map", "arm", at(0.5)).endswith("of arm in map")
         publisher.send(("map", "arm", 3 * S, 1))

@@ -169,7 +169,7 @@ def test_a_program_that_handles_what_is_received_listens_itself(shared, node, pe
     until(lambda: not is_attached(listener))
     until(lambda: bool(listener.receives) == ("set_transform" not in buffer.__dict__))
     assert reason in logged(capfd)
-    assert buffer._sharing is None
+    assert buffer._tf2_sharing is None
     sender.send_without_subscriber(("map", "mount", 0, 4), static=True)
     if "set_transform" not in buffer.__dict__:
         until(knows(buffer, "mount"))
@@ -260,7 +260,7 @@ def test_without_an_owner_a_program_listens_itself(monkeypatch, node, capfd):
 
 def test_an_owner_of_another_domain_or_without_a_listener(node, monkeypatch, capfd):
     owner = Buffer(share=new_name())
-    monkeypatch.setenv("TF2_SHARED_BUFFER", owner._sharing.name)
+    monkeypatch.setenv("TF2_SHARED_BUFFER", owner._tf2_sharing.name)
     assert not is_attached(TransformListener(Buffer(), node))
     assert "has no listener" in logged(capfd)
     context = rclpy.Context()
@@ -276,7 +276,7 @@ def test_an_owner_of_another_domain_or_without_a_listener(node, monkeypatch, cap
     capfd.readouterr()
     assert not is_attached(TransformListener(Buffer(), node))
     assert "has no listener" in logged(capfd)
-    owner._sharing.close()
+    owner._tf2_sharing.close()
 
 
 def test_simulated_time_must_be_the_owners_too(shared, new_node, capfd):

@@ -66,7 +66,7 @@ def _outlive(seed):
                 thread.start()
             stopped.wait(chance.random() * 0.02)
             print("kill", file=mother.process.stdin, flush=True)
-            until(lambda: not reader._sharing.is_attached)  # noqa: B023
+            until(lambda: not reader._tf2_sharing.is_attached)  # noqa: B023
             stopped.set()
             for thread in threads:
                 thread.join()
@@ -103,12 +103,12 @@ def test_a_reader_of_an_owner_that_is_stopped_neither_hangs_nor_breaks():
                 reader._self_check()
                 assert reader.statistics()["malformed_messages"] == 0
                 # It may go on.
-                assert reader._sharing.ring.why_over() is None
+                assert reader._tf2_sharing.ring.why_over() is None
                 insert_later(reader)
                 assert until(waiting.done)
             finally:
                 os.kill(owner.process.pid, signal.SIGCONT)
-            reader._sharing.close()
+            reader._tf2_sharing.close()
 
 
 def test_the_next_owner_of_the_name_fills_the_same_buffers():
@@ -120,7 +120,7 @@ def test_the_next_owner_of_the_name_fills_the_same_buffers():
             reader = reader or Buffer(attach=name)
             waiting = reader.wait_for_transform_async("map", "f4", at_ns(round_ * S))
             assert until(waiting.done)
-            assert reader._sharing.ring.process == owner.process.pid
+            assert reader._tf2_sharing.ring.process == owner.process.pid
             reader._self_check()
 
 
@@ -157,15 +157,15 @@ def test_a_forked_child_of_the_owner_has_a_buffer_of_its_own():
             assert owner.can_transform_core("map", "own", 1 * S)[0]
             owner._self_check()
             assert not reader.can_transform_core("map", "own", 1 * S)[0]
-            owner._sharing.close()
+            owner._tf2_sharing.close()
 
         assert in_a_child(child) == 0
-        assert owner._sharing.path.exists()
+        assert owner._tf2_sharing.path.exists()
         assert not reader.can_transform_core("map", "own", 1 * S)[0]
         owner.set_transforms(links(3 * S, 0), "parent")
         assert reader.can_transform_core("map", "f4", 3 * S)[0]
         with pytest.raises(SharedBufferError):
-            Buffer(share=owner._sharing.name)
+            Buffer(share=owner._tf2_sharing.name)
 
 
 def test_a_child_that_outlives_an_owner_does_not_keep_the_name():
@@ -186,8 +186,8 @@ def test_a_child_that_outlives_an_owner_does_not_keep_the_name():
         reader = Buffer(attach=name)
         process.kill()
         process.wait()
-        until(lambda: not reader._sharing.is_attached)
-        Buffer(share=name)._sharing.close()
+        until(lambda: not reader._tf2_sharing.is_attached)
+        Buffer(share=name)._tf2_sharing.close()
     finally:
         process.kill()
         if child is not None:
@@ -223,8 +223,8 @@ def test_a_second_owner_is_refused_with_the_first_ones_process():
         mine = Buffer(share=owner.name)
         with pytest.raises(SharedBufferError, match=f"owned by process {os.getpid()}$"):
             Buffer(share=owner.name)
-        assert Buffer(attach=owner.name)._sharing.is_attached
-        mine._sharing.close()
+        assert Buffer(attach=owner.name)._tf2_sharing.is_attached
+        mine._tf2_sharing.close()
 
 
 def test_what_a_dead_owner_left_is_removed_by_whoever_finds_it():
@@ -260,7 +260,7 @@ def test_the_next_owner_of_any_name_removes_what_dead_ones_left():
                 one.process.wait()
             with pair():
                 assert not dead.path.exists() and not other_dead.path.exists()
-                assert living.path.exists() and ours._sharing.path.exists()
+                assert living.path.exists() and ours._tf2_sharing.path.exists()
                 assert link.is_symlink() and all(path.exists() for path in not_ours)
             with pytest.raises(SharedBufferError, match=f"owned by process {living.process.pid}$"):
                 Buffer(share=living.name)
@@ -319,7 +319,7 @@ def test_threads_of_one_process_do_not_take_a_file_from_each_other(keyword):
             thread.start()
         for thread in threads:
             thread.join()
-        owners = [buffer._sharing for buffer in made if isinstance(buffer._sharing, Sharer)]
+        owners = [buffer._tf2_sharing for buffer in made if isinstance(buffer._tf2_sharing, Sharer)]
         assert len(owners) == 1
         assert owners[0].path.exists()
         owners[0].close()
@@ -397,7 +397,7 @@ def test_a_file_that_is_truncated_is_left(capfd):
             waiting = reader.wait_for_transform_async("map", "f4", LATER)
             os.truncate(owner.path, size)
             is_sound(idle, 0)
-            until(lambda: not reader._sharing.is_attached)  # noqa: B023
+            until(lambda: not reader._tf2_sharing.is_attached)  # noqa: B023
             reader._self_check()
             insert_later(reader)
             assert until(waiting.done)
@@ -471,7 +471,7 @@ for line in sys.stdin:
                     pass
         reader._self_check()
         reader.set_transforms(links(10**15, 0), "me")
-        reader._sharing.close()
+        reader._tf2_sharing.close()
         reader._self_check()
     except SharedBufferError as error:
         print("refused", "read 0", sep="\\n", flush=True)
@@ -570,10 +570,11 @@ def test_many_readers():
         "b = Buffer(attach=sys.argv[1]); n = 0\n"
         "f = b.wait_for_transform_async('map', 'late', 0)\n"
         # If this test is killed, they end, too.
-        "while b._sharing.is_attached and not is_sound(b, 1000 * 10**9): pass\n"
+        "while b._tf2_sharing.is_attached and not is_sound(b, 1000 * 10**9): pass\n"
         "print('reads', flush=True)\n"
-        "while b._sharing.is_attached and not (n and f.done()): n += is_sound(b, 1000 * 10**9, (0, 10**8))\n"
-        "print(n > 0, b._sharing.is_attached)"
+        "while b._tf2_sharing.is_attached and not (n and f.done()):\n"
+        "    n += is_sound(b, 1000 * 10**9, (0, 10**8))\n"
+        "print(n > 0, b._tf2_sharing.is_attached)"
     )
     with Owner() as owner:
         owner.tell("run", 100, 100)
@@ -615,7 +616,7 @@ def test_memory_that_ends():
         "except OSError: pass\n"
         "n = b.set_transforms([transform('map', f'g{i}', ns=S) for i in range(20000)], 'me')\n"
         "assert n == 20000 and r.can_transform_core('map', 'g19999', 0)[0]\n"
-        "until(lambda: b._sharing._said)\n"
+        "until(lambda: b._tf2_sharing._said)\n"
         "late = Buffer(attach='small'); assert 'g19999' in late and 'f1' not in late\n"
         "for one in (b, r, late): one._self_check()\n"
         "print('sound')"
@@ -638,8 +639,8 @@ def test_a_process_that_may_have_little_address_space():
         "import resource; from tf2_ros import Buffer\n"
         "used = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()\n"
         "resource.setrlimit(resource.RLIMIT_AS, (used + (64 << 20),) * 2)\n"
-        "b = Buffer(share=__import__('sys').argv[1]); r = Buffer(attach=b._sharing.name)\n"
-        "assert r._sharing.is_attached; b._sharing.close(); print('sound')"
+        "b = Buffer(share=__import__('sys').argv[1]); r = Buffer(attach=b._tf2_sharing.name)\n"
+        "assert r._tf2_sharing.is_attached; b._tf2_sharing.close(); print('sound')"
     )
     ended = subprocess.run(
         [sys.executable, "-c", code, new_name()], text=True, capture_output=True, timeout=60
@@ -683,7 +684,7 @@ def test_a_machine_with_large_pages(tmp_path):
         "import sys; sys.path.insert(0, sys.argv[2])\n"
         "from making import S, transform; from tf2_ros import Buffer\n"
         "b = Buffer(share=sys.argv[1]); b.set_transform(transform('map', 'base', ns=S), 'me')\n"
-        "r = Buffer(attach=sys.argv[1]); assert 'base' in r; b._sharing.close(); print('sound')"
+        "r = Buffer(attach=sys.argv[1]); assert 'base' in r; b._tf2_sharing.close(); print('sound')"
     )
     ended = subprocess.run(
         [sys.executable, "-c", code, new_name(), str(PROGRAMS.parent)],

@@ -31,7 +31,7 @@ def test_answers_as_recorded(scenario):
     with pair(Duration(nanoseconds=scenario["cache_ns"])) as (owner, reader):
         for (op, *args), want in zip(scenario["ops"], scenario["want"], strict=True):
             check_answer(tf2_py, owner if op in CHANGES else reader, op, args, want)
-        assert reader._sharing.is_attached
+        assert reader._tf2_sharing.is_attached
         reader._self_check()
         owner._self_check()
 
@@ -51,20 +51,20 @@ def test_after_every_step_it_holds_what_the_owner_does(before, after):
     owner = Buffer(Duration(seconds=10), share=new_name())
     try:
         apply(owner, before)
-        reader = Buffer(attach=owner._sharing.name)
+        reader = Buffer(attach=owner._tf2_sharing.name)
         assert reader.cache_time_ns == 10 * S
         for step in after:
             apply(owner, [step])
             assert held(reader, TIMES_NS[:2]) == held(owner, TIMES_NS[:2])
             reader._self_check()
-        late = Buffer(attach=owner._sharing.name)
+        late = Buffer(attach=owner._tf2_sharing.name)
         expected = held(owner)
         travelled = [pickle.loads(pickle.dumps(reader)), copy.copy(reader)]
         for buffer in (reader, late, *travelled):
             assert held(buffer) == expected
             buffer._self_check()
     finally:
-        owner._sharing.close()
+        owner._tf2_sharing.close()
 
 
 LOOKUPS = [(target, source, ns) for target in "abc" for source in "abcd" for ns in (0, 2, 5, 11)]
@@ -123,7 +123,7 @@ def test_many_times_in_one_call_are_of_one_state():
             except TransformException:
                 continue
             assert np.abs(places[:, 0] - LINKS * (times - first_ns) / S).max() < 1e-6
-        assert reader._sharing.is_attached
+        assert reader._tf2_sharing.is_attached
 
 
 def test_threads_read_while_the_owner_writes_and_others_join_and_leave():
@@ -138,7 +138,7 @@ def test_threads_read_while_the_owner_writes_and_others_join_and_leave():
                 for _ in range(100):
                     found += is_sound(buffer, 1000 * S, [chance.randrange(S // 3) for _ in range(5)])
                 if chance.random() < 0.5:
-                    buffer._sharing.close()
+                    buffer._tf2_sharing.close()
                     buffer._self_check()
                     found += is_sound(buffer, 1000 * S)
             assert found
@@ -169,7 +169,7 @@ def test_a_reader_inserts_and_clears_for_itself_and_stays_attached():
         assert owner.can_transform_core("map", "f4", 1 * S)[0]
         owner.set_transforms(links(2 * S, 0), "owner")
         assert reader.can_transform_core("map", "f4", 2 * S)[0]
-        assert reader._sharing.is_attached
+        assert reader._tf2_sharing.is_attached
         reader._self_check()
 
 
@@ -178,7 +178,7 @@ def test_a_clear_of_the_owner_clears_its_readers_in_its_place():
         owner.set_transforms(links(1 * S, 0), "owner")
         owner.clear()
         owner.set_transforms(links(2 * S, 0), "owner")
-        for buffer in (reader, Buffer(attach=owner._sharing.name)):
+        for buffer in (reader, Buffer(attach=owner._tf2_sharing.name)):
             assert not buffer.can_transform_core("map", "f4", 1 * S)[0]
             assert buffer.can_transform_core("map", "f4", 2 * S)[0]
 
@@ -190,13 +190,13 @@ def test_a_frame_that_the_owner_forgets_is_forgotten_by_its_readers():
         for name in ("mount", "f4"):
             assert name in reader
             owner.forget(name)
-        late = Buffer(attach=owner._sharing.name)
+        late = Buffer(attach=owner._tf2_sharing.name)
         for buffer in (reader, late):
             assert "mount" not in buffer
             assert "f4" not in buffer
             assert buffer.tree() == owner.tree()
         owner.set_transforms([transform("f1", "mount", xyz=(2, 0, 0))], "owner", static=True)
-        for buffer in (reader, late, Buffer(attach=owner._sharing.name)):
+        for buffer in (reader, late, Buffer(attach=owner._tf2_sharing.name)):
             assert buffer.lookup_transform_core("f1", "mount", 1 * S).transform.translation.x == 2
 
 
@@ -218,7 +218,7 @@ def test_who_attaches_late_gets_old_static_transforms_and_the_newest_of_each():
             for child in "abc":
                 owner.set_transform_static(transform("map", child, xyz=(number, 0.0, 0.0)), "owner")
         owner.set_transform_static(transform("map", "/d", xyz=(7.0, 0.0, 0.0)), "other")
-        late = Buffer(attach=owner._sharing.name)
+        late = Buffer(attach=owner._tf2_sharing.name)
         for buffer in (reader, late):
             for child in "abc":
                 assert buffer.lookup_transform_core("map", child, 0).transform.translation.x == 2999
@@ -231,11 +231,11 @@ def test_static_transforms_that_are_written_again_are_new_only_to_late_readers()
         for number in range(100):
             owner.set_transform_static(transform("map", f"static{number}", xyz=(number, 0.0, 0.0)), "owner")
         count = 0
-        while owner._sharing._ring.shortage[0] == 0 or count < 5000 * LINKS:
+        while owner._tf2_sharing._ring.shortage[0] == 0 or count < 5000 * LINKS:
             count += owner.set_transforms(links((1000 + count) * S // 1000, S), "owner")
             if count % 100 == 0:
                 assert reader.can_transform_core("map", "f4", 0)[0]
-        late = Buffer(attach=owner._sharing.name)
+        late = Buffer(attach=owner._tf2_sharing.name)
         for buffer in (reader, late):
             for number in range(100):
                 found = buffer.lookup_transform_core("map", f"static{number}", 0)
@@ -257,10 +257,10 @@ def test_many_static_transforms_of_one_moment_are_all_written_again():
         for number in range(3000):
             owner.set_transform_static(transform("map", f"marker{number}"), "owner")
         wrap(owner, mebibytes=4)
-        assert owner._sharing._ring.shortage[1] == 0
-        late = Buffer(attach=owner._sharing.name)
+        assert owner._tf2_sharing._ring.shortage[1] == 0
+        late = Buffer(attach=owner._tf2_sharing.name)
         assert "marker0" in late
-        assert {f"marker{number}" for number in range(3000)} <= {*late._known_names()}
+        assert {f"marker{number}" for number in range(3000)} <= {*late._tf2_names()}
 
 
 def test_a_static_transform_that_is_written_again_does_not_replace_what_a_reader_has_set():
@@ -268,7 +268,7 @@ def test_a_static_transform_that_is_written_again_does_not_replace_what_a_reader
         owner.set_transform_static(transform("map", "camera", xyz=(1.0, 0.0, 0.0)), "owner")
         assert "camera" in reader
         wrap(owner, reader)
-        late = Buffer(attach=owner._sharing.name)
+        late = Buffer(attach=owner._tf2_sharing.name)
         assert "camera" in late
         for buffer in (reader, late):
             buffer.set_transform_static(transform("map", "camera", xyz=(9.0, 0.0, 0.0)), "reader")
@@ -279,13 +279,13 @@ def test_a_static_transform_that_is_written_again_does_not_replace_what_a_reader
 
 def test_where_static_transforms_fill_their_share_a_known_one_may_change():
     with small_ring(), pair() as (owner, _):
-        ring, number = owner._sharing._ring, 0
+        ring, number = owner._tf2_sharing._ring, 0
         while ring.shortage[1] == 0:
             owner.set_transform_static(transform("map", f"marker{number}"), "owner")
             number += 1
         owner.set_transform_static(transform("map", "marker0", xyz=(7.0, 0.0, 0.0)), "owner")
         assert ring.shortage[1] == 1
-        late = Buffer(attach=owner._sharing.name)
+        late = Buffer(attach=owner._tf2_sharing.name)
         assert late.lookup_transform_core("map", "marker0", 0).transform.translation.x == 7.0
 
 
@@ -293,9 +293,9 @@ def test_a_reader_that_sleeps_through_ten_laps_begins_at_the_oldest_message():
     with Owner(preexec_fn=small_files) as owner:
         reader = Buffer(Duration(seconds=0.2), attach=owner.name)
         assert not is_sound(reader, 1000 * S)
-        reader._sharing.ring.hold()  # otherwise its thread may keep pace
+        reader._tf2_sharing.ring.hold()  # otherwise its thread may keep pace
         (inserted,) = owner.tell("laps", 10)
-        reader._sharing.ring.release(2**63 - 1)
+        reader._tf2_sharing.ring.release(2**63 - 1)
         assert is_sound(reader, 1000 * S, range(0, S // 10, S // 100))
         assert reader.statistics()["malformed_messages"] == 0
         reader._self_check()
@@ -318,7 +318,7 @@ def test_a_message_larger_than_a_record_may_be_is_shared_in_parts():
 
 def test_a_shared_buffer_ends_with_its_owner():
     owner = Buffer(share=new_name())
-    name, path = owner._sharing.name, owner._sharing.path
+    name, path = owner._tf2_sharing.name, owner._tf2_sharing.path
     owner.set_transforms(links(1 * S, 0), "owner")
     reader = Buffer(attach=name)
     assert path.exists()
@@ -329,7 +329,7 @@ def test_a_shared_buffer_ends_with_its_owner():
     assert reader.can_transform_core("map", "f4", 0)[0]
     with pytest.raises(SharedBufferError, match="no process"):
         Buffer(attach=name)
-    until(lambda: not reader._sharing.is_attached)
+    until(lambda: not reader._tf2_sharing.is_attached)
     assert reader.can_transform_core("map", "f4", 0)[0]
 
 
@@ -355,7 +355,7 @@ def test_a_thread_follows_the_ring_only_while_it_is_needed():
 def test_buffers_are_freed_with_their_threads():
     until(lambda: not ring_threads())
     with pair() as (owner, _):
-        other = Buffer(attach=owner._sharing.name)
+        other = Buffer(attach=owner._tf2_sharing.name)
         future = other.wait_for_transform_async("map", "nowhere", 0)
         until(ring_threads)
         del future, other
@@ -377,9 +377,9 @@ def test_names_are_refused_before_anything_is_made():
 def test_auto_is_the_name_of_the_domain(monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", "77")
     owner = Buffer(share="auto")
-    assert owner._sharing.name == "domain-77"
-    assert Buffer(attach="auto")._sharing.is_attached
-    owner._sharing.close()
+    assert owner._tf2_sharing.name == "domain-77"
+    assert Buffer(attach="auto")._tf2_sharing.is_attached
+    owner._tf2_sharing.close()
 
 
 def test_a_buffer_that_is_made_again_is_attached_anew():
@@ -388,5 +388,5 @@ def test_a_buffer_that_is_made_again_is_attached_anew():
         assert reader.can_transform_core("map", "f4", 0)[0]
         reader.__init__()
         assert reader._getFrameStrings() == []
-        reader.__init__(attach=owner._sharing.name)
+        reader.__init__(attach=owner._tf2_sharing.name)
         assert reader.can_transform_core("map", "f4", 0)[0]

@@ -1,6 +1,7 @@
 """Listeners, with the publishers in processes of their own."""
 
 import gc
+import re
 import signal
 import subprocess
 import threading
@@ -10,6 +11,7 @@ import pytest
 import rclpy
 from making import at, transform, translation
 from processes import DEADLINE_S, start, until
+from public_names import NAMES
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
@@ -23,6 +25,14 @@ from tf2_msgs.msg import TFMessage
 
 S = 10**9
 LATEST = Time()
+OF_ITS_OWN = re.compile("__|_tf2_|_[A-Z]")  # names that a program would not use
+# The methods of tf2's BufferCore, which is written in C.
+OF_THE_CORE = {
+    *("can_transform_core", "can_transform_full_core", "clear", "get_latest_common_time"),
+    *("lookup_transform_core", "lookup_transform_full_core", "lookupVelocityCore", "lookupVelocityFullCore"),
+    *("all_frames_as_yaml", "all_frames_as_string", "_allFramesAsDot", "_chain", "_frameExists"),
+    "_getFrameStrings",
+}
 
 
 @pytest.fixture(autouse=True, params=["inbox", pytest.param("executor", marks=pytest.mark.ours)])
@@ -43,6 +53,47 @@ def test_it_says_what_inserts_its_transforms(tf2_ros, buffer, node, inserter):
     with tf2_ros.TransformListener(buffer, node) as listener:
         assert listener.receives == (("/tf", "/tf_static") if inserter == "inbox" else ())
     assert not listener.receives
+
+
+def using_every_name(kind, *attributes):
+    """A subclass whose objects have attributes of the names that tf2's, with these attributes, lack."""
+    of_tf2 = {*OF_THE_CORE, *attributes}
+    for one in NAMES["tf2_ros"]["names"].values():
+        of_tf2.update(one.get("members", ()))
+
+    class Mine(kind):
+        def __init__(self, *arguments):
+            super().__init__(*arguments)
+            for name in {name for one in (self, *kind.__mro__[:-1]) for name in vars(one)} - of_tf2:
+                if not OF_ITS_OWN.match(name):
+                    setattr(self, name, None)
+
+    return Mine
+
+
+@pytest.mark.ours
+def test_programs_may_use_every_name_that_tf2_does_not(tf2_ros, node, executor, peer):
+    of_buffers = ("registration", "clock", "srv", "jump_handle", "_new_data_callbacks")
+    of_listeners = ("buffer", "node", "group", "tf_sub", "tf_static_sub")
+    buffer = using_every_name(tf2_ros.Buffer, *of_buffers)(None, node)
+    listener = using_every_name(tf2_ros.TransformListener, *of_listeners)(buffer, node)
+    assert buffer.cache_time_ns is buffer.frames is buffer._wait is listener.receives is None
+    sender = peer()
+    sender.send(("map", "robot", 1 * S, 1))
+    sender.send(("robot", "arm", 0, 1), static=True)
+    until(knows(buffer, "arm"), executor)
+    future = buffer.wait_for_transform_async("map", "late", at(2))
+    with pytest.raises(tf2_ros.LookupException, match=r"Did you mean \[robot\]\?"):
+        buffer.lookup_transform("map", "robbot", LATEST)
+    assert x_of(buffer, "arm") == 2
+    for options in ({}, {"timeout": 0.01}):
+        assert buffer.lookup_transform("map", "arm", at(2), tolerance=1, **options).header.stamp.sec == 1
+    buffer.set_transform(transform("map", "late", 2), "me")
+    until(future.done, executor)
+    assert repr(buffer) and repr(listener)
+    buffer.time_jump_callback(None)
+    listener.unregister()
+    assert not knows(buffer, "robot")()
 
 
 @pytest.mark.ours
@@ -216,9 +267,9 @@ class TestOverTheNetwork:
                 set_clock(simulator, node, 100)
                 simulator.send(("map", "robot", 100 * S, 1), ("robot", "old", 100 * S, 1))
                 until(knows(buffer, "old"))
-                listener._receiver.forget_reads()
+                listener._tf2_receiver.forget_reads()
                 simulator.send(("map", "robot", start * S, 2), ("robot", "new", start * S, 3))
-                until(listener._receiver.has_pending)
+                until(listener._tf2_receiver.has_pending)
                 set_clock(simulator, node, start)
                 # The clock shows the new time shortly before its jump callbacks are called.
                 until(lambda: not buffer.can_transform("map", "old", LATEST))
@@ -326,6 +377,66 @@ class TestSubclasses:
         listener.callback(TFMessage(transforms=[transform("map", "robot", 1)]))
         listener.static_callback(TFMessage(transforms=[transform("robot", "arm")]))
         assert buffer.can_transform("map", "arm", at(1))
+
+
+class TestCopyOfTf2:
+    """Programs carry copies of tf2's buffer.py, which keep their own list of callbacks."""
+
+    @pytest.fixture
+    def buffer(self, tf2_py, tf2_ros):
+        class Buffer(tf2_py.BufferCore, tf2_ros.BufferInterface):
+            def __init__(self):
+                tf2_py.BufferCore.__init__(self)
+                tf2_ros.BufferInterface.__init__(self)
+                self._new_data_callbacks = []
+                self._callbacks_to_remove = []
+                self._callbacks_lock = threading.RLock()
+
+            def set_transform(self, transform, authority):
+                super().set_transform(transform, authority)
+                self._call_new_data_callbacks()
+
+            def set_transform_static(self, transform, authority):
+                super().set_transform_static(transform, authority)
+                self._call_new_data_callbacks()
+
+            def _call_new_data_callbacks(self):
+                with self._callbacks_lock:
+                    for callback in self._new_data_callbacks:
+                        callback()
+                    for callback in self._callbacks_to_remove:
+                        self._new_data_callbacks.remove(callback)
+                    self._callbacks_to_remove.clear()
+
+            def wait_for_transform_async(self, target_frame, source_frame, time):
+                future = rclpy.task.Future()
+
+                def on_new_data():
+                    if self.can_transform_core(target_frame, source_frame, time)[0]:
+                        future.set_result(self.lookup_transform_core(target_frame, source_frame, time))
+
+                self._new_data_callbacks.append(on_new_data)
+                future.add_done_callback(lambda _: self._callbacks_to_remove.append(on_new_data))
+                return future
+
+        return Buffer()
+
+    def test_its_callbacks_are_called_once_after_each_insert(self, buffer):
+        called = []
+        buffer._new_data_callbacks.append(lambda: called.append(1))
+        buffer.set_transform(transform("map", "robot", 1), "me")
+        buffer.set_transform_static(transform("robot", "arm"), "me")
+        assert called == [1, 1]
+
+    def test_a_future_ends_with_what_its_listener_receives(self, tf2_ros, buffer, node, executor, peer):
+        tf2_ros.TransformListener(buffer, node)
+        future = buffer.wait_for_transform_async("map", "arm", at(1))
+        other = peer()
+        other.send(("robot", "arm", 0, 2), static=True)
+        other.send(("map", "robot", 1 * S, 1))
+        until(future.done, executor)
+        assert translation(future.result())[0] == 3
+        assert buffer._new_data_callbacks == []
 
 
 class TestQualityOfService:

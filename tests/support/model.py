@@ -337,7 +337,7 @@ class Model(Listings):
                 return self._smallest(downwards)
             if frame in downwards:
                 raise self._loop(target, source)
-        raise self._unconnected(target, source)
+        raise self._unconnected(target, source, frame, [source, *parents][-1])
 
     def _smallest(self, names):
         stamps = [self.frames[name].newest_ns() for name in names]
@@ -389,7 +389,7 @@ class Model(Listings):
         if frame != top:
             if source_gap is not None:
                 raise self._extrapolation(target, source, time, source_gap)
-            raise self._unconnected(target, source)
+            raise self._unconnected(target, source, frame, top)
         transform = composed(inverse(to_top), source_to_top)
         return self._found_path(target, source, transform, passed, passed_down)
 
@@ -410,11 +410,12 @@ class Model(Listings):
             f"between frame [{source}] and frame [{target}]",
         )
 
-    def _unconnected(self, target, source):
+    def _unconnected(self, target, source, target_root, source_root):
         return ModelError(
             "ConnectivityException",
             f"Could not find a connection between '{target}' and '{source}' because they are not part of "
-            "the same tree. Tf has two or more unconnected trees.",
+            "the same tree. Tf has two or more unconnected trees. "
+            f"The root of {target} is {target_root}, that of {source} is {source_root}.",
         )
 
     def _extrapolation(self, target, source, time, gap):

@@ -26,11 +26,11 @@ def new_name():
 def pair(*arguments, **options):
     """A buffer that is shared, and one that is attached to it."""
     owner = Buffer(*arguments, share=new_name(), **options)
-    reader = Buffer(attach=owner._sharing.name)
+    reader = Buffer(attach=owner._tf2_sharing.name)
     try:
         yield owner, reader
     finally:
-        owner._sharing.close()
+        owner._tf2_sharing.close()
 
 
 # What `programs/shares.py` inserts: a chain of frames whose place follows from the time.

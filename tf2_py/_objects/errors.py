@@ -127,12 +127,13 @@ def loop(target: str, source: str) -> LookupException:
     )
 
 
-def unconnected(target: str, source: str) -> ConnectivityException:
+def unconnected(target: str, source: str, target_root: str, source_root: str) -> ConnectivityException:
     """The error for two frames in different trees."""
-    target, source = printable(target), printable(source)
+    target, source, target_root, source_root = map(printable, (target, source, target_root, source_root))
     return ConnectivityException(
         f"Could not find a connection between '{target}' and '{source}' because they are "
-        f"not part of the same tree. Tf has two or more unconnected trees."
+        f"not part of the same tree. Tf has two or more unconnected trees. "
+        f"The root of {target} is {target_root}, that of {source} is {source_root}."
     )
 
 
@@ -166,7 +167,6 @@ def extrapolation(
 
 def long_gap(
     child: str,
-    parent: str,
     requested_ns: int,
     older_ns: int,
     newer_ns: int,
@@ -175,11 +175,11 @@ def long_gap(
     source: str,
 ) -> ExtrapolationException:
     """The error for a time between two samples that are further apart than ``max_gap`` allows."""
-    child, parent, target, source = map(printable, (child, parent, target, source))
+    child, target, source = map(printable, (child, target, source))
     gap = seconds(newer_ns - older_ns)
     return ExtrapolationException(
         f"Lookup at time {seconds(requested_ns)} would require interpolation across {gap} s, when looking up "
-        f"transform from frame [{source}] to frame [{target}]; the samples of {child} in {parent} at "
+        f"transform from frame [{source}] to frame [{target}]; the samples of {child} at "
         f"{seconds(older_ns)} and {seconds(newer_ns)} are further apart than max_gap, {seconds(max_gap_ns)} s"
     )
 

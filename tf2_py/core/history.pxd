@@ -148,8 +148,9 @@ cdef Gap history_transform_at(const History* history, int64_t time_ns, uint32_t 
 # stands for it.
 cdef Gap history_transform_under(const History* history, int64_t time_ns, const Policy* policy,
                                  Transform* out, int64_t* used_ns) noexcept nogil
-# The stamps around a time, for the error of GAP_LONG.
-cdef void history_stamps_around(const History* history, int64_t time_ns, int64_t* older_ns,
+# The stamps on both sides of a time, also where the parent changes between them. False: a sample has this
+# time, or it is not between two samples.
+cdef bint history_stamps_around(const History* history, int64_t time_ns, int64_t* older_ns,
                                 int64_t* newer_ns) noexcept nogil
 
 

@@ -401,6 +401,7 @@ cdef Gap history_transform_under(const History* history, int64_t time_ns, const 
                                  Transform* out, int64_t* used_ns) noexcept nogil:
     cdef uint32_t older, newer
     cdef uint32_t hint = NEWEST_HINT
+    cdef int64_t older_ns, newer_ns
     cdef int64_t found_ns = history_time_within(history, time_ns, policy.tolerance_ns)
     cdef Gap gap = _find_slots(history, found_ns, &hint, &older, &newer)
     used_ns[0] = time_ns
@@ -411,8 +412,9 @@ cdef Gap history_transform_under(const History* history, int64_t time_ns, const 
         if _is_finite(out):     # otherwise the differences of two translations are too large
             return GAP_NONE
     used_ns[0] = found_ns
-    if older != newer and history.stamps[newer] - history.stamps[older] > policy.max_gap_ns:
-        return GAP_LONG
+    if policy.max_gap_ns != INT64_MAX and history_stamps_around(history, found_ns, &older_ns, &newer_ns):
+        if newer_ns - older_ns > policy.max_gap_ns:
+            return GAP_LONG
     if older == newer or not policy.is_cubic:
         return history_transform_at(history, found_ns, hint, out)
     _interpolate_cubic(history, hint - 1, (
@@ -421,12 +423,15 @@ cdef Gap history_transform_under(const History* history, int64_t time_ns, const 
     return GAP_NONE if _is_finite(out) else history_transform_at(history, found_ns, hint, out)
 
 
-cdef void history_stamps_around(const History* history, int64_t time_ns, int64_t* older_ns,
+cdef bint history_stamps_around(const History* history, int64_t time_ns, int64_t* older_ns,
                                 int64_t* newer_ns) noexcept nogil:
-    cdef uint32_t older, newer
-    cdef uint32_t hint = NEWEST_HINT
-    if _find_slots(history, time_ns, &hint, &older, &newer) == GAP_NONE:
-        older_ns[0], newer_ns[0] = history.stamps[older], history.stamps[newer]
+    # Not by _find_slots, for which the older sample is on both sides where the parent changes.
+    cdef uint32_t newer = history_first_after(history, time_ns)
+    if newer == 0 or newer == history.count:
+        return False
+    older_ns[0] = history.stamps[history_slot(history, newer - 1)]
+    newer_ns[0] = history.stamps[history_slot(history, newer)]
+    return older_ns[0] != time_ns
 
 
 cdef FrameId history_parent_at(const History* history, int64_t time_ns) noexcept nogil:

@@ -95,6 +95,13 @@ cdef inline FrameId _parent_within(const Tree* tree, FrameId frame, int64_t time
     return history_parent_at(history, history_time_within(history, time_ns, tolerance_ns))
 
 
+cdef Status _unconnected(FrameId source_root, FrameId target_root) noexcept nogil:
+    cdef Status status = status_of(STATUS_UNCONNECTED)
+    status.child = source_root
+    status.parent = target_root
+    return status
+
+
 cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
                            int64_t tolerance_ns, Path* path) noexcept nogil:
     # The path at a time, for which frames answer that end at most `tolerance_ns` before it.
@@ -140,7 +147,7 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
         return status_of(STATUS_OK)
     if source_gap != NO_FRAME:
         return gap_status(tree, source_gap, time_ns)
-    return status_of(STATUS_UNCONNECTED)
+    return _unconnected(top, frame)
 
 
 cdef Status reference_common_time(const Tree* tree, FrameId target, FrameId source, Path* path,
@@ -165,7 +172,7 @@ cdef Status reference_common_time(const Tree* tree, FrameId target, FrameId sour
         path.target[path.target_hops] = frame
         frame = tree_newest_parent(tree, frame)
         if frame == NO_FRAME:
-            return status_of(STATUS_UNCONNECTED)
+            return _unconnected(path.source[path.source_hops], path.target[path.target_hops])
         path.target_hops += 1
         for i in range(path.source_hops):
             if path.source[i + 1] == frame:

@@ -64,7 +64,7 @@ cdef struct Policy:
 cdef enum StatusCode:
     STATUS_OK
     STATUS_EXTRAPOLATION    # the history of `child` does not reach `requested_ns`
-    STATUS_UNCONNECTED      # no path between the two frames
+    STATUS_UNCONNECTED      # no path between the frames; `child` is the source's root, `parent` the target's
     STATUS_LOOP             # a walk took more than MAX_HOPS
     STATUS_BAD_TARGET       # the target frame's name is empty, begins with '/', or is unknown
     STATUS_BAD_SOURCE       # the same for the source frame
@@ -83,7 +83,7 @@ cdef struct Status:
     # The outcome of a lookup.
     StatusCode code
     Half half               # the part that failed
-    Gap gap                 # the fields below are facts of STATUS_EXTRAPOLATION only
+    Gap gap                 # unless stated above, the fields below are facts of STATUS_EXTRAPOLATION only
     bint on_path            # the path is known: without this gap, or another on it, there is an answer
     FrameId child           # the frame that lacks data ...
     FrameId parent          # ... and its parent in the sample nearest to requested_ns; NO_FRAME: none

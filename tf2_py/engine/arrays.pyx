@@ -137,9 +137,15 @@ cdef bint _is_exact(time):
 
 
 cdef list _nanoseconds(times, str wanted):
+    cdef list found = []
     try:
-        return [nanoseconds(time, f"times[{i}]") for i, time in enumerate(times)]
+        for i, time in enumerate(times):
+            found.append(nanoseconds(time, f"times[{i}]"))
+        return found
     except TypeError as error:
+        # Not a check beforehand: a named tuple with sec and nanosec is a time.
+        if isinstance(time, (list, tuple)) or getattr(time, "ndim", 0):
+            raise ValueError(f"{wanted}; times[{i}] is a {type(time).__name__}") from None
         raise TypeError(f"{wanted}: {error}") from None
     except OverflowError as error:
         raise ValueError(f"{wanted} that fit into 64 bits: {error}") from None

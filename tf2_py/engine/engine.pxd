@@ -49,13 +49,13 @@ cdef class Engine:
     cdef Waiters _waiters
     cdef Lock _lock
     cdef ForkedLock _forked             # _lock
-    cdef readonly object _throttle      # of log lines
+    cdef object _throttle               # of log lines
     cdef unsigned long long _malformed      # messages; guarded by the GIL
     cdef unsigned long long _waits_refused  # likewise
     cdef Advice _advice                 # what error texts add
     cdef list _names                    # of the tree, by id, as far as some text has needed them
     cdef list _authorities              # likewise
-    cdef readonly set _kept             # what waits for this engine, and nothing else may refer to
+    cdef readonly set _tf2_kept         # what waits for this engine, and nothing else may refer to
     cdef list _observers                # called after every insert; changed with the GIL, counted without
     cdef Inbox _inboxes                 # the first of those that fill this engine, or None
     cdef Tap _tap                       # of what a program inserts here; or None

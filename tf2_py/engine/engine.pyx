@@ -183,6 +183,17 @@ cdef class Tap:
         pass
 
 
+class _Overridable:
+    """A property that a program may replace by an attribute of its own. Our own code does not use it."""
+
+    def __init__(self, get):
+        self._get = get
+        self.__doc__ = get.__doc__
+
+    def __get__(self, instance, owner=None):
+        return self if instance is None else self._get(instance)
+
+
 @cython.no_gc_clear
 cdef class Engine:
     """The tree of a BufferCore, and all that is done to it under its lock."""
@@ -198,7 +209,7 @@ cdef class Engine:
         self._throttle = Throttle()
         self._advice = Advice()
         self._observers = []
-        self._kept = set()
+        self._tf2_kept = set()
         self._names, self._authorities = [], []
 
     def __dealloc__(self):
@@ -356,9 +367,14 @@ cdef class Engine:
         return error
 
     @property
-    def _new_data_callbacks(self):
+    def _tf2_observers(self):
         """The callables that run after every insert, in the thread that runs users' code."""
         return self._observers
+
+    @_Overridable
+    def _new_data_callbacks(self):
+        """The callables that run after every insert, in the thread that runs users' code."""
+        return self._tf2_observers
 
     cdef object _deliver(self, Batch* batch, list later):
         # One at a time, because callbacks may insert, wait or cancel. All are called, even if one raises.
@@ -561,7 +577,7 @@ cdef class Engine:
     cdef object error(self, const Query* query, Status status, str call="lookupTransform"):
         cdef str child = None
         cdef str parent = None
-        if status.code == STATUS_EXTRAPOLATION:
+        if status.code == STATUS_EXTRAPOLATION or status.code == STATUS_UNCONNECTED:
             child, parent = self.frame_names((status.child, status.parent))
         self._begin_advice()
         return query_error(query, status, child, parent, call, self._advice, self)
@@ -573,7 +589,7 @@ cdef class Engine:
         lock_release(&self._lock)
         return self._advice.begin(self, count)
 
-    def _known_names(self):
+    def _tf2_names(self):
         """Every frame name, in the order of first appearance."""
         cdef list names = self._names
         if self._tree.hidden:
@@ -651,7 +667,7 @@ cdef class Engine:
         if only_new and status.code == STATUS_OK:
             status.code = STATUS_NOT_NEW
         self._begin_advice()
-        return query_lack(query, status, child, self._advice, self._known_names)
+        return query_lack(query, status, child, self._advice, self._tf2_names)
 
     cdef list frame_facts(self, bint roots=False):
         catch_up(self)
@@ -712,13 +728,17 @@ cdef class Engine:
         return problem
 
     @property
-    def cache_time_ns(self):
-        """How far each frame's history reaches back, in nanoseconds."""
+    def _tf2_cache_time_ns(self):
         cdef int64_t cache_time_ns
         lock_acquire(&self._lock)
         cache_time_ns = self._tree.cache_time_ns
         lock_release(&self._lock)
         return cache_time_ns
+
+    @_Overridable
+    def cache_time_ns(self):
+        """How far each frame's history reaches back, in nanoseconds."""
+        return self._tf2_cache_time_ns
 
 
 cdef _extend(list chain, list frames):

@@ -44,14 +44,19 @@ cdef class PolicyObject:
     """What a lookup accepts beyond tf2's; made by :func:`policy_of`."""
 
 
-def policy_of(tolerance=None, extrapolate=False, max_gap=None, interpolation="linear"):
+def policy_of(call, tolerance=None, extrapolate=False, max_gap=None, interpolation="linear", **unknown):
     """
     The policy of these arguments, which are those of ``Buffer.lookup_transform``; None: all are defaults.
 
-    :raises TypeError: one of them has the wrong type.
+    :param call: the method that a program called with them.
+    :raises TypeError: one of them has the wrong type, or there are others.
     :raises ValueError: a duration is negative, or the interpolation is unknown.
     """
     cdef PolicyObject made
+    for name in unknown:
+        meant = errors.closest(name, ("timeout", "tolerance", "extrapolate", "max_gap", "interpolation"))
+        raise TypeError(f"{call}() got an unexpected keyword argument {name!r}"
+                        + (f". Did you mean {meant[0]!r}?" if meant else ""))
     if interpolation not in ("linear", "cubic"):
         raise ValueError(f"interpolation must be 'linear' or 'cubic', not {interpolation!r}")
     if tolerance is None and extrapolate:
@@ -212,19 +217,20 @@ cdef object query_error(const Query* query, Status status, str child, str parent
                         object buffer):
     target, source, fixed = _query_names(query)
     if status.code == STATUS_BAD_TARGET:
-        return _bad_name(target, "target_frame", call, advice, buffer._known_names)
+        return _bad_name(target, "target_frame", call, advice, buffer._tf2_names)
     if status.code == STATUS_BAD_SOURCE:
-        return _bad_name(source, "source_frame", call, advice, buffer._known_names)
+        return _bad_name(source, "source_frame", call, advice, buffer._tf2_names)
     if status.code == STATUS_BAD_FIXED:
-        return _bad_name(fixed, "fixed_frame", call, advice, buffer._known_names)
+        return _bad_name(fixed, "fixed_frame", call, advice, buffer._tf2_names)
     target, source = _ends(query, status)
     if status.code == STATUS_UNCONNECTED:
-        return advice.with_silence(errors.unconnected(target, source), buffer, dynamic_only=False)
+        error = errors.unconnected(target, source, parent, child)
+        return advice.with_silence(error, buffer, dynamic_only=False)
     if status.code == STATUS_LOOP:
         return errors.loop(target, source)
     if status.gap == GAP_LONG:
         return errors.long_gap(
-            child, parent, status.requested_ns, status.edge_ns, status.newer_ns, query.policy.max_gap_ns,
+            child, status.requested_ns, status.edge_ns, status.newer_ns, query.policy.max_gap_ns,
             target, source,
         )
     error = errors.extrapolation(

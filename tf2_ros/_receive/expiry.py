@@ -3,6 +3,7 @@
 import weakref
 from typing import Any
 
+from tf2_py import BufferCore
 from tf2_ros._receive.inboxes import check_regularly
 
 
@@ -27,7 +28,7 @@ class Expiry:
         if buffer is None:
             return
         oldest_ns = buffer.clock.now().nanoseconds - self._after_ns
-        for name, frame in buffer.frames().items():
+        for name, frame in BufferCore.frames(buffer).items():
             # A frame without a newest stamp may be one that was emptied by a clear.
             if not frame.static and (frame.newest_ns or 0) < oldest_ns:
-                buffer._forget_silent(name, oldest_ns)
+                BufferCore._forget_silent(buffer, name, oldest_ns)

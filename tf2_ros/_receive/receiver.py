@@ -144,7 +144,7 @@ class Receiver(RclInbox):
     Inserts what arrives on a listener's subscriptions into a buffer when that is read.
 
     :param listener: a TransformListener. A subscription whose messages code of a program handles
-        (``_direct_buffer`` is None, or ``_is_own`` false) is left to executors for good.
+        (``_tf2_direct_buffer`` is None, or ``_tf2_is_own`` false) is left to executors for good.
     :param subscriptions: at most one of each kind, and whether its transforms are static; all of class
         Subscription.
     :param queue: the CallbackQueue of the node. It keeps this object until :meth:`close`, and is informed of
@@ -168,7 +168,7 @@ class Receiver(RclInbox):
         self._clock_use = ExitStack()
         self._queue = queue
         self.forked = False  # whether it is that of a parent process
-        self.set_up(authority, queue, listener._recording, listener._prefix)
+        self.set_up(authority, queue, listener._tf2_recording, listener._tf2_prefix)
         self._topics: dict[bool, _Topic] = {}  # by whether they are static
         threads.start()
         self._adopt(subscriptions)
@@ -197,14 +197,14 @@ class Receiver(RclInbox):
     def decide(self) -> bool:
         """Find out who gets the messages; return whether this receiver takes any."""
         listener = self._listener()
-        buffer = None if listener is None else listener._direct_buffer()
+        buffer = None if listener is None else listener._tf2_direct_buffer()
         for topic in tuple(self._topics.values()):
             subscription = topic.subscription()
             if (
                 listener is None
                 or buffer is None
                 or subscription is None
-                or not listener._is_own(subscription.callback, topic.is_static)
+                or not listener._tf2_is_own(subscription.callback, topic.is_static)
             ):
                 self._give_back(topic)
         if not self._topics:

@@ -58,7 +58,7 @@ class ReceivedTopic:
         listener, subscription = self._listener(), self._subscription()
         if listener is None or subscription is None:
             return False
-        is_own: bool = listener._is_own(subscription.callback, self.is_static)
+        is_own: bool = listener._tf2_is_own(subscription.callback, self.is_static)
         return is_own
 
     def is_open(self) -> bool:

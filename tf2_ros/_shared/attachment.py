@@ -234,7 +234,7 @@ class AttachedListener:
     What a listener has instead of subscriptions.
 
     :param listener: has ``buffer``, ``node`` and ``group``. The node keeps it alive until :meth:`close`.
-        Its ``_listen_itself()`` makes its subscriptions, ``_stop_listening()`` destroys them.
+        Its ``_tf2_listen_itself()`` makes its subscriptions, ``_tf2_stop_listening()`` destroys them.
     :param attachment: of its buffer.
     :param topics: those that it would subscribe to.
     """
@@ -272,7 +272,7 @@ class AttachedListener:
             return
         if listener.__dict__.get("buffer") is not self._attachment.buffer():
             self.leave("this program gives the listener another buffer")
-        elif self._attachment.is_by_environment and not listener._is_direct():
+        elif self._attachment.is_by_environment and not listener._tf2_is_direct():
             self.leave("this program handles what is received")
 
     def use_subscriptions(self) -> None:
@@ -296,8 +296,8 @@ class AttachedListener:
             attachment, buffer = self._attachment, self._attachment.buffer()
             if attachment.is_by_environment and not attachment.listeners:
                 attachment.close()
-                if buffer is not None and buffer._sharing is attachment:
-                    buffer._sharing = None
+                if buffer is not None and buffer._tf2_sharing is attachment:
+                    buffer._tf2_sharing = None
             if not self._listens:
                 self._subscribe(reason)
 
@@ -317,7 +317,7 @@ class AttachedListener:
             self._inform()
             if self._listens and not context_was_shut_down(listener.node.context):
                 self._listens = False
-                listener._stop_listening()
+                listener._tf2_stop_listening()
                 _log_use(listener.node, ring)
 
     def close(self) -> None:
@@ -361,7 +361,7 @@ class AttachedListener:
             return False
         leaves = f"leaves the shared buffer {self._attachment.name!r}: {reason}"
         _log(listener.node, f"subscribes on its own from now on, and {leaves}")
-        listener._listen_itself()
+        listener._tf2_listen_itself()
         return True
 
 
@@ -377,7 +377,7 @@ def attach_listener(listener: Any, is_usual: bool, topics: Sequence[str]) -> Att
     node: Any = listener.node
     if not isinstance(node, Node):
         return None
-    sharing = buffer._sharing
+    sharing = buffer._tf2_sharing
     if isinstance(sharing, Owner):
         resolved = [node.resolve_topic_name(name) for name in topics]
         sharing.add_listener(listener, node.context.get_domain_id(), resolved)
@@ -401,7 +401,7 @@ def _by_environment(buffer: Any, node: "Node", is_usual: bool, topics: Sequence[
             raise SharedBufferError("it, or its buffer, is of another kind than tf2's")
         if (why := problem()) is not None:
             raise SharedBufferError(f"nothing is received here: {why}")
-        if buffer._known_names():
+        if buffer._tf2_names():
             raise SharedBufferError("its buffer holds frames already")
         ring = open_ring(name)
         if lack := _lack(ring, buffer, node, topics):
@@ -409,7 +409,7 @@ def _by_environment(buffer: Any, node: "Node", is_usual: bool, topics: Sequence[
     except (SharedBufferError, ValueError) as reason:
         _log(node, f"subscribes on its own: {reason}")
         return None
-    buffer._sharing = found = Attachment(buffer, ring, is_by_environment=True)
+    buffer._tf2_sharing = found = Attachment(buffer, ring, is_by_environment=True)
     _log_use(node, ring)
     return found
 
@@ -433,11 +433,12 @@ def _lack(ring: Ring, buffer: Any, node: "Node", topics: Sequence[str]) -> str:
     missing = [name for name in map(node.resolve_topic_name, topics) if name not in owner.topics]
     if missing:
         return f"is not filled from {' and '.join(missing)}"
-    if owner.cache_time_ns < buffer.cache_time_ns:
-        return f"keeps {owner.cache_time_ns / 1e9:g} s, this one {buffer.cache_time_ns / 1e9:g} s"
+    cache_time_ns: int = buffer._tf2_cache_time_ns
+    if owner.cache_time_ns < cache_time_ns:
+        return f"keeps {owner.cache_time_ns / 1e9:g} s, this one {cache_time_ns / 1e9:g} s"
     short_ns, missed = ring.shortage
-    if 0 < short_ns < buffer.cache_time_ns:
-        return f"has memory for {short_ns / 1e9:.3g} s, this one keeps {buffer.cache_time_ns / 1e9:g} s"
+    if 0 < short_ns < cache_time_ns:
+        return f"has memory for {short_ns / 1e9:.3g} s, this one keeps {cache_time_ns / 1e9:g} s"
     if missed:
         return "has no memory for all messages"
     clock: Any = node.get_clock()

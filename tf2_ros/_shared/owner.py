@@ -38,12 +38,12 @@ class Owner:
         self.name = name
         self.path = segment_path(name)
         program = os.path.basename(sys.argv[0]) if sys.argv else ""
-        self._description = Description(os.getpid(), program[:100], buffer.cache_time_ns)
+        self._description = Description(os.getpid(), program[:100], buffer._tf2_cache_time_ns)
         remove_dead_files()
         try:
             size = _file_size()
             descriptor, lock_descriptor = make_file()
-            self._ring = RingWriter(descriptor, lock_descriptor, size, buffer.cache_time_ns)
+            self._ring = RingWriter(descriptor, lock_descriptor, size, buffer._tf2_cache_time_ns)
             self._describe()
             file = os.fstat(descriptor)
             publish(descriptor, self.path)

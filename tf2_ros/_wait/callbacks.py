@@ -273,5 +273,5 @@ def callback_queue(node: object) -> CallbackQueue:
 
 def queue_of(buffer: object) -> CallbackQueue:
     """Get the queue of the node whose listener fills, or last filled, a buffer; or that of the process."""
-    contexts = getattr(buffer, "_wait_contexts", None)
+    contexts = getattr(buffer, "_tf2_wait_contexts", None)
     return callback_queue(contexts.listening_node() if isinstance(contexts, WaitContexts) else None)

@@ -313,7 +313,7 @@ class PendingMessages:
             except TransformException:
                 continue  # not connected yet
             # Every frame on the path now refuses data of this time.
-            if stamp_ns and newest_ns - self._buffer.cache_time_ns > stamp_ns:
+            if stamp_ns and newest_ns - self._buffer._tf2_cache_time_ns > stamp_ns:
                 return True
         return False
 

@@ -238,7 +238,7 @@ class TransformFuture(WakingFuture[TransformStamped]):
 
     def __init__(self, core: BufferCore, lookup: Lookup, timeout: Any = None) -> None:
         self.__shutdown = Shutdown(core)
-        self.__kept: set[Any] = core._kept
+        self.__kept: set[Any] = core._tf2_kept
         super().__init__(self.__shutdown.happened, self.__kept)
         self.__begin_ns = time.monotonic_ns()
         self.__timeout_ns = optional_timeout_ns(timeout)

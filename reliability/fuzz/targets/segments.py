@@ -37,12 +37,12 @@ def run(data: bytes) -> None:
                     break
                 _step(given, memory, owner, reader, name, step)
             _ask(reader)
-            reader._sharing.close()
+            reader._tf2_sharing.close()
             answers(reader)
             _insert(reader, 50)
             reader._self_check()
     finally:
-        owner._sharing.close()
+        owner._tf2_sharing.close()
 
 
 @contextmanager

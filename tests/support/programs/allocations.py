@@ -440,7 +440,7 @@ def new_name():
 
 def stop_sharing(made):
     for one in (getattr(made, "owner", None), made.buffer):
-        sharing = one.__dict__.get("_sharing") if one is not None else None
+        sharing = one.__dict__.get("_tf2_sharing") if one is not None else None
         for name in ("stop", "close"):
             getattr(sharing, name, lambda: None)()
 
@@ -466,7 +466,7 @@ def owner(samples=8):
 def pair(samples=8):
     def make():
         owning = fill(Buffer(Duration(seconds=100), share=new_name()), samples)
-        reader = Buffer(attach=owning._sharing.name)
+        reader = Buffer(attach=owning._tf2_sharing.name)
         reader.tree()  # which reads what is shared
         return SimpleNamespace(owner=owning, buffer=reader)
 
@@ -487,15 +487,15 @@ def stop_both(made):
 def _(made):
     from tf2_ros._shared.owner import Owner
 
-    made.buffer._sharing = Owner(made.buffer, new_name())
+    made.buffer._tf2_sharing = Owner(made.buffer, new_name())
 
 
 @operation("attach", owner(), end=stop_both)
 @refused_without_memory
 def _(made):
-    reader = Buffer(attach=made.buffer._sharing.name)
+    reader = Buffer(attach=made.buffer._tf2_sharing.name)
     told = reader.tree()
-    reader._sharing.close()
+    reader._tf2_sharing.close()
     # Not what it returned: a message that there is no memory for is missing, as in a listener's buffer.
     return type(told)
 

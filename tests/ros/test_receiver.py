@@ -314,7 +314,7 @@ class TestEnd:
                     context.shutdown()
                 else:
                     break
-            return references
+            return references, context.handle
 
         def are_gone(references):
             gc.collect()
@@ -322,8 +322,10 @@ class TestEnd:
 
         def all_orders():
             for order in orders:
-                references = live_and_end(order)
+                references, context_handle = live_and_end(order)
                 until(lambda found=references: are_gone(found))
+                if context_handle.ok():
+                    context_handle.shutdown()  # at the next signal, rclpy would use the context after its end
 
         all_orders()
         before = threads(), files()

@@ -22,8 +22,8 @@ def main():
     rclpy.init()
     node = rclpy.create_node("client")
     with running_server() as server:
-        print(f"the server is process {server.pid}, the client waits for it")
         client = BufferClient(node, "tf2_buffer_server")
+        print(f"the server is process {server.pid}, the client waits for it")
         try:
             return ask(node, client)
         finally:

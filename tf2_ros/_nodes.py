@@ -7,7 +7,7 @@ import atexit
 import threading
 import weakref
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import Any
 
 from rclpy.context import Context
@@ -29,7 +29,9 @@ from tf2_ros._rclpy import (
     is_shut_down,
     mark_shut_down,
     node_handles,
+    trigger,
 )
+from tf2_ros._receive.inboxes import check_regularly
 
 END_WAIT_S = 1.0  # for a callback that runs when the thread is to end
 
@@ -86,6 +88,34 @@ class NodeUse:
         skip_exit_handlers()
 
 
+class ShutdownWaker:
+    """
+    As long as this exists, wakes an executor that sleeps after the shutdown of its context, within seconds.
+
+    After a signal, rclpy first wakes its executors and then shuts the contexts down. One that goes to sleep
+    in between sleeps until something else wakes it. With tf2, messages do; here, they rarely wake executors.
+
+    :param wake_handle: the handle of a guard condition that the executor waits for.
+    """
+
+    def __init__(self, context: Context, wake_handle: Any) -> None:
+        self._context = context
+        self._wake_handle = wake_handle
+        self._forked = False
+        register_for_fork(self)
+        with suppress(RuntimeError):  # no thread can be started now; the next listener tries again
+            check_regularly(self)
+
+    def after_fork(self) -> None:
+        """Wake nobody in a forked child."""
+        self._forked = True
+
+    def check(self) -> None:
+        """Wake the executor if its context was shut down."""
+        if not self._forked and context_was_shut_down(self._context):
+            trigger(self._wake_handle)
+
+
 _running: "LiveObjects[Spinner]" = LiveObjects()
 
 
@@ -115,6 +145,7 @@ class Spinner:
         self._at_end = at_end
         self.executor = SingleThreadedExecutor(context=node.context)
         self._wake_handle = executor_wake_handle(self.executor)
+        self._waker = ShutdownWaker(node.context, self._wake_handle)
         self._node_use = NodeUse(node)
         self.executor.add_node(node)
         self.thread = threading.Thread(target=self._run, name="tf2_ros listener", daemon=daemon)

@@ -167,8 +167,14 @@ def mark_shut_down(executor: Executor, wake_handle: Any) -> None:
         executor.shutdown(timeout_sec=0)
         return
     executor._is_shutdown = True
-    with suppress(InvalidHandle), wake_handle:  # it was destroyed: the spin has ended
-        wake_handle.trigger_guard_condition()
+    trigger(wake_handle)
+
+
+def trigger(wake_handle: Any) -> None:
+    """Wake the executor that waits for a guard condition, given its handle; without one, do nothing."""
+    if wake_handle is not None:
+        with suppress(InvalidHandle), wake_handle:  # it was destroyed: the spin has ended
+            wake_handle.trigger_guard_condition()
 
 
 def executor_handles(executor: Executor) -> list[Any]:

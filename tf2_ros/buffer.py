@@ -298,8 +298,8 @@ class Buffer(BufferCore, AnsweringInterface):
         listener's node, or in a thread for callbacks if there is no such executor. With an invalid name, the
         future holds an ``InvalidArgumentException`` at once.
         """
-        lookup = Lookup.simple(target_frame, source_frame, time, policy_of("wait_for_transform_async", **policy))
-        return TransformFuture(self, lookup, timeout)
+        checked = policy_of("wait_for_transform_async", **policy)
+        return TransformFuture(self, Lookup.simple(target_frame, source_frame, time, checked), timeout)
 
     def wait_for_transform_full_async(
         self,

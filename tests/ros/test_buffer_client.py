@@ -21,7 +21,7 @@ from rclpy.duration import Duration, Infinite
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_action_status_default
 from rclpy.time import Time
-from spinning import spun_node
+from spinning import shut_down_at_sleep, spun_node
 
 from tf2_msgs.action import LookupTransform
 
@@ -279,6 +279,11 @@ class TestWithoutServer:
                     await asyncio.wait_for(one, DEADLINE_S)
 
         asyncio.run(main())
+
+    def test_a_shutdown_that_wakes_nobody_ends_its_thread(self, tf2_ros, node):
+        client = tf2_ros.BufferClient(node, "lookup")
+        shut_down_at_sleep(client._goal_sender._steps)
+        until(lambda: not client._goal_sender.alive())
 
     def test_a_check_frequency_of_zero_is_refused(self, tf2_ros, node):
         with pytest.raises(ValueError, match="check_frequency"):

@@ -14,7 +14,7 @@ from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from rclpy.time import Time
-from spinning import spinning
+from spinning import shut_down_at_sleep, spinning
 
 from tf2_ros._wait.callbacks import callback_queue
 
@@ -187,6 +187,12 @@ class TestSpinOnce:
             handled.append(0)
             signal.signal(signal.SIGALRM, before)
             sender.join()
+
+    @pytest.mark.ours
+    def test_a_shutdown_ends_a_loop_that_nothing_wakes(self, ros, listener, node, any_executor):
+        """As after a signal that finds it on its way to sleep."""
+        with spinning(any_executor):
+            shut_down_at_sleep(callback_queue(node))
 
     def test_a_task_that_polls_runs(self, buffer, listener, executor, peer):
         publisher, turns = peer(), itertools.count()

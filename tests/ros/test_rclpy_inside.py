@@ -138,6 +138,7 @@ class TestExecutors:
         other = Other()
         assert not _rclpy.is_shut_down(other)
         assert _rclpy.executor_wake_handle(other) is None
+        _rclpy.trigger(None)
         assert _rclpy.executor_handles(other) == []
         _rclpy.mark_shut_down(other, None)
         assert calls == [0]

@@ -14,7 +14,7 @@ import pytest
 from forking import in_a_child
 from making import at, at_ns, transform, translation
 from paths import SUPPORT
-from processes import DEADLINE_S, start, until
+from processes import DEADLINE_S, errors_so_far, start, until
 from programs import flood as flooding
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
@@ -120,7 +120,7 @@ class TestWithoutAnExecutor:
         """The node is not spun, so no executor can log it."""
         other = new_node("volatile")
         other.create_publisher(TFMessage, "/tf_static", 10)
-        until(lambda: "incompatible QoS" in (capfd.readouterr().err))
+        until(lambda: "incompatible QoS" in errors_so_far())
 
     def test_it_is_a_subscription_of_the_node(self, listener, node):
         assert {listener.tf_sub, listener.tf_static_sub} <= set(node.subscriptions)
@@ -199,7 +199,7 @@ class TestTrouble:
         publisher.send(("map", "arm", 1 * S, 1))
         until(knows(buffer, "arm"))
         assert listener.receives
-        until(lambda: "the callback's own" in capfd.readouterr().err)
+        until(lambda: "the callback's own" in errors_so_far())
 
     def test_a_callback_of_a_future_may_end_it(self, buffer, listener, node, peer):
         ended = []
@@ -247,7 +247,7 @@ class TestTrouble:
         publisher = peer()
         publisher.send(("map", "map", 1 * S, 1), ("map", "robot", 1 * S, 1))
         until(knows(buffer, "robot"))
-        until(lambda: "TF_SELF_TRANSFORM" in capfd.readouterr().err)
+        until(lambda: "TF_SELF_TRANSFORM" in errors_so_far())
 
     def test_a_constructor_that_fails_leaves_no_thread(self, tf2_ros, buffer, node):
         class Failing(tf2_ros.TransformListener):
@@ -314,7 +314,7 @@ class TestEnd:
                     context.shutdown()
                 else:
                     break
-            return references
+            return references, context.handle
 
         def are_gone(references):
             gc.collect()
@@ -322,8 +322,10 @@ class TestEnd:
 
         def all_orders():
             for order in orders:
-                references = live_and_end(order)
+                references, context_handle = live_and_end(order)
                 until(lambda found=references: are_gone(found))
+                if context_handle.ok():
+                    context_handle.shutdown()  # at the next signal, rclpy would use the context after its end
 
         all_orders()
         before = threads(), files()

@@ -1,9 +1,11 @@
 """Listeners, with the publishers in processes of their own."""
 
 import gc
+import linecache
 import re
 import signal
 import subprocess
+import sys
 import threading
 import weakref
 
@@ -19,9 +21,10 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
-from spinning import spinning
+from spinning import shut_down_at_sleep, shut_down_quietly, spinning
 
 from tf2_msgs.msg import TFMessage
+from tf2_ros._wait.callbacks import callback_queue
 
 S = 10**9
 LATEST = Time()
@@ -528,6 +531,25 @@ class TestThread:
         listener.unregister()
 
     @pytest.mark.ours
+    @pytest.mark.parametrize("whose", ["its own", "a program's"])
+    def test_a_shutdown_that_wakes_nobody_ends_it(self, tf2_ros, buffer, ros, node, whose):
+        """After a signal, rclpy wakes executors before it shuts down, and they may sleep again in between."""
+        listener = tf2_ros.TransformListener(buffer, None if whose == "its own" else node, spin_thread=True)
+        shut_down_at_sleep(callback_queue(listener.node))
+        until(lambda: not listener.dedicated_listener_thread.is_alive())
+
+    @pytest.mark.ours
+    def test_a_shutdown_that_wakes_nobody_ends_one_whose_node_was_taken_over(
+        self, tf2_ros, buffer, ros, node, executor
+    ):
+        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
+        executor.add_node(node)
+        thread = listener.dedicated_listener_thread
+        until(lambda: waits_for_no_node(thread))
+        shut_down_quietly(node.context)
+        until(lambda: not thread.is_alive())
+
+    @pytest.mark.ours
     def test_a_callback_in_the_thread_may_end_it(self, tf2_ros, buffer, node):
         listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
         node.create_timer(0.001, listener.__del__)
@@ -560,6 +582,13 @@ class TestThread:
         ticks.clear()
         until(lambda: len(ticks) > 3)
         end(listener)
+
+
+def waits_for_no_node(thread):
+    """Whether the executor that this thread spins has no node, and sleeps."""
+    frame = sys._current_frames()[thread.ident]
+    line = linecache.getline(frame.f_code.co_filename, frame.f_lineno)
+    return "wait_set.wait(" in line and frame.f_locals["nodes_to_use"] == []
 
 
 def end(listener):

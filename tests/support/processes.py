@@ -33,6 +33,16 @@ def until(condition, executor=None):
     return value
 
 
+def errors_so_far():
+    """
+    What was written to stderr, in a test with the fixture `capfd`.
+
+    For `until`: `capfd.readouterr()` empties what it has read, and with it what other threads and processes
+    write in between.
+    """
+    return os.pread(2, os.fstat(2).st_size, 0).decode("utf-8", "replace")
+
+
 def answered(ask, executor):
     """The response of a service, asked until it comes: a node sends none to a client it has not found."""
 

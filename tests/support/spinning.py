@@ -1,10 +1,11 @@
 """Spins nodes beside the tests."""
 
+import itertools
 import threading
 from contextlib import contextmanager
 
 import rclpy
-from processes import DEADLINE_S
+from processes import DEADLINE_S, until
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 
@@ -46,3 +47,30 @@ def spun_node(name):
     finally:
         node.destroy_node()
         context.try_shutdown()
+
+
+def shut_down_quietly(context):
+    """Shut a context down as rclpy does after a signal: executors that sleep are not woken."""
+    context.handle.shutdown()
+    context._logging_fini()  # which nobody does after a signal, but later tests need
+
+
+def shut_down_at_sleep(queue):
+    """
+    Quietly shut down the context of a node, while the executor that spins it goes to sleep.
+
+    :param queue: a CallbackQueue of the node.
+    """
+    context, rounds, began = queue.node().context, itertools.count(), threading.Event()
+
+    def before_sleep(_):
+        if not began.is_set() or next(rounds) < 3:
+            queue.wake()  # until all that has woken the executor before is used up
+        elif context.ok():
+            shut_down_quietly(context)
+
+    queue.inform(before_sleep)
+    queue.wake()
+    began.set()
+    until(lambda: not context.ok())
+    queue.inform_no_more(before_sleep)

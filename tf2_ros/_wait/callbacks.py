@@ -14,7 +14,7 @@ from rclpy.waitable import Waitable
 
 from tf2_py._internal import call_all
 from tf2_ros._forking import LOCK, keep_for_ever, register_for_fork
-from tf2_ros._nodes import WaitContexts, node_has_ended
+from tf2_ros._nodes import ShutdownWaker, WaitContexts, node_has_ended
 from tf2_ros._rclpy import holding_executor, is_in_callback, new_wake_handle
 from tf2_ros._wait.rounds import ExecutorRounds
 from tf2_ros._wait.timers import LINGER_S, Worker, deadlines
@@ -66,6 +66,7 @@ class CallbackQueue(ExecutorRounds, Waitable):
                 self._given_up = None
             self._guard = new_wake_handle(node.context)
             self.set_up(self._guard)
+            self._waker = ShutdownWaker(node.context, self._guard)
             node.add_waitable(self)
 
     def put(self, call: Call) -> None:

@@ -282,8 +282,8 @@ class TestWithoutServer:
 
     def test_a_shutdown_that_wakes_nobody_ends_its_thread(self, tf2_ros, node):
         client = tf2_ros.BufferClient(node, "lookup")
-        shut_down_at_sleep(client._goal_sender._steps)
-        until(lambda: not client._goal_sender.alive())
+        shut_down_at_sleep(client._tf2_goal_sender._steps)
+        until(lambda: not client._tf2_goal_sender.alive())
 
     def test_a_check_frequency_of_zero_is_refused(self, tf2_ros, node):
         with pytest.raises(ValueError, match="check_frequency"):

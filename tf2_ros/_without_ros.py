@@ -16,14 +16,6 @@ class Shutdown:
         return False
 
 
-def attribute_changed(buffer: object) -> None:
-    """Do nothing, because no receiver calls a buffer's methods."""
-
-
-def insert_arrived(buffer: object) -> None:
-    """Do nothing, because nothing arrives."""
-
-
 def TransformFuture(*arguments: object) -> NoReturn:
     """Refuse to make a future, which is a class of rclpy."""
     raise absence("a future of a transform")

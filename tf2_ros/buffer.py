@@ -29,7 +29,7 @@ if TYPE_CHECKING or HAS_ROS:
 
     from tf2_msgs.srv import FrameGraph
     from tf2_ros._nodes import WaitContexts, fills
-    from tf2_ros._receive.inboxes import attribute_changed, held, insert_arrived
+    from tf2_ros._receive.inboxes import held
     from tf2_ros._wait.changes import Changes, ChangeSubscription
     from tf2_ros._wait.futures import TransformFuture, WakingFuture
 
@@ -38,12 +38,7 @@ if TYPE_CHECKING or HAS_ROS:
         from tf2_ros._shared.attachment import Attachment, Ring
         from tf2_ros._shared.owner import Owner
 else:
-    from tf2_ros._without_ros import (
-        Changes,
-        TransformFuture,
-        attribute_changed,
-        insert_arrived,
-    )
+    from tf2_ros._without_ros import Changes, TransformFuture
 
 __all__ = ["Buffer"]
 add_names_of_tf2(globals())
@@ -64,9 +59,6 @@ _OF_INIT = {
     "_tf2_expiry",
 }
 _OF_INIT |= {"_new_data_callbacks"}  # and what tf2's does
-
-# Setting one of these may change what inserts the transforms that listeners receive.
-_DECIDING = SETTERS | {"__class__"}
 
 
 class Buffer(BufferCore, AnsweringInterface):
@@ -172,12 +164,8 @@ class Buffer(BufferCore, AnsweringInterface):
         self.jump_handle: JumpHandle = _clear_at_jumps(self)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name in _DECIDING:
-            insert_arrived(self)  # not by what is being set
         super().__setattr__(name, value)
-        if name in _DECIDING:
-            attribute_changed(self)
-        elif name == "_new_data_callbacks" and self._call_new_data_callbacks not in self._tf2_observers:
+        if name == "_new_data_callbacks" and self._call_new_data_callbacks not in self._tf2_observers:
             self._tf2_observers.append(self._call_new_data_callbacks)
 
     def __getstate__(self) -> dict[str, Any]:

@@ -42,9 +42,6 @@ DEFAULT_STATIC_TF_TOPIC = "/tf_static"
 
 AUTHORITY = "default_authority"  # messages do not name their publisher
 
-# Setting one of these redirects what arrives.
-REDIRECTING = frozenset({"buffer", "__class__"})
-
 
 _Listener = TypeVar("_Listener", bound="TransformListener")
 
@@ -82,10 +79,10 @@ class TransformListener:
 
     What has arrived is inserted before the buffer is read, whether the node is spun or not, and while
     callbacks block. In some cases the executor that spins the node inserts it instead: if a subclass
-    overrides ``callback`` or ``static_callback``; if a program replaces the callback of a subscription or a
-    ``set_transform*`` of the buffer, now or later; if the buffer is not a :class:`tf2_ros.Buffer`; if the
-    node makes subscriptions of another class than rclpy's; and if this version of rcl is not known. The
-    property ``receives`` names the topics that need no executor.
+    overrides ``callback`` or ``static_callback``; if the buffer is not a :class:`tf2_ros.Buffer`, or it or
+    its class has a ``set_transform*`` of its own; if the node makes subscriptions of another class than
+    rclpy's; and if this version of rcl is not known. That is decided when the listener is made, and when
+    another ``buffer`` is assigned. The property ``receives`` names the topics that need no executor.
 
     If its buffer is attached to the buffer of another process, it subscribes to nothing. With
     ``TF2_SHARED_BUFFER`` in the environment, it attaches its buffer, if it would receive the same messages,
@@ -111,6 +108,10 @@ class TransformListener:
     >>> answer.transform.translation.x
     0.3
     """
+
+    # None where it does not exist, for example because the buffer is attached.
+    tf_sub: Subscription | None = None
+    tf_static_sub: Subscription | None = None
 
     _tf2_stays = True  # a copy of a buffer whose attribute this is does not have it
 
@@ -185,50 +186,17 @@ class TransformListener:
             raise
 
     def __setattr__(self, name: str, value: Any) -> None:
-        # What arrived before a change goes where it belonged.
-        if name in REDIRECTING and self._tf2_receiver is not None:
+        # What arrived before goes into the buffer of before.
+        if name == "buffer" and self._tf2_receiver is not None:
             self._tf2_receiver.catch_up()
         super().__setattr__(name, value)
-        if name in REDIRECTING:
+        if name == "buffer":
             for source in (self._tf2_attachment, self._tf2_receiver):
                 if source is not None:
-                    source.decide()
+                    source.redirect()
         if name == "buffer" and self._tf2_reception is not None:
             fills(self.node, value, listener=True)
             self._tf2_reception.fill(value)
-
-    @property
-    def tf_sub(self) -> Subscription | None:
-        """
-        The subscription to dynamic transforms.
-
-        None if it does not exist, for example because the program attached the buffer. If the environment
-        variable attached the buffer, reading or setting this makes the listener subscribe on its own.
-        """
-        return self.__subscription_of("tf_sub")
-
-    @tf_sub.setter
-    def tf_sub(self, value: Subscription | None) -> None:
-        self.__use_subscriptions()
-        self.__dict__["tf_sub"] = value
-
-    @property
-    def tf_static_sub(self) -> Subscription | None:
-        """The subscription to static transforms; see :attr:`tf_sub`."""
-        return self.__subscription_of("tf_static_sub")
-
-    @tf_static_sub.setter
-    def tf_static_sub(self, value: Subscription | None) -> None:
-        self.__use_subscriptions()
-        self.__dict__["tf_static_sub"] = value
-
-    def __subscription_of(self, name: str) -> Subscription | None:
-        self.__use_subscriptions()
-        return self.__dict__.get(name)
-
-    def __use_subscriptions(self) -> None:
-        if self._tf2_attachment is not None:
-            self._tf2_attachment.use_subscriptions()
 
     @property
     def receives(self) -> tuple[str, ...]:
@@ -417,7 +385,7 @@ class TransformListener:
             (self.__dict__.get("tf_static_sub"), True),
         ]
         topics = [
-            ReceivedTopic(self, subscription, static)
+            ReceivedTopic(subscription, static, self._tf2_is_own(subscription.callback, static))
             for subscription, static in found
             if isinstance(subscription, Subscription)
         ]

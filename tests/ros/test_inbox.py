@@ -142,40 +142,6 @@ class TestWhoGetsIt:
         until(lambda: "late" in other)
         assert "early" in buffer and "late" not in buffer and "early" not in other
 
-    def test_what_arrived_before_is_not_for_a_new_callback(self, buffer, listener, peer, executor):
-        publisher, got = peer(), []
-        publisher.send(("map", "early", 1 * S, 5))
-        until(arrived(listener))
-        listener.tf_sub.callback = got.append
-        assert "early" in buffer
-        publisher.send(("map", "late", 1 * S, 5))
-        until(lambda: got, executor)
-        assert [one.child_frame_id for message in got for one in message.transforms] == ["late"]
-
-    @pytest.mark.parametrize("where", ["instance", "class"])
-    def test_a_patched_set_transform_gets_what_comes_after(self, tf2_ros, node, peer, executor, where):
-        class Mine(tf2_ros.Buffer):
-            pass
-
-        buffer, got = Mine(), []
-        with tf2_ros.TransformListener(buffer, node) as listener:
-            publisher = peer()
-            publisher.send(("map", "early", 1 * S, 5))
-            until(arrived(listener))
-            assert "early" in buffer
-            if where == "instance":
-                buffer.set_transform = lambda transform, authority: got.append(transform.child_frame_id)
-            else:
-                Mine.set_transform = lambda self, transform, authority: got.append(transform.child_frame_id)
-                # Noticed within a second, when messages arrive.
-                until(lambda: publisher.send(("map", "early", 1 * S, 5)) or not listener.receives)
-            publisher.send(("map", "late", 1 * S, 5))
-            # No code of the program runs inside a lookup.
-            until(lambda: not listener.receives or buffer.can_transform("map", "late", LATEST))
-            assert got == []
-            until(lambda: "late" in got, executor)
-            assert got[-1] == "late" and "late" not in buffer
-
     def test_a_callback_set_on_the_listener_changes_nothing(self, buffer, listener, peer):
         """As in tf2: the subscription has the bound method."""
         listener.callback = lambda message: pytest.fail("called")
@@ -264,15 +230,6 @@ class TestEnd:
                 node.destroy_node()
             del node
             gc.collect()
-
-    def test_a_buffer_may_end_before_its_listener(self, tf2_ros, node, peer):
-        """Nothing is told of a change that is made past ``setattr``."""
-        publisher, other = peer(), tf2_ros.Buffer()
-        with tf2_ros.TransformListener(tf2_ros.Buffer(), node) as listener:
-            vars(listener)["buffer"] = other
-            gc.collect()
-            publisher.send(("map", "robot", 1 * S, 5))
-            until(lambda: "robot" in other)
 
     def test_threads_read_one_inbox_while_it_fills(self, tf2_ros, buffer, node, flood):
         ending, errors = threading.Event(), []

@@ -147,34 +147,6 @@ def test_a_program_inserts_and_clears_and_stays_attached(shared, node, peer):
     assert is_attached(listener)
 
 
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        (lambda _, buffer: setattr(buffer, "set_transform", lambda *_: None), "handles what is received"),
-        (lambda listener, _: listener.tf_sub.topic_name, "uses the listener's subscriptions"),
-        (
-            lambda listener, _: setattr(listener, "tf_sub", listener.tf_sub),
-            "uses the listener's subscriptions",
-        ),
-    ],
-    ids=["set_transform", "tf_sub", "another tf_sub"],
-)
-def test_a_program_that_handles_what_is_received_listens_itself(shared, node, peer, change, reason, capfd):
-    shared()
-    buffer = Buffer()
-    listener = TransformListener(buffer, node)
-    sender = peer()
-    arrive(sender, buffer, "robot", ("map", "robot", 1 * S, 1))
-    change(listener, buffer)
-    until(lambda: not is_attached(listener))
-    until(lambda: bool(listener.receives) == ("set_transform" not in buffer.__dict__))
-    assert reason in logged(capfd)
-    assert buffer._tf2_sharing is None
-    sender.send_without_subscriber(("map", "mount", 0, 4), static=True)
-    if "set_transform" not in buffer.__dict__:
-        until(knows(buffer, "mount"))
-
-
 def test_a_forked_child_reads_and_waits_and_leaves_the_listener_to_its_parent(shared, node, peer):
     shared()
     buffer = Buffer()

@@ -436,7 +436,7 @@ cdef class Copying(Tap):
 
 
 cdef class MessageInbox(Inbox):
-    """Keeps what has arrived for a buffer. A subclass is the source, and decides who gets the messages."""
+    """Keeps what has arrived for a buffer. A subclass is the source."""
 
     survives_fork = False       # whether it still works in a forked child
 
@@ -591,14 +591,6 @@ cdef class MessageInbox(Inbox):
     def forget_reads(self):
         """Stop inserting at once because of the latest read of the buffer; for tests."""
         word_store(&self._state.read, 0)
-
-    def decide(self):
-        """
-        Find out who gets the messages; for a subclass.
-
-        :return: whether this inbox gets those of at least one of its topics.
-        """
-        return True
 
     def hold(self):
         """Let what has arrived wait, also for readers, until :meth:`release`."""

@@ -50,18 +50,6 @@ def _filling(buffer: BufferCore) -> list[MessageInbox]:
     return [inbox for inbox in _inboxes if inbox.fills(buffer)]
 
 
-def insert_arrived(buffer: BufferCore) -> None:
-    """Insert what has arrived for a buffer."""
-    for inbox in _filling(buffer):
-        inbox.catch_up()
-
-
-def attribute_changed(buffer: BufferCore) -> None:
-    """Have every inbox that fills a buffer find out again who gets its messages."""
-    for inbox in _filling(buffer):
-        inbox.decide()
-
-
 @contextmanager
 def held(buffer: BufferCore, until_ns: Callable[[], int] = lambda: FOR_EVER_NS) -> Iterator[None]:
     """Let what arrives wait; then insert it, except dynamic transforms stamped later than ``until_ns()``."""

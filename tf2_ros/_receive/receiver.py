@@ -4,6 +4,7 @@ import weakref
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
+from types import MethodType
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -42,61 +43,6 @@ def wake_executor(node: Any) -> None:
     executor = node.executor if isinstance(node, Node) else None
     if executor is not None:
         executor.wake()
-
-
-class ReceivedSubscription(Subscription):
-    """
-    A subscription that a receiver takes from, and no executor.
-
-    ``tf2_receiver`` is informed of changes; None once the subscription was given back to executors.
-    """
-
-    tf2_receiver: Any
-    tf2_ended: "weakref.WeakMethod[Any] | None" = None  # the callback, once it was destroyed
-
-    @classmethod
-    def adopt(cls, subscription: Any, receiver: Any) -> None:
-        """Turn a subscription into one of this class."""
-        subscription.tf2_receiver = receiver
-        # With its events: an executor that waits for one is also woken by each message.
-        hide_from_executors(subscription)
-        subscription.__class__ = cls
-
-    def give_back(self) -> None:
-        """Let executors take from it."""
-        self.tf2_receiver = None
-        hide_from_executors(self, is_hidden=False)
-
-    @property
-    def callback(self) -> Any:
-        """What is called with each message."""
-        ended = None if self.tf2_ended is None else self.tf2_ended()
-        return subscription_callback(self) if ended is None else ended
-
-    @callback.setter
-    def callback(self, value: Any) -> None:
-        receiver = self.tf2_receiver
-        if receiver is not None:
-            receiver.catch_up()  # messages that arrived before the change go where they belonged
-        set_subscription_callback(self, value)
-        if receiver is not None:
-            receiver.decide()
-
-    def destroy(self) -> None:
-        """Destroy it, after the receiver has stopped using it."""
-        if self.tf2_receiver is not None:
-            if self.tf2_receiver.forked:
-                return
-            self.tf2_receiver.drop_subscription(self)
-            if self.tf2_ended is None:
-                # It refers to the listener, and that to this, so only the collector would free the buffer.
-                self.tf2_ended = weakref.WeakMethod(subscription_callback(self))
-                set_subscription_callback(self, _ignore)
-        super().destroy()
-
-
-def _ignore(_: object) -> None:
-    pass
 
 
 class ListenerGroup(ReentrantCallbackGroup):
@@ -143,10 +89,9 @@ class Receiver(RclInbox):
     """
     Inserts what arrives on a listener's subscriptions into a buffer when that is read.
 
-    :param listener: a TransformListener. A subscription whose messages code of a program handles
-        (``_tf2_direct_buffer`` is None, or ``_tf2_is_own`` false) is left to executors for good.
+    :param listener: a TransformListener, which has found that no code of a program handles the messages.
     :param subscriptions: at most one of each kind, and whether its transforms are static; all of class
-        Subscription.
+        Subscription. Executors do not take from them, unless they are given back, which is for good.
     :param queue: the CallbackQueue of the node. It keeps this object until :meth:`close`, and is informed of
         what arrives.
 
@@ -170,11 +115,13 @@ class Receiver(RclInbox):
         self.forked = False  # whether it is that of a parent process
         self.set_up(authority, queue, listener._tf2_recording, listener._tf2_prefix)
         self._topics: dict[bool, _Topic] = {}  # by whether they are static
+        self._given = {is_static for _, is_static in subscriptions}  # those not given back to executors
         threads.start()
+        self.redirect()
         self._adopt(subscriptions)
+        listener.group.decide()
         add_inbox(self)
         check_regularly(self)
-        listener.group.decide()
         self._queue.inform(self.before_sleep)
         if not self._queue.in_sets:
             self.before_sleep(False)  # the node has moved meanwhile
@@ -194,22 +141,17 @@ class Receiver(RclInbox):
         self.catch_up()
         return self.taken(is_static)
 
-    def decide(self) -> bool:
-        """Find out who gets the messages; return whether this receiver takes any."""
+    def is_left_to_executors(self, is_static: bool) -> bool:
+        """Whether executors take the messages of a topic."""
+        return is_static not in self._given
+
+    def redirect(self) -> None:
+        """Fill the listener's buffer from now on; leave all to executors if that is not a plain one."""
         listener = self._listener()
         buffer = None if listener is None else listener._tf2_direct_buffer()
-        for topic in tuple(self._topics.values()):
-            subscription = topic.subscription()
-            if (
-                listener is None
-                or buffer is None
-                or subscription is None
-                or not listener._tf2_is_own(subscription.callback, topic.is_static)
-            ):
-                self._give_back(topic)
-        if not self._topics:
-            return False
-        if buffer is not None and not self.fills(buffer):
+        if buffer is None:
+            self._give_all_back()
+        elif not self.fills(buffer):
             clock = getattr(buffer, "clock", None)
             use, pointer = ExitStack(), 0
             if isinstance(clock, ROSClock) and enter_handle(clock.handle, use):
@@ -217,7 +159,6 @@ class Receiver(RclInbox):
             self.fill(buffer, pointer)
             self._clock_use.close()
             self._clock_use = use
-        return True
 
     def before_sleep(self, in_user_code: bool) -> None:
         """
@@ -225,16 +166,13 @@ class Receiver(RclInbox):
 
         :param in_user_code: whether user code called it, which continues if something has arrived.
         """
-        self.decide()
         if in_user_code:
             self.catch_up()  # which informs the executor
-        if self._queue.in_sets:
-            return
-        # The middleware reports arrivals to only one of the two, by now to the executor (rclpy's
-        # EventsExecutor). Those that it reported to this inbox must be taken here.
-        self.catch_up()
-        for topic in list(self._topics.values()):
-            self._give_back(topic)
+        if not self._queue.in_sets:
+            # The middleware reports arrivals to only one of the two, by now to the executor (rclpy's
+            # EventsExecutor). Those that it reported to this inbox must be taken here.
+            self.catch_up()
+            self._give_all_back()
 
     def stop(self) -> None:
         """End, and leave the subscriptions to their owner."""
@@ -266,20 +204,9 @@ class Receiver(RclInbox):
         keep_for_ever(self)
         return works
 
-    def drop_subscription(self, subscription: Subscription) -> None:
-        """Take no more from this subscription."""
-        if self.forked:
-            return
-        for topic in list(self._topics.values()):
-            if topic.handle is subscription.handle:
-                self._drop(topic.is_static)
-        if not self._topics:
-            self.close()
-
     def check(self) -> None:
-        """Find out who gets the messages, and log incompatible publishers."""
+        """Log incompatible publishers."""
         if not self.forked:
-            self.decide()
             for topic in list(self._topics.values()):
                 subscription: Any = topic.subscription()
                 for handler in () if subscription is None else subscription.event_handlers:
@@ -288,13 +215,14 @@ class Receiver(RclInbox):
     def _adopt(self, subscriptions: Sequence[tuple[Subscription, bool]]) -> None:
         for subscription, is_static in subscriptions:
             collected = partial(_collected, weakref.ref(self), is_static)
-            self._topics[is_static] = _Topic(subscription, is_static, collected)
-            ReceivedSubscription.adopt(subscription, self)
-        self.decide()
-        for subscription, is_static in subscriptions:
-            topic = self._topics.get(is_static)
-            address = None if topic is None else topic.use()
-            if topic is None or address is None:
+            topic = self._topics[is_static] = _Topic(subscription, is_static, collected)
+            # With its events: an executor that waits for one is also woken by each message.
+            hide_from_executors(subscription)
+            # The node calls this. Without weak references, only the collector would free the subscription.
+            destroying: Any = subscription
+            destroying.destroy = partial(_destroy, weakref.ref(subscription), weakref.ref(self), is_static)
+            address = topic.use()
+            if address is None:
                 continue
             name, depth = subscription.topic_name, _queue_depth(subscription)
             try:
@@ -315,11 +243,16 @@ class Receiver(RclInbox):
         subscription: Any = topic.subscription()
         if not self._drop(topic.is_static):
             return
+        self._given.discard(topic.is_static)
         if not self._topics:
             self.close()
         if subscription is not None:
-            subscription.give_back()
+            hide_from_executors(subscription, is_hidden=False)
             wake_executor(self._node())
+
+    def _give_all_back(self) -> None:
+        for topic in list(self._topics.values()):
+            self._give_back(topic)
 
     def _context_ended(self) -> None:
         # Nothing arrives any more.
@@ -337,3 +270,26 @@ def _collected(reference: "weakref.ref[Receiver]", is_static: bool, _: Any) -> N
     receiver = reference()
     if receiver is not None and not receiver.forked:
         receiver._drop(is_static)
+
+
+def _destroy(
+    destroyed: "weakref.ref[Subscription]", reference: "weakref.ref[Receiver]", is_static: bool
+) -> None:
+    """Destroy a subscription, after its receiver has stopped using it."""
+    subscription, receiver = destroyed(), reference()
+    if subscription is None or (receiver is not None and receiver.forked):
+        return
+    if receiver is not None and receiver._drop(is_static) and not receiver._topics:
+        receiver.close()
+    callback = subscription_callback(subscription)
+    if isinstance(callback, MethodType):
+        # It refers to the listener, and that to this: only the collector would free the buffer.
+        set_subscription_callback(subscription, partial(_call_ended, weakref.WeakMethod(callback)))
+    Subscription.destroy(subscription)
+
+
+def _call_ended(callback: "weakref.WeakMethod[Any]", message: Any) -> None:
+    # For programs that use the callback of a subscription again.
+    method = callback()
+    if method is not None:
+        method(message)

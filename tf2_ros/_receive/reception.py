@@ -29,13 +29,14 @@ class ReceivedTopic:
     """
     What was received on one subscription of a listener.
 
-    :param listener: a TransformListener; not kept alive.
+    :param is_counted: whether :meth:`received` counts every message, because the listener's own methods
+        handle them.
     """
 
-    def __init__(self, listener: Any, subscription: Subscription, is_static: bool) -> None:
+    def __init__(self, subscription: Subscription, is_static: bool, is_counted: bool) -> None:
         self.name = subscription.topic_name
         self.is_static = is_static
-        self._listener = weakref.ref(listener)
+        self.is_counted = is_counted
         self._subscription = weakref.ref(subscription)
         # Several threads of an executor may count.
         self._counter = itertools.count(1)
@@ -53,14 +54,6 @@ class ReceivedTopic:
         taken, taken_at_ns = (0, 0) if self.receiver is None else self.receiver.received(self.is_static)
         return taken + self._called, max(taken_at_ns, self._called_at_ns)
 
-    def is_counted(self) -> bool:
-        """Whether :meth:`received` counts every message, because the listener's own methods handle them."""
-        listener, subscription = self._listener(), self._subscription()
-        if listener is None or subscription is None:
-            return False
-        is_own: bool = listener._tf2_is_own(subscription.callback, self.is_static)
-        return is_own
-
     def is_open(self) -> bool:
         """Whether the subscription still exists."""
         subscription = self._subscription()
@@ -69,21 +62,21 @@ class ReceivedTopic:
 
     def is_left_to_executors(self) -> bool:
         """Whether no receiver takes its messages."""
-        return getattr(self._subscription(), "tf2_receiver", None) is None
+        return self.receiver is None or self.receiver.is_left_to_executors(self.is_static)
 
     def describe(self) -> str:
         """Describe its name, how many messages there were, when the last one was, and what takes them."""
         count, last_ns = self.received()
-        if count == 0 and not self.is_counted():
+        if count == 0 and not self.is_counted:
             facts = "messages not counted"
         else:
             facts = counted(count, "message")
             if count:
                 facts += f", last {(time.monotonic_ns() - last_ns) / 1e9:.2f} s ago"
-        receiver = getattr(self._subscription(), "tf2_receiver", None)
-        if not self.is_open() or (receiver is not None and not receiver.alive):
+        is_left = self.is_left_to_executors()
+        if not self.is_open() or not (is_left or self.receiver is None or self.receiver.alive):
             facts += ", ended"
-        elif receiver is None:
+        elif is_left:
             facts += ", taken by an executor"
         return f"{self.name}: {facts}"
 
@@ -159,7 +152,7 @@ def _receptions_of(buffer: object) -> list[Reception]:
 
 def _silence(buffer: object) -> tuple[str, str]:
     # What BufferCore._ask_for_silence expects.
-    topics = [topic for one in _receptions_of(buffer) for topic in one.receiving() if topic.is_counted()]
+    topics = [topic for one in _receptions_of(buffer) for topic in one.receiving() if topic.is_counted]
     return _silent(topics), _silent([topic for topic in topics if not topic.is_static])
 
 

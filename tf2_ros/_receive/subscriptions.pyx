@@ -169,7 +169,7 @@ cdef size_t _take_subscribed(State* inbox, size_t most) noexcept nogil:
 
 @cython.no_gc_clear     # the handles must exist until the middleware no longer reports anything
 cdef class RclInbox(MessageInbox):
-    """The inbox of a listener; a subclass decides who gets the messages."""
+    """The inbox of a listener."""
 
     cdef Subscriptions _source
     cdef Recording _recording       # keeps the records
@@ -286,11 +286,6 @@ cdef class RclInbox(MessageInbox):
     cdef void _engine_changed(self) noexcept:
         self._source.clock = NULL
         word_store(&self._state.wants_each, 0)
-
-    cdef int drain(self) except -1:
-        if self.decide():
-            MessageInbox.drain(self)
-        return 0
 
     cdef int64_t _arrived_by_now(self) noexcept:
         cdef int64_t count = 0

@@ -100,13 +100,6 @@ class Ring(RingInbox):
             except Exception:
                 log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
 
-    def decide(self) -> bool:
-        """Find out whether the listeners of the buffer still need no subscriptions."""
-        attachment = None if self._attachment is None else self._attachment()
-        if attachment is not None:
-            attachment.decide()
-        return True
-
     def stop(self) -> None:
         """End for good."""
         super().stop()
@@ -163,11 +156,6 @@ class Attachment:
     def forget_listener(self, listener: object) -> None:
         """Do nothing, because the listener closes its :class:`AttachedListener`."""
 
-    def decide(self) -> None:
-        """Find out whether the listeners still need no subscriptions."""
-        for listener in list(self.listeners):
-            listener.decide()
-
     def check(self) -> None:
         """Find out whether the owner has ended, and follow the next one if there is one."""
         with self.changing:
@@ -175,7 +163,6 @@ class Attachment:
             if buffer is None:
                 self.close()
                 return
-            self.decide()
             ring = self.ring
             if ring is None:
                 self._find_owner(buffer)
@@ -265,20 +252,11 @@ class AttachedListener:
         process = "" if ring is None else f" of process {ring.process}"
         return f"the shared buffer {self._attachment.name!r}{process}"
 
-    def decide(self) -> None:
-        """Let the listener subscribe on its own if the program has redirected what is received."""
+    def redirect(self) -> None:
+        """Let the listener subscribe on its own if it fills another buffer by now."""
         listener = self._listener()
-        if self._ended or listener is None:
-            return
-        if listener.__dict__.get("buffer") is not self._attachment.buffer():
+        if listener is not None and not self._ended and listener.buffer is not self._attachment.buffer():
             self.leave("this program gives the listener another buffer")
-        elif self._attachment.is_by_environment and not listener._tf2_is_direct():
-            self.leave("this program handles what is received")
-
-    def use_subscriptions(self) -> None:
-        """Make the subscriptions, which the program uses, unless it attached the buffer."""
-        if self._attachment.is_by_environment:
-            self.leave("this program uses the listener's subscriptions")
 
     def lack(self, ring: Ring) -> str:
         """Why a ring cannot replace the subscriptions; ``""`` if it can, or if the program has chosen it."""

@@ -749,9 +749,9 @@ cdef class BufferCore(Engine):
         """
         Wait for a lookup, which is at two times if ``fixed_frame`` and ``target_time`` are given.
 
-        :param notify: called once, with the answer, by the thread that inserts what was missing; not called
-            if the answer is available at once. It runs no code of a user, but may return a callable that
-            does. A thread of the user calls that at once; a receiver hands it over. None:
+        :param notify: called with the answer by the thread that inserts what was missing; not called if the
+            answer is available at once. If it raises, it is called again, because a signal handler may have
+            raised in it. It runs no code of a user, but may return a callable that does. A thread of the user calls that at once; a receiver hands it over. None:
             :meth:`Wait.wait_for` waits. Under a policy it may be called with None, because there will never
             be an answer.
         :param policy: of ``policy_of``.

@@ -276,7 +276,7 @@ class NodeEnd:
     """
     Calls a function when a node is destroyed, which destroys neither action servers nor action clients.
 
-    Assumes that ``destroy_node()`` calls ``destroy()`` of each of the node's timers: this is one that never
+    Assumes that ``destroy_node()`` calls ``destroy()`` of each of the node's timers: this has one that never
     runs. Executors skip it where they skip an entity whose ``_executor_event`` is set. Where a node makes
     timers of another class, or is not rclpy's, nothing is called.
 
@@ -285,31 +285,28 @@ class NodeEnd:
 
     def __init__(self, node: object, call: Callable[[], None]) -> None:
         self._node: weakref.ref[Node] | None = None
+        self._call = _nothing
         if not isinstance(node, Node):
             return
         timer: Any = node.create_timer(NEVER_S, _nothing, clock=Clock(clock_type=ClockType.STEADY_TIME))
         timer.cancel()
         if type(timer) is Timer:
-            self._node, self._timer = weakref.ref(node), timer
-            timer.__class__, timer.tf2_call, timer._executor_event = _EndTimer, call, True
+            self._node, self._timer, self._call = weakref.ref(node), timer, call
+            timer._executor_event, timer.destroy = True, self._destroyed
 
     def forget(self) -> None:
         """Call nothing; without effect the second time."""
         node = None if self._node is None else self._node()
         if node is not None:
-            self._timer.tf2_call = _nothing
+            self._call = _nothing
             with suppress(InvalidHandle):  # its executor is being shut down
                 node.destroy_timer(self._timer)
         self._node = None
 
-
-class _EndTimer(Timer):
-    tf2_call: Callable[[], None]
-
-    def destroy(self) -> None:
-        call, self.tf2_call = self.tf2_call, _nothing
+    def _destroyed(self) -> None:
+        call, self._call = self._call, _nothing
         call()
-        super().destroy()
+        Timer.destroy(self._timer)
 
 
 def _nothing() -> None:

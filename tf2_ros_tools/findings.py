@@ -291,9 +291,8 @@ def _of_stream(
 
 def _of_delay(stream: Stream, name: str, limits: Limits, expected: Expectation) -> Iterator[Finding]:
     allowed = limits.max_delay if expected.max_delay is None else expected.max_delay
-    if allowed is not None:
-        how, delay = "up to", stream.delay_max
-    elif stream.period is not None:
+    how, delay = "up to", stream.delay_max
+    if allowed is None and stream.period is not None:
         allowed = max(limits.delay, limits.delay_periods * stream.period)
         # The delay of stamps that stand still grows, but that is another problem.
         stands_still = stream.stalled - stream.silence > allowed

@@ -34,7 +34,8 @@ cdef class Tap:
 cdef class WaiterOwner:
     # The base of what waits with a Waiter. It holds its engine, and removes the waiter before it is
     # destroyed.
-    # Called once, with the GIL and without the lock, when the waiter has an answer and has been removed.
+    # Called with the GIL and without the lock, when the waiter has an answer and has been removed; again if
+    # it raises.
     # Returns a callable that runs a user's code, to be called later, or None.
     cdef object deliver(self)
     # One line: what it waits for, and what it lacks at the moment.

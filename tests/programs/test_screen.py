@@ -246,7 +246,8 @@ class TestPanes:
         with monitor((120, 70)) as terminal:
             terminal.shows(
                 lambda lines: (
-                    re.findall(r"broken_\d\d", joined(lines)) == self.BROKEN and names(lines) == NAMES
+                    re.findall(r"transforms of (broken_\d\d)", joined(lines)) == self.BROKEN
+                    and names(lines) == NAMES
                 )
             )
             assert "scroll" not in joined(terminal.lines)

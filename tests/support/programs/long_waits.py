@@ -21,7 +21,8 @@ def main():
     transform.header.frame_id, transform.header.stamp.sec = "map", 1
     transform.transform.rotation.w = 1.0
     buffer.set_transform(transform, "test")
-    MessageFilter(None, buffer, "map", 10, node=node).add(point("lidar"))
+    filter = MessageFilter(None, buffer, "map", 10, node=node)
+    filter.add(point("lidar"))
     future = buffer.wait_for_transform_async("map", "robot", Time(seconds=5), timeout=LONG)
     ended = buffer.wait_for_transform_async("map", "ended", Time())
     ended.cancel()

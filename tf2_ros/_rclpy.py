@@ -278,7 +278,8 @@ class NodeEnd:
 
     Assumes that ``destroy_node()`` calls ``destroy()`` of each of the node's timers: this has one that never
     runs. Executors skip it where they skip an entity whose ``_executor_event`` is set. Where a node makes
-    timers of another class, or is not rclpy's, nothing is called.
+    timers of another class, or is not rclpy's, nothing is called; nor after the shutdown of its context,
+    which destroys nodes in Kilted.
 
     :param call: kept alive by the node until :meth:`forget`.
     """
@@ -305,7 +306,9 @@ class NodeEnd:
 
     def _destroyed(self) -> None:
         call, self._call = self._call, _nothing
-        call()
+        node = None if self._node is None else self._node()
+        if node is not None and not context_was_shut_down(node.context):
+            call()
         Timer.destroy(self._timer)
 
 

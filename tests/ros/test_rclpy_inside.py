@@ -5,6 +5,7 @@ import sys
 import threading
 import types
 from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -319,7 +320,7 @@ class TestNodesAndActions:
         for kind in kinds:
             node, executor, ended, ticks = new_node("ending"), kind(), [], []
             _rclpy.NodeEnd(node, lambda ended=ended: ended.append(1))
-            node.create_timer(0.001, lambda ticks=ticks: ticks.append(1))
+            node.create_timer(0.001, partial(ticks.append, 1))
             executor.add_node(node)
             until(lambda ticks=ticks: len(ticks) > 3, executor)
             node.destroy_node()

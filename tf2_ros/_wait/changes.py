@@ -83,6 +83,7 @@ class ChangeSubscription:
         require_callable("on_change", callback)
         self._buffer, self._changes, self._callback = buffer, changes, callback
         self._future: TransformFuture | None = None  # of the next change
+        self._noted: TransformFuture | None = None  # the last one whose change the next one must differ from
         self._awaited: TransformFuture | None = None  # the last one whose steps were registered
         self._delivered: TransformFuture | None = None  # the last one whose result the callback got
         self._is_cancelled = False
@@ -99,12 +100,16 @@ class ChangeSubscription:
     def _go_on(self, done: TransformFuture | None) -> None:
         """Wait for the change after this one; to be called again if a signal handler has cut it short."""
         if self._future is done:
-            self._changes.deliver()
+            if self._noted is not done:
+                self._changes.deliver()
+                self._noted = done
             self._future = self._changes.future()
         future = self._future
         if future is None or self._awaited is future:
             return
-        steps = (partial(self._deliver, future), partial(call_despite_signals, partial(self._after, future)))
+        steps = [
+            partial(call_despite_signals, partial(step, future)) for step in (self._deliver, self._after)
+        ]
         if self._is_cancelled:
             future.cancel()
         elif future.done():
@@ -117,8 +122,9 @@ class ChangeSubscription:
     def _deliver(self, future: TransformFuture) -> None:
         if self._has_ended_at(future) or self._delivered is future:
             return
+        found = future.result()
         self._delivered = future
-        self._callback(future.result())
+        self._callback(found)
 
     def _after(self, future: TransformFuture) -> None:
         if not self._has_ended_at(future):

@@ -3,7 +3,7 @@
 import itertools
 import threading
 import time
-from collections import Counter, OrderedDict, deque
+from collections import OrderedDict, deque
 from collections.abc import Callable
 from contextlib import suppress
 from enum import Enum
@@ -65,21 +65,42 @@ class Needed(NamedTuple):
     tolerance_ns: int
 
 
+class _Search:
+    """The lookups for one message; not changed any more once the message has it."""
+
+    __slots__ = ("__weakref__", "answer", "lookups", "missing", "needed")
+
+    def __init__(self, needed: Needed, lookups: list[Lookup]) -> None:
+        self.needed = needed
+        self.lookups = lookups
+        self.answer: Any = None  # the transform into the first target frame, if it was available at once
+        self.missing: dict[int, Any] = {}  # the wait of each other lookup, by its index in `lookups`
+
+    def is_answered(self) -> bool:
+        """Whether every answer is available, also if this was not notified yet."""
+        return all(wait.answer is not None for wait in self.missing.values())
+
+    def transform(self) -> Any:
+        """The transform into the first target frame, of one that is answered."""
+        return self.missing[0].answer if 0 in self.missing else self.answer
+
+    def cancel(self) -> None:
+        """End the waits."""
+        for wait in self.missing.values():
+            wait.cancel()
+
+
 class _PendingMessage:
     """One message that waits."""
 
     __slots__ = (
         "__weakref__",
-        "answer",  # the transform into the first target frame
-        "attempt",  # answers to earlier ones are ignored
         "frame",
-        "lookups",
         "message",
-        "missing",  # the wait of each lookup that had no answer at once, by its index in `lookups`
-        "needed",  # what its lookups are for
         "number",  # in order of arrival; 0: not added yet
         "owner",
         "report",
+        "search",
         "stamp_ns",
     )
 
@@ -91,12 +112,8 @@ class _PendingMessage:
         # Without a leading slash, which a buffer also removes from the names of transforms.
         self.frame = frame_name(header.frame_id, "header.frame_id").removeprefix("/")
         self.stamp_ns = time_ns(header.stamp, "header.stamp")
-        self.lookups: list[Lookup] = []
-        self.missing: dict[int, Any] = {}
-        self.attempt = 0
-        self.answer: Any = None
+        self.search: _Search | None = None
         self.report: LongWait | None = None
-        self.needed: Needed | None = None
 
     def over(self) -> bool:
         """Whether it no longer waits; not while it is looked up again, or its deadline would be forgotten."""
@@ -105,11 +122,6 @@ class _PendingMessage:
     def expire(self) -> None:
         """Drop the message, because its timeout has passed."""
         self.owner.expire(self)
-
-    def is_answered(self) -> bool:
-        """Whether every missing answer is available, also if this was not notified yet."""
-        waits = list(self.missing.values())
-        return bool(waits) and all(wait.answer is not None for wait in waits)
 
 
 class PendingMessages:
@@ -146,7 +158,8 @@ class PendingMessages:
         self.pending: OrderedDict[int, _PendingMessage] = OrderedDict()  # the oldest first
         self._outcomes: deque[Outcome] = deque()
         self.count = 0  # of all that were added
-        self.ended: Counter[FilterFailureReason | None] = Counter()  # by the reason if they were dropped
+        # By the reason if they were dropped.
+        self.ended: dict[FilterFailureReason | None, int] = dict.fromkeys((None, *FilterFailureReason), 0)
         self._numbers = itertools.count(1)
         register_for_fork(self)
 
@@ -224,10 +237,9 @@ class PendingMessages:
             self._drop(pending, FilterFailureReason.EMPTY_FRAME_ID)
             return
         self._look_up(pending)
-        if pending.missing and self._is_out_the_back(pending):
+        if pending.number in self.pending and self._is_out_the_back(pending):
             self._drop(pending, FilterFailureReason.OUT_THE_BACK)
-        elif pending.missing:
-            pending.report = report_if_long(pending.missing.values())
+        elif pending.number in self.pending:
             self._await(pending)
         # Those that were added before may have become too old while they waited.
         while (oldest := first_value(self.pending)) is not None and self._is_out_the_back(oldest):
@@ -249,30 +261,25 @@ class PendingMessages:
                 self._drop(oldest, FilterFailureReason.QUEUE_FULL)
 
     def _look_up(self, pending: _PendingMessage) -> None:
-        # Begin anew: the answers of an earlier attempt are out of date.
-        self._stop(pending)
-        pending.needed = self.needed
-        attempt = pending.attempt
-        missing = {}
+        # The message keeps its search until the next one is complete, so that an answer to one of the two is
+        # noticed whenever a signal handler interrupts this.
         try:
-            pending.lookups = lookups = self._lookups(pending)
-            for place, lookup in enumerate(lookups):
-                wait = lookup.wait(self._buffer, partial(self._receive_answer, pending, attempt))
+            search = _Search(self.needed, self._lookups(pending))
+            for place, lookup in enumerate(search.lookups):
+                wait = lookup.wait(self._buffer, partial(self._receive_answer, pending))
                 answer = wait.answer
                 if answer is None:
-                    missing[place] = wait
+                    search.missing[place] = wait
                 elif place == 0:
-                    pending.answer = answer
+                    search.answer = answer
         except (TransformException, OverflowError, ValueError) as error:
             self._drop(pending, FilterFailureReason.NO_TRANSFORM_FOUND, str(error))
             return
-        if pending.attempt != attempt:
-            return  # a signal handler has begun anew meanwhile
-        pending.missing.update(missing)
-        if missing:
-            self._settle(pending)  # if answers have arrived before this
-        else:
-            self._pass(pending)
+        before, pending.search = pending.search, search
+        if before is not None:
+            before.cancel()
+        pending.report = report_if_long(search.missing.values())
+        self._settle(pending)
 
     def _lookups(self, pending: _PendingMessage) -> list[Lookup]:
         stamps_ns = [pending.stamp_ns]
@@ -282,29 +289,28 @@ class PendingMessages:
         targets = self.needed.target_frames
         return [Lookup.simple(target, pending.frame, ns) for ns in stamps_ns for target in targets]
 
-    def _receive_answer(self, pending: _PendingMessage, attempt: int, _: Any) -> None:
+    def _receive_answer(self, pending: _PendingMessage, _: Any) -> None:
         with self._lock:
-            if attempt == pending.attempt:
+            if pending.number in self.pending:
                 self._settle(pending)
 
     def _settle(self, pending: _PendingMessage) -> None:
-        """Let a message pass if every missing answer is available."""
-        waits = dict(pending.missing)  # a signal handler may begin anew meanwhile
-        if not pending.is_answered():
+        """Let a message pass if every answer is available."""
+        search = pending.search
+        if search is None or not search.is_answered():
             return
-        if list(waits) == [0] and len(pending.lookups) == 1 and pending.needed is self.needed:
-            pending.answer = waits[0].answer
-            self._pass(pending)
+        if search.needed is self.needed and (len(search.lookups) == 1 or not search.missing):
+            self._pass(pending, search)
         else:
             # The buffer may have lost what was found first, or something else is needed by now.
             self._look_up(pending)
 
     def _is_out_the_back(self, pending: _PendingMessage) -> bool:
-        attempt, lookups = pending.attempt, pending.lookups
-        for place in list(pending.missing):
-            if pending.attempt != attempt:
-                return False  # a signal handler has begun anew meanwhile
-            lookup = lookups[place]
+        search = pending.search
+        if search is None:
+            return False
+        for place in search.missing:
+            lookup = search.lookups[place]
             stamp_ns = lookup.source_time
             try:
                 newest_ns = BufferCore.get_latest_common_time(
@@ -317,18 +323,17 @@ class PendingMessages:
                 return True
         return False
 
-    def _pass(self, pending: _PendingMessage) -> None:
+    def _pass(self, pending: _PendingMessage, search: _Search) -> None:
         # One insert may also have answered older ones, in a thread that has not notified them yet.
         while (oldest := first_value(self.pending)) is not None and oldest is not pending:
-            if not oldest.is_answered():
+            if oldest.search is None or not oldest.search.is_answered():
                 break
             self._settle(oldest)
-        self._end(pending, Outcome(pending.message, pending.answer, None, ""))
+        self._end(pending, Outcome(pending.message, search.transform(), None, ""))
 
     def _drop(self, pending: _PendingMessage, reason: FilterFailureReason, text: str = "") -> None:
-        waits = list(pending.missing.values())
-        if not text and waits:
-            text = str(waits[0].reason())
+        if not text and pending.search is not None:
+            text = next((str(wait.reason()) for wait in pending.search.missing.values()), "")
         self._end(pending, Outcome(pending.message, None, reason, text))
 
     def _end(self, pending: _PendingMessage, outcome: "Outcome") -> None:
@@ -338,11 +343,8 @@ class PendingMessages:
         self._stop(pending)
 
     def _stop(self, pending: _PendingMessage) -> None:
-        pending.attempt += 1
-        waits = list(pending.missing.values())
-        pending.missing.clear()
-        for wait in waits:
-            wait.cancel()
+        if pending.search is not None:
+            pending.search.cancel()
 
 
 class MessageStream(Generic[_Item]):

@@ -173,8 +173,8 @@ def move_outcome(pending, number, outcomes, outcome, counts, kind):
     """
     if pending.pop(number, None) is None:
         return False
-    counts[kind] += 1
     outcomes.append(outcome)
+    counts[kind] += 1
     return True
 
 

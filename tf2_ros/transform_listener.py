@@ -6,9 +6,11 @@ from tf2_ros_cython import _requirement  # noqa: F401
 # isort: split
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from geometry_msgs.msg import TransformStamped
+from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
@@ -180,8 +182,11 @@ class TransformListener:
                 self.__spin()
         except BaseException as error:
             self.__del__()
-            if isinstance(error, RCLError) and context_was_shut_down(node.context):
-                name = f"{type(self).__name__} of {node.get_name()}"
+            # In Kilted, the shutdown has destroyed the node, whose name is then unknown.
+            if isinstance(error, (RCLError, InvalidHandle)) and context_was_shut_down(node.context):
+                name = type(self).__name__
+                with suppress(InvalidHandle):
+                    name = f"{name} of {node.get_name()}"
                 raise RCLError(f"{name} cannot subscribe: the context of its node was shut down") from error
             raise
 

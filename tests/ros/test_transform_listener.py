@@ -105,7 +105,7 @@ def test_after_the_shutdown_of_its_context_it_says_why_it_cannot_subscribe(tf2_r
     context.init()
     node = new_node("late", context=context)
     context.shutdown()
-    with pytest.raises(RuntimeError, match="^TransformListener of late cannot subscribe: the context of"):
+    with pytest.raises(RuntimeError, match="^TransformListener( of late)? cannot subscribe: the context of"):
         tf2_ros.TransformListener(buffer, node)
 
 

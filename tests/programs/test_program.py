@@ -330,8 +330,7 @@ class TestEveryProgramWithANode:
         check_wrong_ros_arguments(name, "--no-such-option")
 
     def test_a_namespace_is_that_of_its_node_and_topics(self, name, node):
-        if name == "tf2_view":
-            pytest.importorskip("rerun")  # without it, the program ends at once
+        skip_without_its_library(name)
         line = [*VALID.get(name, []), "--namespace", "robot_1", "--ros-args", "-r", "__node:=spaced"]
         with running(name, *line) as process:
             until(lambda: ("spaced", "/robot_1") in node.get_node_names_and_namespaces())

@@ -232,7 +232,7 @@ class TestPanes:
             return is_marked and re.findall(r"transforms of (broken_\d\d)", joined(lines))
 
         with monitor((80, 24)) as terminal:
-            seen = {*terminal.shows(lambda lines: len(names(lines)) >= 6 and page(lines))}
+            seen = {*terminal.shows(lambda lines: len(names(lines)) >= 8 and page(lines))}
             while seen != {*self.BROKEN}:
                 terminal.press(" ")
                 seen |= {*terminal.shows(lambda lines: {*(page(lines) or ())} - seen)}  # noqa: B023

@@ -138,7 +138,7 @@ def with_robot(run: Callable[[subprocess.Popen], None], robot: Sequence[str | Pa
 
 
 def _command(program: str) -> list[str]:
-    return [sys.executable, "-m", f"tf2_ros.cli.{program}"]
+    return [sys.executable, "-m", f"tf2_ros_tools.programs.{program}"]
 
 
 def _line(screen: pyte.Screen, number: int) -> Text:

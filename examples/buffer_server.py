@@ -34,7 +34,7 @@ def main():
 @contextmanager
 def running_server():
     # In a separate session, so that Ctrl-C reaches only this program, which then ends the server.
-    command = [sys.executable, "-m", "tf2_ros.cli.tf2_buffer_server"]
+    command = [sys.executable, "-m", "tf2_ros_tools.programs.tf2_buffer_server"]
     server = subprocess.Popen(command, start_new_session=True)
     try:
         yield server

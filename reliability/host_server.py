@@ -5,7 +5,7 @@ import signal
 import sys
 import threading
 
-from tf2_ros.cli.tf2_buffer_server import main
+from tf2_ros_tools.programs.tf2_buffer_server import main
 
 
 def interrupt_at_end() -> None:

@@ -40,9 +40,9 @@ from spinning import spun_node
 
 import tf2_geometry_msgs
 import tf2_ros
-import tf2_ros.bag
 import tf2_ros.numpy
 import tf2_ros.records
+import tf2_ros_tools.bag
 import tf2_sensor_msgs
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TFMessage
@@ -64,7 +64,7 @@ from tf2_ros import (
 LONG_S = 20.0
 # What has no case of its own, and why.
 NO_CASE = {
-    "tf2_ros.bag.map_recordings": "works in processes of its own, which end with each recording",
+    "tf2_ros_tools.bag.map_recordings": "works in processes of its own, which end with each recording",
     "BufferServer.after_fork": "only for children of a fork",
     "MessageFilter.after_fork": "only for children of a fork",
     "StaticTransformBroadcaster.after_fork": "only for children of a fork",
@@ -811,20 +811,20 @@ def _of_records(stack):
     }
 
 
-@group(tf2_ros.bag)
+@group(tf2_ros_tools.bag)
 def _bag(stack):
     folder = _temporary(stack)
     path, broken = folder / "drive.mcap", folder / "broken.mcap"
     write_mcap(path, [*drive(20), scan(101 * S, 101 * S), joint_state(101 * S, SIMPLE, [0.1, 0.2, 0.3])])
     broken.write_bytes(path.read_bytes()[:-500])
     return {
-        "load": lambda: tf2_ros.bag.load(path),
-        "load of a broken file": raising(tf2_ros.bag.load, broken),
-        "load with a URDF": lambda: tf2_ros.bag.load(path, urdf=ARM),
-        "dataset": lambda: tf2_ros.bag.dataset(path, ["camera"], at="/scan", relative_to="map")[0],
-        "stamps": lambda: tf2_ros.bag.stamps(path, "/scan"),
-        "transforms": lambda: list(tf2_ros.bag.transforms(path)),
-        "transforms not read to the end": lambda: next(iter(tf2_ros.bag.transforms(path))),
+        "load": lambda: tf2_ros_tools.bag.load(path),
+        "load of a broken file": raising(tf2_ros_tools.bag.load, broken),
+        "load with a URDF": lambda: tf2_ros_tools.bag.load(path, urdf=ARM),
+        "dataset": lambda: tf2_ros_tools.bag.dataset(path, ["camera"], at="/scan", relative_to="map")[0],
+        "stamps": lambda: tf2_ros_tools.bag.stamps(path, "/scan"),
+        "transforms": lambda: list(tf2_ros_tools.bag.transforms(path)),
+        "transforms not read to the end": lambda: next(iter(tf2_ros_tools.bag.transforms(path))),
     }
 
 

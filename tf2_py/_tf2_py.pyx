@@ -332,7 +332,7 @@ cdef class BufferCore(Engine):
         """
         Load a buffer from a file that :meth:`save` wrote; its answers are identical to the last bit.
 
-        ``__init__`` is not called. ``tf2_ros.bag.load`` reads other recordings.
+        ``__init__`` is not called. ``tf2_ros_tools.bag.load`` reads other recordings.
 
         :raises FileNotFoundError, OSError: the file cannot be read.
         :raises ValueError: the file does not contain a buffer, or is damaged; the text names the file.

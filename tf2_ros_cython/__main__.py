@@ -1,4 +1,4 @@
-"""``python -m tf2_ros_cython`` is ``tf2_ros.cli.which``, even if another tf2_ros is imported."""
+"""``python -m tf2_ros_cython`` is ``tf2_which``, also if another tf2_ros is imported."""
 
 import sys
 

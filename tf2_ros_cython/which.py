@@ -10,12 +10,11 @@ import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from importlib.machinery import PathFinder
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from tf2_ros_cython import _finder, _ros
 from tf2_ros_cython._ros import __version__
 
-_SHARED_BUFFER = "TF2_SHARED_BUFFER"
 _WITHOUT_ROS = ("tf2_py", "tf2_ros")  # what works without one, but for nodes
 
 
@@ -72,8 +71,7 @@ def _answer() -> tuple[list[str], int]:
     if failure is not None:
         lines.append(f"does not load: {failure}")
     lines.append(f"precedence: {_precedence()}")
-    lines.append(f"receiver: {_receiver(folders['tf2_ros'])}")
-    lines.append(f"shared buffer: {_shared_buffer(folders['tf2_ros'])}")
+    lines.append(f"receiver: {_receiver(are_ours, failure)}")
     lines.append(f"ROS 2: {_running_ros()}")
     lines.append(f"version: {_versions(folders['tf2_msgs'])}")
     return lines, 0 if are_ours and failure is None else 1
@@ -154,53 +152,17 @@ def _precedence() -> str:
     return f"ours before the distribution's in {prefix}; a workspace's before ours"
 
 
-def _receiver(folder: Path | None) -> str:
-    if not _is_ours(folder):
-        return "not in use, because tf2_ros is not tf2-ros-cython's"
+def _receiver(are_ours: bool, failure: str | None) -> str:
+    if not are_ours:
+        return "not in use, because not all packages are tf2-ros-cython's"
+    if failure is not None:
+        return "not in use, because tf2_ros does not load"
     if not _ros.has_rclpy():
         return "not in use without ROS 2"
-    try:
-        importlib.import_module("tf2_ros_cython._requirement")
-        problem = importlib.import_module("tf2_ros._rcl").problem()
-    except ImportError as error:
-        return f"does not load: {error}"
-    if problem is not None:
-        return f"not in use, listeners need an executor that spins: {problem}"
+    reason = _ros.unknown_release()
+    if reason is not None:
+        return f"not in use, listeners need an executor that spins: {reason}"
     return "in use; listeners need no executor"
-
-
-def _shared_buffer(folder: Path | None) -> str:
-    """The shared buffer that a listener of this environment would use instead of subscribing."""
-    if not os.environ.get(_SHARED_BUFFER):
-        return f"none wanted; {_SHARED_BUFFER} is not set"
-    wanted = f"{_SHARED_BUFFER}={os.environ[_SHARED_BUFFER]}"
-    if not _is_ours(folder):
-        return f"{wanted} has no effect, because tf2_ros is not tf2-ros-cython's"
-    if sys.platform != "linux":
-        return f"{wanted} has no effect: buffers are shared only on Linux"
-    try:
-        # Imported only now, because most programs do not need them.
-        names = importlib.import_module("tf2_ros._shared.naming")
-        attachment = importlib.import_module("tf2_ros._shared.attachment")
-    except ImportError as error:
-        return f"{wanted} is not looked for, because tf2_ros does not load: {error}"
-    try:
-        name = names.buffer_name(os.environ[_SHARED_BUFFER])
-        ring = attachment.open_ring(name)
-    except (ValueError, names.SharedBufferError) as reason:
-        return f"none: {reason}"
-    owner = ring.describe_owner()
-    return f"{name!r} {'without a description' if owner is None else _describe_owner(owner)}"
-
-
-def _describe_owner(owner: Any) -> str:
-    fills = f"ROS domain {owner.domain}, {' and '.join(owner.topics)}"
-    if owner.domain is None:
-        fills = "without a listener"
-    time = ", simulated time" if owner.simulated else ""
-    return (
-        f"of process {owner.process} ({owner.program}), {fills}, keeps {owner.cache_time_ns / 1e9:g} s{time}"
-    )
 
 
 def _running_ros() -> str:

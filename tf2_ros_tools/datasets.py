@@ -68,7 +68,7 @@ class Dataset:
 
     def __repr__(self) -> str:
         frames, files = counted(len(self.frames), "frame"), counted(len(self.files), "recording")
-        return f"<tf2_ros.bag.Dataset: {counted(len(self), 'row')} of {frames} in {files}>"
+        return f"<tf2_ros_tools.bag.Dataset: {counted(len(self), 'row')} of {frames} in {files}>"
 
     def __getitem__(self, row: int) -> dict[str, Any]:
         return {
@@ -148,18 +148,18 @@ def dataset(
     """
     Look up the poses of frames at the stamp of each message of a topic, in one or many recordings.
 
-    :param recordings: see :func:`tf2_ros.bag.map_recordings`.
+    :param recordings: see :func:`tf2_ros_tools.bag.map_recordings`.
     :param frames: the names of the frames.
-    :param at: the topic, for example of the images; see :func:`tf2_ros.bag.stamps`.
+    :param at: the topic, for example of the images; see :func:`tf2_ros_tools.bag.stamps`.
     :param relative_to: the frame in whose coordinates the poses are.
-    :param out: a folder, into which :func:`tf2_ros.bag.map_recordings` writes a table of each recording, with
-        several processes; the next call reads these tables. None: nothing is written, and this process reads
-        the recordings one after the other.
-    :param topics: see :func:`tf2_ros.bag.load`.
+    :param out: a folder, into which :func:`tf2_ros_tools.bag.map_recordings` writes a table of each
+        recording, with several processes; the next call reads these tables. None: nothing is written, and
+        this process reads the recordings one after the other.
+    :param topics: see :func:`tf2_ros_tools.bag.load`.
     :param poses: see the same function.
     :param urdf: see the same function.
     :param partial: use what can be read of a broken recording.
-    :param workers: see :func:`tf2_ros.bag.map_recordings`; only with ``out``.
+    :param workers: see :func:`tf2_ros_tools.bag.map_recordings`; only with ``out``.
     :param scheduler: see the same function; only with ``out``.
     :param progress: see the same function.
     :raises FileNotFoundError: the folder does not exist, or contains no recording.
@@ -167,7 +167,7 @@ def dataset(
     :raises LookupException: a frame has no pose at any time in any recording.
     :raises InvalidArgumentException: a name of a frame is invalid.
     :raises TypeError, ValueError: ``frames`` is a str, is empty or has equal names; or see
-        :func:`tf2_ros.bag.load`.
+        :func:`tf2_ros_tools.bag.load`.
 
     A recording that cannot be read does not stop the others; ``failed`` lists it.
     """

@@ -103,7 +103,7 @@ ERROR = "error"  # the kind of the only row of a recording without a table
 @dataclass(frozen=True)
 class Request:
     """
-    What is looked up in each recording; :func:`tf2_ros.bag.map_recordings` says what the fields mean.
+    What is looked up in each recording; :func:`tf2_ros_tools.bag.map_recordings` says what the fields mean.
 
     :raises ValueError: they are not as described there.
     :raises InvalidArgumentException: a name of a frame is invalid.
@@ -451,7 +451,7 @@ class MappedRecordings:
 
     def __repr__(self) -> str:
         counts = f"{len(self.done)} done, {len(self.skipped)} skipped, {len(self.failed)} failed"
-        return f"<tf2_ros.bag.MappedRecordings: {counts}, in {self.out!r}>"
+        return f"<tf2_ros_tools.bag.MappedRecordings: {counts}, in {self.out!r}>"
 
 
 def map_recordings(
@@ -490,7 +490,7 @@ def map_recordings(
     :param at: look up at the stamps of the messages of this topic, which begin with a ``std_msgs/Header``.
     :param rate: look up this many times per second. Without ``at`` and ``rate``, the times are the stamps of
         the transforms between the two frames.
-    :param topics: see :func:`tf2_ros.bag.load`.
+    :param topics: see :func:`tf2_ros_tools.bag.load`.
     :param poses: see the same function.
     :param urdf: see the same function.
     :param partial: use what can be read of a broken recording.
@@ -519,7 +519,7 @@ def process(
     scheduler: "str | Client | None",
     progress: bool | None,
 ) -> MappedRecordings:
-    """Write the tables for a request; see :func:`tf2_ros.bag.map_recordings`."""
+    """Write the tables for a request; see :func:`tf2_ros_tools.bag.map_recordings`."""
     if workers is not None and scheduler is not None:
         raise ValueError("workers and scheduler exclude each other: a scheduler has its own workers")
     if workers is not None and workers < 1:

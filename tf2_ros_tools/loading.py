@@ -94,7 +94,7 @@ def wanted(
 
     :raises TypeError: ``topics`` is a str, a name, prefix or frame is not a str, or a time has a wrong type.
     :raises ValueError: ``topics`` is empty, or ``end`` is before ``start``.
-    :raises FileNotFoundError, UrdfError: see :func:`tf2_ros.urdf.load`.
+    :raises FileNotFoundError, UrdfError: see :func:`tf2_ros_tools.urdf.load`.
     """
     if isinstance(topics, str):
         raise TypeError(f"topics must be several names, use [{topics!r}]")
@@ -171,7 +171,7 @@ def load(
         the parent and the child, for example ``{"/gps/pose": ("map", "gps")}``. None: the names in the
         messages, which only odometry has.
     :param urdf: also compute the transforms of the joints of this robot, from the joint states on
-        ``/joint_states``: its path, its text, a :class:`tf2_ros.urdf.Robot`, or True, which means the
+        ``/joint_states``: its path, its text, a :class:`tf2_ros_tools.urdf.Robot`, or True, which means the
         ``/robot_description`` in the recording. For other topics, a mapping from their names to these; True
         then means the ``robot_description`` in the same namespace. Frames whose transforms are on ``topics``
         keep these. The authority of fixed joints is ``urdf``.
@@ -183,7 +183,7 @@ def load(
     :raises FileNotFoundError: the file does not exist.
     :raises BagError: the file is not a recording, is broken, or has none of the topics, or a topic has
         messages of another type; or its joint states have no joint of the robot.
-    :raises UrdfError: see :func:`tf2_ros.urdf.load`.
+    :raises UrdfError: see :func:`tf2_ros_tools.urdf.load`.
     :raises ModuleNotFoundError: rosbags is not installed; the text says how to install it.
     :raises TypeError, ValueError: ``topics``, ``start`` or ``end`` are not as described.
 
@@ -452,10 +452,10 @@ def hear(
     progress: bool | None = None,
 ) -> Heard:
     """
-    Read a recording as :func:`tf2_ros.bag.load` does, and record each transform.
+    Read a recording as :func:`tf2_ros_tools.bag.load` does, and record each transform.
 
     :param what: None: the transforms on TOPICS.
-    :param at: a topic whose stamps are read, too; see :func:`tf2_ros.bag.stamps`.
+    :param at: a topic whose stamps are read, too; see :func:`tf2_ros_tools.bag.stamps`.
     """
     buffer = new_buffer(None)
     recording = Recording()

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
     from tf2_py.typing import TimesLike
 
+__all__ = ["ViewerError", "log", "save", "view"]
+
 APPLICATION = "tf2_ros"
 TIMELINE = "stamp"
 ROOT = "tf"

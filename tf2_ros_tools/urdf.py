@@ -24,6 +24,8 @@ from tf2_ros_tools.serialised import EMPTY, tf_messages
 if TYPE_CHECKING:
     from geometry_msgs.msg import TransformStamped
 
+__all__ = ["Joint", "Robot", "UrdfError", "load"]
+
 Floats: TypeAlias = "NDArray[np.float64]"
 Numbers: TypeAlias = "tuple[float, ...]"
 
@@ -86,7 +88,7 @@ class Robot:
     def __repr__(self) -> str:
         moving = sum(one.type != "fixed" for one in self.joints)
         joints = f"{moving} movable and {len(self.joints) - moving} fixed joints"
-        return f"<tf2_ros.urdf.Robot {self.name!r}: {joints}, root {self.root!r}>"
+        return f"<tf2_ros_tools.urdf.Robot {self.name!r}: {joints}, root {self.root!r}>"
 
     def static_transforms(self) -> "list[TransformStamped]":
         """Get the transforms of the fixed joints, with the stamp 0."""

@@ -14,7 +14,8 @@ from ros2_tf2 import Ros2, fill
 from serving import AUTHORITY, STEP_NS, by_pair, rss_bytes, serve
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros import Buffer, bag
+from tf2_ros import Buffer
+from tf2_ros_tools import bag
 
 BATCH = 50
 FAR_NS = 3_600_000_000_000  # ahead of everything that is inserted

@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 from travelling import FRAMES, TIMES_NS, everything, filled
 
 from tf2_py import BufferCore
-from tf2_ros import bag
+from tf2_ros_tools import bag
 
 pytestmark = pytest.mark.ours
 
@@ -206,7 +206,7 @@ def test_a_length_beyond_the_end_of_the_file_asks_for_no_memory(path, tmp_path):
 
 
 REFUSED = {
-    "holds no buffer that save.. wrote; tf2_ros.bag.load": lambda metadata, messages: (None, messages),
+    "holds no buffer that save.. wrote; tf2_ros_tools.bag.load": lambda metadata, messages: (None, messages),
     "holds no buffer that save": lambda metadata, messages: (None, []),
     "lack names": lambda metadata, messages: ({k: v for k, v in metadata.items() if k != "names"}, messages),
     "of version 2": with_metadata(version="2"),

@@ -84,7 +84,7 @@ def test_one_package_is_built_and_it_has_none_of_tf2s_names(workspace):
 
 
 def test_ours_is_imported_after_it_is_sourced(workspace, python, ros):
-    lines = workspace.sourced(python, "-m", "tf2_ros.cli.which").splitlines()
+    lines = workspace.sourced(python, "-m", "tf2_ros_cython").splitlines()
     for name in OURS:
         [place] = [i for i, line in enumerate(lines) if line.startswith(f"{name}: tf2-ros-cython, ")]
         assert lines[place + 1] == f"    takes precedence over {ros.path / SITE / name}"

@@ -88,7 +88,7 @@ def test_the_programs_show_the_first_robot_as_the_page_says(command, tmp_path):
     [shown] = re.findall(rf"^```sh\n{command}\n```\n\n```text\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     name, *arguments = command.split()
     ending = ["--once", "--wait", str(DEADLINE_S)] if name == "tf2_echo" else []
-    started = [sys.executable, "-m", f"tf2_ros.cli.{name}", *arguments, *ending]
+    started = [sys.executable, "-m", f"tf2_ros_tools.programs.{name}", *arguments, *ending]
     signed = re.compile(r"-?\d+")
     with programs_beside(page, tmp_path):
         # On a busy machine a program may end before it has found the robot.
@@ -131,7 +131,7 @@ def test_the_recorder_saves_what_it_received_until_ctrl_c(tmp_path, peer):
         finally:
             recorder.kill()
     assert (recorder.returncode, errors) == (0, "")
-    buffer = importlib.import_module("tf2_ros.bag").load(tmp_path / "live.mcap")
+    buffer = importlib.import_module("tf2_ros_tools.bag").load(tmp_path / "live.mcap")
     assert buffer.lookup_transform("map", "camera", 1_000_000_000).transform.translation.x == 1.5
 
 
@@ -213,8 +213,8 @@ def check_command(command, folder):
             assert (folder / "bin" / "activate").is_file()
         case ["python", "-m", "pytest", *arguments]:
             check_pytest(arguments)
-        case ["python", "-m", ("tf2_ros_cython" | "tf2_ros.cli.which") as module]:
-            run([sys.executable, "-m", module], folder)
+        case ["python", "-m", "tf2_ros_cython"]:
+            run([sys.executable, "-m", "tf2_ros_cython"], folder)
         case ["python", "-m", module, *arguments]:
             said = run([sys.executable, "-m", module, "--help"], ROOT).stdout
             assert all(one in said for one in arguments if one.startswith("-"))
@@ -345,7 +345,7 @@ def exists(name):
     if owner in OBJECTS:
         module, _, kind = OBJECTS[owner].rpartition(".")
         return member in dir(getattr(importlib.import_module(module), kind)) or is_known(member)
-    if owner in (*PACKAGES, "tf2_ros.bag", "tf2_ros.rerun", "tf2_ros.urdf", "rclpy"):
+    if owner in (*PACKAGES, "tf2_ros_tools.bag", "tf2_ros_tools.rerun", "tf2_ros_tools.urdf", "rclpy"):
         return hasattr(importlib.import_module(owner), member) or name in modules()
     if name.startswith("test_"):
         return any(name in names_in(path) for module in modules().values() for path in module)

@@ -126,9 +126,9 @@ def public():
         for name in {*vars(content), *OURS[module]} - {"add_dll_directories_from_env"}:
             if not name.startswith("_") and is_ours(getattr(content, name)):
                 yield module, name
-    for module in ("tf2_py.typing", "tf2_ros.numpy", "tf2_ros.records", "tf2_ros.rerun", "tf2_ros.urdf"):
+    tools = ("tf2_ros_tools.bag", "tf2_ros_tools.rerun", "tf2_ros_tools.urdf")
+    for module in ("tf2_py.typing", "tf2_ros.numpy", "tf2_ros.records", *tools):
         yield from ((module, name) for name in MODULES[module])
-    yield from (("tf2_ros.bag", name) for name in importlib.import_module("tf2_ros.bag").__all__)
 
 
 def test_every_public_class_and_function_is_in_the_reference():

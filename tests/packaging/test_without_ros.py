@@ -1,11 +1,9 @@
 """An environment without ROS, with the extensions of this checkout: buffers and recordings need no more."""
 
 import json
-import os
 import pickle
 import re
 import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -213,7 +211,7 @@ assert failed == [], failed
 
 
 def test_what_is_about_recordings_loads(world):
-    of_recordings = r"tf2_ros\.(bag|rerun|urdf|numpy|records|cli)|tf2_ros_tools(\.\w+)*"
+    of_recordings = r"tf2_ros\.(numpy|records)|tf2_ros_tools(\.\w+)*"
     names = [name for name in modules() if re.fullmatch(of_recordings, name)]
     for of_nodes in ("listening", "relaying", "screen", "state_publisher"):
         names.remove(f"tf2_ros_tools.{of_nodes}")
@@ -228,40 +226,18 @@ assert not {{"rclpy", "geometry_msgs", "tf2_msgs"}} & {{*sys.modules}}
 
 class TestPrograms:
     @pytest.mark.parametrize("name", ["tf2_echo", "tf2_check", "view_frames"])
-    @pytest.mark.parametrize("how", ["-m tf2_ros.cli.", "-m tf2_ros_tools.programs."])
-    def test_one_says_in_one_line_what_is_missing(self, world, name, how):
+    def test_one_says_in_one_line_what_is_missing(self, world, name):
         arguments = ["map", "camera"] if name == "tf2_echo" else []
-        start, module = f"{how}{name}".split()
-        if "tools" in module:
-            start, module = (
-                "-c",
-                f"import sys; from {module} import main; sys.exit(main({[name, *arguments]}))",
-            )
-        ended = world.run(start, module, *arguments)
+        ended = world.run("-m", f"tf2_ros_tools.programs.{name}", *arguments)
         assert (ended.returncode, ended.stdout, ended.stderr.count("\n")) == (1, "", 1)
         assert ended.stderr.startswith(
             f"{name}: tf2_ros needs ROS 2, and no rclpy is found by {world.python}"
         )
 
     def test_one_shows_its_help(self, world):
-        ended = world.run("-m", "tf2_ros.cli.tf2_echo", "--help")
+        ended = world.run("-m", "tf2_ros_tools.programs.tf2_echo", "--help")
         assert ended.returncode == 0
         assert ended.stdout.startswith("usage: tf2_echo")
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="buffers are shared only on Linux")
-def test_which_finds_a_shared_buffer(world):
-    name = f"without-ros-{os.getpid()}"
-    said = world.does(f"""
-import os, subprocess, sys
-from tf2_ros import Buffer
-buffer = Buffer(20.0, share={name!r})
-os.environ["TF2_SHARED_BUFFER"] = {name!r}
-which = [sys.executable, "-m", "tf2_ros_cython"]
-print(os.getpid(), subprocess.run(which, text=True, capture_output=True).stdout)
-""")
-    process = said.partition(" ")[0]
-    assert f"\nshared buffer: {name!r} of process {process} (-c), without a listener, keeps 20 s\n" in said
 
 
 class TestAnRclpyThatIsNoRos:

@@ -192,7 +192,6 @@ class TestSharedBuffer:
 
     def test_it_follows_simulated_time(self, tf2_ros, peer):
         with sharing("--ros-args", "-p", "use_sim_time:=true"):
-            assert which("auto").endswith(", keeps 10 s, simulated time")
             buffer = tf2_ros.Buffer(attach="auto")
             talker = peer()
             talker.send(("map", "robot", S, 1.0))
@@ -246,71 +245,6 @@ class TestSharedBuffer:
         owner.wait()
         with sharing() as (process, said):
             assert f": process {process.pid}, " in said
-
-
-def which(wanted, code="main([])"):
-    """What tf2_which says of shared buffers, where the environment wants this one."""
-    environment = {**os.environ, "TF2_SHARED_BUFFER": wanted}
-    command = [sys.executable, "-c", f"import sys\nfrom tf2_ros_cython.which import main\n{code}"]
-    done = subprocess.run(
-        command, env=environment, text=True, capture_output=True, timeout=DEADLINE_S, check=True
-    )
-    assert done.stderr == ""
-    [line] = [line for line in done.stdout.splitlines() if line.startswith("shared buffer: ")]
-    return line.removeprefix("shared buffer: ")
-
-
-class TestWhich:
-    def test_it_tells_the_shared_buffer_that_a_program_would_find(self):
-        with sharing("--cache-time", "30") as (process, _):
-            assert which("auto") == (
-                f"'{BY_DOMAIN}' of process {process.pid} (tf2_shared_buffer.py), "
-                f"ROS domain {DOMAIN}, /tf and /tf_static, keeps 30 s"
-            )
-
-    def test_one_that_nothing_fills_is_told_as_such(self, tf2_ros):
-        name = f"{BY_DOMAIN}-empty"
-        buffer = tf2_ros.Buffer(share=name)
-        said = which(name)
-        assert said.startswith(f"'{name}' of process {os.getpid()} (")
-        assert said.endswith("), without a listener, keeps 10 s")
-        del buffer
-
-    @pytest.mark.parametrize(
-        ("wanted", "said"),
-        [
-            ("", "none wanted; TF2_SHARED_BUFFER is not set"),
-            ("auto", f"none: no process of this user shares a buffer '{BY_DOMAIN}'"),
-            (
-                "a/b",
-                "none: 'a/b' is not a name of a shared buffer: letters, digits, '.', '_' and '-', "
-                "at most 100, beginning with a letter or digit",
-            ),
-        ],
-        ids=["none wanted", "none shared", "no name"],
-    )
-    def test_where_there_is_none_it_says_why(self, wanted, said):
-        assert which(wanted) == said
-
-    def test_what_is_no_shared_buffer_is_told(self):
-        name = f"{BY_DOMAIN}-spoiled"
-        file_of(name).mkdir()
-        try:
-            assert which(name).startswith(f"none: the shared buffer '{name}' cannot be read: ")
-        finally:
-            file_of(name).rmdir()
-
-    def test_off_linux_it_has_no_effect(self):
-        said = which("auto", "sys.platform = 'darwin'\nmain([])")
-        assert said == "TF2_SHARED_BUFFER=auto has no effect: buffers are shared only on Linux"
-
-    def test_for_another_tf2_ros_it_has_no_effect_and_nothing_is_imported(self, tmp_path):
-        (tmp_path / "tf2_ros").mkdir()
-        (tmp_path / "tf2_ros" / "__init__.py").write_text("raise SystemExit('imported')\n")
-        said = which(
-            "auto", f"sys.path.insert(0, {str(tmp_path)!r})\nmain([])\nassert 'rclpy' not in sys.modules"
-        )
-        assert said == "TF2_SHARED_BUFFER=auto has no effect, because tf2_ros is not tf2-ros-cython's"
 
 
 class TestTheHelpOfTf2Which:

@@ -5,6 +5,7 @@ import os
 import resource
 import signal
 import subprocess
+import sys
 from contextlib import suppress
 from pathlib import Path
 
@@ -168,11 +169,18 @@ def test_a_buffer_is_saved_whole_or_not_at_all(tmp_path):
 # Standard output.
 
 
+def tf2_which(stdout):
+    """Run it to its end: exit status and errors."""
+    command = [sys.executable, "-m", "tf2_ros_cython"]
+    done = subprocess.run(command, stdout=stdout, stderr=subprocess.PIPE, text=True, timeout=DEADLINE_S)
+    return done.returncode, done.stderr
+
+
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")
 class TestOutput:
     def test_of_tf2_which(self):
         with open("/dev/full", "w") as full:
-            status, _, err = ended("which", [], None, stdout=full)
+            status, err = tf2_which(full)
         assert (status, err) == (1, "tf2_which: No space left on device\n")
 
     @pytest.mark.parametrize(
@@ -190,7 +198,7 @@ def test_a_reader_who_leaves_ends_tf2_which_without_a_word():
     reading, writing = os.pipe()
     os.close(reading)
     try:
-        status, _, err = ended("which", [], None, stdout=writing)
+        status, err = tf2_which(writing)
     finally:
         os.close(writing)
     assert (status, err) == (128 + signal.SIGPIPE, "")

@@ -355,7 +355,8 @@ class TestEveryProgramWithANode:
 
     def test_control_c_in_a_terminal_leaves_no_trace(self, name, node):
         skip_without_its_library(name)
-        command = ["-m", f"tf2_ros.cli.{name}", *VALID.get(name, []), "--ros-args", "-r", "__node:=ended"]
+        module = f"tf2_ros_tools.programs.{name}"
+        command = ["-m", module, *VALID.get(name, []), "--ros-args", "-r", "__node:=ended"]
         with pexpect.spawn(sys.executable, command, timeout=DEADLINE_S, encoding="utf-8") as terminal:
             until(lambda: "ended" in node.get_node_names())
             if name in SAYS:

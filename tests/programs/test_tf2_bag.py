@@ -18,7 +18,7 @@ from making import transform
 from making_bags import S, Sent, Tf, drive, scan, write_folder, write_mcap, write_ros1
 from processes import DEADLINE_S, completed, ended, needs_dot, running, until
 
-from tf2_ros.bag import load
+from tf2_ros_tools.bag import load
 from tf2_ros_tools.findings import KINDS
 from tf2_ros_tools.program import RunError, UsageError
 from tf2_ros_tools.programs.tf2_bag import COMMANDS, bag, parser

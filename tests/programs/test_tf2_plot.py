@@ -116,7 +116,7 @@ def test_wrong_usage_is_one_line(arguments, said):
 
 
 def test_without_a_name_it_is_a_png_of_the_time_whose_name_a_terminal_shows(robot, tmp_path):
-    command = ["-m", "tf2_ros.cli.tf2_plot", *LISTEN]
+    command = ["-m", "tf2_ros_tools.programs.tf2_plot", *LISTEN]
     with pexpect.spawn(
         sys.executable, command, cwd=str(tmp_path), env=os.environ, timeout=DEADLINE_S, encoding="utf-8"
     ) as terminal:

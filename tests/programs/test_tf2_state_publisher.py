@@ -107,7 +107,7 @@ def test_joint_states_become_transforms(robot, executor, file):
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=DEADLINE_S)
     assert (process.returncode, out) == (0, "")
-    assert "[robot_state_publisher]: Robot initialized: <tf2_ros.urdf.Robot 'arm': 7 movable" in err
+    assert "[robot_state_publisher]: Robot initialized: <tf2_ros_tools.urdf.Robot 'arm': 7 movable" in err
 
 
 def test_the_prefix_and_the_description_may_be_parameters(robot, executor):

@@ -141,7 +141,7 @@ class TestOnce:
         assert not any(tmp_path.iterdir())
 
     def test_in_a_terminal_the_text_is_the_same(self, robot):
-        command = ["-m", "tf2_ros.cli.view_frames", "--text", *LISTEN]
+        command = ["-m", "tf2_ros_tools.programs.view_frames", "--text", *LISTEN]
         with pexpect.spawn(sys.executable, command, timeout=DEADLINE_S, encoding="utf-8") as terminal:
             terminal.expect(r"Listening to tf data for 4 seconds\.\.\..*\r\n")
             printed = terminal.read().replace("\r\n", "\n")

@@ -377,7 +377,7 @@ class TestMonitor:
 
     def test_a_terminal_that_cannot_draw_gets_lines(self, robot):
         pexpect = pytest.importorskip("pexpect")
-        command = ["-m", "tf2_ros.cli.tf2_monitor"]
+        command = ["-m", "tf2_ros_tools.programs.tf2_monitor"]
         with pexpect.spawn(
             sys.executable, command, encoding="utf-8", timeout=DEADLINE_S, env={**os.environ, "TERM": "dumb"}
         ) as child:

@@ -32,8 +32,8 @@ from making_bags import (
 )
 
 from tf2_py import BufferCore, TransformException
-from tf2_ros import bag
 from tf2_ros.records import MessageSource, insert_messages
+from tf2_ros_tools import bag
 from tf2_ros_tools.loading import hear, wanted
 from tf2_ros_tools.reading import is_static, open_recording, stamps_of
 
@@ -781,7 +781,7 @@ def test_a_missing_library_is_named_with_its_extra(tmp_path, monkeypatch):
 
 INTERRUPTED = """
 import sys
-from tf2_ros import bag
+from tf2_ros_tools import bag
 from tf2_ros_tools import loading
 
 def told(*arguments):
@@ -826,7 +826,7 @@ class Finder:
         return None if name.partition(".")[0] in ROS else self.finder.find_spec(name, path, target)
 
 sys.meta_path[:] = map(Finder, sys.meta_path)
-from tf2_ros import bag
+from tf2_ros_tools import bag
 for path in sys.argv[1:]:
     found = bag.load(path).lookup_transform_core("map", "camera", 102_000_000_000)
     _, _, first = next(bag.transforms(path))

@@ -5,7 +5,8 @@ import pytest
 from making_bags import S, Sent, Tf, drive, scan, write_mcap
 from robots import ARM, SIMPLE, expected, joint_state
 
-from tf2_ros import InvalidArgumentException, LookupException, bag
+from tf2_ros import InvalidArgumentException, LookupException
+from tf2_ros_tools import bag
 
 pytestmark = pytest.mark.ours
 
@@ -99,7 +100,7 @@ class TestManyRecordings:
         assert list(data.failed) == [str(runs / "broken.mcap")]
         assert data.episodes.tolist() == np.repeat(range(3), 6).tolist()
         assert data.indices.tolist() == [*range(6)] * 3
-        assert repr(data) == "<tf2_ros.bag.Dataset: 18 rows of 2 frames in 3 recordings>"
+        assert repr(data) == "<tf2_ros_tools.bag.Dataset: 18 rows of 2 frames in 3 recordings>"
         for i in range(3):
             alone = made(data.files[i])
             mine = data.where(data.episodes == i)

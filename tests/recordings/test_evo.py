@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from processes import DEADLINE_S, ended
 
 import tf2_py
-import tf2_ros.bag
+import tf2_ros_tools.bag
 
 pytestmark = [
     pytest.mark.ours,
@@ -78,7 +78,7 @@ def test_evos_cache_finds_the_transforms_that_we_find(evo, recording, target, so
     assert type(cache.buffer) is tf2_py.BufferCore
     with reader_of(recording) as reader:
         found = cache.get_trajectory(reader, f"/tf:{target}.{source}")
-    buffer = tf2_ros.bag.load(recording)
+    buffer = tf2_ros_tools.bag.load(recording)
     moves = (target, source) != ("base", "camera")
     # evo asks at this rate from the first transform on; what is static once, at time 0.
     times = BEGIN + np.arange(0, 2 * S - S // 100, S // LOOKUPS_HZ) if moves else [0]
@@ -102,7 +102,7 @@ def test_evo_takes_its_own_times_and_leaves_out_those_without_an_answer(evo, rec
         found = tf_cache.TfCache().get_trajectory(
             reader, "/tf:map.camera", [Time.from_sec(s) for s in seconds]
         )
-    translations, rotations = tf2_ros.bag.load(recording).lookup_transforms(
+    translations, rotations = tf2_ros_tools.bag.load(recording).lookup_transforms(
         "map", "camera", [BEGIN + S // 2, BEGIN + S * 5 // 4]
     )
     assert_allclose(found.timestamps, [seconds[0], seconds[2]], rtol=0, atol=1e-6)

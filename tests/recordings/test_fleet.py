@@ -15,7 +15,7 @@ import pytest
 from making_bags import S, Sent, drive, scan, write_folder, write_mcap, write_split
 from processes import DEADLINE_S, start, until
 
-bag = pytest.importorskip("tf2_ros.bag")
+bag = pytest.importorskip("tf2_ros_tools.bag")
 dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -124,7 +124,8 @@ def test_each_recording_becomes_a_table_and_one_table_has_the_findings(runs, out
     assert f"{run}\n  summary: 82 transforms in 4.0 s, answers at 40 of 40 times\n" in (
         out / "_findings.txt"
     ).read_text(encoding="utf-8")
-    assert repr(result) == f"<tf2_ros.bag.MappedRecordings: 4 done, 0 skipped, 0 failed, in {str(out)!r}>"
+    shown = f"<tf2_ros_tools.bag.MappedRecordings: 4 done, 0 skipped, 0 failed, in {str(out)!r}>"
+    assert repr(result) == shown
 
 
 def test_a_folder_of_tables_is_read_as_one(runs, out):
@@ -394,7 +395,7 @@ def test_two_processes_do_the_same_as_one_core(runs, out, tmp_path):
     one = mapped(runs, tmp_path / "one")
     with mapping(runs, out, stdout=subprocess.PIPE) as program:
         said, _ = program.communicate(timeout=3 * DEADLINE_S)
-    assert said == f"<tf2_ros.bag.MappedRecordings: 4 done, 0 skipped, 1 failed, in {str(out)!r}>\n"
+    assert said == f"<tf2_ros_tools.bag.MappedRecordings: 4 done, 0 skipped, 1 failed, in {str(out)!r}>\n"
     assert tables(out) == tables(tmp_path / "one")
     assert (out / "_findings.txt").read_text() == (tmp_path / "one" / "_findings.txt").read_text()
     assert findings(mapped(runs, out)) == findings(one)

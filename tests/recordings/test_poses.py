@@ -10,7 +10,7 @@ from making_bags import S, Sent, Tf, drive, packed, store, turn, write_folder, w
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
-from tf2_ros import bag
+from tf2_ros_tools import bag
 from tf2_ros_tools.foxglove import tf_message
 from tf2_ros_tools.loading import hear, wanted
 

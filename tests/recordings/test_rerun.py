@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 from processes import DEADLINE_S, broadcasting, ended, running, until
 from scipy import ndimage
 
-import tf2_ros.rerun
+import tf2_ros_tools.rerun
 from tf2_py import BufferCore, LookupException
 from tf2_ros_tools.rerun import Live, _free_ports, new_recording, open_viewer
 
@@ -72,7 +72,7 @@ def logged(tmp_path):
 
     def save_and_read(buffer, **how):
         path = tmp_path / "buffer.rrd"
-        tf2_ros.rerun.save(buffer, path, **how)
+        tf2_ros_tools.rerun.save(buffer, path, **how)
         return Logged(path)
 
     return save_and_read
@@ -187,7 +187,7 @@ def test_the_current_recording_is_logged_to(tmp_path):
     recording = rr.RecordingStream("of a program")
     recording.save(tmp_path / "own.rrd")
     with recording:
-        tf2_ros.rerun.log(driving())
+        tf2_ros_tools.rerun.log(driving())
     recording.disconnect()
     assert set(Logged(tmp_path / "own.rrd").moving) == {"/tf/odom", "/tf/base"}
 
@@ -200,19 +200,19 @@ def test_an_empty_buffer_logs_nothing(logged):
 @pytest.mark.parametrize("how", [{"origin": "nobody"}, {"frames": ["base", "nobody"]}])
 def test_an_unknown_frame_is_refused(how, tmp_path):
     with pytest.raises(LookupException, match="nobody"):
-        tf2_ros.rerun.save(driving(), tmp_path / "buffer.rrd", **how)
+        tf2_ros_tools.rerun.save(driving(), tmp_path / "buffer.rrd", **how)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_times_and_a_rate_are_refused():
     with pytest.raises(ValueError, match="either times or rate"):
-        tf2_ros.rerun.log(driving(), times=[BEGIN], rate=10.0)
+        tf2_ros_tools.rerun.log(driving(), times=[BEGIN], rate=10.0)
 
 
 def test_without_rerun_the_error_names_the_extra(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(ModuleNotFoundError, match=r"pip install 'tf2-ros-cython\[rerun\]'"):
-        tf2_ros.rerun.save(driving(), tmp_path / "buffer.rrd")
+        tf2_ros_tools.rerun.save(driving(), tmp_path / "buffer.rrd")
 
 
 class Robot:
@@ -327,7 +327,7 @@ class TestLive:
         for variable in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
             monkeypatch.delenv(variable, raising=False)
         with (
-            pytest.raises(tf2_ros.rerun.ViewerError, match="did not open: .*DISPLAY"),
+            pytest.raises(tf2_ros_tools.rerun.ViewerError, match="did not open: .*DISPLAY"),
             open_viewer(new_recording(), web=False) as viewer,
         ):
             until(viewer.is_closed)
@@ -359,8 +359,8 @@ def test_without_a_screen_tf2_view_names_the_options_that_need_none(display, vie
 def test_without_a_screen_the_viewer_says_so_in_one_line(monkeypatch, viewer_home):
     for variable in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(variable, raising=False)
-    with pytest.raises(tf2_ros.rerun.ViewerError, match="did not open: .*DISPLAY") as caught:
-        tf2_ros.rerun.view(driving())
+    with pytest.raises(tf2_ros_tools.rerun.ViewerError, match="did not open: .*DISPLAY") as caught:
+        tf2_ros_tools.rerun.view(driving())
     assert "\n" not in str(caught.value)
 
 
@@ -391,7 +391,7 @@ def test_the_viewer_draws_the_axes_of_every_frame(served, tmp_path):
     path = tmp_path / "buffer.rrd"
     places = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 1.0, 0.0)]
     moving = [Tf("map", f"moving_{i}", BEGIN, place) for i, place in enumerate(places)]
-    tf2_ros.rerun.save(buffer_of(moving, [Tf("map", "static", 0, (-1.0, 0.0, 0.0))]), path, axes=0.3)
+    tf2_ros_tools.rerun.save(buffer_of(moving, [Tf("map", "static", 0, (-1.0, 0.0, 0.0))]), path, axes=0.3)
     address = served(path).replace("localhost", "127.0.0.1") + "&renderer=webgl"
 
     # An arrow for x and one for y of each of five frames.

@@ -5,7 +5,7 @@ import pytest
 from making_bags import S, Sent, Tf, drive, write_mcap
 
 from tf2_py import ConnectivityException, LookupException
-from tf2_ros.bag import load
+from tf2_ros_tools.bag import load
 from tf2_ros_tools.loading import hear
 from tf2_ros_tools.tables import Table, as_tum, look_up, look_up_when, times_at_rate
 

@@ -17,8 +17,8 @@ from robots import (
 )
 
 from tf2_py import ExtrapolationException
-from tf2_ros import bag, urdf
 from tf2_ros.numpy import to_matrix
+from tf2_ros_tools import bag, urdf
 from tf2_ros_tools.loading import hear, wanted
 
 pytestmark = pytest.mark.ours
@@ -75,7 +75,7 @@ class TestRobot:
         assert by_name["roll"].limits is None
         assert by_name["grip"].mimic == ("extend", -0.5, 0.02)
         assert by_name["lift"].axis == pytest.approx((0, 2 / 5**0.5, 1 / 5**0.5))
-        assert repr(robot) == "<tf2_ros.urdf.Robot 'arm': 7 movable and 1 fixed joints, root 'base'>"
+        assert repr(robot) == "<tf2_ros_tools.urdf.Robot 'arm': 7 movable and 1 fixed joints, root 'base'>"
 
     @pytest.mark.parametrize("length", ["1e-200", "1e200"])
     def test_an_axis_may_have_any_length(self, length):

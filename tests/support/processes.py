@@ -71,7 +71,7 @@ def start(program, *arguments, **popen):
 
 def program(name, *arguments, **popen):
     """Start one of the project's programs; its standard output and errors are pipes."""
-    command = [sys.executable, "-m", f"tf2_ros.cli.{name}", *arguments]
+    command = [sys.executable, "-m", f"tf2_ros_tools.programs.{name}", *arguments]
     popen = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **popen}
     return subprocess.Popen(command, text=True, **popen)
 

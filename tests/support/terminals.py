@@ -21,7 +21,7 @@ class Terminal:
         inherited = {name: os.environ[name] for name in os.environ if name not in ("COLUMNS", "LINES")}
         self.process = pexpect.spawn(
             sys.executable,
-            ["-m", f"tf2_ros.cli.{name}", *arguments],
+            ["-m", f"tf2_ros_tools.programs.{name}", *arguments],
             dimensions=(rows, columns),
             encoding="utf-8",
             timeout=DEADLINE_S,

@@ -214,7 +214,7 @@ def _read(records: Iterator[Any], scratch: Any) -> dict[str, Any]:
             case "Message" if topics[record.channel_id] in QOS:
                 scratch.set_transforms_cdr(record.data, "", topics[record.channel_id] == STATIC)
     if state is None:
-        raise ValueError("it holds no buffer that save() wrote; tf2_ros.bag.load reads recordings")
+        raise ValueError("it holds no buffer that save() wrote; tf2_ros_tools.bag.load reads recordings")
     return state | _samples_of(scratch.__getstate__(), state)
 
 

@@ -32,7 +32,7 @@ Receive transforms, and share the buffer that holds them with all processes of t
 until interrupted. Processes whose environment contains TF2_SHARED_BUFFER=auto, or =NAME, read this buffer \
 instead of subscribing on their own.
 
-The log says what is shared; tf2_which shows what a program would find."""
+The log says what is shared."""
 
 EXAMPLE = """\
   tf2_shared_buffer                                      under the name auto: one for each ROS domain

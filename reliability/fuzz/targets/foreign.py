@@ -8,7 +8,6 @@ import numpy as np
 
 from reliability.fuzz.faults import Fault
 from tf2_py import BufferCore
-from tf2_ros.urdf import Robot, load
 from tf2_ros_tools import foxglove
 from tf2_ros_tools.serialised import (
     LITTLE_ENDIAN,
@@ -19,6 +18,7 @@ from tf2_ros_tools.serialised import (
     odometry_frames,
     pose_frames,
 )
+from tf2_ros_tools.urdf import Robot, load
 
 Names = Callable[[Reader], tuple[tuple[str, ...], int]]
 

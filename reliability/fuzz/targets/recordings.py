@@ -10,7 +10,7 @@ from contextlib import closing
 from pathlib import Path
 
 from reliability.fuzz.faults import Fault
-from tf2_ros.bag import BagError, BagWarning, load, stamps, transforms
+from tf2_ros_tools.bag import BagError, BagWarning, load, stamps, transforms
 
 _folder = tempfile.TemporaryDirectory(prefix="tf2-fuzz-", dir="/dev/shm")
 _FILES = {0: "run.mcap", 1: "run.db3", 2: "run.bag"}

@@ -31,7 +31,7 @@ from rclpy.duration import Duration
 from rclpy.serialization import serialize_message
 from travelling import everything
 
-import tf2_ros.bag
+import tf2_ros_tools.bag
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore, TransformException
 from tf2_ros import Buffer, SharedBufferError
@@ -426,7 +426,7 @@ def _(made):
 
 @operation("bag.load", filled(), see=folder_seen)
 def _(made):
-    return tf2_ros.bag.load(SAVED)
+    return tf2_ros_tools.bag.load(SAVED)
 
 
 # Sharing. Names are of this process.

@@ -2,7 +2,7 @@
 
 import sys
 
-from tf2_ros.bag import map_recordings
+from tf2_ros_tools.bag import map_recordings
 
 if __name__ == "__main__":
     print(map_recordings(sys.argv[1], "map", "camera", sys.argv[2], workers=2, progress=False))

@@ -41,7 +41,7 @@ from typing_extensions import assert_type
 
 import tf2_geometry_msgs
 import tf2_ros
-import tf2_ros.bag
+import tf2_ros_tools.bag
 import tf2_sensor_msgs
 from tf2_msgs.msg import TFMessage
 from tf2_py import add_dll_directories_from_env
@@ -85,10 +85,7 @@ from tf2_ros import (
     __version__,
     convert,
     format_transform,
-    rerun,
-    urdf,
 )
-from tf2_ros.bag import Dataset, MappedRecordings, dataset, map_recordings
 from tf2_ros.numpy import (
     from_matrix,
     from_rotation,
@@ -107,6 +104,8 @@ from tf2_ros.records import (
     read_transforms,
     refusal_text,
 )
+from tf2_ros_tools import rerun, urdf
+from tf2_ros_tools.bag import Dataset, MappedRecordings, dataset, map_recordings
 from tf2_sensor_msgs.tf2_sensor_msgs import create_cloud, read_points
 
 Floats = npt.NDArray[np.float64]
@@ -405,12 +404,12 @@ def geometry(transform: TransformStamped, points: Floats) -> None:
 def recordings(path: PurePath, when: TimeLike, interval: DurationLike) -> Buffer | None:
     """Recordings read."""
     topics = {"/robot1/tf": "robot1/", "/robot1/tf_static": "robot1/"}
-    found = tf2_ros.bag.transforms(path, topics=["/tf"], start=when, end=1, partial=True)
+    found = tf2_ros_tools.bag.transforms(path, topics=["/tf"], start=when, end=1, partial=True)
     assert_type(found, Iterator[tuple[int, bool, TransformStamped]])
-    assert_type(tf2_ros.bag.load("drive.mcap", cache_time=2.5), Buffer)
-    assert_type(tf2_ros.bag.stamps(path, "/points", partial=True), npt.NDArray[np.int64])
+    assert_type(tf2_ros_tools.bag.load("drive.mcap", cache_time=2.5), Buffer)
+    assert_type(tf2_ros_tools.bag.stamps(path, "/points", partial=True), npt.NDArray[np.int64])
     try:
-        return tf2_ros.bag.load(
+        return tf2_ros_tools.bag.load(
             path,
             cache_time=interval,
             topics=topics,
@@ -421,7 +420,7 @@ def recordings(path: PurePath, when: TimeLike, interval: DurationLike) -> Buffer
             progress=False,
             partial=True,
         )
-    except (tf2_ros.bag.BagError, tf2_ros.bag.BagWarning):
+    except (tf2_ros_tools.bag.BagError, tf2_ros_tools.bag.BagWarning):
         return None
 
 
@@ -436,7 +435,8 @@ def joints(path: PurePath) -> None:
     assert_type(moved, tuple[list[urdf.Joint], Floats, Floats])
     assert_type(robot.static_transforms(), list[TransformStamped])
     assert_type([one.mimic for one in robot.joints], list[tuple[str, float, float] | None])
-    print(robot.name, robot.root, tf2_ros.bag.load("arm", urdf=robot), tf2_ros.bag.load("arm", urdf=True))
+    print(robot.name, robot.root, tf2_ros_tools.bag.load("arm", urdf=robot))
+    print(tf2_ros_tools.bag.load("arm", urdf=True))
 
 
 def matrices(transform: TransformStamped) -> None:

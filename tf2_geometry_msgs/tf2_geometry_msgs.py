@@ -1,6 +1,6 @@
 """The names of tf2's module of this name; importing it registers the types of the table."""
 
-from typing import Iterable  # noqa: UP035  typing's, as in tf2
+from typing import Iterable, Optional, Tuple  # noqa: UP035  typing's, as in tf2
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from geometry_msgs.msg import (
     Vector3Stamped,
 )
 
+import tf2_ros
 from tf2_geometry_msgs._affine import (  # noqa: F401  used by programs, private as they are in tf2
     _build_affine,
     _decompose_affine,
@@ -35,7 +36,6 @@ from tf2_geometry_msgs._geometry import (
 )
 from tf2_geometry_msgs._types import TYPES
 from tf2_ros._registration import from_msg_msg, names_of, register_messages, to_msg_msg
-from tf2_ros._tf2_names import Optional, Tuple, tf2_ros
 
 # What `import *` imports from tf2's module, and nothing more: our own names could hide those of a program.
 __all__ = [

@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING
 
 # Imported first, because it explains what to install if the imports below fail.
 from tf2_py import BufferCore
-from tf2_ros_cython._presence import HAS_ROS
 from tf2_ros_cython._ros import __version__ as __version__
 
 # isort: split
@@ -16,15 +15,12 @@ from tf2_py import (
     LookupException,
     TimeoutException,
     TransformException,
-    add_dll_directories_from_env,
 )
 from tf2_py import FrameInfo as FrameInfo
 from tf2_py import History as History
-from tf2_ros import _on_use, _tf2_names, buffer, buffer_interface
-from tf2_ros._messages import Header, PoseStamped, TransformStamped
+from tf2_ros import _names
 from tf2_ros._messages import format_transform as format_transform
 from tf2_ros._shared.naming import SharedBufferError as SharedBufferError
-from tf2_ros._tf2_names import *  # noqa: F403
 from tf2_ros.buffer import Buffer
 from tf2_ros.buffer_interface import (
     BufferInterface,
@@ -38,13 +34,19 @@ from tf2_ros.buffer_interface import (
     convert,
 )
 
-if TYPE_CHECKING or HAS_ROS:
-    from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, Vector3Stamped
-    from rclpy.duration import Duration
+if TYPE_CHECKING:
+    from geometry_msgs.msg import PointStamped as PointStamped
+    from geometry_msgs.msg import PoseStamped as PoseStamped
+    from geometry_msgs.msg import PoseWithCovarianceStamped as PoseWithCovarianceStamped
+    from geometry_msgs.msg import TransformStamped as TransformStamped
+    from geometry_msgs.msg import Vector3Stamped as Vector3Stamped
 
-    from tf2_msgs.msg import TFMessage
-    from tf2_msgs.srv import FrameGraph
-    from tf2_ros import static_transform_broadcaster, transform_broadcaster, transform_listener
+    from tf2_ros._tf2_types import MsgStamped, TransformableObject
+    from tf2_ros.buffer import FrameGraphSrvRequest, FrameGraphSrvResponse
+    from tf2_ros.buffer_client import BufferClient, LookupTransformGoal, LookupTransformResult
+    from tf2_ros.buffer_server import BufferServer as BufferServer
+    from tf2_ros.message_filter import FilterFailureReason as FilterFailureReason
+    from tf2_ros.message_filter import MessageFilter as MessageFilter
     from tf2_ros.static_transform_broadcaster import StaticTransformBroadcaster
     from tf2_ros.transform_broadcaster import TransformBroadcaster
     from tf2_ros.transform_listener import (
@@ -54,69 +56,38 @@ if TYPE_CHECKING or HAS_ROS:
     )
     from tf2_ros.transform_listener import StaticTransformListener as StaticTransformListener
 
-if TYPE_CHECKING:
-    from rclpy.action.client import ActionClient
-    from sensor_msgs.msg import PointCloud2
-
-    from tf2_msgs.action import LookupTransform
-    from tf2_ros import buffer_client
-    from tf2_ros.buffer_client import BufferClient
-    from tf2_ros.buffer_interface import MsgStamped, TransformableObject
-    from tf2_ros.buffer_server import BufferServer as BufferServer
-    from tf2_ros.message_filter import FilterFailureReason as FilterFailureReason
-    from tf2_ros.message_filter import MessageFilter as MessageFilter
-
-# What `import *` gives from tf2's package, accidental names included, and nothing more: a name of ours could
-# hide one of a program's. The others are imported by name.
+# What `import *` gives from tf2's package, and nothing more: a name of ours could hide one of a program's.
 __all__ = [
     "DEFAULT_STATIC_TF_TOPIC",
     "DEFAULT_TF_TOPIC",
-    "ActionClient",
     "Buffer",
     "BufferClient",
     "BufferCore",
     "BufferInterface",
     "ConnectivityException",
     "ConvertRegistration",
-    "Duration",
     "ExtrapolationException",
-    "FrameGraph",
-    "Header",
+    "FrameGraphSrvRequest",
+    "FrameGraphSrvResponse",
     "InvalidArgumentException",
     "LookupException",
-    "LookupTransform",
+    "LookupTransformGoal",
+    "LookupTransformResult",
     "MsgStamped",
     "NotImplementedException",
-    "PointCloud2",
-    "PointStamped",
-    "PoseStamped",
-    "PoseWithCovarianceStamped",
     "PyKDLType",
     "Stamped",
     "StaticTransformBroadcaster",
-    "TFMessage",
     "TimeoutException",
     "TransformBroadcaster",
     "TransformException",
     "TransformListener",
     "TransformRegistration",
-    "TransformStamped",
     "TransformableObject",
     "TransformableObjectType",
     "TypeException",
-    "Vector3Stamped",
-    "add_dll_directories_from_env",
-    "buffer",
-    "buffer_client",
-    "buffer_interface",
     "convert",
-    "static_transform_broadcaster",
-    "transform_broadcaster",
-    "transform_listener",
 ]
-__all__ += _tf2_names.__all__
-
-_on_use.offer(
-    globals(),
-    {"BufferServer", "FilterFailureReason", "MessageFilter", "StaticTransformListener", *_tf2_names.LACKING},
-)
+_names.offer(globals())
+if not TYPE_CHECKING:
+    __all__ = _names.that_work({*__all__, *_names.OF_OTHERS}, globals())

@@ -3,16 +3,15 @@
 import warnings
 import weakref
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from tf2_py import BufferCore, TransformException
 from tf2_py._internal import log, policy_of, timeout_ns
 from tf2_py.typing import TimeLike, TimeoutLike
-from tf2_ros import _on_use
+from tf2_ros import _names
 from tf2_ros._arguments import has, is_duration, refuse_swapped
 from tf2_ros._messages import TransformStamped
 from tf2_ros._shared.naming import buffer_name, require_linux
-from tf2_ros._tf2_names import add_names_of_tf2
 from tf2_ros._wait.blocking import BlockingWait, Lookup
 from tf2_ros.buffer_interface import NO_TIMEOUT, AnsweringInterface
 from tf2_ros_cython._presence import HAS_ROS, absence
@@ -40,8 +39,11 @@ if TYPE_CHECKING or HAS_ROS:
 else:
     from tf2_ros._without_ros import Changes, TransformFuture
 
-__all__ = ["Buffer"]
-add_names_of_tf2(globals())
+__all__ = ["Buffer", "FrameGraphSrvRequest", "FrameGraphSrvResponse"]
+_names.offer(globals())
+
+FrameGraphSrvRequest = TypeVar("FrameGraphSrvRequest")
+FrameGraphSrvResponse = TypeVar("FrameGraphSrvResponse")
 
 JUMP_BACK_S = 1  # when its clock jumps back this far, a buffer is cleared
 
@@ -534,6 +536,3 @@ def _jump_text(time_jump: "TimeJump") -> str:
     if time_jump.clock_change == ClockChange.ROS_TIME_DEACTIVATED:
         return "Simulated time was switched off"
     return f"Detected jump back in time by {-time_jump.delta.nanoseconds / 1e9:.3f} s"
-
-
-_on_use.offer(globals())

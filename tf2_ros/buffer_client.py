@@ -10,7 +10,7 @@ import time
 import weakref
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import TransformStamped
@@ -26,21 +26,24 @@ from tf2_msgs.msg import TF2Error
 from tf2_py import TimeoutException, TransformException
 from tf2_py._internal import class_name, counted, errors, frame_name, printable, timeout_ns
 from tf2_py.typing import TimeLike, TimeoutLike
+from tf2_ros import _names
 from tf2_ros._arguments import has, is_name, optional_timeout_ns, refuse_swapped
 from tf2_ros._forking import keep_for_ever, register_for_fork
 from tf2_ros._messages import time_msg
 from tf2_ros._nodes import Spinner, hidden_node
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import NodeEnd, action_result, context_was_shut_down
-from tf2_ros._tf2_names import add_names_of_tf2
 from tf2_ros._wait.callbacks import CallbackQueue
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer_interface import NO_TIMEOUT, AnsweringInterface
 from tf2_ros.buffer_server import CODES
 
-__all__ = ["BufferClient"]
-add_names_of_tf2(globals())
+__all__ = ["BufferClient", "LookupTransformGoal", "LookupTransformResult"]
+_names.offer(globals())
+
+LookupTransformGoal = TypeVar("LookupTransformGoal")
+LookupTransformResult = TypeVar("LookupTransformResult")
 
 FOR_EVER = Duration(seconds=2**31 - 1)  # the longest that a duration message can hold
 FIRST_RETRY_DELAY_NS = 500_000_000  # before a request is sent again; twice as long each time

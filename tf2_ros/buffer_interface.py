@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 from tf2_py import TransformException
 from tf2_py.typing import TimeLike, TimeoutLike
-from tf2_ros import _on_use
+from tf2_ros import _names
 from tf2_ros._arguments import has, is_name, swapped
 from tf2_ros._messages import Header, TransformStamped, time_msg
 from tf2_ros._messages import PoseStamped as PoseStamped
@@ -16,31 +16,27 @@ from tf2_ros._registration import (
     TypeException,
     convert,
 )
-from tf2_ros._tf2_names import PyKDLType, add_names_of_tf2
 from tf2_ros_cython._presence import HAS_ROS
 
 if TYPE_CHECKING:
     from typing_extensions import TypeVar as _TypeVarWithDefault
 if TYPE_CHECKING or HAS_ROS:
     from rclpy.duration import Duration
-if TYPE_CHECKING:
-    from tf2_ros._tf2_types import MsgStamped, TransformableObject
 
 __all__ = [
     "BufferInterface",
     "ConvertRegistration",
-    "MsgStamped",
     "NotImplementedException",
     "PyKDLType",
     "Stamped",
     "TransformRegistration",
-    "TransformableObject",
     "TransformableObjectType",
     "TypeException",
     "convert",
 ]
-add_names_of_tf2(globals())
+_names.offer(globals())
 
+PyKDLType = TypeVar("PyKDLType")
 TransformableObjectType = TypeVar("TransformableObjectType")
 
 _Object = TypeVar("_Object")
@@ -401,6 +397,3 @@ def Stamped(obj: _Object, stamp: TimeLike, frame_id: str) -> _Object:
     stamped: Any = obj
     stamped.header = Header(frame_id=frame_id, stamp=message)
     return obj
-
-
-_on_use.offer(globals())

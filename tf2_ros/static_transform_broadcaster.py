@@ -14,10 +14,10 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
+from tf2_ros import _names
 from tf2_ros._arguments import require_node
 from tf2_ros._forking import register_for_fork
 from tf2_ros._qos import chosen_qos
-from tf2_ros._tf2_names import add_names_of_tf2
 from tf2_ros.transform_broadcaster import (
     RefusedTransforms,
     publish_transforms,
@@ -26,7 +26,7 @@ from tf2_ros.transform_broadcaster import (
 )
 
 __all__ = ["StaticTransformBroadcaster"]
-add_names_of_tf2(globals())
+_names.offer(globals())
 
 
 class StaticTransformBroadcaster:

@@ -15,12 +15,12 @@ from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
 from tf2_py._internal import MalformedObjectError, raise_refused, refused, serialize_transforms
+from tf2_ros import _names
 from tf2_ros._arguments import kind_of, require_node
 from tf2_ros._qos import chosen_qos
-from tf2_ros._tf2_names import add_names_of_tf2
 
 __all__ = ["TransformBroadcaster"]
-add_names_of_tf2(globals())
+_names.offer(globals())
 
 MOST_WARNINGS = 100
 

@@ -19,6 +19,7 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_py._internal import class_name
+from tf2_ros import _names
 from tf2_ros._arguments import has, refuse_swapped, require_node
 from tf2_ros._forking import FORKED
 from tf2_ros._nodes import END_WAIT_S, NodeUse, Spinner, fills, hidden_node
@@ -28,7 +29,6 @@ from tf2_ros._rclpy import RCLError, context_was_shut_down, has_callback_groups
 from tf2_ros._receive.receiver import ListenerGroup, Receiver, can_receive, wake_executor
 from tf2_ros._receive.reception import ReceivedTopic, Reception
 from tf2_ros._shared.naming import is_wanted
-from tf2_ros._tf2_names import add_names_of_tf2
 from tf2_ros._wait.callbacks import callback_queue
 from tf2_ros.buffer import SETTERS, Buffer
 from tf2_ros.records import Recording
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from tf2_ros._shared.attachment import AttachedListener
 
 __all__ = ["DEFAULT_STATIC_TF_TOPIC", "DEFAULT_TF_TOPIC", "TransformListener"]
-add_names_of_tf2(globals())
+_names.offer(globals())
 
 DEFAULT_TF_TOPIC = "/tf"
 DEFAULT_STATIC_TF_TOPIC = "/tf_static"

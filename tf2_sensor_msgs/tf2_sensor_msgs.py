@@ -1,6 +1,6 @@
 """The names of tf2's module of this name; importing it registers the types of the table."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
 
@@ -10,9 +10,9 @@ from numpy.lib.recfunctions import structured_to_unstructured, unstructured_to_s
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
+import tf2_ros
 from tf2_geometry_msgs._affine import _get_mat_from_quat  # noqa: F401  used by programs
 from tf2_ros._registration import from_msg_msg, names_of, register_messages, to_msg_msg
-from tf2_ros._tf2_names import Union, tf2_ros
 from tf2_sensor_msgs._cloud import do_transform_cloud, transform_points
 from tf2_sensor_msgs._types import TYPES
 

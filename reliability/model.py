@@ -16,8 +16,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "support"))
 
-from model_steps import run, search
-from waiters_random import as_text, quiet
+from model_steps import as_text, quiet, run, search
 
 
 def main() -> int:

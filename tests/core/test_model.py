@@ -10,10 +10,9 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from model import STAMPS_END, Model, ModelError, S
 from model_links import AUTHORITIES, FRAMES, GOOD_PLACES, GOOD_TURNS, ODD_NAMES, PLACES, TURNS, WAYS
 from model_pair import WAITS, Pair
-from model_steps import run, search, shortest
+from model_steps import as_text, quiet, run, search, shortest
 from rclpy.time import Time
 from recorded_answers import SCENARIOS, assert_same_answer, assert_same_reason, number
-from waiters_random import as_text, quiet
 
 from tf2_ros import Buffer
 

@@ -1,116 +1,276 @@
-"""After whatever happens to a buffer, no waiter is pending whose lookup would answer."""
+"""
+After whatever happens to a buffer, no waiter is pending whose lookup would answer.
 
-import ast
-import random
+`--hypothesis-seed` repeats a run, and the environment variable WAITERS_RUNS sets how many there are.
+"""
+
+import os
+from contextlib import suppress
 
 import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
+from making import at_ns, transform
+from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
+from ros_optional import Duration
+
+from tf2_py import BufferCore, LookupException
+from tf2_py._internal import policy_of
 
 pytestmark = pytest.mark.ours
 
-STEPS = 2000  # of one seed; `waiters_random.py` itself takes as many as one wants
-FRESH_SEED = random.SystemRandom().randrange(10**9)
+RUNS = int(os.environ.get("WAITERS_RUNS", "300"))
+FRAMES = ("a", "b", "c", "d", "e")
+MOST_PENDING = 8
 
-# Each was found by the machine and shrunk by it, where a waiter was forgotten.
-LATEST_AFTER_A_NEW_PARENT = [
-    ("insert", "a", "c", 101, 0, False),
-    ("insert", "c", "d", 102, 7, False),
-    ("wait", "notified", ("b", "d", 0)),
-    ("insert", "b", "c", 116, 8, False),
-    ("insert", "c", "d", 118, 9, False),
-]
-TOO_OLD_AND_PRUNED = [
-    ("insert", "b", "e", 18, 1, False),
-    ("wait", "notified", ("a", "e", 36)),
-    ("insert", "a", "e", 31, 6, False),
-    ("insert", "a", "e", 19, 6, False),
-    ("insert", "a", "e", 44, 7, False),
-]
-LOOP_ENDED_BY_CLEAR = [
-    ("insert", "d", "e", 7, 8, True),
-    ("insert", "e", "d", 9, 1, False),
-    ("insert", "e", "a", 11, 9, True),
-    ("wait", "notified", ("a", "d", 0)),
-    ("clear",),
-]
-PRUNED_AMONG_EQUAL_STAMPS = [
-    ("init", 5),
-    ("insert", "b", "d", 27, 0, False),
-    ("insert", "b", "c", 29, 0, False),
-    ("insert", "b", "d", 29, 0, False),
-    ("insert", "a", "d", 29, 0, False),
-    ("insert", "b", "d", 33, 0, False),
-    ("wait", "notified", ("c", "d", 0)),
-    ("insert", "b", "d", 36, 0, False),
-]
-STATIC_AFTER_STAMP_ZERO = [
-    ("insert", "b", "e", 0, 6, False),
-    ("wait", "notified", ("b", "e", 0, "a", 0)),
-    ("insert", "e", "a", 14, 0, False),
-    ("insert", "b", "e", 0, 3, True),
-]
-
-
-@pytest.fixture(scope="module")
-def machine():
-    import waiters_random
-
-    with waiters_random.quiet():
-        yield waiters_random
-
-
-@pytest.mark.parametrize("seed", [2, 5, 11, 18, pytest.param(FRESH_SEED, id="fresh")])
-def test_no_waiter_is_pending_whose_lookup_would_answer(machine, seed):
-    found = machine.search(seed, STEPS)
-    if found is not None:
-        broken, steps = found
-        pytest.fail(f"seed {seed}: {broken}\n{machine.as_text(steps)}", pytrace=False)
-
-
-@pytest.mark.parametrize(
-    "steps",
-    [
-        pytest.param(LATEST_AFTER_A_NEW_PARENT, id="the latest common time passes the change of a parent"),
-        pytest.param(TOO_OLD_AND_PRUNED, id="a refused sample prunes the last one of another parent"),
-        pytest.param(LOOP_ENDED_BY_CLEAR, id="clear() ends a loop"),
-        pytest.param(PRUNED_AMONG_EQUAL_STAMPS, id="the sample before several of one stamp is pruned"),
-        pytest.param(STATIC_AFTER_STAMP_ZERO, id="a frame with data at 0 s only becomes static"),
-    ],
+frames = st.sampled_from(FRAMES)
+names = st.sampled_from((*FRAMES, *FRAMES, "unknown"))
+# A stamp, or a time that is asked for, in relation to what there is: see Machine.time.
+times = st.tuples(
+    st.sampled_from(("now", "now", "now", "frame", "oldest", "same", "zero")), st.integers(-3, 4)
 )
-def test_waiters_are_answered_where_they_were_once_forgotten(machine, steps):
-    assert machine.run(steps) is None
+policies = st.sampled_from(
+    (
+        {"tolerance": Duration(nanoseconds=2)},
+        {"tolerance": Duration(nanoseconds=3), "extrapolate": True},
+        {"max_gap": Duration(nanoseconds=2)},
+    )
+)
 
 
-class TestTheMachine:
-    def test_it_notices_a_forgotten_waiter_and_what_is_needed_for_that(self, machine, tf2_ros):
-        class Forgetful(tf2_ros.Buffer):
-            def _wait(self, *lookup, notify=None):
-                wait = super()._wait(*lookup, notify=notify)
-                if notify is not None:
-                    wait.cancel()
-                return wait
+@pytest.fixture(scope="module", autouse=True)
+def quiet():
+    """Without the log lines of refused transforms."""
+    level = get_logger_level("tf2_py")
+    set_logger_level("tf2_py", LoggingSeverity.FATAL)
+    yield
+    set_logger_level("tf2_py", level)
 
-        broken, steps = machine.search(1, STEPS, Forgetful)
-        assert "statistics() counts other waiters" in broken
-        assert len(steps) == 1
-        assert machine.run(steps, Forgetful) is not None
-        assert machine.run(steps) is None
 
-    def test_a_sequence_is_the_same_for_the_same_seed_and_can_be_replayed(self, machine):
-        one, other = (list(machine.Author(random.Random("7, 3")).steps(100)) for _ in range(2))
-        assert one == other
-        assert ast.literal_eval(machine.as_text(one)) == one
+class Pending:
+    """A waiter, and the answers that it was notified of; `present`: the one that it already has."""
 
-    def test_shrinking_leaves_only_what_is_needed(self, machine):
-        steps = [(number,) for number in range(100)]
-        needed = {(3,), (64,), (99,)}
-        assert machine.shrink(steps, lambda steps: needed <= set(steps)) == sorted(needed)
+    def __init__(self, buffer, told, lookup, policy=None, after=None):
+        self.buffer, self.lookup, self.policy = buffer, lookup, policy
+        self.answers = answers = []
+        self.present = None if after is None else after.answer
 
-    def test_every_kind_of_step_is_taken(self, machine):
-        steps = [
-            step for seed in range(20) for step in machine.Author(random.Random(seed)).steps(machine.STEPS)
-        ]
-        operations = {name.removeprefix("do_") for name in dir(machine.Machine) if name.startswith("do_")}
-        assert {step[0] for step in steps} == operations
-        assert {step[1] for step in steps if step[0] == "wait"} == {
-            "notified", "blocking", "future", "called", "at once",
-        }  # fmt: skip
+        def notify(answer):  # it must not keep this alive
+            answers.append(answer)
+            told.append(answers)
+
+        self.wait = buffer._wait(*lookup, policy=policy, after=after, notify=notify)
+
+    def now(self):
+        """What a lookup answers now, or None."""
+        return self.buffer._wait(*self.lookup, policy=self.policy).answer
+
+
+class Machine(RuleBasedStateMachine):
+    """Frames that mostly move on, and stay below one parent; some jump, turn static, close loops."""
+
+    def __init__(self):
+        super().__init__()
+        self.begin(10)
+
+    def begin(self, cache_ns):
+        self.cache_ns = cache_ns
+        self.buffer = BufferCore(Duration(nanoseconds=cache_ns))
+        self.now, self.newest, self.last, self.parents = 10, {}, {}, {}
+        self.pending, self.told = [], []
+
+    @initialize(
+        cache_ns=st.sampled_from((5, 10, 20)),
+        loops=st.sampled_from((False, False, True)),
+        homes=st.lists(frames, min_size=5, max_size=5),
+        restless=st.sampled_from((FRAMES[-1:], FRAMES[2:3], FRAMES[3:4], FRAMES)),
+        statics=st.booleans(),
+    )
+    def start(self, cache_ns, loops, homes, restless, statics):
+        self.begin(cache_ns)
+        # Where all frames change their parents, each insert changes the tree, and hides what is missed.
+        self.restless, self.statics = restless, statics
+        for index, (child, parent) in enumerate(zip(FRAMES, homes, strict=True)):
+            if loops:
+                self.parents[child] = parent
+            elif index:  # below one that comes before it
+                self.parents[child] = FRAMES[FRAMES.index(parent) % index]
+
+    def link(self, child, other, time, x=0):
+        parent = other if child in self.restless or child not in self.parents else self.parents[child]
+        return transform(parent, child, ns=self.time(child, *time), xyz=(x, 0, 0))
+
+    def time(self, frame, relation, offset):
+        newest = self.newest.get(frame, self.now)
+        base = {
+            "now": self.now,
+            "frame": newest,
+            "oldest": newest - self.cache_ns,
+            "same": self.last.get(frame, newest) - offset,
+            "zero": -offset,
+        }[relation]
+        return max(0, base + offset)
+
+    # What happens to the buffer. Those without `rule` take plain arguments.
+
+    def insert(self, parent, child, ns, x=0, static=False):
+        self.put([transform(parent, child, ns=ns, xyz=(x, 0, 0))], static)
+
+    def put(self, links, static=False):
+        for link in links:
+            child, ns = link.child_frame_id, link.header.stamp.nanosec
+            self.last[child] = ns
+            self.newest[child] = max(ns, self.newest.get(child, 0))
+            self.now = max(ns, self.now)
+        self.buffer.set_transforms(links, "random", static)
+        answered = [one for one in self.pending if one.answers]
+        # In the order in which they began to wait.
+        assert [id(answers) for answers in self.told] == [id(one.answers) for one in answered]
+        assert len(links) > 1 or all(one.answers[0] == one.now() for one in answered)
+        self.settle()
+
+    def settle(self):
+        assert all(len(one.answers) <= 1 for one in self.pending)
+        self.pending = [one for one in self.pending if not one.answers]
+        self.told.clear()
+
+    @rule(child=frames, other=frames, time=times, x=st.integers(0, 2), static=st.integers(0, 9))
+    def move(self, child, other, time, x, static):
+        self.put([self.link(child, other, time, x)], self.statics and static == 9)
+
+    @rule(links=st.lists(st.tuples(frames, frames, times), min_size=2, max_size=4), static=st.integers(0, 9))
+    def move_several(self, links, static):
+        self.put([self.link(*link) for link in links], self.statics and static == 9)
+
+    @rule(
+        other=frames,
+        parents=st.lists(frames, min_size=2, max_size=3),
+        offsets=st.lists(st.integers(-20, 20), min_size=1, max_size=3),
+    )
+    def tie(self, other, parents, offsets):
+        # Of several samples of one stamp, it depends on their neighbours which parent answers.
+        child, ns = self.restless[-1], self.now + 1
+        for parent in parents:
+            self.insert(parent, child, ns)
+        self.put([self.link(other, "a", ("now", 0))])
+        self.ask((parents[-1], child, at_ns(0)))
+        self.ask((other, child, at_ns(0)))
+        for offset in offsets:
+            self.insert(parents[0], child, max(0, ns + offset))
+            self.nobody_waits_for_what_is_there()
+
+    @rule(child=frames, other=frames, offset=st.integers(0, 2))
+    def prune(self, child, other, offset):
+        # A frame is silent for longer than the cache time, and then a message from before that comes late.
+        late = self.link(child, other, ("frame", offset))
+        self.put([self.link(child, other, ("frame", self.cache_ns + 3))])
+        self.put([late])
+
+    @precondition(lambda self: len(self.newest) > 3)
+    @rule()
+    def clear(self):
+        self.buffer.clear()
+        self.newest.clear()
+        self.settle()
+
+    @precondition(lambda self: len(self.newest) > 3)
+    @rule(child=frames)
+    def forget(self, child):
+        with suppress(LookupException):
+            self.buffer.forget(child)
+        self.settle()  # less data may end a loop
+
+    # Waiters.
+
+    def ask(self, lookup, **options):
+        one = Pending(self.buffer, self.told, lookup, **options)
+        assert not self.told  # but has the answer at once
+        if one.wait.answer is None and not one.wait.is_hopeless:
+            self.pending.append(one)
+        if len(self.pending) > MOST_PENDING:
+            assert self.pending.pop(0).wait.cancel()
+
+    @rule(child=frames, time=times, latest=st.booleans())
+    def wait_for_link(self, child, time, latest):
+        self.ask((self.parents.get(child, "a"), child, at_ns(0 if latest else self.time(child, *time))))
+
+    @rule(ends=st.tuples(names, names), time=times, latest=st.booleans())
+    def wait(self, ends, time, latest):
+        self.ask((*ends, at_ns(0 if latest else self.time(ends[1], *time))))
+
+    @rule(ends=st.tuples(names, names, names), at=times, target_at=times, latest=st.integers(0, 3))
+    def wait_full(self, ends, at, target_at, latest):
+        target, source, fixed = ends
+        at, target_at = self.time(source, *at), self.time(target, *target_at)
+        self.ask((target, source, at_ns(at * (latest & 1)), fixed, at_ns(target_at * (latest >> 1))))
+
+    @rule(ends=st.tuples(names, names), time=times, latest=st.booleans(), policy=policies)
+    def wait_under(self, ends, time, latest, policy):
+        time = 0 if latest else self.time(ends[1], *time)
+        self.ask((*ends, at_ns(time)), policy=policy_of("wait", **policy))
+
+    @rule(ends=st.tuples(frames, frames))
+    def wait_for_another(self, ends):
+        lookup = (*ends, at_ns(0))
+        present = self.buffer._wait(*lookup)
+        if present.answer is not None:
+            self.ask(lookup, after=present)
+
+    @precondition(lambda self: self.pending)
+    @rule(index=st.integers(0, MOST_PENDING), drop=st.booleans())
+    def end(self, index, drop):
+        one = self.pending.pop(index % len(self.pending))
+        if not drop:
+            assert one.wait.cancel()
+            assert not one.wait.cancel()
+            assert one.wait.answer is None
+
+    @invariant()
+    def nobody_waits_for_what_is_there(self):
+        assert not self.told
+        for one in self.pending:
+            assert not one.answers
+            assert one.now() in (None, one.present), one.lookup
+        assert self.buffer.statistics()["waiters"] == len(self.pending)
+        self.buffer._self_check()
+
+
+Machine.TestCase.settings = settings(max_examples=RUNS, stateful_step_count=60, deadline=None)
+TestMachine = pytest.mark.ours(Machine.TestCase)
+
+
+# Where a waiter was once forgotten.
+FAULTS = {
+    "the latest common time passes the change of a parent": (
+        10, ("a", "c", 101), ("c", "d", 102), ("wait", "b", "d", 0), ("b", "c", 116), ("c", "d", 118)
+    ),
+    "a refused sample prunes the last one of another parent": (
+        10, ("b", "e", 18), ("wait", "a", "e", 36), ("a", "e", 31), ("a", "e", 19), ("a", "e", 44)
+    ),
+    "the sample before several of one stamp is pruned": (
+        5, ("b", "d", 27), ("b", "c", 29), ("b", "d", 29), ("a", "d", 29), ("b", "d", 33),
+        ("wait", "c", "d", 0), ("b", "d", 36),
+    ),
+    "a frame with data at 0 s only becomes static": (
+        10, ("b", "e", 0), ("wait", "b", "e", 0, "a", 0), ("e", "a", 14), ("b", "e", 0, 3, True)
+    ),
+    "at another common time a frame has another parent": (
+        40, ("m", "o", 0, 0, True), ("n", "b", 10), ("o", "b", 10), ("o", "b", 30), ("b", "c", 10),
+        ("wait", "m", "c", 0), ("b", "c", 11),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_waiters_are_answered_where_they_were_once_forgotten(fault):
+    cache_ns, *steps = FAULTS[fault]
+    machine = Machine()
+    machine.begin(cache_ns)
+    for step in steps:
+        if step[0] == "wait":
+            machine.ask([at_ns(one) if isinstance(one, int) else one for one in step[1:]])
+        else:
+            machine.insert(*step)
+        machine.nobody_waits_for_what_is_there()
+    assert not machine.pending

@@ -31,7 +31,7 @@ MOST_PENDING = 12  # the oldest waiter makes room for a new one
 
 
 class Waiter:
-    """One waiter by one of the interfaces, and what it has received; see `waiters_random.Waiter`."""
+    """One waiter by one of the interfaces, and what it has received."""
 
     def __init__(self, kind, lookup, buffer, deliveries):
         self.kind, self.lookup, self.received = kind, lookup, []

@@ -2,12 +2,13 @@
 
 import random
 from collections import Counter
+from contextlib import contextmanager
 
 from making import S
 from model import STAMPS_END
 from model_links import AUTHORITIES, FRAMES, GOOD_PLACES, GOOD_TURNS, ODD_NAMES, PLACES, TURNS
 from model_pair import MOST_PENDING, WAITS, Pair
-from waiters_random import shrink
+from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
 
 
 class Author:
@@ -228,6 +229,22 @@ def shortest(taken, broken, make_pair=Pair):
     return run(steps, make_pair), steps
 
 
+def shrink(steps, breaks):
+    """Drop what is not needed to break it: halves, quarters, ..., single steps, until nothing more can go."""
+    size = len(steps)
+    while size:
+        start, shorter = 0, False
+        while start < len(steps):
+            without = steps[:start] + steps[start + size :]
+            if breaks(without):
+                steps, shorter = without, True
+            else:
+                start += size
+        if size > 1 or not shorter:
+            size //= 2
+    return steps
+
+
 def singles(steps):
     """The same with one link in each insert."""
     single = []
@@ -237,3 +254,19 @@ def singles(steps):
         else:
             single.append(step)
     return single
+
+
+def as_text(steps):
+    """What `--replay` of `reliability.model` reads."""
+    return "[\n" + "".join(f"    {step!r},\n" for step in steps) + "]"
+
+
+@contextmanager
+def quiet():
+    """Without the log lines of refused transforms."""
+    level = get_logger_level("tf2_py")
+    set_logger_level("tf2_py", LoggingSeverity.FATAL)
+    try:
+        yield
+    finally:
+        set_logger_level("tf2_py", level)

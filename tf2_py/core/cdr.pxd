@@ -42,7 +42,7 @@ cdef struct Batch:
     size_t count                # entries in use
     size_t capacity             # entries allocated; 0: `entries` is not the batch's own
     size_t done                 # progress: entries tried
-    bint waking                 # progress: the wake for the last of them is running
+    bint waking                 # progress: the wake for the last of them is not over
     Wake wake                   # progress: that one
     const char* authority       # UTF-8, owned by the caller that fills the batch
     size_t authority_size       # bytes
@@ -50,7 +50,7 @@ cdef struct Batch:
     size_t taken                # outcome: entries accepted
     size_t refused              # outcome: entries refused
     bint no_memory              # outcome: memory ran out, and the rest was dropped
-    WaiterList ready            # outcome: waiters that have an answer which must still be delivered
+    Link ready                  # outcome: waiters that have an answer which must still be delivered
     bint needs_report           # outcome: there is something to log, or an answer to deliver
     bint is_prefixed            # the entries have the names below
     char* names                 # memory of batch_prefix
@@ -61,7 +61,7 @@ cdef struct Batch:
 
 # Zero a Batch before its first use; it may be filled again.
 cdef void batch_free(Batch* batch) noexcept nogil
-# Resets progress and outcome.
+# Resets progress and outcome. The batch must not move from here on.
 cdef void batch_begin(Batch* batch) noexcept nogil
 # Memory for `count` entries; earlier ones are lost.
 cdef int batch_reserve(Batch* batch, size_t count) noexcept nogil           # 0, or -1: no memory

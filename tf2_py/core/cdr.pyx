@@ -175,7 +175,7 @@ cdef void batch_free(Batch* batch) noexcept nogil:
 cdef void batch_begin(Batch* batch) noexcept nogil:
     batch.done = batch.taken = batch.refused = 0
     batch.waking = batch.no_memory = batch.needs_report = batch.is_prefixed = False
-    batch.ready.first = batch.ready.last = NULL
+    links_init(&batch.ready)
 
 
 cdef int batch_reserve(Batch* batch, size_t count) noexcept nogil:

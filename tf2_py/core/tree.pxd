@@ -30,28 +30,20 @@ cdef struct Tree:
 
 # What an insert has changed, for the lookups that wait.
 
-cdef enum ChangeKind:
-    CHANGE_NAME             # a name is new
-    CHANGE_DATA             # the frame had no samples around these times, and has them now
-    CHANGE_FRAME            # anything else about the frame: its parents, whether its newest stamp counts
-
-cdef enum:
-    MAX_CHANGE_ITEMS = 3    # two names, and one of the frame
-
-
-cdef struct ChangeItem:
-    # From first to last, both included: times in ns; of CHANGE_NAME the hash of the name, of CHANGE_FRAME 0.
-    ChangeKind kind
-    int64_t first
-    int64_t last
-
-
 cdef struct Change:
-    # A failed lookup whose walk depends on none of this fails again.
+    # The shape is what decides which way a walk takes: names and links. Any insert may change it once there
+    # was a loop, and any insert into a frame with several parents: which of them answers depends on the
+    # neighbours of a sample, and on what is pruned.
+    bint shape              # any failed lookup may have an answer now
     FrameId frame           # the child; NO_FRAME: no history was touched
-    bint everything         # any failed lookup may have an answer now
-    uint32_t count          # of the items
-    ChangeItem items[MAX_CHANGE_ITEMS]
+    TimeRange covered       # times for which it has data only since then; may be too large
+
+
+cdef inline void change_begin(Change* change, bint shape) noexcept nogil:
+    change.shape = shape
+    change.frame = NO_FRAME
+    change.covered.first = INT64_MAX
+    change.covered.last = INT64_MIN
 
 
 cdef extern from *:

@@ -14,22 +14,6 @@ cdef const char* TOO_MANY_AUTHORITIES = "(too many authorities)"
 cdef size_t TOO_MANY_AUTHORITIES_SIZE = 22
 
 
-cdef inline void change_begin(Change* change) noexcept nogil:
-    change.count = 0
-    change.everything = False
-    change.frame = NO_FRAME
-
-
-cdef inline void change_add(Change* change, ChangeKind kind, int64_t first, int64_t last) noexcept nogil:
-    # No effect on an empty range.
-    cdef ChangeItem* item = &change.items[change.count]
-    if first <= last:
-        item.kind = kind
-        item.first = first
-        item.last = last
-        change.count += 1
-
-
 cdef int tree_init(Tree* tree, int64_t cache_time_ns, const Limits* limits) noexcept nogil:
     cdef uint32_t refused = 0
     tree.cache_time_ns = cache_time_ns
@@ -77,7 +61,6 @@ cdef FrameId tree_add_frame(Tree* tree, const char* name, size_t size, Change* c
                             uint32_t* refused) noexcept nogil:
     cdef uint32_t id
     cdef uint32_t capacity
-    cdef int64_t hash = <int64_t>name_hash(name, size)
     cdef void* grown
     if tree.names.count == tree.capacity:
         capacity = tree.capacity * 2 if tree.capacity else 32
@@ -95,7 +78,7 @@ cdef FrameId tree_add_frame(Tree* tree, const char* name, size_t size, Change* c
         refused[0] = TREE_NO_MEMORY
         return NO_FRAME
     if change != NULL:
-        change_add(change, CHANGE_NAME, hash, hash)
+        change.shape = True
     memset(&tree.histories[id], 0, sizeof(History))
     tree.histories[id].authority = NAME_UNKNOWN
     tree.parents[id] = NO_FRAME
@@ -106,14 +89,12 @@ cdef FrameId _intern_frame(Tree* tree, const char* name, size_t size, Change* ch
                            uint32_t* refused) noexcept nogil:
     # The id of the frame, a new one if the name is unknown; NO_FRAME: it failed, see `refused`.
     cdef uint32_t id = names_find(&tree.names, name, size)
-    cdef int64_t hash
     if id != NAME_UNKNOWN:
         if tree.histories[id].is_hidden:
             tree.histories[id].is_hidden = False
             tree.hidden -= 1
-            hash = <int64_t>name_hash(name, size)
             if change != NULL:
-                change_add(change, CHANGE_NAME, hash, hash)
+                change.shape = True
         return id
     # The reserved name is not counted.
     if tree.names.count > tree.limits.frames:
@@ -230,7 +211,7 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
     cdef uint32_t bit
     tree.work += (incoming.child_size + incoming.parent_size) // NAME_BYTES_PER_INSERT
     if change != NULL:
-        change_begin(change)
+        change_begin(change, tree.ever_looped)
     # As in tf2: the child gets its id first, and both keep theirs even if the sample is too old.
     if refused == 0:
         child = _intern_frame(tree, incoming.child, incoming.child_size, change, &refused)
@@ -255,10 +236,8 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     cdef HistoryInsert outcome
     cdef HistoryChange changed
     cdef uint32_t before = tree.parents[child]
-    cdef bint had_stamp = history.newest_ns != 0
-    cdef bint ever_looped = tree.ever_looped
     # Only a frame that has children can close a loop.
-    cdef bint may_loop = not ever_looped and history.is_parent and not _has_parent(tree, history, parent)
+    cdef bint may_loop = not tree.ever_looped and history.is_parent and not _has_parent(tree, history, parent)
     cdef uint32_t count = history.count
     cdef size_t bytes_before = history_allocated(history)
     cdef size_t growth_limit = _bytes_left(tree)
@@ -282,13 +261,9 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     tree.work += changed.moved // SAMPLES_PER_INSERT
     if change != NULL:
         change.frame = child
-        # Once a link has closed a loop, all walks are made in tf2's order.
-        change.everything = tree.ever_looped != ever_looped
-        if (before != tree.parents[child] or before & MIXED_PARENTS
-                or (history.newest_ns != 0) != had_stamp):
-            change_add(change, CHANGE_FRAME, 0, 0)
-        else:
-            change_add(change, CHANGE_DATA, changed.covered.first, changed.covered.last)
+        change.covered = changed.covered
+        change.shape = (change.shape or tree.ever_looped or before != tree.parents[child]
+                        or before & MIXED_PARENTS != 0)
     if outcome == HISTORY_TOO_OLD:
         return REFUSED_OLD
     if outcome == HISTORY_FULL:

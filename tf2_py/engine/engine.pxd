@@ -2,6 +2,7 @@
 
 cdef enum:
     SLICE = 64      # what is done under one lock, in inserts of one transform: some tens of microseconds
+    INSERTS_PER_TRY = 2     # the cost of trying a waiter
     RECENTLY = 2    # of Inbox.read
 
 

@@ -116,7 +116,7 @@ cdef inline bint _is_affordable(const Tree* tree, const Waiters* waiters) noexce
     global _work_allowed
     cdef uint64_t work = tree.names.count + tree.authorities.count + tree.samples
     if waiters != NULL:
-        work += waiters.frames_capacity + WORK_OF_WAITER * <uint64_t>waiters.count
+        work += waiters.watched_capacity + WORK_OF_WAITER * <uint64_t>waiters.count
     _work_allowed += CHECK_WORK
     if work > _work_allowed:
         return False
@@ -201,6 +201,7 @@ cdef class Engine:
     def __cinit__(self, *args, **kwargs):
         if lock_init(&self._lock) != 0:
             raise MemoryError
+        waiters_init(&self._waiters)
         self._forked.owner = <void*>self
         self._forked.in_child = _forget_waiters
         fork_watch(&self._forked, &self._lock, FORK_INNER)
@@ -277,7 +278,6 @@ cdef class Engine:
 
     cdef bint insert_some(self, Batch* batch) noexcept nogil:
         cdef uint32_t authority = 0
-        cdef uint32_t cost
         cdef uint64_t work
         cdef int64_t left = SLICE
         lock_acquire(&self._lock)
@@ -287,14 +287,13 @@ cdef class Engine:
             batch.no_memory = batch.no_memory or authority == NAME_NO_MEMORY
         while left > 0 and (batch.waking or batch.done < batch.count):
             if batch.waking:
-                cost = wake_step(&self._waiters, &self._tree, &batch.wake, &batch.ready)
-                batch.waking = cost > 0
-                left -= cost
+                batch.waking = wake_step(&self._waiters, &self._tree, &batch.wake, &batch.ready)
+                left -= INSERTS_PER_TRY
             else:
                 work = self._tree.work
                 self._insert_next(batch, authority)
                 left -= <int64_t>(1 + self._tree.work - work)
-        batch.needs_report = batch.refused > 0 or batch.no_memory or batch.ready.first != NULL
+        batch.needs_report = batch.refused > 0 or batch.no_memory or not links_empty(&batch.ready)
         batch.needs_report = batch.needs_report or _is_filled(<void*>self._observers)
         unlock_written(&self._lock, &self._tree, &self._waiters)
         return batch.waking or batch.done < batch.count
@@ -315,8 +314,7 @@ cdef class Engine:
         else:
             batch.refused += 1
         if change != NULL:
-            wake_begin(&self._waiters, &batch.wake)
-            batch.waking = True
+            batch.waking = wake_begin(&self._waiters, &batch.wake)
 
     cdef int report(self, Batch* batch, list later) except -1:
         error = self._deliver(batch, later)
@@ -382,7 +380,7 @@ cdef class Engine:
         cdef list errors = []
         while True:
             lock_acquire(&self._lock)
-            waiter = waiters_next_ready(&self._waiters, &batch.wake, &batch.ready)
+            waiter = waiters_next_ready(&self._waiters, &batch.ready)
             unlock_written(&self._lock, &self._tree, &self._waiters)
             if waiter == NULL:
                 return errors[0] if errors else None
@@ -425,7 +423,7 @@ cdef class Engine:
         batch.count = 0
         batch_begin(batch)
         if removal != REMOVED_NOTHING:
-            # Less data may end a loop, and the waiters are no longer filed under what they lack.
+            # Less data may end a loop, and the waiters are no longer filed by what they lack.
             self._begin_to_wake_all(batch)
         unlock_written(&self._lock, &self._tree, &self._waiters)
         return removal
@@ -464,7 +462,7 @@ cdef class Engine:
         lock_acquire(&self._lock)
         old = self._tree
         self._tree = tree[0]
-        # The waiters are filed under the old tree's frames.
+        # The waiters watch the old tree's frames.
         self._begin_to_wake_all(&batch)
         unlock_written(&self._lock, &self._tree, &self._waiters)
         self._names, self._authorities = names, authorities
@@ -478,10 +476,8 @@ cdef class Engine:
         # As after an insert that may complete every waiter. With the lock held.
         batch.count = 0
         batch_begin(batch)
-        batch.wake.change.everything = True
-        batch.wake.change.count = 0
-        batch.waking = True
-        wake_begin(&self._waiters, &batch.wake)
+        change_begin(&batch.wake.change, True)
+        batch.waking = wake_begin(&self._waiters, &batch.wake)
 
     cdef int _wake_all(self, Batch* batch) except -1:
         with nogil:
@@ -649,9 +645,9 @@ cdef class Engine:
         if owners == NULL:
             raise MemoryError
         lock_acquire(&self._lock)
-        count = _copy_owners(&self._waiters.filed, owners, 0, most)
-        count = _copy_owners(&self._waiters.any, owners, count, most)
-        count = _copy_owners(&self._waiters.due, owners, count, most)
+        count = _copy_owners(&self._waiters.frames, owners, 0, most)
+        count = _copy_owners(&self._waiters.shape, owners, count, most)
+        count = _copy_owners(&self._waiters.every, owners, count, most)
         lock_release(&self._lock)
         try:
             return [<object>owners[i] for i in range(count)]
@@ -796,13 +792,13 @@ def call_all(calls, *_):
         raise errors[0]
 
 
-cdef size_t _copy_owners(const WaiterList* waiters, void** owners, size_t count, size_t most) noexcept:
-    cdef const Waiter* waiter = waiters.first
-    while waiter != NULL and count < most:
-        owners[count] = waiter.owner
-        Py_INCREF(<object>waiter.owner)
+cdef size_t _copy_owners(const Link* head, void** owners, size_t count, size_t most) noexcept:
+    cdef const Link* link = head.next
+    while link != head and count < most:
+        owners[count] = link.waiter.owner
+        Py_INCREF(<object>link.waiter.owner)
         count += 1
-        waiter = waiter.next
+        link = link.next
     return count
 
 

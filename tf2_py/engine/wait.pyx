@@ -29,7 +29,6 @@ cdef class Wait(WaiterOwner):
             self._engine.remove_waiter(&self._waiter)
             if self._notify is None and not self._engine.has_forgotten(&self._waiter):
                 event_free(&self._woken)
-        waiter_free(&self._waiter)
 
     cdef object deliver(self):
         return self._notify(self.answer)

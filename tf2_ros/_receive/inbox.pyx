@@ -19,14 +19,13 @@ from libc.stdlib cimport calloc, free, realloc
 from tf2_py._internal cimport (
     FORK_INBOX,
     FORK_INBOXES,
-    PLACE_NONE,
     Batch,
     Engine,
     ForkedLock,
     Inbox,
+    Link,
     Lock,
     Tap,
-    Waiter,
     batch_begin,
     batch_free,
     batch_read_cdr,
@@ -34,6 +33,7 @@ from tf2_py._internal cimport (
     condition_wait,
     fork_forget,
     fork_watch,
+    links_empty,
     lock_acquire,
     lock_free,
     lock_init,
@@ -153,15 +153,15 @@ cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil:
 cdef void _free_parcels(Parcels* parcels) noexcept:
     cdef Parcel* parcel = parcels.first
     cdef Parcel* next_parcel
-    cdef Waiter* waiter
+    cdef Link* link
     while parcel != NULL:
         next_parcel = parcel.next
         # Waiters that are ready were not reported, so all of this is garbage, and the collector frees waiters
         # and inbox in any order. The GIL is held, as by everything that removes such a waiter.
-        waiter = parcel.batch.ready.first
-        while waiter != NULL:
-            waiter.place = PLACE_NONE
-            waiter = waiter.next
+        link = parcel.batch.ready.next
+        while link != NULL and link.waiter != NULL:
+            link.waiter.is_listed = False
+            link = link.next
         _free_parcel(parcel)
         parcel = next_parcel
     parcels.first = parcels.last = NULL
@@ -233,7 +233,7 @@ cdef size_t _drop_later(Batch* batch, int64_t until_ns) noexcept nogil:
 
 cdef void _report_later(State* inbox) noexcept nogil:
     # A flood of refused transforms must not fill the memory. Answers are never lost.
-    if inbox.reports.count >= MAX_REPORTS and inbox.parcel.batch.ready.first == NULL:
+    if inbox.reports.count >= MAX_REPORTS and links_empty(&inbox.parcel.batch.ready):
         return
     _move_to(&inbox.reports, inbox)
     inbox_needs_report(inbox)

@@ -65,9 +65,6 @@ LONG_S = 20.0
 # What has no case of its own, and why.
 NO_CASE = {
     "tf2_ros_tools.bag.map_recordings": "works in processes of its own, which end with each recording",
-    "BufferServer.after_fork": "only for children of a fork",
-    "MessageFilter.after_fork": "only for children of a fork",
-    "StaticTransformBroadcaster.after_fork": "only for children of a fork",
 }
 # What rclpy and Fast DDS themselves leave behind for each call; the cases "(for comparison)" show it.
 OF_A_NODE = {"objects": 50, "heap_bytes": 150_000, "resident_bytes": 150_000}

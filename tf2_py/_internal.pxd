@@ -5,9 +5,6 @@ and may change at any time. They cimport nothing else from this package, so that
 
 # tf2_ros: inboxes, which insert into an engine without the GIL, and locks that are free in a forked child.
 from tf2_py._core cimport (
-    FORK_INBOX,
-    FORK_INBOXES,
-    FORK_INNER,
     NAME_NO_MEMORY,
     Batch,
     ForkedLock,

@@ -1,4 +1,4 @@
-"""Let forks wait for short steps, end inherited objects in forked children, and list live objects."""
+"""Refuse what forked children inherited, free the locks that they need, and list live objects."""
 
 import os
 import threading
@@ -6,13 +6,14 @@ import weakref
 from collections.abc import Iterator
 from typing import Generic, Protocol, TypeVar
 
-from tf2_py._internal import keep_for_ever as keep_for_ever
+from tf2_py._internal import class_name
 
 FORKED = "dead in this forked process"  # in the representation of an inherited object
 
 # Held for short steps of waiting, none of which runs user code. There is one for the whole process, so that a
 # fork can wait for all of them; it is reentrant, because finalizers and signal handlers may wait, too.
 LOCK = threading.RLock()
+os.register_at_fork(before=LOCK.acquire, after_in_parent=LOCK.release, after_in_child=LOCK.release)
 
 _Object = TypeVar("_Object")
 
@@ -48,6 +49,18 @@ class LiveObjects(Generic[_Object]):
         return iter([one for one in found if one is not None])
 
 
+def is_inherited(process: int) -> bool:
+    """Whether what a process made is dead here, because this process is a forked child of it."""
+    return process != os.getpid()
+
+
+def refuse_inherited(one: object, process: int) -> None:
+    """Raise a RuntimeError if another process made this object, and this one has inherited it."""
+    if is_inherited(process):
+        name = class_name(type(one))
+        raise RuntimeError(f"this {name} is {FORKED}: make another one in the process that uses it")
+
+
 class Inherited(Protocol):
     """An object that a forked child inherits from its parent."""
 
@@ -63,20 +76,9 @@ def register_for_fork(owner: Inherited) -> None:
     _inherited.add(owner)
 
 
-_generation = 0
-
-
-def generation() -> int:
-    """How many forks lie between the first process and this one. Futures of another generation are dead."""
-    return _generation
-
-
 def _after_fork_in_child() -> None:
-    global _generation
-    _generation += 1
-    LOCK.release()
     for owner in _inherited:
         owner.after_fork()
 
 
-os.register_at_fork(before=LOCK.acquire, after_in_parent=LOCK.release, after_in_child=_after_fork_in_child)
+os.register_at_fork(after_in_child=_after_fork_in_child)

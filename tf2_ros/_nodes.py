@@ -4,6 +4,7 @@ contexts the waits of a buffer depend on, and whether they were shut down.
 """
 
 import atexit
+import os
 import threading
 import weakref
 from collections.abc import Callable
@@ -17,18 +18,17 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.utilities import get_default_context
 
-from tf2_ros._forking import LOCK, LiveObjects, keep_for_ever, register_for_fork
+from tf2_py._internal import keep_for_ever
+from tf2_ros._forking import LOCK, LiveObjects, is_inherited
 from tf2_ros._rcl import skip_exit_handlers
 from tf2_ros._rclpy import (
     NodeEnd,
     RCLError,
     context_was_shut_down,
     enter_handle,
-    executor_handles,
     executor_wake_handle,
     is_shut_down,
     mark_shut_down,
-    node_handles,
     trigger,
 )
 from tf2_ros._receive.inboxes import check_regularly
@@ -65,27 +65,27 @@ def hidden_node(
     )
 
 
-class NodeUse:
+_of_middleware: LiveObjects[object] = LiveObjects()
+
+
+def keep_in_children(node_or_executor: object) -> None:
     """
-    A node through which this process communicates.
+    Never destroy a node or an executor, and what it refers to, in a forked child.
 
-    A forked child lacks the threads of the middleware, so destroying any part of the node may hang, also at
-    the child's exit. As long as this object exists, the child never destroys any part of the node.
+    A child lacks the threads of the middleware, so destroying any part of a node may hang, also at its exit.
     """
+    _of_middleware.add(node_or_executor)
 
-    def __init__(self, node: Any) -> None:
-        self.forked = False  # whether the node is that of a parent process
-        self._node = weakref.ref(node) if isinstance(node, Node) else None
-        register_for_fork(self)
 
-    def after_fork(self) -> None:
-        """See the class."""
-        self.forked = True
-        node = None if self._node is None else self._node()
-        if node is not None:
-            keep_for_ever(*node_handles(node))
-        # The middleware's exit handlers join threads that the child does not have.
+def _after_fork_in_child() -> None:
+    if _of_middleware:
+        keep_for_ever(*_of_middleware)
         skip_exit_handlers()
+    _of_middleware.clear()
+    _running.clear()
+
+
+os.register_at_fork(after_in_child=_after_fork_in_child)
 
 
 class ShutdownWaker:
@@ -101,18 +101,12 @@ class ShutdownWaker:
     def __init__(self, context: Context, wake_handle: Any) -> None:
         self._context = context
         self._wake_handle = wake_handle
-        self._forked = False
-        register_for_fork(self)
         with suppress(RuntimeError):  # no thread can be started now; the next listener tries again
             check_regularly(self)
 
-    def after_fork(self) -> None:
-        """Wake nobody in a forked child."""
-        self._forked = True
-
     def check(self) -> None:
         """Wake the executor if its context was shut down."""
-        if not self._forked and context_was_shut_down(self._context):
+        if context_was_shut_down(self._context):
             trigger(self._wake_handle)
 
 
@@ -146,13 +140,14 @@ class Spinner:
         self.executor = SingleThreadedExecutor(context=node.context)
         self._wake_handle = executor_wake_handle(self.executor)
         self._waker = ShutdownWaker(node.context, self._wake_handle)
-        self._node_use = NodeUse(node)
+        self._process = os.getpid()
+        keep_in_children(node)
+        keep_in_children(self.executor)
         self.executor.add_node(node)
         self.thread = threading.Thread(target=self._run, name="tf2_ros listener", daemon=daemon)
         # It must not run while the interpreter is finalized, which waits for threads that are not daemons
         # unless it is interrupted.
         _running.add(self)
-        register_for_fork(self)
         # A hidden node is destroyed by the thread itself.
         self._node_end = NodeEnd(None if owner is None else node, self._node_destroyed)
         self.thread.start()
@@ -164,7 +159,7 @@ class Spinner:
         :param wait: wait until it has ended, for END_WAIT_S at most, unless this is that thread. Not in a
             finalizer, which may run inside any other function, also one that holds a lock that joining needs.
         """
-        if self._node_use.forked:
+        if is_inherited(self._process):
             return
         self._node_end.forget()
         # The spinning thread does the rest of the shutdown: another one could destroy what is in use.
@@ -173,14 +168,8 @@ class Spinner:
         if wait and self.thread.is_alive() and self.thread is not threading.current_thread():
             self.thread.join(END_WAIT_S)
 
-    def after_fork(self) -> None:
-        """End in a forked child."""
-        _running.discard(self)
-        self._owner = self._at_end = None
-        keep_for_ever(self._wake_handle, *executor_handles(self.executor))
-
     def _node_destroyed(self) -> None:
-        if not self._node_use.forked and len(self.executor.get_nodes()) <= 1:
+        if not is_inherited(self._process) and len(self.executor.get_nodes()) <= 1:
             self.stop(wait=False)
 
     def _run(self) -> None:
@@ -239,10 +228,11 @@ class WaitContexts:
     def listen(self, node: Node) -> None:
         """Note that a listener of this node fills the buffer from now on."""
         self._listening = weakref.ref(node)
+        self._process = os.getpid()
 
     def listening_node(self) -> Node | None:
-        """The node of the latest listener that fills the buffer, if it exists."""
-        return None if self._listening is None else self._listening()
+        """The node of the latest listener that fills the buffer, if it exists in this process."""
+        return None if self._listening is None or is_inherited(self._process) else self._listening()
 
 
 _NOTHING_KNOWN = WaitContexts()

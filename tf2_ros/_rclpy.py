@@ -58,17 +58,6 @@ def enter_handle(handle: Any, uses: ExitStack) -> bool:
     return True
 
 
-def node_handles(node: Node) -> list[Any]:
-    """
-    The handles of a node and of all its parts.
-
-    Assumes the attribute ``handle`` of each. What has none is left out.
-    """
-    parts: list[Any] = [node, *node.publishers, *node.subscriptions, *node.clients, *node.services]
-    parts += [*node.timers, *node.guards]
-    return [part.handle for part in parts if hasattr(part, "handle")]
-
-
 def new_wake_handle(context: Any) -> Any:
     """
     The handle of a new guard condition that belongs to no node.
@@ -175,16 +164,6 @@ def trigger(wake_handle: Any) -> None:
     if wake_handle is not None:
         with suppress(InvalidHandle), wake_handle:  # it was destroyed: the spin has ended
             wake_handle.trigger_guard_condition()
-
-
-def executor_handles(executor: Executor) -> list[Any]:
-    """
-    What an executor destroys in its finalizer.
-
-    Assumes the attribute ``_sigint_gc``, for the signal handler. Without it there is nothing.
-    """
-    signal_guard = getattr(executor, "_sigint_gc", None)
-    return [] if signal_guard is None else [signal_guard]
 
 
 # Subscriptions.

@@ -5,6 +5,7 @@ from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split
 
+import os
 import threading
 import time
 import weakref
@@ -28,7 +29,7 @@ from tf2_py._internal import class_name, counted, errors, frame_name, printable,
 from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros import _names
 from tf2_ros._arguments import has, is_name, optional_timeout_ns, refuse_swapped
-from tf2_ros._forking import keep_for_ever, register_for_fork
+from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._messages import time_msg
 from tf2_ros._nodes import Spinner, hidden_node
 from tf2_ros._qos import lookup_qos
@@ -106,6 +107,7 @@ class GoalSender:
 
     def __init__(self, node: Node, ns: str, period_s: float) -> None:
         self._name = _resolved(node, ns)
+        self.process = os.getpid()
         self._pending: set[PendingGoal] = set()
         self._closed = self._ended = False
         self._node = hidden = hidden_node(
@@ -131,7 +133,6 @@ class GoalSender:
         self._timer.cancel()
         self._spinner = Spinner(hidden, daemon=True, at_end=self._end)
         self._spinner.thread.name = "tf2_ros buffer client"
-        register_for_fork(self)
         self._node_end = NodeEnd(node, self.close)
 
     def send(self, goal: Any, timeout_ns: int | None, padding_ns: int) -> PendingGoal:
@@ -157,10 +158,13 @@ class GoalSender:
     def state(self) -> str:
         """Describe the action, and how many goals have no outcome yet."""
         goals = counted(len(self._pending), "pending lookup") if self.alive() else "ended"
+        goals = FORKED if is_inherited(self.process) else goals
         return f"action {printable(self._name)}, {goals}"
 
     def put(self, step: Callable[[PendingGoal], None], pending: PendingGoal) -> None:
         """Have the thread take this step with a goal; from any thread."""
+        if is_inherited(self.process):
+            return  # the end of a coroutine of the parent
         self._steps.put(partial(self._run_step, partial(step, pending)))
 
     def close(self, *, wait: bool = True) -> None:
@@ -169,19 +173,13 @@ class GoalSender:
 
         :param wait: until the thread has ended. Not from a finalizer, see ``Spinner.stop``.
         """
-        if self._closed:
+        if self._closed or is_inherited(self.process):
             return
         self._closed = True
         self._node_end.forget()
         self._spinner.stop(wait=wait)
         for pending in list(self._pending):
             self._fail_at_end(pending)
-
-    def after_fork(self) -> None:
-        """End in a forked child; goals that are sent there fail."""
-        self._closed = True
-        self._pending.clear()
-        keep_for_ever(self.action_client)
 
     def _end(self) -> None:
         self._ended = True
@@ -461,6 +459,7 @@ class BufferClient(AnsweringInterface):
             pending.abandon()
 
     def _tf2_send(self, sender: GoalSender, goal: Any, lookup_ns: int | None) -> PendingGoal:
+        refuse_inherited(self, sender.process)
         return sender.send(goal, lookup_ns, timeout_ns(self.timeout_padding, "timeout_padding"))
 
 

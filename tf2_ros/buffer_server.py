@@ -5,6 +5,7 @@ from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split
 
+import os
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse
@@ -26,8 +27,8 @@ from tf2_py import (
 )
 from tf2_py._internal import bad_name, is_invalid_name, timeout_ns
 from tf2_ros._arguments import has, is_a, is_name, refuse_swapped
-from tf2_ros._forking import keep_for_ever, register_for_fork
-from tf2_ros._nodes import NodeUse
+from tf2_ros._forking import is_inherited
+from tf2_ros._nodes import keep_in_children
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import NodeEnd
 from tf2_ros._wait.blocking import Lookup
@@ -110,15 +111,15 @@ class BufferServer:
             cancel_service_qos_profile=lookup_qos(),
             result_timeout=KEEP_RESULT_S,
         )
-        self._node_use = NodeUse(node)
-        register_for_fork(self)
+        self._process = os.getpid()
+        keep_in_children(node)
         self._node_end = NodeEnd(node, self.destroy)
 
     def destroy(self) -> None:
         """End the server; waiting goals get no result. May be called again; in a forked child, it is dead."""
         # The action server refers to this, so as long as this refers to it, only the collector frees both.
         server, self._server = self._server, None
-        if server is None:
+        if server is None or is_inherited(self._process):
             return
         self._node_end.forget()
         self._ended.close()
@@ -126,11 +127,6 @@ class BufferServer:
             lookup.cancel()
         self._lookups.clear()
         server.destroy()
-
-    def after_fork(self) -> None:
-        """Leave the server to the parent, in a forked child."""
-        keep_for_ever(self._server)
-        self._server = None
 
     def _begin(self, handle: Any) -> None:
         lookup = self._lookups[bytes(handle.goal_id.uuid)] = self._look_up(handle.request)

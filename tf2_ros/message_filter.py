@@ -7,6 +7,7 @@ from tf2_ros_cython import _requirement  # noqa: F401
 
 import inspect
 import itertools
+import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -31,7 +32,7 @@ from tf2_ros._arguments import (
     refuse_swapped,
     require_callable,
 )
-from tf2_ros._forking import FORKED, LiveObjects, register_for_fork
+from tf2_ros._forking import FORKED, LiveObjects, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended
 from tf2_ros._wait.callbacks import CallbackQueue, callback_queue, patience_ns
 from tf2_ros._wait.filter_queue import FilterFailureReason, MessageStream, Needed, PendingMessages
@@ -172,7 +173,8 @@ class MessageFilter(Generic[_Message]):
         self._connections = itertools.count()
         self._streams: LiveObjects[MessageStream[tuple[_Message, TransformStamped]]] = LiveObjects()
         self._disconnect: Callable[[], None] | None = None
-        self._closed = self._forked = False
+        self._closed = False
+        self._process = os.getpid()
         self._counts_lock = threading.RLock()
         self._passed = self._cleared = 0
         self._sampled = self._sampled_dropped = 0
@@ -187,7 +189,6 @@ class MessageFilter(Generic[_Message]):
             optional_timeout_ns(buffer_timeout, "buffer_timeout"),
             self._announce,
         )
-        register_for_fork(self)
         try:
             if input is not None:
                 self.connectInput(input)
@@ -202,6 +203,7 @@ class MessageFilter(Generic[_Message]):
         :param message: of any type with a ``header``.
         :raises TypeError: it has no header, or one without a frame and a time.
         """
+        refuse_inherited(self, self._process)
         if self._closed:
             return
         header = getattr(message, "header", None)
@@ -222,6 +224,7 @@ class MessageFilter(Generic[_Message]):
         :return: the key of the callback in the dictionary ``callbacks``; removing the entry removes the
             callback.
         """
+        refuse_inherited(self, self._process)
         require_callable("registerCallback", callback)
         connection = next(self._connections)
         self.callbacks = {**self.callbacks, connection: (callback, arguments)}
@@ -243,6 +246,7 @@ class MessageFilter(Generic[_Message]):
         :param callback: ``reason`` is a :class:`FilterFailureReason`.
         :return: a number, which no other callback of this filter has.
         """
+        refuse_inherited(self, self._process)
         require_callable("registerFailureCallback", callback)
         connection = next(self._connections)
         self._failure_callbacks = {**self._failure_callbacks, connection: (callback, arguments)}
@@ -259,6 +263,7 @@ class MessageFilter(Generic[_Message]):
         :param input: see the constructor; not None.
         :raises TypeError: it is something else, or its messages have no header.
         """
+        refuse_inherited(self, self._process)
         connect = self._connector(input)
         if self._disconnect is not None:
             self._disconnect()
@@ -273,6 +278,7 @@ class MessageFilter(Generic[_Message]):
         :raises TypeError: one of them is not a ``str``.
         :raises ValueError: there are no names, or one is empty.
         """
+        refuse_inherited(self, self._process)
         self._pending.require(target_frames=_names(target_frames))
 
     def setTolerance(self, tolerance: DurationLike) -> None:
@@ -283,6 +289,7 @@ class MessageFilter(Generic[_Message]):
         :raises TypeError: it is not a duration.
         :raises ValueError: it is negative or infinite.
         """
+        refuse_inherited(self, self._process)
         self._pending.require(tolerance_ns=_tolerance_ns(tolerance))
 
     def setQueueSize(self, queue_size: int) -> None:
@@ -292,16 +299,20 @@ class MessageFilter(Generic[_Message]):
         :param queue_size: 0: any number.
         :raises ValueError: it is negative.
         """
+        refuse_inherited(self, self._process)
         self._pending.limit(_size(queue_size))
 
     def clear(self) -> None:
         """Remove the messages that wait, and those for which no callback was called yet."""
+        refuse_inherited(self, self._process)
         cleared = self._pending.clear()
         with self._counts_lock:
             self._cleared += cleared
 
     def close(self) -> None:
         """Take no more messages, remove those that wait, and end the iterations; may be called again."""
+        if is_inherited(self._process):
+            return
         self._closed = True
         if self._disconnect is not None:
             self._disconnect()
@@ -320,25 +331,17 @@ class MessageFilter(Generic[_Message]):
         name = class_name(type(self))
         if "_pending" not in self.__dict__:
             return f"<{name}: not initialised>"
+        if is_inherited(self._process):
+            return f"<{name}: {FORKED}>"
         counts = self.statistics()
         facts = [f"{counts[key]} {key}" for key in ("waiting", "passed")]
         facts.append(f"{sum(counts['dropped'].values())} dropped")
-        if self._forked:
-            facts.append(FORKED)
-        elif self._closed:
+        if self._closed:
             facts.append("closed")
         elif not self._queue.is_spun():
             facts.append("node not spun")
         frames = printable(" and ".join(self._pending.needed.target_frames))
         return f"<{name}: into {frames}: {', '.join(facts)}>"
-
-    def after_fork(self) -> None:
-        """End in a forked child, where no executor takes messages and no callback is due."""
-        self._counts_lock = threading.RLock()
-        self._forked = self._closed = True
-        self._disconnect = None
-        for stream in self._streams:
-            stream.after_fork()
 
     def statistics(self) -> _Statistics:
         """
@@ -347,6 +350,7 @@ class MessageFilter(Generic[_Message]):
         :return: ``received``; ``passed`` to the callbacks; ``dropped``, a dictionary by the names of reasons;
             ``cleared``; and ``waiting``, which are all others.
         """
+        refuse_inherited(self, self._process)
         with self._counts_lock:
             dropped = {reason.value: self._pending.ended[reason] for reason in FilterFailureReason}
             done = self._passed + sum(dropped.values()) + self._cleared
@@ -360,6 +364,7 @@ class MessageFilter(Generic[_Message]):
             }
 
     def __aiter__(self) -> MessageStream[tuple[_Message, TransformStamped]]:
+        refuse_inherited(self, self._process)
         stream: MessageStream[tuple[_Message, TransformStamped]] = MessageStream(
             partial(node_has_ended, self._node), self._kept
         )

@@ -23,7 +23,6 @@ from libc.stdlib cimport free, malloc
 from libc.string cimport memcpy, memset
 
 from tf2_py._internal cimport (
-    FORK_INNER,
     NAME_NO_MEMORY,
     Batch,
     Engine,
@@ -129,7 +128,7 @@ cdef class Recording:
     def __cinit__(self, size_t capacity=CAPACITY):
         if lock_init(&self._records.lock) != 0:
             raise MemoryError
-        fork_watch(&self._records.forked, &self._records.lock, FORK_INNER)
+        fork_watch(&self._records.forked, &self._records.lock)
         if names_init(&self._records.frames) != 0 or names_init(&self._records.publishers) != 0:
             raise MemoryError
         self._array = np.empty(capacity, RECORD)

@@ -5,6 +5,7 @@ from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split
 
+import os
 import threading
 from collections.abc import Iterable
 from copy import deepcopy
@@ -16,7 +17,7 @@ from rclpy.qos import QoSProfile
 from tf2_msgs.msg import TFMessage
 from tf2_ros import _names
 from tf2_ros._arguments import require_node
-from tf2_ros._forking import register_for_fork
+from tf2_ros._forking import refuse_inherited
 from tf2_ros._qos import chosen_qos
 from tf2_ros.transform_broadcaster import (
     RefusedTransforms,
@@ -57,7 +58,7 @@ class StaticTransformBroadcaster:
         self.net_message = TFMessage()
         # Held until a message is published, because the last message must contain all transforms.
         self._tf2_sending = threading.RLock()
-        register_for_fork(self)
+        self._tf2_process = os.getpid()
         profile, overrides = chosen_qos(node, "/tf_static", "publisher", qos, is_static=True)
         self.pub_tf = node.create_publisher(TFMessage, "/tf_static", profile, **overrides)
 
@@ -70,9 +71,11 @@ class StaticTransformBroadcaster:
         :raises AttributeError: it is something else.
         :raises TypeError: a name is not a ``str``.
         :raises ValueError: ``strict`` is true, and a listener would refuse one of them.
+        :raises RuntimeError: this is a forked child of the process that made the broadcaster.
 
         If an exception is raised, none of them is sent or kept.
         """
+        refuse_inherited(self, self._tf2_process)
         new_transforms = transforms_of(transform)
         require_transforms(new_transforms)  # before any is kept
         self._tf2_refused.before_sending(new_transforms)
@@ -86,7 +89,3 @@ class StaticTransformBroadcaster:
             refused = publish_transforms(self.pub_tf, merged)
             self.net_message.transforms = merged
         self._tf2_refused.after_sending(refused)
-
-    def after_fork(self) -> None:
-        """Make the lock anew, because it must be free in a forked child."""
-        self._tf2_sending = threading.RLock()

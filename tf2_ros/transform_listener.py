@@ -5,6 +5,7 @@ from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split
 
+import os
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
@@ -21,8 +22,8 @@ from tf2_py import BufferCore
 from tf2_py._internal import class_name
 from tf2_ros import _names
 from tf2_ros._arguments import has, refuse_swapped, require_node
-from tf2_ros._forking import FORKED
-from tf2_ros._nodes import END_WAIT_S, NodeUse, Spinner, fills, hidden_node
+from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
+from tf2_ros._nodes import END_WAIT_S, Spinner, fills, hidden_node, keep_in_children
 from tf2_ros._qos import chosen_qos
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import RCLError, context_was_shut_down, has_callback_groups
@@ -121,7 +122,7 @@ class TransformListener:
     _tf2_owns_node = False
     _tf2_spinner: Spinner | None = None
     _tf2_receiver: Receiver | None = None
-    _tf2_node_use: NodeUse | None = None
+    _tf2_process: int | None = None
     _tf2_reception: Reception | None = None
     _tf2_attachment: "AttachedListener | None" = None
     _tf2_recording: Recording | None = None
@@ -153,7 +154,8 @@ class TransformListener:
         self._tf2_recording = recording
         self._tf2_owns_node = node is None
         self.node = node = hidden_node("transform_listener_impl", self) if node is None else node
-        self._tf2_node_use = NodeUse(node)
+        self._tf2_process = os.getpid()
+        keep_in_children(node)
         fills(node, buffer, listener=True)
         self.group = ListenerGroup()
         try:
@@ -191,6 +193,8 @@ class TransformListener:
             raise
 
     def __setattr__(self, name: str, value: Any) -> None:
+        if name == "buffer" and self._tf2_process is not None:
+            refuse_inherited(self, self._tf2_process)
         # What arrived before goes into the buffer of before.
         if name == "buffer" and self._tf2_receiver is not None:
             self._tf2_receiver.catch_up()
@@ -310,7 +314,7 @@ class TransformListener:
 
     def _tf2_is_forked(self) -> bool:
         # The listener belongs to the parent process, so nothing must be ended here.
-        return self._tf2_node_use is not None and self._tf2_node_use.forked
+        return self._tf2_process is not None and is_inherited(self._tf2_process)
 
     def __count_call(self, static: bool) -> None:
         for topic in self._tf2_reception.topics if self._tf2_reception is not None else ():

@@ -195,10 +195,6 @@ def test_mistakes_are_found_and_nothing_else(request, errors):
     assert {number: text for number, text in found.items() if number not in wrong} == {}
 
 
-# Called by what handles forks.
-NOT_FOR_USERS = {"after_fork"}
-
-
 def public_names(module):
     """What a program imports from a module of what this project defines, and the members of its classes."""
     content = importlib.import_module(module)
@@ -214,7 +210,7 @@ def public_names(module):
         for name, value in own.items()
         if inspect.isclass(value) and value.__module__.startswith(PACKAGES)
         for member in vars(value)
-        if not member.startswith("_") and member not in NOT_FOR_USERS
+        if not member.startswith("_")
     }
     return {*own, *members}
 

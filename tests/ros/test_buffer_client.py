@@ -14,7 +14,6 @@ from unittest import mock
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
-from forking import in_a_child
 from making import at, stamp_ns, transform, translation
 from processes import DEADLINE_S, PROMPT_S, start, until
 from rclpy.duration import Duration, Infinite
@@ -366,20 +365,6 @@ class TestThreads:
             gc.enable()
         assert {*node.timers, *node.waitables} <= before
 
-    def test_in_a_forked_child_it_is_the_parents(self, tf2_ros, new_node, server):
-        node = new_node("asking")
-        client = tf2_ros.BufferClient(node, "lookup")
-
-        def end():
-            nonlocal client
-            client.destroy()
-            client = None
-            gc.collect()
-
-        assert in_a_child(end) == 0
-        assert client.can_transform("map", "robot", at(1.5), LONG)
-        client.destroy()
-
     def test_dropping_it_ends_its_thread(self, tf2_ros, node, monkeypatch):
         before = set(threading.enumerate())
         client = tf2_ros.BufferClient(node, "nobody")
@@ -433,12 +418,6 @@ class TestRepr:
     def test_it_works_before_the_constructor(self, tf2_ros):
         client = tf2_ros.BufferClient.__new__(tf2_ros.BufferClient)
         assert repr(client) == "<tf2_ros.BufferClient: not initialised>"
-
-    def test_it_works_in_a_forked_child(self, lonely):
-        def look():
-            assert repr(lonely) == "<tf2_ros.BufferClient: action /late_lookup, ended>"
-
-        assert in_a_child(look) == 0
 
     def test_it_works_where_a_program_replaced_the_action_client(self, tf2_ros, node, monkeypatch):
         monkeypatch.setattr("tf2_ros.buffer_client.ActionClient", mock.Mock())

@@ -4,8 +4,8 @@ import asyncio
 import gc
 import json
 import subprocess
-import threading
-import weakref
+from contextlib import suppress
+from types import SimpleNamespace
 
 import pytest
 from forking import CHILD_S, in_a_child
@@ -13,11 +13,12 @@ from making import transform
 from processes import start, until
 from rclpy.duration import Duration
 from rclpy.time import Time
-from repetitions import times
+from sharing import links, new_name
 
 pytestmark = pytest.mark.ours
 
 LATEST = Time()
+DEAD = "dead in this forked process"
 
 
 @pytest.fixture
@@ -25,27 +26,17 @@ def buffer(tf2_ros):
     return tf2_ros.Buffer()
 
 
-def statuses_of_children(what, count, rate=0):
-    """How the children of `programs/forks.py` end, where so many messages a second arrive."""
-    flood = start("flood.py", str(rate), "20", "0", stdout=subprocess.DEVNULL) if rate else None
-    program = start("forks.py", what, str(count), str(rate), stdout=subprocess.PIPE)
+@pytest.mark.parametrize(("what", "count"), [("use", 20), ("drop", 40), ("exit", 20), ("have_a_node", 1)])
+def test_children_of_a_process_whose_every_thread_is_busy(what, count):
+    """In an insert, a vector lookup, a listing, a wait, a callback, the receiver and an executor."""
+    flood = start("flood.py", "500", "20", "0", stdout=subprocess.DEVNULL)
+    program = start("forks.py", what, str(count), stdout=subprocess.PIPE)
     try:
-        return json.loads(program.communicate(timeout=8 * CHILD_S)[0])
+        assert json.loads(program.communicate(timeout=8 * CHILD_S)[0]) == [0] * count
     finally:
-        for process in filter(None, (program, flood)):
+        for process in (program, flood):
             process.kill()
             process.wait()
-
-
-@pytest.mark.parametrize("what", ["use", "drop", "exit", "multiprocessing"])
-class TestChildren:
-    def test_of_a_process_that_rests(self, what):
-        assert statuses_of_children(what, 3) == [0] * 3
-
-    def test_of_a_process_whose_every_thread_is_busy(self, what):
-        """In an insert, a vector lookup, a listing, a wait, a callback, the receiver and an executor."""
-        count = times(40, 200) if what == "drop" else 20
-        assert statuses_of_children(what, count, rate=500) == [0] * count
 
 
 def test_no_first_use_of_a_buffer_imports_anything():
@@ -58,141 +49,6 @@ def test_no_first_use_of_a_buffer_imports_anything():
         program.kill()
 
 
-class TestWaitsOfTheParent:
-    def test_their_timeouts_pass_in_the_parent_alone(self, buffer):
-        ended = []
-        future = buffer.wait_for_transform_async("map", "robot", LATEST, timeout=Duration(seconds=0.5))
-        future.add_done_callback(ended.append)
-
-        def wait_longer():
-            other = buffer.wait_for_transform_async("map", "arm", LATEST, timeout=Duration(seconds=0.7))
-            until(other.done)
-            assert not ended
-
-        assert in_a_child(wait_longer) == 0
-        until(lambda: ended)
-
-    def test_a_future_is_dead_in_a_child_and_says_so(self, buffer):
-        future = buffer.wait_for_transform_async("map", "robot", LATEST)
-        called = []
-        future.add_done_callback(called.append)
-
-        async def wait():
-            return await future
-
-        def insert():
-            buffer.set_transform(transform("map", "robot", 1), "child")
-            assert not called
-            assert repr(future) == "<TransformFuture: dead in this forked process>"
-            with pytest.raises(RuntimeError, match="dead in this forked process"):
-                asyncio.run(wait())
-            assert buffer.wait_for_transform_async("map", "robot", LATEST).done()
-
-        assert repr(future) == "<TransformFuture: pending>"
-        assert in_a_child(insert) == 0
-        buffer.set_transform(transform("map", "robot", 1), "parent")
-        assert called == [future]
-        assert repr(future) == "<TransformFuture: done>"
-
-    def test_a_filter_and_its_iterations_are_dead_in_a_child(self, tf2_ros, node, buffer):
-        message = transform("robot", "arm", 1)
-        with tf2_ros.MessageFilter(None, buffer, "map", 10, node=node) as message_filter:
-            passed, stream = [], message_filter.__aiter__()
-            message_filter.registerCallback(passed.append)
-            message_filter.add(message)
-
-            async def take():
-                return [item async for item in stream]
-
-            def use():
-                message_filter.add(message)
-                buffer.set_transform(transform("map", "robot", 1), "child")
-                assert repr(message_filter).endswith("dead in this forked process>")
-                assert asyncio.run(take()) == []
-                message_filter.close()
-                assert passed == []
-
-            assert in_a_child(use) == 0
-
-    def test_a_lock_of_a_thread_that_is_not_in_the_child_is_free_there(self, tf2_ros, node, buffer):
-        """Threads of the parent are in the middle of each of these when the child is made."""
-        broadcaster = tf2_ros.StaticTransformBroadcaster(node)
-        message_filter = tf2_ros.MessageFilter(None, buffer, "map", 10, node=node)
-        locks = [
-            broadcaster._tf2_sending,
-            message_filter._counts_lock,
-            message_filter._pending._lock,
-        ]
-        held, ending = threading.Event(), threading.Event()
-
-        def hold():
-            for lock in locks:
-                lock.acquire()
-            held.set()
-            ending.wait()
-            for lock in locks:
-                lock.release()
-
-        def use():
-            message = transform("map", "robot", 1)
-            message_filter.add(message)
-            message_filter.setQueueSize(5)
-            assert message_filter.statistics()["received"] == 0
-            message_filter.close()
-            with broadcaster._tf2_sending:
-                pass
-
-        thread = threading.Thread(target=hold)
-        thread.start()
-        try:
-            assert held.wait(CHILD_S)
-            assert in_a_child(use) == 0
-        finally:
-            ending.set()
-            thread.join()
-
-
-class TestListenerOfTheParent:
-    def test_it_is_dead_and_its_buffer_is_freed(self, tf2_ros, node):
-        buffer = tf2_ros.Buffer()
-        listener = tf2_ros.TransformListener(buffer, node)
-
-        def drop():
-            nonlocal buffer, listener
-            assert not listener.receives
-            freed = weakref.ref(buffer)
-            listener.unregister()
-            listener.buffer = None
-            buffer = None
-            gc.collect()
-            assert freed() is None
-
-        try:
-            assert in_a_child(drop) == 0
-            assert listener.receives
-        finally:
-            listener.unregister()
-
-    def test_a_context_manager_ends_in_the_child_without_effect(self, tf2_ros, node, buffer):
-        with tf2_ros.TransformListener(buffer, node) as listener:
-            assert in_a_child(lambda: listener.__exit__(None, None, None)) == 0
-            assert listener.receives
-
-    def test_one_that_spins_the_node_is_dead_too(self, tf2_ros, buffer, ros):
-        listener = tf2_ros.TransformListener(buffer, None)
-
-        def drop():
-            listener.unregister()
-            listener.__del__()
-            assert not listener.dedicated_listener_thread.is_alive()
-
-        try:
-            assert in_a_child(drop) == 0
-            assert listener.dedicated_listener_thread.is_alive()
-        finally:
-            listener.__del__()
-
-
 def test_a_child_whose_parent_had_no_ros_has_all_of_it():
     """As with multiprocessing in a program that only imports this."""
     program = start("forks_first.py", stdout=subprocess.PIPE)
@@ -201,3 +57,154 @@ def test_a_child_whose_parent_had_no_ros_has_all_of_it():
         assert program.returncode == 0
     finally:
         program.kill()
+
+
+def test_timeouts_pass_in_the_process_that_waits(buffer):
+    ended = []
+    future = buffer.wait_for_transform_async("map", "robot", LATEST, timeout=Duration(seconds=0.5))
+    future.add_done_callback(ended.append)
+
+    def wait_longer():
+        other = buffer.wait_for_transform_async("map", "arm", LATEST, timeout=Duration(seconds=0.7))
+        until(other.done)
+        assert not ended
+
+    assert in_a_child(wait_longer) == 0
+    until(lambda: ended)
+
+
+def test_a_child_says_that_its_listeners_receive_nothing(tf2_ros, node, buffer, caplog):
+    with tf2_ros.TransformListener(buffer, node) as listener:
+
+        def look():
+            assert caplog.text.count("which receive nothing here") == 1
+            assert listener.receives == ()
+
+        assert in_a_child(look) == 0
+        assert listener.receives
+    assert caplog.text == ""
+
+
+# What a child inherits. `uses` raise there; `ends` do nothing, and all of it goes on in the parent.
+
+
+def await_it(awaitable):
+    async def wait():
+        return await awaitable
+
+    return asyncio.run(wait())
+
+
+async def _next_of(stream):
+    return await anext(stream)
+
+
+def a_future(tf2_ros, node, buffer):
+    future = buffer.wait_for_transform_async("map", "robot", LATEST)
+    return future, [lambda: await_it(future)], []
+
+
+def a_listener(tf2_ros, node, buffer):
+    listener = tf2_ros.TransformListener(buffer, node)
+    uses = [lambda: setattr(listener, "buffer", tf2_ros.Buffer())]
+    return (
+        listener,
+        uses,
+        [listener.unregister, listener.__del__, lambda: listener.__exit__(None, None, None)],
+    )
+
+
+def a_listener_with_a_thread(tf2_ros, node, buffer):
+    listener = tf2_ros.TransformListener(buffer, None)
+    return listener, [], [listener.unregister, listener.__del__]
+
+
+def a_filter(tf2_ros, node, buffer):
+    one = tf2_ros.MessageFilter(None, buffer, "map", 10, node=node)
+    stream = one.__aiter__()
+    one.add(transform("robot", "arm", 1))
+    uses = [
+        lambda: one.add(transform("robot", "arm", 1)),
+        lambda: one.registerCallback(print),
+        lambda: one.setQueueSize(5),
+        one.statistics,
+        lambda: asyncio.run(_next_of(stream)),
+    ]
+    return one, uses, [one.close]
+
+
+def a_client(tf2_ros, node, buffer):
+    client = tf2_ros.BufferClient(node, "nobody")
+    uses = [
+        lambda: client.lookup_transform("map", "robot", LATEST),
+        lambda: await_it(client.lookup_transform_async("map", "robot", LATEST)),
+    ]
+    return client, uses, [client.destroy]
+
+
+def a_server(tf2_ros, node, buffer):
+    server = tf2_ros.BufferServer(buffer, node, "lookup")
+    return server, [], [server.destroy, lambda: node.waitables.__next__()]
+
+
+def a_broadcaster(tf2_ros, node, buffer):
+    broadcaster = tf2_ros.StaticTransformBroadcaster(node)
+    return broadcaster, [lambda: broadcaster.sendTransform(transform("map", "robot", 1))], []
+
+
+KINDS = [a_future, a_listener, a_listener_with_a_thread, a_filter, a_client, a_server, a_broadcaster]
+SAYS_SO = {a_future, a_listener, a_listener_with_a_thread, a_filter, a_client}
+
+
+@pytest.mark.parametrize("make", KINDS, ids=lambda make: make.__name__)
+def test_what_a_child_inherits_is_dead(tf2_ros, node, buffer, make):
+    inherited, uses, ends = make(tf2_ros, node, buffer)
+    alive = repr(inherited)
+
+    def use_and_drop():
+        nonlocal inherited
+        buffer.set_transform(transform("map", "robot", 1), "child")
+        assert (DEAD in repr(inherited)) == (make in SAYS_SO)
+        for use in uses:
+            with pytest.raises(RuntimeError, match=DEAD):
+                use()
+        for end in ends:
+            end()
+        uses.clear()
+        ends.clear()
+        inherited = None
+        gc.collect()
+        assert buffer.can_transform("map", "robot", LATEST)
+
+    assert in_a_child(use_and_drop) == 0
+    assert repr(inherited) == alive
+    for end in ends:
+        with suppress(StopIteration):
+            end()
+
+
+def test_a_shared_buffer_and_one_that_is_attached_are_buffers_of_its_own(tf2_ros):
+    owner = tf2_ros.Buffer(share=new_name())
+    name = owner._tf2_sharing.name
+    reader = tf2_ros.Buffer(attach=name)
+    owner.set_transforms(links(1, 0), "parent")
+    found = SimpleNamespace(before=reader.can_transform_core("map", "f4", 1)[0])
+
+    def child():
+        # It has what had arrived, and receives nothing more.
+        assert found.before and owner.can_transform_core("map", "f4", 1)[0]
+        owner.set_transform(transform("f4", "own", ns=1), "child")
+        reader.set_transform(transform("f4", "other", ns=1), "child")
+        assert "own" in owner and "own" not in reader
+        assert not reader._tf2_sharing.is_attached
+        for one in (owner, reader):
+            one._tf2_sharing.close()
+            one._self_check()
+        # It may attach a buffer.
+        assert tf2_ros.Buffer(attach=name).can_transform_core("map", "f4", 1)[0]
+
+    assert in_a_child(child) == 0
+    assert owner._tf2_sharing.path.exists() and reader._tf2_sharing.is_attached
+    owner.set_transforms(links(2, 0), "parent")
+    assert reader.can_transform_core("map", "f4", 2)[0] and "own" not in reader
+    owner._tf2_sharing.close()

@@ -11,7 +11,6 @@ import time
 import weakref
 
 import pytest
-from forking import in_a_child
 from making import at, at_ns, transform, translation
 from paths import SUPPORT
 from processes import DEADLINE_S, errors_so_far, start, until
@@ -262,27 +261,6 @@ class TestTrouble:
         assert list(node.subscriptions) == []
         # Fewer: a thread of an earlier test may have ended meanwhile.
         until(lambda: threading.active_count() <= before)
-
-
-class TestForkedChild:
-    def test_it_has_none_and_says_so(self, buffer, listener, flood, caplog):
-        """While transforms arrive: forking without care would copy a locked buffer."""
-        flood(2000, 20)
-        until(lambda: taken(buffer) > 100)
-        for _ in range(50):
-            assert in_a_child(lambda: use_in_a_child(buffer, listener, caplog)) == 0
-        before = taken(buffer)
-        until(lambda: taken(buffer) > before)
-        assert listener.receives
-        assert caplog.text == ""
-
-
-def use_in_a_child(buffer, listener, caplog):
-    assert not listener.receives
-    assert caplog.text.count("which receive nothing here") == 1
-    buffer.set_transform(transform("map", "grandchild", 1), "child")
-    assert buffer.can_transform("map", "grandchild", LATEST)
-    listener.unregister()
 
 
 # The ignored one is of lark, which rclpy imports with its first node.

@@ -4,7 +4,6 @@ import gc
 import re
 
 import pytest
-from forking import in_a_child
 from making import at, transform
 from processes import until
 from rclpy.context import Context
@@ -347,15 +346,6 @@ class TestRepr:
         with tf2_ros.TransformListener(buffer, None) as listener:
             assert "0 messages" in repr(listener)
         assert repr(listener).endswith(", ended>")
-
-    def test_a_forked_child_has_the_listener_of_its_parent_no_more(self, tf2_ros, buffer, node):
-        listener = tf2_ros.TransformListener(buffer, node)
-
-        def look():
-            assert repr(listener).endswith("of /tf, /tf_static, dead in this forked process>")
-            assert error(buffer).endswith("The buffer is empty")
-
-        assert in_a_child(look) == 0
 
     def test_calls_by_hand_count(self, tf2_ros, buffer, node):
         listener = tf2_ros.TransformListener(buffer, node)

@@ -6,7 +6,6 @@ import time
 
 import pytest
 import rclpy
-from forking import in_a_child
 from geometry_msgs.msg import PointStamped
 from making import S, at_ns, transform
 from processes import DEADLINE_S, program, until
@@ -145,29 +144,6 @@ def test_a_program_inserts_and_clears_and_stays_attached(shared, node, peer):
     assert not knows(buffer, "robot", at_ns(1 * S))()
     arrive(sender, buffer, "late", ("map", "late", 2 * S, 1))
     assert is_attached(listener)
-
-
-def test_a_forked_child_reads_and_waits_and_leaves_the_listener_to_its_parent(shared, node, peer):
-    shared()
-    buffer = Buffer()
-    listener = TransformListener(buffer, node)
-    sender = peer()
-    arrive(sender, buffer, "robot", ("map", "robot", 1 * S, 1))
-
-    def child():
-        assert knows(buffer, "robot", at_ns(1 * S))()
-        waiting = buffer.wait_for_transform_async("map", "robot", at_ns(2 * S))
-        sender.send(("map", "robot", 2 * S, 5))
-        assert until(waiting.done)
-        assert waiting.result().transform.translation.x == 5
-        # It makes no subscription with the parent's node.
-        assert listener.tf_sub is None
-        assert listener.receives == ()
-        assert "dead in this forked process" in repr(listener)
-
-    assert in_a_child(child) == 0
-    assert is_attached(listener)
-    arrive(sender, buffer, "late", ("map", "late", 3 * S, 1))
 
 
 def test_another_buffer_for_the_listener_is_filled(shared, node, peer):

@@ -13,8 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 
 import pytest
-from forking import in_a_child
-from making import S, at_ns, transform
+from making import S, at_ns
 from paths import PROGRAMS, SUPPORT
 from processes import DEADLINE_S, PROMPT_S, until
 from rclpy.duration import Duration
@@ -147,27 +146,6 @@ def test_a_reader_that_is_killed_or_stopped_holds_up_nobody():
                 other.communicate()
 
 
-def test_a_forked_child_of_the_owner_has_a_buffer_of_its_own():
-    with pair() as (owner, reader):
-        owner.set_transforms(links(1 * S, 0), "parent")
-
-        def child():
-            assert owner.can_transform_core("map", "f4", 1 * S)[0]
-            owner.set_transform(transform("f4", "own", ns=1 * S), "child")
-            assert owner.can_transform_core("map", "own", 1 * S)[0]
-            owner._self_check()
-            assert not reader.can_transform_core("map", "own", 1 * S)[0]
-            owner._tf2_sharing.close()
-
-        assert in_a_child(child) == 0
-        assert owner._tf2_sharing.path.exists()
-        assert not reader.can_transform_core("map", "own", 1 * S)[0]
-        owner.set_transforms(links(3 * S, 0), "parent")
-        assert reader.can_transform_core("map", "f4", 3 * S)[0]
-        with pytest.raises(SharedBufferError):
-            Buffer(share=owner._tf2_sharing.name)
-
-
 def test_a_child_that_outlives_an_owner_does_not_keep_the_name():
     code = (
         "import os, sys; from tf2_ros import Buffer\n"
@@ -194,23 +172,6 @@ def test_a_child_that_outlives_an_owner_does_not_keep_the_name():
             os.kill(child, signal.SIGKILL)
         process.communicate()
         segment_path(name).unlink(missing_ok=True)
-
-
-def test_a_forked_child_of_a_reader_is_a_reader():
-    with Owner() as owner:
-        owner.tell("insert", S, 0)
-        reader = Buffer(attach=owner.name)
-
-        def child():
-            assert reader.can_transform_core("map", "f4", 1 * S)[0]
-            owner.tell("insert", 2 * S, 0)
-            assert reader.can_transform_core("map", "f4", 2 * S)[0]
-            waiting = reader.wait_for_transform_async("map", "f4", at_ns(3 * S))
-            owner.tell("insert", 3 * S, 0)
-            assert until(waiting.done)
-
-        assert in_a_child(child) == 0
-        assert reader.can_transform_core("map", "f4", 3 * S)[0]
 
 
 def test_a_second_owner_is_refused_with_the_first_ones_process():

@@ -231,31 +231,20 @@ cdef inline void lock_release(Lock* lock) noexcept nogil:
         pthread_mutex_unlock(&lock.mutex)
 
 
-# Locks that no fork leaves locked in the child.
-
-cdef enum ForkOrder:
-    # A thread that holds a lock takes no other of the same or an earlier order.
-    FORK_INBOXES            # of the list of inboxes: held while they are drained
-    FORK_INBOX              # of an inbox: held while its engine inserts
-    FORK_INNER              # all others
-
-cdef enum:
-    FORK_ORDERS = 3         # how many there are
-
+# Locks that no fork leaves locked in the child. A thread that holds one takes no other of them.
 
 cdef struct ForkedLock:
-    # A lock in the list of its order. It must not move while it is listed.
+    # A lock in the list. It must not move while it is listed.
     Lock* lock              # NULL: not listed
     # NULL, or what is called in a forked child with `owner`, while no other thread exists.
     void (*in_child)(void* owner) noexcept nogil
     void* owner
-    int order               # a ForkOrder
     ForkedLock* previous
     ForkedLock* next
 
 
 # Zeroed before, but for `in_child` and `owner`. From here to `fork_forget`, a fork waits for the lock, so
 # that the child finds what it guards consistent.
-cdef void fork_watch(ForkedLock* forked, Lock* lock, int order) noexcept nogil
+cdef void fork_watch(ForkedLock* forked, Lock* lock) noexcept nogil
 # No effect on a zeroed one that was never watched.
 cdef void fork_forget(ForkedLock* forked) noexcept nogil

@@ -8,23 +8,24 @@ and runs directly around the fork, so that no Python code runs while the locks a
 cdef extern from "<pthread.h>" nogil:
     int pthread_atfork(void (*prepare)() noexcept, void (*parent)() noexcept, void (*child)() noexcept)
 
-cdef pthread_mutex_t _list_lock         # held while the lists change, and around a fork
-cdef ForkedLock* _first_forked[FORK_ORDERS]
+cdef pthread_mutex_t _list_lock         # held while the list changes, and around a fork
+cdef ForkedLock* _first_forked
 
 
-cdef void fork_watch(ForkedLock* forked, Lock* lock, int order) noexcept nogil:
+cdef void fork_watch(ForkedLock* forked, Lock* lock) noexcept nogil:
+    global _first_forked
     pthread_mutex_lock(&_list_lock)
     forked.lock = lock
-    forked.order = order
     forked.previous = NULL
-    forked.next = _first_forked[order]
+    forked.next = _first_forked
     if forked.next != NULL:
         forked.next.previous = forked
-    _first_forked[order] = forked
+    _first_forked = forked
     pthread_mutex_unlock(&_list_lock)
 
 
 cdef void fork_forget(ForkedLock* forked) noexcept nogil:
+    global _first_forked
     if forked.lock == NULL:
         return
     pthread_mutex_lock(&_list_lock)
@@ -33,47 +34,37 @@ cdef void fork_forget(ForkedLock* forked) noexcept nogil:
     if forked.previous != NULL:
         forked.previous.next = forked.next
     else:
-        _first_forked[forked.order] = forked.next
+        _first_forked = forked.next
     forked.lock = NULL
     pthread_mutex_unlock(&_list_lock)
 
 
-cdef void _with_each(void (*what)(Lock* lock) noexcept nogil) noexcept nogil:
-    cdef ForkedLock* forked
-    cdef int order
-    for order in range(FORK_ORDERS):
-        forked = _first_forked[order]
-        while forked != NULL:
-            what(forked.lock)
-            forked = forked.next
-
-
-cdef void _reinitialise(Lock* lock) noexcept nogil:
-    lock_init(lock)
-
-
 cdef void _before_fork() noexcept nogil:
+    cdef ForkedLock* forked
     pthread_mutex_lock(&_list_lock)
-    _with_each(lock_acquire)
+    forked = _first_forked
+    while forked != NULL:
+        lock_acquire(forked.lock)
+        forked = forked.next
 
 
 cdef void _after_fork_in_parent() noexcept nogil:
-    _with_each(lock_release)
+    cdef ForkedLock* forked = _first_forked
+    while forked != NULL:
+        lock_release(forked.lock)
+        forked = forked.next
     pthread_mutex_unlock(&_list_lock)
 
 
 cdef void _after_fork_in_child() noexcept nogil:
-    # Initialise the locks: they count threads that waited for them and that do not exist here.
-    cdef ForkedLock* forked
-    cdef int order
-    _with_each(_reinitialise)
+    cdef ForkedLock* forked = _first_forked
     pthread_mutex_init(&_list_lock, NULL)
-    for order in range(FORK_ORDERS):
-        forked = _first_forked[order]
-        while forked != NULL:
-            if forked.in_child != NULL:
-                forked.in_child(forked.owner)
-            forked = forked.next
+    while forked != NULL:
+        # Made anew, because it counts threads that waited for it and that do not exist here.
+        lock_init(forked.lock)
+        if forked.in_child != NULL:
+            forked.in_child(forked.owner)
+        forked = forked.next
 
 
 pthread_mutex_init(&_list_lock, NULL)

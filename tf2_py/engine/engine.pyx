@@ -204,7 +204,7 @@ cdef class Engine:
         waiters_init(&self._waiters)
         self._forked.owner = <void*>self
         self._forked.in_child = _forget_waiters
-        fork_watch(&self._forked, &self._lock, FORK_INNER)
+        fork_watch(&self._forked, &self._lock)
         if tree_init(&self._tree, DEFAULT_CACHE_TIME_NS, &NO_LIMITS) != 0:
             raise MemoryError
         self._throttle = Throttle()

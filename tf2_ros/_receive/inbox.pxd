@@ -3,7 +3,7 @@
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
-from tf2_py._internal cimport Batch, Engine, ForkedLock, Inbox, Lock, Tap
+from tf2_py._internal cimport Batch, Engine, Inbox, Lock, Tap
 
 cdef enum:
     ROUND_NS = 100000000        # how long a message waits if nothing asks for it
@@ -55,7 +55,6 @@ cdef struct State:
     ExecutorArrived executor_arrived
     ExecutorIsArmed executor_is_armed
     Lock lock                   # guards the rest
-    ForkedLock forked           # lock
     bint is_closed
     # Takes and inserts at most this many messages. Returns how many.
     size_t (*take)(State* inbox, size_t most) noexcept nogil

@@ -17,11 +17,8 @@ from libc.stdint cimport INT64_MAX, int64_t, uint32_t, uintptr_t
 from libc.stdlib cimport calloc, free, realloc
 
 from tf2_py._internal cimport (
-    FORK_INBOX,
-    FORK_INBOXES,
     Batch,
     Engine,
-    ForkedLock,
     Inbox,
     Link,
     Lock,
@@ -31,8 +28,6 @@ from tf2_py._internal cimport (
     batch_read_cdr,
     condition_init,
     condition_wait,
-    fork_forget,
-    fork_watch,
     links_empty,
     lock_acquire,
     lock_free,
@@ -55,7 +50,7 @@ import traceback
 import weakref
 from functools import partial
 
-from tf2_py._internal import call_despite_signals, log
+from tf2_py._internal import call_despite_signals, keep_for_ever, log
 
 cdef enum:
     READ_SLICE = 64             # messages that a read inserts before it releases the GIL
@@ -77,7 +72,6 @@ cdef struct Signal:
 cdef Signal _work               # for the thread that drains
 cdef Signal _reporting          # for the thread that reports
 cdef Lock _list_lock            # guards the list of all, and is held while its members are drained in turn
-cdef ForkedLock _list_forked
 cdef State* _first = NULL
 cdef uint32_t _is_idle = 0      # atomic: the thread sleeps until something arrives
 cdef uint32_t _is_stopping = 0  # atomic
@@ -339,7 +333,7 @@ cdef bint _serve_all(bint is_round, int64_t now_ns) noexcept nogil:
     cdef bint has_arrived = False
     cdef bint is_behind = True
     while is_behind:
-        # Between two slices other threads may change the list, or fork: they hold the GIL while they do.
+        # Between two slices other threads may change the list: they hold the GIL while they do.
         is_behind = False
         lock_acquire(&_list_lock)
         inbox = _first
@@ -413,22 +407,14 @@ def stop_inboxes():
     _signal_set(&_reporting)
 
 
-cdef void _close_in_child(void* state) noexcept nogil:
-    cdef State* inbox = <State*>state
-    inbox.is_closed = True
-    word_store(&inbox.pending, 0)
-
-
-cdef void _empty_list_in_child(void* _) noexcept nogil:
+def begin_anew():
+    """In a forked child: forget the inboxes of the parent, and what its threads held."""
     global _first
     _first = NULL
     word_store(&_is_idle, 0)
-    word_store(&_work.is_set, 0)
-    word_store(&_reporting.is_set, 0)
-    pthread_mutex_init(&_work.mutex, NULL)
-    pthread_mutex_init(&_reporting.mutex, NULL)
-    condition_init(&_work.changed)
-    condition_init(&_reporting.changed)
+    _signal_init(&_work)
+    _signal_init(&_reporting)
+    lock_init(&_list_lock)
 
 
 cdef class Copying(Tap):
@@ -437,8 +423,6 @@ cdef class Copying(Tap):
 
 cdef class MessageInbox(Inbox):
     """Keeps what has arrived for a buffer. A subclass is the source."""
-
-    survives_fork = False       # whether it still works in a forked child
 
     def __cinit__(self, *_, **__):
         if lock_init(&self._state.lock) != 0:
@@ -450,9 +434,6 @@ cdef class MessageInbox(Inbox):
         self._rounds = []
         self._state.is_closed = True
         self._state.until_ns = INT64_MAX
-        self._state.forked.in_child = _close_in_child
-        self._state.forked.owner = <void*>&self._state
-        fork_watch(&self._state.forked, &self._state.lock, FORK_INBOX)
 
     cdef int _set_authority(self, str authority) except -1:
         cdef Py_ssize_t size
@@ -463,7 +444,6 @@ cdef class MessageInbox(Inbox):
 
     def __dealloc__(self):
         self._discharge()
-        fork_forget(&self._state.forked)
         _free_parcel(self._state.parcel)
         _free_parcel(self._state.spare)
         _free_parcels(&self._state.reports)
@@ -623,9 +603,21 @@ cdef class MessageInbox(Inbox):
     def stop(self):
         """End, for good; for a subclass."""
 
-    def after_fork(self):
-        """End in a forked child, and return whether the parent's inbox still works; for a subclass."""
-        return False
+    def leave_to_parent(self):
+        """
+        In a forked child: receive nothing more, and never free anything. Return whether it received.
+
+        A thread of the parent may have held the lock, and what it guards may be half changed.
+        """
+        cdef bint was_open = not self._state.is_closed
+        keep_for_ever(self)
+        lock_init(&self._state.lock)
+        self._state.is_closed = True
+        self._state.engine = NULL
+        self._state.reports.first = NULL
+        self.pending = &self._state.pending
+        word_store(self.pending, 0)
+        return was_open
 
     cdef int report(self, Engine engine) except -1:
         cdef Parcels parcels
@@ -671,5 +663,3 @@ _signal_init(&_work)
 _signal_init(&_reporting)
 if lock_init(&_list_lock) != 0:
     raise MemoryError
-_list_forked.in_child = _empty_list_in_child
-fork_watch(&_list_forked, &_list_lock, FORK_INBOXES)

@@ -18,7 +18,7 @@ from typing import Protocol
 from tf2_py import BufferCore
 from tf2_py._internal import FOR_EVER_NS, log
 from tf2_ros._forking import LiveObjects
-from tf2_ros._receive.inbox import MessageInbox, run_inboxes, run_reports, stop_inboxes
+from tf2_ros._receive.inbox import MessageInbox, begin_anew, run_inboxes, run_reports, stop_inboxes
 
 CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s
 END_WAIT_S = 5.0  # how long to wait for a thread to end; only a very busy machine needs this long
@@ -85,8 +85,8 @@ class _Threads:
             if thread is not threading.current_thread():
                 thread.join(END_WAIT_S)
 
-    def after_fork(self) -> None:
-        """Forget the threads, which are the parent's."""
+    def forget(self) -> None:
+        """In a forked child, forget the threads, which are the parent's."""
         self._running = {}
 
     def _start(self, name: str, target: Callable[[], None]) -> None:
@@ -139,21 +139,20 @@ def _stop_all() -> None:
 def _before_fork() -> None:
     # The child needs what has arrived.
     for inbox in _inboxes:
-        if not inbox.survives_fork:
-            inbox.catch_up()
+        inbox.catch_up()
 
 
 def _after_fork_in_child() -> None:
-    threads.after_fork()
-    dead = [inbox for inbox in _inboxes if not inbox.survives_fork]
-    lost = sum([inbox.after_fork() for inbox in dead])
-    for inbox in dead:
-        _inboxes.discard(inbox)
+    begin_anew()
+    threads.forget()
+    lost = sum([inbox.leave_to_parent() for inbox in _inboxes])
+    _inboxes.clear()
+    _checked.clear()
     if lost:
         # Not logged through ROS, whose locks another thread may have held.
         logging.getLogger("tf2_ros").warning(
-            f"Process {os.getpid()} is a fork of one with {lost} TransformListener(s), which receive nothing "
-            "here. Spawn the process instead of forking it, and make its own listeners."
+            f"Process {os.getpid()} was forked from one with {lost} listener(s) or attached buffer(s), which "
+            "receive nothing here. Spawn the process instead of forking it, and make its own listeners."
         )
 
 

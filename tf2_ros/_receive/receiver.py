@@ -1,5 +1,6 @@
 """Receive a listener's transforms without an executor, as long as no code of a program handles them."""
 
+import os
 import weakref
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -14,7 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import HistoryPolicy
 from rclpy.subscription import Subscription
 
-from tf2_ros._forking import keep_for_ever
+from tf2_ros._forking import is_inherited
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import (
     context_was_shut_down,
@@ -112,7 +113,7 @@ class Receiver(RclInbox):
         self._context = node.context
         self._clock_use = ExitStack()
         self._queue = queue
-        self.forked = False  # whether it is that of a parent process
+        self._process = os.getpid()
         self.set_up(authority, queue, listener._tf2_recording, listener._tf2_prefix)
         self._topics: dict[bool, _Topic] = {}  # by whether they are static
         self._given = {is_static for _, is_static in subscriptions}  # those not given back to executors
@@ -130,7 +131,11 @@ class Receiver(RclInbox):
     @property
     def alive(self) -> bool:
         """Whether it still takes messages."""
-        return not self.forked and bool(self._topics) and not context_was_shut_down(self._context)
+        return not self.is_inherited() and bool(self._topics) and not context_was_shut_down(self._context)
+
+    def is_inherited(self) -> bool:
+        """Whether it is dead, because a parent process made it."""
+        return is_inherited(self._process)
 
     def hand_over(self, calls: list[Call]) -> None:
         """Put them into the queue of the node."""
@@ -192,25 +197,15 @@ class Receiver(RclInbox):
         Otherwise the collector, which calls no callbacks of weak references that are garbage themselves,
         could free the buffer and the clock while threads use them.
         """
-        if "_topics" in self.__dict__ and not self.forked:
+        if "_topics" in self.__dict__ and not self.is_inherited():
             self.stop()
-
-    def after_fork(self) -> bool:
-        """End in a forked child, without touching the middleware; return whether the parent's still works."""
-        self.forked = True
-        works = bool(self._topics)
-        for topic in self._topics.values():
-            keep_for_ever(topic, topic.handle, topic.subscription())
-        keep_for_ever(self)
-        return works
 
     def check(self) -> None:
         """Log incompatible publishers."""
-        if not self.forked:
-            for topic in list(self._topics.values()):
-                subscription: Any = topic.subscription()
-                for handler in () if subscription is None else subscription.event_handlers:
-                    report_incompatible_qos(handler)
+        for topic in list(self._topics.values()):
+            subscription: Any = topic.subscription()
+            for handler in () if subscription is None else subscription.event_handlers:
+                report_incompatible_qos(handler)
 
     def _adopt(self, subscriptions: Sequence[tuple[Subscription, bool]]) -> None:
         for subscription, is_static in subscriptions:
@@ -256,7 +251,7 @@ class Receiver(RclInbox):
 
     def _context_ended(self) -> None:
         # Nothing arrives any more.
-        if not self.forked:
+        if not self.is_inherited():
             self.stop()
 
 
@@ -268,7 +263,7 @@ def _queue_depth(subscription: Subscription) -> int:
 def _collected(reference: "weakref.ref[Receiver]", is_static: bool, _: Any) -> None:
     # The subscription was not destroyed; its node was dropped.
     receiver = reference()
-    if receiver is not None and not receiver.forked:
+    if receiver is not None and not receiver.is_inherited():
         receiver._drop(is_static)
 
 
@@ -277,7 +272,7 @@ def _destroy(
 ) -> None:
     """Destroy a subscription, after its receiver has stopped using it."""
     subscription, receiver = destroyed(), reference()
-    if subscription is None or (receiver is not None and receiver.forked):
+    if subscription is None or (receiver is not None and receiver.is_inherited()):
         return
     if receiver is not None and receiver._drop(is_static) and not receiver._topics:
         receiver.close()

@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from tf2_py._internal import log
-from tf2_ros._forking import register_for_fork
+from tf2_ros._forking import is_inherited
 from tf2_ros._receive.inboxes import END_WAIT_S, add_inbox, check_regularly, threads
 from tf2_ros._shared.files import Description, describe_owner, is_owned, open_file
 from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted
@@ -39,8 +39,6 @@ class Ring(RingInbox):
     :param descriptor: of its file; it is closed with this object.
     :param name: of the shared buffer.
     """
-
-    survives_fork = True
 
     def __init__(self, descriptor: int, name: str) -> None:
         super().__init__(descriptor, AUTHORITY)
@@ -132,19 +130,16 @@ class Attachment:
         self.changing = threading.RLock()  # held while it or one of its listeners changes
         ring.fill_for(self, buffer)
         check_regularly(self)
-        register_for_fork(self)
-
-    def after_fork(self) -> None:
-        """Leave the listeners to the parent, in a forked child, which continues to read the buffer."""
-        self.changing = threading.RLock()  # a thread of the parent may have held it
-        for listener in self.listeners:
-            listener.after_fork()
-        self.listeners = []
+        self._process = os.getpid()
 
     @property
     def is_attached(self) -> bool:
-        """Whether there is an owner."""
-        return self.ring is not None
+        """Whether an owner fills the buffer in this process."""
+        return self.ring is not None and not is_inherited(self._process)
+
+    def is_inherited(self) -> bool:
+        """Whether it is dead, because a parent process made it."""
+        return is_inherited(self._process)
 
     def buffer(self) -> Any:
         """The buffer, if it exists."""
@@ -174,6 +169,8 @@ class Attachment:
 
     def close(self) -> None:
         """End; the buffer keeps what it holds."""
+        if is_inherited(self._process):
+            return
         with self.changing:
             ring, self.ring = self.ring, None
         if ring is not None:
@@ -312,10 +309,6 @@ class AttachedListener:
         for other in self._attachment.listeners:
             other._inform()
 
-    def after_fork(self) -> None:
-        """End in a forked child, which must not subscribe with the parent's node."""
-        self._ended = True
-
     def _inform(self) -> None:
         ring = self._attachment.ring
         if ring is not None and self._queue is not None:
@@ -362,7 +355,7 @@ def attach_listener(listener: Any, is_usual: bool, topics: Sequence[str]) -> Att
         clock: Any = node.get_clock()
         sharing.set_simulated(clock.ros_time_is_active)
         return None
-    if sharing is None:
+    if sharing is None or sharing.is_inherited():
         sharing = _by_environment(buffer, node, is_usual, topics)
     if sharing is None:
         return None

@@ -22,7 +22,6 @@ from libc.stdlib cimport free, malloc, realloc
 from libc.string cimport memcpy, memset
 
 from tf2_py._internal cimport (
-    FORK_INNER,
     NAME_NO_MEMORY,
     Batch,
     Engine,

@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.waitable import Waitable
 
 from tf2_py._internal import call_all
-from tf2_ros._forking import LOCK, keep_for_ever, register_for_fork
+from tf2_ros._forking import LOCK, register_for_fork
 from tf2_ros._nodes import ShutdownWaker, WaitContexts, node_has_ended
 from tf2_ros._rclpy import holding_executor, is_in_callback, new_wake_handle
 from tf2_ros._wait.rounds import ExecutorRounds
@@ -129,10 +129,9 @@ class CallbackQueue(ExecutorRounds, Waitable):
 
     def after_fork(self) -> None:
         """Leave the calls and the node to the parent, in a forked child."""
-        if self._guard is not None:
-            keep_for_ever(self._guard)
         self.calls.clear()
         self.running = False
+        self._thread.begin_anew()
         self._node, self._given_up, self._check_ns = None, (self.asked_ns, 0), 0
 
     def node(self) -> Node | None:

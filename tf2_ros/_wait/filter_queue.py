@@ -1,6 +1,7 @@
 """Decide when a message filter passes or drops each message, and iterate over messages asynchronously."""
 
 import itertools
+import os
 import threading
 import time
 from collections import OrderedDict, deque
@@ -12,7 +13,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from tf2_py import BufferCore, TransformException
 from tf2_py._internal import frame_name, time_ns
-from tf2_ros._forking import register_for_fork
+from tf2_ros._forking import refuse_inherited
 from tf2_ros._wait.blocking import LongWait, Lookup, report_if_long
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.rounds import first_value, move_outcome
@@ -161,15 +162,6 @@ class PendingMessages:
         # By the reason if they were dropped.
         self.ended: dict[FilterFailureReason | None, int] = dict.fromkeys((None, *FilterFailureReason), 0)
         self._numbers = itertools.count(1)
-        register_for_fork(self)
-
-    def after_fork(self) -> None:
-        """Forget the messages in a forked child, where they do not wait any more."""
-        self._lock = threading.RLock()
-        for pending in self.pending.values():
-            self._stop(pending)
-        self.pending = OrderedDict()
-        self._outcomes.clear()
 
     def next_outcome(self) -> "Outcome | None":
         """Get and remove the oldest outcome."""
@@ -358,6 +350,7 @@ class MessageStream(Generic[_Item]):
     """
 
     def __init__(self, has_ended: Callable[[], bool], kept: set[Any] | None = None) -> None:
+        self._process = os.getpid()
         self._has_ended = has_ended
         self._kept = kept
         self._items: deque[_Item] = deque()
@@ -375,14 +368,11 @@ class MessageStream(Generic[_Item]):
         self._closed = True
         self._wake()
 
-    def after_fork(self) -> None:
-        """End in a forked child, without waking tasks of the parent's loop."""
-        self._closed = True
-
     def __aiter__(self) -> "MessageStream[_Item]":
         return self
 
     async def __anext__(self) -> _Item:
+        refuse_inherited(self, self._process)
         while True:
             arrival = _Arrival(self._has_ended, self._kept)
             # First this, then the check; `put` does this in the opposite order.

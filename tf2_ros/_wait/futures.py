@@ -1,5 +1,6 @@
 """Complete futures of transforms, and wake the tasks and asyncio loops that await them."""
 
+import os
 import sys
 import time
 import weakref
@@ -16,7 +17,7 @@ from rclpy.task import Future, Task
 from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
 from tf2_py._internal import call_despite_signals, errors
 from tf2_ros._arguments import optional_timeout_ns
-from tf2_ros._forking import FORKED, LOCK, generation
+from tf2_ros._forking import FORKED, LOCK, is_inherited
 from tf2_ros._nodes import Shutdown
 from tf2_ros._rclpy import HookedFuture, is_in_step, only_wakes_executor, running_task, task_executor
 from tf2_ros._wait.blocking import LongWait, Lookup, report_if_long
@@ -83,14 +84,14 @@ class WakingFuture(HookedFuture, Generic[_Result]):
         super().__init__(LOCK)
         self.__in_vain = in_vain
         self.__kept = kept
-        self.__generation = generation()
+        self.__process = os.getpid()
 
     def _tf2_run_callbacks(self, executor: Executor | None, callbacks: list[Callable[[Any], None]]) -> None:
         run_done_callbacks(self, executor, callbacks)
 
     def is_dead(self) -> bool:
         """Whether it is pending in a parent process, so that nothing completes it in this forked child."""
-        return self.__generation != generation() and not self.done() and not self.cancelled()
+        return is_inherited(self.__process) and not self.done() and not self.cancelled()
 
     def __repr__(self) -> str:
         if self.is_dead():

@@ -2,6 +2,7 @@
 
 import heapq
 import itertools
+import os
 import sys
 import threading
 import time
@@ -12,7 +13,6 @@ from contextlib import suppress
 from typing import Protocol
 
 from tf2_py._internal import log
-from tf2_ros._forking import register_for_fork
 
 # How long a thread without work waits for more. In a busy program, starting a thread takes longer than most
 # work.
@@ -28,16 +28,15 @@ class Worker:
     :param name: of the thread.
 
     In the main thread, a signal handler may interrupt any step of this and raise. It must not leave anything
-    behind that prevents a thread from being started. A forked child does not have the thread.
+    behind that prevents a thread from being started.
     """
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self.after_fork()
-        register_for_fork(self)
+        self.begin_anew()
 
-    def after_fork(self) -> None:
-        """Begin anew, without a thread."""
+    def begin_anew(self) -> None:
+        """Forget thread and work; also for a forked child, which does not have the thread."""
         self._claims: dict[None, object] = {}  # at most one, of the thread that runs or is starting
         # Released to wake the thread, so that an interrupted caller holds nothing.
         self._asleep = threading.Lock()
@@ -123,9 +122,9 @@ class Deadlines(Worker):
         self._order = itertools.count()
         super().__init__("tf2_ros deadlines")
 
-    def after_fork(self) -> None:
-        """Begin anew: the deadlines of before the fork are the parent's."""
-        super().after_fork()
+    def begin_anew(self) -> None:
+        """See :class:`Worker`."""
+        super().begin_anew()
         self._added: deque[_Entry] = deque()
         self._heap: list[_Entry] = []
         self._sweep_at = FEW
@@ -187,3 +186,4 @@ def _pending(reference: "weakref.ref[Expiring]") -> Expiring | None:
 
 # One for the whole process.
 deadlines = Deadlines()
+os.register_at_fork(after_in_child=deadlines.begin_anew)

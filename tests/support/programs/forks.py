@@ -1,8 +1,8 @@
 """
 Forks children while its other threads are busy with a buffer; prints how each ended.
 
-Arguments: what each child does, how many children there are, how many messages a second arrive meanwhile (0:
-none, and no other thread does anything). A child that hangs is killed, counts as -9 and is the last.
+Arguments: what each child does (a method of `Parent`), and how many children there are. Another process must
+publish meanwhile. A child that hangs is killed, counts as -9 and is the last.
 """
 
 import asyncio
@@ -105,7 +105,8 @@ class Parent:
         assert not any(listener.receives for listener in self.listeners)
         try:
             self.client.lookup_transform("map", "robot", Time(), SHORT)
-        except tf2_ros.TimeoutException:
+        except RuntimeError as error:
+            assert "dead in this forked process" in str(error)
             return
         raise AssertionError("a client in a child answered")
 
@@ -125,6 +126,28 @@ class Parent:
         """End as a Python program does."""
         self.use()
         sys.exit()
+
+    def have_a_node(self):
+        """
+        Receive with a node of its own, as the target of a multiprocessing.Process.
+
+        One child at a time: Fast DDS gives the first participants of several children the same GUID.
+        """
+        context = rclpy.Context()
+        rclpy.init(context=context)
+        node = rclpy.create_node("child", context=context)
+        buffer = tf2_ros.Buffer(node=node)
+        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
+        assert buffer.can_transform("map", "f0", Time(), Duration(seconds=20))
+        waiting = buffer.wait_for_transform_async("map", "f0", buffer.get_latest_common_time("map", "f0"))
+        assert waiting.done() and listener.receives == ("/tf", "/tf_static")
+        # One for a buffer that it inherited, too.
+        with tf2_ros.TransformListener(self.buffer, node):
+            taken = self.buffer.statistics()["taken"]
+            while self.buffer.statistics()["taken"] == taken:
+                time.sleep(0.01)
+        rclpy.shutdown(context=context)
+        self.use()
 
 
 def keep_doing(work):
@@ -167,14 +190,13 @@ class MultiprocessingChild:
         return self.process.exitcode
 
 
-def main(what, count, rate):
+def main(what, count):
     parent = Parent()
-    if rate:
-        while parent.buffer.statistics()["taken"] < 100:
-            time.sleep(0.01)
-        parent.make_busy()
-    kind = MultiprocessingChild if what == "multiprocessing" else Child
-    work = {"use": parent.use, "exit": parent.exit}.get(what, parent.drop)
+    while parent.buffer.statistics()["taken"] < 100:
+        time.sleep(0.01)
+    parent.make_busy()
+    kind = MultiprocessingChild if what == "have_a_node" else Child
+    work = getattr(parent, what)
     children, statuses = [], []
     for _ in range(count):
         children.append(kind(work))
@@ -184,11 +206,11 @@ def main(what, count, rate):
                 break
     statuses += [child.status() for child in children]
     taken = parent.buffer.statistics()["taken"]
-    while rate and parent.buffer.statistics()["taken"] < taken + 100:
+    while parent.buffer.statistics()["taken"] < taken + 100:
         time.sleep(0.01)
     print(json.dumps(statuses), flush=True)
     os._exit(0)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], *map(int, sys.argv[2:]))
+    main(sys.argv[1], int(sys.argv[2]))

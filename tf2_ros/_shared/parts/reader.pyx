@@ -236,15 +236,6 @@ cdef void _sleep_quietly(State* inbox, uint32_t nudges, int64_t ns) noexcept nog
     word_store(&reading.is_quiet, 0)
 
 
-cdef void _without_thread(void* state) noexcept nogil:
-    # In a forked child. The next read starts a thread there; executors are those of the parent.
-    cdef Reading* reading = <Reading*>(<State*>state).source
-    (<State*>state).executor = NULL
-    word_store(&reading.runs, 0)
-    word_store(&reading.is_quiet, 0)
-    word_store(&reading.polls, 0)
-
-
 @cython.no_gc_clear
 cdef class RingInbox(MessageInbox):
     """
@@ -271,7 +262,6 @@ cdef class RingInbox(MessageInbox):
         self._names = ["shared memory"]
         self._state.take = _take
         self._state.source = &self._reading
-        self._state.forked.in_child = _without_thread
 
     def __init__(self, int descriptor, str authority not None):
         cdef Reading* reading = &self._reading

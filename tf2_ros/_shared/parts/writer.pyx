@@ -364,7 +364,7 @@ cdef class RingWriter(Copying):
             raise MemoryError
         self._writing.forked.in_child = _end_in_child
         self._writing.forked.owner = <void*>&self._writing
-        fork_watch(&self._writing.forked, &self._writing.lock, FORK_INNER)
+        fork_watch(&self._writing.forked, &self._writing.lock)
         self.copier.data = &self._writing
         self.copier.copy = _copy
         self.copier.is_wanted = _is_wanted

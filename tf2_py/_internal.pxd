@@ -53,7 +53,7 @@ from tf2_py._core cimport (
     writer_init,
     writer_transform,
 )
-from tf2_py._tf2_py cimport Engine, Inbox, Tap, name_utf8
+from tf2_py._tf2_py cimport Engine, ReadHook, Tap, name_utf8
 
 # tf2_geometry_msgs and tf2_sensor_msgs: messages as C structs, and the maths of transforms.
 from tf2_py._core cimport (

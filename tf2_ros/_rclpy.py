@@ -197,27 +197,6 @@ def report_incompatible_qos(handler: EventHandler) -> None:
             handler.callback(event)
 
 
-def subscription_callback(subscription: Subscription) -> Any:
-    """
-    What a subscription calls with each message, behind the property of a subclass.
-
-    Assumes that ``Subscription.callback`` is a property. Otherwise it is an ordinary attribute.
-    """
-    own = Subscription.__dict__.get("callback")
-    if isinstance(own, property) and own.fget is not None:
-        return own.fget(subscription)
-    return subscription.__dict__.get("callback")
-
-
-def set_subscription_callback(subscription: Subscription, callback: Any) -> None:
-    """Set what a subscription calls, with the assumption of :func:`subscription_callback`."""
-    own = Subscription.__dict__.get("callback")
-    if isinstance(own, property) and own.fset is not None:
-        own.fset(subscription, callback)
-    else:
-        subscription.__dict__["callback"] = callback
-
-
 # Nodes and actions.
 
 

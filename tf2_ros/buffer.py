@@ -165,11 +165,6 @@ class Buffer(BufferCore, AnsweringInterface):
             self.jump_handle.unregister()  # __init__ was called again
         self.jump_handle: JumpHandle = _clear_at_jumps(self)
 
-    def __setattr__(self, name: str, value: Any) -> None:
-        super().__setattr__(name, value)
-        if name == "_new_data_callbacks" and self._call_new_data_callbacks not in self._tf2_observers:
-            self._tf2_observers.append(self._call_new_data_callbacks)
-
     def __getstate__(self) -> dict[str, Any]:
         """
         Return what a pickle or copy is made of: see ``BufferCore``, but without what belongs to a node.

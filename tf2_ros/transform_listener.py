@@ -6,7 +6,7 @@ from tf2_ros_cython import _requirement  # noqa: F401
 # isort: split
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -27,8 +27,9 @@ from tf2_ros._nodes import END_WAIT_S, Spinner, fills, hidden_node, keep_in_chil
 from tf2_ros._qos import chosen_qos
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import RCLError, context_was_shut_down, has_callback_groups
-from tf2_ros._receive.receiver import ListenerGroup, Receiver, can_receive, wake_executor
-from tf2_ros._receive.reception import ReceivedTopic, Reception
+from tf2_ros._receive.receiver import AUTHORITY, ListenerGroup, Receiver, can_receive, leave_to_executors
+from tf2_ros._receive.reception import Reception
+from tf2_ros._receive.topics import Topic
 from tf2_ros._shared.naming import is_wanted
 from tf2_ros._wait.callbacks import callback_queue
 from tf2_ros.buffer import SETTERS, Buffer
@@ -42,9 +43,6 @@ _names.offer(globals())
 
 DEFAULT_TF_TOPIC = "/tf"
 DEFAULT_STATIC_TF_TOPIC = "/tf_static"
-
-AUTHORITY = "default_authority"  # messages do not name their publisher
-
 
 _Listener = TypeVar("_Listener", bound="TransformListener")
 
@@ -119,6 +117,7 @@ class TransformListener:
     _tf2_stays = True  # a copy of a buffer whose attribute this is does not have it
 
     # Where a subclass does not call __init__.
+    _tf2_topics: Sequence[Topic] = ()
     _tf2_owns_node = False
     _tf2_spinner: Spinner | None = None
     _tf2_receiver: Receiver | None = None
@@ -149,7 +148,7 @@ class TransformListener:
         )
         if node is not None:
             require_node(type(self).__name__, node, "create_subscription")
-        self.buffer: Any = buffer
+        self.buffer = buffer
         self._tf2_prefix = _valid_prefix(prefix)
         self._tf2_recording = recording
         self._tf2_owns_node = node is None
@@ -158,8 +157,13 @@ class TransformListener:
         keep_in_children(node)
         fills(node, buffer, listener=True)
         self.group = ListenerGroup()
+        self._tf2_topics = [
+            Topic("tf_sub", "callback", tf_topic, qos, is_static=False),
+            Topic("tf_static_sub", "static_callback", tf_static_topic, static_qos, is_static=True),
+        ]
+        if static_only:
+            del self._tf2_topics[0]
         try:
-            self.__subscription = (qos, static_qos, None if static_only else tf_topic, tf_static_topic)
             if isinstance(buffer, Buffer) and (buffer._tf2_sharing is not None or is_wanted()):
                 # Few programs share a buffer; only they load this.
                 from tf2_ros._shared.attachment import attach_listener
@@ -178,7 +182,6 @@ class TransformListener:
             if self._tf2_attachment is None:
                 self._tf2_listen_itself()
             else:
-                self.group.decide()  # it may contain the program's own subscriptions
                 self._tf2_reception = Reception(self, ())
             if spin_thread or self._tf2_owns_node:
                 self.__spin()
@@ -192,20 +195,25 @@ class TransformListener:
                 raise RCLError(f"{name} cannot subscribe: the context of its node was shut down") from error
             raise
 
-    def __setattr__(self, name: str, value: Any) -> None:
-        if name == "buffer" and self._tf2_process is not None:
+    @property
+    def buffer(self) -> Any:
+        """What it fills."""
+        return self._tf2_buffer
+
+    @buffer.setter
+    def buffer(self, buffer: TransformSink) -> None:
+        if self._tf2_process is not None:
             refuse_inherited(self, self._tf2_process)
         # What arrived before goes into the buffer of before.
-        if name == "buffer" and self._tf2_receiver is not None:
-            self._tf2_receiver.catch_up()
-        super().__setattr__(name, value)
-        if name == "buffer":
-            for source in (self._tf2_attachment, self._tf2_receiver):
-                if source is not None:
-                    source.redirect()
-        if name == "buffer" and self._tf2_reception is not None:
-            fills(self.node, value, listener=True)
-            self._tf2_reception.fill(value)
+        if self._tf2_receiver is not None:
+            self._tf2_receiver.inbox.catch_up()
+        self._tf2_buffer = buffer
+        for source in (self._tf2_attachment, self._tf2_receiver):
+            if source is not None:
+                source.redirect()
+        if self._tf2_reception is not None:
+            fills(self.node, buffer, listener=True)
+            self._tf2_reception.fill(buffer)
 
     @property
     def receives(self) -> tuple[str, ...]:
@@ -220,9 +228,9 @@ class TransformListener:
             return value
         if self._tf2_attachment is not None and self._tf2_attachment.alive:
             return self._tf2_attachment.topics
-        if self._tf2_reception is None or self._tf2_receiver is None or not self._tf2_receiver.alive:
-            return ()
-        return tuple(topic.name for topic in self._tf2_reception.topics if not topic.is_left_to_executors())
+        return tuple(
+            topic.name for topic in self._tf2_topics if topic.receiver is not None and topic.receiver.alive
+        )
 
     @receives.setter
     def receives(self, value: Any) -> None:
@@ -235,14 +243,12 @@ class TransformListener:
             return
         if self._tf2_attachment is not None:
             self._tf2_attachment.close()
-        buffer = self.__dict__.get("buffer")
+        buffer = self.__dict__.get("_tf2_buffer")
         if isinstance(buffer, Buffer) and buffer._tf2_sharing is not None:
             buffer._tf2_sharing.forget_listener(self)
         if not self._tf2_owns_node:
-            for name in ("tf_sub", "tf_static_sub"):
-                subscription = self.__dict__.get(name)
-                if subscription is not None:
-                    self.__unsubscribe(subscription)
+            for topic in self._tf2_topics:
+                self.__unsubscribe(self.__dict__.get(topic.attribute))
         elif self._tf2_spinner is not None:
             self._tf2_spinner.stop()  # whose thread destroys the node
         else:
@@ -296,17 +302,19 @@ class TransformListener:
 
     def callback(self, data: TFMessage) -> None:
         """Insert the transforms of a message into the buffer; a subclass may do something else."""
-        self.__count_call(static=False)
-        for transform in self.__prefixed(data):
+        for transform in self.__transforms("callback", data):
             self.buffer.set_transform(transform, AUTHORITY)
 
     def static_callback(self, data: TFMessage) -> None:
         """Insert the static transforms of a message into the buffer; a subclass may do something else."""
-        self.__count_call(static=True)
-        for transform in self.__prefixed(data):
+        for transform in self.__transforms("static_callback", data):
             self.buffer.set_transform_static(transform, AUTHORITY)
 
-    def __prefixed(self, data: TFMessage) -> Iterable[TransformStamped]:
+    def __transforms(self, method: str, data: TFMessage) -> Iterable[TransformStamped]:
+        """Count a message for this method, and return its transforms with the prefix."""
+        for topic in self._tf2_topics:
+            if topic.method == method:
+                topic.count_call()
         transforms: Iterable[TransformStamped] = data.transforms
         if not self._tf2_prefix:
             return transforms
@@ -316,11 +324,6 @@ class TransformListener:
         # The listener belongs to the parent process, so nothing must be ended here.
         return self._tf2_process is not None and is_inherited(self._tf2_process)
 
-    def __count_call(self, static: bool) -> None:
-        for topic in self._tf2_reception.topics if self._tf2_reception is not None else ():
-            if topic.is_static == static:
-                topic.count_call()
-
     def _tf2_is_direct(self) -> bool:
         """Whether everything it receives goes into its buffer, without code of a program."""
         return (
@@ -328,51 +331,76 @@ class TransformListener:
             and not self._tf2_prefix
             and getattr(type(self.node), "create_subscription", None) is Node.create_subscription
             and self._tf2_direct_buffer() is not None
-            and all(
-                self._tf2_is_own(getattr(self, own.__name__), static) for static, own in _CALLBACKS.items()
-            )
+            and all(self.__is_own(getattr(self, topic.method), topic) for topic in self._tf2_topics)
         )
 
     def _tf2_direct_buffer(self) -> BufferCore | None:
         """The buffer; None if code of a program would handle what is inserted. Runs no code of a program."""
-        buffer = self.__dict__.get("buffer")
-        # A property of a subclass, or one that was added later, comes before what the instance holds.
-        is_property = hasattr(type(getattr(type(self), "buffer", None)), "__set__")
-        if is_property or not isinstance(buffer, BufferCore):
+        buffer = self.__dict__.get("_tf2_buffer")
+        if type(self).buffer is not TransformListener.buffer or not isinstance(buffer, BufferCore):
             return None
         kind, own = type(buffer), getattr(buffer, "__dict__", {})
         if any(name in own or getattr(kind, name) is not getattr(BufferCore, name) for name in SETTERS):
             return None
         return buffer
 
-    def _tf2_is_own(self, callback: Any, is_static: bool) -> bool:
+    def __is_own(self, callback: Any, topic: Topic) -> bool:
         """Whether this is the listener's own method of this class, and no other code."""
-        own = _CALLBACKS[is_static]
+        own = getattr(TransformListener, topic.method)
         return getattr(callback, "__func__", None) is own and callback.__self__ is self
 
-    def _tf2_listen_itself(self) -> None:
-        """Subscribe, as this listener was asked to."""
-        qos, static_qos, tf_topic, tf_static_topic = self.__subscription
-        topics = [("tf_static_sub", tf_static_topic, static_qos, self.static_callback)]
-        if tf_topic is not None:
-            topics.insert(0, ("tf_sub", tf_topic, qos, self.callback))
-        for name, topic, given, callback in topics:
-            profile, overrides = chosen_qos(
-                self.node, topic, "subscription", given, is_static=name == "tf_static_sub"
-            )
-            self.__dict__[name] = self.__subscribe(topic, callback, profile, overrides)
-        self.__receive()
-
-    def __subscribe(
-        self, topic: str, callback: Any, qos: QoSProfile | int, overrides: dict[str, Any]
-    ) -> Subscription:
-        if not has_callback_groups(self.node):
-            return self.node.create_subscription(TFMessage, topic, callback, qos)
-        return self.node.create_subscription(
-            TFMessage, topic, callback, qos, callback_group=self.group, **overrides
+    def __needs_no_executor(self) -> bool:
+        return (
+            self._tf2_direct_buffer() is not None
+            and can_receive()
+            and isinstance(self.node, Node)
+            # Otherwise the executor, as rclpy's EventsExecutor, has arrivals reported to itself.
+            and callback_queue(self.node).in_sets
         )
 
+    def _tf2_listen_itself(self) -> None:
+        """Subscribe, as this listener was asked to, and decide for each topic what takes its messages."""
+        hides = self.__needs_no_executor()
+        for topic in self._tf2_topics:
+            self.__subscribe(topic, hides and self.__is_own(getattr(self, topic.method), topic))
+        known = [topic for topic in self._tf2_topics if topic.subscription is not None]
+        taken = [
+            topic
+            for topic in known
+            if hides and topic.is_counted and type(topic.subscription) is Subscription
+        ]
+        # A recording of some topics would look complete.
+        if self._tf2_recording is not None and not (taken and taken == known):
+            reason = problem() or "code of this program handles what is received"
+            raise NotImplementedError(f"who sends transforms cannot be recorded here: {reason}")
+        for topic in known:
+            if topic not in taken:
+                leave_to_executors(topic.subscription, self.node)
+        if taken:
+            self._tf2_receiver = Receiver(self, taken, callback_queue(self.node))
+        self._tf2_reception = Reception(self, known)
+
+    def __subscribe(self, topic: Topic, is_hidden: bool) -> None:
+        callback = getattr(self, topic.method)
+        qos, overrides = chosen_qos(
+            self.node, topic.name, "subscription", topic.qos, is_static=topic.is_static
+        )
+        arguments: dict[str, Any] = {}
+        if has_callback_groups(self.node):
+            arguments = {"callback_group": self.group, **overrides}
+        self.group.hides = is_hidden
+        try:
+            made = self.node.create_subscription(TFMessage, topic.name, callback, qos, **arguments)
+        finally:
+            self.group.hides = False
+        self.__dict__[topic.attribute] = made
+        if isinstance(made, Subscription):
+            topic.subscription, topic.name = made, made.topic_name
+            topic.is_counted = self.__is_own(made.callback, topic)
+
     def __unsubscribe(self, subscription: Any) -> None:
+        if subscription is None:
+            return
         if has_callback_groups(self.node):
             self.node.destroy_subscription(subscription)
         else:
@@ -381,48 +409,10 @@ class TransformListener:
     def _tf2_stop_listening(self) -> None:
         """Destroy the subscriptions: another process receives."""
         self._tf2_receiver = None
-        for name in ("tf_sub", "tf_static_sub"):
-            subscription = self.__dict__.pop(name, None)
-            if subscription is not None:
-                self.__unsubscribe(subscription)
+        for topic in self._tf2_topics:
+            self.__unsubscribe(self.__dict__.pop(topic.attribute, None))
+            topic.subscription = topic.receiver = None
         self._tf2_reception = Reception(self, ())
-
-    def __receive(self) -> None:
-        # A receiver takes from the subscriptions if a program cannot observe the difference.
-        found: list[tuple[Any, bool]] = [
-            (self.__dict__.get("tf_sub"), False),
-            (self.__dict__.get("tf_static_sub"), True),
-        ]
-        topics = [
-            ReceivedTopic(subscription, static, self._tf2_is_own(subscription.callback, static))
-            for subscription, static in found
-            if isinstance(subscription, Subscription)
-        ]
-        subscriptions = [
-            (subscription, static)
-            for subscription, static in reversed(found)
-            if type(subscription) is Subscription and self._tf2_is_own(subscription.callback, static)
-        ]
-        if (
-            subscriptions
-            # A recording of some topics would look complete.
-            and (self._tf2_recording is None or len(subscriptions) == len(topics))
-            and self._tf2_direct_buffer() is not None
-            and can_receive()
-            and isinstance(self.node, Node)
-            # Otherwise the executor, as rclpy's EventsExecutor, has arrivals reported to itself.
-            and callback_queue(self.node).in_sets
-        ):
-            self._tf2_receiver = Receiver(self, AUTHORITY, subscriptions, callback_queue(self.node))
-            for topic in topics:
-                topic.receiver = self._tf2_receiver
-        elif self._tf2_recording is not None:
-            reason = problem() or "code of this program handles what is received"
-            raise NotImplementedError(f"who sends transforms cannot be recorded here: {reason}")
-        else:
-            self.group.decide()
-            wake_executor(self.node)
-        self._tf2_reception = Reception(self, topics)
 
     def __spin(self) -> None:
         # Only the listener uses a hidden node; a program's own is spun also after the listener's end.
@@ -433,12 +423,6 @@ class TransformListener:
         self._tf2_spinner = spinner
         self.executor = spinner.executor
         self.dedicated_listener_thread = spinner.thread
-
-
-_CALLBACKS: dict[bool, Callable[..., None]] = {
-    False: TransformListener.callback,
-    True: TransformListener.static_callback,
-}
 
 
 def _valid_prefix(prefix: str) -> str:

@@ -1,6 +1,5 @@
 """The buffer of a node: waiting for transforms, its service, its clock."""
 
-import copy
 import gc
 import re
 import signal
@@ -501,23 +500,6 @@ def test_a_callback_in_the_list_of_tf2_is_called_after_each_insert(buffer):
     buffer._remove_callback(callback)
     buffer.set_transform(transform("map", "robot", 3), "me")
     assert len(called) == 3
-
-
-@pytest.mark.ours
-def test_a_list_that_takes_its_place_is_called_after_each_insert(tf2_ros):
-    class Mine(tf2_ros.Buffer):
-        def __init__(self):
-            super().__init__()
-            self._new_data_callbacks = []
-
-    buffer, called = Mine(), []
-    buffer._new_data_callbacks.append(lambda: called.append(1))
-    future = buffer.wait_for_transform_async("map", "robot", at(1))
-    buffer.set_transform(transform("map", "robot", 1), "me")
-    assert called == [1] and future.result().child_frame_id == "robot"
-    copied = copy.copy(buffer)
-    copied.set_transform(transform("map", "robot", 2), "me")
-    assert called == [1]
 
 
 def test_latest_is_what_is_latest_when_a_coroutine_resumes(buffer):

@@ -39,8 +39,8 @@ def listener(tf2_ros, buffer, node):
 
 def arrived(listener, count=1):
     """Whether so many messages of dynamic transforms have; the thread inserts what has waited for 0.1 s."""
-    receiver = listener._tf2_receiver
-    return lambda: receiver.has_pending() or receiver.taken(is_static=False)[0] >= count
+    inbox, topic = listener._tf2_receiver.inbox, listener._tf2_topics[0]
+    return lambda: inbox.has_pending() or topic.arrivals.taken()[0] >= count
 
 
 def begins_a_wait(buffer, child):
@@ -80,7 +80,7 @@ def test_every_read_sees_all_that_has_arrived(buffer, listener, peer):
     for number, (read, finds) in enumerate(READS.items()):
         assert buffer.statistics()["taken"] == number
         buffer.known = number
-        listener._tf2_receiver.forget_reads()
+        listener._tf2_receiver.inbox.forget_reads()
         publisher.send(("map", f"frame_{number}", 1 * S, 5))
         until(arrived(listener, number + 1))
         assert finds(buffer, f"frame_{number}"), read
@@ -111,7 +111,7 @@ def test_what_arrived_before_clear_is_cleared(buffer, listener, peer):
 class TestWithoutAReader:
     def test_it_is_inserted_soon(self, buffer, listener, peer):
         peer().send(("map", "robot", 1 * S, 5))
-        until(lambda: listener._tf2_receiver.taken(is_static=False)[0] == 1)
+        until(lambda: listener._tf2_topics[0].arrivals.taken()[0] == 1)
 
     def test_what_is_refused_is_logged(self, listener, peer, capfd):
         peer().send(("map", "map", 1 * S, 5))
@@ -126,7 +126,7 @@ class TestWithoutAReader:
         import ctypes
 
         process = flood(100, 1, 300)
-        until(lambda: listener._tf2_receiver.taken(is_static=False)[0] > 0)
+        until(lambda: listener._tf2_topics[0].arrivals.taken()[0] > 0)
         ctypes.PyDLL(None).usleep(2_500_000)
         process.wait()
         until(lambda: buffer.statistics()["taken"] == 300)
@@ -449,12 +449,13 @@ def test_listeners_of_several_threads_start_each_thread_once(monkeypatch):
 def test_where_the_middleware_refuses_the_executor_takes_the_messages(
     tf2_ros, buffer, node, peer, executor, monkeypatch
 ):
-    from tf2_ros._receive.receiver import Receiver
+    from tf2_ros._receive import receiver
 
-    def refuse(*_):
-        raise RuntimeError("not implemented")
+    class Refused(receiver.Subscriptions):
+        def subscribe(self, *_):
+            raise RuntimeError("not implemented")
 
-    monkeypatch.setattr(Receiver, "subscribe", refuse)
+    monkeypatch.setattr(receiver, "Subscriptions", Refused)
     with tf2_ros.TransformListener(buffer, node) as listener:
         assert listener.receives == ()
         peer().send(("map", "robot", 1 * S, 5))
@@ -479,8 +480,7 @@ def test_listeners_of_one_node_in_several_threads(tf2_ros, node):
     finally:
         sys.setswitchinterval(interval)
     queue = listeners[0]._tf2_receiver._queue
-    receivers = {id(listener._tf2_receiver) for listener in listeners}
-    assert {id(one.__self__) for one in queue.sleepers} == receivers
+    assert len(queue.sleepers) == len(listeners)
     for listener in listeners:
         listener.unregister()
     assert queue.sleepers == ()

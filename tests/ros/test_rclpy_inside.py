@@ -251,21 +251,6 @@ class TestSubscriptions:
         _rclpy.hide_from_executors(subscription, is_hidden=False)
         until(lambda: got, executor)
 
-    def test_the_callback_is_a_property(self, node):
-        subscription = node.create_subscription(TFMessage, "somewhere", ignore, 10)
-        assert _rclpy.subscription_callback(subscription) is ignore
-        _rclpy.set_subscription_callback(subscription, repr)
-        assert subscription.callback is repr
-
-    def test_otherwise_it_is_an_attribute(self, monkeypatch):
-        class Plain:
-            callback = None
-
-        monkeypatch.setattr(_rclpy, "Subscription", Plain)
-        subscription = Plain()
-        _rclpy.set_subscription_callback(subscription, repr)
-        assert _rclpy.subscription_callback(subscription) is subscription.callback is repr
-
 
 class TestNodesAndActions:
     def test_a_node_keeps_the_parameters_it_was_started_with(self, new_node):

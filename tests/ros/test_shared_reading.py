@@ -199,9 +199,9 @@ def test_a_reader_that_sleeps_through_ten_laps_begins_at_the_oldest_message():
     with Owner(preexec_fn=small_files) as owner:
         reader = Buffer(Duration(seconds=0.2), attach=owner.name)
         assert not is_sound(reader, 1000 * S)
-        reader._tf2_sharing.ring.hold()  # otherwise its thread may keep pace
+        reader._tf2_sharing.ring.inbox.hold()  # otherwise its thread may keep pace
         (inserted,) = owner.tell("laps", 10)
-        reader._tf2_sharing.ring.release(2**63 - 1)
+        reader._tf2_sharing.ring.inbox.release(2**63 - 1)
         assert is_sound(reader, 1000 * S, range(0, S // 10, S // 100))
         assert reader.statistics()["malformed_messages"] == 0
         reader._self_check()

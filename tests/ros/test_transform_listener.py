@@ -270,9 +270,9 @@ class TestOverTheNetwork:
                 set_clock(simulator, node, 100)
                 simulator.send(("map", "robot", 100 * S, 1), ("robot", "old", 100 * S, 1))
                 until(knows(buffer, "old"))
-                listener._tf2_receiver.forget_reads()
+                listener._tf2_receiver.inbox.forget_reads()
                 simulator.send(("map", "robot", start * S, 2), ("robot", "new", start * S, 3))
-                until(listener._tf2_receiver.has_pending)
+                until(listener._tf2_receiver.inbox.has_pending)
                 set_clock(simulator, node, start)
                 # The clock shows the new time shortly before its jump callbacks are called.
                 until(lambda: not buffer.can_transform("map", "old", LATEST))
@@ -661,30 +661,6 @@ class TestEnd:
         del node
         gc.collect()
         assert [reference() for reference in references] == [None, None]
-
-    @pytest.mark.ours
-    @pytest.mark.parametrize("how", ["unregister", "destroy_node", "unregister hidden", "thread"])
-    def test_nothing_of_it_is_left_to_the_collector(self, tf2_ros, new_node, inserter, how):
-        """As nothing is of a node of rclpy."""
-        if inserter == "executor":
-            pytest.skip("there the subscriptions are rclpy's, and refer to the listener")
-        node, buffer = None if "hidden" in how else new_node("passing"), tf2_ros.Buffer()
-        listener = tf2_ros.TransformListener(buffer, node, spin_thread=how == "thread")
-        parts = [weakref.ref(part) for part in (buffer, listener, listener.tf_sub)]
-        if node is None:
-            parts += [weakref.ref(listener.node), weakref.ref(listener.executor)]
-        gc.disable()
-        try:
-            if how == "destroy_node":
-                node.destroy_node()
-            elif how == "thread":
-                listener.__exit__(None, None, None)
-            else:
-                listener.unregister()
-            del listener, buffer
-            until(lambda: [part() for part in parts] == [None] * len(parts))
-        finally:
-            gc.enable()
 
     @pytest.mark.ours
     def test_context_node_and_listener_may_end_in_any_order(self, tf2_ros, ros, new_node):

@@ -3,7 +3,7 @@
 cdef enum:
     SLICE = 64      # what is done under one lock, in inserts of one transform: some tens of microseconds
     INSERTS_PER_TRY = 2     # the cost of trying a waiter
-    RECENTLY = 2    # of Inbox.read
+    RECENTLY = 2    # of ReadHook.read
 
 
 cdef enum Removal:
@@ -13,10 +13,10 @@ cdef enum Removal:
     REMOVAL_ERROR           # an exception was raised
 
 
-cdef class Inbox:
+cdef class ReadHook:
     # Holds what has arrived for an engine until somebody reads the engine, or a waiter needs it. The words
     # are read and written without a lock, in any thread (sync.pxd).
-    cdef Inbox following            # the next one of the same engine
+    cdef ReadHook following         # the next one of the same engine
     cdef uint32_t* pending          # not 0: something may have arrived
     cdef uint32_t* armed            # not 0: what arrives is to be inserted at once
     cdef uint32_t* read             # set to RECENTLY by each read; the inbox counts down
@@ -59,12 +59,12 @@ cdef class Engine:
     cdef list _authorities              # likewise
     cdef readonly set _tf2_kept         # what waits for this engine, and nothing else may refer to
     cdef list _observers                # called after every insert; changed with the GIL, counted without
-    cdef Inbox _inboxes                 # the first of those that fill this engine, or None
+    cdef ReadHook _inboxes              # the first of those that fill this engine, or None
     cdef Tap _tap                       # of what a program inserts here; or None
 
     # The inboxes that fill this engine. A read first inserts what has arrived.
-    cdef int add_inbox(self, Inbox inbox) except -1
-    cdef int remove_inbox(self, Inbox inbox) except -1
+    cdef int add_inbox(self, ReadHook inbox) except -1
+    cdef int remove_inbox(self, ReadHook inbox) except -1
     cdef int drain_inboxes(self) except -1
     # Arms the inboxes; `rest` undoes that for one of them, unless something waits.
     cdef void arm(self) noexcept

@@ -166,8 +166,8 @@ cdef void _forget_waiters(void* owner) noexcept nogil:
     waiters_forget(&(<Engine>owner)._waiters)
 
 
-cdef class Inbox:
-    """What has arrived for an engine and is not inserted yet."""
+cdef class ReadHook:
+    """Is called before an engine is read: an inbox, which inserts what has arrived."""
 
     cdef int drain(self) except -1:
         raise NotImplementedError
@@ -220,7 +220,7 @@ cdef class Engine:
         tree_free(&self._tree)
         lock_free(&self._lock)
 
-    cdef int add_inbox(self, Inbox inbox) except -1:
+    cdef int add_inbox(self, ReadHook inbox) except -1:
         inbox.following = self._inboxes
         self._inboxes = inbox
         lock_acquire(&self._lock)
@@ -229,8 +229,8 @@ cdef class Engine:
         unlock_written(&self._lock, &self._tree, &self._waiters)
         return 0
 
-    cdef int remove_inbox(self, Inbox inbox) except -1:
-        cdef Inbox one = self._inboxes
+    cdef int remove_inbox(self, ReadHook inbox) except -1:
+        cdef ReadHook one = self._inboxes
         if one is inbox:
             self._inboxes = inbox.following
         else:
@@ -243,8 +243,8 @@ cdef class Engine:
         return 0
 
     cdef int drain_inboxes(self) except -1:
-        cdef Inbox inbox = self._inboxes
-        cdef Inbox following
+        cdef ReadHook inbox = self._inboxes
+        cdef ReadHook following
         while inbox is not None:
             following = inbox.following     # draining may remove it
             if word_load(inbox.read) != RECENTLY:
@@ -255,7 +255,7 @@ cdef class Engine:
         return 0
 
     cdef void arm(self) noexcept:
-        cdef Inbox inbox = self._inboxes
+        cdef ReadHook inbox = self._inboxes
         while inbox is not None:
             word_store(inbox.armed, 1)
             inbox = inbox.following

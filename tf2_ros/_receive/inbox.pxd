@@ -3,7 +3,7 @@
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
-from tf2_py._internal cimport Batch, Engine, Inbox, Lock, Tap
+from tf2_py._internal cimport Batch, Engine, Lock, ReadHook, Tap
 
 cdef enum:
     ROUND_NS = 100000000        # how long a message waits if nothing asks for it
@@ -16,7 +16,7 @@ cdef struct Parcel:
     unsigned char* data         # the message; of malloc
     size_t size                 # its bytes
     size_t capacity             # bytes allocated
-    size_t topic                # index of its topic's name
+    size_t topic                # index of its name in `names` of the Source
     Parcel* next
 
 
@@ -26,8 +26,12 @@ cdef struct Parcels:
     size_t count
 
 
-ctypedef void (*ExecutorArrived)(void* executor) noexcept nogil
-ctypedef bint (*ExecutorIsArmed)(const void* executor) noexcept nogil
+cdef struct Watcher:
+    # An executor that is informed of what arrives. Called without the GIL, in any thread.
+    void* data                  # for these functions
+    void (*arrived)(void* data) noexcept nogil
+    # Whether it wants each message at once.
+    bint (*is_armed)(void* data) noexcept nogil
 
 
 cdef struct Copier:
@@ -49,16 +53,12 @@ cdef struct State:
     uint32_t read               # atomic: rounds for which it wants them because of the last read
     uint32_t wants_each         # atomic: the source must take each message when it arrives
     uint32_t needs_report       # atomic: `reports` may hold something
-    # The ExecutorState of a node, the function that informs it, and the one that says whether it wants each
-    # message at once; or all NULL. Untyped, because its module needs ROS, and this one does not.
-    void* executor
-    ExecutorArrived executor_arrived
-    ExecutorIsArmed executor_is_armed
+    Watcher* watcher            # or NULL
     Lock lock                   # guards the rest
     bint is_closed
     # Takes and inserts at most this many messages. Returns how many.
     size_t (*take)(State* inbox, size_t most) noexcept nogil
-    void* source                # for it
+    void* source                # `data` of the Source, for `take`
     void* engine                # NULL: it was destroyed
     Parcel* parcel              # for the next message
     Parcel* spare               # takes its place if the message is kept; NULL: not allocated yet
@@ -102,22 +102,42 @@ cdef class Copying(Tap):
     cdef Copier copier
 
 
-cdef class MessageInbox(Inbox):
-    cdef State _state
-    cdef str _authority             # keeps its UTF-8 alive
-    cdef object _reference          # called, gives the engine or None
-    cdef list _names                # of the topics, by their index
-    cdef list _rounds               # keeps the state of executors that are informed, or were
-    cdef Copying _copying           # keeps the copier
+cdef class Watching:
+    cdef Watcher watcher        # used until this object is destroyed
 
-    cdef object _engine(self)
-    cdef int _set_authority(self, str authority) except -1
+
+cdef class Source:
+    # Where the messages of one inbox come from.
+    cdef State* inbox           # that inbox, which sets this
+    cdef size_t (*take)(State* inbox, size_t most) noexcept nogil      # as in State
+    cdef void* data             # for `take`, which finds it as `source`
+    cdef bint serves_itself     # it is `asked` at each read, and calls `inbox_serve` in a thread of its own
+    cdef list names             # of the topics, for errors
+    # All of the following are called with the GIL.
+    # A program reads the buffer; returns whether there is anything to take.
+    cdef bint asked(self) except -1
     # How many messages may have arrived by now.
-    cdef int64_t _arrived_by_now(self) noexcept
-    # The engine is another one. With the lock held.
-    cdef void _engine_changed(self) noexcept
+    cdef int64_t count(self) noexcept
+    # The messages go into another engine, or none. With the lock held.
+    cdef void redirected(self) noexcept
+    # The inbox ends: `inbox_arrived` must not be called any more.
+    cdef void silence(self) noexcept
+
+
+cdef class Inbox(ReadHook):
+    cdef State _state
+    cdef Source _source
+    cdef str _authority             # keeps its UTF-8 alive
+    cdef object _hand_over
+    cdef object _reference          # called, gives the engine or None
+    cdef list _watching             # keeps the watchers that threads may still use
+    cdef Copying _copying           # keeps the copier
+    cdef uint32_t _always           # `pending` of a source that is asked at each read
+    cdef uint32_t _was_read         # `read` of such a source, which counts reads itself
+    cdef object __weakref__
+
     cdef void _enlist(self) noexcept
-    # No thread uses it from here on.
     cdef void _discharge(self) noexcept
-    cdef int report(self, Engine engine) except -1
+    cdef object _engine(self)
+    cdef int _report(self, Engine engine) except -1
     cdef int _report_parcels(self, Engine engine, Parcels* parcels) except -1

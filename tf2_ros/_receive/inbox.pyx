@@ -1,27 +1,28 @@
 """
 Keep what has arrived for a buffer until somebody reads it.
 
-A source says what has arrived: the subscriptions of a listener (`subscriptions`), or the ring of another
-process (`tf2_ros._shared.ring`). Every read of the buffer takes the messages and inserts them (`drain`). So
-does one thread of the process: as soon as many messages wait, ROUND_NS after the first one, and at once while
-something waits for a transform, or while the buffer is read more often than the thread has rounds, so that
-such a reader finds everything inserted. Log lines, the completion of waits and everything else that follows
-from an insert and needs the GIL are left to a second thread (`run_reports`). So nothing here runs code of a
-program, and the first thread never waits for the GIL.
+An inbox takes messages from its `Source`: the subscriptions of a listener (`subscriptions`), or the ring of
+another process (`tf2_ros._shared.ring`). Its owner decides when it begins and ends. Every read of the buffer
+takes the messages and inserts them (`drain`). So does one thread of the process: as soon as many messages
+wait, ROUND_NS after the first one, and at once while something waits for a transform, or while the buffer is
+read more often than the thread has rounds, so that such a reader finds everything inserted. Log lines, the
+completion of waits and everything else that follows from an insert and needs the GIL are left to a second
+thread (`run_reports`). So nothing here runs code of a program, and the first thread never waits for the GIL.
 
 Nothing here needs ROS, because buffers can also be shared without it.
 """
 
+cimport cython
 from libc.stddef cimport size_t
-from libc.stdint cimport INT64_MAX, int64_t, uint32_t, uintptr_t
+from libc.stdint cimport INT64_MAX, int64_t, uint32_t
 from libc.stdlib cimport calloc, free, realloc
 
 from tf2_py._internal cimport (
     Batch,
     Engine,
-    Inbox,
     Link,
     Lock,
+    ReadHook,
     Tap,
     batch_begin,
     batch_free,
@@ -105,7 +106,7 @@ cdef void _signal_wait(Signal* signal, int64_t ns) noexcept nogil:
 cdef bint inbox_wants_all(State* inbox) noexcept nogil:
     if word_load(&inbox.armed) or word_load(&inbox.read) or word_load(&inbox.wants_each):
         return True
-    if inbox.executor != NULL and inbox.executor_is_armed(inbox.executor):
+    if inbox.watcher != NULL and inbox.watcher.is_armed(inbox.watcher.data):
         return True
     return inbox.copier != NULL and inbox.copier.is_wanted(inbox.copier)
 
@@ -191,25 +192,27 @@ cdef void _move_to(Parcels* parcels, State* inbox) noexcept nogil:
 
 # Draining; with the inbox's lock held.
 
-cdef bint _insert_some(Engine engine, Batch* batch) noexcept nogil:
+# Without the GIL references cannot be counted, so the state has only the address of the engine. Each of these
+# functions is declared twice: defined for an Engine, and called with its address, which C converts.
+
+cdef bint _insert_some "tf2_insert_some"(Engine engine, Batch* batch) noexcept nogil:
     return engine.insert_some(batch)
 
 
-cdef void _begin_to_remove(Engine engine, Batch* batch, const char* name, size_t size) noexcept nogil:
+cdef void _begin_to_remove "tf2_begin_to_remove"(Engine engine, Batch* batch, const char* name,
+                                                 size_t size) noexcept nogil:
     engine.begin_to_remove(batch, name, size)
 
 
-cdef void _rest(Engine engine, uint32_t* armed) noexcept nogil:
+cdef void _rest "tf2_rest"(Engine engine, uint32_t* armed) noexcept nogil:
     engine.rest(armed)
 
 
-# Without the GIL references cannot be counted, so the state has only the address of the engine.
-ctypedef bint (*InsertSome)(void* engine, Batch* batch) noexcept nogil
-ctypedef void (*BeginToRemove)(void* engine, Batch* batch, const char* name, size_t size) noexcept nogil
-ctypedef void (*Rest)(void* engine, uint32_t* armed) noexcept nogil
-cdef InsertSome insert_some = <InsertSome>_insert_some
-cdef BeginToRemove begin_to_remove = <BeginToRemove>_begin_to_remove
-cdef Rest rest = <Rest>_rest
+cdef extern from *:
+    bint insert_some "tf2_insert_some"(void* engine, Batch* batch) noexcept nogil
+    void begin_to_remove "tf2_begin_to_remove"(void* engine, Batch* batch, const char* name,
+                                               size_t size) noexcept nogil
+    void rest "tf2_rest"(void* engine, uint32_t* armed) noexcept nogil
 
 
 cdef size_t _drop_later(Batch* batch, int64_t until_ns) noexcept nogil:
@@ -296,8 +299,8 @@ cdef bint _take(State* inbox, size_t most) noexcept nogil:
     word_replace(&inbox.pending, BEING_INSERTED, 0)
     if taken:
         inbox.has_arrived = True
-        if inbox.executor != NULL:
-            inbox.executor_arrived(inbox.executor)
+        if inbox.watcher != NULL:
+            inbox.watcher.arrived(inbox.watcher.data)
     return taken == most
 
 
@@ -421,26 +424,54 @@ cdef class Copying(Tap):
     """Has copied what a buffer receives."""
 
 
-cdef class MessageInbox(Inbox):
-    """Keeps what has arrived for a buffer. A subclass is the source."""
+cdef class Watching:
+    """Is informed of what arrives."""
 
-    def __cinit__(self, *_, **__):
+
+cdef class Source:
+    """Where the messages of one inbox come from. An Inbox keeps it, and ends before it does."""
+
+    cdef bint asked(self) except -1:
+        return True
+
+    cdef int64_t count(self) noexcept:
+        return 0
+
+    cdef void redirected(self) noexcept:
+        pass
+
+    cdef void silence(self) noexcept:
+        pass
+
+
+@cython.final
+@cython.no_gc_clear     # its source must exist until nothing arrives any more
+cdef class Inbox(ReadHook):
+    """
+    Keeps what has arrived for a buffer.
+
+    :param source: of its messages; for no other inbox.
+    :param authority: of transforms whose message names none.
+    :param hand_over: called with a list of callables that run code of a program, to have them called.
+    """
+
+    def __cinit__(self, Source source not None, str authority not None, hand_over):
+        cdef Py_ssize_t size
         if lock_init(&self._state.lock) != 0:
             raise MemoryError
-        self.pending = &self._state.pending
+        self._source, self._authority, self._hand_over = source, authority, hand_over
+        self._watching = []
+        self._always = 1
+        self.pending = &self._always if source.serves_itself else &self._state.pending
+        self.read = &self._was_read if source.serves_itself else &self._state.read
         self.armed = &self._state.armed
-        self.read = &self._state.read
-        self._names = []
-        self._rounds = []
-        self._state.is_closed = True
-        self._state.until_ns = INT64_MAX
-
-    cdef int _set_authority(self, str authority) except -1:
-        cdef Py_ssize_t size
-        self._authority = authority
         self._state.authority = name_utf8(authority, &size)
         self._state.authority_size = size
-        return 0
+        self._state.take, self._state.source = source.take, source.data
+        self._state.until_ns = INT64_MAX
+        source.inbox = &self._state
+        if not source.serves_itself:
+            self._enlist()
 
     def __dealloc__(self):
         self._discharge()
@@ -457,9 +488,11 @@ cdef class MessageInbox(Inbox):
         lock_release(&_list_lock)
 
     cdef void _discharge(self) noexcept:
+        # No thread uses it from here on.
         cdef State** link = &_first
-        if self._state.is_closed:
+        if self._state.is_closed or self._source is None:
             return
+        self._source.silence()
         lock_acquire(&_list_lock)
         while link[0] != NULL and link[0] != &self._state:
             link = &link[0].after
@@ -473,7 +506,7 @@ cdef class MessageInbox(Inbox):
     def _forget_engine(self, _):
         lock_acquire(&self._state.lock)
         self._state.engine = NULL
-        self._engine_changed()
+        self._source.redirected()
         lock_release(&self._state.lock)
 
     def close(self):
@@ -483,23 +516,14 @@ cdef class MessageInbox(Inbox):
             (<Engine>engine).remove_inbox(self)
         self._discharge()
         if engine is not None:
-            self.report(engine)
+            self._report(engine)
 
-    def inform(self, rounds):
-        """
-        Inform an executor of what arrives.
-
-        :param rounds: its ``ExecutorRounds``, which need ROS, as this does not; kept. None: no executor.
-        """
-        # Threads may still use those of before.
-        if rounds is not None and rounds not in self._rounds:
-            self._rounds.append(rounds)
-        state, arrived, is_armed = (0, 0, 0) if rounds is None else rounds.addresses()
+    def inform(self, Watching watching):
+        """Inform this of what arrives from now on, and nothing else; None: nothing."""
+        if watching is not None and watching not in self._watching:
+            self._watching.append(watching)
         lock_acquire(&self._state.lock)
-        if rounds is not None:
-            self._state.executor_arrived = <ExecutorArrived><uintptr_t>arrived
-            self._state.executor_is_armed = <ExecutorIsArmed><uintptr_t>is_armed
-        self._state.executor = <void*><uintptr_t>state
+        self._state.watcher = NULL if watching is None else &watching.watcher
         lock_release(&self._state.lock)
 
     cdef object _engine(self):
@@ -523,7 +547,7 @@ cdef class MessageInbox(Inbox):
         _take_reports(&self._state, &parcels)
         self._state.engine = <void*>buffer
         self._state.copier = NULL if copying is None else &copying.copier
-        self._engine_changed()
+        self._source.redirected()
         lock_release(&self._state.lock)
         self._copying = copying     # nothing uses the memory of the previous one any more
         buffer.add_inbox(self)
@@ -534,19 +558,15 @@ cdef class MessageInbox(Inbox):
             _free_parcels(&parcels)
         inbox_arrived(&self._state, True)       # messages may have arrived while there was no buffer
 
-    cdef void _engine_changed(self) noexcept:
-        pass
-
-    cdef int64_t _arrived_by_now(self) noexcept:
-        return 0
-
     cdef int drain(self) except -1:
         cdef bint more
         cdef int64_t left
+        if self._source.serves_itself and not self._source.asked():
+            return 0
         # With the GIL: whoever holds the lock needs none, and getting it back may take long.
         lock_acquire(&self._state.lock)
         # No more than this had arrived before the call. What arrives during it must not delay its return.
-        left = self._arrived_by_now()
+        left = self._source.count()
         more = _take(&self._state, READ_SLICE)
         lock_release(&self._state.lock)
         if more:
@@ -595,13 +615,7 @@ cdef class MessageInbox(Inbox):
         if word_exchange(&self._state.needs_report, 0):
             engine = self._engine()
             if engine is not None:
-                self.report(engine)
-
-    def hand_over(self, calls):
-        """Have these called. They run code of a program. For a subclass."""
-
-    def stop(self):
-        """End, for good; for a subclass."""
+                self._report(engine)
 
     def leave_to_parent(self):
         """
@@ -619,7 +633,7 @@ cdef class MessageInbox(Inbox):
         word_store(self.pending, 0)
         return was_open
 
-    cdef int report(self, Engine engine) except -1:
+    cdef int _report(self, Engine engine) except -1:
         cdef Parcels parcels
         parcels.first = NULL
         lock_acquire(&self._state.lock)
@@ -634,7 +648,7 @@ cdef class MessageInbox(Inbox):
         while parcel != NULL:
             try:
                 if parcel.batch.problem != NULL:
-                    engine.malformed(&parcel.batch, parcel.size, self._names[parcel.topic])
+                    engine.malformed(&parcel.batch, parcel.size, self._source.names[parcel.topic])
                 else:
                     engine.report(&parcel.batch, later)
             except BaseException:
@@ -643,11 +657,11 @@ cdef class MessageInbox(Inbox):
             parcel = parcel.next
         _free_parcels(parcels)
         if later:
-            call_despite_signals(partial(self.hand_over, later))
+            call_despite_signals(partial(self._hand_over, later))
         return 0
 
 
-cdef object _weakly(MessageInbox inbox):
+cdef object _weakly(Inbox inbox):
     # Returns the callback of a weak reference to the engine.
     reference = weakref.ref(inbox)
 

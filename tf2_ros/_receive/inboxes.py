@@ -1,5 +1,5 @@
 """
-List the inboxes of the process, run the threads that serve them, and find those that fill a buffer.
+List the owners of inboxes, run the threads that serve the inboxes, and find those that fill a buffer.
 
 Nothing here needs ROS, because buffers can also be shared without it.
 """
@@ -18,7 +18,7 @@ from typing import Protocol
 from tf2_py import BufferCore
 from tf2_py._internal import FOR_EVER_NS, log
 from tf2_ros._forking import LiveObjects
-from tf2_ros._receive.inbox import MessageInbox, begin_anew, run_inboxes, run_reports, stop_inboxes
+from tf2_ros._receive.inbox import Inbox, begin_anew, run_inboxes, run_reports, stop_inboxes
 
 CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s
 END_WAIT_S = 5.0  # how long to wait for a thread to end; only a very busy machine needs this long
@@ -30,14 +30,23 @@ class Checked(Protocol):
     def check(self) -> None: ...
 
 
-_inboxes: LiveObjects[MessageInbox] = LiveObjects()
+class Owner(Protocol):
+    """What decides when an inbox begins and ends."""
+
+    inbox: Inbox
+
+    def stop(self) -> object:
+        """End, for good."""
+
+
+_owners: LiveObjects[Owner] = LiveObjects()
 _checked: LiveObjects[Checked] = LiveObjects()
 _checked_at = 0.0
 
 
-def add_inbox(inbox: MessageInbox) -> None:
-    """Let the functions below include this inbox."""
-    _inboxes.add(inbox)
+def add_owner(owner: Owner) -> None:
+    """Let the functions below include the inbox of this one."""
+    _owners.add(owner)
 
 
 def check_regularly(checked: Checked) -> None:
@@ -46,8 +55,8 @@ def check_regularly(checked: Checked) -> None:
     threads.start_reports()
 
 
-def _filling(buffer: BufferCore) -> list[MessageInbox]:
-    return [inbox for inbox in _inboxes if inbox.fills(buffer)]
+def _filling(buffer: BufferCore) -> list[Inbox]:
+    return [owner.inbox for owner in _owners if owner.inbox.fills(buffer)]
 
 
 @contextmanager
@@ -105,9 +114,9 @@ class _Threads:
 
 
 def _report() -> None:
-    for inbox in _inboxes:
+    for owner in _owners:
         try:
-            inbox.report_pending()
+            owner.inbox.report_pending()
         except Exception:
             log.logger("tf2_ros").error(f"In what follows from received transforms: {traceback.format_exc()}")
     _check()
@@ -131,22 +140,22 @@ threads = _Threads()
 
 @atexit.register
 def _stop_all() -> None:
-    for inbox in _inboxes:
-        inbox.stop()
+    for owner in _owners:
+        owner.stop()
     threads.stop()
 
 
 def _before_fork() -> None:
     # The child needs what has arrived.
-    for inbox in _inboxes:
-        inbox.catch_up()
+    for owner in _owners:
+        owner.inbox.catch_up()
 
 
 def _after_fork_in_child() -> None:
     begin_anew()
     threads.forget()
-    lost = sum([inbox.leave_to_parent() for inbox in _inboxes])
-    _inboxes.clear()
+    lost = sum([owner.inbox.leave_to_parent() for owner in _owners])
+    _owners.clear()
     _checked.clear()
     if lost:
         # Not logged through ROS, whose locks another thread may have held.

@@ -1,84 +1,24 @@
-"""Count what each listener has received by topic, for errors, warnings and representations."""
+"""Say what each listener has received by topic, for errors, warnings and representations."""
 
-import itertools
 import os
 import time
 import weakref
 from collections.abc import Sequence
-from contextlib import ExitStack
 from typing import Any
 
 from rclpy.logging import get_logger
 from rclpy.node import Node
-from rclpy.subscription import Subscription
 
 from tf2_py import BufferCore
-from tf2_py._internal import counted
 from tf2_ros._forking import LiveObjects
-from tf2_ros._rclpy import context_was_shut_down, enter_handle
-from tf2_ros._receive.receiver import Receiver
+from tf2_ros._rclpy import context_was_shut_down
+from tf2_ros._receive.topics import Topic
 
 # A topic of dynamic transforms is called silent if nothing was received on it for this long. Most are sent
 # ten times a second or more.
 SILENT_S = 3
 
 _receptions: "LiveObjects[Reception]" = LiveObjects()
-
-
-class ReceivedTopic:
-    """
-    What was received on one subscription of a listener.
-
-    :param is_counted: whether :meth:`received` counts every message, because the listener's own methods
-        handle them.
-    """
-
-    def __init__(self, subscription: Subscription, is_static: bool, is_counted: bool) -> None:
-        self.name = subscription.topic_name
-        self.is_static = is_static
-        self.is_counted = is_counted
-        self._subscription = weakref.ref(subscription)
-        # Several threads of an executor may count.
-        self._counter = itertools.count(1)
-        self._called = 0
-        self._called_at_ns = 0
-        self.receiver: Receiver | None = None  # counts what it takes from the subscription
-
-    def count_call(self) -> None:
-        """Count a message with which an executor has called the listener."""
-        self._called = next(self._counter)
-        self._called_at_ns = time.monotonic_ns()
-
-    def received(self) -> tuple[int, int]:
-        """Return how many messages there were, and the steady time of the last one in nanoseconds."""
-        taken, taken_at_ns = (0, 0) if self.receiver is None else self.receiver.received(self.is_static)
-        return taken + self._called, max(taken_at_ns, self._called_at_ns)
-
-    def is_open(self) -> bool:
-        """Whether the subscription still exists."""
-        subscription = self._subscription()
-        with ExitStack() as uses:
-            return subscription is not None and enter_handle(subscription.handle, uses)
-
-    def is_left_to_executors(self) -> bool:
-        """Whether no receiver takes its messages."""
-        return self.receiver is None or self.receiver.is_left_to_executors(self.is_static)
-
-    def describe(self) -> str:
-        """Describe its name, how many messages there were, when the last one was, and what takes them."""
-        count, last_ns = self.received()
-        if count == 0 and not self.is_counted:
-            facts = "messages not counted"
-        else:
-            facts = counted(count, "message")
-            if count:
-                facts += f", last {(time.monotonic_ns() - last_ns) / 1e9:.2f} s ago"
-        is_left = self.is_left_to_executors()
-        if not self.is_open() or not (is_left or self.receiver is None or self.receiver.alive):
-            facts += ", ended"
-        elif is_left:
-            facts += ", taken by an executor"
-        return f"{self.name}: {facts}"
 
 
 class Reception:
@@ -89,7 +29,7 @@ class Reception:
     :param topics: of its subscriptions.
     """
 
-    def __init__(self, listener: Any, topics: Sequence[ReceivedTopic]) -> None:
+    def __init__(self, listener: Any, topics: Sequence[Topic]) -> None:
         self.topics = list(topics)
         self._listener = weakref.ref(listener)
         node = listener.node
@@ -126,7 +66,7 @@ class Reception:
     def fills(self, buffer: object) -> bool:
         """Whether the transforms are for this buffer."""
         listener = self._listener()
-        return listener is not None and listener.__dict__.get("buffer") is buffer
+        return listener is not None and getattr(listener, "buffer", None) is buffer
 
     def names(self) -> str:
         """The topics."""
@@ -136,7 +76,7 @@ class Reception:
         """What was received on each topic."""
         return "; ".join(topic.describe() for topic in self.topics)
 
-    def receiving(self) -> list[ReceivedTopic]:
+    def receiving(self) -> list[Topic]:
         """The topics that it can receive anything on."""
         if self._context is not None and context_was_shut_down(self._context):
             return []
@@ -156,7 +96,7 @@ def _silence(buffer: object) -> tuple[str, str]:
     return _silent(topics), _silent([topic for topic in topics if not topic.is_static])
 
 
-def _silent(topics: Sequence[ReceivedTopic]) -> str:
+def _silent(topics: Sequence[Topic]) -> str:
     """Describe the silent ones of these topics in a clause without commas; ``""`` if there are none."""
     # Several listeners may receive on one topic.
     lasts: dict[str, int] = {}

@@ -6,15 +6,17 @@ import traceback
 import weakref
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from tf2_py._internal import log
 from tf2_ros._forking import is_inherited
-from tf2_ros._receive.inboxes import END_WAIT_S, add_inbox, check_regularly, threads
+from tf2_ros._receive.inbox import Inbox
+from tf2_ros._receive.inboxes import END_WAIT_S, add_owner, check_regularly, threads
 from tf2_ros._shared.files import Description, describe_owner, is_owned, open_file
 from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted
 from tf2_ros._shared.owner import Owner
-from tf2_ros._shared.ring import RingInbox
+from tf2_ros._shared.ring import RingReader
 from tf2_ros_cython._presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:
@@ -32,16 +34,18 @@ AUTHORITY = "default_authority"  # of messages that have none
 Call = Callable[[], object]
 
 
-class Ring(RingInbox):
+class Ring:
     """
-    The ring of one owner, which fills a buffer.
+    The ring of one owner, which fills a buffer through an inbox.
 
     :param descriptor: of its file; it is closed with this object.
     :param name: of the shared buffer.
     """
 
     def __init__(self, descriptor: int, name: str) -> None:
-        super().__init__(descriptor, AUTHORITY)
+        reference = weakref.ref(self)
+        self.reader = RingReader(descriptor, partial(_begin, reference))
+        self.inbox = Inbox(self.reader, AUTHORITY, partial(_hand_over, reference))
         self.name = name
         found = self.describe_owner()
         self.process = 0 if found is None else found.process
@@ -50,7 +54,7 @@ class Ring(RingInbox):
 
     def describe_owner(self) -> Description | None:
         """Read the owner's description; None if it cannot be read."""
-        return describe_owner(self.descriptor)
+        return describe_owner(self.reader.descriptor)
 
     def cache_time_s(self) -> float:
         """For how long the owner keeps transforms; 10 s if its description cannot be read."""
@@ -64,9 +68,9 @@ class Ring(RingInbox):
     def fill_for(self, attachment: "Attachment", buffer: Any) -> None:
         """Fill the buffer of an attachment from now on."""
         self._attachment = weakref.ref(attachment)
-        self.fill(buffer)
-        add_inbox(self)
-        if self.is_wanted:
+        self.inbox.fill(buffer)
+        add_owner(self)
+        if self.reader.is_wanted:
             self.begin()
 
     def begin(self) -> None:
@@ -74,42 +78,56 @@ class Ring(RingInbox):
         # At the end of the interpreter, no thread can be started; reads see everything nevertheless.
         with suppress(RuntimeError):
             threads.start_reports()
-            thread = threading.Thread(target=self.follow, name="tf2_ros ring", daemon=True)
+            thread = threading.Thread(
+                target=self.reader.follow, args=(self.inbox,), name="tf2_ros ring", daemon=True
+            )
             # One may still be ending.
             self._threads = [*(one for one in self._threads if one.is_alive()), thread]
             thread.start()
 
     def why_over(self) -> str | None:
         """Why nothing arrives any more; None while messages may arrive."""
-        if self.problem is not None:
-            return self.problem
-        return None if is_owned(self.descriptor) else f"process {self.process} has ended"
+        if self.reader.problem is not None:
+            return self.reader.problem
+        return None if is_owned(self.reader.descriptor) else f"process {self.process} has ended"
 
-    def hand_over(self, calls: list[Call]) -> None:
-        """Put these into the queue that runs the callbacks of the buffer."""
+    def buffer(self) -> Any:
+        """The buffer that it fills, if it exists."""
         attachment = None if self._attachment is None else self._attachment()
-        buffer = None if attachment is None else attachment.buffer()
-        if HAS_ROS and buffer is not None:
-            queue_of(buffer).put_all(calls)
-            return
-        for call in calls:
-            try:
-                call()
-            except Exception:
-                log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
+        return None if attachment is None else attachment.buffer()
 
     def stop(self) -> None:
         """End for good."""
-        super().stop()
+        self.reader.stop()
         for thread in self._threads:
             if thread.is_alive() and thread is not threading.current_thread():
                 thread.join(END_WAIT_S)
 
     def end(self) -> None:
         """Insert what has arrived, and receive nothing more."""
-        self.catch_up()
-        self.close()
+        self.inbox.catch_up()
+        self.inbox.close()
         self.stop()
+
+
+def _begin(reference: "weakref.ref[Ring]") -> None:
+    ring = reference()
+    if ring is not None:
+        ring.begin()
+
+
+def _hand_over(reference: "weakref.ref[Ring]", calls: list[Call]) -> None:
+    # Puts these into the queue that runs the callbacks of the buffer.
+    ring = reference()
+    buffer = None if ring is None else ring.buffer()
+    if HAS_ROS and buffer is not None:
+        queue_of(buffer).put_all(calls)
+        return
+    for call in calls:
+        try:
+            call()
+        except Exception:
+            log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
 
 
 class Attachment:
@@ -305,24 +323,24 @@ class AttachedListener:
             self._queue.inform_no_more(self._before_sleep)
         ring = self._attachment.ring
         if ring is not None and self._queue is not None:
-            ring.inform(None)
+            ring.inbox.inform(None)
         for other in self._attachment.listeners:
             other._inform()
 
     def _inform(self) -> None:
         ring = self._attachment.ring
         if ring is not None and self._queue is not None:
-            ring.inform(self._queue)
+            ring.inbox.inform(self._queue)
 
     def _before_sleep(self, in_user_code: bool) -> None:
         ring, listener = self._attachment.ring, self._listener()
         if ring is None or listener is None or self._queue is None or self._ended:
             return
         if in_user_code:
-            ring.catch_up()  # this informs the executor, and wakes it for what arrives later
+            ring.inbox.catch_up()  # this informs the executor, and wakes it for what arrives later
             return
         polls = self._queue.in_sets and has_tasks(listener.node.executor)
-        ring.set_pace(polls)
+        ring.reader.set_pace(polls)
         if not polls:
             self._queue.sleep_on()
 
@@ -407,7 +425,7 @@ def _lack(ring: Ring, buffer: Any, node: "Node", topics: Sequence[str]) -> str:
     cache_time_ns: int = buffer._tf2_cache_time_ns
     if owner.cache_time_ns < cache_time_ns:
         return f"keeps {owner.cache_time_ns / 1e9:g} s, this one {cache_time_ns / 1e9:g} s"
-    short_ns, missed = ring.shortage
+    short_ns, missed = ring.reader.shortage
     if 0 < short_ns < cache_time_ns:
         return f"has memory for {short_ns / 1e9:.3g} s, this one keeps {cache_time_ns / 1e9:g} s"
     if missed:

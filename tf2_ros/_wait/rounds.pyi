@@ -3,13 +3,15 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any, TypeVar
 
+from tf2_ros._receive.inbox import Watching
+
 _Rounds = TypeVar("_Rounds", bound=ExecutorRounds)
 _Key = TypeVar("_Key")
 _Kind = TypeVar("_Kind")
 _Value = TypeVar("_Value")
 _Outcome = TypeVar("_Outcome")
 
-class ExecutorRounds:
+class ExecutorRounds(Watching):
     calls: deque[Callable[[], object]]
     sleepers: tuple[Callable[[bool], object], ...]
     asked_ns: int
@@ -29,7 +31,6 @@ class ExecutorRounds:
     def is_armed(self) -> bool: ...
     def sleep_on(self) -> None: ...
     def arrived(self) -> None: ...
-    def addresses(self) -> tuple[int, int, int]: ...
     def asked(self) -> None: ...
     def run(self, count: int) -> bool: ...
     def wake(self) -> None: ...

@@ -18,6 +18,7 @@ from tf2_ros._rcl cimport (
     rcutils_reset_error,
     require_rcl,
 )
+from tf2_ros._receive.inbox cimport Watching
 
 import sys
 import traceback
@@ -60,9 +61,10 @@ cdef struct ExecutorState:
     const rcl_guard_condition_t* guard  # wakes it; NULL: this has no executor
 
 
-cdef void executor_arrived(ExecutorState* state) noexcept nogil:
+cdef void executor_arrived(void* data) noexcept nogil:
     # A message has arrived. Wakes an executor that sleeps between rounds of user code, or whose own loop is
     # due for a round; otherwise it is cheap. From any thread, with or without the GIL.
+    cdef ExecutorState* state = <ExecutorState*>data
     cdef int64_t wake_at_ns
     if state.guard == NULL:
         return
@@ -76,9 +78,9 @@ cdef void executor_arrived(ExecutorState* state) noexcept nogil:
         _wake(state)
 
 
-cdef bint executor_is_armed(const ExecutorState* state) noexcept nogil:
+cdef bint executor_is_armed(void* data) noexcept nogil:
     # Whether an executor sleeps between rounds of user code, and must be informed of arrivals at once.
-    return load(&state.armed)
+    return load(&(<ExecutorState*>data).armed)
 
 
 cdef void _wake(ExecutorState* state) noexcept nogil:
@@ -186,7 +188,7 @@ def first_value(mapping):
 
 
 @cython.no_gc_clear     # threads without the GIL use the guard condition until this is destroyed
-cdef class ExecutorRounds:
+cdef class ExecutorRounds(Watching):
     """The part of an ``rclpy.waitable.Waitable`` that an executor calls in each of its rounds."""
 
     cdef ExecutorState state
@@ -201,6 +203,8 @@ cdef class ExecutorRounds:
     cdef readonly bint in_sets  # an executor adds this to sets that it waits for, or there is none
 
     def __cinit__(self, *_, **__):
+        self.watcher.data = &self.state
+        self.watcher.arrived, self.watcher.is_armed = executor_arrived, executor_is_armed
         self.calls = deque()
         self.sleepers = ()
         self._in_user_code = self.in_sets = True
@@ -288,10 +292,6 @@ cdef class ExecutorRounds:
     def arrived(self):
         """Note that something has arrived; from any thread."""
         executor_arrived(&self.state)
-
-    def addresses(self):
-        """The addresses of the state and of its functions, for inboxes, which do not need ROS."""
-        return <uintptr_t>&self.state, <uintptr_t>executor_arrived, <uintptr_t>executor_is_armed
 
     def asked(self):
         """Note that an executor has a round with this object."""

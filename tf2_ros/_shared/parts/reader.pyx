@@ -219,8 +219,8 @@ cdef void _follow(State* inbox) noexcept nogil:
                 futex_wait(&reading.head.arrivals, seen, round_ns - monotonic_ns())
         elif word_load(&reading.polls):
             needed_ns = now_ns
-            if inbox.executor != NULL and _has_new(reading):
-                inbox.executor_arrived(inbox.executor)
+            if inbox.watcher != NULL and _has_new(reading):
+                inbox.watcher.arrived(inbox.watcher.data)
             _sleep_quietly(inbox, nudges, round_ns - now_ns)
         elif now_ns < needed_ns + LINGER_NS:
             _sleep_quietly(inbox, nudges, needed_ns + LINGER_NS - now_ns)
@@ -236,36 +236,32 @@ cdef void _sleep_quietly(State* inbox, uint32_t nudges, int64_t ns) noexcept nog
     word_store(&reading.is_quiet, 0)
 
 
-@cython.no_gc_clear
-cdef class RingInbox(MessageInbox):
+cdef class RingReader(Source):
     """
     Receives what another process shares.
 
     :param descriptor: of its file; it is closed with this object.
-    :param authority: of messages that have none.
+    :param begin: called to have a thread call :meth:`follow`.
     :raises ValueError: the file is not that of a shared buffer; the text says why.
     :raises OSError: it cannot be mapped.
     """
 
     cdef Reading _reading
-    cdef uint32_t _always       # `pending` points to it, because reads compare with the head
-    cdef uint32_t _was_read     # `read` points to it, because `drain` counts the reads
+    cdef object _begin
 
     def __cinit__(self, *_, **__):
         self._reading.descriptor = -1
         self._reading.chunk = <unsigned char*>malloc(MOST_RECORD)
         if self._reading.chunk == NULL:
             raise MemoryError
-        self._always = 1
-        self.pending = &self._always
-        self.read = &self._was_read
-        self._names = ["shared memory"]
-        self._state.take = _take
-        self._state.source = &self._reading
+        self.names = ["shared memory"]
+        self.take, self.data = _take, &self._reading
+        self.serves_itself = True
 
-    def __init__(self, int descriptor, str authority not None):
+    def __init__(self, int descriptor, begin):
         cdef Reading* reading = &self._reading
         cdef Head found
+        self._begin = begin
         reading.descriptor = descriptor
         if read_file(descriptor, &found, sizeof(Head), 0) != 0 or found.magic != MAGIC:
             raise ValueError("it is not a shared buffer")
@@ -279,26 +275,23 @@ cdef class RingInbox(MessageInbox):
         reading.head = map_head(descriptor, &reading.is_lost)
         reading.begun = load64(&reading.head.oldest)
         _move_to(reading, reading.begun)
-        self._set_authority(authority)
-        self._state.is_closed = False
 
     def __dealloc__(self):
-        # The thread refers to this object, so there is no thread.
-        self._discharge()
+        # The thread refers to this object, so there is no thread; nor is there an inbox.
         unmap_file(<void*>self._reading.head)
         free(self._reading.chunk)
         if self._reading.descriptor >= 0:
             close_file(self._reading.descriptor)
 
-    cdef void _engine_changed(self) noexcept:
+    cdef void redirected(self) noexcept:
         _nudge(&self._reading)
 
-    cdef int64_t _arrived_by_now(self) noexcept:
+    cdef int64_t count(self) noexcept:
         # No record is shorter. What the file says may be wrong.
         return min((load64(&self._reading.head.next) - self._reading.tail) // UNIT + 1,
                    self._reading.capacity // UNIT)
 
-    cdef int drain(self) except -1:
+    cdef bint asked(self) except -1:
         cdef Reading* reading = &self._reading
         cdef bint has_new = _has_new(reading)
         _want(reading)
@@ -309,16 +302,14 @@ cdef class RingInbox(MessageInbox):
                 self._count_rounds()
                 self._count_read()
             self._have_thread()
-        if has_new:
-            MessageInbox.drain(self)
-        return 0
+        return has_new
 
     cdef void _count_read(self) noexcept:
         cdef uint32_t reads = word_load(&self._reading.reads)
         if reads < OFTEN:
             word_store(&self._reading.reads, reads + 1)
-        elif word_load(&self._state.read) != CLOSE_ROUNDS:
-            word_store(&self._state.read, CLOSE_ROUNDS)
+        elif word_load(&self.inbox.read) != CLOSE_ROUNDS:
+            word_store(&self.inbox.read, CLOSE_ROUNDS)
 
     cdef void _count_rounds(self) noexcept:
         # As the thread does.
@@ -329,24 +320,25 @@ cdef class RingInbox(MessageInbox):
 
     cdef int _have_thread(self) except -1:
         # First the need, then this; the thread does this in the opposite order.
-        if _needs_thread(&self._state):
+        if _needs_thread(self.inbox):
             if not word_load(&self._reading.runs):
-                self.begin()
+                self._begin()
             elif word_load(&self._reading.is_quiet):
                 _nudge(&self._reading)
         return 0
 
-    def begin(self):
-        """Have a thread call :meth:`follow`; for a subclass."""
+    def follow(self, Inbox inbox not None):
+        """
+        Keep the buffer up to date while something waits or reads it often, and a second longer.
 
-    def follow(self):
-        """Keep the buffer up to date while something waits or reads it often, and a second longer."""
+        :param inbox: that of this; kept meanwhile.
+        """
         cdef Reading* reading = &self._reading
         while not word_exchange(&reading.runs, 1):
             with nogil:
-                _follow(&self._state)
+                _follow(self.inbox)
             word_store(&reading.runs, 0)
-            if not _needs_thread(&self._state):
+            if not _needs_thread(self.inbox):
                 break
 
     def stop(self):
@@ -359,7 +351,7 @@ cdef class RingInbox(MessageInbox):
     @property
     def is_wanted(self):
         """Whether something waits for what arrives."""
-        return bool(inbox_wants_all(&self._state))
+        return bool(inbox_wants_all(self.inbox))
 
     def set_pace(self, bint polls):
         """Set whether an executor's tasks may look at the buffer in each of its rounds."""

@@ -403,8 +403,6 @@ class Buffer(BufferCore, AnsweringInterface):
         :param time_jump: how the clock jumped. None: back, for programs that call this themselves.
         """
         happened = "Detected jump back in time" if time_jump is None else _jump_text(time_jump)
-        if self._tf2_sharing is not None:
-            self._tf2_sharing.set_simulated(getattr(self.clock, "ros_time_is_active", False))
         log.logger("tf2_buffer").warning(f"{happened}. Clearing TF buffer.")
         self.clear()
 

@@ -243,9 +243,6 @@ class TransformListener:
             return
         if self._tf2_attachment is not None:
             self._tf2_attachment.close()
-        buffer = self.__dict__.get("_tf2_buffer")
-        if isinstance(buffer, Buffer) and buffer._tf2_sharing is not None:
-            buffer._tf2_sharing.forget_listener(self)
         if not self._tf2_owns_node:
             for topic in self._tf2_topics:
                 self.__unsubscribe(self.__dict__.get(topic.attribute))
@@ -405,14 +402,6 @@ class TransformListener:
             self.node.destroy_subscription(subscription)
         else:
             subscription.destroy()
-
-    def _tf2_stop_listening(self) -> None:
-        """Destroy the subscriptions: another process receives."""
-        self._tf2_receiver = None
-        for topic in self._tf2_topics:
-            self.__unsubscribe(self.__dict__.pop(topic.attribute, None))
-            topic.subscription = topic.receiver = None
-        self._tf2_reception = Reception(self, ())
 
     def __spin(self) -> None:
         # Only the listener uses a hidden node; a program's own is spun also after the listener's end.

@@ -50,7 +50,7 @@ class Ring:
         found = self.describe_owner()
         self.process = 0 if found is None else found.process
         self._threads: list[threading.Thread] = []
-        self._attachment: weakref.ref[Attachment] | None = None
+        self._buffer: weakref.ref[Any] | None = None
 
     def describe_owner(self) -> Description | None:
         """Read the owner's description; None if it cannot be read."""
@@ -65,9 +65,9 @@ class Ring:
         """Fill a buffer, as long as it exists."""
         return Attachment(buffer, self)
 
-    def fill_for(self, attachment: "Attachment", buffer: Any) -> None:
-        """Fill the buffer of an attachment from now on."""
-        self._attachment = weakref.ref(attachment)
+    def fill(self, buffer: Any) -> None:
+        """Fill a buffer from now on."""
+        self._buffer = weakref.ref(buffer)
         self.inbox.fill(buffer)
         add_owner(self)
         if self.reader.is_wanted:
@@ -93,8 +93,7 @@ class Ring:
 
     def buffer(self) -> Any:
         """The buffer that it fills, if it exists."""
-        attachment = None if self._attachment is None else self._attachment()
-        return None if attachment is None else attachment.buffer()
+        return None if self._buffer is None else self._buffer()
 
     def stop(self) -> None:
         """End for good."""
@@ -132,28 +131,29 @@ def _hand_over(reference: "weakref.ref[Ring]", calls: list[Call]) -> None:
 
 class Attachment:
     """
-    Fills a buffer from the ring of the process that owns a name, one owner after the other.
+    Fills a buffer from the ring of the process that owns a name.
 
     :param buffer: not kept alive.
-    :param ring: of the present owner.
-    :param is_by_environment: whether the environment variable attached the buffer, and not the program.
+    :param ring: of the owner.
+    :param is_by_environment: whether the environment variable attached the buffer, and not the program. Then
+        its listeners subscribe when the owner ends. Otherwise the next owner of the name fills the buffer.
     """
 
     def __init__(self, buffer: Any, ring: Ring, is_by_environment: bool = False) -> None:
         self.name = ring.name
         self.is_by_environment = is_by_environment
         self.ring: Ring | None = ring
-        self._buffer = weakref.ref(buffer)
-        self.listeners: list[AttachedListener] = []  # each is informed of changes
+        self.listeners: list[AttachedListener] = []
         self.changing = threading.RLock()  # held while it or one of its listeners changes
-        ring.fill_for(self, buffer)
-        check_regularly(self)
+        self._buffer = weakref.ref(buffer)
         self._process = os.getpid()
+        ring.fill(buffer)
+        check_regularly(self)
 
     @property
     def is_attached(self) -> bool:
         """Whether an owner fills the buffer in this process."""
-        return self.ring is not None and not is_inherited(self._process)
+        return self.ring is not None and not self.is_inherited()
 
     def is_inherited(self) -> bool:
         """Whether it is dead, because a parent process made it."""
@@ -163,31 +163,20 @@ class Attachment:
         """The buffer, if it exists."""
         return self._buffer()
 
-    def set_simulated(self, is_simulated: bool) -> None:
-        """Do nothing, because this buffer follows its own clock."""
-
-    def forget_listener(self, listener: object) -> None:
-        """Do nothing, because the listener closes its :class:`AttachedListener`."""
-
     def check(self) -> None:
-        """Find out whether the owner has ended, and follow the next one if there is one."""
+        """Find out whether the owner has ended, or look for the next one."""
         with self.changing:
-            buffer = self._buffer()
+            buffer, ring = self._buffer(), self.ring
             if buffer is None:
                 self.close()
-                return
-            ring = self.ring
-            if ring is None:
+            elif ring is None:
                 self._find_owner(buffer)
-            elif (why := ring.why_over()) is not None:
+            elif why := ring.why_over() or self._lack(ring):
                 self._lose(ring, why)
-                self._find_owner(buffer)
-            elif lack := self._lack(ring):
-                self._lose(ring, f"it {lack}")
 
     def close(self) -> None:
         """End; the buffer keeps what it holds."""
-        if is_inherited(self._process):
+        if self.is_inherited():
             return
         with self.changing:
             ring, self.ring = self.ring, None
@@ -201,21 +190,21 @@ class Attachment:
         self.ring = None
         ring.end()
         log.logger("tf2_ros").info(f"The shared buffer {self.name!r} is not filled any more: {why}")
-        for listener in list(self.listeners):
-            listener.lost(why)
+        if self.is_by_environment:
+            for listener in list(self.listeners):
+                listener.leave(why)
 
     def _find_owner(self, buffer: Any) -> None:
+        if self.is_by_environment:
+            return
         try:
-            ring = open_ring(self.name)
+            self.ring = ring = open_ring(self.name)
         except SharedBufferError:
             return  # the next `check` tries again
-        if self._lack(ring):
-            return
-        self.ring = ring
-        ring.fill_for(self, buffer)
+        ring.fill(buffer)
         log.logger("tf2_ros").info(f"The shared buffer {self.name!r} is process {ring.process}'s now")
         for listener in list(self.listeners):
-            listener.found(ring)
+            listener.inform()
 
 
 def open_ring(name: str) -> Ring:
@@ -235,8 +224,8 @@ class AttachedListener:
     """
     What a listener has instead of subscriptions.
 
-    :param listener: has ``buffer``, ``node`` and ``group``. The node keeps it alive until :meth:`close`.
-        Its ``_tf2_listen_itself()`` makes its subscriptions, ``_tf2_stop_listening()`` destroys them.
+    :param listener: has ``buffer`` and ``node``, which keeps it alive until :meth:`close`. When another
+        process fills its buffer no more, its ``_tf2_listen_itself()`` makes its subscriptions.
     :param attachment: of its buffer.
     :param topics: those that it would subscribe to.
     """
@@ -245,7 +234,6 @@ class AttachedListener:
         self.topics = tuple(topics)
         self._listener = weakref.ref(listener)
         self._attachment = attachment
-        self._listens = False  # whether it has subscriptions
         self._ended = False
         self._queue: CallbackQueue | None = None
         self._kept: Any = None
@@ -254,12 +242,12 @@ class AttachedListener:
             self._kept = listener  # by the node, as a listener is by its subscriptions
             self._queue = callback_queue(listener.node)
             self._queue.inform(self._before_sleep)
-            self._inform()
+            self.inform()
 
     @property
     def alive(self) -> bool:
         """Whether transforms come from another process now."""
-        return not self._ended and not self._listens and self._attachment.is_attached
+        return not self._ended and self._attachment.is_attached
 
     def describe(self) -> str:
         """Where transforms come from."""
@@ -270,7 +258,7 @@ class AttachedListener:
     def redirect(self) -> None:
         """Let the listener subscribe on its own if it fills another buffer by now."""
         listener = self._listener()
-        if listener is not None and not self._ended and listener.buffer is not self._attachment.buffer():
+        if listener is not None and listener.buffer is not self._attachment.buffer():
             self.leave("this program gives the listener another buffer")
 
     def lack(self, ring: Ring) -> str:
@@ -278,40 +266,25 @@ class AttachedListener:
         listener, buffer = self._listener(), self._attachment.buffer()
         if not self._attachment.is_by_environment or listener is None or buffer is None:
             return ""
-        return _lack(ring, buffer, listener.node, self.topics)
+        why = _lack(ring, buffer, listener.node, self.topics)
+        return f"it {why}" if why else ""
 
     def leave(self, reason: str) -> None:
-        """Subscribe for good."""
-        with self._attachment.changing:
+        """Subscribe, for good."""
+        attachment, listener = self._attachment, self._listener()
+        with attachment.changing:
             if self._ended:
                 return
             self.close()
-            attachment, buffer = self._attachment, self._attachment.buffer()
+            buffer = attachment.buffer()
             if attachment.is_by_environment and not attachment.listeners:
                 attachment.close()
                 if buffer is not None and buffer._tf2_sharing is attachment:
                     buffer._tf2_sharing = None
-            if not self._listens:
-                self._subscribe(reason)
-
-    def lost(self, reason: str) -> None:
-        """Subscribe, because the owner has ended, until there is another one."""
-        with self._attachment.changing:
-            if self._ended or self._listens or not self._attachment.is_by_environment:
-                return
-            self._listens = self._subscribe(reason)
-
-    def found(self, ring: Ring) -> None:
-        """Unsubscribe, because there is an owner again."""
-        with self._attachment.changing:
-            listener = self._listener()
-            if self._ended or listener is None:
-                return
-            self._inform()
-            if self._listens and not context_was_shut_down(listener.node.context):
-                self._listens = False
-                listener._tf2_stop_listening()
-                _log_use(listener.node, ring)
+            if listener is not None and not context_was_shut_down(listener.node.context):
+                leaves = f"leaves the shared buffer {attachment.name!r}: {reason}"
+                _log(listener.node, f"subscribes on its own from now on, and {leaves}")
+                listener._tf2_listen_itself()
 
     def close(self) -> None:
         """End, and no longer keep the listener alive."""
@@ -321,13 +294,14 @@ class AttachedListener:
             self._attachment.listeners.remove(self)
         if self._queue is not None:
             self._queue.inform_no_more(self._before_sleep)
-        ring = self._attachment.ring
-        if ring is not None and self._queue is not None:
-            ring.inbox.inform(None)
+            ring = self._attachment.ring
+            if ring is not None:
+                ring.inbox.inform(None)
         for other in self._attachment.listeners:
-            other._inform()
+            other.inform()
 
-    def _inform(self) -> None:
+    def inform(self) -> None:
+        """Have the executor of the listener's node informed of what arrives."""
         ring = self._attachment.ring
         if ring is not None and self._queue is not None:
             ring.inbox.inform(self._queue)
@@ -343,15 +317,6 @@ class AttachedListener:
         ring.reader.set_pace(polls)
         if not polls:
             self._queue.sleep_on()
-
-    def _subscribe(self, reason: str) -> bool:
-        listener = self._listener()
-        if listener is None or context_was_shut_down(listener.node.context):
-            return False
-        leaves = f"leaves the shared buffer {self._attachment.name!r}: {reason}"
-        _log(listener.node, f"subscribes on its own from now on, and {leaves}")
-        listener._tf2_listen_itself()
-        return True
 
 
 def attach_listener(listener: Any, is_usual: bool, topics: Sequence[str]) -> AttachedListener | None:
@@ -370,8 +335,6 @@ def attach_listener(listener: Any, is_usual: bool, topics: Sequence[str]) -> Att
     if isinstance(sharing, Owner):
         resolved = [node.resolve_topic_name(name) for name in topics]
         sharing.add_listener(listener, node.context.get_domain_id(), resolved)
-        clock: Any = node.get_clock()
-        sharing.set_simulated(clock.ros_time_is_active)
         return None
     if sharing is None or sharing.is_inherited():
         sharing = _by_environment(buffer, node, is_usual, topics)

@@ -44,7 +44,7 @@ class Owner:
             size = _file_size()
             descriptor, lock_descriptor = make_file()
             self._ring = RingWriter(descriptor, lock_descriptor, size, buffer._tf2_cache_time_ns)
-            self._describe()
+            self._ring.describe(self._description.to_bytes())
             file = os.fstat(descriptor)
             publish(descriptor, self.path)
         except BlockingIOError as error:
@@ -56,41 +56,38 @@ class Owner:
             why = "/dev/shm has no memory for it" if error.errno == errno.ENOSPC else str(error)
             raise SharedBufferError(f"the buffer cannot be shared as {name!r}: {why}") from None
         self._said: set[str] = set()  # the kinds of what was logged, which is done once
-        self._listeners: dict[int, tuple[int, list[str]]] = {}  # by the listeners' addresses
+        self._listeners: list[tuple[weakref.ref[Any], int, list[str]]] = []
+        self._buffer = weakref.ref(buffer)
         self._ring.tap(buffer)
         # Also when the interpreter exits, because other threads may still insert.
         self.close = weakref.finalize(buffer, _end, self._ring, self.path, file, self._description.process)
         check_regularly(self)
 
     def add_listener(self, listener: object, domain: int, topics: list[str]) -> None:
-        """Note that a listener of this ROS domain fills the buffer from these topics."""
-        self._listeners[id(listener)] = domain, topics
-        self._describe_listeners()
+        """Note that a listener of this ROS domain fills the buffer from these topics, until it ends."""
+        self._listeners.append((weakref.ref(listener), domain, topics))
+        self._describe()
 
-    def forget_listener(self, listener: object) -> None:
-        """Note that it no longer does."""
-        if self._listeners.pop(id(listener), None) is not None:
-            self._describe_listeners()
-
-    def _describe_listeners(self) -> None:
+    def _describe(self) -> None:
         # A buffer that is filled from several domains cannot stand for one's own.
-        domains = {one for one, _ in self._listeners.values()}
-        topics = list(dict.fromkeys(name for _, names in self._listeners.values() for name in names))
-        self._describe(domain=domains.pop() if len(domains) == 1 else None, topics=topics)
-
-    def _describe(self, **changes: Any) -> None:
-        self._description = replace(self._description, **changes)
-        self._ring.describe(self._description.to_bytes())
-
-    def set_simulated(self, is_simulated: bool) -> None:
-        """Note whether the buffer's clock follows simulated time."""
-        if self._description.simulated != is_simulated:
-            self._describe(simulated=is_simulated)
+        domains = {domain for _, domain, _ in self._listeners}
+        topics = dict.fromkeys(name for _, _, names in self._listeners for name in names)
+        changed = replace(
+            self._description,
+            domain=domains.pop() if len(domains) == 1 else None,
+            topics=list(topics),
+            simulated=getattr(getattr(self._buffer(), "clock", None), "ros_time_is_active", False),
+        )
+        if changed != self._description:
+            self._description = changed
+            self._ring.describe(changed.to_bytes())
 
     def check(self) -> None:
-        """Log once what readers lack."""
+        """Describe the listeners that still exist, and log once what readers lack."""
         if not self._ring.is_open:
             return
+        self._listeners = [one for one in self._listeners if not _has_ended(one[0]())]
+        self._describe()
         short_ns, missing = self._ring.shortage
         if self._ring.is_lost:
             self._say("lost", "its file was truncated, and nothing is shared any more")
@@ -107,6 +104,12 @@ class Owner:
         if kind not in self._said:
             self._said.add(kind)
             log.logger("tf2_ros").warning(f"Of the shared buffer {self.name!r}: {problem}")
+
+
+def _has_ended(listener: Any) -> bool:
+    """Whether a listener was dropped, or one of its subscriptions was destroyed."""
+    topics = () if listener is None else listener._tf2_topics
+    return listener is None or any(topic.subscription and not topic.is_open() for topic in topics)
 
 
 def _file_size() -> int:

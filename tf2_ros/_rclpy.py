@@ -220,16 +220,6 @@ def parameter_overrides(node: Any) -> dict[str, Any]:
     return given if isinstance(given, dict) else {}
 
 
-def action_result(client: Any, goal_handle: Any) -> Any:
-    """
-    Wait for the result of a goal, whatever thread spins the client's node, and return the result's message.
-
-    Assumes the method ``_get_result``, as tf2's own client does.
-    """
-    answer: Any = client._get_result(goal_handle)
-    return answer.result
-
-
 class NodeEnd:
     """
     Calls a function when a node is destroyed, which destroys neither action servers nor action clients.

@@ -9,7 +9,8 @@ import os
 import threading
 import time
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import suppress
 from functools import partial
 from typing import Any, TypeVar
 
@@ -33,8 +34,8 @@ from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._messages import time_msg
 from tf2_ros._nodes import Spinner, hidden_node
 from tf2_ros._qos import lookup_qos
-from tf2_ros._rclpy import NodeEnd, action_result, context_was_shut_down
-from tf2_ros._wait.callbacks import CallbackQueue
+from tf2_ros._rclpy import NodeEnd, context_was_shut_down
+from tf2_ros._wait.callbacks import callback_queue
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer_interface import NO_TIMEOUT, AnsweringInterface
@@ -48,47 +49,48 @@ LookupTransformResult = TypeVar("LookupTransformResult")
 
 FOR_EVER = Duration(seconds=2**31 - 1)  # the longest that a duration message can hold
 FIRST_RETRY_DELAY_NS = 500_000_000  # before a request is sent again; twice as long each time
-DONE_CHECK_S = 0.1  # how often to check a future that may not call back
 
-DESTROYED = "The buffer client was destroyed."
 GOAL_SERVICE = "/_action/send_goal"
 
 EXCEPTIONS = {code: kind for kind, code in CODES}
 
 
-class PendingGoal:
-    """
-    One goal, until its outcome is known.
-
-    ``outcome`` is the future of the server's response, or of a TimeoutException that says what failed.
-    """
+class PendingGoal(WakingFuture[Any]):
+    """The future of the server's response to one goal, or of a TimeoutException that says what failed."""
 
     def __init__(self, sender: "GoalSender", goal: Any, timeout_ns: int | None, padding_ns: int) -> None:
+        super().__init__()
         self.goal = goal
-        self._begin_ns = time.monotonic_ns()
-        self.deadline_ns = None if timeout_ns is None else self._begin_ns + timeout_ns
-        self.padding_ns = padding_ns
-        self.outcome: WakingFuture[Any] = WakingFuture()
-        self.handle: Any = None  # of the goal that was accepted
-        self.request: Callable[[], None] | None = None  # sends the last request, which has no response yet
-        self.retry_ns = 0  # the steady time at which it is sent again
-        self.retry_delay_ns = 0
+        self.begin_ns = time.monotonic_ns()
+        # Steady times: of the lookup, and until which a server that was found may respond.
+        self.deadline_ns = None if timeout_ns is None else self.begin_ns + timeout_ns
+        self.last_ns = None if timeout_ns is None else self.begin_ns + timeout_ns + padding_ns
+        self.is_accepted = False
+        self.steps = sender.steps(self)
         self._sender = sender
 
     def waited_ns(self) -> int:
-        """How long the outcome has been waited for."""
-        return time.monotonic_ns() - self._begin_ns
+        """How long it has been waited for."""
+        return time.monotonic_ns() - self.begin_ns
+
+    def is_past(self, steady_ns: int | None) -> bool:
+        """Whether a steady time has passed; None never does."""
+        return steady_ns is not None and time.monotonic_ns() >= steady_ns
+
+    def error(self, text: str) -> TimeoutException:
+        """The exception of a goal that fails now."""
+        return TimeoutException(errors.after_wait(text, self.waited_ns()))
 
     def over(self) -> bool:
-        """Whether the outcome is known."""
-        return bool(self.outcome.done() or self.outcome.cancelled())
+        """Whether it is done or cancelled."""
+        return bool(self.done() or self.cancelled())
 
     def expire(self) -> None:
-        """A deadline has passed; there may be a later one by now."""
-        self._sender.put(self._sender.expire, self)
+        """A deadline has passed."""
+        self._sender.put(self._sender.advance, self)
 
     def abandon(self) -> None:
-        """Stop waiting for the outcome; without effect if it is known."""
+        """Stop waiting for the response, and cancel the goal; without effect if it is over."""
         if not self.over():
             self._sender.put(self._sender.abandon, self)
 
@@ -103,8 +105,6 @@ class GoalSender:
     :param period_s: how often to check whether the server is available.
     """
 
-    client_class = ActionClient
-
     def __init__(self, node: Node, ns: str, period_s: float) -> None:
         self._name = _resolved(node, ns)
         self.process = os.getpid()
@@ -117,7 +117,7 @@ class GoalSender:
             namespace=node.get_namespace(),
             use_global_arguments=False,
         )
-        self.action_client = self.client_class(
+        self.action_client = ActionClient(
             hidden,
             LookupTransform,
             self._name,
@@ -127,9 +127,9 @@ class GoalSender:
         )
         # All else happens in the thread of the hidden node, because rclpy's action client loses a response
         # that arrives before the thread that sent the request has returned.
-        self._steps = CallbackQueue(hidden, by_thread=False)
+        self._queue = callback_queue(hidden)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = hidden.create_timer(period_s, partial(self._run_step, self._advance_all), clock=steady)
+        self._timer = hidden.create_timer(period_s, self._advance_all, clock=steady)
         self._timer.cancel()
         self._spinner = Spinner(hidden, daemon=True, at_end=self._end)
         self._spinner.thread.name = "tf2_ros buffer client"
@@ -145,8 +145,9 @@ class GoalSender:
         pending = PendingGoal(self, goal, timeout_ns, padding_ns)
         self._pending.add(pending)
         self.put(self._begin, pending)
-        if pending.deadline_ns is not None:
-            deadlines.add(pending.deadline_ns, pending)
+        for deadline_ns in (pending.deadline_ns, pending.last_ns):
+            if deadline_ns is not None:
+                deadlines.add(deadline_ns, pending)
         if not self.alive():
             self._fail_at_end(pending)
         return pending
@@ -161,11 +162,10 @@ class GoalSender:
         goals = FORKED if is_inherited(self.process) else goals
         return f"action {printable(self._name)}, {goals}"
 
-    def put(self, step: Callable[[PendingGoal], None], pending: PendingGoal) -> None:
-        """Have the thread take this step with a goal; from any thread."""
-        if is_inherited(self.process):
-            return  # the end of a coroutine of the parent
-        self._steps.put(partial(self._run_step, partial(step, pending)))
+    def put(self, call: Callable[[PendingGoal], None], pending: PendingGoal) -> None:
+        """Have the thread make this call for a goal; from any thread."""
+        if not is_inherited(self.process):  # otherwise it is the end of a coroutine of the parent
+            self._queue.put(partial(call, pending))
 
     def close(self, *, wait: bool = True) -> None:
         """
@@ -185,133 +185,143 @@ class GoalSender:
         self._ended = True
         for pending in list(self._pending):
             self._fail_at_end(pending)
-        self._steps.close()
+            self._stop(pending)
+        self._queue.close()
         self.action_client.destroy()
         self._node.destroy_node()
         del self._timer  # it refers to this, so only the collector would free both
 
-    def _run_step(self, step: Callable[[], None]) -> None:
-        if self._ended:
-            return
-        try:
-            step()
-        except RuntimeError:
-            # Without a context nothing can be sent; after its shutdown no outcome is expected.
-            if self._node.context.ok():
-                raise
+    # All that follows happens in the thread.
 
     def _begin(self, pending: PendingGoal) -> None:
-        self._advance(pending)
+        self.advance(pending)
         if self._pending and self._timer.is_canceled():
             self._timer.reset()
 
     def _advance_all(self) -> None:
         for pending in list(self._pending):
-            self._advance(pending)
+            self.advance(pending)
         if not self._pending:
             self._timer.cancel()
 
-    def _advance(self, pending: PendingGoal) -> None:
-        available = self.action_client.server_is_ready()
-        if pending.request is None:
-            if available:
-                self._send_request(pending, partial(self._request_goal, pending))
-        elif not available:
-            self._fail(pending, f"The buffer server [{self._name}] went away before it answered.")
-        elif time.monotonic_ns() >= pending.retry_ns:
-            # A server may receive a request before it has discovered this client: its response is then lost.
-            pending.request()
-            pending.retry_delay_ns *= 2
-            pending.retry_ns += pending.retry_delay_ns
+    def advance(self, pending: PendingGoal, _: object = None) -> None:
+        """Take the next steps of a goal; after each period, response and deadline."""
+        if self._ended or pending.over():
+            return
+        try:
+            next(pending.steps)
+        except StopIteration as end:
+            self._pending.discard(pending)
+            pending.set_result(end.value)
+        except TimeoutException as error:
+            self._fail(pending, error)
+        except RuntimeError:
+            # Without a context nothing can be sent; after its shutdown no outcome is expected.
+            if self._node.context.ok():
+                raise
 
-    def _send_request(self, pending: PendingGoal, request: Callable[[], None]) -> None:
-        pending.request = request
-        pending.retry_delay_ns = FIRST_RETRY_DELAY_NS
-        pending.retry_ns = time.monotonic_ns() + FIRST_RETRY_DELAY_NS
-        request()
+    def abandon(self, pending: PendingGoal) -> None:
+        """Cancel a goal, unless it is over."""
+        if not self._ended and not pending.over():
+            self._pending.discard(pending)
+            pending.cancel()
+            self._stop(pending)
 
-    def _request_goal(self, pending: PendingGoal) -> None:
+    def _stop(self, pending: PendingGoal) -> None:
+        with suppress(RuntimeError):  # the context was shut down
+            pending.steps.close()
+
+    def steps(self, pending: PendingGoal) -> Generator[None, None, Any]:
+        """Find a server, send a goal to it, and return the response; each ``yield`` awaits something."""
+        while not self.action_client.server_is_ready():
+            if pending.is_past(pending.deadline_ns):
+                raise pending.error(f"The buffer server is not ready: no server of [{self._name}] was found.")
+            yield
+        begin_ns = 0
+        while True:
+            request = partial(self._request_goal, pending)
+            handle: Any = yield from self._response(pending, request, _cancel_if_accepted, begin_ns)
+            if not handle.accepted:
+                raise pending.error("The buffer server refused the goal. Something is likely wrong with it.")
+            pending.is_accepted = True
+            try:
+                response: Any = yield from self._response(pending, handle.get_result_async, _ignore)
+            except BaseException:
+                handle.cancel_goal_async()
+                raise
+            if response.status != GoalStatus.STATUS_UNKNOWN:
+                return response
+            # The server no longer knows the goal: it was restarted, or a slow network delayed the request of
+            # the result for longer than the server keeps one. Not at once, because it may forget each goal
+            # at once.
+            begin_ns = time.monotonic_ns() + FIRST_RETRY_DELAY_NS
+
+    def _request_goal(self, pending: PendingGoal) -> Future:
         timeout = FOR_EVER
         if pending.deadline_ns is not None:
             left_ns = pending.deadline_ns - time.monotonic_ns()
             timeout = Duration(nanoseconds=min(max(left_ns, 0), FOR_EVER.nanoseconds))
         pending.goal.timeout = timeout.to_msg()
-        response = self.action_client.send_goal_async(pending.goal)
-        response.add_done_callback(partial(self._goal_responded, pending))
+        return self.action_client.send_goal_async(pending.goal)
 
-    def _goal_responded(self, pending: PendingGoal, response: Future) -> None:
-        handle: Any = response.result()
-        if pending.over() or pending.handle is not None:
-            if handle.accepted:
-                handle.cancel_goal_async()
-        elif not handle.accepted:
-            self._fail(pending, "The buffer server refused the goal. Something is likely wrong with it.")
-        else:
-            pending.handle = handle
-            self._send_request(pending, partial(self._request_result, pending))
+    def _response(
+        self,
+        pending: PendingGoal,
+        request: Callable[[], Future],
+        discard: Callable[[Future], None],
+        begin_ns: int = 0,
+    ) -> Generator[None, None, Any]:
+        """
+        Send a request, and again until one is answered; return the response.
 
-    def _request_result(self, pending: PendingGoal) -> None:
-        handle = pending.handle
-        handle.get_result_async().add_done_callback(partial(self._result_responded, pending, handle))
+        A server may receive a request before it has discovered this client: its response is then lost.
 
-    def _result_responded(self, pending: PendingGoal, handle: Any, response: Future) -> None:
-        if pending.over():
-            return
-        result: Any = response.result()
-        if result.status == GoalStatus.STATUS_UNKNOWN:
-            if handle is pending.handle:
-                self._send_anew(pending)
-        else:
-            self._pending.discard(pending)
-            pending.outcome.set_result(response.result())
-
-    def _send_anew(self, pending: PendingGoal) -> None:
-        # The server no longer knows the goal: it was restarted, or a slow network delayed the request of the
-        # result for longer than the server keeps one. Not at once, because it may forget each goal at once.
-        pending.handle = None
-        pending.request = partial(self._request_goal, pending)
-        pending.retry_ns = time.monotonic_ns() + pending.retry_delay_ns
-
-    def expire(self, pending: PendingGoal) -> None:
-        """Fail this goal if its deadline has passed; in the thread, like :meth:`abandon`."""
-        if pending.over() or pending.deadline_ns is None:
-            return
-        if pending.request is None:
-            self._fail(pending, f"The buffer server is not ready: no server of [{self._name}] was found.")
-        elif time.monotonic_ns() < pending.deadline_ns + pending.padding_ns:
-            deadlines.add(pending.deadline_ns + pending.padding_ns, pending)
-        else:
-            self._fail(
-                pending,
-                f"The buffer server [{self._name}] did not answer in time. Something is likely wrong there.",
-            )
-            self._cancel(pending)
-
-    def abandon(self, pending: PendingGoal) -> None:
-        """Cancel this goal, unless its outcome is known."""
-        if not pending.over():
-            self._pending.discard(pending)
-            pending.outcome.cancel()
-            self._cancel(pending)
-
-    def _cancel(self, pending: PendingGoal) -> None:
-        # A goal that is accepted later is cancelled then.
-        if pending.handle is not None:
-            pending.handle.cancel_goal_async()
-
-    def _fail(self, pending: PendingGoal, text: str) -> None:
-        self._end_with_text(pending, errors.after_wait(text, pending.waited_ns()))
+        :param discard: called with what answers the others.
+        :param begin_ns: the steady time at which the first is sent.
+        """
+        sent: list[Future] = []
+        delay_ns, next_ns = FIRST_RETRY_DELAY_NS, begin_ns
+        try:
+            while not any(one.done() for one in sent):
+                if not self.action_client.server_is_ready():
+                    raise pending.error(f"The buffer server [{self._name}] went away before it answered.")
+                if pending.is_past(pending.last_ns):
+                    text = f"The buffer server [{self._name}] did not answer in time."
+                    raise pending.error(f"{text} Something is likely wrong there.")
+                if pending.is_past(next_ns):
+                    sent.append(request())
+                    sent[-1].add_done_callback(partial(self.advance, pending))
+                    next_ns = time.monotonic_ns() + delay_ns
+                    delay_ns *= 2
+                yield
+            answered = next(one for one in sent if one.done())
+            sent.remove(answered)
+            return answered.result()
+        finally:
+            for one in sent:
+                one.add_done_callback(discard)
 
     def _fail_at_end(self, pending: PendingGoal) -> None:
         if context_was_shut_down(self._node.context):
-            self._end_with_text(pending, errors.shut_down(pending.waited_ns()))
+            self._fail(pending, TimeoutException(errors.shut_down(pending.waited_ns())))
         else:
-            self._fail(pending, DESTROYED)
+            self._fail(pending, pending.error("The buffer client was destroyed."))
 
-    def _end_with_text(self, pending: PendingGoal, text: str) -> None:
+    def _fail(self, pending: PendingGoal, error: TimeoutException) -> None:
         self._pending.discard(pending)
         if not pending.over():
-            pending.outcome.set_exception(TimeoutException(text))
+            # Its traceback refers to this goal, so only the collector would free both.
+            pending.set_exception(error.with_traceback(None))
+
+
+def _cancel_if_accepted(response: Future) -> None:
+    handle: Any = response.result()
+    if handle.accepted:
+        handle.cancel_goal_async()
+
+
+def _ignore(_: Future) -> None:
+    pass
 
 
 class BufferClient(AnsweringInterface):
@@ -332,9 +342,7 @@ class BufferClient(AnsweringInterface):
 
     ``destroy()`` ends the client, and so does destroying the node.
 
-    Where a program replaced this module's ``ActionClient``, or the attribute ``action_client``, goals are
-    sent with the replacement, by the thread that calls the lookup. For every ``time`` and ``timeout``, see
-    :class:`tf2_ros.Buffer`.
+    For every ``time`` and ``timeout``, see :class:`tf2_ros.Buffer`.
 
     >>> from rclpy.time import Time
     >>> from tf2_ros import BufferClient
@@ -358,28 +366,19 @@ class BufferClient(AnsweringInterface):
         self.node = node
         self.check_frequency = check_frequency
         self.timeout_padding = timeout_padding
-        self._tf2_goal_sender: GoalSender | None = None
-        if ActionClient is not GoalSender.client_class:
-            self.action_client = ActionClient(node, LookupTransform, action_name=ns)
-            return
         self._tf2_goal_sender = GoalSender(node, ns, 1.0 / check_frequency)
         self.action_client = self._tf2_goal_sender.action_client
         # Without destroy(), too, no thread remains; at exit it ends by itself.
         weakref.finalize(self, self._tf2_goal_sender.close, wait=False).atexit = False
 
     def __repr__(self) -> str:
-        attributes, state = self.__dict__, "not initialised"
-        if "action_client" in attributes:
-            sender = attributes.get("_tf2_goal_sender")
-            state = "a program's own action client" if sender is None else sender.state()
+        sender = self.__dict__.get("_tf2_goal_sender")
+        state = "not initialised" if sender is None else sender.state()
         return f"<{class_name(type(self))}: {state}>"
 
     def destroy(self) -> None:
         """End the client; pending lookups raise a TimeoutException. May be called again."""
-        if self._tf2_goal_sender is None or self.action_client is not self._tf2_goal_sender.action_client:
-            self.action_client.destroy()
-        if self._tf2_goal_sender is not None:
-            self._tf2_goal_sender.close()
+        self._tf2_goal_sender.close()
 
     def lookup_transform(
         self, target_frame: str, source_frame: str, time: TimeLike, timeout: TimeoutLike = NO_TIMEOUT
@@ -425,20 +424,14 @@ class BufferClient(AnsweringInterface):
         goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame)
         return await self._tf2_await(goal, timeout)
 
-    # Programs patch the next two methods by the names that they have in tf2's class.
-
     def __process_goal(self, goal: Any) -> TransformStamped:
-        sender = self._tf2_goal_sender
-        if sender is None or self.action_client is not sender.action_client:
-            padding_ns = timeout_ns(self.timeout_padding, "timeout_padding")
-            return self.__process_result(send_directly(self.action_client, goal, padding_ns))
-        pending = self._tf2_send(sender, goal, timeout_ns(Duration.from_msg(goal.timeout)))
+        pending = self._tf2_send(goal, timeout_ns(Duration.from_msg(goal.timeout)))
         done = threading.Event()
-        pending.outcome.add_done_callback(lambda _: done.set())
+        pending.add_done_callback(lambda _: done.set())
         try:
             # The sender's thread gives every goal an outcome, also at its own end.
             done.wait()
-            return self.__process_result(_result_of(pending, pending.outcome.result()))
+            return self.__process_result(_result_of(pending, pending.result()))
         finally:
             pending.abandon()
 
@@ -448,19 +441,16 @@ class BufferClient(AnsweringInterface):
         return result.transform
 
     async def _tf2_await(self, goal: Any, timeout: TimeoutLike | None) -> TransformStamped:
-        sender = self._tf2_goal_sender
-        if sender is None or self.action_client is not sender.action_client:
-            goal.timeout = _duration_msg(FOR_EVER if timeout is None else timeout)
-            return self.__process_goal(goal)
-        pending = self._tf2_send(sender, goal, optional_timeout_ns(timeout))
+        pending = self._tf2_send(goal, optional_timeout_ns(timeout))
         try:
-            return self.__process_result(_result_of(pending, await pending.outcome))
+            return self.__process_result(_result_of(pending, await pending))
         finally:
             pending.abandon()
 
-    def _tf2_send(self, sender: GoalSender, goal: Any, lookup_ns: int | None) -> PendingGoal:
-        refuse_inherited(self, sender.process)
-        return sender.send(goal, lookup_ns, timeout_ns(self.timeout_padding, "timeout_padding"))
+    def _tf2_send(self, goal: Any, lookup_ns: int | None) -> PendingGoal:
+        refuse_inherited(self, self._tf2_goal_sender.process)
+        padding_ns = timeout_ns(self.timeout_padding, "timeout_padding")
+        return self._tf2_goal_sender.send(goal, lookup_ns, padding_ns)
 
 
 # The names are checked here, because a message accepts any object until the sender's thread serialises it.
@@ -497,7 +487,7 @@ def _result_of(pending: PendingGoal, response: Any) -> Any:
             f"The buffer server did not get the transform from [{printable(goal.source_frame)}] to "
             f"[{printable(goal.target_frame)}] in time."
         )
-        raise TimeoutException(errors.after_wait(text, pending.waited_ns()))
+        raise pending.error(text)
     return result
 
 
@@ -505,34 +495,6 @@ def _duration_msg(timeout: Any) -> Any:
     """The duration message of a timeout; at most FOR_EVER, with either sign."""
     longest_ns: int = FOR_EVER.nanoseconds
     return Duration(nanoseconds=max(-longest_ns, min(timeout_ns(timeout), longest_ns))).to_msg()
-
-
-def send_directly(client: Any, goal: Any, padding_ns: int) -> Any:
-    """
-    Send a goal with any action client, as tf2 does. Another thread must spin the client's node.
-
-    :param goal: with its timeout.
-    :param padding_ns: how much longer than that to wait until the goal is accepted.
-    :return: the result.
-    """
-    if not client.server_is_ready():
-        raise TimeoutException("The buffer server is not ready.")
-    begin_ns = time.monotonic_ns()
-    deadline_ns = begin_ns + Duration.from_msg(goal.timeout).nanoseconds + padding_ns
-    sent = client.send_goal_async(goal)
-    done = threading.Event()
-    sent.add_done_callback(lambda _: done.set())
-    # The client may be a stand-in, whose future calls nothing back.
-    while not sent.done():
-        left_ns = deadline_ns - time.monotonic_ns()
-        if left_ns <= 0:
-            text = "The buffer server did not answer in time."
-            raise TimeoutException(errors.after_wait(text, deadline_ns - begin_ns))
-        done.wait(min(left_ns / 1e9, DONE_CHECK_S))
-    handle = sent.result()
-    if not handle.accepted:
-        raise TimeoutException("The buffer server refused the goal.")
-    return action_result(client, handle)
 
 
 def _resolved(node: Node, ns: str) -> str:

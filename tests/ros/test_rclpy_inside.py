@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 from processes import until
-from rclpy.action.client import ActionClient
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.parameter import Parameter
@@ -290,9 +289,6 @@ class TestNodesAndActions:
             node.destroy_node()
             assert ended == [1]
             executor.shutdown()
-
-    def test_an_action_client_waits_for_a_result(self):
-        assert callable(ActionClient._get_result)
 
     def test_errors_of_rcl_are_runtime_errors(self):
         assert issubclass(_rclpy.RCLError, RuntimeError)

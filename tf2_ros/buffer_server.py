@@ -25,7 +25,7 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._internal import bad_name, is_invalid_name, timeout_ns
+from tf2_py._internal import timeout_ns
 from tf2_ros._arguments import has, is_a, is_name, refuse_swapped
 from tf2_ros._forking import is_inherited
 from tf2_ros._nodes import keep_in_children
@@ -137,17 +137,9 @@ class BufferServer:
             lookup.add_done_callback(lambda _: self._ended.put(handle.execute))
 
     def _look_up(self, goal: Any) -> Future:
-        names = {"target_frame": goal.target_frame, "source_frame": goal.source_frame}
         lookup = Lookup.simple(goal.target_frame, goal.source_frame, goal.source_time)
         if goal.advanced:
-            names["fixed_frame"] = goal.fixed_frame
             lookup = lookup._replace(target_time=goal.target_time, fixed_frame=goal.fixed_frame)
-        for argument, name in names.items():
-            # Checked here, because a lookup between equal names does not check them.
-            if is_invalid_name(name):
-                refused = Future()
-                refused.set_exception(bad_name(name, argument))
-                return refused
         wait_ns = timeout_ns(goal.timeout)
         future = Future()
         try:

@@ -130,15 +130,6 @@ class TestAnswers:
             assert result.error.error == TF2Error.NO_ERROR
             assert result.transform == buffer.lookup_transform("map", "robot", _time(S))
 
-    def test_an_advanced_goal_is_a_full_lookup(self, goal_client, buffer):
-        insert(buffer, seconds=1, x=1)
-        insert(buffer, seconds=2, x=5)
-        _, result = goal_client.answer_to("robot", "robot", S, NONE, "map", 2 * S)
-        assert result.transform == buffer.lookup_transform_full(
-            "robot", _time(2 * S), "robot", _time(S), "map"
-        )
-        assert result.transform.transform.translation.x == -4
-
     def test_a_waiting_goal_is_answered_when_its_transform_is_inserted(self, goal_client, buffer):
         future = goal_client.result_of(goal_client.send())
         until(lambda: buffer.statistics()["waiters"] == 1)
@@ -148,12 +139,17 @@ class TestAnswers:
         assert status == GoalStatus.STATUS_SUCCEEDED
         assert result.transform.transform.translation.x == 3
 
-    def test_a_waiting_advanced_goal_too(self, goal_client, buffer):
+    def test_an_advanced_goal_is_a_full_lookup_and_may_wait(self, goal_client, buffer):
+        advanced = ("robot", "robot", S, LONG, "map", 2 * S)
         insert(buffer, seconds=1, x=1)
-        future = goal_client.result_of(goal_client.send("robot", "robot", S, LONG, "map", 2 * S))
+        future = goal_client.result_of(goal_client.send(*advanced))
         until(lambda: buffer.statistics()["waiters"] == 1)
         insert(buffer, seconds=2, x=5)
-        assert _answer(future)[1].transform.transform.translation.x == -4
+        for _, result in (_answer(future), goal_client.answer_to(*advanced)):
+            assert result.transform == buffer.lookup_transform_full(
+                "robot", _time(2 * S), "robot", _time(S), "map"
+            )
+            assert result.transform.transform.translation.x == -4
 
     def test_many_goals_that_wait_delay_no_other(self, goal_client, buffer, serving):
         stamps = [S + i for i in range(200)]
@@ -210,40 +206,29 @@ class TestErrors:
         assert "extrapolation" in result.error.error_string
         assert buffer.statistics()["waiters"] == 0
 
+    @pytest.mark.parametrize("timeout", [NONE, LONG], ids=["at once", "waiting"])
     @pytest.mark.parametrize("bad", ["", "/map"])
-    @pytest.mark.parametrize("advanced", [False, True])
-    def test_an_invalid_name_is_answered_at_once(self, goal_client, buffer, bad, advanced):
+    def test_an_invalid_name_is_answered_at_once(self, goal_client, buffer, bad, timeout):
         insert(buffer)
-        fixed = {"fixed": "map"} if advanced else {}
-        goals = [((bad, "robot"), fixed), (("map", bad), fixed), ((bad, bad), fixed)]
-        if advanced:
-            goals.append((("map", "robot"), {"fixed": bad}))
-        for names, how in goals:
-            _, result = goal_client.answer_to(*names, **how)
+        for names in ((bad, "robot"), ("map", bad), ("map", "robot", bad)):
+            fixed = {"fixed": names[2]} if names[2:] else {}
+            _, result = goal_client.answer_to(*names[:2], timeout=timeout, **fixed)
             assert result.error.error == TF2Error.INVALID_ARGUMENT_ERROR
             assert "in tf2 frame_ids cannot" in result.error.error_string
 
 
 class TestCancel:
-    def test_a_waiting_goal_ends_and_its_waiter_too(self, goal_client, buffer):
-        handle = goal_client.send()
-        future = goal_client.result_of(handle)
-        until(lambda: buffer.statistics()["waiters"] == 1)
+    def test_a_waiting_goal_ends_and_its_waiter_too_and_others_wait_on(self, goal_client, buffer):
+        handle, other = goal_client.send(), goal_client.send()
+        future, others = goal_client.result_of(handle), goal_client.result_of(other)
+        until(lambda: buffer.statistics()["waiters"] == 2)
         assert len(_wait(goal_client.cancel(handle)).goals_canceling) == 1
         status, result = _answer(future)
         assert status == GoalStatus.STATUS_CANCELED
         assert result.error.error == TF2Error.TRANSFORM_ERROR
-        assert buffer.statistics()["waiters"] == 0
+        assert buffer.statistics()["waiters"] == 1
         insert(buffer)
-        assert goal_client.answer_to()[0] == GoalStatus.STATUS_SUCCEEDED
-
-    def test_others_wait_on(self, goal_client, buffer):
-        first, second = goal_client.send(), goal_client.send()
-        future = goal_client.result_of(second)
-        until(lambda: buffer.statistics()["waiters"] == 2)
-        _wait(goal_client.cancel(first))
-        insert(buffer)
-        assert _answer(future)[0] == GoalStatus.STATUS_SUCCEEDED
+        assert _answer(others)[0] == GoalStatus.STATUS_SUCCEEDED
 
     def test_an_answered_goal_is_not_cancelled(self, goal_client, buffer):
         insert(buffer)
@@ -253,7 +238,10 @@ class TestCancel:
 
 
 class TestEnd:
-    def test_destroying_it_ends_the_waits_and_the_action(self, tf2_ros, new_node, buffer):
+    @pytest.mark.parametrize("how", ["destroy", "destroy_node"])
+    def test_destroying_it_or_its_node_ends_the_waits_and_the_action(
+        self, tf2_ros, new_node, buffer, recwarn, how
+    ):
         node = new_node("serving")
         server = tf2_ros.BufferServer(buffer, node, "lookup")
         executor = SingleThreadedExecutor()
@@ -262,24 +250,13 @@ class TestEnd:
             goal_client = GoalClient(client_node)
             goal_client.send()
             until(lambda: buffer.statistics()["waiters"] == 1)
-            executor.create_task(server.destroy)
+            executor.create_task(getattr(server if how == "destroy" else node, how))
             until(lambda: buffer.statistics()["waiters"] == 0)
             until(lambda: not goal_client.client.server_is_ready())
             goal_client.client.destroy()
-
-    def test_transforms_may_be_inserted_after_the_node_was_destroyed(self, tf2_ros, ros, buffer, recwarn):
-        node = ros.create_node("serving")
-        tf2_ros.BufferServer(buffer, node, "lookup")
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        with spinning(executor), spun_node("client_node") as client_node:
-            goal_client = GoalClient(client_node)
-            goal_client.send()
-            until(lambda: buffer.statistics()["waiters"] == 1)
-            goal_client.client.destroy()
-        node.destroy_node()
+        for _ in range(2):
+            server.destroy()
         insert(buffer)
-        assert buffer.statistics()["waiters"] == 0
         # The first service of a process imports a module that is deprecated.
         warned = [warning for warning in recwarn if warning.category is not DeprecationWarning]
         assert [str(warning.message) for warning in warned] == []
@@ -298,22 +275,6 @@ class TestEnd:
         finally:
             gc.enable()
         assert {*node.timers, *node.waitables} <= before
-
-    def test_destroying_its_node_ends_the_waits_and_the_action(self, tf2_ros, new_node, buffer):
-        node = new_node("serving")
-        server = tf2_ros.BufferServer(buffer, node, "lookup")
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        with spinning(executor), spun_node("client_node") as client_node:
-            goal_client = GoalClient(client_node)
-            goal_client.send()
-            until(lambda: buffer.statistics()["waiters"] == 1)
-            executor.create_task(node.destroy_node)
-            until(lambda: buffer.statistics()["waiters"] == 0)
-            until(lambda: not goal_client.client.server_is_ready())
-            goal_client.client.destroy()
-        for _ in range(2):
-            server.destroy()
 
     def test_in_a_forked_child_it_is_the_parents(self, tf2_ros, new_node, buffer):
         node = new_node("serving")

@@ -5,23 +5,31 @@ from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split
 
-import inspect
 import itertools
 import os
-import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from enum import Enum
 from functools import partial
 from typing import Any, Generic, Protocol, TypedDict, TypeVar, overload
 
 from geometry_msgs.msg import TransformStamped
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.executors import await_or_execute
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.subscription import Subscription
 
-from tf2_py._internal import FOR_EVER_NS, call_all, class_name, duration_ns, frame_name, printable
+from tf2_py import BufferCore, TransformException
+from tf2_py._internal import (
+    FOR_EVER_NS,
+    call_despite_signals,
+    class_name,
+    duration_ns,
+    frame_name,
+    is_invalid_name,
+    printable,
+    time_ns,
+)
 from tf2_py.typing import DurationLike, TimeoutLike
 from tf2_ros._arguments import (
     has,
@@ -34,8 +42,11 @@ from tf2_ros._arguments import (
 )
 from tf2_ros._forking import FORKED, LiveObjects, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended
-from tf2_ros._wait.callbacks import CallbackQueue, callback_queue, patience_ns
-from tf2_ros._wait.filter_queue import FilterFailureReason, MessageStream, Needed, PendingMessages
+from tf2_ros._rclpy import holding_executor
+from tf2_ros._wait.blocking import LongWait, report_if_long
+from tf2_ros._wait.callbacks import CallbackQueue, callback_queue
+from tf2_ros._wait.futures import WakingFuture
+from tf2_ros._wait.rounds import end_message, first_value
 from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer import Buffer
 
@@ -46,9 +57,12 @@ SAMPLE = 20
 NEARLY_ALL = 19
 WARN_EVERY_S = 15.0
 
+PASSED, CLEARED = "passed", "cleared"  # what became of a message that was not dropped
 
 _Message = TypeVar("_Message")
+_Item = TypeVar("_Item")
 _Topic = tuple[type[_Message], str, QoSProfile | int]
+_Callback = tuple[Callable[..., object], tuple[Any, ...]]
 
 
 class _Filter(Protocol):
@@ -65,44 +79,69 @@ class _Statistics(TypedDict):
     waiting: int
 
 
+class FilterFailureReason(str, Enum):
+    """
+    Why a message filter dropped a message.
+
+    ``OUT_THE_BACK``: it is older than everything that the buffer keeps or accepts. ``EMPTY_FRAME_ID``: its
+    header names no frame. ``NO_TRANSFORM_FOUND``: the name of a frame is invalid, or the transform was not
+    available and ``buffer_timeout`` is zero. ``QUEUE_FULL``: it was the oldest when the queue overflowed.
+    ``TIMEOUT``: its transform was not available in time.
+
+    >>> from geometry_msgs.msg import PointStamped
+    >>> from tf2_ros import Buffer, FilterFailureReason, MessageFilter
+    >>> reasons = []
+    >>> with MessageFilter(None, Buffer(), "base_link", 100, node=node) as waiting:
+    ...     key = waiting.registerFailureCallback(lambda message, reason: reasons.append(reason))
+    ...     waiting.add(PointStamped())
+    >>> reasons == [FilterFailureReason.EMPTY_FRAME_ID]
+    True
+    """
+
+    OUT_THE_BACK = "OUT_THE_BACK"
+    EMPTY_FRAME_ID = "EMPTY_FRAME_ID"
+    NO_TRANSFORM_FOUND = "NO_TRANSFORM_FOUND"
+    QUEUE_FULL = "QUEUE_FULL"
+    TIMEOUT = "TIMEOUT"
+
+
 class MessageFilter(Generic[_Message]):
     """
     Keeps the messages of a topic until a buffer can transform them into the target frames, at their stamps.
 
     :param input: ``(message type, topic, qos)`` to subscribe to; or a filter of ``message_filters``, or any
-        other object with a ``registerCallback``; or a subscription of rclpy, whose own callback remains; or
-        None, if the program calls :meth:`add`. The messages must have a ``header``.
+        other object with a ``registerCallback``; or None, if the program calls :meth:`add`. The messages must
+        have a ``header``.
     :param buffer: the transforms.
     :param target_frames: a name, or several; a message passes when its frame can be transformed into all of
         them.
     :param queue_size: how many messages may wait; one more drops the oldest. 0: any number.
-    :param node: the executor that spins it runs the callbacks. Before it is spun, and when it was not for
-        5 s, a thread for callbacks runs them.
+    :param node: the executor that spins it takes the messages of a topic, and runs the callbacks for
+        transforms that a listener receives.
     :param buffer_timeout: how long a message may wait, in steady time. Zero: not at all. None: forever.
     :param tolerance: a finite duration; transforms must be available for the message's stamp and for this
         much later, for example the duration of a sweep. The ``tolerance`` of a lookup is something else: the
         lookup accepts an older transform. None: zero.
     :raises TypeError: ``buffer`` is not a Buffer, ``input`` is something else, its messages have no header,
         or a duration is something else.
-    :raises ValueError: ``target_frames`` is empty, ``queue_size`` or ``tolerance`` is negative, or
-        ``tolerance`` is infinite.
+    :raises ValueError: ``target_frames`` is empty, a name is invalid, ``queue_size`` or ``tolerance`` is
+        negative, or ``tolerance`` is infinite.
 
     A message whose stamp is 0 needs the latest time for which its transforms are available; ``tolerance``
     then has no effect. Each message passes once or is dropped once, in the order in which its transforms
-    become available, or in which it is dropped. Callbacks run one after the other in the node's executor,
-    even if another thread adds messages or inserts transforms. Only a subscription needs that executor. If
-    callbacks or iterations rely on a subscription and nobody spins the node for 5 s, a warning is logged
-    once; the representation shows it at once. What a callback
-    raises is logged; in the main thread, other exceptions than an ``Exception`` end the spin.
+    become available, or in which it is dropped. Callbacks run inside the program's own ``set_transform``, or
+    inside :meth:`add` if the transforms are available already; for what a listener receives, in the executor
+    that spins the node. An ``Exception`` of a callback is logged; anything else is raised where it runs,
+    after the other callbacks.
 
     ``async for message, transform in filter`` gives the same messages, from the start of the iteration to
     :meth:`close`, or to the end of the node or its context, each with its transform into the first target
-    frame. Messages that have passed are kept until they are taken, without a limit.
+    frame. Nothing has to spin the node for that, unless there are callbacks, too. Messages that have passed
+    are kept until they are taken, without a limit.
 
     It has the methods of a filter of ``message_filters`` and can be the input of one. The end of a ``with``
     block closes it.
 
-    >>> from queue import Queue
     >>> from geometry_msgs.msg import PointStamped
     >>> from tf2_ros import Buffer, MessageFilter
     >>> from geometry_msgs.msg import TransformStamped
@@ -110,12 +149,12 @@ class MessageFilter(Generic[_Message]):
     >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
     >>> point = PointStamped()
     >>> point.header.frame_id = "camera"
-    >>> buffer, points = Buffer(), Queue()
-    >>> with MessageFilter(None, buffer, "base_link", 100, node=node) as waiting:  # of a node that is spun
-    ...     key = waiting.registerCallback(points.put)
+    >>> buffer, points = Buffer(), []
+    >>> with MessageFilter(None, buffer, "base_link", 100, node=node) as waiting:
+    ...     key = waiting.registerCallback(points.append)
     ...     waiting.add(point)
     ...     buffer.set_transform_static(mount, "example")
-    ...     points.get(timeout=5) is point
+    ...     points == [point]
     True
     """
 
@@ -136,7 +175,7 @@ class MessageFilter(Generic[_Message]):
     @overload
     def __init__(
         self: "MessageFilter[Any]",
-        input: Subscription | _Filter | None,
+        input: _Filter | None,
         buffer: Buffer,
         target_frames: str | Sequence[str],
         queue_size: int,
@@ -167,28 +206,27 @@ class MessageFilter(Generic[_Message]):
         )
         if not isinstance(buffer, Buffer):
             raise TypeError(f"buffer must be a tf2_ros.Buffer, not {type(buffer).__name__}")
-        self.callbacks: dict[int, tuple[Callable[..., object], tuple[Any, ...]]] = {}
-        self._node = node
-        self._failure_callbacks: dict[int, tuple[Callable[..., object], tuple[Any, ...]]] = {}
+        self.callbacks: dict[int, _Callback] = {}
+        self._failure_callbacks: dict[int, _Callback] = {}
         self._connections = itertools.count()
         self._streams: LiveObjects[MessageStream[tuple[_Message, TransformStamped]]] = LiveObjects()
+        self._kept: set[Any] = set()  # what awaits a message, and nothing else may refer to
+        self._buffer, self._node = buffer, node
+        self._queue = callback_queue(node)
         self._disconnect: Callable[[], None] | None = None
         self._closed = False
         self._process = os.getpid()
-        self._counts_lock = threading.RLock()
-        self._passed = self._cleared = 0
+        self._frames = _names(target_frames)
+        self._tolerance_ns = _tolerance_ns(tolerance)
+        self._needed = self._all_needed()
+        self._queue_size = _size(queue_size)
+        self._timeout_ns = optional_timeout_ns(buffer_timeout, "buffer_timeout")
+        self._numbers = itertools.count(1)
+        self._waiting: dict[int, _Queued] = {}  # the oldest first
+        # How many have ended in which way.
+        self._ended: dict[str, int] = dict.fromkeys((PASSED, CLEARED, *FilterFailureReason), 0)
         self._sampled = self._sampled_dropped = 0
         self._warn_again_at = 0.0
-        self._queue = callback_queue(node)
-        self._kept: set[Any] = set()  # what awaits a message, and nothing else may refer to
-        self._unspun: _UnspunWarning | None = None
-        self._pending = PendingMessages(
-            buffer,
-            Needed(_names(target_frames), _tolerance_ns(tolerance)),
-            _size(queue_size),
-            optional_timeout_ns(buffer_timeout, "buffer_timeout"),
-            self._announce,
-        )
         try:
             if input is not None:
                 self.connectInput(input)
@@ -209,7 +247,7 @@ class MessageFilter(Generic[_Message]):
         header = getattr(message, "header", None)
         if not hasattr(header, "frame_id") or not hasattr(header, "stamp"):
             raise TypeError(f"{kind_of(message)} has no header with a frame and a time")
-        self._pending.add(message)
+        call_despite_signals(partial(self._begin, _Queued(self, message, header)))
 
     @overload
     def registerCallback(self, callback: Callable[[_Message], object]) -> int: ...
@@ -227,8 +265,7 @@ class MessageFilter(Generic[_Message]):
         refuse_inherited(self, self._process)
         require_callable("registerCallback", callback)
         connection = next(self._connections)
-        self.callbacks = {**self.callbacks, connection: (callback, arguments)}
-        self._warn_if_unspun()
+        self.callbacks[connection] = callback, arguments
         return connection
 
     @overload
@@ -249,14 +286,10 @@ class MessageFilter(Generic[_Message]):
         refuse_inherited(self, self._process)
         require_callable("registerFailureCallback", callback)
         connection = next(self._connections)
-        self._failure_callbacks = {**self._failure_callbacks, connection: (callback, arguments)}
-        self._warn_if_unspun()
+        self._failure_callbacks[connection] = callback, arguments
         return connection
 
-    def connectInput(
-        self,
-        input: "_Topic[_Message] | MessageFilter[_Message] | Subscription | _Filter",
-    ) -> None:
+    def connectInput(self, input: "_Topic[_Message] | MessageFilter[_Message] | _Filter") -> None:
         """
         Take messages from another input instead of the previous one.
 
@@ -268,7 +301,6 @@ class MessageFilter(Generic[_Message]):
         if self._disconnect is not None:
             self._disconnect()
         self._disconnect = connect()
-        self._warn_if_unspun()
 
     def setTargetFrames(self, target_frames: str | Sequence[str]) -> None:
         """
@@ -276,10 +308,11 @@ class MessageFilter(Generic[_Message]):
 
         :param target_frames: a name, or several.
         :raises TypeError: one of them is not a ``str``.
-        :raises ValueError: there are no names, or one is empty.
+        :raises ValueError: there are no names, or one is invalid.
         """
         refuse_inherited(self, self._process)
-        self._pending.require(target_frames=_names(target_frames))
+        self._frames = _names(target_frames)
+        self._look_again()
 
     def setTolerance(self, tolerance: DurationLike) -> None:
         """
@@ -290,7 +323,8 @@ class MessageFilter(Generic[_Message]):
         :raises ValueError: it is negative or infinite.
         """
         refuse_inherited(self, self._process)
-        self._pending.require(tolerance_ns=_tolerance_ns(tolerance))
+        self._tolerance_ns = _tolerance_ns(tolerance)
+        self._look_again()
 
     def setQueueSize(self, queue_size: int) -> None:
         """
@@ -300,14 +334,15 @@ class MessageFilter(Generic[_Message]):
         :raises ValueError: it is negative.
         """
         refuse_inherited(self, self._process)
-        self._pending.limit(_size(queue_size))
+        self._queue_size = _size(queue_size)
+        call_despite_signals(self._keep_to_size)
 
     def clear(self) -> None:
         """Remove the messages that wait, and those for which no callback was called yet."""
         refuse_inherited(self, self._process)
-        cleared = self._pending.clear()
-        with self._counts_lock:
-            self._cleared += cleared
+        for queued in list(self._waiting.values()):
+            end_message(self._waiting, queued.number, self._ended, CLEARED, [])
+            queued.stop()
 
     def close(self) -> None:
         """Take no more messages, remove those that wait, and end the iterations; may be called again."""
@@ -329,19 +364,15 @@ class MessageFilter(Generic[_Message]):
 
     def __repr__(self) -> str:
         name = class_name(type(self))
-        if "_pending" not in self.__dict__:
+        if "_ended" not in self.__dict__:
             return f"<{name}: not initialised>"
+        frames = printable(" and ".join(self._frames))
         if is_inherited(self._process):
-            return f"<{name}: {FORKED}>"
+            return f"<{name}: into {frames}: {FORKED}>"
         counts = self.statistics()
-        facts = [f"{counts[key]} {key}" for key in ("waiting", "passed")]
-        facts.append(f"{sum(counts['dropped'].values())} dropped")
-        if self._closed:
-            facts.append("closed")
-        elif not self._queue.is_spun():
-            facts.append("node not spun")
-        frames = printable(" and ".join(self._pending.needed.target_frames))
-        return f"<{name}: into {frames}: {', '.join(facts)}>"
+        dropped = sum(counts["dropped"].values())
+        facts = f"{counts['waiting']} waiting, {counts['passed']} passed, {dropped} dropped"
+        return f"<{name}: into {frames}: {facts}{', closed' if self._closed else ''}>"
 
     def statistics(self) -> _Statistics:
         """
@@ -351,32 +382,26 @@ class MessageFilter(Generic[_Message]):
             ``cleared``; and ``waiting``, which are all others.
         """
         refuse_inherited(self, self._process)
-        with self._counts_lock:
-            dropped = {reason.value: self._pending.ended[reason] for reason in FilterFailureReason}
-            done = self._passed + sum(dropped.values()) + self._cleared
-            received = self._pending.count
-            return {
-                "received": received,
-                "passed": self._passed,
-                "dropped": dropped,
-                "cleared": self._cleared,
-                "waiting": received - done,
-            }
+        ended, waiting = self._ended.copy(), len(self._waiting)
+        return {
+            "received": sum(ended.values()) + waiting,
+            "passed": ended[PASSED],
+            "dropped": {reason.value: ended[reason] for reason in FilterFailureReason},
+            "cleared": ended[CLEARED],
+            "waiting": waiting,
+        }
 
-    def __aiter__(self) -> MessageStream[tuple[_Message, TransformStamped]]:
+    def __aiter__(self) -> "MessageStream[tuple[_Message, TransformStamped]]":
         refuse_inherited(self, self._process)
-        stream: MessageStream[tuple[_Message, TransformStamped]] = MessageStream(
-            partial(node_has_ended, self._node), self._kept
-        )
+        stream: MessageStream[tuple[_Message, TransformStamped]] = MessageStream(self._has_ended, self._kept)
         self._streams.add(stream)
         if self._closed:
             stream.close()
-        self._warn_if_unspun()
         return stream
 
-    def _warn_if_unspun(self) -> None:
-        if self._unspun is not None and (self.callbacks or self._failure_callbacks or self._streams):
-            self._unspun.rely()
+    def _has_ended(self) -> bool:
+        refuse_inherited(self, self._process)
+        return node_has_ended(self._node)
 
     def _connector(self, input: Any) -> Callable[[], Callable[[], None]]:
         if isinstance(input, tuple) and len(input) == 3:
@@ -384,31 +409,19 @@ class MessageFilter(Generic[_Message]):
                 raise TypeError(f"input must be (message type, topic, qos), in this order, not {input!r}")
             if not hasattr(input[0], "header"):
                 raise TypeError(f"messages of the type {input[0]!r} have no header with a frame and a time")
-            return lambda: self._subscribe(*input)
+            return partial(self._subscribe, *input)
         if hasattr(input, "registerCallback"):
-            return lambda: self._follow_filter(input)
-        if hasattr(input, "callback") and not getattr(input, "raw", False):
-            return lambda: self._follow_subscription(input)
-        raise TypeError(
-            f"input must be (message type, topic, qos), a filter, a subscription that is not raw, or None, "
-            f"not {input!r}"
-        )
+            return partial(self._follow, input)
+        raise TypeError(f"input must be (message type, topic, qos), a filter, or None, not {input!r}")
 
     def _subscribe(self, message_type: Any, topic: str, qos: Any) -> Callable[[], None]:
-        # In a separate group, because messages must be counted even during a long callback.
+        # In the group of the queue, so that no two threads of an executor call back at the same time.
         subscription = self._node.create_subscription(
-            message_type, topic, self.add, qos, callback_group=MutuallyExclusiveCallbackGroup()
+            message_type, topic, self.add, qos, callback_group=self._queue.callback_group
         )
+        return lambda: self._node.destroy_subscription(subscription) and None
 
-        self._unspun = _UnspunWarning(self._node, subscription.topic_name, self._queue)
-
-        def disconnect() -> None:
-            self._unspun = None
-            self._node.destroy_subscription(subscription)
-
-        return disconnect
-
-    def _follow_filter(self, input: Any) -> Callable[[], None]:
+    def _follow(self, input: Any) -> Callable[[], None]:
         connected = [True]
 
         def take(message: Any, *_: Any) -> None:
@@ -419,45 +432,149 @@ class MessageFilter(Generic[_Message]):
         input.registerCallback(take)
         return connected.clear
 
-    def _follow_subscription(self, subscription: Any) -> Callable[[], None]:
-        own = subscription.callback
-        extended = _then_add(own, self.add)
-        subscription.callback = extended
-        if subscription in self._node.subscriptions:
-            self._unspun = _UnspunWarning(self._node, subscription.topic_name, self._queue)
+    # What becomes of a message. There is no lock: a message ends when `end_message` removes it from those
+    # that wait, which is one step for all threads and signal handlers. Everything else may be repeated, and
+    # is, where a signal handler has cut it short.
 
-        def disconnect() -> None:
-            self._unspun = None
-            if subscription.callback is extended:
-                subscription.callback = own
+    def _begin(self, queued: "_Queued") -> None:
+        if not queued.number:
+            number = next(self._numbers)
+            self._waiting[number], queued.number = queued, number
+        reason = None
+        if not self._look_up(queued):
+            if self._is_too_old(queued):
+                reason = FilterFailureReason.OUT_THE_BACK
+            elif self._timeout_ns is not None and self._timeout_ns <= 0:
+                reason = FilterFailureReason.NO_TRANSFORM_FOUND
+            elif self._timeout_ns is not None:
+                deadlines.add(time.monotonic_ns() + self._timeout_ns, queued)
+        if queued.outcome is not None:
+            # The insert that this one needs may have completed earlier ones, and has not called back yet.
+            while (oldest := first_value(self._waiting)) not in (None, queued) and oldest.is_answered():
+                self._advance(oldest)
+        self._end(queued, reason)
+        # Those that were added before may have become too old while they waited.
+        while (oldest := first_value(self._waiting)) is not None and self._is_too_old(oldest):
+            self._end(oldest, FilterFailureReason.OUT_THE_BACK)
+        self._keep_to_size()
 
-        return disconnect
+    def _advance(self, queued: "_Queued") -> None:
+        if self._look_up(queued):
+            self._end(queued)
 
-    def _announce(self) -> bool:
-        if self._closed or node_has_ended(self._node):
-            return False
-        self._queue.put(self._deliver)
-        return True
+    def _keep_to_size(self) -> None:
+        while self._queue_size and len(self._waiting) > self._queue_size:
+            oldest = first_value(self._waiting)
+            if oldest is not None:
+                self._end(oldest, FilterFailureReason.QUEUE_FULL)
 
-    def _deliver(self) -> None:
-        """Call back with the next outcome."""
-        outcome = self._pending.next_outcome()
-        if outcome is None:
-            return  # removed by `clear`
-        message, transform, reason, text = outcome
-        self._warn_of_drops(message, reason, text)
-        if reason is not None:
-            failed = self._failure_callbacks.values()
-            call_all([partial(callback, message, reason, *arguments) for callback, arguments in failed])
+    def _all_needed(self) -> tuple[tuple[str, int], ...]:
+        # Each target frame, and how much later than its stamp a message needs its transform.
+        later = {0, self._tolerance_ns}
+        return tuple((frame, later_ns) for later_ns in sorted(later) for frame in self._frames)
+
+    def _look_again(self) -> None:
+        self._needed = self._all_needed()
+        for queued in list(self._waiting.values()):
+            call_despite_signals(partial(self._advance, queued))
+
+    def _look_up(self, queued: "_Queued") -> bool:
+        """
+        Note that a message can pass, or never will; otherwise wait for the first transform that it lacks.
+
+        Other threads may do the same at the same time.
+        """
+        while True:
+            needed, queued.outcome = self._needed, None
+            wait, outcome = self._lacking(queued, needed)
+            queued.wait, queued.outcome = wait, outcome
+            queued.report = None if wait is None else report_if_long([wait])
+            if queued.number not in self._waiting:
+                queued.stop()
+            elif needed is not self._needed or (wait is not None and wait.answer is not None):
+                continue  # too late for the thread that has changed this
+            return outcome is not None
+
+    def _lacking(self, queued: "_Queued", needed: tuple[tuple[str, int], ...]) -> tuple[Any, Any]:
+        first = None
+        try:
+            for frame, later_ns in needed:
+                if later_ns and not queued.stamp_ns:
+                    continue  # the latest time has no later one
+                stamp_ns = queued.stamp_ns + later_ns
+                wait = BufferCore._wait(
+                    self._buffer, frame, queued.frame, stamp_ns, notify=partial(self._answered, queued)
+                )
+                answer = wait.answer
+                if answer is None:
+                    return wait, None
+                first = first or answer
+        except (TransformException, OverflowError, ValueError) as error:
+            return None, str(error)
+        return None, first
+
+    def _answered(self, queued: "_Queued", _: Any) -> "_End | None":
+        """What follows from an insert, in its thread: the function that runs callbacks, if there are any."""
+        if not self._look_up(queued):
+            return None
+        end = _End(call_despite_signals, partial(self._end, queued))
+        if self._calls_back():
+            end.queue = self._queue
+            return end
+        end()
+        return None
+
+    def _calls_back(self) -> bool:
+        return bool(self.callbacks or self._failure_callbacks)
+
+    def expire(self, queued: "_Queued") -> None:
+        """Drop a message, because its timeout has passed; in the executor that has the node, if one does."""
+        end = partial(call_despite_signals, partial(self._end, queued, FilterFailureReason.TIMEOUT))
+        if queued.is_answered() and self._look_up(queued):
+            return  # it is about to pass
+        if self._calls_back() and holding_executor(self._node) is not None:
+            self._queue.put(end)
+        else:
+            end()
+
+    def _is_too_old(self, queued: "_Queued") -> bool:
+        """Whether the buffer would refuse data of a message's time for every frame on the path."""
+        for frame in self._frames if queued.stamp_ns and queued.outcome is None else ():
+            with suppress(TransformException):  # not connected yet
+                newest = BufferCore.get_latest_common_time(self._buffer, frame, queued.frame)
+                if newest.nanoseconds - self._buffer._tf2_cache_time_ns > queued.stamp_ns:
+                    return True
+        return False
+
+    def _end(self, queued: "_Queued", reason: FilterFailureReason | None = None) -> None:
+        """Let a message pass if it can, or else drop it for this reason; without one, it waits on."""
+        if reason is not None and queued.is_answered():
+            self._look_up(queued)  # the insert has not come to it yet
+        outcome, message = queued.outcome, queued.message
+        if isinstance(outcome, str):
+            unnamed = not queued.frame
+            reason = FilterFailureReason.EMPTY_FRAME_ID if unnamed else FilterFailureReason.NO_TRANSFORM_FOUND
+        elif outcome is not None:
+            reason = None
+        elif reason is None:
             return
-        with self._counts_lock:
-            self._passed += 1
-        for stream in self._streams:
-            stream.put((message, transform))
-        passed = list(self.callbacks.values())
-        call_all([partial(callback, message, *arguments) for callback, arguments in passed])
+        calls: list[Callable[[], object]] = []
+        if reason is None:
+            for stream in self._streams:
+                # The second may be repeated.
+                calls.append(partial(stream.items.append, (message, outcome)))
+                calls.append(partial(call_despite_signals, stream.wake))
+            calls += [partial(callback, message, *more) for callback, more in list(self.callbacks.values())]
+        else:
+            failed = list(self._failure_callbacks.values())
+            calls += [partial(callback, message, reason, *more) for callback, more in failed]
+        try:
+            if end_message(self._waiting, queued.number, self._ended, reason or PASSED, calls):
+                self._warn_of_drops(queued, reason)
+        finally:
+            queued.stop()
 
-    def _warn_of_drops(self, message: Any, reason: FilterFailureReason | None, text: str) -> None:
+    def _warn_of_drops(self, queued: "_Queued", reason: FilterFailureReason | None) -> None:
         self._sampled += 1
         self._sampled_dropped += reason is not None
         if self._sampled < SAMPLE:
@@ -466,58 +583,130 @@ class MessageFilter(Generic[_Message]):
         if dropped < NEARLY_ALL or reason is None or time.monotonic() < self._warn_again_at:
             return
         self._warn_again_at = time.monotonic() + WARN_EVERY_S
-        frames = printable(" ".join(self._pending.needed.target_frames))
+        frames = printable(" ".join(self._frames))
         self._node.get_logger().warning(
             f"MessageFilter [target={frames}]: {dropped} of the last {SAMPLE} messages were dropped; the "
-            f"last, from frame [{printable(message.header.frame_id)}], for {reason.value}. {text}".rstrip()
+            f"last, from frame [{printable(queued.frame)}], for {reason.value}. {queued.lacks()}".rstrip()
         )
 
 
-class _UnspunWarning:
-    """
-    Logs one warning if nobody has spun the node for some seconds.
+class _End(partial[None]):
+    """What ends a message, and the queue in which a receiver has it called."""
 
-    It begins when something relies on the subscription, and must be kept as long as the subscription exists.
-    """
+    queue: CallbackQueue
 
-    def __init__(self, node: Node, topic: str, queue: CallbackQueue) -> None:
-        self._node = node
-        self._names = (topic, node.get_fully_qualified_name())
-        self._queue = queue
-        self._spun_ns = 0  # steady time at which the node was last seen spun, or first relied on
 
-    def rely(self) -> None:
-        """Note that something relies on the messages from now on."""
-        if not self._spun_ns:
-            self._spun_ns = time.monotonic_ns()
-            self._check_later()
+class _Queued:
+    """A message that waits."""
+
+    __slots__ = (
+        "__weakref__",
+        "_filter",
+        "frame",
+        "message",
+        "number",
+        "outcome",
+        "report",
+        "stamp_ns",
+        "wait",
+    )
+
+    def __init__(self, filter: MessageFilter[Any], message: Any, header: Any) -> None:
+        self._filter = filter
+        self.message = message
+        self.number = 0  # in the order of arrival; 0: not added yet
+        # Without a leading slash, which a buffer also removes from the names of transforms.
+        self.frame = frame_name(header.frame_id, "header.frame_id").removeprefix("/")
+        self.stamp_ns = time_ns(header.stamp, "header.stamp")
+        # The transform into the first target frame if it can pass; the text of the error if it never will.
+        self.outcome: TransformStamped | str | None = None
+        self.wait: Any = None  # for the first transform that it lacks
+        self.report: LongWait | None = None
+
+    def stop(self) -> None:
+        """End the wait."""
+        self.wait = self.report = None
+
+    def is_answered(self) -> bool:
+        """Whether what it waited for has been inserted, or nothing is missing."""
+        wait = self.wait
+        return self.outcome is not None or (wait is not None and wait.answer is not None)
+
+    def lacks(self) -> str:
+        """Why it cannot pass."""
+        wait = self.wait
+        return str(self.outcome or (wait and wait.reason()) or "")
+
+    # The protocol of what has a deadline.
 
     def over(self) -> bool:
-        """Whether there is nothing to warn of any more, for ``deadlines``."""
-        return node_has_ended(self._node)
+        """Whether it waits no more."""
+        return self.number not in self._filter._waiting
 
     def expire(self) -> None:
-        """Warn if nobody has spun the node for long; otherwise check again."""
-        now_ns = time.monotonic_ns()
-        if self._queue.is_spun():
-            self._spun_ns = now_ns
-        if now_ns - self._spun_ns < patience_ns():
-            self._check_later()
-            return
-        topic, node = self._names
-        self._node.get_logger().warning(
-            f"A MessageFilter gets no messages of [{topic}], because nobody spins the node [{node}]. "
-            f"Spin it in a thread, for example with rclpy.spin(node)."
-        )
+        """Drop the message."""
+        self._filter.expire(self)
 
-    def _check_later(self) -> None:
-        deadlines.add(self._spun_ns + patience_ns(), self)
+
+class MessageStream(Generic[_Item]):
+    """
+    An asynchronous iterator over ``items``, which any thread appends; ends, when closed, after the last.
+
+    :param has_ended: returns whether a shutdown prevents new items; this also ends the iteration.
+    :param kept: the owner's references to what awaits an item.
+
+    If several iterate, each item is given to one of them.
+    """
+
+    def __init__(self, has_ended: Callable[[], bool], kept: set[Any]) -> None:
+        self._has_ended = has_ended
+        self._kept = kept
+        self.items: deque[_Item] = deque()
+        self._awaiting: deque[WakingFuture[None]] = deque()
+        self._closed = False
+
+    def wake(self) -> None:
+        """Have all that iterate look again."""
+        for _ in range(len(self._awaiting)):  # later ones look anyway
+            with suppress(IndexError):  # one has left
+                self._awaiting.popleft().set_result(None)
+
+    def close(self) -> None:
+        """End the iteration after the last item."""
+        self._closed = True
+        self.wake()
+
+    def __aiter__(self) -> "MessageStream[_Item]":
+        return self
+
+    async def __anext__(self) -> _Item:
+        while True:
+            arrival = _Arrival(self._has_ended, self._kept)
+            # First this, then the check; who appends an item does this in the opposite order.
+            self._awaiting.append(arrival)
+            try:
+                return self.items.popleft()
+            except IndexError:
+                if self._closed or self._has_ended():
+                    raise StopAsyncIteration from None
+                await arrival
+            finally:
+                with suppress(ValueError):  # it was woken
+                    self._awaiting.remove(arrival)
+
+
+class _Arrival(WakingFuture[None]):
+    """Completed when an iteration is to look again."""
+
+    def expire(self) -> None:
+        """Wake the iteration, because nothing arrives any more."""
+        self.set_result(None)
 
 
 def _is_input(value: Any) -> bool:
     if isinstance(value, tuple):
         return len(value) == 3 and hasattr(value[0], "header")
-    return hasattr(value, "registerCallback") or hasattr(value, "callback")
+    return hasattr(value, "registerCallback")
 
 
 def _names(target_frames: str | Sequence[str]) -> tuple[str, ...]:
@@ -529,8 +718,9 @@ def _names(target_frames: str | Sequence[str]) -> tuple[str, ...]:
     if not names:
         raise ValueError("there must be a target frame")
     names = tuple(frame_name(name, "target_frames").removeprefix("/") for name in names)
-    if "" in names:
-        raise ValueError("the name of a target frame must not be empty")
+    for name in names:
+        if is_invalid_name(name):
+            raise ValueError(f"[{printable(name)}] cannot be the name of a target frame")
     return names
 
 
@@ -547,20 +737,3 @@ def _tolerance_ns(tolerance: DurationLike | None) -> int:
     if tolerance_ns >= FOR_EVER_NS:
         raise ValueError("tolerance must be finite: no transform is available forever after a stamp")
     return tolerance_ns
-
-
-def _then_add(callback: Callable[..., Any], add: Callable[[Any], None]) -> Callable[..., Any]:
-    async def with_message(message: Any) -> None:
-        await await_or_execute(callback, message)
-        add(message)
-
-    async def with_info(message: Any, info: Any) -> None:
-        await await_or_execute(callback, message, info)
-        add(message)
-
-    # rclpy finds out in the same way how many arguments a callback takes.
-    try:
-        inspect.signature(callback).bind(object())
-    except TypeError:
-        return with_info
-    return with_message

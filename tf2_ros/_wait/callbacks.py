@@ -77,8 +77,17 @@ class CallbackQueue(ExecutorRounds, Waitable):
         self.offer()
 
     def put_all(self, calls: Sequence[Call]) -> None:
-        """Add calls that run one after the other, even if one of them raises."""
-        self.put(partial(call_all, calls))
+        """
+        Add calls that run one after the other, even if one of them raises.
+
+        Those that have an attribute ``queue`` are added to that queue instead.
+        """
+        others: dict[CallbackQueue, list[Call]] = {}
+        for call in calls:
+            queue: CallbackQueue = getattr(call, "queue", None) or self
+            others.setdefault(queue, []).append(call)
+        for queue, own in others.items():
+            queue.put(partial(call_all, own))
 
     def inform(self, before_sleep: Tell) -> None:
         """

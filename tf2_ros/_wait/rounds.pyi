@@ -1,5 +1,5 @@
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from types import FrameType
 from typing import Any, TypeVar
 
@@ -9,7 +9,6 @@ _Rounds = TypeVar("_Rounds", bound=ExecutorRounds)
 _Key = TypeVar("_Key")
 _Kind = TypeVar("_Kind")
 _Value = TypeVar("_Value")
-_Outcome = TypeVar("_Outcome")
 
 class ExecutorRounds(Watching):
     calls: deque[Callable[[], object]]
@@ -38,13 +37,12 @@ class ExecutorRounds(Watching):
 class Waker: ...
 
 def run_done_callbacks(future: Any, executor: Any, callbacks: list[Callable[[Any], None]]) -> None: ...
-def move_outcome(
-    pending: dict[_Key, Any],
+def end_message(
+    waiting: dict[_Key, Any],
     number: _Key,
-    outcomes: deque[_Outcome],
-    outcome: _Outcome,
     counts: dict[_Kind, int],
     kind: _Kind,
+    calls: Iterable[Callable[[], object]],
 ) -> bool: ...
 def first_value(mapping: dict[Any, _Value]) -> _Value | None: ...
 def is_below_own_loop(frame: FrameType | None) -> bool: ...

@@ -167,16 +167,28 @@ def run_done_callbacks(future, executor, list callbacks):
         raise errors[0]
 
 
-def move_outcome(pending, number, outcomes, outcome, counts, kind):
+def end_message(waiting, number, counts, kind, calls):
     """
-    Remove a message from those that wait, count it, and append its outcome, in one step.
+    Remove a message from those that wait, count it, and make these calls, in one step; not if it was removed.
 
-    :return: whether it was there; otherwise nothing happens.
+    What a call raises is logged, if it is an ``Exception``; anything else is raised after the last call.
+
+    :return: whether it was there.
     """
-    if pending.pop(number, None) is None:
+    if waiting.pop(number, None) is None:
         return False
-    outcomes.append(outcome)
     counts[kind] += 1
+    cdef list errors = []
+    for call in calls:
+        try:
+            try:
+                call()
+            except Exception:
+                log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
+        except BaseException as raised:
+            errors.append(raised)
+    if errors:
+        raise errors[0]
     return True
 
 

@@ -313,8 +313,6 @@ async def filters(node: Node, buffer: Buffer, qos: QoSProfile) -> None:
     assert_type(chained, MessageFilter[PointStamped])
     by_hand = MessageFilter[Imu](None, buffer, "map", 10, node=node)
     by_hand.add(Imu())
-    subscription = node.create_subscription(PointStamped, "points", topic.add, qos)
-    print(MessageFilter(subscription, buffer, "map", 10, node=node))
     with MessageFilter((Imu, "imu", 10), buffer, "map", 10, node=node) as entered:
         assert_type(entered, MessageFilter[Imu])
     for ended in (topic, chained):

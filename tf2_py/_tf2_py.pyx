@@ -463,16 +463,14 @@ cdef class BufferCore(Engine):
                 target_frame, list(source_frame), times_ns, fixed_frame, target_time,
                 _is_nan_wanted(on_missing), policy,
             )
-        series.count = len(times_ns)
+        series_begin(&series, int64s_of(times_ns), len(times_ns))
         translations, rotations = new_rows(series.count, 3), new_rows(series.count, 4)
         series.nan_missing = _is_nan_wanted(on_missing)
         query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
         query_set_policy(&query, policy)
         if series.count:
-            series.times_ns = int64s_of(times_ns)
             series.translations = doubles_of(translations, 3)
             series.rotations = doubles_of(rotations, 4)
-            series.points = series.transformed = series.linear = series.angular = NULL
             self._lookup_series(&query, &series)
         return translations, rotations
 
@@ -484,12 +482,10 @@ cdef class BufferCore(Engine):
         cdef Query* queries
         cdef TimeSeries series
         cdef Status status
-        series.count = len(times_ns)
+        series_begin(&series, int64s_of(times_ns), len(times_ns))
         translations, rotations = new_rows(count * series.count, 3), new_rows(count * series.count, 4)
-        series.times_ns = int64s_of(times_ns)
         series.translations = doubles_of(translations, 3)
         series.rotations = doubles_of(rotations, 4)
-        series.points = series.transformed = series.linear = series.angular = NULL
         series.nan_missing = nan_missing
         queries = <Query*>PyMem_Malloc(count * sizeof(Query))
         if queries == NULL:
@@ -538,17 +534,14 @@ cdef class BufferCore(Engine):
         cdef TimeSeries series
         rows, dtype = as_points(points)
         times_ns = as_times_ns(times)
-        series.count = len(times_ns)
+        series_begin(&series, int64s_of(times_ns), len(times_ns))
         if len(rows) != series.count:
             raise ValueError(f"{len(rows)} points, {series.count} times: each point needs its own time")
         transformed = new_rows(series.count, 3)
         query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
         if series.count:
-            series.times_ns = int64s_of(times_ns)
             series.points = doubles_of(rows, 3)
             series.transformed = doubles_of(transformed, 3)
-            series.translations = series.rotations = series.linear = series.angular = NULL
-            series.nan_missing = False
             self._lookup_series(&query, &series)
         return transformed.astype(dtype, copy=False)
 
@@ -698,7 +691,7 @@ cdef class BufferCore(Engine):
         cdef Query query
         cdef TimeSeries series
         times_ns = as_times_ns(times)
-        series.count = len(times_ns)
+        series_begin(&series, int64s_of(times_ns), len(times_ns))
         series.interval_ns = duration_nanoseconds(averaging_interval, "averaging_interval")
         series.nan_missing = _is_nan_wanted(on_missing)
         if series.interval_ns < 0:
@@ -706,11 +699,9 @@ cdef class BufferCore(Engine):
         linear, angular = new_rows(series.count, 3), new_rows(series.count, 3)
         query_fill_series(&query, observation_frame, tracking_frame, None, None)
         if series.count:
-            series.times_ns = int64s_of(times_ns)
             series.common_ns = self._common_time(observation_frame, tracking_frame)
             series.linear = doubles_of(linear, 3)
             series.angular = doubles_of(angular, 3)
-            series.points = series.transformed = series.translations = series.rotations = NULL
             self._lookup_series(&query, &series)
         return linear, angular
 

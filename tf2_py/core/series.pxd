@@ -16,6 +16,13 @@ cdef struct TimeSeries:
     bint nan_missing            # fill in NaN if there is no answer, instead of stopping
 
 
+cdef inline void series_begin(TimeSeries* series, const int64_t* times_ns, Py_ssize_t count) noexcept nogil:
+    # The rest is nothing, until the caller sets what it needs.
+    memset(series, 0, sizeof(TimeSeries))
+    series.times_ns = times_ns
+    series.count = count
+
+
 # Answers `query` at each of the times, which replace its source time. Returns how many are answered; fewer
 # than `count`: the next one failed with `status`. Call it without the lock: it holds it for short times.
 cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, const TimeSeries* series,

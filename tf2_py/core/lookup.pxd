@@ -36,8 +36,8 @@ cdef inline int64_t path_common_time(const Tree* tree, const Path* path) noexcep
 # Walks through the tree, and answers along the path found. `time_ns` 0 means the latest common time. If `out`
 # is NULL, only the status is computed. `stamp_ns` receives the time looked up. `path` is scratch
 # memory and holds the path after a successful lookup.
-cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, Path* path,
-                        Transform* out, int64_t* stamp_ns) noexcept nogil
+cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
+                        const Policy* policy, Path* path, Transform* out, int64_t* stamp_ns) noexcept nogil
 cdef Status walk_common_time(const Tree* tree, FrameId target, FrameId source, Path* path,
                              int64_t* common_ns) noexcept nogil
 # Finds only the path, at a time or at NEWEST, in a tree in which no link ever closed a loop, between two

@@ -85,6 +85,52 @@ cdef Status path_transform(const Tree* tree, const Path* path, int64_t time_ns,
     return status_of(STATUS_OK)
 
 
+cdef Status _compose_side_under(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t time_ns,
+                                const Policy* policy, Transform* out, int64_t* stamp_ns) noexcept nogil:
+    # From frames[0] up all hops. `stamp_ns` falls to the oldest stamp used.
+    cdef Transform hop
+    cdef Gap gap
+    cdef int64_t used_ns
+    cdef Status status
+    cdef uint32_t i
+    transform_identity(out)
+    for i in range(hops):
+        gap = history_transform_under(&tree.histories[frames[i]], time_ns, policy, &hop, &used_ns)
+        if gap != GAP_NONE:
+            status = gap_status(tree, frames[i], time_ns)
+            status.on_path = True
+            if gap == GAP_LONG:
+                status.gap = GAP_LONG
+                history_stamps_around(&tree.histories[frames[i]], time_ns, &status.edge_ns, &status.newer_ns)
+            return status
+        stamp_ns[0] = min(stamp_ns[0], used_ns)
+        transform_compose(&hop, out, out)
+    return status_of(STATUS_OK)
+
+
+cdef Status _path_transform_under(const Tree* tree, Path* path, int64_t time_ns, const Policy* policy,
+                                  Transform* out, int64_t* stamp_ns) noexcept nogil:
+    # As path_transform, under a policy.
+    cdef Transform source_side, target_side
+    cdef Status status
+    # In tf2's order both sides lead to the root; above the common ancestor they are the same.
+    while (path.source_hops and path.target_hops
+           and path.source[path.source_hops - 1] == path.target[path.target_hops - 1]):
+        path.source_hops -= 1
+        path.target_hops -= 1
+        path.top = path.source[path.source_hops]
+    status = _compose_side_under(
+        tree, path.target, path.target_hops, time_ns, policy, &target_side, stamp_ns)
+    if status.code == STATUS_OK:
+        status = _compose_side_under(
+            tree, path.source, path.source_hops, time_ns, policy, &source_side, stamp_ns)
+    if status.code == STATUS_OK and out != NULL:
+        transform_between(&target_side, &source_side, out)
+        quaternion_normalise(out.rotation)
+        quaternion_canonicalise(out.rotation)
+    return status
+
+
 # Walks in the order of tf2, the reference: up from the source to its root or first gap, then up from the
 # target. The order decides which of several errors is reported, and what a tree that contains a loop answers.
 # Lookups that succeed in trees without a loop do not need it. Target and source differ.
@@ -287,8 +333,9 @@ cdef Status walk_common_time(const Tree* tree, FrameId target, FrameId source, P
     return reference_common_time(tree, target, source, path, common_ns)
 
 
-cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_t time_ns, Path* path,
-                        Transform* out, int64_t* stamp_ns) noexcept nogil:
+cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
+                        const Policy* policy, Path* path, Transform* out, int64_t* stamp_ns) noexcept nogil:
+    cdef int64_t tolerance_ns = policy.tolerance_ns if policy.is_given else 0
     cdef bint mixed = False
     cdef bint latest = time_ns == 0
     cdef bint found
@@ -302,86 +349,33 @@ cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_
         if out != NULL:
             transform_identity(out)
         return status_of(STATUS_OK)
-    found = (not tree.ever_looped
+    # Under a policy, the walk decides which frames answer.
+    found = (not tree.ever_looped and not policy.is_given
              and walk_climb(tree, target, source, NEWEST if latest else time_ns, path, &mixed))
     if latest:
         if found:
             stamp_ns[0] = path_common_time(tree, path)
         else:
-            status = reference_common_time(tree, target, source, path, stamp_ns)
+            status = walk_common_time(tree, target, source, path, stamp_ns)
             if status.code != STATUS_OK:
                 return status
         if found and mixed:
             # At the common time a frame may have another parent than at its newest stamp.
             found = walk_climb(tree, target, source, stamp_ns[0], path, &mixed)
     if not found:
-        status = reference_walk(tree, target, source, stamp_ns[0], 0, path)
+        status = reference_walk(tree, target, source, stamp_ns[0], tolerance_ns, path)
         if status.code != STATUS_OK:
             return status
+    if policy.is_given:
+        return _path_transform_under(tree, path, stamp_ns[0], policy, out, stamp_ns)
     return path_transform(tree, path, stamp_ns[0], out)
-
-
-# Under a policy.
-
-cdef Status _compose_side_under(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t time_ns,
-                                const Policy* policy, Transform* out, int64_t* stamp_ns) noexcept nogil:
-    # From frames[0] up all hops. `stamp_ns` falls to the oldest stamp used.
-    cdef Transform hop
-    cdef Gap gap
-    cdef int64_t used_ns
-    cdef Status status
-    cdef uint32_t i
-    transform_identity(out)
-    for i in range(hops):
-        gap = history_transform_under(&tree.histories[frames[i]], time_ns, policy, &hop, &used_ns)
-        if gap != GAP_NONE:
-            status = gap_status(tree, frames[i], time_ns)
-            status.on_path = True
-            if gap == GAP_LONG:
-                status.gap = GAP_LONG
-                history_stamps_around(&tree.histories[frames[i]], time_ns, &status.edge_ns, &status.newer_ns)
-            return status
-        stamp_ns[0] = min(stamp_ns[0], used_ns)
-        transform_compose(&hop, out, out)
-    return status_of(STATUS_OK)
-
-
-cdef Status walk_under(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
-                       const Policy* policy, Path* path, Transform* out, int64_t* stamp_ns) noexcept nogil:
-    # As walk_lookup, under a policy that is given. Target and source differ.
-    cdef Transform source_side, target_side
-    cdef Status status = status_of(STATUS_OK)
-    if time_ns == 0:
-        status = walk_common_time(tree, target, source, path, &time_ns)
-    if status.code == STATUS_OK:
-        status = reference_walk(tree, target, source, time_ns, policy.tolerance_ns, path)
-    stamp_ns[0] = time_ns
-    # In tf2's order both sides lead to the root; above the common ancestor they are the same.
-    while (status.code == STATUS_OK and path.source_hops and path.target_hops
-           and path.source[path.source_hops - 1] == path.target[path.target_hops - 1]):
-        path.source_hops -= 1
-        path.target_hops -= 1
-        path.top = path.source[path.source_hops]
-    if status.code == STATUS_OK:
-        status = _compose_side_under(
-            tree, path.target, path.target_hops, time_ns, policy, &target_side, stamp_ns)
-    if status.code == STATUS_OK:
-        status = _compose_side_under(
-            tree, path.source, path.source_hops, time_ns, policy, &source_side, stamp_ns)
-    if status.code == STATUS_OK and out != NULL:
-        transform_between(&target_side, &source_side, out)
-        quaternion_normalise(out.rotation)
-        quaternion_canonicalise(out.rotation)
-    return status
 
 
 # The query: names to frames, the halves of a two-time lookup.
 
 cdef inline Status _walk(const Tree* tree, const Query* query, FrameId target, FrameId source,
                          int64_t time_ns, Path* path, Transform* out, int64_t* stamp_ns) noexcept nogil:
-    if query.policy.is_given and target != source:
-        return walk_under(tree, target, source, time_ns, &query.policy, path, out, stamp_ns)
-    return walk_lookup(tree, target, source, time_ns, path, out, stamp_ns)
+    return walk_lookup(tree, target, source, time_ns, &query.policy, path, out, stamp_ns)
 
 
 cdef inline FrameId query_frame(const Tree* tree, const char* name, Py_ssize_t size) noexcept nogil:
@@ -453,7 +447,7 @@ cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
     cdef int64_t source_stamp_ns
     if query_is_identity(query):
         source = tree_frame(tree, query.source, query.source_size)
-        return walk_lookup(tree, source, source, query.source_ns, &path, out, stamp_ns)
+        return _walk(tree, query, source, source, query.source_ns, &path, out, stamp_ns)
     status = query_end_frames(tree, query, &target, &source)
     if status.code != STATUS_OK:
         return status

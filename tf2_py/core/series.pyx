@@ -350,8 +350,8 @@ cdef void _pin_lookup(const Tree* tree, const Query* query, PinnedLookup* pinned
         fixed = query_fixed_frame(tree, query)
         if fixed == NO_FRAME:
             return
-        if walk_lookup(tree, pinned.target, fixed, query.target_ns, &path, &pinned.fixed_to_target,
-                       &stamp_ns).code != STATUS_OK:
+        if walk_lookup(tree, pinned.target, fixed, query.target_ns, &query.policy, &path,
+                       &pinned.fixed_to_target, &stamp_ns).code != STATUS_OK:
             return
         pinned.target = fixed
     if not tree.ever_looped and (

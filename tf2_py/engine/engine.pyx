@@ -543,7 +543,8 @@ cdef class Engine:
         lock_acquire(&self._lock)
         status = query_end_frames(&self._tree, query, &target, &source)
         if status.code == STATUS_OK:
-            status = walk_lookup(&self._tree, target, source, query.source_ns, path, NULL, &stamp_ns)
+            status = walk_lookup(
+                &self._tree, target, source, query.source_ns, &query.policy, path, NULL, &stamp_ns)
         lock_release(&self._lock)
         return status
 

@@ -745,7 +745,6 @@ def _transform_registration(stack):
         "add": lambda: TransformRegistration().add(_Own, print),
         "get": lambda: TransformRegistration().get(PointStamped),
         "get of no type": raising(lambda: TransformRegistration().get(type("New", (), {}))),
-        "is_default": lambda: TransformRegistration().is_default(PointStamped),
         "print_me": lambda: TransformRegistration().print_me(),
     }
 
@@ -760,7 +759,6 @@ def _convert_registration(stack):
         "get_from_msg": lambda: functions.get_from_msg(PointStamped),
         "get_to_msg": lambda: functions.get_to_msg(PointStamped),
         "get_convert": raising(functions.get_convert, (PointStamped, PoseStamped)),
-        "find_convert": lambda: functions.find_convert((PointStamped, PoseStamped)),
     }
 
 

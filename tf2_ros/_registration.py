@@ -4,9 +4,9 @@ import importlib
 import importlib.util
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
-from tf2_ros._arguments import is_a, refuse_swapped
+from tf2_ros._arguments import require_callable
 from tf2_ros._messages import TransformStamped
 
 _Object = TypeVar("_Object")
@@ -68,85 +68,63 @@ class NotImplementedException(Exception):
         super().__init__(self.errstr)
 
 
-def _name(key: Any) -> str:
-    # rosidl keeps each class in a private module and exports it from the one above.
-    if not isinstance(key, type):
-        return str(key)
-    modules = [part for part in key.__module__.split(".") if not part.startswith("_")]
-    return ".".join([*modules, key.__qualname__])
+# The functions by type, and for conversions between two types by the pair of them.
+_TRANSFORMS: dict[Any, Callable[..., Any]] = {}
+_TO_MSG: dict[Any, Callable[..., Any]] = {}
+_FROM_MSG: dict[Any, Callable[..., Any]] = {}
+_CONVERSIONS: dict[Any, Callable[..., Any]] = {}
 
 
-def _package(key: Any) -> str:
-    return getattr(key, "__module__", "").partition(".")[0]
+def _find(table: dict[Any, Callable[..., Any]], key: Any) -> Callable[..., Any] | None:
+    """Find the function for ``key``; imports what registers the types in it, if that is known."""
+    if key not in table:
+        for provider in _providers(key):
+            if importlib.util.find_spec(provider) is not None:
+                importlib.import_module(provider)
+    return table.get(key)
 
 
-class _Functions(dict[Any, Callable[..., Any]]):
-    """Functions by key. A default, one of this project's, never replaces what a program registered."""
-
-    def __init__(self, what: str) -> None:
-        self._what = what
-        self._defaults: dict[Any, Callable[..., Any]] = {}
-
-    def add(self, key: Any, function: Callable[..., Any], default: bool) -> None:
-        if not callable(function):
-            raise TypeError(f"{self._what} needs a function for {_name(key)}, not {function!r}")
-        if default:
-            is_own = key in self and not self.is_default(key)
-            self._defaults[key] = function
-            if is_own:
-                return
-        self[key] = function
-
-    def is_default(self, key: Any) -> bool:
-        """Whether the function for ``key`` is one of this project."""
-        return key in self._defaults and self.get(key) is self._defaults[key]
-
-    def find(self, key: Any) -> Callable[..., Any] | None:
-        """The function for ``key``, or None; imports what registers the types in it, if that is known."""
-        if key in self:
-            return self[key]
-        for package in self._providers(key):
-            if importlib.util.find_spec(package) is not None:
-                importlib.import_module(package)
-        return self.get(key)
-
-    def demand(self, key: Any) -> Callable[..., Any]:
-        """The function for ``key``; TypeException says what would make it known."""
-        function = self.find(key)
-        if function is None:
-            raise TypeException(self._missing(key))
+def _demand(table: dict[Any, Callable[..., Any]], key: Any, method: str) -> Callable[..., Any]:
+    """Find the function for ``key``; a TypeException says how ``method`` would make it known."""
+    function = _find(table, key)
+    if function is not None:
         return function
+    names = " to ".join(map(_name, _types(key)))
+    absent = [provider for provider in _providers(key) if importlib.util.find_spec(provider) is None]
+    if names in _INSTEAD:
+        cure = _INSTEAD[names]
+    elif absent:
+        cure = f"install {' and '.join(absent)}, which knows the messages of its package"
+    else:
+        cure = (
+            f"import the package that registers it, or register a function with tf2_ros.{method} "
+            f"(help(tf2_ros.{method.partition('()')[0]}) has an example)"
+        )
+        for one in _types(key):
+            known = [other.__name__ for other in _TRANSFORMS if _package(other) == _package(one)]
+            if _package(one) in _REGISTERED_BY:
+                cure += f"; {_REGISTERED_BY[_package(one)]} knows {', '.join(known)} of {_package(one)}"
+    raise TypeException(f"Type {names} is not loaded or supported: {cure}")
 
-    @staticmethod
-    def _providers(key: Any) -> list[str]:
-        types = key if isinstance(key, tuple) else (key,)
-        providers = (_REGISTERED_BY.get(_package(one)) for one in types)
-        return list(dict.fromkeys(provider for provider in providers if provider is not None))
 
-    def _missing(self, key: Any) -> str:
-        names = " to ".join(map(_name, key)) if isinstance(key, tuple) else _name(key)
-        if names in _INSTEAD:
-            return f"Type {names} is not loaded or supported: {_INSTEAD[names]}"
-        absent = [package for package in self._providers(key) if importlib.util.find_spec(package) is None]
-        if absent:
-            cure = f"install {' and '.join(absent)}, which knows the messages of its package"
-        else:
-            cure = f"import the package that registers it, or register a function with {self._what}"
-            cure += f" (help({self._what.partition('()')[0]}) has an example). {self._known(key)}"
-        return f"Type {names} is not loaded or supported: {cure}"
+def _types(key: Any) -> tuple[Any, ...]:
+    return key if isinstance(key, tuple) else (key,)
 
-    def _known(self, key: Any) -> str:
-        """List the known types of the message packages of ``key``; if there are none, the known packages."""
-        types = key if isinstance(key, tuple) else (key,)
-        known: dict[str, list[str]] = {}
-        for one in self._defaults:
-            if isinstance(one, type) and _package(one) in map(_package, types):
-                known.setdefault(_package(one), []).append(one.__name__)
-        if known:
-            facts = [f"{_REGISTERED_BY[name]} knows {', '.join(known[name])} of {name}" for name in known]
-            return "; ".join(facts)
-        facts = [f"of {name} are known to {provider}" for name, provider in _REGISTERED_BY.items()]
-        return f"The types {'; those '.join(facts)}"
+
+def _package(cls: Any) -> str:
+    return getattr(cls, "__module__", "").partition(".")[0]
+
+
+def _providers(key: Any) -> list[str]:
+    return [_REGISTERED_BY[_package(cls)] for cls in _types(key) if _package(cls) in _REGISTERED_BY]
+
+
+def _name(cls: Any) -> str:
+    # rosidl keeps each class in a private module and exports it from the one above.
+    if not isinstance(cls, type):
+        return str(cls)
+    modules = [part for part in cls.__module__.split(".") if not part.startswith("_")]
+    return ".".join([*modules, cls.__qualname__])
 
 
 class TransformRegistration:
@@ -165,29 +143,20 @@ class TransformRegistration:
     1.0
     """
 
-    # Programs reach into the tables of these classes, too, by the names that tf2's have.
-    __type_map = _Functions("tf2_ros.TransformRegistration().add()")
+    __type_map = _TRANSFORMS  # under tf2's name, by which programs reach it
 
-    def add(
-        self,
-        key: type[_Object],
-        callback: Callable[[_Object, TransformStamped], _Object],
-        *,
-        default: bool = False,
-    ) -> None:
+    def add(self, key: type[_Object], callback: Callable[[_Object, TransformStamped], _Object]) -> None:
         """
         Register the function that transforms objects of one type.
 
         :param key: the type.
         :param callback: takes the object and a ``TransformStamped``, returns the transformed object.
-        :param default: use it only if the program registers no other function for the type, before or after.
         :raises TypeError: ``key`` is not a type, or ``callback`` cannot be called.
         """
-        call = "TransformRegistration.add"
-        refuse_swapped(call, key=(is_a(type), key), callback=(callable, callback))
         if not isinstance(key, type):
-            raise TypeError(f"{call} needs a type as key, not a {type(key).__name__}: {key!r}")
-        self.__type_map.add(key, callback, default)
+            raise TypeError(f"TransformRegistration.add needs a type as key, not {key!r}")
+        require_callable("TransformRegistration.add", callback)
+        self.__type_map[key] = callback
 
     def get(self, key: type[_Object]) -> Callable[[_Object, TransformStamped], _Object]:
         """
@@ -195,15 +164,11 @@ class TransformRegistration:
 
         :raises TypeException: none is registered.
         """
-        return self.__type_map.demand(key)
-
-    def is_default(self, key: type[Any]) -> bool:
-        """Whether the function for a type is one of this project's."""
-        return self.__type_map.is_default(key)
+        return _demand(self.__type_map, key, "TransformRegistration().add()")
 
     def print_me(self) -> None:
         """Print the table."""
-        print(dict(self.__type_map))
+        print(self.__type_map)
 
 
 class ConvertRegistration:
@@ -217,49 +182,39 @@ class ConvertRegistration:
     (1.0, 0.0, 0.0)
     """
 
-    __to_msg_map = _Functions("tf2_ros.ConvertRegistration().add_to_msg()")
-    __from_msg_map = _Functions("tf2_ros.ConvertRegistration().add_from_msg()")
-    __convert_map = _Functions("tf2_ros.ConvertRegistration().add_convert()")
+    __to_msg_map = _TO_MSG
+    __from_msg_map = _FROM_MSG
+    __convert_map = _CONVERSIONS
 
-    def add_from_msg(
-        self, key: type[_New], callback: Callable[[Any], _New], *, default: bool = False
-    ) -> None:
+    def add_from_msg(self, key: type[_New], callback: Callable[[Any], _New]) -> None:
         """
         Register the function that makes objects of one type from messages.
 
         :param key: the type.
         :param callback: takes a message, returns an object of the type.
-        :param default: use it only if the program registers no other function for the type, before or after.
         """
-        self.__from_msg_map.add(key, callback, default)
+        require_callable("ConvertRegistration.add_from_msg", callback)
+        self.__from_msg_map[key] = callback
 
-    def add_to_msg(
-        self, key: type[_Object], callback: Callable[[_Object], Any], *, default: bool = False
-    ) -> None:
+    def add_to_msg(self, key: type[_Object], callback: Callable[[_Object], Any]) -> None:
         """
         Register the function that makes messages from objects of one type.
 
         :param key: the type.
         :param callback: takes an object of the type, returns a message.
-        :param default: use it only if the program registers no other function for the type, before or after.
         """
-        self.__to_msg_map.add(key, callback, default)
+        require_callable("ConvertRegistration.add_to_msg", callback)
+        self.__to_msg_map[key] = callback
 
-    def add_convert(
-        self,
-        key: tuple[type[_Object], type[_New]],
-        callback: Callable[[_Object], _New],
-        *,
-        default: bool = False,
-    ) -> None:
+    def add_convert(self, key: tuple[type[_Object], type[_New]], callback: Callable[[_Object], _New]) -> None:
         """
         Register the function that converts one type to another directly, without a message in between.
 
         :param key: the type converted from, and the type converted to.
         :param callback: takes an object of the first type, returns one of the second.
-        :param default: use it only if the program registers no other function for the pair, before or after.
         """
-        self.__convert_map.add(key, callback, default)
+        require_callable("ConvertRegistration.add_convert", callback)
+        self.__convert_map[key] = callback
 
     def get_from_msg(self, key: type[_New]) -> Callable[[Any], _New]:
         """
@@ -267,7 +222,7 @@ class ConvertRegistration:
 
         :raises TypeException: none is registered.
         """
-        return self.__from_msg_map.demand(key)
+        return _demand(self.__from_msg_map, key, "ConvertRegistration().add_from_msg()")
 
     def get_to_msg(self, key: type[_Object]) -> Callable[[_Object], Any]:
         """
@@ -275,7 +230,7 @@ class ConvertRegistration:
 
         :raises TypeException: none is registered.
         """
-        return self.__to_msg_map.demand(key)
+        return _demand(self.__to_msg_map, key, "ConvertRegistration().add_to_msg()")
 
     def get_convert(self, key: tuple[type[_Object], type[_New]]) -> Callable[[_Object], _New]:
         """
@@ -283,11 +238,7 @@ class ConvertRegistration:
 
         :raises TypeException: none is registered.
         """
-        return self.__convert_map.demand(key)
-
-    def find_convert(self, key: tuple[type[_Object], type[_New]]) -> Callable[[_Object], _New] | None:
-        """As :meth:`get_convert`, but return None if none is registered."""
-        return self.__convert_map.find(key)
+        return _demand(self.__convert_map, key, "ConvertRegistration().add_convert()")
 
 
 def to_msg_msg(msg: _Object) -> _Object:
@@ -301,11 +252,15 @@ def from_msg_msg(msg: _Object) -> _Object:
 
 
 def register_messages(functions: TransformFunctions) -> None:
-    """Register this project's functions for message classes, and that each class converts to itself."""
+    """
+    Register this project's functions for message classes, and that each class converts to itself.
+
+    What a program has registered for a class stays.
+    """
     for cls, function in functions.items():
-        TransformRegistration().add(cls, function, default=True)
-        ConvertRegistration().add_to_msg(cls, to_msg_msg, default=True)
-        ConvertRegistration().add_from_msg(cls, from_msg_msg, default=True)
+        _TRANSFORMS.setdefault(cls, function)
+        _TO_MSG.setdefault(cls, to_msg_msg)
+        _FROM_MSG.setdefault(cls, from_msg_msg)
 
 
 def names_of(functions: TransformFunctions) -> Mapping[str, Any]:
@@ -320,29 +275,20 @@ def convert(a: Any, b_type: type[_New]) -> _New:
     :param a: the object; it is not changed.
     :param b_type: the type to convert to.
     :return: an object of that type; where a program's own function makes it, of whatever type that returns.
-    :raises TypeException: no conversion is registered, or it returns a message of another type.
+    :raises TypeException: no conversion is registered, or ``b_type`` is a message class and the message is
+        of another one.
     """
-    registration = ConvertRegistration()
-    direct = registration.find_convert((type(a), b_type))
-    message = a
+    direct = _CONVERSIONS.get((type(a), b_type))
     if direct is not None:
-        converted = direct(a)
-    elif type(a) is b_type:
-        converted = deepcopy(a)
-    else:
-        to_msg = registration.get_to_msg(type(a))
-        from_msg = registration.get_from_msg(b_type)
-        message = to_msg(a)
-        converted = from_msg(message)
-    # A program's own function may return any type; a message that was only passed on must be of `b_type`.
-    if converted is message or hasattr(converted, "get_fields_and_field_types"):
-        _check_type(converted, b_type, a)
-    return converted
-
-
-def _check_type(converted: Any, b_type: Any, a: Any) -> None:
-    if isinstance(b_type, type) and not isinstance(converted, b_type):
+        return cast(_New, direct(a))
+    if type(a) is b_type:
+        return deepcopy(a)
+    registration = ConvertRegistration()
+    message = registration.get_to_msg(type(a))(a)
+    from_msg = registration.get_from_msg(b_type)
+    if from_msg is from_msg_msg and not isinstance(message, b_type):
         raise TypeException(
             f"Type {_name(type(a))} cannot be converted to {_name(b_type)}: the functions registered for "
-            f"them make {_name(type(converted))} of it"
+            f"them make {_name(type(message))} of it"
         )
+    return from_msg(message)

@@ -362,8 +362,8 @@ def _header_of(object_stamped: Any) -> Any:
     try:
         return object_stamped.header
     except AttributeError as missing:
-        # Types that tf2 does not register in Python.
-        if TransformRegistration().is_default(type(object_stamped)):
+        # A message of a type that tf2 does not register in Python.
+        if hasattr(object_stamped, "get_fields_and_field_types"):
             raise TypeException(
                 f"Type {type(object_stamped).__name__} is not supported here: it has no header that says "
                 f"where it is, and when"

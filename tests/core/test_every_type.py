@@ -169,23 +169,6 @@ def test_every_type_is_registered_for_conversion_too(cls):
     assert ConvertRegistration().get_from_msg(cls)(message) is message
 
 
-def test_what_a_program_registers_itself_wins_over_ours():
-    table = TransformRegistration()
-    ours = table.get(Pose)
-    assert ours(Pose(), transform("map", "base")) == Pose()
-
-    def own(message, t):
-        return "own"
-
-    try:
-        table.add(Pose, own)
-        assert table.get(Pose) is own
-        table.add(Pose, ours, default=True)
-        assert table.get(Pose) is own
-    finally:
-        table.add(Pose, ours)
-
-
 def test_a_type_that_nobody_registers_is_refused_by_name():
     with pytest.raises(TypeException, match=r"Child is not loaded or supported: .*register"):
         TransformRegistration().get(Child)

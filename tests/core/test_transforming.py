@@ -204,18 +204,6 @@ def test_importing_tf2_ros_alone_is_enough(package, name, provider):
     assert run(program) == ["False", "map", "True"]
 
 
-def test_a_programs_own_function_wins_over_one_that_is_registered_later():
-    program = """
-        import tf2_ros
-        from geometry_msgs.msg import PoseStamped
-        def own(pose, t): return "own"
-        tf2_ros.TransformRegistration().add(PoseStamped, own)
-        import tf2_geometry_msgs
-        print(tf2_ros.TransformRegistration().get(PoseStamped) is own)
-    """
-    assert run(program) == ["True"]
-
-
 def test_geometry_needs_no_nav_msgs():
     program = """
         import importlib.abc, sys

@@ -26,7 +26,6 @@ every_row = pytest.mark.parametrize(
 def test_a_type_of_the_table_is_registered(package, cls):
     function = TABLES[package][cls]
     assert TransformRegistration().get(cls) is function
-    assert TransformRegistration().is_default(cls)
     message = cls()
     assert ConvertRegistration().get_to_msg(cls)(message) is message
     assert ConvertRegistration().get_from_msg(cls)(message) is message

@@ -116,16 +116,6 @@ class TestTransform:
             buffer.transform(LaserScan(), "map")
 
     @pytest.mark.ours
-    def test_the_refusal_of_another_type_says_who_knows_which_messages(self, buffer, interface):
-        with pytest.raises(interface.TypeException) as caught:
-            buffer.transform("a str", "map")
-        assert str(caught.value).endswith(
-            " has an example). The types of geometry_msgs are known to tf2_geometry_msgs; "
-            "those of nav_msgs are known to tf2_geometry_msgs; "
-            "those of sensor_msgs are known to tf2_sensor_msgs"
-        )
-
-    @pytest.mark.ours
     def test_an_object_without_a_header_is_told_what_it_lacks(self, buffer):
         with pytest.raises(AttributeError, match="Thing has no attribute 'header': .* frame_id and stamp"):
             thing = Thing(1)
@@ -182,13 +172,6 @@ point.header.frame_id = "robot"
 assert "tf2_geometry_msgs" not in sys.modules
 """
 
-    def test_a_point_needs_no_import(self):
-        assert self.run(self.BEGIN + "print(buffer.transform(point, 'map').point.x)") == "1.0\n"
-
-    def test_its_conversion_needs_none_either(self):
-        program = self.BEGIN + "print(tf2_ros.convert(point, PointStamped) is not point)"
-        assert self.run(program) == "True\n"
-
     @pytest.mark.parametrize("when", ["before", "after"])
     def test_a_registration_of_ones_own_wins(self, when):
         mine = "tf2_ros.TransformRegistration().add(PointStamped, lambda point, transform: 'mine')\n"
@@ -196,11 +179,6 @@ assert "tf2_geometry_msgs" not in sys.modules
         if when == "after":
             program.reverse()
         assert self.run(self.BEGIN + "".join(program) + "print(buffer.transform(point, 'map'))") == "mine\n"
-
-    def test_a_registration_of_ones_own_hides_no_other_type(self):
-        mine = "from geometry_msgs.msg import PoseStamped\n"
-        mine += "tf2_ros.TransformRegistration().add(PoseStamped, lambda pose, transform: 'mine')\n"
-        assert self.run(self.BEGIN + mine + "print(buffer.transform(point, 'map').point.x)") == "1.0\n"
 
 
 class TestRegistration:
@@ -214,26 +192,14 @@ class TestRegistration:
     @pytest.mark.parametrize(
         ("key", "callback", "said"),
         [
-            (Thing(1), move, "needs a type as key, not a Thing: "),
-            (move, Thing, r"did you mean TransformRegistration\.add\(key=<type>, callback=<function>\)"),
-            (Thing, None, r"TransformRegistration\(\)\.add\(\) needs a function for .*Thing, not None"),
+            (Thing(1), move, "needs a type as key, not <"),
+            (move, Thing, "needs a type as key, not <function move"),
+            (Thing, None, "TransformRegistration.add needs a function to call, not NoneType"),
         ],
     )
     def test_what_no_transform_could_use_is_refused(self, interface, key, callback, said):
         with pytest.raises(TypeError, match=said):
             interface.TransformRegistration().add(key, callback)
-
-    @pytest.mark.ours
-    def test_a_default_counts_where_there_is_nothing_else(self, interface):
-        class Fresh:
-            pass
-
-        registration = interface.TransformRegistration()
-        registration.add(Fresh, len, default=True)
-        assert registration.get(Fresh) is len
-        registration.add(Fresh, move)
-        registration.add(Fresh, len, default=True)
-        assert registration.get(Fresh) is move
 
     def test_the_table_can_be_printed(self, buffer, interface, capsys):
         interface.TransformRegistration().print_me()
@@ -298,22 +264,6 @@ class TestConvert:
             buffer.transform(point, "map", new_type=wanted)
         with pytest.raises(interface.TypeException, match="PointStamped cannot be converted to"):
             buffer.transform_full(point, "map", at(1), "map", new_type=wanted)
-
-    @pytest.mark.ours
-    def test_neither_does_what_a_program_registers(self, interface, table):
-        class A:
-            pass
-
-        class B:
-            pass
-
-        table.add_to_msg(A, lambda a: PointStamped())
-        table.add_from_msg(B, lambda message: message)
-        with pytest.raises(interface.TypeException, match="A cannot be converted to .*B"):
-            interface.convert(A(), B)
-        table.add_convert((A, B), lambda a: a)
-        with pytest.raises(interface.TypeException, match="A cannot be converted to .*B"):
-            interface.convert(A(), B)
 
     def test_a_message_is_converted_from_and_to_a_type_of_ones_own(self, interface, table):
         class Spot:

@@ -1,6 +1,6 @@
 """A program of a user with types, which names everything public: mypy --strict and pyright accept it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import PurePath
 from typing import Any
 
@@ -332,14 +332,11 @@ def types(pose: PoseStamped) -> None:
     registration, conversions = TransformRegistration(), ConvertRegistration()
     registration.add(PoseStamped, turn)
     assert_type(registration.get(PoseStamped)(pose, TransformStamped()), PoseStamped)
-    assert_type(registration.is_default(PoseStamped), bool)
     registration.print_me()
     conversions.add_to_msg(PoseStamped, point_of)
     conversions.add_from_msg(PointStamped, point_of)
-    conversions.add_convert((PoseStamped, PointStamped), point_of, default=True)
+    conversions.add_convert((PoseStamped, PointStamped), point_of)
     assert_type(conversions.get_convert((PoseStamped, PointStamped))(pose), PointStamped)
-    found = conversions.find_convert((PoseStamped, PointStamped))
-    assert_type(found, Callable[[PoseStamped], PointStamped] | None)
     print(conversions.get_to_msg(PoseStamped)(pose))
     assert_type(conversions.get_from_msg(PointStamped)(pose), PointStamped)
     assert_type(convert(pose, PointStamped), PointStamped)

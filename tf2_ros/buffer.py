@@ -9,7 +9,6 @@ from tf2_py import BufferCore, TransformException
 from tf2_py._internal import log, policy_of, timeout_ns
 from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros import _names
-from tf2_ros._arguments import has, is_duration, refuse_swapped
 from tf2_ros._messages import TransformStamped
 from tf2_ros._shared.naming import buffer_name, require_linux
 from tf2_ros._wait.blocking import BlockingWait, Lookup
@@ -123,7 +122,6 @@ class Buffer(BufferCore, AnsweringInterface):
         attach: str | None = None,
         expire_after: TimeoutLike | None = None,
     ) -> None:
-        refuse_swapped("Buffer", cache_time=(is_duration, cache_time), node=(has("create_service"), node))
         if share is not None and attach is not None:
             raise ValueError("a buffer either shares what it holds, or is attached to one that does")
         ring = None if attach is None else _opened(attach, node)

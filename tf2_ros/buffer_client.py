@@ -29,7 +29,7 @@ from tf2_py import TimeoutException, TransformException
 from tf2_py._internal import class_name, counted, errors, frame_name, printable, timeout_ns
 from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros import _names
-from tf2_ros._arguments import has, is_name, optional_timeout_ns, refuse_swapped
+from tf2_ros._arguments import optional_timeout_ns, require_node
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._messages import time_msg
 from tf2_ros._nodes import Spinner, hidden_node
@@ -359,7 +359,7 @@ class BufferClient(AnsweringInterface):
         check_frequency: float = 10.0,
         timeout_padding: TimeoutLike = Duration(seconds=2.0),  # noqa: B008  as in tf2; a Duration cannot change
     ) -> None:
-        refuse_swapped("BufferClient", node=(has("create_client"), node), ns=(is_name, ns))
+        require_node("BufferClient", node, "create_client")
         if not check_frequency > 0.0:
             raise ValueError(f"check_frequency must be above 0 Hz, it is {check_frequency}")
         super().__init__()

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 from tf2_py import TransformException
 from tf2_py.typing import TimeLike, TimeoutLike
 from tf2_ros import _names
-from tf2_ros._arguments import has, is_name, swapped
 from tf2_ros._messages import Header, TransformStamped, time_msg
 from tf2_ros._messages import PoseStamped as PoseStamped
 from tf2_ros._messages import Time as TimeMsg
@@ -95,7 +94,7 @@ class BufferInterface:
         :raises TypeError: ``target_frame`` is not a str, or ``timeout`` is not a timeout.
         :raises AttributeError: the object has no header, or its header no ``frame_id`` or ``stamp``.
         """
-        do_transform = _function_for(self.registration, "transform", object_stamped, target_frame)
+        do_transform: Any = self.registration.get(type(object_stamped))
         header = _header_of(object_stamped)
         try:
             transform = self.lookup_transform(target_frame, header.frame_id, header.stamp, timeout)
@@ -126,7 +125,7 @@ class BufferInterface:
         :param timeout: see :meth:`transform`, also for ``new_type``.
         :return: a new object, stamped with the target time.
         """
-        do_transform = _function_for(self.registration, "transform_full", object_stamped, target_frame)
+        do_transform: Any = self.registration.get(type(object_stamped))
         header = _header_of(object_stamped)
         try:
             transform = self.lookup_transform_full(
@@ -156,7 +155,7 @@ class BufferInterface:
         :return: a new object.
         :raises TimeoutException: the transform was not available in time.
         """
-        do_transform = _function_for(self.registration, "transform_async", object_stamped, target_frame)
+        do_transform: Any = self.registration.get(type(object_stamped))
         header = _header_of(object_stamped)
         try:
             transform = await self.lookup_transform_async(
@@ -344,18 +343,6 @@ class AnsweringInterface(BufferInterface):
         except TransformException as error:
             return False, str(error)
         return True, ""
-
-
-def _function_for(registration: Any, call: str, object_stamped: Any, target_frame: Any) -> Any:
-    try:
-        return registration.get(type(object_stamped))
-    except TypeException:
-        text = swapped(
-            call, object_stamped=(has("header"), object_stamped), target_frame=(is_name, target_frame)
-        )
-        if text is None:
-            raise
-        raise TypeException(text) from None
 
 
 def _header_of(object_stamped: Any) -> Any:

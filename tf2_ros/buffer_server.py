@@ -26,7 +26,7 @@ from tf2_py import (
     TransformException,
 )
 from tf2_py._internal import timeout_ns
-from tf2_ros._arguments import has, is_a, is_name, refuse_swapped
+from tf2_ros._arguments import require_node
 from tf2_ros._forking import is_inherited
 from tf2_ros._nodes import keep_in_children
 from tf2_ros._qos import lookup_qos
@@ -84,14 +84,9 @@ class BufferServer:
     """
 
     def __init__(self, buffer: BufferCore, node: Node, ns: str, check_period: float = 0.01) -> None:
-        refuse_swapped(
-            "BufferServer",
-            buffer=(is_a(BufferCore), buffer),
-            node=(has("create_service"), node),
-            ns=(is_name, ns),
-        )
         if not isinstance(buffer, BufferCore):
             raise TypeError(f"buffer must be a tf2_ros.Buffer, not {type(buffer).__name__}")
+        require_node("BufferServer", node, "create_service")
         self._buffer = buffer
         self._lookups: dict[bytes, Future] = {}
         # Both are in one group, so that no other thread ends a goal while its cancellation is decided. The

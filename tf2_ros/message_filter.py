@@ -31,15 +31,7 @@ from tf2_py._internal import (
     time_ns,
 )
 from tf2_py.typing import DurationLike, TimeoutLike
-from tf2_ros._arguments import (
-    has,
-    is_a,
-    is_names,
-    kind_of,
-    optional_timeout_ns,
-    refuse_swapped,
-    require_callable,
-)
+from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable, require_node
 from tf2_ros._forking import FORKED, LiveObjects, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended
 from tf2_ros._rclpy import holding_executor
@@ -196,16 +188,9 @@ class MessageFilter(Generic[_Message]):
         buffer_timeout: TimeoutLike | None = None,
         tolerance: DurationLike | None = None,
     ) -> None:
-        refuse_swapped(
-            "MessageFilter",
-            input=(_is_input, input),
-            buffer=(is_a(Buffer), buffer),
-            target_frames=(is_names, target_frames),
-            queue_size=(is_a(int), queue_size),
-            node=(has("create_subscription"), node),
-        )
         if not isinstance(buffer, Buffer):
             raise TypeError(f"buffer must be a tf2_ros.Buffer, not {type(buffer).__name__}")
+        require_node("MessageFilter", node, "create_subscription")
         self.callbacks: dict[int, _Callback] = {}
         self._failure_callbacks: dict[int, _Callback] = {}
         self._connections = itertools.count()
@@ -701,12 +686,6 @@ class _Arrival(WakingFuture[None]):
     def expire(self) -> None:
         """Wake the iteration, because nothing arrives any more."""
         self.set_result(None)
-
-
-def _is_input(value: Any) -> bool:
-    if isinstance(value, tuple):
-        return len(value) == 3 and hasattr(value[0], "header")
-    return hasattr(value, "registerCallback")
 
 
 def _names(target_frames: str | Sequence[str]) -> tuple[str, ...]:

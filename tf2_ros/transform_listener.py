@@ -21,7 +21,7 @@ from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_py._internal import class_name
 from tf2_ros import _names
-from tf2_ros._arguments import has, refuse_swapped, require_node
+from tf2_ros._arguments import require_node
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._nodes import END_WAIT_S, Spinner, fills, hidden_node, keep_in_children
 from tf2_ros._qos import chosen_qos
@@ -141,11 +141,6 @@ class TransformListener:
         prefix: str = "",
         recording: Recording | None = None,
     ) -> None:
-        refuse_swapped(
-            type(self).__name__,
-            buffer=(has("set_transform"), buffer),
-            node=(has("create_subscription"), node),
-        )
         if node is not None:
             require_node(type(self).__name__, node, "create_subscription")
         self.buffer = buffer

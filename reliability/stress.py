@@ -34,7 +34,6 @@ def stress(seconds, seed):
     faulthandler.enable()
     # The test forks beside threads and copies a buffer with a node on purpose.
     warnings.filterwarnings("ignore", message=".*fork.*", category=DeprecationWarning)
-    warnings.filterwarnings("ignore", message=".*is not copied", category=UserWarning)
     logging.getLogger("tf2_ros").setLevel(logging.ERROR)
     rclpy.init(args=[])
     # Late transforms are counted instead.

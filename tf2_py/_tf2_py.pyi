@@ -55,13 +55,10 @@ class _Wait:  # Wait of tf2_py/engine/wait.pyx
 
 class BufferCore:
     cache_time_ns: int
-    _new_data_callbacks: list[Callable[[], Any]]
     @property
     def _tf2_cache_time_ns(self) -> int: ...
     @property
     def _tf2_kept(self) -> set[Any]: ...
-    @property
-    def _tf2_observers(self) -> list[Callable[[], Any]]: ...
     def _tf2_names(self) -> list[str]: ...
     def __init__(
         self,

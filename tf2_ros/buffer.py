@@ -1,6 +1,5 @@
 """Look up and await transforms in a buffer with a clock and a service."""
 
-import warnings
 import weakref
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -33,7 +32,7 @@ if TYPE_CHECKING or HAS_ROS:
 
     if TYPE_CHECKING:
         from tf2_ros._receive.expiry import Expiry
-        from tf2_ros._shared.attachment import Attachment, Ring
+        from tf2_ros._shared.attachment import Attachment
         from tf2_ros._shared.owner import Owner
 else:
     from tf2_ros._without_ros import Changes, TransformFuture
@@ -50,16 +49,9 @@ JUMP_BACK_S = 1  # when its clock jumps back this far, a buffer is cleared
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
 
 # What `Buffer.__init__` sets; a copy has its own.
-_OF_INIT = {
-    "registration",
-    "_tf2_wait_contexts",
-    "srv",
-    "clock",
-    "jump_handle",
-    "_tf2_sharing",
-    "_tf2_expiry",
-}
-_OF_INIT |= {"_new_data_callbacks"}  # and what tf2's does
+_OF_INIT = frozenset(
+    {"registration", "_tf2_wait_contexts", "srv", "clock", "jump_handle", "_tf2_sharing", "_tf2_expiry"}
+)
 
 
 class Buffer(BufferCore, AnsweringInterface):
@@ -124,54 +116,54 @@ class Buffer(BufferCore, AnsweringInterface):
     ) -> None:
         if share is not None and attach is not None:
             raise ValueError("a buffer either shares what it holds, or is attached to one that does")
-        ring = None if attach is None else _opened(attach, node)
-        if ring is not None and cache_time is None:
-            cache_time = ring.cache_time_s()
-        self.__end_sharing()
+        ring = None
+        # Few programs share a buffer, or have frames expire; only they load the modules for it.
+        if share is not None or attach is not None:
+            require_linux()
+        if attach is not None:
+            from tf2_ros._shared.attachment import open_ring
+
+            ring = open_ring(buffer_name(attach, node))
+            cache_time = ring.cache_time_s() if cache_time is None else cache_time
         BufferCore.__init__(
             self, cache_time, max_frames=max_frames, max_bytes=max_bytes, max_waiters=max_waiters
         )
         if share is not None:
-            self._tf2_sharing = _shared(self, share, node)
+            from tf2_ros._shared.owner import Owner
+
+            self._tf2_sharing = Owner(self, buffer_name(share, node))
         if ring is not None:
             self._tf2_sharing = ring.attach_to(self)
         self.__connect(node)
-        self.__dict__.pop("_tf2_expiry", None)  # __init__ was called again
         if expire_after is not None:
-            self._tf2_expiry = _expiry(self, expire_after)
+            if not HAS_ROS:
+                raise absence("a buffer whose frames expire")
+            from tf2_ros._receive.expiry import Expiry
 
-    def __end_sharing(self) -> None:
-        sharing, self._tf2_sharing = self._tf2_sharing, None
-        if sharing is not None:
-            sharing.close()  # __init__ was called again
+            self._tf2_expiry = Expiry(self, timeout_ns(expire_after, "expire_after"))
 
     def __connect(self, node: "Node | None") -> None:
         AnsweringInterface.__init__(self)
-        if HAS_ROS:
-            self.__begin_in_ros(node)
-        elif node is not None:
-            raise absence("a buffer with a node")
-
-    def __begin_in_ros(self, node: "Node | None") -> None:
+        if not HAS_ROS:
+            if node is not None:
+                raise absence("a buffer with a node")
+            return
         self._tf2_wait_contexts = WaitContexts()
         fills(node, self)
         self.srv: Service | None = None
         self.clock: Clock = Clock() if node is None else node.get_clock()
         if node is not None:
             self.srv = node.create_service(FrameGraph, "tf2_frames", self.__get_frames)
-        if "jump_handle" in self.__dict__:
-            self.jump_handle.unregister()  # __init__ was called again
         self.jump_handle: JumpHandle = _clear_at_jumps(self)
 
     def __getstate__(self) -> dict[str, Any]:
         """
-        Return what a pickle or copy is made of: see ``BufferCore``, but without what belongs to a node.
-
-        The copy has its own clock, and no service. It lacks attributes that are nodes or listeners. If
-        there are any, or a service, a ``UserWarning`` says so.
+        Return what a pickle or copy is made of: see ``BufferCore``, but without what belongs to a node. The
+        copy has its own clock, and no service.
         """
         state = super().__getstate__()
-        state["attributes"] = _without_node(state["attributes"], type(self).__name__)
+        attributes = state["attributes"]
+        state["attributes"] = {name: value for name, value in attributes.items() if name not in _OF_INIT}
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -181,10 +173,7 @@ class Buffer(BufferCore, AnsweringInterface):
             self.__connect(None)
 
     def __del__(self) -> None:
-        """Stop following the clock; may be called again."""
-        handle = self.__dict__.get("jump_handle")
-        if handle is not None:
-            handle.unregister()
+        """Do nothing: what follows the clock ends by itself. Subclasses call this, as in tf2."""
 
     def lookup_transform(
         self,
@@ -229,7 +218,7 @@ class Buffer(BufferCore, AnsweringInterface):
                 return BufferCore._lookup_under(self, target_frame, source_frame, time, accepted)
             return self.lookup_transform_core(target_frame, source_frame, time)
         lookup = Lookup.simple(target_frame, source_frame, time, policy_of("lookup_transform", **policy))
-        return self.__begin_wait(timeout).for_answer(lookup)
+        return BlockingWait(self, timeout_ns(timeout)).for_answer(lookup)
 
     def lookup_transform_full(
         self,
@@ -245,17 +234,20 @@ class Buffer(BufferCore, AnsweringInterface):
                 target_frame, target_time, source_frame, source_time, fixed_frame
             )
         lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame)
-        return self.__begin_wait(timeout).for_answer(lookup)
+        return BlockingWait(self, timeout_ns(timeout)).for_answer(lookup)
 
     def _tf2_can(self, timeout: TimeoutLike, *arguments: Any) -> tuple[bool, str]:
         ask = self.can_transform_core if len(arguments) == 3 else self.can_transform_full_core
-        wait = None
-        if timeout is not NO_TIMEOUT:
-            wait = self.__begin_wait(timeout)
-            if self.__becomes_available(wait, Lookup.of(*arguments)):
-                return True, ""
-        can, reason = ask(*arguments)
-        return bool(can), reason if can or wait is None else wait.told(reason)
+        if timeout is NO_TIMEOUT:
+            can, reason = ask(*arguments)
+            return bool(can), reason
+        wait = BlockingWait(self, timeout_ns(timeout))
+        try:
+            wait.for_answer(Lookup.of(*arguments))
+        except TransformException:
+            can, reason = ask(*arguments)
+            return bool(can), reason if can else wait.told(reason)
+        return True, ""
 
     def wait_for_transform_async(
         self,
@@ -404,16 +396,6 @@ class Buffer(BufferCore, AnsweringInterface):
         log.logger("tf2_buffer").warning(f"{happened}. Clearing TF buffer.")
         self.clear()
 
-    def __begin_wait(self, timeout: TimeoutLike) -> BlockingWait:
-        return BlockingWait(self, timeout_ns(timeout))
-
-    def __becomes_available(self, wait: BlockingWait, lookup: Lookup) -> bool:
-        try:
-            wait.for_answer(lookup)
-        except TransformException:
-            return False
-        return True
-
     @staticmethod
     def __renewed(
         answer: TransformStamped, look_up: Callable[..., TransformStamped], *arguments: Any
@@ -428,65 +410,13 @@ class Buffer(BufferCore, AnsweringInterface):
         res.frame_yaml = self.all_frames_as_yaml()
         return res
 
-    # A program's own set_transform calls these, as tf2's does.
+    # A program's own set_transform may call the first, as tf2's does. Here, no insert needs them.
 
     def _call_new_data_callbacks(self) -> None:
-        for callback in list(self._new_data_callbacks):
-            callback()
+        pass
 
     def _remove_callback(self, callback: Callable[[], Any]) -> None:
-        if callback in self._new_data_callbacks:
-            self._new_data_callbacks.remove(callback)
-
-
-# Few programs have frames expire, or share a buffer; only they load the modules for it, before they wait.
-
-
-def _expiry(buffer: Buffer, after: TimeoutLike) -> "Expiry":
-    if not HAS_ROS:
-        raise absence("a buffer whose frames expire")
-    from tf2_ros._receive.expiry import Expiry
-
-    return Expiry(buffer, timeout_ns(after, "expire_after"))
-
-
-def _shared(buffer: Buffer, name: str, node: "Node | None") -> "Owner":
-    require_linux()
-    from tf2_ros._shared.owner import Owner
-
-    return Owner(buffer, buffer_name(name, node))
-
-
-def _opened(name: str, node: "Node | None") -> "Ring":
-    require_linux()
-    from tf2_ros._shared.attachment import open_ring
-
-    return open_ring(buffer_name(name, node))
-
-
-def _without_node(attributes: dict[str, Any], class_name: str) -> dict[str, Any]:
-    """
-    Get the attributes that a copy of a buffer has. A UserWarning says what belongs to a node and is left out.
-
-    :param class_name: the class of the buffer, for the warning, which names the line of the caller's caller.
-    """
-    service = ["the service tf2_frames"] if attributes.get("srv") is not None else []
-    travelling = {name: value for name, value in attributes.items() if name not in _OF_INIT}
-    staying = {name for name, value in travelling.items() if _stays(value)}
-    if service or staying:
-        warnings.warn(
-            f"the node of a {class_name} is not copied: the copy has its own clock, and lacks "
-            + ", ".join(service + [f"its attribute {name!r}" for name in sorted(staying)]),
-            stacklevel=3,
-        )
-    return {name: value for name, value in travelling.items() if name not in staying}
-
-
-def _stays(value: Any) -> bool:
-    """Whether an attribute belongs to a node, so that a copy of its buffer lacks it."""
-    if getattr(type(value), "_tf2_stays", False):
-        return True
-    return HAS_ROS and isinstance(value, (Clock, JumpHandle, Node, Service))
+        pass
 
 
 def _clear_at_jumps(buffer: Any) -> "JumpHandle":

@@ -114,8 +114,6 @@ class TransformListener:
     tf_sub: Subscription | None = None
     tf_static_sub: Subscription | None = None
 
-    _tf2_stays = True  # a copy of a buffer whose attribute this is does not have it
-
     # Where a subclass does not call __init__.
     _tf2_topics: Sequence[Topic] = ()
     _tf2_owns_node = False

@@ -487,21 +487,6 @@ class TestTimeJump:
         assert not full.can_transform("map", "robot", LATEST)
 
 
-@pytest.mark.ours
-def test_a_callback_in_the_list_of_tf2_is_called_after_each_insert(buffer):
-    """Here nothing else is in it."""
-    called = []
-    callback = lambda: called.append(1)  # noqa: E731
-    buffer._new_data_callbacks.append(callback)
-    buffer.set_transform(transform("map", "robot", 1), "me")
-    buffer.set_transforms([transform("map", "robot", 2), transform("map", "arm", 2)], "me")
-    assert len(called) == 2
-    buffer._call_new_data_callbacks()
-    buffer._remove_callback(callback)
-    buffer.set_transform(transform("map", "robot", 3), "me")
-    assert len(called) == 3
-
-
 def test_latest_is_what_is_latest_when_a_coroutine_resumes(buffer):
     coroutine = buffer.lookup_transform_async("map", "robot", LATEST)
     coroutine.send(None)

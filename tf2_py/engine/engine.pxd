@@ -43,7 +43,7 @@ cdef class WaiterOwner:
     cpdef str lacks(self)
 
 
-@cython.no_gc_clear     # threads without the GIL count `_observers`
+@cython.no_gc_clear     # threads without the GIL use `_inboxes` and `_tap`
 cdef class Engine:
     # Nothing outside this class takes `_lock`, or reads or writes `_tree` and `_waiters`.
     cdef object __weakref__
@@ -58,7 +58,6 @@ cdef class Engine:
     cdef list _names                    # of the tree, by id, as far as some text has needed them
     cdef list _authorities              # likewise
     cdef readonly set _tf2_kept         # what waits for this engine, and nothing else may refer to
-    cdef list _observers                # called after every insert; changed with the GIL, counted without
     cdef ReadHook _inboxes              # the first of those that fill this engine, or None
     cdef Tap _tap                       # of what a program inserts here; or None
 

@@ -138,18 +138,9 @@ cdef inline void unlock_written(Lock* lock, const Tree* tree, const Waiters* wai
 
 # The engine.
 
-cdef extern from "Python.h":
-    ctypedef struct CPythonSized "PyVarObject":
-        Py_ssize_t ob_size
-
 cdef Limits NO_LIMITS
 NO_LIMITS.frames = NO_LIMITS.waiters = UINT32_MAX
 NO_LIMITS.bytes = SIZE_MAX
-
-
-cdef inline bint _is_filled(void* objects) noexcept nogil:
-    # Of a list, without the GIL.
-    return (<CPythonSized*>objects).ob_size > 0
 
 
 cdef class WaiterOwner:
@@ -209,7 +200,6 @@ cdef class Engine:
             raise MemoryError
         self._throttle = Throttle()
         self._advice = Advice()
-        self._observers = []
         self._tf2_kept = set()
         self._names, self._authorities = [], []
 
@@ -294,7 +284,6 @@ cdef class Engine:
                 self._insert_next(batch, authority)
                 left -= <int64_t>(1 + self._tree.work - work)
         batch.needs_report = batch.refused > 0 or batch.no_memory or not links_empty(&batch.ready)
-        batch.needs_report = batch.needs_report or _is_filled(<void*>self._observers)
         unlock_written(&self._lock, &self._tree, &self._waiters)
         return batch.waking or batch.done < batch.count
 
@@ -318,16 +307,6 @@ cdef class Engine:
 
     cdef int report(self, Batch* batch, list later) except -1:
         error = self._deliver(batch, later)
-        if later is not None:
-            # Once for all batches that are reported together.
-            later += [observer for observer in self._observers if observer not in later]
-        else:
-            for observer in list(self._observers):
-                try:
-                    observer()
-                except BaseException as raised:
-                    if error is None:
-                        error = raised
         self._log_refused(batch)
         if error is not None:
             raise error
@@ -363,16 +342,6 @@ cdef class Engine:
         if topic is not None:
             log.malformed(self._throttle, topic, str(error))
         return error
-
-    @property
-    def _tf2_observers(self):
-        """The callables that run after every insert, in the thread that runs users' code."""
-        return self._observers
-
-    @_Overridable
-    def _new_data_callbacks(self):
-        """The callables that run after every insert, in the thread that runs users' code."""
-        return self._tf2_observers
 
     cdef object _deliver(self, Batch* batch, list later):
         # One at a time, because callbacks may insert, wait or cancel. All are called, even if one raises.

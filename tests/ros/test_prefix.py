@@ -70,13 +70,6 @@ def test_names_are_as_in_a_message_that_was_written_with_the_prefix(tf2_ros, nod
         assert buffer.statistics()["refused"] == expected.statistics()["refused"]
 
 
-def test_a_static_listener_takes_one(tf2_ros, node, executor, peer):
-    buffer = tf2_ros.Buffer()
-    with tf2_ros.StaticTransformListener(buffer, node, prefix="robot/"):
-        peer().send(("base", "camera", 0, 1.0), static=True)
-        until(lambda: buffer.can_transform("robot/base", "robot/camera", LATEST), executor)
-
-
 def test_a_recording_has_the_names_of_the_buffer(tf2_ros, node, peer):
     from tf2_ros.records import Recording
 

@@ -1,4 +1,4 @@
-"""Map, read, write and sleep on a file in memory, which any process of the user may truncate meanwhile."""
+"""Map, read, write and sleep on a file in memory."""
 
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t
@@ -9,7 +9,6 @@ cdef extern from * nogil:
     #include <fcntl.h>
     #include <linux/falloc.h>
     #include <linux/futex.h>
-    #include <signal.h>
     #include <stdint.h>
     #include <sys/mman.h>
     #include <sys/syscall.h>
@@ -59,72 +58,17 @@ cdef extern from * nogil:
     }
 
     #define TF2_MAPPED_BYTES 4096
-    #define TF2_MAPPINGS 2048
 
-    /* What is mapped. The handler reads this without the GIL. */
-    static struct {
-        char *volatile base;
-        uint32_t *lost;
-    } tf2_mappings[TF2_MAPPINGS];
-    static struct sigaction tf2_before;     /* the handler that this one replaced */
-
-    /* A truncated file has no memory behind its end. Zeros take its place, and `lost` is set. */
-    static void tf2_on_bus_error(int number, siginfo_t *information, void *context)
+    static void *tf2_map(int descriptor)
     {
-        char *at = information->si_addr;
-        for (int i = 0; i < TF2_MAPPINGS; ++i) {
-            char *base = tf2_mappings[i].base;
-            if (base && at >= base && at < base + TF2_MAPPED_BYTES) {
-                int saved = errno;
-                void *made = mmap(base, TF2_MAPPED_BYTES, PROT_READ | PROT_WRITE,
-                                  MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE | MAP_FIXED, -1, 0);
-                errno = saved;
-                if (made == base) {
-                    __atomic_store_n(tf2_mappings[i].lost, 1, __ATOMIC_SEQ_CST);
-                    return;
-                }
-            }
-        }
-        /* The address is not one of these: pass the signal on to the previous handler. */
-        if (tf2_before.sa_flags & SA_SIGINFO)
-            tf2_before.sa_sigaction(number, information, context);
-        else if (tf2_before.sa_handler != SIG_DFL && tf2_before.sa_handler != SIG_IGN)
-            tf2_before.sa_handler(number);
-        else {
-            sigaction(number, &tf2_before, NULL);   /* the access is repeated, and ends the process */
-            if (information->si_code <= 0)
-                raise(number);                      /* a signal that was sent is not repeated */
-        }
-    }
-
-    static void *tf2_map(int descriptor, uint32_t *lost)
-    {
-        static int watches;
-        for (int i = 0; i < TF2_MAPPINGS; ++i)
-            if (!tf2_mappings[i].base) {
-                void *made = mmap(NULL, TF2_MAPPED_BYTES, PROT_READ | PROT_WRITE, MAP_SHARED, descriptor, 0);
-                if (made == MAP_FAILED)
-                    return NULL;
-                tf2_mappings[i].lost = lost;
-                tf2_mappings[i].base = made;
-                if (!watches) {
-                    struct sigaction action = {.sa_sigaction = tf2_on_bus_error, .sa_flags = SA_SIGINFO};
-                    sigemptyset(&action.sa_mask);
-                    watches = sigaction(SIGBUS, &action, &tf2_before) == 0;
-                }
-                return made;
-            }
-        errno = EMFILE;
-        return NULL;
+        void *made = mmap(NULL, TF2_MAPPED_BYTES, PROT_READ | PROT_WRITE, MAP_SHARED, descriptor, 0);
+        return made == MAP_FAILED ? NULL : made;
     }
 
     static void tf2_unmap(void *base)
     {
-        for (int i = 0; i < TF2_MAPPINGS; ++i)
-            if (base && tf2_mappings[i].base == base) {
-                tf2_mappings[i].base = NULL;
-                munmap(base, TF2_MAPPED_BYTES);
-            }
+        if (base)
+            munmap(base, TF2_MAPPED_BYTES);
     }
 
     #define TF2_LOAD64(place) __atomic_load_n(place, __ATOMIC_ACQUIRE)
@@ -142,9 +86,8 @@ cdef extern from * nogil:
     void give_back "tf2_give_back"(int descriptor, size_t start, size_t size)
     int close_file "close"(int descriptor)
 
-    # Maps the first MAPPED_BYTES of a file; NULL: see errno. When the file is truncated, zeros take the place
-    # of the memory, and `lost` becomes 1.
-    void* map_file "tf2_map"(int descriptor, uint32_t* lost)
+    # Maps the first MAPPED_BYTES of a file, which nobody may truncate to less; NULL: see errno.
+    void* map_file "tf2_map"(int descriptor)
     void unmap_file "tf2_unmap"(void* base)             # NULL is allowed
     # Of words in mapped memory. With `ns` of 0 or less, do not wait.
     void futex_wake "tf2_futex_wake"(const void* word)

@@ -89,9 +89,7 @@ class Owner:
         self._listeners = [one for one in self._listeners if not _has_ended(one[0]())]
         self._describe()
         short_ns, missing = self._ring.shortage
-        if self._ring.is_lost:
-            self._say("lost", "its file was truncated, and nothing is shared any more")
-        elif missing:
+        if missing:
             self._say("missing", f"it had no memory for {missing} message(s): listeners subscribe instead")
         elif short_ns:
             self._say(

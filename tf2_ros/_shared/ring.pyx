@@ -59,7 +59,6 @@ from tf2_ros._receive.inbox cimport (
     Source,
     State,
     inbox_remove,
-    inbox_count_round,
     inbox_has_parcel,
     inbox_insert,
     inbox_read,
@@ -155,8 +154,8 @@ cdef tuple shortage_of(const Head* head):
     return load64(&head.short_ns), load64(&head.missing)
 
 
-cdef Head* map_head(int descriptor, uint32_t* lost) except NULL:
-    cdef void* made = map_file(descriptor, lost)
+cdef Head* map_head(int descriptor) except NULL:
+    cdef void* made = map_file(descriptor)
     if made == NULL:
         raise OSError(errno, os.strerror(errno))
     return <Head*>made

@@ -5,8 +5,6 @@ cdef enum:
     CHUNK_BYTES = 1 << 15       # that a reader copies at once, or else one record
     TRIES = 100                 # to find head and records consistent
     LAPS = 3                    # for how often the owner may overtake a reader within one round
-    OFTEN = 3                   # reads in a round, from which on the thread inserts each message at once
-    CLOSE_ROUNDS = 2            # for which it does
 
 cdef uint64_t MOST_BYTES = 1 << 40              # of a ring
 
@@ -18,7 +16,6 @@ cdef struct Reading:
     # Guarded by the inbox's lock, except for what is mapped and the words of the thread.
     int descriptor
     const Head* head
-    uint32_t is_lost            # atomic: the file was truncated
     uint64_t capacity           # as found at first
     uint64_t begun              # position at which it began, or began again; it has read everything since
     uint64_t tail               # position of the next record to read
@@ -27,8 +24,6 @@ cdef struct Reading:
     uint64_t chunk_to
     const char* problem         # why what was found cannot be read; or NULL
     bint is_lapped              # the owner has dropped the record at `tail`
-    uint32_t reads              # atomic: of the buffer, in this round
-    int64_t round_ns            # steady time at which the round ends, while readers count them
     uint32_t runs               # atomic: there is a thread, see `follow`
     uint32_t is_stopping        # atomic: it must end
     uint32_t is_quiet           # atomic: it sleeps on `nudges`, because nothing needs it
@@ -65,8 +60,6 @@ cdef const Record* _next_record(Reading* reading) noexcept nogil:
     cdef uint64_t oldest, end, most, copied, length
     cdef const Record* record
     for _ in range(TRIES):
-        if word_load(&reading.is_lost):
-            return NULL
         end = load64(&head.next)
         oldest = load64(&head.oldest)
         if end == reading.tail:
@@ -197,15 +190,10 @@ cdef void _follow(State* inbox) noexcept nogil:
     # Returns when nothing has needed it for LINGER_NS.
     cdef Reading* reading = <Reading*>inbox.source
     cdef int64_t now_ns
-    cdef int64_t round_ns = 0
     cdef int64_t needed_ns = 0
     cdef uint32_t seen, nudges
     while not word_load(&reading.is_stopping) and inbox.engine != NULL:
         now_ns = monotonic_ns()
-        if now_ns >= round_ns:
-            inbox_count_round(inbox, now_ns)
-            word_store(&reading.reads, 0)
-            round_ns = now_ns + ROUND_NS
         nudges = word_load(&reading.nudges)
         seen = word_load(&reading.head.arrivals)
         if inbox_wants_all(inbox):
@@ -216,12 +204,12 @@ cdef void _follow(State* inbox) noexcept nogil:
             # First this, then the count; the owner does this in the opposite order.
             word_store(&board_of(reading.head).sleeps, 1)
             if word_load(&reading.head.arrivals) == seen:
-                futex_wait(&reading.head.arrivals, seen, round_ns - monotonic_ns())
+                futex_wait(&reading.head.arrivals, seen, ROUND_NS)
         elif word_load(&reading.polls):
             needed_ns = now_ns
             if inbox.watcher != NULL and _has_new(reading):
                 inbox.watcher.arrived(inbox.watcher.data)
-            _sleep_quietly(inbox, nudges, round_ns - now_ns)
+            _sleep_quietly(inbox, nudges, ROUND_NS)
         elif now_ns < needed_ns + LINGER_NS:
             _sleep_quietly(inbox, nudges, needed_ns + LINGER_NS - now_ns)
         else:
@@ -272,7 +260,7 @@ cdef class RingReader(Source):
         if os.fstat(descriptor).st_size < RING_AT + found.capacity:
             raise ValueError("it was truncated")
         reading.capacity = found.capacity
-        reading.head = map_head(descriptor, &reading.is_lost)
+        reading.head = map_head(descriptor)
         reading.begun = load64(&reading.head.oldest)
         _move_to(reading, reading.begun)
 
@@ -292,31 +280,10 @@ cdef class RingReader(Source):
                    self._reading.capacity // UNIT)
 
     cdef bint asked(self) except -1:
-        cdef Reading* reading = &self._reading
-        cdef bint has_new = _has_new(reading)
-        _want(reading)
-        if word_load(&reading.runs) and not word_load(&reading.is_quiet):
-            self._count_read()
-        else:
-            if has_new:
-                self._count_rounds()
-                self._count_read()
-            self._have_thread()
+        cdef bint has_new = _has_new(&self._reading)
+        _want(&self._reading)
+        self._have_thread()
         return has_new
-
-    cdef void _count_read(self) noexcept:
-        cdef uint32_t reads = word_load(&self._reading.reads)
-        if reads < OFTEN:
-            word_store(&self._reading.reads, reads + 1)
-        elif word_load(&self.inbox.read) != CLOSE_ROUNDS:
-            word_store(&self.inbox.read, CLOSE_ROUNDS)
-
-    cdef void _count_rounds(self) noexcept:
-        # As the thread does.
-        cdef int64_t now_ns = monotonic_ns()
-        if now_ns >= self._reading.round_ns:
-            self._reading.round_ns = now_ns + ROUND_NS
-            word_store(&self._reading.reads, 0)
 
     cdef int _have_thread(self) except -1:
         # First the need, then this; the thread does this in the opposite order.
@@ -329,7 +296,7 @@ cdef class RingReader(Source):
 
     def follow(self, Inbox inbox not None):
         """
-        Keep the buffer up to date while something waits or reads it often, and a second longer.
+        Keep the buffer up to date while something waits, and a second longer.
 
         :param inbox: that of this; kept meanwhile.
         """
@@ -361,9 +328,7 @@ cdef class RingReader(Source):
     @property
     def problem(self):
         """Why nothing arrives any more, whether or not the owner exists; or None."""
-        cdef Reading* reading = &self._reading
-        if word_load(&reading.is_lost) or os.fstat(
-                reading.descriptor).st_size < RING_AT + reading.capacity:
+        if os.fstat(self._reading.descriptor).st_size < RING_AT + self._reading.capacity:
             return "its memory was truncated"
         return None
 

@@ -21,7 +21,6 @@ cdef struct Writing:
     int descriptor              # -1: it has ended
     int lock_descriptor         # holds the lock on the file
     Head* head
-    uint32_t is_lost            # atomic: the file was truncated
     uint64_t capacity
     uint64_t oldest             # positions, as in the head
     uint64_t next
@@ -299,7 +298,7 @@ cdef void _share(Writing* writing, const Batch* batch, const void* message, size
     cdef int64_t now_ns
     cdef bint is_kept
     lock_acquire(&writing.lock)
-    if writing.descriptor >= 0 and not word_load(&writing.is_lost):
+    if writing.descriptor >= 0:
         now_ns = monotonic_ns()
         _drop_old(writing, now_ns)
         if batch == NULL:
@@ -377,7 +376,7 @@ cdef class RingWriter(Copying):
         os.ftruncate(descriptor, size // STEP * STEP)
         if commit_file(descriptor, 0, RING_AT) != 0:
             raise OSError(errors.ENOSPC, os.strerror(errors.ENOSPC))
-        writing.head = map_head(descriptor, &writing.is_lost)
+        writing.head = map_head(descriptor)
         writing.capacity = writing.head.capacity = size // STEP * STEP - RING_AT
         # Positions begin here, so that 0 is none.
         writing.oldest = writing.next = writing.committed = writing.given_back = writing.capacity
@@ -408,7 +407,7 @@ cdef class RingWriter(Copying):
 
     def describe(self, bytes text not None):
         """Publish a description of the owner, at most 4 kB."""
-        if self._writing.descriptor >= 0 and not word_load(&self._writing.is_lost):
+        if self._writing.descriptor >= 0:
             os.pwrite(
                 self._writing.descriptor, struct.pack("=II", len(text), zlib.crc32(text)) + text, TEXT_AT)
 
@@ -420,11 +419,6 @@ cdef class RingWriter(Copying):
     def is_open(self):
         """Whether this process still shares the buffer; false in a forked child."""
         return self._writing.descriptor >= 0
-
-    @property
-    def is_lost(self):
-        """Whether the file was truncated, so that nothing is shared any more."""
-        return bool(word_load(&self._writing.is_lost))
 
     @property
     def shortage(self):

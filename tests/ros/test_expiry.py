@@ -60,24 +60,6 @@ def test_what_has_arrived_since_a_frame_was_listed_is_kept(tf2_ros, now_ns):
     assert sorted(buffer.frames()) == ["b", "map"]
 
 
-def test_a_frame_that_a_clear_has_emptied_is_forgotten(tf2_ros, now_ns):
-    buffer = tf2_ros.Buffer(expire_after=3600.0)
-    buffer.set_transform(transform("map", "silent", ns=now_ns + DAY_NS), "x")
-    buffer.clear()
-    until(lambda: "silent" not in buffer)
-
-
-def test_a_subclass_may_use_the_names_of_what_forgets(tf2_ros, now_ns):
-    class Mine(tf2_ros.Buffer):
-        frames = _expiry = _forget_silent = None
-
-    buffer = Mine(expire_after=3600.0)
-    buffer._expiry = 1
-    gc.collect()
-    buffer.set_transform(transform("map", "silent", ns=now_ns - DAY_NS), "x")
-    until(lambda: "silent" not in buffer)
-
-
 def test_a_copy_keeps_all(tf2_ros, now_ns):
     buffer = tf2_ros.Buffer(expire_after=3600)
     assert not hasattr(copy.copy(buffer), "_tf2_expiry")

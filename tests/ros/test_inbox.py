@@ -11,7 +11,7 @@ import time
 import weakref
 
 import pytest
-from making import at, at_ns, transform, translation
+from making import at, transform, translation
 from processes import DEADLINE_S, errors_so_far, start, until
 from programs import flood as flooding
 from rclpy.duration import Duration
@@ -93,12 +93,6 @@ def test_what_a_process_has_published_is_found_by_its_next_lookup():
     program = start("finds_its_own.py", "5000", stdout=subprocess.PIPE, env=env)
     output, _ = program.communicate(timeout=DEADLINE_S)
     assert output == "0 of 5000 missed\n"
-
-
-def test_the_repr_of_the_listener_counts_what_has_arrived(listener, peer):
-    peer().send(("map", "robot", 1 * S, 5))
-    until(arrived(listener))
-    assert "/tf: 1 message, " in repr(listener)
 
 
 def test_what_arrived_before_clear_is_cleared(buffer, listener, peer):
@@ -198,39 +192,8 @@ class TestEventsExecutor:
             publisher.send(("map", "inside", 1 * S, 5))
             self.spin(events_executor, lambda: "inside" in buffer and "inside" in second)
 
-    def test_a_wait_is_answered(self, buffer, listener, node, peer, events_executor):
-        events_executor.add_node(node)
-        future, called = buffer.wait_for_transform_async("map", "robot", LATEST), []
-        future.add_done_callback(called.append)
-        self.spin(events_executor, lambda: listener.receives == ())
-        peer().send(("map", "robot", 1 * S, 5))
-        self.spin(events_executor, lambda: called)
-        assert future.result().child_frame_id == "robot"
-
 
 class TestEnd:
-    @pytest.mark.parametrize("how", ["unregister", "node", "garbage", "subscriptions"])
-    def test_many_listeners_end_while_transforms_arrive(self, tf2_ros, ros, flood, how):
-        """Each while something has arrived for it."""
-        flood(1000, 5)
-        for number in range(24):
-            node = ros.create_node(f"passing_{number}", enable_rosout=False, start_parameter_services=False)
-            listener = tf2_ros.TransformListener(tf2_ros.Buffer(), node)
-            if number % 4 == 0:
-                until(arrived(listener))
-            if how == "unregister":
-                listener.unregister()
-            elif how == "subscriptions":
-                node.destroy_subscription(listener.tf_sub)
-                node.destroy_subscription(listener.tf_static_sub)
-            elif how == "node":
-                node.destroy_node()
-            del listener
-            if how != "garbage":
-                node.destroy_node()
-            del node
-            gc.collect()
-
     def test_threads_read_one_inbox_while_it_fills(self, tf2_ros, buffer, node, flood):
         ending, errors = threading.Event(), []
 
@@ -290,15 +253,6 @@ class TestEnd:
             assert buffer.statistics()["taken"] > 0
             buffer._self_check()
             until(lambda buffer=buffer: buffer.statistics()["waiters"] == 0)
-
-
-def test_messages_published_in_this_process_arrive(buffer, listener, node):
-    """The middleware reports them inside ``publish()``."""
-    publisher = node.create_publisher(TFMessage, "/tf", 10)
-    until(lambda: publisher.get_subscription_count() == 1)
-    for second in range(1, 50):
-        publisher.publish(TFMessage(transforms=[transform("map", "robot", second)]))
-    until(lambda: buffer.can_transform("map", "robot", at_ns(49 * S)))
 
 
 @pytest.fixture
@@ -384,68 +338,6 @@ def test_garbage_is_not_drained(tf2_ros, ros, publisher):
     sender.join()
 
 
-def test_several_threads_may_move_a_listener(tf2_ros, listener, flood):
-    """The collector runs other threads anywhere."""
-    flood(1000, 2)
-    buffers, ends = [tf2_ros.Buffer() for _ in range(3)], threading.Event()
-    interval, thresholds = sys.getswitchinterval(), gc.get_threshold()
-
-    def move():
-        for buffer in itertools.cycle(buffers):
-            listener.buffer = buffer
-            if ends.is_set():
-                return
-
-    def run_others(phase, information):
-        pass
-
-    threads = [threading.Thread(target=move, daemon=True) for _ in range(2)]
-    gc.callbacks.append(run_others)
-    sys.setswitchinterval(1e-6)
-    gc.set_threshold(1)
-    try:
-        for thread in threads:
-            thread.start()
-        deadline = time.monotonic() + 2
-        while time.monotonic() < deadline:
-            for buffer in buffers:
-                buffer.wait_for_transform_async("map", "nowhere", LATEST)
-    finally:
-        ends.set()
-        gc.set_threshold(*thresholds)
-        sys.setswitchinterval(interval)
-        gc.callbacks.remove(run_others)
-    for thread in threads:
-        thread.join()
-
-
-def test_listeners_of_several_threads_start_each_thread_once(monkeypatch):
-    from tf2_ros._receive import inboxes
-
-    ends, started = threading.Event(), []
-
-    def run(*_):
-        started.append(None)
-        ends.wait()
-
-    monkeypatch.setattr(inboxes, "run_inboxes", run)
-    monkeypatch.setattr(inboxes, "run_reports", run)
-    threads, barrier = inboxes._Threads(), threading.Barrier(8)
-
-    def start():
-        barrier.wait()
-        threads.start()
-
-    starters = [threading.Thread(target=start) for _ in range(8)]
-    for one in starters:
-        one.start()
-    for one in starters:
-        one.join()
-    until(lambda: len(started) >= 2)
-    ends.set()
-    assert len(started) == 2
-
-
 def test_where_the_middleware_refuses_the_executor_takes_the_messages(
     tf2_ros, buffer, node, peer, executor, monkeypatch
 ):
@@ -460,27 +352,3 @@ def test_where_the_middleware_refuses_the_executor_takes_the_messages(
         assert listener.receives == ()
         peer().send(("map", "robot", 1 * S, 5))
         until(lambda: "robot" in buffer, executor)
-
-
-def test_listeners_of_one_node_in_several_threads(tf2_ros, node):
-    listeners, interval = [], sys.getswitchinterval()
-
-    def make():
-        for _ in range(10):
-            listeners.append(tf2_ros.TransformListener(tf2_ros.Buffer(), node))
-            tf2_ros.TransformListener(tf2_ros.Buffer(), node).unregister()
-
-    threads = [threading.Thread(target=make) for _ in range(4)]
-    sys.setswitchinterval(1e-6)
-    try:
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-    finally:
-        sys.setswitchinterval(interval)
-    queue = listeners[0]._tf2_receiver._queue
-    assert len(queue.sleepers) == len(listeners)
-    for listener in listeners:
-        listener.unregister()
-    assert queue.sleepers == ()

@@ -11,7 +11,7 @@ import time
 import weakref
 
 import pytest
-from making import at, at_ns, transform, translation
+from making import at, at_ns, translation
 from paths import SUPPORT
 from processes import DEADLINE_S, errors_so_far, start, until
 from programs import flood as flooding
@@ -59,14 +59,6 @@ def files():
 
 
 class TestWithoutAnExecutor:
-    def test_transforms_arrive_without_a_spinning_executor(self, buffer, listener, peer):
-        publisher = peer()
-        publisher.send(("map", "robot", 1 * S, 1), ("map", "robot", 2 * S, 3))
-        publisher.send(("robot", "arm", 0, 5), static=True)
-        until(knows(buffer, "arm"))
-        assert translation(buffer.lookup_transform("map", "arm", at(1.5)))[0] == 7
-        assert "default_authority" in buffer.all_frames_as_yaml()
-
     def test_a_callback_of_a_single_threaded_executor_may_wait(self, buffer, listener, node, executor, peer):
         publisher, found = peer(), []
 
@@ -85,12 +77,6 @@ class TestWithoutAnExecutor:
         sender.join()
         assert translation(found[0])[0] == 2
 
-    def test_a_future_is_done_without_a_spinning_executor(self, buffer, listener, peer):
-        future = buffer.wait_for_transform_async("map", "robot", LATEST)
-        peer().send(("map", "robot", 1 * S, 1))
-        until(future.done)
-        assert future.result().child_frame_id == "robot"
-
     def test_messages_do_not_wake_the_nodes_executor(self, buffer, listener, executor, flood):
         checks, can_execute = [], listener.group.can_execute
         listener.group.can_execute = lambda entity: checks.append(entity) or can_execute(entity)
@@ -101,12 +87,6 @@ class TestWithoutAnExecutor:
             until(lambda: taken(buffer) >= 400)
             # One for each entity and round, of which there are ten in a second.
             assert len(checks) - before < 30 + 50 * (time.monotonic() - began)
-
-    def test_an_executor_that_takes_messages_nevertheless_loses_none(self, buffer, listener):
-        """Not every one asks the callback group; the experimental one of events does not."""
-        listener.tf_sub.callback(TFMessage(transforms=[transform("map", "robot", 1)]))
-        listener.tf_static_sub.callback(TFMessage(transforms=[transform("robot", "arm")]))
-        assert taken(buffer) == 2
 
     def test_a_bare_core_is_filled_as_well(self, tf2_ros, tf2_py, node, peer):
         core = tf2_py.BufferCore()
@@ -120,11 +100,6 @@ class TestWithoutAnExecutor:
         other = new_node("volatile")
         other.create_publisher(TFMessage, "/tf_static", 10)
         until(lambda: "incompatible QoS" in errors_so_far())
-
-    def test_it_is_a_subscription_of_the_node(self, listener, node):
-        assert {listener.tf_sub, listener.tf_static_sub} <= set(node.subscriptions)
-        topics = dict(node.get_subscriber_names_and_types_by_node("listening", "/"))
-        assert topics["/tf"] == topics["/tf_static"] == ["tf2_msgs/msg/TFMessage"]
 
     def test_of_a_release_that_is_not_known_an_executor_inserts_them(self):
         program = (
@@ -167,15 +142,6 @@ class TestLoad:
             for i in (0, 9, count - 1):
                 assert translation(buffer.lookup_transform("map", f"f{i}", stamp))[0] == n
 
-    def test_a_publisher_may_be_killed_and_started_again(self, buffer, listener, flood):
-        for _ in range(3):
-            before = taken(buffer)
-            process = flood(500, 10)
-            until(lambda before=before: taken(buffer) > before + 500)
-            process.send_signal(signal.SIGKILL)
-            process.wait()
-        assert listener.receives
-
     def test_a_message_of_any_size_is_taken(self, buffer, listener, peer):
         publisher = peer()
         many = [("map", f"robot{i}", 1 * S, i) for i in range(20_000)]
@@ -187,67 +153,6 @@ class TestLoad:
 
 
 class TestTrouble:
-    def test_what_a_callback_raises_does_not_end_it(self, buffer, listener, peer, capfd):
-        def exit_thread(future):
-            raise SystemExit("the callback's own")
-
-        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(exit_thread)
-        publisher = peer()
-        publisher.send(("map", "robot", 1 * S, 1))
-        until(knows(buffer, "robot"))
-        publisher.send(("map", "arm", 1 * S, 1))
-        until(knows(buffer, "arm"))
-        assert listener.receives
-        until(lambda: "the callback's own" in errors_so_far())
-
-    def test_a_callback_of_a_future_may_end_it(self, buffer, listener, node, peer):
-        ended = []
-
-        def end(future):
-            listener.unregister()
-            ended.append(threading.current_thread().name)
-
-        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(end)
-        peer().send(("map", "robot", 1 * S, 1))
-        until(lambda: not listener.receives)
-        until(lambda: ended)
-        assert ended == ["tf2_ros callbacks"]
-        assert list(node.subscriptions) == []
-
-    def test_a_callback_may_wait_for_a_later_transform(self, buffer, listener, peer):
-        publisher, found, waiting = peer(), [], threading.Event()
-
-        def look_up(future):
-            waiting.set()
-            found.append(buffer.lookup_transform("map", "arm", LATEST, Duration(seconds=DEADLINE_S)))
-
-        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(look_up)
-        publisher.send(("map", "robot", 1 * S, 1))
-        assert waiting.wait(DEADLINE_S)
-        publisher.send(("map", "arm", 1 * S, 1))
-        until(lambda: found)
-        assert found[0].child_frame_id == "arm"
-
-    def test_a_callback_that_waits_for_unregister_delays_it_for_a_moment_only(self, buffer, listener, peer):
-        in_callback, ended = threading.Event(), threading.Event()
-
-        def wait(future):
-            in_callback.set()
-            ended.wait()
-
-        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(wait)
-        peer().send(("map", "robot", 1 * S, 1))
-        assert in_callback.wait(DEADLINE_S)
-        listener.unregister()
-        ended.set()
-        until(lambda: not listener.receives)
-
-    def test_refused_transforms_are_logged_from_the_thread(self, buffer, listener, peer, capfd):
-        publisher = peer()
-        publisher.send(("map", "map", 1 * S, 1), ("map", "robot", 1 * S, 1))
-        until(knows(buffer, "robot"))
-        until(lambda: "TF_SELF_TRANSFORM" in errors_so_far())
-
     def test_a_constructor_that_fails_leaves_no_thread(self, tf2_ros, buffer, node):
         class Failing(tf2_ros.TransformListener):
             def _TransformListener__spin(self):

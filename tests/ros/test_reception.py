@@ -4,14 +4,11 @@ import gc
 import re
 
 import pytest
-from making import at, transform
+from making import at
 from processes import until
-from rclpy.context import Context
-from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 
-from tf2_msgs.msg import TFMessage
 from tf2_py import TransformException
 
 pytestmark = pytest.mark.ours
@@ -57,9 +54,6 @@ class TestErrors:
         )
         assert buffer.can_transform("map", "robot", LATEST, return_debug_tuple=True)[1].endswith(NOTHING)
 
-    def test_without_a_listener_it_is_empty_alone(self, buffer):
-        assert error(buffer).endswith("does not exist. The buffer is empty")
-
     def test_after_the_end_of_the_listener_its_topics_are_not_named(self, tf2_ros, buffer, node):
         with tf2_ros.TransformListener(buffer, node):
             assert NOTHING in error(buffer)
@@ -74,13 +68,6 @@ class TestErrors:
     def test_a_static_listener_has_one_topic(self, tf2_ros, buffer, node):
         tf2_ros.StaticTransformListener(buffer, node, tf_static_topic="/mine")
         assert error(buffer).endswith("nothing has been received on /mine")
-
-    def test_a_wait_that_times_out_tells_it_too(self, tf2_ros, buffer, node):
-        tf2_ros.TransformListener(buffer, node)
-        future = buffer.wait_for_transform_async("map", "robot", LATEST, timeout=Duration(seconds=0.01))
-        until(future.done)
-        assert isinstance(future.exception(), tf2_ros.TimeoutException)
-        assert NOTHING in str(future.exception())
 
     def test_only_the_silent_topics_are_named(self, tf2_ros, buffer, node, executor, peer):
         tf2_ros.TransformListener(buffer, node)
@@ -116,43 +103,6 @@ class TestErrors:
         publisher.send(("map", "arm", 3 * S, 1))
         until(lambda: error(buffer, "map", "arm", at(9)).endswith("of arm in map"), executor)
 
-    def test_what_was_received_just_now_is_not_denied(self, tf2_ros, buffer, node):
-        listener = tf2_ros.TransformListener(buffer, node)
-        assert error(buffer, "map", "arm").endswith(NOTHING)
-        listener.callback(TFMessage(transforms=[transform("map", "arm", 5)]))
-        assert error(buffer).endswith("does not exist. Nothing has been received on /tf_static")
-        assert error(buffer, "map", "arm", at(9)).endswith("of arm in map")
-
-    @pytest.mark.parametrize("kind", ["unconnected", "extrapolation"])
-    def test_nor_where_it_named_no_new_frame(self, tf2_ros, buffer, node, kind):
-        buffer.set_transform(transform("map", "arm", 5), "me")
-        buffer.set_transform(transform("other", "tool", 5), "me")
-        listener = tf2_ros.TransformListener(buffer, node)
-        frames = ("map", "tool" if kind == "unconnected" else "arm")
-        assert "nothing has been received on /tf" in error(buffer, *frames, at(9)).lower()
-        listener.callback(TFMessage(transforms=[transform("map", "arm", 6)]))
-        listener.static_callback(TFMessage())
-        assert "received" not in error(buffer, *frames, at(9))
-
-    def test_after_a_shutdown_no_topic_is_called_silent(self, tf2_ros, buffer, new_node):
-        context = Context()
-        context.init(args=[])
-        listener = tf2_ros.TransformListener(buffer, new_node("first", context=context))
-        context.shutdown()
-        assert error(buffer).endswith("The buffer is empty")
-        del listener
-
-    def test_static_topics_do_not_fall_silent(self, tf2_ros, buffer, node, executor, peer, monkeypatch):
-        monkeypatch.setattr("tf2_ros._receive.reception.SILENT_S", 0)
-        tf2_ros.TransformListener(buffer, node)
-        peer().send(("map", "tool", 1 * S, 1), static=True)
-        until(lambda: error(buffer).endswith("does not exist. Nothing has been received on /tf"), executor)
-
-    def test_messages_of_no_transforms_count(self, tf2_ros, buffer, node, executor, peer):
-        tf2_ros.TransformListener(buffer, node)
-        peer().send()
-        until(lambda: error(buffer).endswith("empty: nothing has been received on /tf_static"), executor)
-
     def test_a_buffer_that_is_set_later_is_told_too(self, tf2_ros, buffer, node):
         listener = tf2_ros.TransformListener(tf2_ros.Buffer(), node)
         assert error(buffer).endswith("The buffer is empty")
@@ -166,22 +116,6 @@ class TestErrors:
 
         Mine(buffer, node)
         assert error(buffer).endswith("nothing has been received on /tf_static")
-
-    def test_buffers_of_another_class_need_nothing(self, tf2_ros, node, executor, peer):
-        class Mine:
-            def __init__(self):
-                self.seen = []
-
-            def set_transform(self, transform, authority):
-                self.seen.append(transform.child_frame_id)
-
-            set_transform_static = set_transform
-
-        mine = Mine()
-        listener = tf2_ros.TransformListener(mine, node)
-        peer().send(("map", "robot", 1 * S, 1))
-        until(lambda: mine.seen == ["robot"], executor)
-        assert ONE_MESSAGE.search(repr(listener))
 
 
 @pytest.fixture
@@ -207,48 +141,12 @@ class TestTwoListeners:
         assert warnings() == []
         assert len({first, second, third}) == 3
 
-    def test_only_the_topics_that_both_receive_are_named(self, tf2_ros, buffer, node, warnings):
-        tf2_ros.TransformListener(buffer, node)
-        tf2_ros.StaticTransformListener(buffer, node)
-        [line] = warnings()
-        assert " of /listening fill one Buffer" in line and line.endswith(" from /tf_static: one is enough")
-
-    def test_buffers_of_other_classes_count(self, tf2_ros, node, warnings):
-        class Mine:
-            __slots__ = ()
-
-            def set_transform(self, transform, authority):
-                pass
-
-            set_transform_static = set_transform
-
-        mine = Mine()
-        listeners = [tf2_ros.TransformListener(mine, node) for _ in range(2)]
-        [line] = warnings()
-        assert "fill one Mine" in line and len(listeners) == 2
-
-    def test_of_two_buffers_do_not_warn(self, tf2_ros, buffer, node, warnings):
-        tf2_ros.TransformListener(buffer, node)
-        tf2_ros.TransformListener(tf2_ros.Buffer(), node)
-        assert warnings() == []
-
     def test_of_two_namespaces_do_not_warn(self, tf2_ros, buffer, node, warnings):
         for robot in ("robot1", "robot2"):
             tf2_ros.TransformListener(
                 buffer, node, tf_topic=f"/{robot}/tf", tf_static_topic=f"/{robot}/tf_static"
             )
         assert warnings() == []
-
-    def test_of_two_domains_do_not_warn(self, tf2_ros, buffer, node, new_node, warnings):
-        tf2_ros.TransformListener(buffer, node)
-        other = Context()
-        other.init(args=[], domain_id=node.context.get_domain_id() + 101)
-        try:
-            listener = tf2_ros.TransformListener(buffer, new_node("elsewhere", context=other))
-            assert warnings() == []
-            listener.unregister()
-        finally:
-            other.shutdown()
 
     @pytest.mark.parametrize("how", ["unregister", "destroy", "node"])
     def test_one_after_the_end_of_the_other_does_not_warn(self, tf2_ros, buffer, new_node, warnings, how):
@@ -262,36 +160,6 @@ class TestTwoListeners:
         else:
             node.destroy_node()
         tf2_ros.TransformListener(buffer, new_node("second"))
-        assert warnings() == []
-
-    def test_a_listener_that_changes_to_the_buffer_of_another_warns(self, tf2_ros, buffer, node, warnings):
-        tf2_ros.TransformListener(buffer, node)
-        second = tf2_ros.TransformListener(tf2_ros.Buffer(), node)
-        assert warnings() == []
-        second.buffer = buffer
-        assert len(warnings()) == 1
-
-    def test_one_after_the_shutdown_of_the_other_does_not_warn(self, tf2_ros, buffer, new_node, warnings):
-        context = Context()
-        context.init(args=[])
-        first = tf2_ros.TransformListener(buffer, new_node("first", context=context))
-        context.shutdown()
-        assert warnings() == []
-        second = tf2_ros.TransformListener(buffer, new_node("second"))
-        assert warnings() == []
-        tf2_ros.TransformListener(buffer, new_node("third"))
-        [line] = warnings()
-        assert "Two listeners of /second and /third" in line
-        assert first is not second
-
-    def test_that_is_told_once_of_two(self, tf2_ros, buffer, node, warnings):
-        tf2_ros.TransformListener(buffer, node)
-        second = tf2_ros.TransformListener(tf2_ros.Buffer(), node)
-        for _ in range(3):
-            second.buffer = buffer
-        assert len(warnings()) == 1
-        second.buffer = tf2_ros.Buffer()
-        second.buffer = buffer
         assert warnings() == []
 
 
@@ -319,10 +187,6 @@ class TestRepr:
         )
         assert listener.receives == (("/tf_static",) if inserter == "inbox" else ())
 
-    def test_it_names_the_class_and_the_topics(self, tf2_ros, buffer, node):
-        listener = tf2_ros.StaticTransformListener(buffer, node, tf_static_topic="/mine")
-        assert repr(listener).startswith("<tf2_ros.StaticTransformListener of /mine: 0 messages")
-
     def test_it_works_before_and_after_the_life_of_the_listener(self, tf2_ros, buffer, node):
         assert repr(tf2_ros.TransformListener.__new__(tf2_ros.TransformListener)) == (
             "<tf2_ros.TransformListener, not initialised>"
@@ -332,22 +196,3 @@ class TestRepr:
         assert repr(listener).endswith("of /tf: 0 messages, ended; /tf_static: 0 messages, ended>")
         node.destroy_node()
         assert repr(listener).endswith(", ended>")
-
-    def test_it_works_after_the_end_of_the_context(self, tf2_ros, buffer, node, ros, inserter):
-        listener = tf2_ros.TransformListener(buffer, node)
-        ros.shutdown()
-        # Kilted's shutdown destroys the node, and so the listener.
-        if inserter == "inbox":
-            assert repr(listener).endswith("0 messages, ended>")
-        else:
-            assert repr(listener).endswith((", taken by an executor>", ", ended>"))
-
-    def test_a_hidden_node_may_be_gone(self, tf2_ros, buffer, ros):
-        with tf2_ros.TransformListener(buffer, None) as listener:
-            assert "0 messages" in repr(listener)
-        assert repr(listener).endswith(", ended>")
-
-    def test_calls_by_hand_count(self, tf2_ros, buffer, node):
-        listener = tf2_ros.TransformListener(buffer, node)
-        listener.callback(TFMessage(transforms=[transform("map", "robot", 1)]))
-        assert ONE_MESSAGE.search(repr(listener))

@@ -64,18 +64,6 @@ def test_a_deadline_that_passed_meanwhile_ends_the_wait_at_once(stops, way):
     assert float(after_s) < PROMPT_S
 
 
-@pytest.mark.parametrize("way", ["blocking", "awaiting"])
-def test_a_deadline_that_is_still_to_come_holds(stops, way):
-    process = stops(way, 60)
-    with stopped(process):
-        pytest.raises(subprocess.TimeoutExpired, process.wait, STOPPED_S)
-    # It waits on, and takes what comes.
-    process.stdin.write("insert\n")
-    process.stdin.flush()
-    outcome, _, _ = rest_of(process)
-    assert outcome == "map"
-
-
 def test_messages_that_arrive_meanwhile_are_received(stops, peer):
     """For a reader that stands still, the middleware keeps the last hundred of /tf, and all of /tf_static."""
     sender = peer()

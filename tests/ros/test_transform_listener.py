@@ -1,11 +1,9 @@
 """Listeners, with the publishers in processes of their own."""
 
 import gc
-import linecache
 import re
 import signal
 import subprocess
-import sys
 import threading
 import weakref
 
@@ -14,14 +12,12 @@ import rclpy
 from making import at, transform, translation
 from processes import DEADLINE_S, start, until
 from public_names import NAMES
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.duration import Duration
-from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
-from spinning import shut_down_at_sleep, shut_down_quietly, spinning
+from spinning import shut_down_at_sleep, spinning
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros._wait.callbacks import callback_queue
@@ -49,13 +45,6 @@ def inserter(request, monkeypatch):
 @pytest.fixture
 def buffer(tf2_ros):
     return tf2_ros.Buffer()
-
-
-@pytest.mark.ours
-def test_it_says_what_inserts_its_transforms(tf2_ros, buffer, node, inserter):
-    with tf2_ros.TransformListener(buffer, node) as listener:
-        assert listener.receives == (("/tf", "/tf_static") if inserter == "inbox" else ())
-    assert not listener.receives
 
 
 def using_every_name(kind, *attributes):
@@ -117,12 +106,6 @@ def x_of(buffer, child, parent="map", time=LATEST):
     return translation(buffer.lookup_transform(parent, child, time))[0]
 
 
-def handled(buffer):
-    """How many transforms it took or refused."""
-    statistics = buffer.statistics()
-    return statistics["taken"] + sum(statistics["refused"].values())
-
-
 def set_clock(simulator, node, seconds, executor=None):
     # Again and again: messages of a clock may be lost.
     until(lambda: simulator.set_clock(seconds) or node.get_clock().now().nanoseconds == seconds * S, executor)
@@ -156,79 +139,6 @@ class TestOverTheNetwork:
         second.send(("map", "robot", 2 * S, 7))
         second.send(("robot", "arm", 0, 2), static=True)
         until(lambda: x_of(buffer, "arm") == 9, executor)
-
-    def test_a_namespaced_node_receives_the_global_topics(self, tf2_ros, buffer, new_node, executor, peer):
-        node = new_node("listening", namespace="/robot1")
-        executor.add_node(node)
-        listener = tf2_ros.TransformListener(buffer, node)
-        assert listener.tf_sub.topic_name == "/tf"
-        assert listener.tf_static_sub.topic_name == "/tf_static"
-        peer("-r", "__ns:=/robot2").send(("map", "robot", 1 * S, 1))
-        until(knows(buffer, "robot"), executor)
-
-    def test_remapped_topics_are_followed(self, tf2_ros, buffer, new_node, executor, peer):
-        remapped = ["-r", "__ns:=/robot1", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"]
-        node = new_node("listening", cli_args=["--ros-args", *remapped])
-        executor.add_node(node)
-        listener = tf2_ros.TransformListener(buffer, node)
-        assert listener.tf_sub.topic_name == "/robot1/tf"
-        ours, global_one = peer(*remapped), peer()
-        global_one.send_without_subscriber(("map", "stranger", 1 * S, 1))
-        ours.send(("map", "robot", 1 * S, 1))
-        ours.send(("robot", "arm", 0, 1), static=True)
-        until(knows(buffer, "arm"), executor)
-        assert not buffer.can_transform("map", "stranger", LATEST)
-
-    def test_two_listeners_live_in_one_process(self, tf2_ros, new_node, executor, node, peer):
-        buffers = [tf2_ros.Buffer() for _ in range(3)]
-        second_node = new_node("listening_too")
-        executor.add_node(second_node)
-        tf2_ros.TransformListener(buffers[0], node)
-        tf2_ros.TransformListener(buffers[1], node)
-        tf2_ros.TransformListener(buffers[2], second_node)
-        publisher = peer()
-        publisher.send(("robot", "arm", 0, 1), static=True)
-        publisher.matched(count=3)
-        publisher.send(("map", "robot", 1 * S, 1))
-        until(lambda: all(buffer.can_transform("map", "arm", LATEST) for buffer in buffers), executor)
-
-    def test_topics_may_have_other_names(self, tf2_ros, buffer, node, executor, peer):
-        tf2_ros.TransformListener(buffer, node, tf_topic="/my_tf", tf_static_topic="/my_tf_static")
-        publisher = peer("-r", "/tf:=/my_tf", "-r", "/tf_static:=/my_tf_static")
-        publisher.send(("map", "robot", 1 * S, 1))
-        publisher.send(("robot", "arm", 0, 1), static=True)
-        until(knows(buffer, "arm"), executor)
-
-    @pytest.mark.ours
-    @pytest.mark.parametrize("own_class", [False, True])
-    def test_a_static_listener_receives_static_transforms_alone(
-        self, tf2_ros, buffer, node, executor, peer, own_class
-    ):
-        if own_class:
-            listener = tf2_ros.StaticTransformListener(buffer, node)
-        else:
-            listener = tf2_ros.TransformListener(buffer, node, static_only=True)
-        assert listener.tf_sub is None
-        peer().send(("robot", "arm", 0, 1), static=True)
-        until(knows(buffer, "arm", "robot"), executor)
-        assert "/tf" not in [subscription.topic_name for subscription in node.subscriptions]
-
-    def test_a_jump_back_of_sim_time_clears_the_buffer(self, tf2_ros, new_node, executor, peer, capfd):
-        node = new_node("simulated", parameter_overrides=[Parameter("use_sim_time", value=True)])
-        executor.add_node(node)
-        buffer = tf2_ros.Buffer(node=node)
-        tf2_ros.TransformListener(buffer, node)
-        simulator = peer()
-        set_clock(simulator, node, 100, executor)
-        simulator.send(("map", "robot", 100 * S, 1))
-        simulator.send(("robot", "arm", 0, 1), static=True)
-        until(lambda: buffer.can_transform("map", "arm", LATEST), executor)
-        set_clock(simulator, node, 50, executor)
-        until(lambda: not buffer.can_transform("map", "robot", LATEST), executor)
-        assert buffer.can_transform("robot", "arm", LATEST)
-        assert "jump back in time" in capfd.readouterr().err
-        simulator.send(("map", "robot", 50 * S, 5))
-        until(knows(buffer, "robot", time=at(50)), executor)
 
     @pytest.fixture
     def simulated(self, tf2_ros, new_node, executor):
@@ -281,22 +191,6 @@ class TestOverTheNetwork:
                 # On a busy machine 0.1 s may have passed, and they were inserted before the jump.
             assert x_of(buffer, "new", time=at(start)) == 5
 
-    def test_a_callback_waits_for_what_another_thread_inserts(self, tf2_ros, buffer, node, peer):
-        tf2_ros.TransformListener(buffer, node)
-        executor, found = MultiThreadedExecutor(2), []
-        executor.add_node(node)
-        publisher = peer()
-
-        def look_up():
-            timer.cancel()
-            found.append(buffer.lookup_transform("map", "robot", LATEST, Duration(seconds=DEADLINE_S)))
-
-        timer = node.create_timer(0.001, look_up, callback_group=MutuallyExclusiveCallbackGroup())
-        until(lambda: timer.is_canceled(), executor)
-        publisher.send(("map", "robot", 1 * S, 1))
-        until(lambda: found, executor)
-        executor.shutdown()
-
 
 @pytest.mark.ours
 class TestMalformedBytes:
@@ -317,12 +211,6 @@ class TestMalformedBytes:
         until(lambda: buffer.statistics()["malformed_messages"] == len(self.bad()), executor)
         assert buffer._getFrameStrings() == ["robot", "map"]
         assert capfd.readouterr().err.count("Ignoring a malformed message on /tf") == 1
-
-    def test_good_bytes_are_as_good_as_a_message(self, tf2_ros, buffer, node, executor, peer):
-        tf2_ros.TransformListener(buffer, node)
-        peer().send_bytes(serialize_message(TFMessage(transforms=[transform("map", "robot", 1, (4, 5, 6))])))
-        until(knows(buffer, "robot"), executor)
-        assert translation(buffer.lookup_transform("map", "robot", at(1))) == (4, 5, 6)
 
 
 class TestSubclasses:
@@ -382,82 +270,28 @@ class TestSubclasses:
         assert buffer.can_transform("map", "arm", at(1))
 
 
-class TestCopyOfTf2:
-    """Programs carry copies of tf2's buffer.py, which keep their own list of callbacks."""
-
-    @pytest.fixture
-    def buffer(self, tf2_py, tf2_ros):
-        class Buffer(tf2_py.BufferCore, tf2_ros.BufferInterface):
-            def __init__(self):
-                tf2_py.BufferCore.__init__(self)
-                tf2_ros.BufferInterface.__init__(self)
-                self._new_data_callbacks = []
-                self._callbacks_to_remove = []
-                self._callbacks_lock = threading.RLock()
-
-            def set_transform(self, transform, authority):
-                super().set_transform(transform, authority)
-                self._call_new_data_callbacks()
-
-            def set_transform_static(self, transform, authority):
-                super().set_transform_static(transform, authority)
-                self._call_new_data_callbacks()
-
-            def _call_new_data_callbacks(self):
-                with self._callbacks_lock:
-                    for callback in self._new_data_callbacks:
-                        callback()
-                    for callback in self._callbacks_to_remove:
-                        self._new_data_callbacks.remove(callback)
-                    self._callbacks_to_remove.clear()
-
-            def wait_for_transform_async(self, target_frame, source_frame, time):
-                future = rclpy.task.Future()
-
-                def on_new_data():
-                    if self.can_transform_core(target_frame, source_frame, time)[0]:
-                        future.set_result(self.lookup_transform_core(target_frame, source_frame, time))
-
-                self._new_data_callbacks.append(on_new_data)
-                future.add_done_callback(lambda _: self._callbacks_to_remove.append(on_new_data))
-                return future
-
-        return Buffer()
-
-    def test_its_callbacks_are_called_once_after_each_insert(self, buffer):
-        called = []
-        buffer._new_data_callbacks.append(lambda: called.append(1))
-        buffer.set_transform(transform("map", "robot", 1), "me")
-        buffer.set_transform_static(transform("robot", "arm"), "me")
-        assert called == [1, 1]
-
-    def test_a_future_ends_with_what_its_listener_receives(self, tf2_ros, buffer, node, executor, peer):
-        tf2_ros.TransformListener(buffer, node)
-        future = buffer.wait_for_transform_async("map", "arm", at(1))
-        other = peer()
-        other.send(("robot", "arm", 0, 2), static=True)
-        other.send(("map", "robot", 1 * S, 1))
-        until(future.done, executor)
-        assert translation(future.result())[0] == 3
-        assert buffer._new_data_callbacks == []
-
-
 class TestQualityOfService:
-    def test_default(self, tf2_ros, buffer, node):
-        listener = tf2_ros.TransformListener(buffer, node)
-        for subscription, durability in (
-            (listener.tf_sub, DurabilityPolicy.VOLATILE),
-            (listener.tf_static_sub, DurabilityPolicy.TRANSIENT_LOCAL),
-        ):
-            qos = subscription.qos_profile
-            assert (qos.depth, qos.history, qos.durability) == (100, HistoryPolicy.KEEP_LAST, durability)
-
-    def test_as_asked(self, tf2_ros, buffer, node):
-        qos = QoSProfile(depth=3, reliability=ReliabilityPolicy.BEST_EFFORT)
-        listener = tf2_ros.TransformListener(buffer, node, qos=qos, static_qos=7)
-        assert listener.tf_sub.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-        assert listener.tf_sub.qos_profile.depth == 3
-        assert listener.tf_static_sub.qos_profile.depth == 7
+    @pytest.mark.parametrize(
+        ("given", "reliability", "depths"),
+        [
+            ({}, ReliabilityPolicy.RELIABLE, (100, 100)),
+            (
+                {
+                    "qos": QoSProfile(depth=3, reliability=ReliabilityPolicy.BEST_EFFORT),
+                    "static_qos": 7,
+                },
+                ReliabilityPolicy.BEST_EFFORT,
+                (3, 7),
+            ),
+        ],
+    )
+    def test_of_the_subscriptions(self, tf2_ros, buffer, node, given, reliability, depths):
+        listener = tf2_ros.TransformListener(buffer, node, **given)
+        dynamic, static = listener.tf_sub.qos_profile, listener.tf_static_sub.qos_profile
+        assert (dynamic.depth, static.depth) == depths
+        assert (dynamic.reliability, dynamic.durability) == (reliability, DurabilityPolicy.VOLATILE)
+        if not given:
+            assert static.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
     @pytest.mark.ours
     def test_parameters_override_it(self, tf2_ros, buffer, new_node):
@@ -496,19 +330,6 @@ class TestThread:
         assert set(threads) == {threading.current_thread()}
         end(listener)
 
-    def test_rclpy_spin_takes_the_node_over(self, tf2_ros, buffer, ros, node):
-        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
-        spun = []
-
-        def note():
-            spun.append(threading.current_thread())
-            ros.shutdown()
-
-        node.create_timer(0.01, lambda: threading.current_thread() is threading.main_thread() and note())
-        ros.spin(node)
-        assert spun == [threading.current_thread()]
-        end(listener)
-
     @pytest.mark.ours
     def test_a_listener_without_a_node_spins_its_own(self, tf2_ros, buffer, ros, peer):
         with tf2_ros.TransformListener(buffer, None) as listener:
@@ -518,41 +339,11 @@ class TestThread:
         assert not listener.dedicated_listener_thread.is_alive()
 
     @pytest.mark.ours
-    def test_its_node_has_no_services(self, tf2_ros, buffer, ros):
-        """rclpy never frees the one for descriptions of types, 107 kB for each node."""
-        with tf2_ros.TransformListener(buffer, None) as listener:
-            assert list(listener.node.services) == []
-
-    @pytest.mark.ours
-    def test_shutting_down_ends_it(self, tf2_ros, buffer, ros, node):
-        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
-        ros.shutdown()
-        until(lambda: not listener.dedicated_listener_thread.is_alive())
-        listener.unregister()
-
-    @pytest.mark.ours
     @pytest.mark.parametrize("whose", ["its own", "a program's"])
     def test_a_shutdown_that_wakes_nobody_ends_it(self, tf2_ros, buffer, ros, node, whose):
         """After a signal, rclpy wakes executors before it shuts down, and they may sleep again in between."""
         listener = tf2_ros.TransformListener(buffer, None if whose == "its own" else node, spin_thread=True)
         shut_down_at_sleep(callback_queue(listener.node))
-        until(lambda: not listener.dedicated_listener_thread.is_alive())
-
-    @pytest.mark.ours
-    def test_a_shutdown_that_wakes_nobody_ends_one_whose_node_was_taken_over(
-        self, tf2_ros, buffer, ros, node, executor
-    ):
-        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
-        executor.add_node(node)
-        thread = listener.dedicated_listener_thread
-        until(lambda: waits_for_no_node(thread))
-        shut_down_quietly(node.context)
-        until(lambda: not thread.is_alive())
-
-    @pytest.mark.ours
-    def test_a_callback_in_the_thread_may_end_it(self, tf2_ros, buffer, node):
-        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
-        node.create_timer(0.001, listener.__del__)
         until(lambda: not listener.dedicated_listener_thread.is_alive())
 
     def test_unregistering_does_not_end_it(self, tf2_ros, buffer, node):
@@ -570,25 +361,6 @@ class TestThread:
         listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
         node.destroy_node()
         until(lambda: not listener.dedicated_listener_thread.is_alive())
-
-    @pytest.mark.ours
-    def test_other_nodes_in_its_executor_keep_it(self, tf2_ros, buffer, new_node):
-        node, other = new_node("spun"), new_node("other")
-        listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
-        ticks = []
-        other.create_timer(0.001, lambda: ticks.append(1))
-        listener.executor.add_node(other)
-        node.destroy_node()
-        ticks.clear()
-        until(lambda: len(ticks) > 3)
-        end(listener)
-
-
-def waits_for_no_node(thread):
-    """Whether the executor that this thread spins has no node, and sleeps."""
-    frame = sys._current_frames()[thread.ident]
-    line = linecache.getline(frame.f_code.co_filename, frame.f_lineno)
-    return "wait_set.wait(" in line and frame.f_locals["nodes_to_use"] == []
 
 
 def end(listener):
@@ -615,13 +387,6 @@ class TestEnd:
         until(lambda: all(node.count_subscribers(topic) == 0 for topic in topics))
 
     @pytest.mark.ours
-    def test_a_with_block_ends_it(self, tf2_ros, buffer, node):
-        with tf2_ros.TransformListener(buffer, node, spin_thread=True) as listener:
-            assert listener.dedicated_listener_thread.is_alive()
-        assert not listener.dedicated_listener_thread.is_alive()
-        assert list(node.subscriptions) == []
-
-    @pytest.mark.ours
     def test_a_finalizer_takes_no_lock_of_the_executor(self, tf2_ros, ros, buffer):
         """It may run in the middle of whatever its own thread does."""
         listener = tf2_ros.TransformListener(buffer, None)
@@ -639,42 +404,12 @@ class TestEnd:
         assert not listener.dedicated_listener_thread.is_alive()
 
     @pytest.mark.ours
-    @pytest.mark.parametrize("whose", ["its own", "a program's"])
-    def test_a_finalizer_joins_no_thread(self, tf2_ros, ros, node, buffer, monkeypatch, whose):
-        """Joining takes a lock of `threading`, and the collector may run while this thread holds it."""
-        if whose == "its own":
-            listener = tf2_ros.TransformListener(buffer, None)
-        else:
-            listener = tf2_ros.TransformListener(buffer, node, spin_thread=True)
-        thread = listener.dedicated_listener_thread
-        joined = []
-        with monkeypatch.context() as patch:
-            patch.setattr(threading.Thread, "join", lambda thread, timeout=None: joined.append(thread))
-            listener.__del__()
-        assert joined == []
-        until(lambda: not thread.is_alive())
-
-    @pytest.mark.ours
     def test_it_is_collected_with_its_node(self, tf2_ros, buffer, ros):
         node = ros.create_node("passing")
         references = [weakref.ref(node), weakref.ref(tf2_ros.TransformListener(buffer, node))]
         del node
         gc.collect()
         assert [reference() for reference in references] == [None, None]
-
-    @pytest.mark.ours
-    def test_context_node_and_listener_may_end_in_any_order(self, tf2_ros, ros, new_node):
-        from itertools import permutations
-
-        for order in permutations(["context", "node", "listener"]):
-            context = ros.Context()
-            context.init()
-            node = new_node("passing", context=context)
-            listener = tf2_ros.TransformListener(tf2_ros.Buffer(node=node), node, spin_thread=True)
-            ends = {"context": context.shutdown, "node": node.destroy_node, "listener": listener.unregister}
-            for what in order:
-                ends[what]()
-            until(lambda thread=listener.dedicated_listener_thread: not thread.is_alive())
 
     @pytest.mark.ours
     def test_a_constructor_that_fails_leaves_nothing(self, tf2_ros, buffer, node):

@@ -36,7 +36,6 @@ class Reception:
         self._context = node.context if isinstance(node, Node) else None
         self._domain = None if self._context is None else self._context.get_domain_id()
         self._node_name = node.get_fully_qualified_name() if isinstance(node, Node) else "?"
-        self._warned_of: weakref.WeakSet[Reception] = weakref.WeakSet()  # they fill the same buffer, or did
         _receptions.add(self)
         self.fill(listener.buffer)
 
@@ -50,12 +49,8 @@ class Reception:
             (topic.name, doubles[0])
             for topic in self.topics
             if len(doubles := [one for one in others if one._receives_on(topic.name)]) == 1
-            and doubles[0] not in self._warned_of
         ]
         if shared:
-            for _, other in shared:
-                self._warned_of.add(other)
-                other._warned_of.add(self)
             names = _joined([name for name, _ in shared])
             nodes = _joined(sorted({self._node_name, *(other._node_name for _, other in shared)}))
             filled = f"one {type(buffer).__name__} (at {id(buffer):#x})"

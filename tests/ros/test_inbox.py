@@ -103,10 +103,6 @@ def test_what_arrived_before_clear_is_cleared(buffer, listener, peer):
 
 
 class TestWithoutAReader:
-    def test_it_is_inserted_soon(self, buffer, listener, peer):
-        peer().send(("map", "robot", 1 * S, 5))
-        until(lambda: listener._tf2_topics[0].arrivals.taken()[0] == 1)
-
     def test_what_is_refused_is_logged(self, listener, peer, capfd):
         peer().send(("map", "map", 1 * S, 5))
         until(lambda: "TF_SELF_TRANSFORM" in errors_so_far())

@@ -272,13 +272,6 @@ class TestEnd:
         assert not buffer.can_transform("map", "unsubscribed", LATEST)
         assert listener.receives
 
-    def test_destroying_the_node_takes_it_out_of_the_graph_at_once(self, tf2_ros, buffer, node, new_node):
-        passing = new_node("passing")
-        tf2_ros.TransformListener(buffer, passing)
-        assert "passing" in node.get_node_names()
-        passing.destroy_node()
-        assert "passing" not in node.get_node_names()
-
     def test_shutting_down_ends_it(self, ros, listener):
         ros.shutdown()
         until(lambda: not listener.receives)

@@ -4,7 +4,7 @@ import os
 import threading
 import weakref
 from collections.abc import Iterator
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
 
 from tf2_py._internal import class_name
 
@@ -59,26 +59,3 @@ def refuse_inherited(one: object, process: int) -> None:
     if is_inherited(process):
         name = class_name(type(one))
         raise RuntimeError(f"this {name} is {FORKED}: make another one in the process that uses it")
-
-
-class Inherited(Protocol):
-    """An object that a forked child inherits from its parent."""
-
-    def after_fork(self) -> None:
-        """End, or begin anew, in the child, whose only thread is the one that forked."""
-
-
-_inherited: LiveObjects[Inherited] = LiveObjects()
-
-
-def register_for_fork(owner: Inherited) -> None:
-    """Call ``after_fork()`` of an object in every forked child, as long as something else refers to it."""
-    _inherited.add(owner)
-
-
-def _after_fork_in_child() -> None:
-    for owner in _inherited:
-        owner.after_fork()
-
-
-os.register_at_fork(after_in_child=_after_fork_in_child)

@@ -22,7 +22,6 @@ from tf2_py._internal import keep_for_ever
 from tf2_ros._forking import LOCK, LiveObjects, is_inherited
 from tf2_ros._rcl import skip_exit_handlers
 from tf2_ros._rclpy import (
-    NodeEnd,
     RCLError,
     context_was_shut_down,
     enter_handle,
@@ -31,7 +30,7 @@ from tf2_ros._rclpy import (
     mark_shut_down,
     trigger,
 )
-from tf2_ros._receive.inboxes import check_regularly
+from tf2_ros._receive.inboxes import Checked, check_regularly
 
 END_WAIT_S = 1.0  # for a callback that runs when the thread is to end
 
@@ -88,26 +87,10 @@ def _after_fork_in_child() -> None:
 os.register_at_fork(after_in_child=_after_fork_in_child)
 
 
-class ShutdownWaker:
-    """
-    As long as this exists, wakes an executor that sleeps after the shutdown of its context, within seconds.
-
-    After a signal, rclpy first wakes its executors and then shuts the contexts down. One that goes to sleep
-    in between sleeps until something else wakes it. With tf2, messages do; here, they rarely wake executors.
-
-    :param wake_handle: the handle of a guard condition that the executor waits for.
-    """
-
-    def __init__(self, context: Context, wake_handle: Any) -> None:
-        self._context = context
-        self._wake_handle = wake_handle
-        with suppress(RuntimeError):  # no thread can be started now; the next listener tries again
-            check_regularly(self)
-
-    def check(self) -> None:
-        """Wake the executor if its context was shut down."""
-        if context_was_shut_down(self._context):
-            trigger(self._wake_handle)
+def watch(watcher: Checked) -> None:
+    """Call ``check()`` of this object every one or two seconds, as long as something else refers to it."""
+    with suppress(RuntimeError):  # no thread can be started now; the next listener tries again
+        check_regularly(watcher)
 
 
 _running: "LiveObjects[Spinner]" = LiveObjects()
@@ -137,9 +120,9 @@ class Spinner:
     ) -> None:
         self._owner = owner
         self._at_end = at_end
+        self._node = weakref.ref(node)
         self.executor = SingleThreadedExecutor(context=node.context)
         self._wake_handle = executor_wake_handle(self.executor)
-        self._waker = ShutdownWaker(node.context, self._wake_handle)
         self._process = os.getpid()
         keep_in_children(node)
         keep_in_children(self.executor)
@@ -148,9 +131,8 @@ class Spinner:
         # It must not run while the interpreter is finalized, which waits for threads that are not daemons
         # unless it is interrupted.
         _running.add(self)
-        # A hidden node is destroyed by the thread itself.
-        self._node_end = NodeEnd(None if owner is None else node, self._node_destroyed)
         self.thread.start()
+        watch(self)
 
     def stop(self, *, wait: bool = True) -> None:
         """
@@ -161,15 +143,18 @@ class Spinner:
         """
         if is_inherited(self._process):
             return
-        self._node_end.forget()
         # The spinning thread does the rest of the shutdown: another one could destroy what is in use.
         mark_shut_down(self.executor, self._wake_handle)
         # It does not live if a signal handler raised before it was started.
         if wait and self.thread.is_alive() and self.thread is not threading.current_thread():
             self.thread.join(END_WAIT_S)
 
-    def _node_destroyed(self) -> None:
-        if not is_inherited(self._process) and len(self.executor.get_nodes()) <= 1:
+    def check(self) -> None:
+        """Wake the executor after a shutdown, see ``CallbackQueue.check``, and end with the node."""
+        node = self._node()
+        if context_was_shut_down(self.executor.context):
+            trigger(self._wake_handle)
+        elif (node is None or node_has_ended(node)) and len(self.executor.get_nodes()) <= 1:
             self.stop(wait=False)
 
     def _run(self) -> None:

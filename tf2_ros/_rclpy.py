@@ -7,13 +7,10 @@ rounds need in Cython is in ``tf2_ros._wait.rounds``; ``tf2_py.engine.times`` re
 """
 
 import sys
-import weakref
-from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from types import FrameType, FunctionType
+from types import FrameType
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import EventHandler, QoSSubscriptionEventType
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
@@ -21,10 +18,7 @@ from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.subscription import Subscription
-from rclpy.task import Future, Task
-from rclpy.timer import Timer
-
-NEVER_S = 1e9  # the period of a timer that never runs
+from rclpy.task import Task
 
 # What the functions of the C++ part raise. Assumes that it has this name there; otherwise a RuntimeError,
 # which rclpy's own error derives from.
@@ -91,28 +85,15 @@ def is_shut_down(executor: Executor) -> bool:
     return bool(getattr(executor, "_is_shutdown", False))
 
 
-def holding_executor(node: Node) -> Executor | None:
+def is_in_executor(node: Node) -> bool:
     """
-    The executor that has a node now and was not shut down; takes a lock of that executor.
+    Whether an executor has a node now; takes a lock of that executor.
 
     ``Node.executor`` is not enough: it remains set when the node is removed from the executor, as
     ``rclpy.spin_once`` and similar functions do at their end.
     """
     executor = node.executor
-    if executor is None or is_shut_down(executor) or node not in executor.get_nodes():
-        return None
-    return executor
-
-
-def is_in_callback(executor: Any) -> bool:
-    """
-    Whether a thread of an executor is inside a callback, or another task.
-
-    Assumes the attribute ``_tasks``, of Jazzy, or ``_pending_tasks``, of Kilted: all tasks that are not done,
-    one for each callback that runs. Without either, as in rclpy's ``EventsExecutor``, the answer is True.
-    """
-    tasks = _tasks_of(executor)
-    return tasks is None or any(is_in_step(task) for task in tasks)
+    return executor is not None and node in executor.get_nodes()
 
 
 def has_tasks(executor: Executor | None) -> bool:
@@ -124,14 +105,8 @@ def has_tasks(executor: Executor | None) -> bool:
     """
     if executor is None:
         return False
-    tasks = _tasks_of(executor)
-    return tasks is None or len(tasks) > 0
-
-
-def _tasks_of(executor: Any) -> list[Any] | None:
     tasks = getattr(executor, "_tasks", getattr(executor, "_pending_tasks", None))
-    # Jazzy has tuples that begin with the task.
-    return None if tasks is None else [one[0] if isinstance(one, tuple) else one for one in list(tasks)]
+    return tasks is None or len(tasks) > 0
 
 
 def executor_wake_handle(executor: Executor) -> Any:
@@ -220,50 +195,6 @@ def parameter_overrides(node: Any) -> dict[str, Any]:
     return given if isinstance(given, dict) else {}
 
 
-class NodeEnd:
-    """
-    Calls a function when a node is destroyed, which destroys neither action servers nor action clients.
-
-    Assumes that ``destroy_node()`` calls ``destroy()`` of each of the node's timers: this has one that never
-    runs. Executors skip it where they skip an entity whose ``_executor_event`` is set. Where a node makes
-    timers of another class, or is not rclpy's, nothing is called; nor after the shutdown of its context,
-    which destroys nodes in Kilted.
-
-    :param call: kept alive by the node until :meth:`forget`.
-    """
-
-    def __init__(self, node: object, call: Callable[[], None]) -> None:
-        self._node: weakref.ref[Node] | None = None
-        self._call = _nothing
-        if not isinstance(node, Node):
-            return
-        timer: Any = node.create_timer(NEVER_S, _nothing, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        timer.cancel()
-        if type(timer) is Timer:
-            self._node, self._timer, self._call = weakref.ref(node), timer, call
-            timer._executor_event, timer.destroy = True, self._destroyed
-
-    def forget(self) -> None:
-        """Call nothing; without effect the second time."""
-        node = None if self._node is None else self._node()
-        if node is not None:
-            self._call = _nothing
-            with suppress(InvalidHandle):  # its executor is being shut down
-                node.destroy_timer(self._timer)
-        self._node = None
-
-    def _destroyed(self) -> None:
-        call, self._call = self._call, _nothing
-        node = None if self._node is None else self._node()
-        if node is not None and not context_was_shut_down(node.context):
-            call()
-        Timer.destroy(self._timer)
-
-
-def _nothing() -> None:
-    pass
-
-
 # Tasks and futures.
 
 _STEP_CODE = getattr(Task.__dict__.get("__call__"), "__code__", None)
@@ -303,62 +234,3 @@ def is_in_step(task: Task) -> bool:
     """
     lock = getattr(task, "_task_lock", None)
     return lock is None or lock.locked()
-
-
-def only_wakes_executor(callback: Any) -> bool:
-    """
-    Whether an executor wakes itself by this done callback of a future, which is not code of a user then.
-
-    Assumes that such callbacks are functions of ``rclpy.executors``. Otherwise they keep a future alive, as
-    callbacks of a user do.
-    """
-    return isinstance(callback, FunctionType) and callback.__module__ == "rclpy.executors"
-
-
-class HookedFuture(Future):
-    """
-    A future with a say in when and how its done callbacks are called.
-
-    Assumes that ``Future`` keeps its callbacks in the list ``_callbacks`` and its executor in the weak
-    reference ``_executor``, both under ``_lock``, and that the methods that set the outcome call the
-    callbacks in ``_schedule_or_invoke_done_callbacks()``. If it has no such attributes, it calls them in its
-    own way.
-
-    :param lock: used instead of rclpy's own, which a fork may find held.
-    """
-
-    _callbacks: list[Callable[[Any], None]]
-
-    def __init__(self, lock: Any) -> None:
-        super().__init__()
-        self._lock = lock
-
-    def set_result(self, result: Any) -> None:
-        """Set the result, and call the callbacks."""
-        super().set_result(result)
-        self._tf2_completed()
-
-    def set_exception(self, exception: BaseException) -> None:
-        """Set the exception, and call the callbacks."""
-        super().set_exception(exception)
-        self._tf2_completed()
-
-    def cancel(self) -> None:
-        """Cancel, if it is pending, and call the callbacks."""
-        super().cancel()
-        self._tf2_completed()
-
-    def _schedule_or_invoke_done_callbacks(self) -> None:
-        """Leave the callbacks to :meth:`_tf2_completed`."""
-
-    def _tf2_completed(self) -> None:
-        """Call the callbacks that were not called yet, because the outcome is set."""
-        reference: Any = getattr(self, "_executor", None)
-        if reference is None or not hasattr(self, "_callbacks"):
-            super()._schedule_or_invoke_done_callbacks()
-        else:
-            self._tf2_run_callbacks(reference(), self._callbacks)
-
-    def _tf2_run_callbacks(self, executor: Executor | None, callbacks: list[Callable[[Any], None]]) -> None:
-        """Remove the callbacks from the list, and call each of them."""
-        raise NotImplementedError

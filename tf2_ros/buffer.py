@@ -268,10 +268,10 @@ class Buffer(BufferCore, AnsweringInterface):
             transforms of ``time`` would be refused.
         :raises TypeError: see that method.
 
-        The thread that inserts the missing transform completes the future, and runs its callbacks. If a
-        listener receives the transform, or the timeout passes, they run in the executor that spins the
-        listener's node, or in a thread for callbacks if there is no such executor. With an invalid name, the
-        future holds an ``InvalidArgumentException`` at once.
+        A program's own insert of the missing transform completes the future, and runs its callbacks before it
+        returns. If a listener receives the transform, they run in the executor that spins the listener's
+        node, and wait while nobody spins it; at the timeout likewise, but in a thread of their own if no
+        executor has the node. With an invalid name, the future holds an ``InvalidArgumentException`` at once.
         """
         checked = policy_of("wait_for_transform_async", **policy)
         return TransformFuture(self, Lookup.simple(target_frame, source_frame, time, checked), timeout)
@@ -380,7 +380,8 @@ class Buffer(BufferCore, AnsweringInterface):
 
         :param target_frame: see :meth:`lookup_transform`, also for ``source_frame``.
         :param callback: called with the transform, in the thread in which callbacks of
-            :meth:`wait_for_transform_async` run; never by two threads at once.
+            :meth:`wait_for_transform_async` run; never by two threads at once. If the present transform is
+            available, and no executor has the listener's node, it is called with it before this returns.
         :return: an object that ends this with ``cancel()``. Otherwise it ends with the buffer.
         :raises TypeError: ``callback`` cannot be called.
         """

@@ -32,9 +32,9 @@ from tf2_ros import _names
 from tf2_ros._arguments import optional_timeout_ns, require_node
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._messages import time_msg
-from tf2_ros._nodes import Spinner, hidden_node
+from tf2_ros._nodes import Spinner, hidden_node, node_has_ended, watch
 from tf2_ros._qos import lookup_qos
-from tf2_ros._rclpy import NodeEnd, context_was_shut_down
+from tf2_ros._rclpy import context_was_shut_down
 from tf2_ros._wait.callbacks import callback_queue
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.timers import deadlines
@@ -133,7 +133,8 @@ class GoalSender:
         self._timer.cancel()
         self._spinner = Spinner(hidden, daemon=True, at_end=self._end)
         self._spinner.thread.name = "tf2_ros buffer client"
-        self._node_end = NodeEnd(node, self.close)
+        self._owner_node = weakref.ref(node)
+        watch(self)
 
     def send(self, goal: Any, timeout_ns: int | None, padding_ns: int) -> PendingGoal:
         """
@@ -176,17 +177,22 @@ class GoalSender:
         if self._closed or is_inherited(self.process):
             return
         self._closed = True
-        self._node_end.forget()
         self._spinner.stop(wait=wait)
         for pending in list(self._pending):
             self._fail_at_end(pending)
+
+    def check(self) -> None:
+        """End with the node of the client."""
+        node = self._owner_node()
+        if not self._closed and (node is None or node_has_ended(node)):
+            self.close(wait=False)
 
     def _end(self) -> None:
         self._ended = True
         for pending in list(self._pending):
             self._fail_at_end(pending)
             self._stop(pending)
-        self._queue.close()
+        self._queue.close("the client has ended")
         self.action_client.destroy()
         self._node.destroy_node()
         del self._timer  # it refers to this, so only the collector would free both

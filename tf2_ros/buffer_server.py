@@ -6,6 +6,7 @@ from tf2_ros_cython import _requirement  # noqa: F401
 # isort: split
 
 import os
+import weakref
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse
@@ -28,9 +29,8 @@ from tf2_py import (
 from tf2_py._internal import timeout_ns
 from tf2_ros._arguments import require_node
 from tf2_ros._forking import is_inherited
-from tf2_ros._nodes import keep_in_children
+from tf2_ros._nodes import keep_in_children, node_has_ended, watch
 from tf2_ros._qos import lookup_qos
-from tf2_ros._rclpy import NodeEnd
 from tf2_ros._wait.blocking import Lookup
 from tf2_ros._wait.callbacks import CallbackQueue
 from tf2_ros._wait.futures import TransformFuture
@@ -92,7 +92,7 @@ class BufferServer:
         # Both are in one group, so that no other thread ends a goal while its cancellation is decided. The
         # queue is a separate one.
         group = MutuallyExclusiveCallbackGroup()
-        self._ended = CallbackQueue(node, group, by_thread=False)
+        self._ended = CallbackQueue(node, group)
         self._server: ActionServer | None = ActionServer(
             node,
             LookupTransform,
@@ -108,7 +108,8 @@ class BufferServer:
         )
         self._process = os.getpid()
         keep_in_children(node)
-        self._node_end = NodeEnd(node, self.destroy)
+        self._node = weakref.ref(node)
+        watch(self)
 
     def destroy(self) -> None:
         """End the server; waiting goals get no result. May be called again; in a forked child, it is dead."""
@@ -116,12 +117,17 @@ class BufferServer:
         server, self._server = self._server, None
         if server is None or is_inherited(self._process):
             return
-        self._node_end.forget()
-        self._ended.close()
+        self._ended.close("the server has ended")
         for lookup in list(self._lookups.values()):
             lookup.cancel()
         self._lookups.clear()
         server.destroy()
+
+    def check(self) -> None:
+        """End with the node."""
+        node = self._node()
+        if node is not None and node_has_ended(node):
+            self.destroy()
 
     def _begin(self, handle: Any) -> None:
         lookup = self._lookups[bytes(handle.goal_id.uuid)] = self._look_up(handle.request)

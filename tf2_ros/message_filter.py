@@ -34,7 +34,6 @@ from tf2_py.typing import DurationLike, TimeoutLike
 from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable, require_node
 from tf2_ros._forking import FORKED, LiveObjects, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended
-from tf2_ros._rclpy import holding_executor
 from tf2_ros._wait.blocking import LongWait, report_if_long
 from tf2_ros._wait.callbacks import CallbackQueue, callback_queue
 from tf2_ros._wait.futures import WakingFuture
@@ -517,7 +516,7 @@ class MessageFilter(Generic[_Message]):
         end = partial(call_despite_signals, partial(self._end, queued, FilterFailureReason.TIMEOUT))
         if queued.is_answered() and self._look_up(queued):
             return  # it is about to pass
-        if self._calls_back() and holding_executor(self._node) is not None:
+        if self._calls_back() and self._queue.is_in_executor():
             self._queue.put(end)
         else:
             end()

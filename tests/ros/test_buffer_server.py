@@ -271,7 +271,7 @@ class TestEnd:
         try:
             getattr(server if how == "destroy" else node, how)()
             del server, buffer
-            assert [part() for part in parts] == [None, None, None]
+            until(lambda: [part() for part in parts] == [None, None, None])
         finally:
             gc.enable()
         assert {*node.timers, *node.waitables} <= before

@@ -256,21 +256,6 @@ class TestCallbacksOfFutures:
             assert called == [future]
             sender.join()
 
-    @pytest.mark.ours
-    def test_they_add_no_return_of_spin_once(self, buffer, listener, node, executor, peer):
-        publisher, called = peer(), []
-        executor.spin_once(timeout_sec=0)
-        for n in range(1, 6):
-            future = buffer.wait_for_transform_async("map", "robot", at(n))
-            future.add_done_callback(called.append)
-        for n in range(1, 6):
-            publisher.send(("map", "robot", n * S, 1))
-        # Answers that are reported together are called together.
-        until(lambda: sum(len(together.args[0]) for together in tuple(callback_queue(node).calls)) == 5)
-        assert called == []
-        assert returns_early(executor.spin_once, 20) == 1
-        assert len(called) == 5
-
     def test_they_do_not_overlap_other_callbacks(self, tf2_ros, buffer, listener, node, executor, peer):
         publisher = peer()
         busy, overlaps = threading.Event(), []
@@ -300,14 +285,6 @@ class TestCallbacksOfFutures:
         until(lambda: len(order) == 3, executor)
         assert order == [1, 2, 3]
 
-    def test_a_future_that_the_program_completes_calls_back_in_its_thread(self, buffer, listener, executor):
-        threads = []
-        executor.spin_once(timeout_sec=0)
-        future = buffer.wait_for_transform_async("map", "robot", LATEST)
-        future.add_done_callback(lambda _: threads.append(threading.current_thread()))
-        buffer.set_transform(transform("map", "robot", 1), "me")
-        assert threads == [threading.current_thread()]
-
     def test_a_future_may_complete_another_one(self, ros, buffer, listener, executor, peer):
         other, threads = ros.task.Future(), []
         other.add_done_callback(lambda _: threads.append(threading.current_thread()))
@@ -327,49 +304,6 @@ class TestCallbacksOfFutures:
             future.add_done_callback(lambda _, n=n: order.append(n))
         buffer.set_transform(transform("map", "odom", 2), "me")
         assert order == [0, 1, 2, 3, 4]
-
-    @pytest.mark.ours
-    def test_an_error_that_ends_the_program_is_raised_after_every_waiter_was_served(
-        self, buffer, listener, executor, peer
-    ):
-        served = []
-
-        def interrupt(_):
-            raise KeyboardInterrupt
-
-        executor.spin_once(timeout_sec=0)
-        for _ in range(3):
-            buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(served.append)
-            buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(interrupt)
-        peer().send(("map", "robot", 1 * S, 1))
-        with pytest.raises(KeyboardInterrupt):
-            until(lambda: False, executor)
-        assert len(served) == 3
-
-    @pytest.mark.ours
-    def test_without_any_executor_a_thread_for_callbacks_runs_them(self, buffer, listener, peer):
-        """It may block: transforms go on arriving."""
-        found, publisher = [], peer()
-
-        def look_up(_):
-            publisher.send(("map", "arm", 1 * S, 1))
-            found.append(buffer.lookup_transform("map", "arm", LATEST, Duration(seconds=DEADLINE_S)))
-            found.append(threading.current_thread().name)
-
-        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(look_up)
-        publisher.send(("map", "robot", 1 * S, 1))
-        until(lambda: len(found) == 2)
-        assert found[1] == "tf2_ros callbacks"
-
-    @pytest.mark.ours
-    def test_a_node_that_was_ever_spun_is_waited_for(self, ros, buffer, listener, node, peer):
-        called = []
-        ros.spin_once(node, timeout_sec=0)
-        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(called.append)
-        peer().send(("map", "robot", 1 * S, 1))
-        until(knows(buffer, "robot"))
-        assert called == []
-        until(lambda: ros.spin_once(node, timeout_sec=0.1) or called)
 
     def test_asyncio_beside_a_spinning_loop_sees_a_future_that_is_done(
         self, ros, buffer, listener, node, peer
@@ -395,49 +329,6 @@ class TestCallbacksOfFutures:
 
         assert asyncio.run(asyncio.wait_for(main(), DEADLINE_S)) == (True, True)
         assert order == ["callback", "awaiter"]
-
-    @pytest.mark.ours
-    @pytest.mark.parametrize("spun", [False, True])
-    def test_asyncio_waits_for_no_executor(self, ros, buffer, listener, node, peer, spun):
-        if spun:
-            ros.spin_once(node, timeout_sec=0)
-        publisher = peer()
-
-        async def main():
-            future = buffer.wait_for_transform_async("map", "robot", LATEST)
-            future.add_done_callback(lambda _: None)
-            sender = threading.Thread(target=lambda: publisher.send(("map", "robot", 1 * S, 1)))
-            sender.start()
-            found = await asyncio.wait_for(asyncio.ensure_future(waiting(future)), DEADLINE_S)
-            sender.join()
-            return found
-
-        async def waiting(future):
-            return await future
-
-        assert asyncio.run(main()).child_frame_id == "robot"
-
-    @pytest.mark.ours
-    def test_a_future_that_times_out_calls_back_in_the_executor(self, buffer, listener, executor):
-        threads = []
-        executor.spin_once(timeout_sec=0)
-        future = buffer.wait_for_transform_async("map", "robot", LATEST, timeout=Duration(seconds=0.05))
-        future.add_done_callback(lambda _: threads.append(threading.current_thread()))
-        until(lambda: threads, executor)
-        assert threads == [threading.current_thread()]
-        assert type(future.exception()).__name__ == "TimeoutException"
-
-    @pytest.mark.ours
-    def test_what_was_completed_is_called_back_after_the_listener_ended(
-        self, buffer, listener, executor, peer
-    ):
-        called = []
-        executor.spin_once(timeout_sec=0)
-        buffer.wait_for_transform_async("map", "robot", LATEST).add_done_callback(called.append)
-        peer().send(("map", "robot", 1 * S, 1))
-        until(knows(buffer, "robot"))
-        listener.unregister()
-        until(lambda: called)
 
 
 class TestProgramsThatReplaceParts:

@@ -4,14 +4,13 @@ import re
 import sys
 import threading
 import types
-from contextlib import ExitStack, suppress
-from functools import partial
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 from processes import until
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.task import Future, Task
@@ -131,15 +130,12 @@ class TestExecutors:
         assert calls == [0]
 
     def test_one_that_gave_a_node_away_remains_its_attribute(self, node, executor):
-        assert _rclpy.holding_executor(node) is None
+        assert not _rclpy.is_in_executor(node)
         executor.add_node(node)
-        assert _rclpy.holding_executor(node) is executor
+        assert _rclpy.is_in_executor(node)
         executor.remove_node(node)
         assert node.executor is executor
-        assert _rclpy.holding_executor(node) is None
-        executor.add_node(node)
-        executor.shutdown()
-        assert _rclpy.holding_executor(node) is None
+        assert not _rclpy.is_in_executor(node)
 
     def test_a_task_is_known_until_it_is_done(self, executor):
         assert not _rclpy.has_tasks(None)
@@ -156,47 +152,6 @@ class TestExecutors:
         ending.append(True)
         until(lambda: task.done() and not _rclpy.has_tasks(executor), executor)
         assert _rclpy.has_tasks(object())
-
-    def test_a_callback_that_runs_is_a_task_in_its_step(self, node, executor):
-        inside = []
-        node.create_timer(0.0, lambda: inside.append(_rclpy.is_in_callback(executor)))
-        executor.add_node(node)
-        assert not _rclpy.is_in_callback(executor)
-        until(lambda: inside, executor)
-        assert inside[0]
-        assert not _rclpy.is_in_callback(executor)
-
-    def test_a_callback_that_raised_or_awaits_does_not_run(self, node, executor):
-        async def awaits():
-            await Future()
-
-        def raises():
-            raise KeyboardInterrupt
-
-        executor.create_task(awaits)
-        node.create_timer(0.0, raises)
-        executor.add_node(node)
-        with pytest.raises(KeyboardInterrupt):
-            until(lambda: False, executor)
-        assert not _rclpy.is_in_callback(executor)
-
-    def test_of_one_without_tasks_a_callback_is_assumed(self):
-        assert _rclpy.is_in_callback(object())
-
-    def test_one_that_waits_for_no_guard_condition_is_of_another_class(self, ros, node):
-        """rclpy's EventsExecutor: a waitable without entities is all it accepts, and a task wakes it."""
-        experimental = pytest.importorskip("rclpy.experimental")
-        executor, calls = experimental.EventsExecutor(), []
-        assert not isinstance(executor, Executor)
-        node.add_waitable(Probe(ReentrantCallbackGroup()))
-        executor.add_node(node)
-        assert _rclpy.holding_executor(node) is executor
-        assert _rclpy.is_in_callback(executor)
-        executor.create_task(lambda: calls.append(1))
-        until(lambda: calls, executor)
-        executor.remove_node(node)
-        assert _rclpy.holding_executor(node) is None
-        executor.shutdown()
 
 
 class TestRounds:
@@ -259,37 +214,6 @@ class TestNodesAndActions:
     def test_what_is_no_node_of_rclpy_has_none(self):
         assert _rclpy.parameter_overrides(object()) == {}
 
-    def test_a_node_destroys_its_timers_by_their_method(self, new_node):
-        ended = []
-        ending, forgotten = new_node("ending"), new_node("forgotten")
-        _rclpy.NodeEnd(ending, lambda: ended.append("ending"))
-        end = _rclpy.NodeEnd(forgotten, lambda: ended.append("forgotten"))
-        for _ in range(2):
-            end.forget()
-        assert list(forgotten.timers) == []
-        for node in (ending, forgotten, ending):
-            node.destroy_node()
-        assert ended == ["ending"]
-
-    def test_what_is_no_node_of_rclpy_has_no_end(self):
-        _rclpy.NodeEnd(object(), ignore).forget()
-
-    def test_every_executor_holds_a_node_whose_end_is_noticed(self, ros, new_node):
-        kinds = [SingleThreadedExecutor]
-        with suppress(ImportError):
-            from rclpy.experimental import EventsExecutor
-
-            kinds.append(EventsExecutor)
-        for kind in kinds:
-            node, executor, ended, ticks = new_node("ending"), kind(), [], []
-            _rclpy.NodeEnd(node, lambda ended=ended: ended.append(1))
-            node.create_timer(0.001, partial(ticks.append, 1))
-            executor.add_node(node)
-            until(lambda ticks=ticks: len(ticks) > 3, executor)
-            node.destroy_node()
-            assert ended == [1]
-            executor.shutdown()
-
     def test_errors_of_rcl_are_runtime_errors(self):
         assert issubclass(_rclpy.RCLError, RuntimeError)
 
@@ -344,29 +268,8 @@ class TestTasksAndFutures:
 
         ros.spin_until_future_complete(node, Watching(), timeout_sec=0.01)
         assert added
-        assert all(_rclpy.only_wakes_executor(callback) for callback in added)
-        assert not _rclpy.only_wakes_executor(print)
-
-    def test_a_future_calls_its_callbacks_by_the_hook(self, executor):
-        calls = []
-
-        class Hooked(_rclpy.HookedFuture):
-            def _tf2_run_callbacks(self, executor, callbacks):
-                calls.append((executor, callbacks))
-
-        future = Hooked(threading.RLock())
-        future.add_done_callback(print)
-        future._set_executor(executor)
-        future.set_result(None)
-        assert calls == [(executor, [print])]
-
-    def test_a_future_without_the_attributes_calls_them_in_its_own_way(self, monkeypatch):
-        own = []
-        monkeypatch.setattr(Future, "_schedule_or_invoke_done_callbacks", lambda future: own.append(future))
-        future = _rclpy.HookedFuture(threading.RLock())
-        del future._callbacks
-        future.set_result(None)
-        assert own == [future]
+        assert all(rounds.only_wakes(callback) for callback in added)
+        assert not rounds.only_wakes(print)
 
     def test_a_task_is_a_future(self):
         assert issubclass(Task, Future)

@@ -76,7 +76,7 @@ class Receiver:
         self._uses: dict[Topic, ExitStack] = {}  # keep the handles of the topics that it takes
         self._clock_use = ExitStack()
         self._source = Subscriptions(listener._tf2_recording, listener._tf2_prefix)
-        self.inbox = Inbox(self._source, AUTHORITY, queue.put_all)
+        self.inbox = Inbox(self._source, AUTHORITY, queue.hand_over)
         self.inbox.inform(queue)
         threads.start()
         for topic in topics:

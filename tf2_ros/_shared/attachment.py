@@ -25,7 +25,7 @@ if TYPE_CHECKING or HAS_ROS:
 
     from tf2_ros._rcl import problem
     from tf2_ros._rclpy import context_was_shut_down, has_tasks
-    from tf2_ros._wait.callbacks import CallbackQueue, callback_queue, queue_of
+    from tf2_ros._wait.callbacks import CallbackQueue, callback_queue, hand_over, queue_of
 
 __all__ = ["AttachedListener", "Attachment", "Ring", "attach_listener", "open_ring"]
 
@@ -120,7 +120,7 @@ def _hand_over(reference: "weakref.ref[Ring]", calls: list[Call]) -> None:
     ring = reference()
     buffer = None if ring is None else ring.buffer()
     if HAS_ROS and buffer is not None:
-        queue_of(buffer).put_all(calls)
+        hand_over(calls, queue_of(buffer))
         return
     for call in calls:
         try:

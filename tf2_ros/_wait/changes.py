@@ -14,6 +14,7 @@ from tf2_ros._nodes import Shutdown
 from tf2_ros._wait.blocking import Lookup
 from tf2_ros._wait.callbacks import queue_of
 from tf2_ros._wait.futures import TransformFuture
+from tf2_ros._wait.rounds import run_done_callbacks
 
 
 class _NextChange(Lookup):
@@ -83,11 +84,10 @@ class ChangeSubscription:
         require_callable("on_change", callback)
         self._buffer, self._changes, self._callback = buffer, changes, callback
         self._future: TransformFuture | None = None  # of the next change
-        self._noted: TransformFuture | None = None  # the last one whose change the next one must differ from
-        self._awaited: TransformFuture | None = None  # the last one whose steps were registered
-        self._delivered: TransformFuture | None = None  # the last one whose result the callback got
+        self._awaited: TransformFuture | None = None  # the last one that calls `_deliver`
+        self._left: list[Callable[[TransformStamped], object]] = []  # to be called with its result
         self._is_cancelled = False
-        self._go_on(None)
+        call_despite_signals(partial(self._deliver, None))
         if self._future is not None and self._future.done() and self._future.exception() is not None:
             self._future.result()  # raises: a name is invalid
 
@@ -97,38 +97,28 @@ class ChangeSubscription:
         if self._future is not None:
             self._future.cancel()
 
-    def _go_on(self, done: TransformFuture | None) -> None:
-        """Wait for the change after this one; to be called again if a signal handler has cut it short."""
-        if self._future is done:
-            if self._noted is not done:
-                self._changes.deliver()
-                self._noted = done
-            self._future = self._changes.future()
-        future = self._future
-        if future is None or self._awaited is future:
-            return
-        steps = [
-            partial(call_despite_signals, partial(step, future)) for step in (self._deliver, self._after)
-        ]
-        if self._is_cancelled:
-            future.cancel()
-        elif future.done():
-            # Not here, because as many may follow as arrive during the callback.
-            queue_of(self._buffer).put_all(steps)
-        else:
-            future.add_done_callback(partial(call_all, steps))
-        self._awaited = future
+    def _deliver(self, done: TransformFuture | None) -> None:
+        """Deliver this change, and wait for the next one; may be called again if it was interrupted."""
+        while not self._is_cancelled:
+            future = self._future
+            if future is None or not self._left:
+                future = self._future = self._changes.future()
+                self._left = [self._callback]
+            if not future.done():
+                if future is not self._awaited:
+                    future.add_done_callback(partial(call_all, [self._delivery(future)]))
+                    self._awaited = future
+                return
+            if future.exception() is not None:
+                return
+            queue = queue_of(self._buffer)
+            if future is not done and queue is not None and queue.is_in_executor():
+                # As many may follow as arrive during the callback: the executor does other work in between.
+                queue.put(self._delivery(future))
+                return
+            self._changes.deliver()
+            run_done_callbacks(future.result(), self._left)
 
-    def _deliver(self, future: TransformFuture) -> None:
-        if self._has_ended_at(future) or self._delivered is future:
-            return
-        found = future.result()
-        self._delivered = future
-        self._callback(found)
-
-    def _after(self, future: TransformFuture) -> None:
-        if not self._has_ended_at(future):
-            self._go_on(future)
-
-    def _has_ended_at(self, future: TransformFuture) -> bool:
-        return self._is_cancelled or future.cancelled() or future.exception() is not None
+    def _delivery(self, future: TransformFuture) -> Callable[[], object]:
+        # No signal handler comes before its first line.
+        return partial(call_despite_signals, partial(self._deliver, future))

@@ -6,145 +6,190 @@ import time
 import weakref
 from collections.abc import Callable, Generator
 from contextlib import suppress
-from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+from enum import Enum
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar, cast
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.exceptions import InvalidHandle
-from rclpy.executors import Executor
 from rclpy.task import Future, Task
 
 from tf2_py import BufferCore, InvalidArgumentException, TimeoutException
-from tf2_py._internal import call_despite_signals, errors
+from tf2_py._internal import errors
 from tf2_ros._arguments import optional_timeout_ns
 from tf2_ros._forking import FORKED, LOCK, is_inherited
 from tf2_ros._nodes import Shutdown
-from tf2_ros._rclpy import HookedFuture, is_in_step, only_wakes_executor, running_task, task_executor
+from tf2_ros._rclpy import is_in_step, running_task, task_executor
 from tf2_ros._wait.blocking import LongWait, Lookup, report_if_long
-from tf2_ros._wait.callbacks import queue_of
-from tf2_ros._wait.rounds import Waker, run_done_callbacks
+from tf2_ros._wait.callbacks import CallbackQueue, call_in_executor, queue_of
+from tf2_ros._wait.rounds import QueuedEnding, Waker, only_wakes, run_done_callbacks
 from tf2_ros._wait.timers import deadlines
 
 if TYPE_CHECKING:
     import asyncio
 
 STEP_CHECK_NS = 2_000_000  # how often to check whether an executor has left the step of a task
-CONTEXT_CHECK_NS = 100_000_000  # how often to check the contexts of what asyncio awaits
+SHUTDOWN_CHECK_NS = 100_000_000  # how often to check the contexts of what asyncio awaits
 
 
 _Result = TypeVar("_Result")
 
 
-class ContextCheck:
+class State(Enum):
     """
-    Ends what an asyncio loop awaits when a shutdown makes it pointless, while something refers to this.
+    The life of a future, from the first to one of the last two. ``LOCK`` guards each step.
 
-    After a shutdown, an executor runs no tasks, but an asyncio loop continues. A signal shuts a context down
-    without calling anything, so the thread of the deadlines checks the contexts while a loop awaits.
+    An outcome that is queued is not visible: ``done()`` is False, and cancelling replaces it.
     """
 
-    def __init__(self, future: "WakingFuture[Any]") -> None:
-        self._future = weakref.ref(future)
-        self.expire()
-
-    def over(self) -> bool:
-        """Whether the future no longer exists."""
-        return self._future() is None
-
-    def expire(self) -> None:
-        """Check, and again after CONTEXT_CHECK_NS."""
-        future = self._future()
-        if future is None:
-            return
-        if future.is_in_vain():
-            future.expire()
-        else:
-            deadlines.add(time.monotonic_ns() + CONTEXT_CHECK_NS, self)
+    PENDING = "pending"
+    QUEUED = "queued"  # it has an outcome; the thread that runs its callbacks will complete it with them
+    DONE = "done"
+    CANCELLED = "cancelled"
 
 
-class WakingFuture(HookedFuture, Generic[_Result]):
+class Outcome(NamedTuple):
+    """How a future ends."""
+
+    state: State
+    result: Any = None
+    error: BaseException | None = None
+
+
+class WakingFuture(Future, Generic[_Result]):
     """
     A future that may be completed in any thread, and wakes whatever runs the tasks that await it.
 
     :param in_vain: returns whether a shutdown has ended the wait. It is called while an asyncio loop awaits
         the future; :meth:`expire` then wakes the loop. None: no check.
-    :param kept: the owner's references to what awaits this. Nothing else may refer to the task of an asyncio
-        loop, which refers to its tasks only weakly.
+    :param kept: the owner's references to futures that have callbacks, and to what awaits them. Nothing else
+        may refer to these: an asyncio loop refers to its tasks only weakly.
+
+    The first outcome counts. What ends the future may be called several times, so that it can be repeated
+    where a signal handler has cut it short; each callback is called once.
     """
 
-    if TYPE_CHECKING:  # rclpy's of Jazzy are not annotated
+    # rclpy's finalizer reads it, also if a signal handler has cut __init__ short.
+    _exception: BaseException | None = None
 
-        def done(self) -> bool: ...
-        def cancelled(self) -> bool: ...
-        def result(self) -> _Result: ...
-        def exception(self) -> BaseException | None: ...
-        def add_done_callback(self, callback: Callable[[Any], object]) -> None: ...
+    # Two leading underscores keep these names apart from those of rclpy's Future in any release.
 
-    def __init__(self, in_vain: Callable[[], bool] | None = None, kept: "set[Any] | None" = None) -> None:
-        super().__init__(LOCK)
+    def __init__(self, in_vain: Callable[[], bool] | None = None, kept: set[Any] | None = None) -> None:
+        super().__init__()
+        self.__state = State.PENDING
+        self.__outcome = Outcome(State.PENDING)
+        self.__done_callbacks: list[Callable[[Any], object]] = []
         self.__in_vain = in_vain
-        self.__kept = kept
+        self.__kept = set() if kept is None else kept
         self.__process = os.getpid()
 
-    def _tf2_run_callbacks(self, executor: Executor | None, callbacks: list[Callable[[Any], None]]) -> None:
-        run_done_callbacks(self, executor, callbacks)
+    def done(self) -> bool:
+        """Whether it has a result or an exception."""
+        return self.__state is State.DONE
+
+    def cancelled(self) -> bool:
+        """Whether it was cancelled."""
+        return self.__state is State.CANCELLED
+
+    def over(self) -> bool:
+        """Whether it has an outcome, so that no deadline ends it."""
+        return self.__state is not State.PENDING
+
+    def result(self) -> _Result:
+        """The result, or raise the exception. None while there is neither, as rclpy's."""
+        error = self.exception()
+        if error is not None:
+            raise error
+        return cast(_Result, self.__outcome.result if self.done() else None)
+
+    def exception(self) -> BaseException | None:
+        """The exception, or None."""
+        self._exception_fetched = True  # otherwise, rclpy's finalizer prints it
+        return self._exception
+
+    def set_result(self, result: _Result) -> None:
+        """End with this result, unless it has ended."""
+        self._tf2_end(Outcome(State.DONE, result))
+
+    def set_exception(self, exception: BaseException) -> None:
+        """End with this exception, unless it has ended."""
+        self._tf2_end(Outcome(State.DONE, None, exception))
+
+    def cancel(self) -> None:
+        """
+        End the wait; without effect if it has ended.
+
+        The callbacks run in this thread, before it returns, also if they were queued with an outcome already.
+        Whatever awaits the future wakes, and gets None, as from rclpy's own. To cancel a coroutine that
+        awaits it, cancel its task: the future then waits on as long as anything else refers to it.
+        """
+        self._tf2_end(Outcome(State.CANCELLED))
+
+    def add_done_callback(self, callback: Callable[[Any], object]) -> None:
+        """Add a callback, which keeps the future alive; if it has ended, call it here."""
+        with LOCK:
+            if not self.__has_ended():
+                self.__done_callbacks.append(callback)
+                if not only_wakes(callback):
+                    self.__kept.add(self)
+                if not self.__has_ended():
+                    return
+                self.__done_callbacks.remove(callback)  # a finalizer has ended it in between
+        callback(self)
+
+    def remove_done_callback(self, callback: Callable[[Any], object]) -> bool:
+        """Remove a callback; whether it had been added."""
+        with LOCK:
+            try:
+                self.__done_callbacks.remove(callback)
+            except ValueError:
+                return False
+            if all(map(only_wakes, self.__done_callbacks)):
+                self.__kept.discard(self)
+            return True
 
     def is_dead(self) -> bool:
         """Whether it is pending in a parent process, so that nothing completes it in this forked child."""
-        return is_inherited(self.__process) and not self.done() and not self.cancelled()
+        return is_inherited(self.__process) and not self.__has_ended()
 
     def __repr__(self) -> str:
-        if self.is_dead():
-            state = FORKED
-        else:
-            state = "done" if self.done() else "cancelled" if self.cancelled() else "pending"
-        return f"<{type(self).__name__}: {state}>"
+        return f"<{type(self).__name__}: {FORKED if self.is_dead() else self.__state.value}>"
 
     def __await__(self) -> Generator[Any, Any, _Result]:
         if self.is_dead():
             raise RuntimeError(f"{self!r}: begin to wait in the process that awaits")
-        try:
-            return (yield from self.__wake_and_await())
-        except BaseException as error:
-            # The frames of this future's own methods refer to it, and it refers to the error, so only the
-            # collector would free them.
-            frames = error.__traceback__ and error.__traceback__.tb_next
-            while frames is not None and frames.tb_frame.f_locals.get("self") is self:
-                frames = frames.tb_next
-            raise error.with_traceback(frames)  # noqa: B904  # the same error
-        finally:
-            del self
+        if not self.__has_ended():
+            if (sleeper := _SleepingTask.of_this_thread()) is not None:
+                yield from self.__sleep_in(sleeper)
+            elif (loop := _running_loop()) is not None:
+                yield from self.__sleep_in_loop(loop)
+        while not self.__has_ended():
+            yield  # it is awaited by a loop of another kind, which polls
+        return self.result()
 
-    def __wake_and_await(self) -> Generator[Any, Any, _Result]:
-        # Callbacks that only wake must not keep a future alive, so no method of a subclass adds them.
-        if self.done() or self.cancelled():
-            pass  # and nothing has to be woken
-        elif (task := running_task()) is not None:
-            # An executor steps an awaiting task only when it has something else to do, and completing this
-            # future gives it nothing to do.
-            sleeper = _SleepingTask(task)
-            del task
-            Future.add_done_callback(self, sleeper)
-            try:
-                return cast(_Result, (yield from super().__await__()))
-            finally:
-                sleeper.awake = True
-                Future.remove_done_callback(self, sleeper)
-        elif (loop := _running_loop()) is not None:
-            # Without this, asyncio would poll.
-            waker = _LoopWaker(loop)
-            kept = set() if self.__kept is None else self.__kept
-            check = None if self.__in_vain is None else ContextCheck(self)
-            try:
-                kept.add(waker)
-                Future.add_done_callback(self, waker)
-                yield from waker.woken
-            finally:
-                del check
-                # If the task was cancelled, leave nothing behind.
-                Future.remove_done_callback(self, waker)
-                kept.discard(waker)
-        return cast(_Result, (yield from super().__await__()))
+    def __sleep_in(self, sleeper: "_SleepingTask") -> Generator[Any, Any, None]:
+        # An executor steps an awaiting task only when it has something else to do, and completing this future
+        # gives it nothing to do.
+        self.add_done_callback(sleeper)
+        try:
+            while not self.__has_ended():
+                yield
+        finally:
+            sleeper.awake = True
+            self.remove_done_callback(sleeper)
+
+    def __sleep_in_loop(self, loop: "asyncio.AbstractEventLoop") -> Generator[Any, Any, None]:
+        # Without this, asyncio would poll.
+        sleeper = _SleepingLoop(loop, self)
+        try:
+            self.__kept.add(sleeper)
+            self.add_done_callback(sleeper)
+            if self.__in_vain is not None:
+                sleeper.expire()
+            yield from sleeper.woken
+        finally:
+            # If the task was cancelled, leave nothing behind.
+            self.remove_done_callback(sleeper)
+            self.__kept.discard(sleeper)
 
     def is_in_vain(self) -> bool:
         """Whether a shutdown has ended the wait."""
@@ -154,6 +199,69 @@ class WakingFuture(HookedFuture, Generic[_Result]):
         """End the wait after a shutdown; called in any thread."""
         raise NotImplementedError
 
+    # For subclasses.
+
+    def _tf2_end(self, outcome: Outcome, *, calls_back: bool = True) -> None:
+        """
+        End in this way, unless it has ended, and run the callbacks in this thread.
+
+        :param calls_back: whether to run those of a program; otherwise they are forgotten.
+        """
+        with LOCK:
+            if not calls_back:
+                self.__done_callbacks[:] = filter(only_wakes, self.__done_callbacks)
+            if not self.__has_ended():
+                self.__outcome = outcome
+                self.__show()
+        self._tf2_complete()
+
+    def _tf2_end_or_queue(self, outcome: Outcome) -> bool:
+        """
+        Note how it ends, if it has no outcome, and end it, if that runs no code of a program.
+
+        :return: whether it is to be queued now.
+        """
+        with LOCK:
+            if self.__state is State.PENDING:
+                self.__outcome = outcome
+                if not all(map(only_wakes, self.__done_callbacks)):
+                    self.__state = State.QUEUED
+                    return True
+                self.__show()
+        if self.__has_ended():
+            self._tf2_complete()
+        return False
+
+    def _tf2_is_queued(self) -> bool:
+        """Whether it has an outcome that its callbacks wait for."""
+        return self.__state is State.QUEUED
+
+    def _tf2_end_queued(self, why_dropped: str = "") -> None:
+        """
+        End with the outcome that was queued, and run the callbacks; without effect if it has ended.
+
+        :param why_dropped: nothing can run the callbacks any more, for this reason: end without them.
+        """
+        if not why_dropped:
+            self._tf2_end(self.__outcome)
+            return
+        error = TimeoutException(f"The callbacks of this wait were dropped, because {why_dropped}")
+        self._tf2_end(Outcome(State.DONE, None, error), calls_back=False)
+
+    def _tf2_complete(self) -> None:
+        """Do what follows from the end."""
+        self.__kept.discard(self)
+        run_done_callbacks(self, self.__done_callbacks)
+
+    def __has_ended(self) -> bool:
+        return self.__state in (State.DONE, State.CANCELLED)
+
+    def __show(self) -> None:
+        # With LOCK held. The state comes last, because a signal handler may cut this short.
+        if self.__outcome.error is not None:
+            self._exception, self._exception_fetched = self.__outcome.error, False
+        self.__state = self.__outcome.state
+
 
 class _SleepingTask(Waker):
     """An awaiting task of an executor. This does not keep it alive, because it refers to the future."""
@@ -161,6 +269,12 @@ class _SleepingTask(Waker):
     def __init__(self, task: Task) -> None:
         self.awake = False
         self._task = weakref.ref(task)
+
+    @classmethod
+    def of_this_thread(cls) -> "_SleepingTask | None":
+        """For the task that this thread is stepping, if any."""
+        task = running_task()
+        return None if task is None else cls(task)
 
     def __call__(self, _: object = None) -> None:
         """Have the executor step the task, once none of its threads does."""
@@ -199,21 +313,39 @@ def _running_loop() -> "asyncio.AbstractEventLoop | None":
     return loop
 
 
-class _LoopWaker(Waker):
-    """What a task of an asyncio loop awaits: ``woken``, which refers to the task."""
+class _SleepingLoop(Waker):
+    """
+    What a task of an asyncio loop awaits: ``woken``, which refers to the task.
 
-    def __init__(self, loop: "asyncio.AbstractEventLoop") -> None:
+    After a shutdown, an executor runs no tasks, but an asyncio loop continues. A signal shuts a context down
+    without calling anything, so the thread of the deadlines checks the contexts while a loop awaits.
+    """
+
+    def __init__(self, loop: "asyncio.AbstractEventLoop", future: WakingFuture[Any]) -> None:
         self._loop = loop
+        self._future = future
         self.woken: asyncio.Future[None] = loop.create_future()
 
     def __call__(self, _: object) -> None:
-        # In a closed loop, nothing awaits any more.
-        if not self._loop.is_closed():
+        with suppress(RuntimeError):  # the loop is closed, so nothing awaits any more
             self._loop.call_soon_threadsafe(self._end)
 
     def _end(self) -> None:
         if not self.woken.done():
             self.woken.set_result(None)
+
+    # The protocol of what has a deadline.
+
+    def over(self) -> bool:
+        """Whether the task is awake, or will never be."""
+        return self.woken.done() or self._loop.is_closed()
+
+    def expire(self) -> None:
+        """End the future if it waits in vain; otherwise check again after SHUTDOWN_CHECK_NS."""
+        if self._future.is_in_vain():
+            self._future.expire()
+        else:
+            deadlines.add(time.monotonic_ns() + SHUTDOWN_CHECK_NS, self)
 
 
 class TransformFuture(WakingFuture[TransformStamped]):
@@ -224,110 +356,58 @@ class TransformFuture(WakingFuture[TransformStamped]):
         once.
     :param timeout: an rclpy Duration of steady time, after which the future holds a TimeoutException. None or
         an infinite one: never.
+    :param queue: runs the callbacks if a listener receives the transform. None: that of the listener's node.
 
-    The thread that inserts the missing data completes it. Callbacks are user code, so if a receiver inserts
-    the data, the executor of the listener's node completes a future that has callbacks.
+    If the program itself inserts the missing data, the thread that does completes the future, and runs its
+    callbacks. If a listener receives it, a future without callbacks is completed at once, in any thread; one
+    with callbacks, together with them, in the executor that spins the node. The timeout ends it in the same
+    way; but if no executor has the node at that moment, the callbacks run in the thread of the deadlines.
 
     The wait continues as long as something refers to the future. The buffer does if the future has a callback
     or is awaited.
-
-    Everything that ends the wait may be called several times, so that it can be repeated when a signal
-    handler has cut it short.
     """
 
-    # Two leading underscores keep these names apart from those of rclpy's Future in any release.
-
-    def __init__(self, core: BufferCore, lookup: Lookup, timeout: Any = None) -> None:
+    def __init__(
+        self, core: BufferCore, lookup: Lookup, timeout: Any = None, queue: CallbackQueue | None = None
+    ) -> None:
         self.__shutdown = Shutdown(core)
-        self.__kept: set[Any] = core._tf2_kept
-        super().__init__(self.__shutdown.happened, self.__kept)
+        super().__init__(self.__shutdown.happened, core._tf2_kept)
         self.__begin_ns = time.monotonic_ns()
         self.__timeout_ns = optional_timeout_ns(timeout)
-        # How many were added by anything but an executor. Guarded by LOCK; they decide which thread completes
-        # this.
-        self.__callbacks = 0
+        self.__queue = queue
         self.__core: BufferCore | None = core
         self.__wait: Any = None
         self.__report: LongWait | None = None
         try:
             wait = self.__wait = lookup.wait(core, _notify(weakref.ref(self)))
         except InvalidArgumentException as error:
-            self.fail(error)
+            self.set_exception(error)
             return
         # From here on, another thread may complete this at any time.
         answer = wait.answer
         if answer is not None:
-            self.succeed(answer)
+            self.set_result(answer)
         elif wait.is_hopeless:
-            self.fail(wait.reason())
-        if self.over():
+            self.set_exception(wait.reason())
+        if self.done():
             self.__wait = self.__core = None
             return
         if self.__timeout_ns is not None:
             deadlines.add(self.__begin_ns + self.__timeout_ns, self)
         self.__report = report_if_long([wait])
 
-    def answered(self, answer: Any) -> Callable[[], None] | None:
+    def answered(self, answer: Any) -> QueuedEnding | None:
         """
-        Complete this; or, if that runs callbacks, return the function that does.
+        Complete this; or, if that runs callbacks, return what does.
 
         :param answer: None: there will never be one.
         """
-        if self.is_dead():
+        wait, core = self.__wait, self.__core
+        if self.is_dead() or (answer is None and wait is None):
             return None
-        if answer is not None:
-            return self.__end_or_return(partial(Future.set_result, self, answer))
-        wait = self.__wait
-        return None if wait is None else self.__end_or_return(self.__failure(wait.reason()))
-
-    def succeed(self, answer: Any) -> None:
-        """Complete this with the answer."""
-        self.__end(partial(Future.set_result, self, answer))
-
-    def fail(self, error: BaseException) -> None:
-        """Complete this with an error."""
-        self.__end(self.__failure(error))
-
-    def over(self) -> bool:
-        """Whether the wait has ended in any way."""
-        return bool(self.done() or self.cancelled())
-
-    def cancel(self) -> None:
-        """End the wait; without effect if it has an outcome."""
-        self.__end(partial(Future.cancel, self))
-
-    def set_result(self, result: Any) -> None:
-        """End the wait with this result."""
-        super().set_result(result)
-        self.__release()
-
-    def set_exception(self, exception: BaseException) -> None:
-        """End the wait with this exception."""
-        super().set_exception(exception)
-        self.__release()
-
-    def add_done_callback(self, callback: Callable[[Any], object]) -> None:
-        """Add a callback; from now on it keeps the future alive."""
-        if not only_wakes_executor(callback):
-            with LOCK:
-                if not self.over():
-                    self.__callbacks += 1
-                    self.__kept.add(self)
-                    super().add_done_callback(callback)
-                    if self.over():  # a finalizer ended it meanwhile
-                        self.__kept.discard(self)
-                    return
-        super().add_done_callback(callback)
-
-    def remove_done_callback(self, callback: Callable[[Any], None]) -> bool:
-        """Remove a callback; whether it had been added."""
-        with LOCK:
-            removed: bool = super().remove_done_callback(callback)
-            if removed and not only_wakes_executor(callback):
-                self.__callbacks -= 1
-                if self.__callbacks == 0:
-                    self.__kept.discard(self)
-        return removed
+        self._tf2_end_or_queue(Outcome(State.DONE, answer, wait.reason() if answer is None else None))
+        # It may have been queued by a call that a signal handler has cut short.
+        return QueuedEnding(self, self.__queue or queue_of(core)) if self._tf2_is_queued() else None
 
     def expire(self) -> None:
         """
@@ -338,53 +418,24 @@ class TransformFuture(WakingFuture[TransformStamped]):
         if wait is None or core is None:
             return
         wait.cancel()
-        answer = wait.answer
-        if answer is not None:
-            rest = self.answered(answer)
-        else:
+        answer, error = wait.answer, None
+        if answer is None:
             error = _unanswered(self.__shutdown, self.__begin_ns, self.__timeout_ns, wait.reason)
-            rest = self.__end_or_return(self.__failure(error))
-        if rest is not None:
-            queue_of(core).put(rest)
+        if self._tf2_end_or_queue(Outcome(State.DONE, answer, error)):
+            queue = self.__queue or queue_of(core)
+            call_in_executor(queue, QueuedEnding(self, queue))
 
-    def __failure(self, error: BaseException) -> Callable[[], None]:
-        # Its traceback refers to this future, so only the collector would free both.
-        return partial(Future.set_exception, self, error.with_traceback(None))
-
-    def __end_or_return(self, set_outcome: Callable[[], None]) -> Callable[[], None] | None:
-        # Ends this if that runs no user code; otherwise returns the function that ends it.
-        with LOCK:
-            if self.__callbacks:
-                return partial(call_despite_signals, partial(self.__end, set_outcome))
-            self.__set(set_outcome)
-        self.__complete()
-        return None
-
-    def __end(self, set_outcome: Callable[[], None]) -> None:
-        self.__set(set_outcome)
-        self.__complete()
-
-    def __set(self, set_outcome: Callable[[], None]) -> None:
-        # Of all threads that try to end the wait, the first one sets the outcome.
-        with LOCK:
-            if not self.over():
-                set_outcome()
-
-    def __complete(self) -> None:
-        self.__release()
-        self._tf2_completed()
-
-    def __release(self) -> None:
+    def _tf2_complete(self) -> None:
         wait, self.__wait, self.__core = self.__wait, None, None  # they hold the buffer
         self.__report = None
         if wait is not None:
             wait.cancel()
-        self.__kept.discard(self)
+        super()._tf2_complete()
 
 
-def _notify(reference: "weakref.ref[TransformFuture]") -> Callable[[Any], Callable[[], None] | None]:
+def _notify(reference: "weakref.ref[TransformFuture]") -> Callable[[Any], QueuedEnding | None]:
     # The engine refers to this as long as the future waits; it must not keep the future alive.
-    def notify(answer: Any) -> Callable[[], None] | None:
+    def notify(answer: Any) -> QueuedEnding | None:
         future = reference()
         return None if future is None else future.answered(answer)
 

@@ -25,12 +25,13 @@ import traceback
 import warnings
 from collections import deque
 from threading import get_ident, main_thread
+from types import FunctionType
 
 import rclpy
 from rclpy.executors import Executor
 from rclpy.waitable import NumberOfEntities
 
-from tf2_py._internal import log
+from tf2_py._internal import call_despite_signals, log
 from tf2_ros._rclpy import has_tasks
 
 cdef extern from *:
@@ -122,16 +123,20 @@ cdef enum:
     TRIES = 10      # a second signal during a call that only wakes something is rare already
 
 
-cdef bint _only_wakes(callback):
-    # An executor wakes itself by a function of its own module.
-    return isinstance(callback, Waker) or getattr(callback, "__module__", None) == "rclpy.executors"
+cpdef bint only_wakes(callback):
+    """
+    Whether a done callback runs no code of a program: ours, or one by which an executor wakes itself.
+
+    Assumes that those are functions of ``rclpy.executors``. Otherwise they are treated as a program's.
+    """
+    if isinstance(callback, Waker):
+        return True
+    return isinstance(callback, FunctionType) and callback.__module__ == "rclpy.executors"
 
 
-def run_done_callbacks(future, executor, list callbacks):
+def run_done_callbacks(future, list callbacks):
     """
     Remove the callbacks from their list, and call each with the future, in the end raising the first error.
-
-    :param executor: runs the callbacks as tasks; None: they are called here.
 
     An ``Exception`` of a callback becomes a warning, as in rclpy, which does not call those behind one that
     raises anything else. What only wakes is called again if a signal handler has cut it short.
@@ -143,12 +148,12 @@ def run_done_callbacks(future, executor, list callbacks):
             callback = callbacks.pop(0)
         except IndexError:
             break
-        tries = TRIES if executor is None and _only_wakes(callback) else 1
+        tries = TRIES if only_wakes(callback) else 1
         failed = None
         while tries > 0:
             tries -= 1
             try:
-                callback(future) if executor is None else executor.create_task(callback, future)
+                callback(future)
             except BaseException as raised:
                 failed = raised
             else:
@@ -165,6 +170,27 @@ def run_done_callbacks(future, executor, list callbacks):
             errors.append(failed)
     if errors:
         raise errors[0]
+
+
+cdef class QueuedEnding:
+    """
+    Ends a future that has an outcome already, together with its callbacks; may be called several times.
+
+    :param queue: the CallbackQueue that calls this; None: there is no node.
+    """
+
+    cdef object _future
+    cdef readonly object queue
+
+    def __init__(self, future, queue):
+        self._future, self.queue = future, queue
+
+    def __call__(self):
+        call_despite_signals(self._future._tf2_end_queued)
+
+    def drop(self, why):
+        """End the future without running code of a program, because there is no executor any more."""
+        self._future._tf2_end_queued(why)
 
 
 def end_message(waiting, number, counts, kind, calls):
@@ -209,7 +235,6 @@ cdef class ExecutorRounds(Watching):
     # Called before an executor sleeps, with whether user code called it; and when `in_sets` becomes False.
     cdef public tuple sleepers
     cdef readonly int64_t asked_ns  # steady time at which an executor last had a round with this; 0: never
-    cdef public bint running  # a thread is inside a call
     cdef bint _in_user_code     # user code called the executor and continues before it sleeps again
     cdef void* _wait_set        # of the executor that went to sleep last, if it has not woken yet
     cdef readonly bint in_sets  # an executor adds this to sets that it waits for, or there is none
@@ -311,33 +336,24 @@ cdef class ExecutorRounds(Watching):
 
     def run(self, count):
         """
-        Run at most this many calls, the oldest first, unless another thread runs some.
+        Run at most this many calls, the oldest first.
 
         What a call raises is logged, because later calls and other callbacks of the node do not depend on it.
         In the main thread, what ends a program is raised instead, such as a KeyboardInterrupt; the other
         calls remain.
-
-        :return: whether it could.
         """
-        if self.running:
-            return False
-        self.running = True
-        try:
-            for _ in range(count):
-                try:
-                    call = self.calls.popleft()
-                except IndexError:
-                    break
-                try:
-                    call()
-                except BaseException as error:
-                    if not isinstance(error, Exception) and get_ident() == main_thread().ident:
-                        raise
-                    log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
-                del call
-        finally:
-            self.running = False
-        return True
+        for _ in range(count):
+            try:
+                call = self.calls.popleft()
+            except IndexError:
+                break
+            try:
+                call()
+            except BaseException as error:
+                if not isinstance(error, Exception) and get_ident() == main_thread().ident:
+                    raise
+                log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
+            del call
 
     def wake(self):
         """Trigger the guard condition."""
@@ -347,6 +363,6 @@ cdef class ExecutorRounds(Watching):
             raise RuntimeError(rcl_last_error())
 
     cdef bint _is_due(self):
-        if len(self.calls) > 0 and not self.running:
+        if len(self.calls) > 0:
             return True
         return load(&self.state.arrived) if self._in_user_code else load(&self.state.round_due)

@@ -9,6 +9,7 @@ import time
 import traceback
 import weakref
 from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol
 
@@ -19,6 +20,14 @@ from tf2_py._internal import log
 LINGER_S = 1.0
 FEW = 64  # deadlines; it is not worth removing ended ones from fewer
 FOR_EVER_NS = 2**63
+
+
+def call_logged(call: Callable[[], object], where: str) -> None:
+    """Call something, and log what it raises, because no caller would catch it."""
+    try:
+        call()
+    except BaseException:
+        log.logger("tf2_ros").error(f"{where}: {traceback.format_exc()}")
 
 
 class Worker:
@@ -74,13 +83,6 @@ class Worker:
     def _has_work(self) -> bool:
         """Whether there is work, or will be."""
         raise NotImplementedError
-
-    def _call(self, call: object, where: str) -> None:
-        """Call something, and log what it raises, because no caller would catch it."""
-        try:
-            call()  # type: ignore[operator]
-        except BaseException:
-            log.logger("tf2_ros").error(f"{where}: {traceback.format_exc()}")
 
     def _run(self, claim: object) -> None:
         while self._claims.get(None) is claim:
@@ -163,7 +165,7 @@ class Deadlines(Worker):
                 return left_ns
             heapq.heappop(self._heap)
             if wait is not None:
-                self._call(wait.expire, "At the end of a timeout")
+                call_logged(wait.expire, "At the end of a timeout")
                 del wait  # so that this frame does not keep it alive
             self._take_added()
         return FOR_EVER_NS

@@ -103,7 +103,7 @@ def check():
 
     def pass_one():
         passed = threading.Event()
-        with MessageFilter(None, Buffer(), "robot", 0, node=node) as other:
+        with MessageFilter(None, Buffer(), "robot", 0, node=spun) as other:
             other.registerCallback(lambda _: passed.set())
             point = PointStamped()
             point.header.frame_id = "robot"
@@ -125,9 +125,12 @@ if "switch" in how:
 if "collector" in how:
     gc.set_threshold(1)
 rclpy.init(args=[])
+# Spun in another thread, which no signal interrupts.
+spun = rclpy.create_node("spun", enable_rosout=False, start_parameter_services=False)
+threading.Thread(target=rclpy.spin, args=(spun,), daemon=True).start()
 node = rclpy.create_node("interrupted", enable_rosout=False, start_parameter_services=False)
 buffer, problems, armed, hits, rounds = Buffer(), [], False, 0, 0
-message_filter = MessageFilter(None, buffer, "map", 100, node=node)
+message_filter = MessageFilter(None, buffer, "map", 100, node=spun)
 message_filter.registerCallback(lambda _: None)
 
 

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.ours
 
 FIRST_NS = 1000 * S
 LATER = at_ns(10**6 * S)  # what an owner never inserts
-KILLS = times(5, 50)
+KILLS = times(5, 25)
 STEP = 1 << 16  # as in ring.pyx
 BOARD_AT, RING_AT = 2048, STEP
 

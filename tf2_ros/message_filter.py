@@ -197,7 +197,7 @@ class MessageFilter(Generic[_Message]):
         self._kept: set[Any] = set()  # what awaits a message, and nothing else may refer to
         self._buffer, self._node = buffer, node
         self._queue = callback_queue(node)
-        self._disconnect: Callable[[], None] | None = None
+        self._disconnect: Callable[[], object] | None = None
         self._closed = False
         self._process = os.getpid()
         self._frames = _names(target_frames)
@@ -281,10 +281,9 @@ class MessageFilter(Generic[_Message]):
         :raises TypeError: it is something else, or its messages have no header.
         """
         refuse_inherited(self, self._process)
-        connect = self._connector(input)
-        if self._disconnect is not None:
-            self._disconnect()
-        self._disconnect = connect()
+        previous, self._disconnect = self._disconnect, self._connect(input)
+        if previous is not None:
+            previous()
 
     def setTargetFrames(self, target_frames: str | Sequence[str]) -> None:
         """
@@ -387,25 +386,23 @@ class MessageFilter(Generic[_Message]):
         refuse_inherited(self, self._process)
         return node_has_ended(self._node)
 
-    def _connector(self, input: Any) -> Callable[[], Callable[[], None]]:
+    def _connect(self, input: Any) -> Callable[[], object]:
+        """Take messages from an input; return what ends that."""
         if isinstance(input, tuple) and len(input) == 3:
-            if not isinstance(input[0], type):
+            message_type, topic, qos = input
+            if not isinstance(message_type, type):
                 raise TypeError(f"input must be (message type, topic, qos), in this order, not {input!r}")
-            if not hasattr(input[0], "header"):
-                raise TypeError(f"messages of the type {input[0]!r} have no header with a frame and a time")
-            return partial(self._subscribe, *input)
-        if hasattr(input, "registerCallback"):
-            return partial(self._follow, input)
-        raise TypeError(f"input must be (message type, topic, qos), a filter, or None, not {input!r}")
-
-    def _subscribe(self, message_type: Any, topic: str, qos: Any) -> Callable[[], None]:
-        # In the group of the queue, so that no two threads of an executor call back at the same time.
-        subscription = self._node.create_subscription(
-            message_type, topic, self.add, qos, callback_group=self._queue.callback_group
-        )
-        return lambda: self._node.destroy_subscription(subscription) and None
-
-    def _follow(self, input: Any) -> Callable[[], None]:
+            if not hasattr(message_type, "header"):
+                raise TypeError(
+                    f"messages of the type {message_type!r} have no header with a frame and a time"
+                )
+            # In the group of the queue, so that no two threads of an executor call back at the same time.
+            subscription = self._node.create_subscription(
+                message_type, topic, self.add, qos, callback_group=self._queue.callback_group
+            )
+            return partial(self._node.destroy_subscription, subscription)
+        if not hasattr(input, "registerCallback"):
+            raise TypeError(f"input must be (message type, topic, qos), a filter, or None, not {input!r}")
         connected = [True]
 
         def take(message: Any, *_: Any) -> None:
@@ -511,7 +508,7 @@ class MessageFilter(Generic[_Message]):
     def _calls_back(self) -> bool:
         return bool(self.callbacks or self._failure_callbacks)
 
-    def expire(self, queued: "_Queued") -> None:
+    def _expire(self, queued: "_Queued") -> None:
         """Drop a message, because its timeout has passed; in the executor that has the node, if one does."""
         end = partial(call_despite_signals, partial(self._end, queued, FilterFailureReason.TIMEOUT))
         if queued.is_answered() and self._look_up(queued):
@@ -629,7 +626,7 @@ class _Queued:
 
     def expire(self) -> None:
         """Drop the message."""
-        self._filter.expire(self)
+        self._filter._expire(self)
 
 
 class MessageStream(Generic[_Item]):

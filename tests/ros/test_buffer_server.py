@@ -5,7 +5,6 @@ import json
 import subprocess
 import threading
 import weakref
-from contextlib import contextmanager
 
 import pytest
 from action_msgs.msg import GoalStatus
@@ -305,41 +304,27 @@ class TestEnd:
             tf2_ros.BufferServer(object(), node, "lookup")
 
 
-class Client:
-    """A client in a process of its own, `programs/lookup_client.py`."""
-
-    def __init__(self, action):
-        self.process = start("lookup_client.py", action, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-
-    def send(self, target, source, ns, timeout):
-        question = {"target": target, "source": source, "ns": ns, "timeout": timeout}
-        self.process.stdin.write(json.dumps(question) + "\n")
-        self.process.stdin.flush()
-
-    def answer(self):
-        return json.loads(self.process.stdout.readline())
-
-
-@contextmanager
-def client_process(action="lookup"):
-    client = Client(action)
-    try:
-        yield client
-        client.process.stdin.close()
-        assert client.process.wait(DEADLINE_S) == 0
-    finally:
-        client.process.kill()
-        client.process.stdout.close()
-
-
 def test_two_clients_in_other_processes_are_served_at_once(serving, buffer):
-    with client_process() as first, client_process() as second:
-        first.send("map", "robot", S, DEADLINE_S)
-        second.send("map", "robot", 2 * S, DEADLINE_S)
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    clients = [start("lookup_client.py", "lookup", **pipes) for _ in range(2)]
+
+    def send(client, target, source, ns, timeout):
+        question = {"target": target, "source": source, "ns": ns, "timeout": timeout}
+        client.stdin.write(json.dumps(question) + "\n")
+        client.stdin.flush()
+
+    try:
+        for second, client in enumerate(clients, 1):
+            send(client, "map", "robot", second * S, DEADLINE_S)
         until(lambda: buffer.statistics()["waiters"] >= 2)
-        insert(buffer, seconds=1, x=1)
-        assert first.answer()["x"] == 1.0
-        insert(buffer, seconds=2, x=2)
-        assert second.answer()["x"] == 2.0
-        second.send("map", "nobody", 0, 0)
-        assert second.answer()["error"] in ("LookupException", "TimeoutException")
+        for second, client in enumerate(clients, 1):
+            insert(buffer, seconds=second, x=second)
+            assert json.loads(client.stdout.readline())["x"] == second
+        send(clients[1], "map", "nobody", 0, 0)
+        assert json.loads(clients[1].stdout.readline())["error"] in ("LookupException", "TimeoutException")
+        for client in clients:
+            client.communicate(timeout=DEADLINE_S)
+            assert client.returncode == 0
+    finally:
+        for client in clients:
+            client.kill()

@@ -81,10 +81,6 @@ class PendingGoal(WakingFuture[Any]):
         """The exception of a goal that fails now."""
         return TimeoutException(errors.after_wait(text, self.waited_ns()))
 
-    def over(self) -> bool:
-        """Whether it is done or cancelled."""
-        return bool(self.done() or self.cancelled())
-
     def expire(self) -> None:
         """A deadline has passed."""
         self._sender.put(self._sender.advance, self)

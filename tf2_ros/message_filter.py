@@ -35,7 +35,7 @@ from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable, r
 from tf2_ros._forking import FORKED, LiveObjects, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended
 from tf2_ros._wait.blocking import LongWait, report_if_long
-from tf2_ros._wait.callbacks import CallbackQueue, callback_queue
+from tf2_ros._wait.callbacks import CallbackQueue, call_in_executor, callback_queue
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.rounds import end_message, first_value
 from tf2_ros._wait.timers import deadlines
@@ -513,8 +513,8 @@ class MessageFilter(Generic[_Message]):
         end = partial(call_despite_signals, partial(self._end, queued, FilterFailureReason.TIMEOUT))
         if queued.is_answered() and self._look_up(queued):
             return  # it is about to pass
-        if self._calls_back() and self._queue.is_in_executor():
-            self._queue.put(end)
+        if self._calls_back():
+            call_in_executor(self._queue, end)
         else:
             end()
 

@@ -32,7 +32,7 @@ from tf2_ros._rclpy import (
 )
 from tf2_ros._receive.inboxes import Checked, check_regularly
 
-END_WAIT_S = 1.0  # for a callback that runs when the thread is to end
+CALLBACK_END_WAIT_S = 1.0  # for a callback that runs when the thread is to end
 
 
 def hidden_node(
@@ -138,8 +138,9 @@ class Spinner:
         """
         End the thread.
 
-        :param wait: wait until it has ended, for END_WAIT_S at most, unless this is that thread. Not in a
-            finalizer, which may run inside any other function, also one that holds a lock that joining needs.
+        :param wait: wait until it has ended, for CALLBACK_END_WAIT_S at most, unless this is that thread. Not
+            in a finalizer, which may run inside any other function, also one that holds a lock that joining
+            needs.
         """
         if is_inherited(self._process):
             return
@@ -147,7 +148,7 @@ class Spinner:
         mark_shut_down(self.executor, self._wake_handle)
         # It does not live if a signal handler raised before it was started.
         if wait and self.thread.is_alive() and self.thread is not threading.current_thread():
-            self.thread.join(END_WAIT_S)
+            self.thread.join(CALLBACK_END_WAIT_S)
 
     def check(self) -> None:
         """Wake the executor after a shutdown, see ``CallbackQueue.check``, and end with the node."""
@@ -223,7 +224,7 @@ class WaitContexts:
 _NOTHING_KNOWN = WaitContexts()
 
 
-def fills(node: object, buffer: object, *, listener: bool = False) -> None:
+def note_filler(node: object, buffer: object, *, listener: bool = False) -> None:
     """
     Note that something of this node fills the buffer from now on; without effect unless it is a ``Buffer``.
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING or HAS_ROS:
     from rclpy.service import Service
 
     from tf2_msgs.srv import FrameGraph
-    from tf2_ros._nodes import WaitContexts, fills
+    from tf2_ros._nodes import WaitContexts, note_filler
     from tf2_ros._receive.inboxes import held
     from tf2_ros._wait.changes import Changes, ChangeSubscription
     from tf2_ros._wait.futures import TransformFuture, WakingFuture
@@ -149,7 +149,7 @@ class Buffer(BufferCore, AnsweringInterface):
                 raise absence("a buffer with a node")
             return
         self._tf2_wait_contexts = WaitContexts()
-        fills(node, self)
+        note_filler(node, self)
         self.srv: Service | None = None
         self.clock: Clock = Clock() if node is None else node.get_clock()
         if node is not None:

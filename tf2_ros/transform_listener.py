@@ -23,11 +23,12 @@ from tf2_py._internal import class_name
 from tf2_ros import _names
 from tf2_ros._arguments import require_node
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
-from tf2_ros._nodes import END_WAIT_S, Spinner, fills, hidden_node, keep_in_children
+from tf2_ros._nodes import CALLBACK_END_WAIT_S, Spinner, hidden_node, keep_in_children, note_filler
 from tf2_ros._qos import chosen_qos
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import RCLError, context_was_shut_down, has_callback_groups
-from tf2_ros._receive.receiver import AUTHORITY, ListenerGroup, Receiver, can_receive, leave_to_executors
+from tf2_ros._receive.inboxes import AUTHORITY
+from tf2_ros._receive.receiver import ListenerGroup, Receiver, can_receive, leave_to_executors
 from tf2_ros._receive.reception import Reception
 from tf2_ros._receive.topics import Topic
 from tf2_ros._shared.naming import is_wanted
@@ -148,7 +149,7 @@ class TransformListener:
         self.node = node = hidden_node("transform_listener_impl", self) if node is None else node
         self._tf2_process = os.getpid()
         keep_in_children(node)
-        fills(node, buffer, listener=True)
+        note_filler(node, buffer, listener=True)
         self.group = ListenerGroup()
         self._tf2_topics = [
             Topic("tf_sub", "callback", tf_topic, qos, is_static=False),
@@ -205,7 +206,7 @@ class TransformListener:
             if source is not None:
                 source.redirect()
         if self._tf2_reception is not None:
-            fills(self.node, buffer, listener=True)
+            note_filler(self.node, buffer, listener=True)
             self._tf2_reception.fill(buffer)
 
     @property
@@ -259,7 +260,7 @@ class TransformListener:
         elif "executor" in attributes and "dedicated_listener_thread" in attributes:
             # A subclass made them, as this class would have.
             self.executor.shutdown()
-            self.dedicated_listener_thread.join(END_WAIT_S)
+            self.dedicated_listener_thread.join(CALLBACK_END_WAIT_S)
         if "node" in attributes and not (self._tf2_owns_node and self._tf2_spinner is not None):
             self.unregister()
 

@@ -41,7 +41,7 @@ from tf2_ros_tools.streams import (
 
 S = 1_000_000_000
 FOR_EVER = Duration(seconds=2**31 - 1)  # the most that a message can say
-END_WAIT_S = 1.0  # for a callback that runs when the program is to end
+CALLBACK_END_WAIT_S = 1.0  # for a callback that runs when the program is to end
 
 
 @contextmanager
@@ -79,7 +79,7 @@ def _spinning(node: Node) -> Iterator[None]:
     finally:
         # This also ends the thread, which may use the executor until then.
         rclpy.try_shutdown(context=node.context)
-        thread.join(END_WAIT_S)
+        thread.join(CALLBACK_END_WAIT_S)
         if not thread.is_alive():
             executor.shutdown()
             node.destroy_node()

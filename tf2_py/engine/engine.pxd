@@ -65,9 +65,9 @@ cdef class Engine:
     cdef int add_inbox(self, ReadHook inbox) except -1
     cdef int remove_inbox(self, ReadHook inbox) except -1
     cdef int drain_inboxes(self) except -1
-    # Arms the inboxes; `rest` undoes that for one of them, unless something waits.
+    # Arms the inboxes; `disarm` undoes that for one of them, unless something waits.
     cdef void arm(self) noexcept
-    cdef void rest(self, uint32_t* armed) noexcept nogil
+    cdef void disarm(self, uint32_t* armed) noexcept nogil
 
     # Inserting. `insert_some` inserts a slice of a begun batch and returns whether more is left. Where
     # `batch.needs_report` is set after the last one, `report` is due, with the GIL and while the batch and

@@ -250,7 +250,7 @@ cdef class Engine:
             word_store(inbox.armed, 1)
             inbox = inbox.following
 
-    cdef void rest(self, uint32_t* armed) noexcept nogil:
+    cdef void disarm(self, uint32_t* armed) noexcept nogil:
         # Under the lock: a waiter is added under it, and arms the inboxes there.
         lock_acquire(&self._lock)
         if self._waiters.count == 0:
@@ -354,14 +354,14 @@ cdef class Engine:
             if waiter == NULL:
                 return errors[0] if errors else None
             # The owner still exists: it removes its waiter, with the GIL, before it is destroyed.
-            rest = _deliver_one(<WaiterOwner>waiter.owner, errors)
-            if rest is None:
+            call = _deliver_one(<WaiterOwner>waiter.owner, errors)
+            if call is None:
                 continue
             if later is not None:
-                later.append(rest)
+                later.append(call)
                 continue
             try:
-                rest()
+                call()
             except BaseException as raised:
                 errors.append(raised)
 

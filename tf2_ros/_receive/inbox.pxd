@@ -7,7 +7,7 @@ from tf2_py._internal cimport Batch, Engine, Lock, ReadHook, Tap
 
 cdef enum:
     ROUND_NS = 100000000        # how long a message waits if nothing asks for it
-    SLICE = 16                  # messages that are inserted before other threads may drain
+    DRAIN_SLICE = 16            # messages that are inserted before other threads may drain
 
 
 cdef struct Parcel:

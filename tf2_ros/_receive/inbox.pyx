@@ -204,15 +204,15 @@ cdef void _begin_to_remove "tf2_begin_to_remove"(Engine engine, Batch* batch, co
     engine.begin_to_remove(batch, name, size)
 
 
-cdef void _rest "tf2_rest"(Engine engine, uint32_t* armed) noexcept nogil:
-    engine.rest(armed)
+cdef void _disarm "tf2_disarm"(Engine engine, uint32_t* armed) noexcept nogil:
+    engine.disarm(armed)
 
 
 cdef extern from *:
     bint insert_some "tf2_insert_some"(void* engine, Batch* batch) noexcept nogil
     void begin_to_remove "tf2_begin_to_remove"(void* engine, Batch* batch, const char* name,
                                                size_t size) noexcept nogil
-    void rest "tf2_rest"(void* engine, uint32_t* armed) noexcept nogil
+    void disarm "tf2_disarm"(void* engine, uint32_t* armed) noexcept nogil
 
 
 cdef size_t _drop_later(Batch* batch, int64_t until_ns) noexcept nogil:
@@ -310,14 +310,14 @@ cdef bint inbox_serve(State* inbox, bint* is_behind) noexcept nogil:
     cdef bint more, has_arrived
     lock_acquire(&inbox.lock)
     # A reader may have taken the rest since the last slice.
-    more = word_load(&inbox.pending) and _take(inbox, SLICE)
+    more = word_load(&inbox.pending) and _take(inbox, DRAIN_SLICE)
     has_arrived = inbox.has_arrived
     if more:
         is_behind[0] = True
     else:
         inbox.has_arrived = False
         if word_load(&inbox.armed) and inbox.engine != NULL:
-            rest(inbox.engine, &inbox.armed)
+            disarm(inbox.engine, &inbox.armed)
     lock_release(&inbox.lock)
     return has_arrived
 
@@ -574,9 +574,9 @@ cdef class Inbox(ReadHook):
                 left -= READ_SLICE
                 while more and left > 0:
                     lock_acquire(&self._state.lock)
-                    more = _take(&self._state, SLICE)
+                    more = _take(&self._state, DRAIN_SLICE)
                     lock_release(&self._state.lock)
-                    left -= SLICE
+                    left -= DRAIN_SLICE
         return 0
 
     def catch_up(self):
@@ -606,7 +606,7 @@ cdef class Inbox(ReadHook):
         self._state.until_ns = until_ns
         word_store(&self._state.pending, 1)
         while more:
-            more = _take(&self._state, SLICE)
+            more = _take(&self._state, DRAIN_SLICE)
         self._state.until_ns = INT64_MAX
         lock_release(&self._state.lock)
 

@@ -21,7 +21,8 @@ from tf2_ros._forking import LiveObjects
 from tf2_ros._receive.inbox import Inbox, begin_anew, run_inboxes, run_reports, stop_inboxes
 
 CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s
-END_WAIT_S = 5.0  # how long to wait for a thread to end; only a very busy machine needs this long
+AUTHORITY = "default_authority"  # of what is received: messages do not name their publisher
+THREAD_END_WAIT_S = 5.0  # how long to wait for a thread to end; only a very busy machine needs this long
 
 
 class Checked(Protocol):
@@ -92,7 +93,7 @@ class _Threads:
         stop_inboxes()
         for thread in list(self._running.values()):
             if thread is not threading.current_thread():
-                thread.join(END_WAIT_S)
+                thread.join(THREAD_END_WAIT_S)
 
     def forget(self) -> None:
         """In a forked child, forget the threads, which are the parent's."""

@@ -23,11 +23,10 @@ from tf2_ros._rclpy import (
     report_incompatible_qos,
 )
 from tf2_ros._receive.inbox import Inbox
-from tf2_ros._receive.inboxes import add_owner, check_regularly, threads
+from tf2_ros._receive.inboxes import AUTHORITY, add_owner, check_regularly, threads
 from tf2_ros._receive.subscriptions import Subscriptions
 from tf2_ros._receive.topics import Topic
 
-AUTHORITY = "default_authority"  # messages do not name their publisher
 ENDLESS = 2**31 - 1  # messages that a queue without a limit holds
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from tf2_py._internal import log
 from tf2_ros._forking import is_inherited
 from tf2_ros._receive.inbox import Inbox
-from tf2_ros._receive.inboxes import END_WAIT_S, add_owner, check_regularly, threads
+from tf2_ros._receive.inboxes import AUTHORITY, THREAD_END_WAIT_S, add_owner, check_regularly, threads
 from tf2_ros._shared.files import Description, describe_owner, is_owned, open_file
 from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted
 from tf2_ros._shared.owner import Owner
@@ -28,10 +28,6 @@ if TYPE_CHECKING or HAS_ROS:
     from tf2_ros._wait.callbacks import CallbackQueue, callback_queue, hand_over, queue_of
 
 __all__ = ["AttachedListener", "Attachment", "Ring", "attach_listener", "open_ring"]
-
-AUTHORITY = "default_authority"  # of messages that have none
-
-Call = Callable[[], object]
 
 
 class Ring:
@@ -100,7 +96,7 @@ class Ring:
         self.reader.stop()
         for thread in self._threads:
             if thread.is_alive() and thread is not threading.current_thread():
-                thread.join(END_WAIT_S)
+                thread.join(THREAD_END_WAIT_S)
 
     def end(self) -> None:
         """Insert what has arrived, and receive nothing more."""
@@ -115,7 +111,7 @@ def _begin(reference: "weakref.ref[Ring]") -> None:
         ring.begin()
 
 
-def _hand_over(reference: "weakref.ref[Ring]", calls: list[Call]) -> None:
+def _hand_over(reference: "weakref.ref[Ring]", calls: list[Callable[[], object]]) -> None:
     # Puts these into the queue that runs the callbacks of the buffer.
     ring = reference()
     buffer = None if ring is None else ring.buffer()

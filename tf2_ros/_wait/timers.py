@@ -19,7 +19,7 @@ from tf2_py._internal import log
 # work.
 LINGER_S = 1.0
 FEW = 64  # deadlines; it is not worth removing ended ones from fewer
-FOR_EVER_NS = 2**63
+NEVER_NS = 2**63
 
 
 def call_logged(call: Callable[[], object], where: str) -> None:
@@ -150,7 +150,7 @@ class Deadlines(Worker):
         while True:
             self._take_added()
             left_ns = self._expire()
-            self._sleeps_until_ns = self._heap[0][0] if self._heap else FOR_EVER_NS
+            self._sleeps_until_ns = self._heap[0][0] if self._heap else NEVER_NS
             # First this, then the check; `add` does this in the opposite order.
             if not self._added:
                 return min(left_ns / 1e9, LINGER_S)
@@ -168,7 +168,7 @@ class Deadlines(Worker):
                 call_logged(wait.expire, "At the end of a timeout")
                 del wait  # so that this frame does not keep it alive
             self._take_added()
-        return FOR_EVER_NS
+        return NEVER_NS
 
     def _take_added(self) -> None:
         with suppress(IndexError):

@@ -49,7 +49,7 @@ class Round:
     """
     One buffer for some seconds.
 
-    :param is_shared: whether other processes read it, and children are readers of their parent's.
+    :param is_shared: whether other processes read it.
     """
 
     def __init__(self, seed, is_shared):

@@ -5,6 +5,7 @@ from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split
 
+import os
 from collections.abc import Iterable
 
 from geometry_msgs.msg import TransformStamped
@@ -17,6 +18,7 @@ from tf2_msgs.msg import TFMessage
 from tf2_py._internal import MalformedObjectError, raise_refused, refused, serialize_transforms
 from tf2_ros import _names
 from tf2_ros._arguments import kind_of, require_node
+from tf2_ros._forking import refuse_inherited
 from tf2_ros._qos import chosen_qos
 
 __all__ = ["TransformBroadcaster"]
@@ -70,10 +72,13 @@ class TransformBroadcaster:
     >>> TransformBroadcaster(node).sendTransform(pose)
     """
 
-    _tf2_refused = RefusedTransforms(strict=False)  # if a subclass does not call __init__
+    # If a subclass does not call __init__.
+    _tf2_refused = RefusedTransforms(strict=False)
+    _tf2_process: int | None = None
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None, *, strict: bool = False) -> None:
         require_node("TransformBroadcaster", node, "create_publisher")
+        self._tf2_process = os.getpid()
         self._tf2_refused = RefusedTransforms(strict)
         profile, overrides = chosen_qos(node, "/tf", "publisher", qos, is_static=False)
         self.pub_tf = node.create_publisher(TFMessage, "/tf", profile, **overrides)
@@ -86,7 +91,10 @@ class TransformBroadcaster:
             unit quaternions. A receiver takes a stamp of 0 as a time like any other.
         :raises AttributeError: it is something else.
         :raises ValueError: ``strict`` is true, and a listener would refuse one of them; nothing is sent.
+        :raises RuntimeError: this is a forked child of the process that made the broadcaster.
         """
+        if self._tf2_process is not None:
+            refuse_inherited(self, self._tf2_process)
         transforms = transforms_of(transform)
         self._tf2_refused.before_sending(transforms)
         self._tf2_refused.after_sending(publish_transforms(self.pub_tf, transforms))

@@ -148,8 +148,8 @@ def a_server(tf2_ros, node, buffer):
 
 
 def a_broadcaster(tf2_ros, node, buffer):
-    broadcaster = tf2_ros.StaticTransformBroadcaster(node)
-    return broadcaster, [lambda: broadcaster.sendTransform(transform("map", "robot", 1))], []
+    both = [tf2_ros.TransformBroadcaster(node), tf2_ros.StaticTransformBroadcaster(node)]
+    return both, [lambda one=one: one.sendTransform(transform("map", "robot", 1)) for one in both], []
 
 
 KINDS = [a_future, a_listener, a_listener_with_a_thread, a_filter, a_client, a_server, a_broadcaster]

@@ -352,20 +352,20 @@ class TransformListener:
     def _tf2_listen_itself(self) -> None:
         """Subscribe, as this listener was asked to, and decide for each topic what takes its messages."""
         hides = self.__needs_no_executor()
-        for topic in self._tf2_topics:
-            self.__subscribe(topic, hides and self.__is_own(getattr(self, topic.method), topic))
-        known = [topic for topic in self._tf2_topics if topic.subscription is not None]
-        taken = [
-            topic
-            for topic in known
-            if hides and topic.is_counted and type(topic.subscription) is Subscription
+        hidden = [
+            topic for topic in self._tf2_topics if hides and self.__is_own(getattr(self, topic.method), topic)
         ]
+        for topic in self._tf2_topics:
+            self.__subscribe(topic, topic in hidden)
+        known = [topic for topic in self._tf2_topics if topic.subscription is not None]
+        # A node may make subscriptions of its own kind, or with callbacks of its own.
+        taken = [one for one in hidden if one.is_counted and type(one.subscription) is Subscription]
         # A recording of some topics would look complete.
         if self._tf2_recording is not None and not (taken and taken == known):
             reason = problem() or "code of this program handles what is received"
             raise NotImplementedError(f"who sends transforms cannot be recorded here: {reason}")
-        for topic in known:
-            if topic not in taken:
+        for topic in hidden:
+            if topic in known and topic not in taken:
                 leave_to_executors(topic.subscription, self.node)
         if taken:
             self._tf2_receiver = Receiver(self, taken, callback_queue(self.node))

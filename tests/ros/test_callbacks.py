@@ -12,6 +12,7 @@ from contextlib import ExitStack
 import pytest
 from making import transform
 from processes import DEADLINE_S, errors_so_far, until
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
 from spinning import spinning
@@ -325,3 +326,31 @@ class TestFromAnywhere:
 def test_the_node_keeps_one_queue(node):
     assert callback_queue(node) is callback_queue(node)
     assert list(node.waitables).count(callback_queue(node)) == 1
+
+
+class TestBadInput:
+    def test_a_loop_that_was_closed_while_it_awaited(self, tf2_ros):
+        buffer, future, loop = tf2_ros.Buffer(), None, asyncio.new_event_loop()
+        future = wait(buffer)
+        task = loop.create_task(await_it(future))
+        loop.run_until_complete(asyncio.sleep(0))
+        task._log_destroy_pending = False
+        loop.close()
+        buffer.set_transform(transform("map", "robot", 1), "me")
+        assert future.result().child_frame_id == "robot"
+
+    def test_a_buffer_with_too_many_waiters(self, tf2_ros):
+        buffer = tf2_ros.Buffer(max_waiters=1)
+        first = wait(buffer)
+        with pytest.raises(RuntimeError, match="waiters"):
+            wait(buffer)
+        with pytest.raises(RuntimeError, match="waiters"):
+            buffer.on_change("map", "robot", print)
+        buffer.set_transform(transform("map", "robot", 1), "me")
+        assert first.done()
+
+    def test_a_node_that_was_destroyed(self, new_node):
+        node = new_node("destroyed")
+        node.destroy_node()
+        with pytest.raises(InvalidHandle):
+            callback_queue(node)

@@ -12,7 +12,6 @@ from processes import DEADLINE_S, until
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
-from rclpy.qos import QoSProfile
 from rclpy.time import Time
 from spinning import shut_down_at_sleep, spinning
 
@@ -71,14 +70,6 @@ class TestSpinOnce:
             until(lambda: any_executor.spin_once(timeout_sec=LONG_S) or True)
             until(knows(buffer, "arm", time=at(n)))
 
-    def test_a_program_may_spin_until_a_transform_is_available(self, ros, buffer, listener, node, peer):
-        publisher = peer()
-        sender = threading.Thread(target=lambda: publisher.send(("map", "robot", 1 * S, 1)))
-        sender.start()
-        while not buffer.can_transform("map", "robot", LATEST):
-            ros.spin_once(node)
-        sender.join()
-
     @pytest.mark.ours
     def test_it_returns_once_for_all_messages_that_arrived_before(self, listener, executor, peer):
         publisher = peer()
@@ -131,20 +122,6 @@ class TestSpinOnce:
         sender.join()
         # The end itself may be a check.
         assert counted[0] < 30
-
-    def test_what_a_program_does_to_its_executor_changes_nothing(self, buffer, listener, node, peer):
-        """A node may go from one executor to another, and to none."""
-        publisher, stamps = peer(), itertools.count(1)
-        for _ in range(3):
-            executor = SingleThreadedExecutor()
-            executor.add_node(node)
-            stamp = next(stamps)
-            executor.spin_once(timeout_sec=0)
-            publisher.send(("map", "robot", stamp * S, 1))
-            executor.spin_once(timeout_sec=LONG_S)
-            until(knows(buffer, "robot", time=at(stamp)))
-            executor.remove_node(node)
-            executor.shutdown()
 
     def test_a_node_that_moves_to_another_executor_misses_nothing(self, ros, tf2_ros, buffer, node, peer):
         """The executor that had it is woken by that, and must not take from the other what is due."""
@@ -232,18 +209,6 @@ class TestSpinOnce:
 
 
 class TestCallbacksOfFutures:
-    def test_they_run_in_the_thread_that_spins(self, buffer, listener, any_executor, peer):
-        threads = []
-        future = buffer.wait_for_transform_async("map", "robot", LATEST)
-        future.add_done_callback(lambda _: threads.append(threading.current_thread()))
-        any_executor.spin_once(timeout_sec=0)
-        peer().send(("map", "robot", 1 * S, 1))
-        until(lambda: threads, any_executor)
-        if isinstance(any_executor, SingleThreadedExecutor):
-            assert threads == [threading.current_thread()]
-        else:
-            assert "receiver" not in threads[0].name
-
     def test_they_have_run_when_spinning_for_the_future_ends(self, ros, buffer, listener, node, peer):
         publisher = peer()
         for n in range(1, 21):
@@ -255,46 +220,6 @@ class TestCallbacksOfFutures:
             ros.spin_until_future_complete(node, future, timeout_sec=DEADLINE_S)
             assert called == [future]
             sender.join()
-
-    def test_they_do_not_overlap_other_callbacks(self, tf2_ros, buffer, listener, node, executor, peer):
-        publisher = peer()
-        busy, overlaps = threading.Event(), []
-        future = buffer.wait_for_transform_async("map", "robot", LATEST)
-        future.add_done_callback(lambda _: overlaps.append(busy.is_set()))
-
-        def work():
-            timer.cancel()
-            busy.set()
-            publisher.send(("map", "robot", 1 * S, 1))
-            threading.Event().wait(QUIET_S)
-            busy.clear()
-
-        timer = node.create_timer(0.001, work)
-        until(lambda: overlaps, executor)
-        assert overlaps == [False]
-
-    def test_they_run_in_order_of_arrival(self, buffer, listener, executor, peer):
-        order = []
-        executor.spin_once(timeout_sec=0)
-        for n in (3, 1, 2):
-            future = buffer.wait_for_transform_async("map", "robot", at(n))
-            future.add_done_callback(lambda _, n=n: order.append(n))
-        publisher = peer()
-        for n in (1, 2, 3):
-            publisher.send(("map", "robot", n * S, 1))
-        until(lambda: len(order) == 3, executor)
-        assert order == [1, 2, 3]
-
-    def test_a_future_may_complete_another_one(self, ros, buffer, listener, executor, peer):
-        other, threads = ros.task.Future(), []
-        other.add_done_callback(lambda _: threads.append(threading.current_thread()))
-        executor.spin_once(timeout_sec=0)
-        future = buffer.wait_for_transform_async("map", "robot", LATEST)
-        future.add_done_callback(other.set_result)
-        del future
-        peer().send(("map", "robot", 1 * S, 1))
-        executor.spin_until_future_complete(other, timeout_sec=DEADLINE_S)
-        assert threads == [threading.current_thread()]
 
     def test_one_transform_completes_futures_in_the_order_in_which_they_were_made(self, buffer):
         order = []
@@ -463,13 +388,6 @@ class TestProgramsOfTheirOwnKind:
         sent = node.create_publisher.return_value.publish.call_args.args[0]
         assert sent.transforms[0].child_frame_id == "robot"
 
-    def test_a_publisher_that_is_wrapped_sees_messages(self, tf2_ros, node):
-        broadcaster, sent = tf2_ros.TransformBroadcaster(node), []
-        publish = broadcaster.pub_tf.publish
-        broadcaster.pub_tf.publish = lambda message: (sent.append(message), publish(message))
-        broadcaster.sendTransform(transform("map", "robot", 1))
-        assert type(sent[0]).__name__ == "TFMessage"
-
     def test_no_parameter_is_declared(self, tf2_ros, node):
         from rcl_interfaces.msg import SetParametersResult
 
@@ -505,17 +423,6 @@ class TestProgramsOfTheirOwnKind:
             "publishers": {**before["publishers"], **kind},
             "subscribers": {**before["subscribers"], **kind},
         }
-
-    def test_a_profile_that_is_given_is_used_as_it_is(self, tf2_ros, buffer, node):
-        from rclpy.qos import ReliabilityPolicy
-
-        given = QoSProfile(depth=3, reliability=ReliabilityPolicy.BEST_EFFORT)
-        tf2_ros.TransformListener(buffer, node)
-        listener = tf2_ros.TransformListener(buffer, node, qos=given, static_qos=given)
-        for subscription in (listener.tf_sub, listener.tf_static_sub):
-            assert subscription.qos_profile.depth == 3
-            assert subscription.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-        assert (given.depth, given.reliability) == (3, ReliabilityPolicy.BEST_EFFORT)
 
     def test_a_group_of_its_own_keeps_a_blocking_callback_from_blocking(self, buffer, listener, node, peer):
         """A MultiThreadedExecutor, a callback that waits, and another that runs meanwhile."""

@@ -13,7 +13,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
-from rclpy.task import Future, Task
+from rclpy.task import Future
 from rclpy.waitable import NumberOfEntities, Waitable
 from spinning import spinning
 
@@ -63,11 +63,6 @@ class TestHandles:
         with ExitStack() as uses:
             assert not _rclpy.enter_handle(handle, uses)
 
-    def test_a_guard_condition_needs_no_node(self, node):
-        handle = _rclpy.new_wake_handle(node.context)
-        with handle:
-            handle.trigger_guard_condition()
-
     def test_a_handler_of_events_takes_one_if_it_is_marked_as_ready(self, node, capfd):
         subscription = node.create_subscription(TFMessage, "somewhere", ignore, qos_profile_sensor_data)
         reliable = node.create_subscription(TFMessage, "somewhere", ignore, 1)
@@ -109,11 +104,6 @@ class TestExecutors:
             assert not _rclpy.is_shut_down(executor)
             _rclpy.mark_shut_down(executor, _rclpy.executor_wake_handle(executor))
         assert _rclpy.is_shut_down(executor)
-
-    def test_marking_one_that_was_shut_down_does_nothing(self, executor):
-        wake_handle = _rclpy.executor_wake_handle(executor)
-        executor.shutdown()
-        _rclpy.mark_shut_down(executor, wake_handle)
 
     def test_one_of_another_kind_is_shut_down_in_the_ordinary_way(self):
         calls = []
@@ -186,10 +176,6 @@ class TestRounds:
         assert set(found) == {own}
         executor.shutdown()
 
-    def test_what_a_program_calls_is_not_in_an_executors_own_loop(self):
-        assert not rounds.is_below_own_loop(sys._getframe())
-        assert not rounds.is_below_own_loop(None)
-
 
 class TestSubscriptions:
     def test_an_executor_takes_nothing_from_one_that_is_hidden(self, node, executor):
@@ -230,9 +216,6 @@ class TestTasksAndFutures:
         assert found == [task]
         assert _rclpy.task_executor(task) is executor
 
-    def test_outside_of_a_step_there_is_no_task(self):
-        assert _rclpy.running_task() is None
-
     def test_where_a_step_is_another_function_there_is_no_task(self, ros, executor, monkeypatch):
         found = []
 
@@ -270,9 +253,6 @@ class TestTasksAndFutures:
         assert added
         assert all(rounds.only_wakes(callback) for callback in added)
         assert not rounds.only_wakes(print)
-
-    def test_a_task_is_a_future(self):
-        assert issubclass(Task, Future)
 
 
 def test_only_one_module_reads_rclpys_inside():

@@ -99,16 +99,3 @@ def test_lookups_return_while_a_thread_inserts_large_messages(buffer):
         before = len(inserted)
         until(lambda: len(inserted) > before)
     assert set(inserted) == {MANY}
-
-
-def test_lookups_return_while_the_receiver_inserts_large_messages(tf2_ros, buffer, node, flood):
-    before = taken(buffer)
-    with tf2_ros.TransformListener(buffer, node):
-        flood(10_000, MANY, MESSAGES)  # which nobody can send in time
-
-        def inserted_beside_lookups():
-            for _ in range(100):
-                buffer.lookup_transform("map", f"frame{HOPS}", at(1.5))
-            return taken(buffer) > before + 20 * MANY
-
-        until(inserted_beside_lookups)

@@ -66,52 +66,6 @@ class TestCompletion:
         assert translation(future.result()) == (-1.0, 0.0, 0.0)
 
     @pytest.mark.ours
-    def test_every_way_of_inserting_completes_it(self, buffer):
-        future = wait(buffer)
-        buffer.set_transforms([transform("map", "robot", 1)], "me")
-        assert future.done()
-        future = wait(buffer, at(9))
-        buffer.set_transform_static(transform("map", "robot"), "me")
-        assert future.done()
-
-    @pytest.mark.ours
-    def test_it_may_be_wired_together_later(self, buffer):
-        future = wait(buffer)
-        insert(buffer, 1, "robot", "odom")
-        insert(buffer, 1, "map", "world")
-        assert not future.done()
-        insert(buffer, 1, "odom", "world")
-        assert future.done()
-
-    def test_one_insert_completes_many(self, buffer):
-        futures = [wait(buffer, at(seconds)) for seconds in (1, 1.5, 2, 2.5)]
-        insert(buffer, 1)
-        insert(buffer, 2)
-        assert [future.done() for future in futures] == [True, True, True, False]
-        futures[-1].cancel()
-
-    @pytest.mark.ours
-    def test_clear_keeps_it_waiting(self, buffer):
-        future = wait(buffer, at(2))
-        insert(buffer, 1)
-        buffer.clear()
-        assert not future.done()
-        insert(buffer, 3)
-        assert not future.done(), "the sample before the clear is forgotten"
-        insert(buffer, 1.5)
-        assert future.done()
-
-    @pytest.mark.ours
-    def test_a_callback_runs_in_the_thread_that_inserts(self, buffer):
-        threads = []
-        future = wait(buffer)
-        future.add_done_callback(lambda _: threads.append(threading.current_thread()))
-        thread = threading.Thread(target=insert, args=(buffer,))
-        thread.start()
-        thread.join()
-        assert threads == [thread]
-
-    @pytest.mark.ours
     def test_a_callback_may_use_the_buffer(self, buffer):
         found = []
 
@@ -123,17 +77,6 @@ class TestCompletion:
         wait(buffer).add_done_callback(use)
         insert(buffer)
         assert [m.child_frame_id for m in found] == ["camera", "camera"]
-
-    @pytest.mark.ours
-    def test_what_a_callback_raises_is_not_raised_by_the_insert(self, buffer):
-        def fail(_):
-            raise RuntimeError("mine")
-
-        first, second = wait(buffer), wait(buffer)
-        first.add_done_callback(fail)
-        with pytest.warns(UserWarning, match="mine"):
-            insert(buffer)
-        assert second.done()
 
     @pytest.mark.ours
     @pytest.mark.parametrize("error", [asyncio.CancelledError, SystemExit, KeyboardInterrupt])
@@ -187,12 +130,6 @@ class TestTimeout:
         with pytest.raises(tf2_py.TimeoutException, match="extrapolation into the future"):
             future.result()
 
-    def test_full_has_one_too(self, buffer, tf2_py):
-        future = buffer.wait_for_transform_full_async("map", at(1), "robot", at(2), "map", timeout=SHORT)
-        until(future.done)
-        with pytest.raises(tf2_py.TimeoutException):
-            future.result()
-
     def test_none_at_all_ends_it_at_once(self, buffer, tf2_py):
         future = wait(buffer, timeout=Duration())
         until(future.done)
@@ -217,16 +154,6 @@ class TestTimeout:
         until(other.done)
         assert other.exception() is not None
         assert future.exception() is None
-
-    @pytest.mark.parametrize("error", [asyncio.CancelledError, SystemExit])
-    def test_a_callback_that_raises_ends_no_other(self, buffer, error):
-        def fail(_):
-            raise error("mine")
-
-        futures = [wait(buffer, timeout=LONGER) for _ in range(2)]
-        futures[0].add_done_callback(fail)
-        until(lambda: all(future.done() for future in futures))
-        assert all(future.exception() is not None for future in futures)
 
     def test_they_end_in_their_order(self, buffer):
         ended = []
@@ -293,18 +220,6 @@ class TestInfiniteTimeout:
         assert buffer.lookup_transform("map", "robot", LATEST, timeout).child_frame_id == "robot"
         inserting.join()
 
-    def test_a_full_lookup_waits(self, buffer, timeout):
-        inserting = threading.Thread(target=insert_for_a_waiter, args=(buffer,))
-        inserting.start()
-        assert buffer.can_transform_full("map", at(1), "robot", at(1), "map", timeout)
-        inserting.join()
-
-    def test_a_question_waits(self, buffer, timeout):
-        inserting = threading.Thread(target=insert_for_a_waiter, args=(buffer,))
-        inserting.start()
-        assert buffer.can_transform("map", "robot", LATEST, timeout)
-        inserting.join()
-
     def test_a_future_waits_without_a_deadline(self, buffer, timeout):
         future = wait(buffer, timeout=timeout)
         assert not has_deadline(future)
@@ -360,13 +275,6 @@ class TestEndOfTheWait:
         del future
         assert buffer.statistics()["waiters"] == 0
 
-    def test_dropping_it_in_a_cycle_ends_it_with_the_cycle(self, buffer):
-        future = wait(buffer)
-        future.itself = future
-        del future
-        gc.collect()
-        assert buffer.statistics()["waiters"] == 0
-
     def test_a_callback_keeps_it_without_anybody_holding_it(self, buffer):
         found = []
         wait(buffer).add_done_callback(lambda future: found.append(future.result()))
@@ -412,38 +320,6 @@ class TestEndOfTheWait:
         del buffer
         assert reference() is None
         assert future.result() is not None
-
-    def test_a_future_that_timed_out_does_not_keep_the_buffer(self, tf2_ros):
-        buffer = tf2_ros.Buffer()
-        future = wait(buffer, timeout=SHORT)
-        until(future.done)
-        reference = weakref.ref(buffer)
-        del buffer
-        until(lambda: reference() is None)
-        assert future.exception() is not None
-
-    def test_a_future_that_called_back_keeps_neither_its_wait_nor_the_buffer(self, tf2_ros):
-        buffer, called = tf2_ros.Buffer(), []
-        future = wait(buffer)
-        future.add_done_callback(called.append)
-        insert(buffer)
-        reference = weakref.ref(buffer)
-        del buffer
-        assert called == [future]
-        assert reference() is None
-        assert not any(type(thing).__name__ == "Wait" for thing in gc.get_referents(future, vars(future)))
-
-    def test_ten_thousand_waits_leave_no_reference(self, buffer):
-        insert(buffer)
-        message_class = type(buffer.lookup_transform("map", "robot", LATEST))
-        gc.collect()
-        before = sys.getrefcount(message_class), sys.getrefcount(buffer)
-        for _ in range(10_000):
-            future = wait(buffer, at(5))
-            future.cancel()
-        del future
-        gc.collect()
-        assert (sys.getrefcount(message_class), sys.getrefcount(buffer)) == before
 
 
 @pytest.mark.ours
@@ -524,20 +400,6 @@ class TestShutdown:
         assert all(re.fullmatch(ENDED, str(error)) for error in errors)
         assert buffer.statistics()["waiters"] == 0
 
-    def test_of_two_that_await_one_may_leave(self, ros, tf2_ros, buffer):
-        future = wait(buffer)
-
-        async def main():
-            leaving, staying = (asyncio.ensure_future(await_it(future)) for _ in range(2))
-            await asyncio.sleep(0)
-            leaving.cancel()
-            await asyncio.sleep(0)
-            ros.shutdown()
-            with pytest.raises(tf2_ros.TimeoutException, match=ENDED):
-                await asyncio.wait_for(staying, DEADLINE_S)
-
-        asyncio.run(main())
-
     def test_a_signal_that_shuts_the_context_down_ends_it(self):
         program = start("awaits.py", stdout=subprocess.PIPE)
         assert program.stdout.readline() == "waiting\n"
@@ -577,38 +439,12 @@ class TestShutdown:
         insert(buffer)
         assert future.done()
 
-    def test_what_begins_after_the_end_of_a_context_it_does_not_depend_on_is_awaited(self, ros, buffer):
-        ros.shutdown()
-
-        async def main():
-            future = wait(buffer, at(1))
-            asyncio.get_running_loop().call_later(0.15, insert, buffer)
-            return await asyncio.wait_for(await_it(future), DEADLINE_S)
-
-        assert asyncio.run(main()).child_frame_id == "robot"
-
-    def test_the_context_is_checked_while_something_is_awaited_only(self, ros, buffer):
-        async def main():
-            asyncio.get_running_loop().call_later(0.15, insert, buffer)
-            await buffer.lookup_transform_async("map", "robot", at(1))
-
-        asyncio.run(main())
-        until(lambda: deadline_threads() == 0)
-
 
 async def await_it(future):
     return await future
 
 
 class TestAwaiting:
-    def test_a_task_of_an_executor_awaits_it(self, buffer, executor):
-        task = executor.create_task(buffer.lookup_transform_async("map", "robot", at(1)))
-        executor.spin_once(timeout_sec=0)
-        assert not task.done()
-        insert(buffer)
-        until(task.done, executor)
-        assert task.result().child_frame_id == "robot"
-
     @pytest.mark.ours
     def test_it_is_awaited_by_a_task_that_its_executor_skips_while_it_falls_asleep(self, buffer, monkeypatch):
         """Between deciding to sleep and sleeping, the task is still executed, and every executor skips it."""
@@ -651,14 +487,6 @@ class TestAwaiting:
         assert task.done()
         assert time.monotonic() - begin < PROMPT_S
 
-    def test_full_is_awaited_likewise(self, buffer, executor):
-        insert(buffer, 1)
-        insert(buffer, 2)
-        coroutine = buffer.lookup_transform_full_async("map", at(2), "robot", at(1), "map")
-        task = executor.create_task(coroutine)
-        until(task.done, executor)
-        assert stamp_ns(task.result()) == 2 * 10**9
-
     @pytest.mark.ours
     def test_awaiting_has_a_timeout(self, buffer, executor, tf2_py):
         coroutines = [
@@ -670,35 +498,6 @@ class TestAwaiting:
             with pytest.raises(tf2_py.TimeoutException):  # rclpy raises it out of spinning, too
                 until(task.done, executor)
             assert type(task.exception()) is tf2_py.TimeoutException
-
-    def test_spinning_until_it_is_complete_wakes_the_executor(self, buffer, executor):
-        future = wait(buffer)
-        timer = threading.Timer(0.05, insert, (buffer,))
-        timer.start()
-        executor.spin_until_future_complete(future, timeout_sec=DEADLINE_S)
-        timer.join()
-        assert future.done()
-
-    def test_any_executor_will_do(self, buffer, ros, node):
-        executor = MultiThreadedExecutor(2)
-        executor.add_node(node)
-        tasks = [executor.create_task(buffer.lookup_transform_async("map", "robot", at(s))) for s in (1, 2)]
-        executor.spin_once(timeout_sec=0)
-        insert(buffer, 1)
-        insert(buffer, 2)
-        until(lambda: all(task.done() for task in tasks), executor)
-        assert [stamp_ns(task.result()) for task in tasks] == [10**9, 2 * 10**9]
-        executor.shutdown()
-
-    def test_plain_asyncio_awaits_it(self, buffer):
-        async def main():
-            timer = threading.Timer(0.05, insert, (buffer,))
-            timer.start()
-            found = await asyncio.wait_for(buffer.lookup_transform_async("map", "robot", at(1)), DEADLINE_S)
-            timer.join()
-            return found
-
-        assert asyncio.run(main()).child_frame_id == "robot"
 
     def test_a_task_of_asyncio_that_nobody_refers_to_goes_on(self, buffer):
         done = []
@@ -715,17 +514,6 @@ class TestAwaiting:
                 await asyncio.sleep(0)
 
         asyncio.run(asyncio.wait_for(main(), DEADLINE_S))
-
-    @pytest.mark.ours
-    def test_what_is_there_is_awaited_without_a_thread(self, buffer, executor, monkeypatch):
-        def refuse(*_):
-            raise RuntimeError("can't start new thread")
-
-        insert(buffer)
-        monkeypatch.setattr(threading, "_start_new_thread", refuse)
-        task = executor.create_task(buffer.lookup_transform_async("map", "robot", at(1)))
-        until(task.done, executor)
-        assert task.result().child_frame_id == "robot"
 
     @pytest.mark.ours
     def test_what_awaits_or_has_callbacks_goes_with_its_buffer(self, tf2_ros, node):

@@ -238,8 +238,10 @@ class TransformListener:
         if self._tf2_attachment is not None:
             self._tf2_attachment.close()
         if not self._tf2_owns_node:
-            for topic in self._tf2_topics:
-                self.__unsubscribe(self.__dict__.get(topic.attribute))
+            # A subclass that does not call __init__ makes the first two itself.
+            names = ["tf_sub", "tf_static_sub", *(topic.attribute for topic in self._tf2_topics)]
+            for name in dict.fromkeys(names):
+                self.__unsubscribe(self.__dict__.get(name))
         elif self._tf2_spinner is not None:
             self._tf2_spinner.stop()  # whose thread destroys the node
         else:

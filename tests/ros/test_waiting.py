@@ -446,7 +446,9 @@ async def await_it(future):
 
 class TestAwaiting:
     @pytest.mark.ours
-    def test_it_is_awaited_by_a_task_that_its_executor_skips_while_it_falls_asleep(self, buffer, monkeypatch):
+    def test_it_is_awaited_by_a_task_that_its_executor_skips_while_it_falls_asleep(
+        self, buffer, ros, monkeypatch
+    ):
         """Between deciding to sleep and sleeping, the task is still executed, and every executor skips it."""
         falling_asleep, skipped = threading.Event(), threading.Event()
         future = wait(buffer)

@@ -301,7 +301,10 @@ class GoalSender:
             return answered.result()
         finally:
             for one in sent:
-                one.add_done_callback(discard)
+                if one.done():  # its executor, which would call back, may be shut down already
+                    discard(one)
+                else:
+                    one.add_done_callback(discard)
 
     def _fail_at_end(self, pending: PendingGoal) -> None:
         if context_was_shut_down(self._node.context):

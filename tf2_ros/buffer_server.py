@@ -163,8 +163,10 @@ class BufferServer:
         return CancelResponse.ACCEPT if lookup.cancelled() else CancelResponse.REJECT
 
     def _finish(self, handle: Any) -> LookupTransform.Result:
-        lookup = self._lookups.pop(bytes(handle.goal_id.uuid))
+        lookup = self._lookups.pop(bytes(handle.goal_id.uuid), None)
         result = LookupTransform.Result()
+        if lookup is None:
+            return result  # the server was destroyed meanwhile
         if lookup.cancelled():
             handle.canceled()
             # A client that reads only the error must not mistake the empty transform for an answer.

@@ -21,7 +21,7 @@ from tf2_ros._nodes import Shutdown
 from tf2_ros._rclpy import is_in_step, running_task, task_executor
 from tf2_ros._wait.blocking import LongWait, Lookup, report_if_long
 from tf2_ros._wait.callbacks import CallbackQueue, call_in_executor, queue_of
-from tf2_ros._wait.rounds import QueuedEnding, Waker, only_wakes, run_done_callbacks
+from tf2_ros._wait.rounds import QueuedEnding, Waker, finalize, only_wakes, run_done_callbacks
 from tf2_ros._wait.timers import deadlines
 
 if TYPE_CHECKING:
@@ -68,8 +68,10 @@ class WakingFuture(Future, Generic[_Result]):
     where a signal handler has cut it short; each callback is called once.
     """
 
-    # rclpy's finalizer reads it, also if a signal handler has cut __init__ short.
+    # The finalizer reads it, also if a signal handler has cut __init__ short.
     _exception: BaseException | None = None
+
+    __del__ = finalize
 
     # Two leading underscores keep these names apart from those of rclpy's Future in any release.
 
@@ -103,7 +105,7 @@ class WakingFuture(Future, Generic[_Result]):
 
     def exception(self) -> BaseException | None:
         """The exception, or None."""
-        self._exception_fetched = True  # otherwise, rclpy's finalizer prints it
+        self._exception_fetched = True  # otherwise, the finalizer prints it
         return self._exception
 
     def set_result(self, result: _Result) -> None:

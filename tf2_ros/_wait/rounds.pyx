@@ -172,6 +172,12 @@ def run_done_callbacks(future, list callbacks):
         raise errors[0]
 
 
+def finalize(future):
+    """As the finalizer of rclpy's Future, which is Python: there, a Ctrl-C would be lost."""
+    if future._exception is not None and not future._exception_fetched:
+        print(f"The following exception was never retrieved: {future._exception}", file=sys.stderr)
+
+
 cdef class QueuedEnding:
     """
     Ends a future that has an outcome already, together with its callbacks; may be called several times.

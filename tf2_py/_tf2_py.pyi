@@ -241,12 +241,7 @@ def rotations_from_matrices(
     matrices: NDArray[np.float64], tolerance: float
 ) -> tuple[NDArray[np.float64], int, float]: ...
 def serialize_samples(
-    names: list[bytes],
-    rows: NDArray[np.int64],
-    children: NDArray[np.uint32],
-    parents: NDArray[np.uint32],
-    stamps: NDArray[np.int64],
-    transforms: NDArray[np.float64],
+    state: dict[str, Any], rows: NDArray[np.int64], children: NDArray[np.uint32]
 ) -> bytes: ...
 def keep_for_ever(*things: object) -> None: ...
 def call_despite_signals(call: Callable[[], object]) -> None: ...

@@ -11,7 +11,7 @@ from cpython.object cimport PyTypeObject
 from cpython.ref cimport Py_DECREF, Py_INCREF
 from cpython.unicode cimport PyUnicode_Check
 from libc.float cimport DBL_EPSILON
-from libc.stdint cimport SIZE_MAX, UINT64_MAX
+from libc.stdint cimport INT32_MAX, SIZE_MAX
 from libc.string cimport strchr, strlen
 
 import copyreg
@@ -120,8 +120,8 @@ cdef class BufferCore(Engine):
     base_link
       camera (static)
 
-    A buffer can be pickled and copied, with everything that affects its answers and listings. A copy made by
-    ``copy.copy`` is as independent as a deep one, except that it shares the attributes of a subclass.
+    A buffer can be pickled and copied; the copy gives the same answers. A copy made by ``copy.copy`` is as
+    independent as a deep one, except that it shares the attributes of a subclass.
 
     >>> import copy, pickle
     >>> pickle.loads(pickle.dumps(buffer)).tree() == copy.deepcopy(buffer).tree() == buffer.tree()
@@ -288,9 +288,9 @@ cdef class BufferCore(Engine):
         Get the contents of this buffer at one moment, for pickles and copies. Other threads may continue to
         insert.
 
-        :return: a dict of everything that affects answers, listings and later inserts. The samples are NumPy
-            arrays, and ``"attributes"`` contains the attributes of a subclass. Pending waits are not
-            included.
+        :return: a dict of the samples, as NumPy arrays, of who sent them, of cache time and limits, and in
+            ``"attributes"`` of the attributes of a subclass. Pending waits, names without samples, the order
+            of listings and the counters of :meth:`statistics` are not included.
         """
         cdef dict state = self.export()
         state["attributes"] = attributes_of(self)
@@ -300,17 +300,13 @@ cdef class BufferCore(Engine):
         """
         Replace the contents of this buffer by a state; pending waits continue.
 
-        :raises ValueError: the state has another version, or is not a valid state of a buffer. After any
-            error, the buffer is unchanged.
+        :raises ValueError: it is not the state of a buffer, or one of its transforms is refused; the buffer
+            is unchanged.
         """
-        cdef dict core
         if type(state) is not dict:
             raise ValueError(f"not the state of a buffer: it is not a dict but {type(state).__name__}")
-        core = dict(state)
-        attributes = core.pop("attributes", None)
-        check_attributes(self, attributes)
-        self.restore(core)
-        set_attributes(self, attributes)
+        self.restore(state)
+        set_attributes(self, state.get("attributes", {}))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """
@@ -318,7 +314,7 @@ cdef class BufferCore(Engine):
         open.
 
         The transforms are ordinary messages on ``/tf`` and ``/tf_static``, in the order of their stamps;
-        what messages cannot hold is metadata of the file. :meth:`load` returns an identical buffer. An
+        what messages cannot hold is metadata of the file. :meth:`load` returns an equal buffer. An
         existing file is replaced when the new one is complete. Attributes of a subclass are not saved.
 
         :raises OSError: the file cannot be written; an existing file remains unchanged.
@@ -340,11 +336,7 @@ cdef class BufferCore(Engine):
         """
         from tf2_py._objects.saved import load_state
         loaded = _without_init(cls)
-        state = load_state(path, BufferCore(float("inf")))
-        try:
-            loaded.__setstate__(state | {"attributes": {}})
-        except ValueError as error:
-            raise ValueError(f"{printable(os.fspath(path))}: {error}") from None
+        load_state(loaded, path, BufferCore(float("inf"), max_frames=INT32_MAX, max_bytes=INT64_MAX))
         return loaded
 
     # Looking transforms up.

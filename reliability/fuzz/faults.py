@@ -8,15 +8,16 @@ import numpy as np
 
 from tf2_py import BufferCore, TransformException
 
-__all__ = ["Fault", "answers", "ask", "is_same_state"]
+__all__ = ["Fault", "answers", "ask", "holds_the_same"]
 
 
 class Fault(AssertionError):
     """What must not be."""
 
 
-def is_same_state(one: dict[str, Any], other: dict[str, Any]) -> bool:
+def holds_the_same(a: BufferCore, b: BufferCore) -> bool:
     """Whether the states of two buffers are the same, to the last bit."""
+    one, other = a.__getstate__(), b.__getstate__()
     return one.keys() == other.keys() and all(_is_same(one[key], other[key]) for key in one)
 
 

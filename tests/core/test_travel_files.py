@@ -1,6 +1,5 @@
 """Saved buffers are ordinary recordings, and spoiled ones are refused."""
 
-import json
 import os
 import subprocess
 import sys
@@ -13,7 +12,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 from rosbags.typesys import Stores, get_typestore
-from travelling import FRAMES, TIMES_NS, everything, filled
+from travelling import TIMES_NS, check_copy, filled
 
 from tf2_py import BufferCore
 from tf2_ros_tools import bag
@@ -113,7 +112,7 @@ def test_several_transforms_share_a_message(tmp_path):
     buffer.save(tmp_path / "many.mcap")
     with open(tmp_path / "many.mcap", "rb") as file:
         assert make_reader(file).get_summary().statistics.message_count == 10
-    assert BufferCore.load(tmp_path / "many.mcap").all_frames_as_yaml() == buffer.all_frames_as_yaml()
+    assert BufferCore.load(tmp_path / "many.mcap").frames() == buffer.frames()
 
 
 # What is written, or not.
@@ -148,7 +147,7 @@ def test_a_full_disk_leaves_the_file_that_was_there(path, tmp_path, buffer):
 def test_the_longest_name_can_be_written(buffer, tmp_path):
     path = tmp_path / ("r" * 250 + ".mcap")
     buffer.save(path)
-    assert BufferCore.load(path).tree() == buffer.tree()
+    check_copy(BufferCore.load(path), buffer, TIMES_NS)
     buffer.save(os.fsencode(path))
     assert [*tmp_path.iterdir()] == [path]
 
@@ -185,7 +184,7 @@ def test_a_damaged_file_is_refused_by_name(path, buffer, tmp_path):
                 assert "damaged.mcap: " in str(error)
                 refused += 1
             else:  # the summary at the end of the file is not needed
-                assert everything(loaded, FRAMES, TIMES_NS) == everything(buffer, FRAMES, TIMES_NS)
+                check_copy(loaded, buffer, TIMES_NS)
     assert refused > len(whole) // 97
 
 
@@ -208,14 +207,15 @@ def test_a_length_beyond_the_end_of_the_file_asks_for_no_memory(path, tmp_path):
 REFUSED = {
     "holds no buffer that save.. wrote; tf2_ros_tools.bag.load": lambda metadata, messages: (None, messages),
     "holds no buffer that save": lambda metadata, messages: (None, []),
-    "lack names": lambda metadata, messages: ({k: v for k, v in metadata.items() if k != "names"}, messages),
-    "of version 2": with_metadata(version="2"),
-    "Expecting value": with_metadata(version="two"),
-    "names that are not a list": with_metadata(names="7"),
-    "frame that is not among the names": with_metadata(names='["a"]'),
-    "messages hold 10 transforms of frames that have 11": lambda m, messages: (m, messages[:-1]),
-    "max_bytes is not an int but str": with_metadata(max_bytes='"all"'),
-    "refused is not an int": with_metadata(refused=json.dumps([None] * 12)),
+    "lack samples": lambda metadata, messages: (
+        {k: v for k, v in metadata.items() if k != "samples"},
+        messages,
+    ),
+    "Expecting value": with_metadata(cache_time_ns="two"),
+    "messages hold 10 transforms of 11": lambda metadata, messages: (metadata, messages[:-1]),
+    "and its messages name different frames": with_metadata(authorities="{}"),
+    "has no attribute 'keys'": with_metadata(authorities="7"),
+    "max_bytes is not an int": with_metadata(max_bytes='"all"'),
     "malformed TFMessage: the data ends": lambda m, messages: (m, [(*messages[0][:2], messages[0][2][:-9])]),
 }
 

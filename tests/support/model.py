@@ -221,6 +221,21 @@ class Model(Listings):
             if not frame.static:
                 frame.samples = []
 
+    def travel(self):
+        """Become what a copy is: the samples, inserted into another model."""
+        self._found.clear()
+        self.frames = {
+            name: self.frames[name]
+            for name in self.names
+            if name in self.frames and self.frames[name].samples
+        }
+        self.names = []
+        for name, frame in self.frames.items():
+            for used in (name, *[sample[1] for sample in frame.samples]):
+                self._name(used)
+        self.taken = sum(len(frame.samples) for frame in self.frames.values())
+        self.refused = dict.fromkeys(REASONS, 0)
+
     # Names.
 
     def exists(self, name):

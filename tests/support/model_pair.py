@@ -149,6 +149,7 @@ class Pair(Queries):
             self.buffer = pickle.loads(pickle.dumps(before))
         else:
             self.buffer = copy.deepcopy(before) if how == "deepcopy" else copy.copy(before)
+        self.model.travel()
         while self.pending:
             self.pending.pop().cancel()
         before.clear()  # what the copy has is its own
@@ -167,6 +168,7 @@ class Pair(Queries):
             def change():
                 self.buffer.__setstate__(state)
                 self.model = copy.deepcopy(model)
+                self.model.travel()
 
             self._change(change, [lambda: None])
 

@@ -60,7 +60,7 @@ def failures(buffer):
         "lookup_transform_core of no text": raising(buffer.lookup_transform_core, "map", b"base", at(5)),
         "set_transforms of no transform": raising(buffer.set_transforms, [transform("a", "b"), 1], "x"),
         "__setstate__ of no state": raising(
-            buffer.__setstate__, buffer.__getstate__() | {"names": b"map\0map\0base\0"}
+            buffer.__setstate__, buffer.__getstate__() | {"parent_names": ["NO_PARENT"] * 9}
         ),
         "set_transforms_cdr of no message": raising(buffer.set_transforms_cdr, data, "x"),
     }

@@ -10,8 +10,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-FRAME_COLUMNS, KIND, COUNT = 6, 0, 1  # of a state's `frames`: how many, and two of them
-STATIC_KIND = 2  # of the kinds of a history: HISTORY_STATIC
 
 SHORTEST_SPAN_NS = 100_000  # a shorter history counts as this long when its rate is worked out
 UNQUOTED_KEY = re.compile(r"[^\W\d][\w.-]*")
@@ -117,15 +115,16 @@ def histories(state: Mapping[str, Any]) -> dict[str, History]:
 def _histories(state: Mapping[str, Any]) -> Iterator[History]:
     import numpy as np
 
-    names = np.array(state["names"].decode("utf-8").split("\0")[:-1], object)
+    parent_names = np.array([name.removeprefix("/") for name in state["parent_names"]], object)
     end = 0
-    for name, (kind, count) in zip(names, state["frames"][:, [KIND, COUNT]].tolist(), strict=True):
+    for name, is_static, _, count in state["frames"]:
         begin, end = end, end + count
-        if count:
-            transforms = state["transforms"][begin:end]
-            parents = names[state["parents"][begin:end] - 1]
-            stamps_ns = state["stamps"][begin:end]
-            yield History(name, kind == STATIC_KIND, parents, stamps_ns, transforms[:, :3], transforms[:, 3:])
+        transforms = state["transforms"][begin:end]
+        parents = parent_names[state["parents"][begin:end]]
+        stamps_ns = state["stamps"][begin:end]
+        yield History(
+            name.removeprefix("/"), is_static, parents, stamps_ns, transforms[:, :3], transforms[:, 3:]
+        )
 
 
 def as_line(kind: type, counts: dict[str, Any], span_ns: int | None) -> str:

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator
 from typing import Any, BinaryIO
 
 from tf2_py._objects.errors import printable
-from tf2_py._objects.listings import COUNT, FRAME_COLUMNS, KIND, STATIC_KIND
 from tf2_py._objects.whole_file import whole_file
 
 # NumPy and mcap are imported by the first call that needs them, because the engine does not need them.
@@ -26,8 +25,8 @@ MESSAGE_NS = 10_000_000
 # Before compression. A file without its end can be read up to its last whole chunk.
 CHUNK_BYTES = 1 << 15
 MOST_PER_MESSAGE = 1000  # dynamic ones; one message has all static ones: late subscribers get only the last
-# The arrays of samples in a state; the messages hold these.
-SAMPLES = {"stamps", "transforms", "parents"}
+# What the metadata hold as in a state. They also have the authority of each frame, and the number of samples.
+AS_IN_STATE = ("cache_time_ns", "max_frames", "max_bytes", "max_waiters", "ever_looped")
 
 # As rosbag2 writes it.
 _QOS = """\
@@ -88,7 +87,7 @@ float64 w 1
 
 def save_state(state: dict[str, Any], path: str | os.PathLike[str], serialize: Callable[..., bytes]) -> None:
     """
-    Write a state of ``tf2_py/engine/state.pyx``.
+    Write a state of ``tf2_py/engine/state.pyx`` to a file.
 
     :param serialize: ``serialize_samples`` of the engine, which imports this module.
     :raises ModuleNotFoundError: the library mcap is missing.
@@ -109,9 +108,9 @@ def save_state(state: dict[str, Any], path: str | os.PathLike[str], serialize: C
         writer.finish()
 
 
-def load_state(path: str | os.PathLike[str], scratch: Any) -> dict[str, Any]:
+def load_state(loaded: Any, path: str | os.PathLike[str], scratch: Any) -> None:
     """
-    Read what :func:`save_state` wrote. The state that it returns is still to be checked.
+    Give a buffer the state that :func:`save_state` wrote.
 
     :param scratch: an empty BufferCore without limits, which reads the messages.
     :raises ModuleNotFoundError: the library mcap is missing.
@@ -121,7 +120,8 @@ def load_state(path: str | os.PathLike[str], scratch: Any) -> dict[str, Any]:
     stream_reader = _mcap("stream_reader")
     with open(path, "rb") as file:
         try:
-            return _read(stream_reader.StreamReader(_Bounded(file), validate_crcs=True).records, scratch)
+            records = stream_reader.StreamReader(_Bounded(file), validate_crcs=True).records
+            loaded.__setstate__(_read(records, scratch))
         except (MemoryError, OSError):
             raise
         # The library raises what its own parts and those for compression happen to raise.
@@ -159,23 +159,20 @@ def _mcap(module: str) -> Any:
 
 
 def _metadata_of(state: dict[str, Any]) -> dict[str, str]:
-    plain = {key: value for key, value in state.items() if key not in SAMPLES}
-    plain["frames"] = plain["frames"].tolist()
-    for key in ("names", "authorities"):
-        plain[key] = plain[key].decode().split("\0")[:-1]
-    return {key: json.dumps(value, ensure_ascii=False) for key, value in plain.items()}
+    kept = {key: state[key] for key in AS_IN_STATE}
+    kept["samples"] = len(state["stamps"])
+    kept["authorities"] = {name: authority for name, _, authority, _ in state["frames"]}
+    return {key: json.dumps(value, ensure_ascii=False) for key, value in kept.items()}
 
 
 def _messages(state: dict[str, Any], serialize: Callable[..., bytes]) -> Iterator[tuple[str, int, bytes]]:
     """Topic, log time in ns, and serialised message: the static transforms first, the others by stamp."""
     import numpy as np
 
-    names = _names_by_id(state)
-    frames, stamps = state["frames"], state["stamps"]
-    ids = np.arange(1, len(frames) + 1, dtype=np.uint32)
-    children = np.repeat(ids, frames[:, COUNT])
-    is_static = np.repeat(frames[:, KIND] == STATIC_KIND, frames[:, COUNT])
-    samples = (children, state["parents"], stamps, state["transforms"])
+    stamps = state["stamps"]
+    counts = np.array([count for *_, count in state["frames"]], np.int64)
+    children = np.repeat(np.arange(len(counts), dtype=np.uint32), counts)
+    is_static = np.repeat(np.array([is_static for _, is_static, *_ in state["frames"]], bool), counts)
     static_rows = np.flatnonzero(is_static)
     # Stable, so that samples of a frame with equal stamps remain in order of arrival.
     rows = np.flatnonzero(~is_static)
@@ -183,81 +180,46 @@ def _messages(state: dict[str, Any], serialize: Callable[..., bytes]) -> Iterato
     times = stamps[rows]
     if len(static_rows):
         first_ns = times[0] if len(times) else stamps[static_rows].max()
-        yield STATIC, int(first_ns), serialize(names, static_rows, *samples)
+        yield STATIC, int(first_ns), serialize(state, static_rows, children)
     ends = np.append(np.flatnonzero(np.diff(times // MESSAGE_NS)) + 1, len(rows))
     start = 0
     for end in ends.tolist():
         while start < end:
             next_start = min(end, start + MOST_PER_MESSAGE)
-            data = serialize(names, rows[start:next_start], *samples)
+            data = serialize(state, rows[start:next_start], children)
             # A sender knows a transform at its stamp, not earlier.
             yield DYNAMIC, int(times[next_start - 1]), data
             start = next_start
 
 
-def _names_by_id(state: dict[str, Any]) -> list[bytes]:
-    # As serialize_samples takes them.
-    return [b"", *state["names"].split(b"\0")[:-1]]
-
-
 def _read(records: Iterator[Any], scratch: Any) -> dict[str, Any]:
-    state: dict[str, Any] | None = None
+    metadata: dict[str, str] | None = None
     topics: dict[int, str] = {}
     for record in records:
         match type(record).__name__:
             case "Metadata" if record.name == METADATA:
-                state = _state_of(record.metadata)
+                metadata = record.metadata
             case "Channel":
                 topics[record.id] = record.topic
-            case "Message" if state is None:
+            case "Message" if metadata is None:
                 break
             case "Message" if topics[record.channel_id] in QOS:
                 scratch.set_transforms_cdr(record.data, "", topics[record.channel_id] == STATIC)
-    if state is None:
+    if metadata is None:
         raise ValueError("it holds no buffer that save() wrote; tf2_ros_tools.bag.load reads recordings")
-    return state | _samples_of(scratch.__getstate__(), state)
+    return _with_metadata(scratch.__getstate__(), metadata)
 
 
-def _state_of(metadata: dict[str, str]) -> dict[str, Any]:
-    """The state without samples. Checks only what this function needs."""
-    import numpy as np
-
-    state = {key: json.loads(text) for key, text in metadata.items()}
-    missing = {"names", "authorities", "frames", "refused"} - state.keys()
+def _with_metadata(state: dict[str, Any], metadata: dict[str, str]) -> dict[str, Any]:
+    missing = {*AS_IN_STATE, "samples", "authorities"} - metadata.keys()
     if missing:
         raise ValueError(f"its metadata {METADATA} lack {', '.join(sorted(missing))}")
-    for key in ("names", "authorities"):
-        if not isinstance(state[key], list) or not all(isinstance(name, str) for name in state[key]):
-            raise ValueError(f"its metadata {METADATA} hold {key} that are not a list of names")
-        state[key] = "".join(f"{name}\0" for name in state[key]).encode()
-    state["refused"] = tuple(state["refused"])
-    state["frames"] = np.array(state["frames"], dtype=np.uint32).reshape(-1, FRAME_COLUMNS)
-    return state
-
-
-def _samples_of(read: dict[str, Any], wanted: dict[str, Any]) -> dict[str, Any]:
-    """The samples of the first state, in the order of the frames of the second, and with its ids."""
-    import numpy as np
-
-    names = _names_by_id(read)
-    ids = {name: id for id, name in enumerate(_names_by_id(wanted))}
-    ends = np.cumsum(read["frames"][:, COUNT], dtype=np.int64)
-    counts = np.zeros(len(wanted["frames"]) + 1, np.int64)
-    rows: list[Any] = [()] * len(counts)
-    for name, end, count in zip(names[1:], ends.tolist(), read["frames"][:, COUNT].tolist(), strict=True):
-        if name not in ids:
-            raise ValueError(f"a frame that is not among the names: {printable(name.decode())}")
-        rows[ids[name]] = range(end - count, end)
-        counts[ids[name]] = count
-    if not np.array_equal(counts[1:], wanted["frames"][:, COUNT]):
-        raise ValueError(
-            f"its messages hold {counts.sum()} transforms of frames that have "
-            f"{wanted['frames'][:, COUNT].sum()}, or not those of the same frames"
-        )
-    order = np.concatenate([np.array(one, np.int64) for one in rows])
-    places = np.array([ids[name] for name in names], np.uint32)
-    return {
-        "stamps": read["stamps"][order],
-        "transforms": read["transforms"][order],
-        "parents": places[read["parents"][order]],
-    }
+    kept = {key: json.loads(text) for key, text in metadata.items()}
+    if kept["samples"] != len(state["stamps"]):
+        raise ValueError(f"its messages hold {len(state['stamps'])} transforms of {kept['samples']}")
+    if kept["authorities"].keys() != {name for name, *_ in state["frames"]}:
+        raise ValueError(f"its metadata {METADATA} and its messages name different frames")
+    frames = [
+        (name, is_static, kept["authorities"][name], count) for name, is_static, _, count in state["frames"]
+    ]
+    return state | {key: kept[key] for key in AS_IN_STATE} | {"frames": frames}

@@ -89,9 +89,6 @@ cdef enum HistoryInsert:
     HISTORY_NO_MEMORY
     HISTORY_FULL              # the memory would have to grow by more than the limit allows
 
-cdef enum:
-    LAST_CAPACITY = 0x7FFFFFFF      # samples
-
 # Zero a History before its first use; history_free zeroes it again except for the last three.
 cdef void history_free(History* history) noexcept nogil
 # Drops all samples and keeps the memory. Not for static histories.
@@ -99,10 +96,6 @@ cdef void history_clear(History* history) noexcept nogil
 # Pin with the lock held. `copy` may be read without the lock until it is unpinned.
 cdef void history_pin(const History* history, History* copy) noexcept nogil
 cdef void history_unpin(History* copy) noexcept nogil
-# Moves the samples to new memory for `capacity` of them, at least `count`. HISTORY_INSERTED; or
-# HISTORY_FULL or HISTORY_NO_MEMORY, and nothing has changed. `growth_limit`: by how many bytes the memory may
-# grow.
-cdef HistoryInsert history_move(History* history, uint32_t capacity, size_t growth_limit) noexcept nogil
 
 
 # What the history answers for a time.
@@ -193,7 +186,7 @@ cdef HistoryInsert history_set_static(History* history, int64_t stamp_ns, const 
 cdef const char* history_check(const History* history) noexcept nogil
 
 
-# Copying it into flat arrays, and back.
+# Copying it into flat arrays.
 
 cdef enum:
     TRANSFORM_DOUBLES = 7       # per transform: translation x y z in metres, rotation x y z w
@@ -201,7 +194,3 @@ cdef enum:
 # `count` elements each, oldest first. The history may be a pinned copy.
 cdef void history_export(const History* history, int64_t* stamps, double* transforms,
                          uint32_t* parents) noexcept nogil
-# Fills a history that has a kind, memory for at least `count` samples, and no samples. It checks nothing; see
-# history_check.
-cdef void history_import(History* history, uint32_t count, const int64_t* stamps, const double* transforms,
-                         const uint32_t* parents) noexcept nogil

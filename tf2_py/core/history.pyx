@@ -31,6 +31,7 @@ cdef extern from *:
 
 cdef enum:
     FIRST_CAPACITY = 8              # samples, of a dynamic history
+    LAST_CAPACITY = 0x7FFFFFFF      # samples
     SHRINK_ABOVE = 64               # samples; smaller rings are not worth shrinking
 
 
@@ -99,7 +100,10 @@ cdef int _resize(History* history, uint32_t capacity) noexcept nogil:
     return 0
 
 
-cdef HistoryInsert history_move(History* history, uint32_t capacity, size_t growth_limit) noexcept nogil:
+cdef HistoryInsert _move(History* history, uint32_t capacity, size_t growth_limit) noexcept nogil:
+    # Moves the samples to new memory for `capacity` of them, at least `count`. HISTORY_INSERTED; or
+    # HISTORY_FULL or HISTORY_NO_MEMORY, and nothing has changed. `growth_limit`: by how many bytes the memory
+    # may grow.
     if _memory_bytes(capacity) > history_allocated(history) + growth_limit:
         return HISTORY_FULL
     return HISTORY_INSERTED if _resize(history, capacity) == 0 else HISTORY_NO_MEMORY
@@ -107,7 +111,7 @@ cdef HistoryInsert history_move(History* history, uint32_t capacity, size_t grow
 
 cdef HistoryInsert history_reserve_one(History* history, bint at_the_end, size_t growth_limit) noexcept nogil:
     # Ensures a free slot behind the newest sample or, if not `at_the_end`, anywhere. Returns the same as
-    # history_move.
+    # _move.
     cdef uint32_t capacity = history.capacity
     cdef HistoryInsert outcome
     if at_the_end and history.count + _pinned_before_head(history) < capacity:
@@ -119,9 +123,9 @@ cdef HistoryInsert history_reserve_one(History* history, bint at_the_end, size_t
     if history.count >= capacity - capacity // 4:
         # By half: at most 1.5 x 72 bytes per sample. This cannot overflow 32 bits, see LAST_CAPACITY.
         capacity = capacity + capacity // 2 if capacity else FIRST_CAPACITY
-    outcome = history_move(history, min(capacity, <uint32_t>LAST_CAPACITY), growth_limit)
+    outcome = _move(history, min(capacity, <uint32_t>LAST_CAPACITY), growth_limit)
     if outcome == HISTORY_FULL and history.count < history.capacity:
-        outcome = history_move(history, history.capacity, growth_limit)
+        outcome = _move(history, history.capacity, growth_limit)
     return outcome
 
 
@@ -473,7 +477,7 @@ cdef HistoryInsert _change_kind(History* history, HistoryKind kind, uint32_t cap
     fresh.kind = kind
     fresh.authority = history.authority
     fresh.is_parent = history.is_parent     # is_hidden is False: a transform uses the frame
-    outcome = history_move(&fresh, capacity, history_allocated(history) + growth_limit)
+    outcome = _move(&fresh, capacity, history_allocated(history) + growth_limit)
     if outcome == HISTORY_INSERTED:
         history_free(history)
         history[0] = fresh
@@ -560,7 +564,7 @@ cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Samp
         i -= 1
     if index - i >= MAX_PER_STAMP:
         if history_is_pinned(history):
-            outcome = history_move(history, history.capacity, growth_limit)
+            outcome = _move(history, history.capacity, growth_limit)
         if outcome == HISTORY_INSERTED:
             _replace_last_of_stamp(history, index - 1, sample)
         return outcome
@@ -600,7 +604,7 @@ cdef HistoryInsert history_set_static(History* history, int64_t stamp_ns, const 
     if not was_static:
         outcome = _change_kind(history, HISTORY_STATIC, 1, growth_limit)
     elif history_is_pinned(history):
-        outcome = history_move(history, 1, growth_limit)
+        outcome = _move(history, 1, growth_limit)
     if outcome != HISTORY_INSERTED:
         return outcome
     if not was_static or memcmp(&history.samples[0], sample, sizeof(Sample)) != 0:
@@ -672,7 +676,7 @@ cdef const char* history_check(const History* history) noexcept nogil:
     return NULL
 
 
-# Copying into flat arrays, and back.
+# Copying into flat arrays.
 
 cdef inline void _export_run(const History* history, uint32_t slot, uint32_t count, int64_t* stamps,
                              double* transforms, uint32_t* parents) noexcept nogil:
@@ -693,21 +697,3 @@ cdef void history_export(const History* history, int64_t* stamps, double* transf
     _export_run(history, history.head, first, stamps, transforms, parents)
     _export_run(history, 0, history.count - first, stamps + first,
                 transforms + <size_t>first * TRANSFORM_DOUBLES, parents + first)
-
-
-cdef void history_import(History* history, uint32_t count, const int64_t* stamps, const double* transforms,
-                         const uint32_t* parents) noexcept nogil:
-    cdef uint32_t i
-    cdef Sample* sample
-    history.count = count
-    if count == 0:
-        return
-    memcpy(history.stamps, stamps, count * sizeof(int64_t))
-    for i in range(count):
-        sample = history.samples + i
-        memcpy(&sample.transform, transforms + <size_t>i * TRANSFORM_DOUBLES, sizeof(Transform))
-        sample.parent = parents[i]
-        history.parent_changes += i > 0 and sample.parent != history.samples[i - 1].parent
-    if history.kind == HISTORY_DYNAMIC:
-        history.oldest_ns = history.stamps[history_slot(history, 0)]
-        history.newest_ns = history.stamps[history_slot(history, count - 1)]

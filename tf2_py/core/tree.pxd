@@ -88,7 +88,3 @@ cdef bint tree_forget(Tree* tree, FrameId frame) noexcept nogil
 cdef size_t tree_bytes(const Tree* tree) noexcept nogil
 # NULL, or which invariant does not hold, or TREE_LACKS_MEMORY: it could not be checked whether all do.
 cdef const char* tree_check(const Tree* tree) noexcept nogil
-# A new frame, regardless of the limits. NO_FRAME: it failed, see `refused`. `change` may be NULL. The name
-# must be unknown.
-cdef FrameId tree_add_frame(Tree* tree, const char* name, size_t size, Change* change,
-                            uint32_t* refused) noexcept nogil

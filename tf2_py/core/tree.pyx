@@ -23,7 +23,7 @@ cdef int tree_init(Tree* tree, int64_t cache_time_ns, const Limits* limits) noex
     # This authority and the reserved frame have the id 0.
     if names_intern(&tree.authorities, TOO_MANY_AUTHORITIES, TOO_MANY_AUTHORITIES_SIZE) == NAME_NO_MEMORY:
         return -1
-    tree_add_frame(tree, RESERVED_NAME, RESERVED_NAME_SIZE, NULL, &refused)
+    _add_frame(tree, RESERVED_NAME, RESERVED_NAME_SIZE, NULL, &refused)
     return -1 if refused else 0
 
 
@@ -57,8 +57,10 @@ cdef inline size_t _bytes_left(const Tree* tree) noexcept nogil:
     return tree.limits.bytes - used if used < tree.limits.bytes else 0
 
 
-cdef FrameId tree_add_frame(Tree* tree, const char* name, size_t size, Change* change,
-                            uint32_t* refused) noexcept nogil:
+cdef FrameId _add_frame(Tree* tree, const char* name, size_t size, Change* change,
+                        uint32_t* refused) noexcept nogil:
+    # A new frame, whose name must be unknown, regardless of the limits. NO_FRAME: it failed, see `refused`.
+    # `change` may be NULL.
     cdef uint32_t id
     cdef uint32_t capacity
     cdef void* grown
@@ -102,7 +104,7 @@ cdef FrameId _intern_frame(Tree* tree, const char* name, size_t size, Change* ch
     elif size + sizeof(History) > _bytes_left(tree):
         refused[0] = REFUSED_BYTES
     else:
-        return tree_add_frame(tree, name, size, change, refused)
+        return _add_frame(tree, name, size, change, refused)
     return NO_FRAME
 
 

@@ -8,5 +8,5 @@ cdef uint32_t* uint32s_of(object array, Py_ssize_t width) except NULL
 
 cdef object new_rows(Py_ssize_t count, Py_ssize_t width)
 cdef object new_array(tuple shape, str dtype)
-cdef object received_array(value, tuple shape, str dtype)
+cdef object received_array(value, str dtype)
 cdef tuple as_points(points)

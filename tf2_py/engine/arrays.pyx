@@ -42,18 +42,9 @@ cdef object new_array(tuple shape, str dtype):
     return np.empty(shape, dtype)
 
 
-cdef object received_array(value, tuple shape, str dtype):
+cdef object received_array(value, str dtype):
     # An array from outside, made contiguous, aligned and of this machine's byte order; a copy if necessary.
-    # ValueError, whose text continues the name of the array: it does not have this shape, in which None is
-    # any number, or this dtype, in either byte order.
     import numpy as np
-    if type(value) is not np.ndarray:
-        raise ValueError(f"is not an array but {type(value).__name__}")
-    if value.dtype.newbyteorder("=") != np.dtype(dtype):
-        raise ValueError(f"is of dtype {value.dtype}, not {dtype}")
-    if value.ndim != len(shape) or any([w not in (None, n) for w, n in zip(shape, value.shape)]):
-        wanted = ", ".join(["N" if w is None else str(w) for w in shape])
-        raise ValueError(f"is of shape {value.shape}, not ({wanted})")
     return np.require(value, dtype, ["C_CONTIGUOUS", "ALIGNED"])
 
 

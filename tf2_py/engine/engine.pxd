@@ -89,8 +89,8 @@ cdef class Engine:
                                  int64_t before_ns=*) noexcept nogil
     # Resets the engine as if it were new; pending waits go on.
     cdef int start_over(self, int64_t cache_time_ns, const Limits* limits) except -1
-    # Everything that the buffer holds at one moment, and restoring it; pending waits go on. If restoring
-    # raises, nothing has changed.
+    # What the buffer holds at one moment, as state_of, and replacing it by such a state; pending waits go on.
+    # If that raises, nothing has changed.
     cdef dict export(self)
     cdef int restore(self, dict state) except -1
 
@@ -142,7 +142,7 @@ cdef class Engine:
     # Returns the first of the errors that were raised, or None.
     cdef object _deliver(self, Batch* batch, list later)
     # Takes the tree over.
-    cdef int _replace_tree(self, const Tree* tree, unsigned long long malformed) except -1
+    cdef int _replace_tree(self, const Tree* tree) except -1
     cdef void _begin_to_wake_all(self, Batch* batch) noexcept nogil
     cdef int _wake_all(self, Batch* batch) except -1
 

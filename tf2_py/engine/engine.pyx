@@ -410,20 +410,19 @@ cdef class Engine:
         if tree_init(&empty, cache_time_ns, limits) != 0:
             tree_free(&empty)
             raise MemoryError
-        return self._replace_tree(&empty, 0)
+        return self._replace_tree(&empty)
 
     cdef dict export(self):
         catch_up(self)
-        return state_of(&self._tree, &self._lock, self._malformed)
+        return state_of(&self._tree, &self._lock, self._names, self._authorities)
 
     cdef int restore(self, dict state) except -1:
         cdef Tree restored
-        cdef unsigned long long malformed
         catch_up(self)
-        read_state(state, &restored, &malformed)
-        return self._replace_tree(&restored, malformed)
+        read_state(state, &restored)
+        return self._replace_tree(&restored)
 
-    cdef int _replace_tree(self, const Tree* tree, unsigned long long malformed) except -1:
+    cdef int _replace_tree(self, const Tree* tree) except -1:
         cdef Tree old
         cdef Batch batch
         cdef list names = []
@@ -437,7 +436,7 @@ cdef class Engine:
         self._names, self._authorities = names, authorities
         with nogil:
             tree_free(&old)
-        self._malformed = malformed
+        self._malformed = 0
         self._advice.forget()
         return self._wake_all(&batch)
 

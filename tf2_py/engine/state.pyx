@@ -130,377 +130,261 @@ cdef bint snapshot_span(const Tree* tree, Lock* lock, int64_t* oldest_ns, int64_
     return oldest_ns[0] <= newest_ns[0]
 
 
-# A tree as flat arrays.
+# The state in which a buffer travels: a dict of its cache time, its limits, and its samples.
+#
+# =================  =====================================================================================
+# ``cache_time_ns``  int; so are ``max_frames``, ``max_bytes`` and ``max_waiters``.
+# ``ever_looped``    bool: whether the parents of the frames ever formed a loop, which decides how answers are
+#                    rounded, even if the samples do not show the loop any more.
+# ``frames``         a tuple for each frame with samples: its name, whether it is static, the authority of
+#                    its last transform, and how many samples it has.
+# ``stamps``         int64 (N,), ns: those of the samples of the first frame, in order, then of the next.
+# ``transforms``     float64 (N, 7): x y z in metres, and the rotation x y z w.
+# ``parents``        uint32 (N,): places in ``parent_names``.
+# ``parent_names``   list of str.
+# =================  =====================================================================================
+#
+# Names are as a message carries them: inserting removes one leading '/'.
 
-cdef inline size_t _terminated_size(const Names* names) noexcept nogil:
-    # Of all names but that with the id 0, each with a NUL behind it.
-    return names.text_size - names.names[0].size + names.count - 1
+cdef struct Text:
+    const char* start       # UTF-8, not terminated
+    Py_ssize_t size         # bytes
 
 
-cdef void _copy_terminated(const Names* names, char* out) noexcept nogil:
-    cdef uint32_t id
-    cdef uint32_t size
-    for id in range(1, names.count):
-        size = names.names[id].size
-        memcpy(out, names.text + names.names[id].start, size)
-        out[size] = 0
-        out += size + 1
+cdef struct Samples:
+    # Some of the samples of a state, in its arrays.
+    const int64_t* stamps
+    const double* transforms
+    const uint32_t* parents
+    uint64_t count
+    const Text* parent_names
+    size_t parent_name_count
 
 
-cdef bint _pin_all(const Tree* tree, PinnedTree* pinned) noexcept nogil:
+cdef bint _pin_all(const Tree* tree, Tree* view) noexcept nogil:
+    # Makes `view` a copy that may be read without the lock, except for its names. False: no memory.
     cdef FrameId id
-    pinned.view = tree[0]
-    pinned.names_size = _terminated_size(&tree.names)
-    pinned.authorities_size = _terminated_size(&tree.authorities)
-    pinned.names = <char*>malloc(pinned.names_size + pinned.authorities_size + 1)
-    pinned.view.histories = <History*>malloc(tree.names.count * sizeof(History))
-    if pinned.names == NULL or pinned.view.histories == NULL:
-        free(pinned.names)
-        free(pinned.view.histories)
+    view[0] = tree[0]
+    view.histories = <History*>malloc(tree.names.count * sizeof(History))
+    if view.histories == NULL:
         return False
     for id in range(tree.names.count):
-        history_pin(&tree.histories[id], &pinned.view.histories[id])
-    _copy_terminated(&tree.names, pinned.names)
-    _copy_terminated(&tree.authorities, pinned.names + pinned.names_size)
+        history_pin(&tree.histories[id], &view.histories[id])
     return True
 
 
-cdef bint tree_pin(const Tree* tree, Lock* lock, PinnedTree* pinned) noexcept nogil:
+cdef void _unpin_all(Tree* view) noexcept nogil:
+    cdef FrameId id
+    for id in range(view.names.count):
+        history_unpin(&view.histories[id])
+    free(view.histories)
+
+
+cdef str _as_sent(str name):
+    return f"/{name}" if name.startswith("/") else name
+
+
+cdef tuple _facts_of(const History* history, str name, list authorities):
+    is_static = history.kind == HISTORY_STATIC
+    return _as_sent(name), is_static, name_of(authorities, history.authority), history.count
+
+
+cdef dict state_of(const Tree* tree, Lock* lock, list names, list authorities):
+    cdef Tree view
+    cdef FrameId id
+    cdef uint64_t at = 0
     cdef bint is_pinned
+    cdef int64_t* stamp_at
+    cdef double* transform_at
+    cdef uint32_t* parent_at
+    # The GIL is held until the names are known, so that they are those of the same tree.
     lock_acquire(lock)
-    is_pinned = _pin_all(tree, pinned)
+    is_pinned = _pin_all(tree, &view)
     lock_release(lock)
-    return is_pinned
-
-
-cdef void tree_unpin(PinnedTree* pinned) noexcept nogil:
-    cdef FrameId id
-    for id in range(pinned.view.names.count):
-        history_unpin(&pinned.view.histories[id])
-    free(pinned.view.histories)
-    free(pinned.names)
-
-
-cdef void tree_export(const PinnedTree* pinned, TreeArrays* arrays) noexcept nogil:
-    cdef const Tree* view = &pinned.view
-    cdef const History* history
-    cdef FrameRow* row
-    cdef FrameId id
-    cdef uint64_t at = 0
-    for id in range(1, view.names.count):
-        history = &view.histories[id]
-        row = &arrays.frames[id - 1]
-        row.kind = history.kind
-        row.count = history.count
-        row.authority = history.authority
-        row.flags = ((<uint32_t>ROW_IS_PARENT if history.is_parent else 0)
-                     | (<uint32_t>ROW_IS_HIDDEN if history.is_hidden else 0))
-        row.capacity = history.capacity
-        row.mostly_empty_for = history.mostly_empty_for
-        history_export(history, arrays.stamps + at, arrays.transforms + at * TRANSFORM_DOUBLES,
-                       arrays.parents + at)
-        at += history.count
-    arrays.names = pinned.names
-    arrays.names_size = pinned.names_size
-    arrays.authorities = pinned.names + pinned.names_size
-    arrays.authorities_size = pinned.authorities_size
-    arrays.frame_count = view.names.count - 1
-    arrays.sample_count = at
-    arrays.cache_time_ns = view.cache_time_ns
-    arrays.limits = view.limits
-    arrays.ever_looped = view.ever_looped
-    arrays.taken = view.taken
-    memcpy(arrays.refused, view.refused, sizeof(view.refused))
-
-
-cdef const char* _next_name(const Names* known, const char* text, size_t left, size_t* size) noexcept nogil:
-    # The size of the name that `text` begins with. NULL, or why there is none.
-    cdef const char* end = <const char*>memchr(<const void*>text, 0, left)
-    if end == NULL:
-        return "the last name does not end with a NUL"
-    size[0] = end - text
-    if names_find(known, text, size[0]) != NAME_UNKNOWN:
-        return "a name occurs twice, or is a reserved one"
-    return NULL
-
-
-cdef const char* _import_frame_names(const TreeArrays* arrays, Tree* tree) noexcept nogil:
-    cdef const char* text = arrays.names
-    cdef const char* problem
-    cdef size_t left = arrays.names_size
-    cdef size_t size
-    cdef uint32_t refused = 0
-    while left:
-        problem = _next_name(&tree.names, text, left, &size)
-        if problem != NULL:
-            return problem
-        if size == 0:
-            return "the name of a frame is empty"
-        if tree.names.count > tree.limits.frames or tree.names.count > arrays.frame_count:
-            return "there are more names than frames, or than the limit of frames allows"
-        tree_add_frame(tree, text, size, NULL, &refused)
-        if refused:
-            return TREE_LACKS_MEMORY
-        text += size + 1
-        left -= size + 1
-    if tree.names.count - 1 != arrays.frame_count:
-        return "there are more frames than names"
-    return NULL
-
-
-cdef const char* _import_authorities(const TreeArrays* arrays, Tree* tree) noexcept nogil:
-    cdef const char* text = arrays.authorities
-    cdef const char* problem
-    cdef size_t left = arrays.authorities_size
-    cdef size_t size
-    while left:
-        problem = _next_name(&tree.authorities, text, left, &size)
-        if problem != NULL:
-            return problem
-        if names_intern(&tree.authorities, text, size) == NAME_NO_MEMORY:
-            return TREE_LACKS_MEMORY
-        text += size + 1
-        left -= size + 1
-    return NULL
-
-
-cdef const char* _import_history(const TreeArrays* arrays, FrameId id, uint64_t* at,
-                                 Tree* tree) noexcept nogil:
-    # The history of one frame, whose samples begin at `at`, which is moved behind them.
-    cdef History* history = &tree.histories[id]
-    cdef FrameRow row = arrays.frames[id - 1]       # once: see tree_import
-    if row.kind > HISTORY_STATIC or row.flags > ROW_IS_PARENT + ROW_IS_HIDDEN:
-        return "the row of a frame holds a value that has no meaning"
-    if row.count > row.capacity or row.capacity > LAST_CAPACITY:
-        return "a frame has more samples than its capacity, or one that is too large"
-    if row.kind != HISTORY_DYNAMIC and row.capacity != <uint32_t>(row.kind == HISTORY_STATIC):
-        return "a frame has a capacity that is none of its kind"
-    if row.count > arrays.sample_count - at[0]:
-        return "the frames have more samples than there are stamps"
-    if row.capacity and history_move(history, row.capacity, SIZE_MAX // 2) != HISTORY_INSERTED:
-        return TREE_LACKS_MEMORY
-    history.kind = <HistoryKind>row.kind
-    history.authority = row.authority
-    history.is_parent = row.flags & ROW_IS_PARENT != 0
-    history.is_hidden = row.flags & ROW_IS_HIDDEN != 0
-    tree.hidden += history.is_hidden
-    history.mostly_empty_for = row.mostly_empty_for
-    history_import(history, row.count, arrays.stamps + at[0], arrays.transforms + at[0] * TRANSFORM_DOUBLES,
-                   arrays.parents + at[0])
-    at[0] += row.count
-    tree.parents[id] = history_newest_parent(history) | (MIXED_PARENTS if history.parent_changes else 0)
-    tree.samples += history.count
-    tree.history_bytes += history_allocated(history)
-    return NULL
-
-
-cdef const char* tree_import(const TreeArrays* arrays, Tree* tree) noexcept nogil:
-    cdef const char* problem
-    cdef uint64_t at = 0
-    cdef FrameId id
-    if tree_init(tree, arrays.cache_time_ns, &arrays.limits) != 0:
-        return TREE_LACKS_MEMORY
-    problem = _import_frame_names(arrays, tree)
-    if problem == NULL:
-        problem = _import_authorities(arrays, tree)
-    if problem != NULL:
-        return problem
-    for id in range(1, tree.names.count):
-        problem = _import_history(arrays, id, &at, tree)
-        if problem != NULL:
-            return problem
-    if at != arrays.sample_count:
-        return "there are more stamps than samples of frames"
-    tree.ever_looped = arrays.ever_looped
-    tree.taken = arrays.taken
-    memcpy(tree.refused, arrays.refused, sizeof(tree.refused))
-    return tree_check(tree)
-
-
-# The state in which a buffer travels: a dict of numbers, names, and arrays.
-#
-# =================  =====================================================================================
-# ``version``        VERSION; a buffer reads no other.
-# ``cache_time_ns``  int
-# ``max_frames``     int; so are ``max_bytes`` and ``max_waiters``.
-# ``ever_looped``    bool: whether the parents of the frames ever formed a loop.
-# ``taken``          int: transforms accepted. ``refused``: a tuple of ints, by reason.
-# ``malformed``      int: messages.
-# ``names``          bytes: the frames' names in the order of their ids, UTF-8, each followed by a NUL.
-# ``authorities``    bytes, likewise.
-# ``frames``         uint32 (F, FRAME_ROW_COLUMNS): a FrameRow for each name.
-# ``stamps``         int64 (N,), ns: those of the samples of the first frame, oldest first, then of the next.
-# ``transforms``     float64 (N, 7): x y z in metres, and the rotation x y z w.
-# ``parents``        uint32 (N,): places of names, from 1.
-# =================  =====================================================================================
-
-cdef enum:
-    VERSION = 1
-
-cdef frozenset KEYS = frozenset({
-    "version", "cache_time_ns", "max_frames", "max_bytes", "max_waiters", "ever_looped", "taken", "refused",
-    "malformed", "names", "authorities", "frames", "stamps", "transforms", "parents",
-})
-
-
-cdef dict state_of(const Tree* tree, Lock* lock, unsigned long long malformed):
-    cdef PinnedTree pinned
-    cdef TreeArrays arrays
-    cdef bint is_pinned
-    cdef uint32_t kind
-    with nogil:
-        is_pinned = tree_pin(tree, lock, &pinned)
     if not is_pinned:
         raise MemoryError
     try:
-        frames = new_array((pinned.view.names.count - 1, FRAME_ROW_COLUMNS), "uint32")
-        stamps = new_array((pinned.view.samples,), "int64")
-        transforms = new_array((pinned.view.samples, TRANSFORM_DOUBLES), "float64")
-        parents = new_array((pinned.view.samples,), "uint32")
-        arrays.frames = <FrameRow*>uint32s_of(frames, FRAME_ROW_COLUMNS)
-        arrays.stamps = int64s_of(stamps)
-        arrays.transforms = doubles_of(transforms, TRANSFORM_DOUBLES)
-        arrays.parents = uint32s_of(parents, 0)
+        learn_names(&tree.names, lock, names)
+        learn_names(&tree.authorities, lock, authorities)
+        stamps = new_array((view.samples,), "int64")
+        transforms = new_array((view.samples, TRANSFORM_DOUBLES), "float64")
+        parents = new_array((view.samples,), "uint32")
+        stamp_at, transform_at = int64s_of(stamps), doubles_of(transforms, TRANSFORM_DOUBLES)
+        parent_at = uint32s_of(parents, 0)
         with nogil:
-            tree_export(&pinned, &arrays)
+            for id in range(1, view.names.count):
+                history_export(&view.histories[id], stamp_at + at, transform_at + at * TRANSFORM_DOUBLES,
+                               parent_at + at)
+                at += view.histories[id].count
         return {
-            "version": VERSION,
-            "cache_time_ns": arrays.cache_time_ns,
-            "max_frames": arrays.limits.frames,
-            "max_bytes": arrays.limits.bytes,
-            "max_waiters": arrays.limits.waiters,
-            "ever_looped": bool(arrays.ever_looped),
-            "taken": arrays.taken,
-            "refused": tuple([arrays.refused[kind] for kind in range(<uint32_t>REFUSAL_KINDS)]),
-            "malformed": malformed,
-            "names": arrays.names[:arrays.names_size],
-            "authorities": arrays.authorities[:arrays.authorities_size],
-            "frames": frames,
+            "cache_time_ns": view.cache_time_ns,
+            "max_frames": view.limits.frames,
+            "max_bytes": view.limits.bytes,
+            "max_waiters": view.limits.waiters,
+            "ever_looped": bool(view.ever_looped),
+            "frames": [_facts_of(&view.histories[id], names[id], authorities)
+                       for id in range(1, view.names.count) if view.histories[id].count],
             "stamps": stamps,
             "transforms": transforms,
             "parents": parents,
+            "parent_names": [_as_sent(names[id]) if view.histories[id].is_parent else ""
+                             for id in range(view.names.count)],
         }
     finally:
         with nogil:
-            tree_unpin(&pinned)
+            _unpin_all(&view)
+
+
+cdef frozenset STATE_KEYS = frozenset({
+    "cache_time_ns", "max_frames", "max_bytes", "max_waiters", "ever_looped", "frames", "stamps",
+    "transforms", "parents", "parent_names",
+})
 
 
 cdef object _not_a_state(what):
     return ValueError(f"not the state of a buffer: {what}")
 
 
-cdef object _number(value, what, most, least=0):
-    # Within `least` and `most`; a bool does not count as a number.
-    if type(value) is not int:
-        raise _not_a_state(f"{what} is not an int but {type(value).__name__}")
-    if not least <= value <= most:
-        shown = value if value.bit_length() < 128 else "too large"
-        raise _not_a_state(f"{what} is {shown}, not within {least} and {most}")
+cdef object _number(dict state, str key, least, most):
+    value = state[key]
+    if type(value) is not int or not least <= value <= most:
+        raise _not_a_state(f"{key} is not an int within {least} and {most}")
     return value
 
 
-cdef bytes _state_names(dict state, str key):
-    text = state[key]
-    if type(text) is not bytes:
-        raise _not_a_state(f"{key} is not bytes but {type(text).__name__}")
-    try:
-        text.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise _not_a_state(f"{key} is not UTF-8: {error.reason} at byte {error.start}") from None
-    return text
+cdef uint32_t _insert_samples(Tree* tree, const Text* child, uint32_t authority, bint is_static,
+                              const Samples* samples, uint64_t first, uint64_t end) noexcept nogil:
+    # What tree_insert returns for the first one that is refused. Other threads may write into the arrays.
+    cdef Incoming incoming
+    cdef uint64_t i
+    cdef uint32_t parent
+    cdef uint32_t refused = 0
+    for i in range(first, end):
+        parent = samples.parents[i]
+        if parent >= samples.parent_name_count:
+            return REFUSED_NO_PARENT
+        incoming.stamp_ns = samples.stamps[i]
+        incoming.child, incoming.child_size = child.start, child.size
+        incoming.parent = samples.parent_names[parent].start
+        incoming.parent_size = samples.parent_names[parent].size
+        memcpy(&incoming.transform, samples.transforms + TRANSFORM_DOUBLES * i, sizeof(Transform))
+        refused = tree_insert(tree, &incoming, authority, is_static, NULL)
+        if refused:
+            break
+    return refused
 
 
-cdef object _array(dict state, str key, tuple shape, str dtype):
-    try:
-        return received_array(state[key], shape, dtype)
-    except ValueError as error:
-        raise _not_a_state(f"{key} {error}") from None
+cdef int _insert_frames(Tree* tree, list frames, const Samples* samples) except -1:
+    cdef Text child, sender
+    cdef bint is_static
+    cdef uint32_t sender_id, refused
+    cdef uint64_t first
+    cdef uint64_t end = 0
+    for name, is_static, authority, count in frames:
+        first = end
+        if type(count) is not int or not 0 <= count <= samples.count - first:
+            raise _not_a_state(f"it does not hold {count} samples of {name}")
+        end = first + <uint64_t>count
+        child.start = name_utf8(name, &child.size)
+        sender.start = authority_utf8(authority, &sender.size)
+        sender_id = tree_authority(tree, sender.start, sender.size)
+        if sender_id == NAME_NO_MEMORY:
+            raise MemoryError
+        with nogil:
+            refused = _insert_samples(tree, &child, sender_id, is_static, samples, first, end)
+        if refused == TREE_NO_MEMORY:
+            raise MemoryError
+        if refused:
+            raise _not_a_state(f"a transform of {printable(name)} is refused: {log.because(refused)}")
+    if end != samples.count:
+        raise _not_a_state(f"it holds {samples.count} samples, {end} of them of its frames")
+    return 0
 
 
-cdef int read_state(dict state, Tree* tree, unsigned long long* malformed) except -1:
-    cdef TreeArrays arrays
-    cdef const char* problem
-    cdef bytes names, authorities
-    cdef uint32_t kind
-    version = _number(state.get("version"), "version", UINT32_MAX)
-    if version != VERSION:
-        raise _not_a_state(f"it is of version {version}; this one reads version {VERSION}")
-    if state.keys() != KEYS:
-        wrong = sorted(map(repr, state.keys() ^ KEYS))
-        raise _not_a_state(f"it lacks, or has too many: {printable(', '.join(wrong))}")
-    memset(&arrays, 0, sizeof(TreeArrays))
-    arrays.cache_time_ns = _number(state["cache_time_ns"], "cache_time_ns", INT64_MAX)
-    arrays.limits.frames = _number(state["max_frames"], "max_frames", UINT32_MAX, 1)
-    arrays.limits.bytes = _number(state["max_bytes"], "max_bytes", SIZE_MAX, 1)
-    arrays.limits.waiters = _number(state["max_waiters"], "max_waiters", UINT32_MAX, 1)
-    arrays.taken = _number(state["taken"], "taken", UINT64_MAX)
-    malformed[0] = _number(state["malformed"], "malformed", UINT64_MAX)
-    if type(state["ever_looped"]) is not bool:
-        raise _not_a_state("ever_looped is not a bool")
-    arrays.ever_looped = state["ever_looped"]
-    refused = state["refused"]
-    if type(refused) is not tuple or len(refused) != REFUSAL_KINDS:
-        raise _not_a_state(f"refused is not a tuple of {REFUSAL_KINDS} ints")
-    for kind in range(<uint32_t>REFUSAL_KINDS):
-        arrays.refused[kind] = _number(refused[kind], "refused", UINT64_MAX)
-    names, authorities = _state_names(state, "names"), _state_names(state, "authorities")
-    # A copy, because it decides how much is read of the others, and another thread may write into it.
-    frames = _array(state, "frames", (None, FRAME_ROW_COLUMNS), "uint32").copy()
-    stamps = _array(state, "stamps", (None,), "int64")
-    transforms = _array(state, "transforms", (len(stamps), TRANSFORM_DOUBLES), "float64")
-    parents = _array(state, "parents", (len(stamps),), "uint32")
-    if len(frames) >= UINT32_MAX:
-        raise _not_a_state("there are too many frames")
-    arrays.names, arrays.names_size = names, len(names)
-    arrays.authorities, arrays.authorities_size = authorities, len(authorities)
-    arrays.frames, arrays.frame_count = <FrameRow*>uint32s_of(frames, FRAME_ROW_COLUMNS), len(frames)
-    arrays.stamps, arrays.sample_count = int64s_of(stamps), len(stamps)
-    arrays.transforms = doubles_of(transforms, TRANSFORM_DOUBLES)
-    arrays.parents = uint32s_of(parents, 0)
-    memset(tree, 0, sizeof(Tree))
-    with nogil:
-        problem = tree_import(&arrays, tree)
-        if problem != NULL:
-            tree_free(tree)
-    if problem == TREE_LACKS_MEMORY:
+cdef int _insert_state(Tree* tree, dict state) except -1:
+    cdef Samples samples
+    cdef Text* parent_names
+    cdef size_t i
+    # Whoever shares the list cannot change this one, to whose elements pointers refer.
+    cdef tuple names = tuple(state["parent_names"])
+    stamps, transforms, parents = [
+        received_array(state[key], dtype)
+        for key, dtype in (("stamps", "int64"), ("transforms", "float64"), ("parents", "uint32"))
+    ]
+    samples.stamps, samples.count = int64s_of(stamps), len(stamps)
+    samples.transforms = doubles_of(transforms, TRANSFORM_DOUBLES)
+    samples.parents = uint32s_of(parents, 0)
+    if not len(stamps) == len(transforms) == len(parents):
+        raise _not_a_state("its arrays are of different lengths")
+    parent_names = <Text*>PyMem_Malloc(len(names) * sizeof(Text))
+    if parent_names == NULL:
         raise MemoryError
-    if problem != NULL:
-        raise _not_a_state(problem.decode())
+    try:
+        for i in range(<size_t>len(names)):
+            parent_names[i].start = name_utf8(names[i], &parent_names[i].size)
+        samples.parent_names, samples.parent_name_count = parent_names, len(names)
+        return _insert_frames(tree, list(state["frames"]), &samples)
+    finally:
+        PyMem_Free(parent_names)
+
+
+cdef int read_state(dict state, Tree* tree) except -1:
+    cdef int64_t cache_time_ns
+    cdef Limits limits
+    missing = STATE_KEYS - state.keys()
+    if missing:
+        raise _not_a_state(f"it lacks {', '.join(sorted(missing))}")
+    cache_time_ns = _number(state, "cache_time_ns", 0, INT64_MAX)
+    limits.frames = _number(state, "max_frames", 1, UINT32_MAX)
+    limits.bytes = _number(state, "max_bytes", 1, SIZE_MAX)
+    limits.waiters = _number(state, "max_waiters", 1, UINT32_MAX)
+    memset(tree, 0, sizeof(Tree))
+    try:
+        if tree_init(tree, INT64_MAX, &NO_LIMITS) != 0:
+            raise MemoryError
+        _insert_state(tree, state)
+    except BaseException:
+        tree_free(tree)
+        raise
+    tree.cache_time_ns = cache_time_ns
+    tree.limits = limits
+    tree.ever_looped = tree.ever_looped or state["ever_looped"] is True
     return 0
 
 
 # The samples of histories as serialised TFMessages, without checks or normalisation.
 
-def serialize_samples(list names, rows, children, parents, stamps, transforms):
+def serialize_samples(dict state, rows, children):
     """
-    The ``tf2_msgs/TFMessage`` of some samples as plain CDR.
+    The ``tf2_msgs/TFMessage`` of some samples of a state as plain CDR.
 
-    :param names: bytes, by id from 1; the first element is not used.
-    :param rows: which samples, in this order: indices into the other arrays, which have one element for each
-        sample: the ids of its frame and of its parent, its stamp in ns, and its transform as in Transform.
+    :param rows: which samples, in this order: indices into the arrays.
+    :param children: uint32, for each sample of the state: the place of its frame in ``frames``.
     """
     cdef Writer writer
     cdef Incoming incoming
+    cdef list frames = state["frames"]
+    cdef list parent_names = state["parent_names"]
     cdef const int64_t* row_at = int64s_of(rows)
     cdef const uint32_t* child_at = uint32s_of(children, 0)
-    cdef const uint32_t* parent_at = uint32s_of(parents, 0)
-    cdef const int64_t* stamp_at = int64s_of(stamps)
-    cdef const double* transform_at = doubles_of(transforms, TRANSFORM_DOUBLES)
+    cdef const uint32_t* parent_at = uint32s_of(state["parents"], 0)
+    cdef const int64_t* stamp_at = int64s_of(state["stamps"])
+    cdef const double* transform_at = doubles_of(state["transforms"], TRANSFORM_DOUBLES)
     cdef uint32_t count = len(rows)
+    cdef Py_ssize_t size
     cdef uint32_t i
     cdef int64_t row
     cdef bytes data = None
-    cdef bytes name
     writer_init(&writer, NULL, count)
     # Once to count the bytes, once to write them.
     while True:
         for i in range(count):
             row = row_at[i]
             incoming.stamp_ns = stamp_at[row]
-            name = names[child_at[row]]
-            incoming.child, incoming.child_size = PyBytes_AS_STRING(name), PyBytes_GET_SIZE(name)
-            name = names[parent_at[row]]
-            incoming.parent, incoming.parent_size = PyBytes_AS_STRING(name), PyBytes_GET_SIZE(name)
+            incoming.child = name_utf8((<tuple>frames[child_at[row]])[0], &size)
+            incoming.child_size = size
+            incoming.parent = name_utf8(parent_names[parent_at[row]], &size)
+            incoming.parent_size = size
             memcpy(&incoming.transform, transform_at + TRANSFORM_DOUBLES * row, sizeof(Transform))
             writer_transform(&writer, &incoming)
         if data is not None:
@@ -522,15 +406,6 @@ cdef dict attributes_of(thing):
         if hasattr(thing, name):
             attributes[name] = getattr(thing, name)
     return attributes
-
-
-cdef int check_attributes(thing, attributes) except -1:
-    # ValueError: the buffer cannot have these attributes.
-    if type(attributes) is not dict or not all([type(name) is str for name in attributes]):
-        raise _not_a_state("its attributes are not a dict with names as keys")
-    if not hasattr(thing, "__dict__") and attributes.keys() - _slots_of(thing):
-        raise _not_a_state(f"a {type(thing).__name__} has no attributes of its own")
-    return 0
 
 
 cdef int set_attributes(thing, dict attributes) except -1:

@@ -13,7 +13,6 @@ PACKAGES = {
     "clouds": ["tf2_sensor_msgs"],
     "recordings": ["tf2_ros_tools", "rosbags", "mcap"],
     "saved": ["tf2_py", "mcap"],
-    "states": ["tf2_py"],
     "segments": ["tf2_py", "tf2_ros._shared"],
     "foreign": ["tf2_ros_tools"],
 }
@@ -25,7 +24,6 @@ MOST_BYTES = {
     "clouds": 1024,
     "recordings": 12000,
     "saved": 8192,
-    "states": 2048,
     "segments": 512,
     "foreign": 1024,
 }

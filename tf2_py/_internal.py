@@ -33,7 +33,6 @@ from tf2_py._tf2_py import (
     serialize_transforms,
     stamp_parts,
     time_ns,
-    timeout_ns,
 )
 
 __all__ = [
@@ -64,5 +63,4 @@ __all__ = [
     "serialize_transforms",
     "stamp_parts",
     "time_ns",
-    "timeout_ns",
 ]

@@ -16,7 +16,7 @@ from tf2_py._objects.errors import (
     TransformException,
 )
 from tf2_py._objects.listings import FrameInfo, History
-from tf2_py.typing import DurationLike, TimeLike, TimeoutLike, TimesLike
+from tf2_py.typing import DurationLike, TimeLike, TimesLike
 
 __all__ = [
     "BufferCore",
@@ -62,7 +62,7 @@ class BufferCore:
     def _tf2_names(self) -> list[str]: ...
     def __init__(
         self,
-        cache_time: TimeoutLike | None = None,
+        cache_time: DurationLike | None = None,
         *,
         max_frames: int | None = None,
         max_bytes: int | None = None,
@@ -105,9 +105,9 @@ class BufferCore:
         fixed_frame: str | None = None,
         target_time: TimeLike | None = None,
         on_missing: Literal["raise", "nan"] = "raise",
-        tolerance: TimeoutLike | None = None,
+        tolerance: DurationLike | None = None,
         extrapolate: bool = False,
-        max_gap: TimeoutLike | None = None,
+        max_gap: DurationLike | None = None,
         interpolation: Literal["linear", "cubic"] = "linear",
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
     @overload
@@ -219,14 +219,13 @@ def as_times_ns(times: Any) -> NDArray[np.int64]: ...
 def mask_of(values: Any) -> NDArray[np.bool_] | None: ...
 def time_ns(time: Any, argument: str) -> int: ...
 def duration_ns(duration: Any, argument: str) -> int: ...
-def timeout_ns(timeout: Any, argument: str = "timeout") -> int: ...
 def stamp_parts(time: Any, argument: str) -> tuple[int, int]: ...
 def frame_name(name: object, argument: str) -> str: ...
 def policy_of(
     call: str,
-    tolerance: TimeoutLike | None = None,
+    tolerance: DurationLike | None = None,
     extrapolate: bool = False,
-    max_gap: TimeoutLike | None = None,
+    max_gap: DurationLike | None = None,
     interpolation: str = "linear",
     **unknown: Any,
 ) -> Any: ...

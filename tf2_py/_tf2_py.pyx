@@ -86,7 +86,7 @@ cdef class BufferCore(Engine):
     """BufferCore(cache_time=None, *, max_frames=None, max_bytes=None, max_waiters=None)\n--\n
     A tree of coordinate frames that changes with time, and the history of each frame.
 
-    :param cache_time: how far the history of each frame reaches back: a duration, or a number of seconds.
+    :param cache_time: how far the history of each frame reaches back: a duration.
         Default: 10 s.
     :param int max_frames: the maximum number of frame names. Default: a million.
     :param int max_bytes: the maximum memory for names and histories. Default: 1 GiB.
@@ -142,7 +142,7 @@ cdef class BufferCore(Engine):
         limits.bytes = _limit("max_bytes", max_bytes)
         limits.waiters = _limit("max_waiters", max_waiters)
         if cache_time is not None:
-            cache_time_ns = duration_or_seconds(cache_time, "cache_time")
+            cache_time_ns = duration_nanoseconds(cache_time, "cache_time")
         if cache_time_ns < 0:
             raise ValueError(f"cache_time must not be negative, it is {errors.seconds(cache_time_ns)} s")
         self.start_over(cache_time_ns, &limits)

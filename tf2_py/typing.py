@@ -1,6 +1,7 @@
 """The types of times and durations, for the signatures of this project and of programs."""
 
 from collections.abc import Sequence
+from datetime import timedelta
 from typing import Literal, Protocol, TypedDict
 
 import numpy as np
@@ -12,7 +13,6 @@ __all__ = [
     "HasSecNanosec",
     "LookupPolicy",
     "TimeLike",
-    "TimeoutLike",
     "TimesLike",
 ]
 
@@ -39,32 +39,28 @@ TimeLike = HasNanoseconds | HasSecNanosec | int | np.datetime64
 # Many times; an array holds integer nanoseconds, or datetime64.
 TimesLike = npt.ArrayLike | Sequence[TimeLike]
 
-# A tolerance, an interval, how far a history reaches back.
-DurationLike = HasNanoseconds | HasSecNanosec
-
-# How long to wait; a number means seconds.
-TimeoutLike = HasNanoseconds | HasSecNanosec | float
+# A timeout, a tolerance, an interval, how far a history reaches back; a number means seconds.
+DurationLike = HasNanoseconds | HasSecNanosec | timedelta | float
 
 
 class LookupPolicy(TypedDict, total=False):
     """
     What a lookup accepts beyond tf2's: keyword arguments of ``tf2_ros.Buffer.lookup_transform`` and others.
 
-    ``tolerance``: a duration, or a number of seconds. A frame whose newest sample is at most this much older
+    ``tolerance``: a duration. A frame whose newest sample is at most this much older
     than the requested time stays at that sample. The answer has the stamp of the oldest such sample.
 
     ``extrapolate``: with a tolerance, such a frame continues at the velocity of its last two samples instead,
     and the answer has the requested time as its stamp.
 
-    ``max_gap``: a duration, or a number of seconds. There is no answer between samples that are further
-    apart.
+    ``max_gap``: a duration. There is no answer between samples that are further apart.
 
     ``interpolation``: ``"linear"``, or ``"cubic"`` for continuous velocities.
 
     With any of these, a wait ends as soon as transforms of its time would be refused.
     """
 
-    tolerance: TimeoutLike | None
+    tolerance: DurationLike | None
     extrapolate: bool
-    max_gap: TimeoutLike | None
+    max_gap: DurationLike | None
     interpolation: Literal["linear", "cubic"]

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from tf2_py._internal import FOR_EVER_NS, MalformedObjectError, timeout_ns
+from tf2_py._internal import FOR_EVER_NS, MalformedObjectError, duration_ns
 
 
 def require_node(call: str, node: Any, method: str) -> None:
@@ -19,7 +19,7 @@ def require_callable(method: str, callback: object) -> None:
 
 def optional_timeout_ns(timeout: Any, argument: str = "timeout") -> int | None:
     """The nanoseconds of a timeout; None, for no end, if it is None or at least FOR_EVER_NS."""
-    nanoseconds = FOR_EVER_NS if timeout is None else timeout_ns(timeout, argument)
+    nanoseconds = FOR_EVER_NS if timeout is None else duration_ns(timeout, argument)
     return None if nanoseconds == FOR_EVER_NS else nanoseconds
 
 

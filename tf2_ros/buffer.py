@@ -5,8 +5,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from tf2_py import BufferCore, TransformException
-from tf2_py._internal import log, policy_of, timeout_ns
-from tf2_py.typing import TimeLike, TimeoutLike
+from tf2_py._internal import duration_ns, log, policy_of
+from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import _names
 from tf2_ros._messages import TransformStamped
 from tf2_ros._shared.naming import buffer_name, require_linux
@@ -68,7 +68,7 @@ class Buffer(BufferCore, AnsweringInterface):
     :param attach: the name of a buffer that another process shares. This one is filled with what that one
         receives, and keeps as much history if ``cache_time`` is None. When the other process ends, this one
         keeps what it holds, and the next process that shares a buffer of that name fills it.
-    :param expire_after: a duration, or a number of seconds: every one or two seconds, forget the frames whose
+    :param expire_after: a duration: every one or two seconds, forget the frames whose
         newest dynamic transform is older than this by the buffer's clock; see
         :meth:`tf2_py.BufferCore.forget`. None: keep all. A copy of the buffer keeps all.
     :raises TypeError: ``cache_time`` is something else, a limit is not an int, or a name is not a str.
@@ -104,7 +104,7 @@ class Buffer(BufferCore, AnsweringInterface):
 
     def __init__(
         self,
-        cache_time: TimeoutLike | None = None,
+        cache_time: DurationLike | None = None,
         node: "Node | None" = None,
         *,
         max_frames: int | None = None,
@@ -112,7 +112,7 @@ class Buffer(BufferCore, AnsweringInterface):
         max_waiters: int | None = None,
         share: str | None = None,
         attach: str | None = None,
-        expire_after: TimeoutLike | None = None,
+        expire_after: DurationLike | None = None,
     ) -> None:
         if share is not None and attach is not None:
             raise ValueError("a buffer either shares what it holds, or is attached to one that does")
@@ -140,7 +140,7 @@ class Buffer(BufferCore, AnsweringInterface):
                 raise absence("a buffer whose frames expire")
             from tf2_ros._receive.expiry import Expiry
 
-            self._tf2_expiry = Expiry(self, timeout_ns(expire_after, "expire_after"))
+            self._tf2_expiry = Expiry(self, duration_ns(expire_after, "expire_after"))
 
     def __connect(self, node: "Node | None") -> None:
         AnsweringInterface.__init__(self)
@@ -180,7 +180,7 @@ class Buffer(BufferCore, AnsweringInterface):
         target_frame: str,
         source_frame: str,
         time: TimeLike,
-        timeout: TimeoutLike = NO_TIMEOUT,
+        timeout: DurationLike = NO_TIMEOUT,
         **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
         """
@@ -218,7 +218,7 @@ class Buffer(BufferCore, AnsweringInterface):
                 return BufferCore._lookup_under(self, target_frame, source_frame, time, accepted)
             return self.lookup_transform_core(target_frame, source_frame, time)
         lookup = Lookup.simple(target_frame, source_frame, time, policy_of("lookup_transform", **policy))
-        return BlockingWait(self, timeout_ns(timeout)).for_answer(lookup)
+        return BlockingWait(self, duration_ns(timeout, "timeout")).for_answer(lookup)
 
     def lookup_transform_full(
         self,
@@ -227,21 +227,21 @@ class Buffer(BufferCore, AnsweringInterface):
         source_frame: str,
         source_time: TimeLike,
         fixed_frame: str,
-        timeout: TimeoutLike = NO_TIMEOUT,
+        timeout: DurationLike = NO_TIMEOUT,
     ) -> TransformStamped:
         if timeout is NO_TIMEOUT:
             return self.lookup_transform_full_core(
                 target_frame, target_time, source_frame, source_time, fixed_frame
             )
         lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame)
-        return BlockingWait(self, timeout_ns(timeout)).for_answer(lookup)
+        return BlockingWait(self, duration_ns(timeout, "timeout")).for_answer(lookup)
 
-    def _tf2_can(self, timeout: TimeoutLike, *arguments: Any) -> tuple[bool, str]:
+    def _tf2_can(self, timeout: DurationLike, *arguments: Any) -> tuple[bool, str]:
         ask = self.can_transform_core if len(arguments) == 3 else self.can_transform_full_core
         if timeout is NO_TIMEOUT:
             can, reason = ask(*arguments)
             return bool(can), reason
-        wait = BlockingWait(self, timeout_ns(timeout))
+        wait = BlockingWait(self, duration_ns(timeout, "timeout"))
         try:
             wait.for_answer(Lookup.of(*arguments))
         except TransformException:
@@ -255,7 +255,7 @@ class Buffer(BufferCore, AnsweringInterface):
         source_frame: str,
         time: TimeLike,
         *,
-        timeout: TimeoutLike | None = None,
+        timeout: DurationLike | None = None,
         **policy: "Unpack[LookupPolicy]",
     ) -> "WakingFuture[TransformStamped]":
         """
@@ -284,7 +284,7 @@ class Buffer(BufferCore, AnsweringInterface):
         source_time: TimeLike,
         fixed_frame: str,
         *,
-        timeout: TimeoutLike | None = None,
+        timeout: DurationLike | None = None,
     ) -> "WakingFuture[TransformStamped]":
         """
         Get a future of what :meth:`lookup_transform_full` will return. Without ``timeout`` it waits forever.
@@ -301,7 +301,7 @@ class Buffer(BufferCore, AnsweringInterface):
         source_frame: str,
         time: TimeLike,
         *,
-        timeout: TimeoutLike | None = None,
+        timeout: DurationLike | None = None,
         **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
         """
@@ -334,7 +334,7 @@ class Buffer(BufferCore, AnsweringInterface):
         source_time: TimeLike,
         fixed_frame: str,
         *,
-        timeout: TimeoutLike | None = None,
+        timeout: DurationLike | None = None,
     ) -> TransformStamped:
         """
         Await what :meth:`lookup_transform_full` returns. Without ``timeout`` it waits forever.

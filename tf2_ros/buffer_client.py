@@ -26,8 +26,8 @@ from rclpy.task import Future
 from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error
 from tf2_py import TimeoutException, TransformException
-from tf2_py._internal import class_name, counted, errors, frame_name, printable, timeout_ns
-from tf2_py.typing import TimeLike, TimeoutLike
+from tf2_py._internal import class_name, counted, duration_ns, errors, frame_name, printable
+from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import _names
 from tf2_ros._arguments import optional_timeout_ns, require_node
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
@@ -362,7 +362,7 @@ class BufferClient(AnsweringInterface):
         node: Node,
         ns: str,
         check_frequency: float = 10.0,
-        timeout_padding: TimeoutLike = Duration(seconds=2.0),  # noqa: B008  as in tf2; a Duration cannot change
+        timeout_padding: DurationLike = Duration(seconds=2.0),  # noqa: B008  as in tf2; a Duration cannot change
     ) -> None:
         require_node("BufferClient", node, "create_client")
         if not check_frequency > 0.0:
@@ -386,7 +386,7 @@ class BufferClient(AnsweringInterface):
         self._tf2_goal_sender.close()
 
     def lookup_transform(
-        self, target_frame: str, source_frame: str, time: TimeLike, timeout: TimeoutLike = NO_TIMEOUT
+        self, target_frame: str, source_frame: str, time: TimeLike, timeout: DurationLike = NO_TIMEOUT
     ) -> TransformStamped:
         goal = _simple_goal(target_frame, source_frame, time)
         goal.timeout = _duration_msg(timeout)
@@ -399,14 +399,14 @@ class BufferClient(AnsweringInterface):
         source_frame: str,
         source_time: TimeLike,
         fixed_frame: str,
-        timeout: TimeoutLike = NO_TIMEOUT,
+        timeout: DurationLike = NO_TIMEOUT,
     ) -> TransformStamped:
         goal = _full_goal(target_frame, target_time, source_frame, source_time, fixed_frame)
         goal.timeout = _duration_msg(timeout)
         return self.__process_goal(goal)
 
     async def lookup_transform_async(
-        self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: TimeoutLike | None = None
+        self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: DurationLike | None = None
     ) -> TransformStamped:
         return await self._tf2_await(_simple_goal(target_frame, source_frame, time), timeout)
 
@@ -418,7 +418,7 @@ class BufferClient(AnsweringInterface):
         source_time: TimeLike,
         fixed_frame: str,
         *,
-        timeout: TimeoutLike | None = None,
+        timeout: DurationLike | None = None,
     ) -> TransformStamped:
         """
         Await what :meth:`lookup_transform_full` returns. Without ``timeout`` it waits forever.
@@ -430,7 +430,7 @@ class BufferClient(AnsweringInterface):
         return await self._tf2_await(goal, timeout)
 
     def __process_goal(self, goal: Any) -> TransformStamped:
-        pending = self._tf2_send(goal, timeout_ns(Duration.from_msg(goal.timeout)))
+        pending = self._tf2_send(goal, duration_ns(Duration.from_msg(goal.timeout), "timeout"))
         done = threading.Event()
         pending.add_done_callback(lambda _: done.set())
         try:
@@ -445,7 +445,7 @@ class BufferClient(AnsweringInterface):
             raise EXCEPTIONS.get(result.error.error, TransformException)(printable(result.error.error_string))
         return result.transform
 
-    async def _tf2_await(self, goal: Any, timeout: TimeoutLike | None) -> TransformStamped:
+    async def _tf2_await(self, goal: Any, timeout: DurationLike | None) -> TransformStamped:
         pending = self._tf2_send(goal, optional_timeout_ns(timeout))
         try:
             return self.__process_result(_result_of(pending, await pending))
@@ -454,7 +454,7 @@ class BufferClient(AnsweringInterface):
 
     def _tf2_send(self, goal: Any, lookup_ns: int | None) -> PendingGoal:
         refuse_inherited(self, self._tf2_goal_sender.process)
-        padding_ns = timeout_ns(self.timeout_padding, "timeout_padding")
+        padding_ns = duration_ns(self.timeout_padding, "timeout_padding")
         return self._tf2_goal_sender.send(goal, lookup_ns, padding_ns)
 
 
@@ -499,7 +499,7 @@ def _result_of(pending: PendingGoal, response: Any) -> Any:
 def _duration_msg(timeout: Any) -> Any:
     """The duration message of a timeout; at most FOR_EVER, with either sign."""
     longest_ns: int = FOR_EVER.nanoseconds
-    return Duration(nanoseconds=max(-longest_ns, min(timeout_ns(timeout), longest_ns))).to_msg()
+    return Duration(nanoseconds=max(-longest_ns, min(duration_ns(timeout, "timeout"), longest_ns))).to_msg()
 
 
 def _resolved(node: Node, ns: str) -> str:

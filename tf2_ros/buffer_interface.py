@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 from tf2_py import TransformException
-from tf2_py.typing import TimeLike, TimeoutLike
+from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import _names
 from tf2_ros._messages import Header, TransformStamped, time_msg
 from tf2_ros._messages import PoseStamped as PoseStamped
@@ -46,7 +46,7 @@ else:
     _New = TypeVar("_New")
 
 # The default of every `timeout`. It is one object, so that a check for it need not compare Durations.
-NO_TIMEOUT: TimeoutLike = Duration() if TYPE_CHECKING or HAS_ROS else 0.0
+NO_TIMEOUT: DurationLike = Duration() if TYPE_CHECKING or HAS_ROS else 0.0
 
 
 class BufferInterface:
@@ -76,7 +76,7 @@ class BufferInterface:
         self,
         object_stamped: _Object,
         target_frame: str,
-        timeout: TimeoutLike = NO_TIMEOUT,
+        timeout: DurationLike = NO_TIMEOUT,
         new_type: type[_New] | None = None,
     ) -> _New:
         """
@@ -110,7 +110,7 @@ class BufferInterface:
         target_frame: str,
         target_time: TimeLike,
         fixed_frame: str,
-        timeout: TimeoutLike = NO_TIMEOUT,
+        timeout: DurationLike = NO_TIMEOUT,
         new_type: type[_New] | None = None,
     ) -> _New:
         """
@@ -141,7 +141,7 @@ class BufferInterface:
         self,
         object_stamped: _Object,
         target_frame: str,
-        timeout: TimeoutLike | None = None,
+        timeout: DurationLike | None = None,
         new_type: type[_New] | None = None,
     ) -> _New:
         """
@@ -168,7 +168,7 @@ class BufferInterface:
         return result if new_type is None else convert(result, new_type)
 
     def lookup_transform(
-        self, target_frame: str, source_frame: str, time: TimeLike, timeout: TimeoutLike = NO_TIMEOUT
+        self, target_frame: str, source_frame: str, time: TimeLike, timeout: DurationLike = NO_TIMEOUT
     ) -> TransformStamped:
         """
         Get the pose of ``source_frame`` in ``target_frame``: it carries data from the source to the target.
@@ -186,7 +186,7 @@ class BufferInterface:
         source_frame: str,
         source_time: TimeLike,
         fixed_frame: str,
-        timeout: TimeoutLike = NO_TIMEOUT,
+        timeout: DurationLike = NO_TIMEOUT,
     ) -> TransformStamped:
         """
         Get the pose of ``source_frame`` at ``source_time`` in ``target_frame`` at ``target_time``.
@@ -208,7 +208,7 @@ class BufferInterface:
         raise NotImplementedException()
 
     async def lookup_transform_async(
-        self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: TimeoutLike | None = None
+        self, target_frame: str, source_frame: str, time: TimeLike, *, timeout: DurationLike | None = None
     ) -> TransformStamped:
         """
         Await what :meth:`lookup_transform` returns: the pose of ``source_frame`` in ``target_frame``, which
@@ -219,7 +219,7 @@ class BufferInterface:
         raise NotImplementedException()
 
     def can_transform(
-        self, target_frame: str, source_frame: str, time: TimeLike, timeout: TimeoutLike = NO_TIMEOUT
+        self, target_frame: str, source_frame: str, time: TimeLike, timeout: DurationLike = NO_TIMEOUT
     ) -> bool:
         """
         Return whether :meth:`lookup_transform` would return the pose of ``source_frame`` in ``target_frame``.
@@ -236,7 +236,7 @@ class BufferInterface:
         source_frame: str,
         source_time: TimeLike,
         fixed_frame: str,
-        timeout: TimeoutLike = NO_TIMEOUT,
+        timeout: DurationLike = NO_TIMEOUT,
     ) -> bool:
         """
         Return whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
@@ -255,7 +255,7 @@ class AnsweringInterface(BufferInterface):
         target_frame: str,
         source_frame: str,
         time: TimeLike,
-        timeout: TimeoutLike = ...,
+        timeout: DurationLike = ...,
         return_debug_tuple: Literal[False] = ...,
     ) -> bool: ...
 
@@ -265,7 +265,7 @@ class AnsweringInterface(BufferInterface):
         target_frame: str,
         source_frame: str,
         time: TimeLike,
-        timeout: TimeoutLike = ...,
+        timeout: DurationLike = ...,
         return_debug_tuple: Literal[True] = ...,
     ) -> tuple[bool, str]: ...
 
@@ -274,7 +274,7 @@ class AnsweringInterface(BufferInterface):
         target_frame: str,
         source_frame: str,
         time: TimeLike,
-        timeout: TimeoutLike = NO_TIMEOUT,
+        timeout: DurationLike = NO_TIMEOUT,
         return_debug_tuple: bool = False,
     ) -> bool | tuple[bool, str]:
         """
@@ -298,7 +298,7 @@ class AnsweringInterface(BufferInterface):
         source_frame: str,
         source_time: TimeLike,
         fixed_frame: str,
-        timeout: TimeoutLike = ...,
+        timeout: DurationLike = ...,
         return_debug_tuple: Literal[False] = ...,
     ) -> bool: ...
 
@@ -310,7 +310,7 @@ class AnsweringInterface(BufferInterface):
         source_frame: str,
         source_time: TimeLike,
         fixed_frame: str,
-        timeout: TimeoutLike = ...,
+        timeout: DurationLike = ...,
         return_debug_tuple: Literal[True] = ...,
     ) -> tuple[bool, str]: ...
 
@@ -321,7 +321,7 @@ class AnsweringInterface(BufferInterface):
         source_frame: str,
         source_time: TimeLike,
         fixed_frame: str,
-        timeout: TimeoutLike = NO_TIMEOUT,
+        timeout: DurationLike = NO_TIMEOUT,
         return_debug_tuple: bool = False,
     ) -> bool | tuple[bool, str]:
         """
@@ -335,7 +335,7 @@ class AnsweringInterface(BufferInterface):
         )
         return (can, reason) if return_debug_tuple else can
 
-    def _tf2_can(self, timeout: TimeoutLike, *arguments: Any) -> tuple[bool, str]:
+    def _tf2_can(self, timeout: DurationLike, *arguments: Any) -> tuple[bool, str]:
         """Whether a lookup would answer, and why not; it is a full one if there are five arguments."""
         look_up: Any = self.lookup_transform if len(arguments) == 3 else self.lookup_transform_full
         try:

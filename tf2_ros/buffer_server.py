@@ -26,7 +26,7 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_py._internal import timeout_ns
+from tf2_py._internal import duration_ns
 from tf2_ros._arguments import require_node
 from tf2_ros._forking import is_inherited
 from tf2_ros._nodes import keep_in_children, node_has_ended, watch
@@ -141,7 +141,7 @@ class BufferServer:
         lookup = Lookup.simple(goal.target_frame, goal.source_frame, goal.source_time)
         if goal.advanced:
             lookup = lookup._replace(target_time=goal.target_time, fixed_frame=goal.fixed_frame)
-        wait_ns = timeout_ns(goal.timeout)
+        wait_ns = duration_ns(goal.timeout, "timeout")
         future = Future()
         try:
             if wait_ns > 0:

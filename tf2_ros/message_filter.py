@@ -30,7 +30,7 @@ from tf2_py._internal import (
     printable,
     time_ns,
 )
-from tf2_py.typing import DurationLike, TimeoutLike
+from tf2_py.typing import DurationLike
 from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable, require_node
 from tf2_ros._forking import FORKED, LiveObjects, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended
@@ -159,7 +159,7 @@ class MessageFilter(Generic[_Message]):
         queue_size: int,
         *,
         node: Node,
-        buffer_timeout: TimeoutLike | None = ...,
+        buffer_timeout: DurationLike | None = ...,
         tolerance: DurationLike | None = ...,
     ) -> None: ...
 
@@ -172,7 +172,7 @@ class MessageFilter(Generic[_Message]):
         queue_size: int,
         *,
         node: Node,
-        buffer_timeout: TimeoutLike | None = ...,
+        buffer_timeout: DurationLike | None = ...,
         tolerance: DurationLike | None = ...,
     ) -> None: ...
 
@@ -184,7 +184,7 @@ class MessageFilter(Generic[_Message]):
         queue_size: int,
         *,
         node: Node,
-        buffer_timeout: TimeoutLike | None = None,
+        buffer_timeout: DurationLike | None = None,
         tolerance: DurationLike | None = None,
     ) -> None:
         if not isinstance(buffer, Buffer):

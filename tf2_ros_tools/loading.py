@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_py.typing import TimeLike, TimeoutLike
+from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros.numpy import to_nanoseconds
 from tf2_ros.records import MessageSource, Recording, insert_messages, read_transforms
 from tf2_ros_tools import foxglove
@@ -144,7 +144,7 @@ def _time_ns(time: TimeLike, name: str) -> int:
 def load(
     path: "str | PathLike[str]",
     *,
-    cache_time: TimeoutLike | None = None,
+    cache_time: DurationLike | None = None,
     topics: Topics = TOPICS,
     start: TimeLike | None = None,
     end: TimeLike | None = None,
@@ -198,7 +198,7 @@ def load(
     return buffer
 
 
-def new_buffer(cache_time: TimeoutLike | None) -> "Buffer":
+def new_buffer(cache_time: DurationLike | None) -> "Buffer":
     """Create a buffer that keeps everything, or the last ``cache_time``."""
     import tf2_ros
 

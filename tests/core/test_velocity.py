@@ -237,7 +237,7 @@ class TestAtManyTimes:
         ("arguments", "more", "error", "text"),
         [
             (("body", "world", [1], Duration(nanoseconds=-1)), {}, ValueError, "must not be negative"),
-            (("body", "world", [1], 0.5), {}, TypeError, "averaging_interval"),
+            (("body", "world", [1], "0.5"), {}, TypeError, "averaging_interval"),
             (("body", "world", [0.5], Duration()), {}, TypeError, "integer nanoseconds"),
             (("body", "world", [1], Duration()), {"on_missing": "skip"}, ValueError, "'raise' or 'nan'"),
             ((7, "world", [1], Duration()), {}, TypeError, "must be a str, not int"),

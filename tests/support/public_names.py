@@ -54,7 +54,6 @@ MODULES = {
         "HasSecNanosec",
         "LookupPolicy",
         "TimeLike",
-        "TimeoutLike",
         "TimesLike",
     },
     "tf2_ros.buffer_server": {"BufferServer"},

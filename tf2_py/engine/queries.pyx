@@ -67,8 +67,8 @@ def policy_of(call, tolerance=None, extrapolate=False, max_gap=None, interpolati
     made.policy.is_given = True
     made.policy.extrapolates = extrapolate
     made.policy.is_cubic = interpolation == "cubic"
-    made.policy.tolerance_ns = 0 if tolerance is None else duration_or_seconds(tolerance, "tolerance")
-    made.policy.max_gap_ns = INT64_MAX if max_gap is None else duration_or_seconds(max_gap, "max_gap")
+    made.policy.tolerance_ns = 0 if tolerance is None else duration_nanoseconds(tolerance, "tolerance")
+    made.policy.max_gap_ns = INT64_MAX if max_gap is None else duration_nanoseconds(max_gap, "max_gap")
     if made.policy.tolerance_ns < 0 or made.policy.max_gap_ns < 0:
         raise ValueError("tolerance and max_gap must not be negative")
     return made

@@ -92,7 +92,9 @@ cdef int64_t nanoseconds(object value, str argument) except? -1:
         return _whole(value, argument)
     if isinstance(value, datetime.datetime):
         return _datetime64_ns(value, argument)
-    _refuse_timedelta(value, argument, True)
+    # In the timedelta of pandas, `nanoseconds` is only the part below a microsecond.
+    if isinstance(value, datetime.timedelta):
+        raise TypeError(f"{argument} is a {type(value).__name__}: use {_times_to_use()}")
     found = getattr(value, "nanoseconds", None)
     if found is not None:
         _refuse_duration(value, found, argument)
@@ -130,7 +132,8 @@ cdef int64_t _datetime64_ns(object value, str argument) except? -1:
     # If NumPy was not imported, no object of its class exists.
     numpy = sys.modules.get("numpy")
     if numpy is None or not isinstance(value, numpy.datetime64):
-        raise TypeError(f"{_without_fields(argument, value)}: use {_times_to_use()}")
+        raise TypeError(f"{argument} must have nanoseconds, or sec and nanosec; {type(value).__name__} has"
+                        f" neither: use {_times_to_use()}")
     if numpy.isnat(value):
         raise ValueError(f"{argument} is NaT, which is no time: use 0 for the latest")
     try:
@@ -141,18 +144,6 @@ cdef int64_t _datetime64_ns(object value, str argument) except? -1:
     if not is_exact:
         raise OverflowError(f"{argument} = {value} is not a whole number of 64-bit nanoseconds")
     return converted.astype("int64")
-
-
-cdef str _without_fields(str argument, object value):
-    return f"{argument} must have nanoseconds, or sec and nanosec; {type(value).__name__} has neither"
-
-
-cdef int _refuse_timedelta(object value, str argument, bint is_time) except -1:
-    # In the timedelta of pandas, `nanoseconds` is only the part below a microsecond.
-    if isinstance(value, datetime.timedelta):
-        instead = _times_to_use() if is_time else DURATION_TO_USE
-        raise TypeError(f"{argument} is a {type(value).__name__}: use {instead}")
-    return 0
 
 
 cdef int _refuse_duration(object value, object amount, str argument) except -1:
@@ -167,20 +158,8 @@ cdef int _refuse_duration(object value, object amount, str argument) except -1:
     return 0
 
 
-cdef bint _has_fields(object value) except -1:
-    return hasattr(value, "nanoseconds") or (hasattr(value, "sec") and hasattr(value, "nanosec"))
-
-
 cdef int64_t duration_nanoseconds(object value, str argument) except? -1:
-    _refuse_timedelta(value, argument, False)
-    if not _has_fields(value):
-        raise TypeError(f"{_without_fields(argument, value)}: use {DURATION_TO_USE}")
-    found = getattr(value, "nanoseconds", None)
-    return _from_parts(value.sec, value.nanosec) if found is None else _whole(found, "nanoseconds")
-
-
-cdef int64_t duration_or_seconds(object value, str argument) except? -1:
-    return duration_nanoseconds(value, argument) if _has_fields(value) else timeout_ns(value, argument)
+    return duration_ns(value, argument)
 
 
 cdef object new_stamp(int64_t stamp_ns):
@@ -220,48 +199,38 @@ def time_ns(time, str argument):
 
 def duration_ns(duration, str argument):
     """
-    The nanoseconds of a duration: an rclpy ``Duration``, a message, or anything with their fields.
+    The nanoseconds of a duration: of an rclpy ``Duration``, a message, or anything with their fields; of a
+    ``datetime.timedelta``; or of a number of seconds.
 
     :param argument: its name in errors.
-    :raises TypeError: it has neither ``nanoseconds`` nor ``sec`` and ``nanosec``, or is a
-        ``datetime.timedelta``.
+    :raises TypeError: it is none of these, or it is a time.
+    :raises ValueError: it is NaN.
 
     Durations beyond plus or minus FOR_EVER_NS, including infinite floats, are limited to it.
     """
-    _refuse_timedelta(duration, argument, False)
-    if not _has_fields(duration):
-        raise TypeError(f"{_without_fields(argument, duration)}: use {DURATION_TO_USE}")
-    if hasattr(duration, "nanoseconds"):
-        return _at_most_for_ever(duration.nanoseconds)
-    return _at_most_for_ever(duration.sec * <object>NS_PER_S + duration.nanosec)
-
-
-def timeout_ns(timeout, str argument="timeout"):
-    """
-    The nanoseconds of a timeout: of a duration, as :func:`duration_ns`; or of a number of seconds.
-
-    :param argument: its name in errors.
-    :raises TypeError: it is neither, or it is a time.
-    :raises ValueError: it is NaN.
-    """
     load_time()
     rclpy_time = _rclpy_time()
-    if isinstance(timeout, time_layout.message_class) or (
-        rclpy_time is not None and isinstance(timeout, rclpy_time)
+    if isinstance(duration, time_layout.message_class) or (
+        rclpy_time is not None and isinstance(duration, rclpy_time)
     ):
         raise TypeError(f"{argument} is a Time, which says when and not how long: use {DURATION_TO_USE}")
-    _refuse_timedelta(timeout, argument, False)
-    if _has_fields(timeout):
-        return duration_ns(timeout, argument)
-    seconds = _integer(timeout)
+    # In the timedelta of pandas, `nanoseconds` is only the part below a microsecond.
+    if isinstance(duration, datetime.timedelta):
+        return _at_most_for_ever(duration // datetime.timedelta(microseconds=1) * 1000
+                                 + getattr(duration, "nanoseconds", 0))
+    if hasattr(duration, "nanoseconds"):
+        return _at_most_for_ever(duration.nanoseconds)
+    if hasattr(duration, "sec") and hasattr(duration, "nanosec"):
+        return _at_most_for_ever(duration.sec * <object>NS_PER_S + duration.nanosec)
+    seconds = _integer(duration)
     if seconds is not None and seconds in LIKE_NANOSECONDS:
         years = seconds // (365 * 86400)
         warnings.warn(f"{argument}={seconds} is {years} years, because a number is seconds", stacklevel=2)
-    if seconds is None and isinstance(timeout, Real) and not isinstance(timeout, Integral):
-        seconds = float(timeout)
+    if seconds is None and isinstance(duration, Real) and not isinstance(duration, Integral):
+        seconds = float(duration)
     if seconds is None:
         raise TypeError(
-            f"{argument} must be a duration or seconds, not {type(timeout).__name__}: use {DURATION_TO_USE}"
+            f"{argument} must be a duration or seconds, not {type(duration).__name__}: use {DURATION_TO_USE}"
         )
     if seconds != seconds:
         raise ValueError(f"{argument} is NaN: use seconds, or {DURATION_TO_USE}")

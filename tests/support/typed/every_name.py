@@ -51,7 +51,6 @@ from tf2_py.typing import (
     HasSecNanosec,
     LookupPolicy,
     TimeLike,
-    TimeoutLike,
     TimesLike,
 )
 from tf2_ros import (
@@ -120,7 +119,7 @@ def times(stamp: TimeMsg, header: Header) -> list[TimeLike]:
     return [Time(), stamp, header.stamp, counted, parted, 1_000_000_000, np.datetime64(1, "ns")]
 
 
-def timeouts() -> list[TimeoutLike]:
+def timeouts() -> list[DurationLike]:
     """Every kind of timeout."""
     return [Duration(seconds=1.0), Duration().to_msg(), 0.5, 1]
 
@@ -186,7 +185,7 @@ async def changes(buffer: Buffer, policy: LookupPolicy) -> None:
     buffer.on_change("a", "b", print).cancel()
 
 
-def lookups(buffer: Buffer | BufferClient, message: PoseStamped, timeout: TimeoutLike) -> None:
+def lookups(buffer: Buffer | BufferClient, message: PoseStamped, timeout: DurationLike) -> None:
     """The lookups of a Buffer and of a BufferClient."""
     stamp = message.header.stamp
     assert_type(buffer.lookup_transform("a", "b", stamp), TransformStamped)
@@ -203,7 +202,7 @@ def lookups(buffer: Buffer | BufferClient, message: PoseStamped, timeout: Timeou
     assert_type(buffer.can_transform_full("a", stamp, "b", stamp, "c", timeout, True), tuple[bool, str])
 
 
-def transforms(buffer: BufferInterface, message: PoseStamped, timeout: TimeoutLike) -> None:
+def transforms(buffer: BufferInterface, message: PoseStamped, timeout: DurationLike) -> None:
     """What goes in comes out, or what `new_type` says."""
     moved = buffer.transform(message, "a")
     assert_type(moved, PoseStamped)

@@ -11,7 +11,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import Imu
 
 from tf2_geometry_msgs import do_transform_point, do_transform_pose_stamped
-from tf2_py.typing import DurationLike, TimeLike, TimeoutLike
+from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import (
     Buffer,
     BufferClient,
@@ -52,9 +52,8 @@ def times(buffer: Buffer, pose: PoseStamped) -> None:
     print(buffer.lookup_transforms("a", "b", [1]).translations)  # wrong: it is a tuple
     buffer.lookup_transform("a", "b", tme=Time())  # wrong
     time: TimeLike = 0.5  # wrong
-    timeout: TimeoutLike = "0.5"  # wrong
-    duration: DurationLike = 0.5  # wrong
-    print(time, timeout, duration)
+    timeout: DurationLike = "0.5"  # wrong
+    print(time, timeout)
     print(Buffer("10"))  # wrong: how far back is a duration, or seconds
     print(BufferCore(max_frames="many"))  # wrong
     print(Buffer(max_framse=10))  # wrong

@@ -457,6 +457,7 @@ def _listener(stack):
         "unregister among others, in random order": in_random_order,
         "unregister of static ones": partial(made, StaticTransformListener),
         "__del__": forgotten,
+        "buffer": lambda: setattr(listening()[0], "buffer", buffer),
         "callback": lambda: listening()[0].callback(message),
         "callback of a received message": receive,
         "static_callback": lambda: listening()[0].static_callback(message),

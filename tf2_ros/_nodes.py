@@ -88,7 +88,7 @@ os.register_at_fork(after_in_child=_after_fork_in_child)
 
 
 def watch(watcher: Checked) -> None:
-    """Call ``check()`` of this object every one or two seconds, as long as something else refers to it."""
+    """Call ``_tf2_check()`` every one or two seconds, as long as something else refers to the object."""
     with suppress(RuntimeError):  # no thread can be started now; the next listener tries again
         check_regularly(watcher)
 
@@ -150,8 +150,8 @@ class Spinner:
         if wait and self.thread.is_alive() and self.thread is not threading.current_thread():
             self.thread.join(CALLBACK_END_WAIT_S)
 
-    def check(self) -> None:
-        """Wake the executor after a shutdown, see ``CallbackQueue.check``, and end with the node."""
+    def _tf2_check(self) -> None:
+        """Wake the executor after a shutdown, see ``CallbackQueue._tf2_check``, and end with the node."""
         node = self._node()
         if context_was_shut_down(self.executor.context):
             trigger(self._wake_handle)

@@ -177,7 +177,7 @@ class GoalSender:
         for pending in list(self._pending):
             self._fail_at_end(pending)
 
-    def check(self) -> None:
+    def _tf2_check(self) -> None:
         """End with the node of the client."""
         node = self._owner_node()
         if not self._closed and (node is None or node_has_ended(node)):

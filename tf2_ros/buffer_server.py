@@ -123,7 +123,7 @@ class BufferServer:
         self._lookups.clear()
         server.destroy()
 
-    def check(self) -> None:
+    def _tf2_check(self) -> None:
         """End with the node."""
         node = self._node()
         if node is not None and node_has_ended(node):

@@ -410,7 +410,8 @@ class MessageFilter(Generic[_Message]):
             if connected:
                 self.add(message)
 
-        input.registerCallback(take)
+        source: Any = input
+        source.registerCallback(take)
         return connected.clear
 
     # What becomes of a message. There is no lock: a message ends when `end_message` removes it from those
@@ -541,9 +542,10 @@ class MessageFilter(Generic[_Message]):
             return
         calls: list[Callable[[], object]] = []
         if reason is None:
+            passed: Any = (message, outcome)
             for stream in self._streams:
                 # The second may be repeated.
-                calls.append(partial(stream.items.append, (message, outcome)))
+                calls.append(partial(stream.items.append, passed))
                 calls.append(partial(call_despite_signals, stream.wake))
             calls += [partial(callback, message, *more) for callback, more in list(self.callbacks.values())]
         else:

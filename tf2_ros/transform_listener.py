@@ -367,7 +367,7 @@ class TransformListener:
             reason = problem() or "code of this program handles what is received"
             raise NotImplementedError(f"who sends transforms cannot be recorded here: {reason}")
         for topic in hidden:
-            if topic in known and topic not in taken:
+            if topic.subscription is not None and topic not in taken:
                 leave_to_executors(topic.subscription, self.node)
         if taken:
             self._tf2_receiver = Receiver(self, taken, callback_queue(self.node))

@@ -103,9 +103,9 @@ class TestBufferServer:
         task = client.lookup_transform_async("map", "robot", at(1), timeout=Duration(seconds=1))
         task.send(None)
         (pending,) = client._tf2_goal_sender._pending
-        until(lambda: pending.handle is not None)
+        until(lambda: pending.is_accepted)
         server.kill()
-        until(pending.outcome.done)
+        until(pending.done)
         with pytest.raises(tf2_py.TimeoutException, match="buffer server"):
             task.send(None)
         client.destroy()

@@ -135,7 +135,7 @@ class TestPlaces:
         assert future.result().child_frame_id == "robot"
         until(lambda: not callback_queue(node).is_spun())
         wait(buffer, note).cancel()
-        callback_queue(node).check()
+        callback_queue(node)._tf2_check()
         assert capfd.readouterr().err.count("nobody spins") == 1
         listener.unregister()
         executor.shutdown()

@@ -188,11 +188,11 @@ def test_an_owner_of_another_domain_or_without_a_listener(node, monkeypatch, cap
         assert "is filled from ROS domain" in logged(capfd)
     other.destroy_node()
     context.try_shutdown()
-    owner._tf2_sharing.check()
+    owner._tf2_sharing._tf2_check()
     with TransformListener(owner, node):
         assert is_attached(TransformListener(Buffer(), node))
     capfd.readouterr()
-    owner._tf2_sharing.check()
+    owner._tf2_sharing._tf2_check()
     assert not is_attached(TransformListener(Buffer(), node))
     assert "has no listener" in logged(capfd)
     owner._tf2_sharing.close()

@@ -22,7 +22,7 @@ class Expiry:
         self._after_ns = after_ns
         check_regularly(self)
 
-    def check(self) -> None:
+    def _tf2_check(self) -> None:
         """Forget what is too old now."""
         buffer = self._buffer()
         if buffer is None:

@@ -28,7 +28,7 @@ THREAD_END_WAIT_S = 5.0  # how long to wait for a thread to end; only a very bus
 class Checked(Protocol):
     """Something that is checked every one or two seconds."""
 
-    def check(self) -> None: ...
+    def _tf2_check(self) -> None: ...
 
 
 class Owner(Protocol):
@@ -51,7 +51,7 @@ def add_owner(owner: Owner) -> None:
 
 
 def check_regularly(checked: Checked) -> None:
-    """Call ``check()`` of this object every one or two seconds, as long as something else refers to it."""
+    """Call ``_tf2_check()`` every one or two seconds, as long as something else refers to the object."""
     _checked.add(checked)
     threads.start_reports()
 
@@ -131,7 +131,7 @@ def _check() -> None:
     _checked_at = now
     for checked in _checked:
         try:
-            checked.check()
+            checked._tf2_check()
         except Exception:
             log.logger("tf2_ros").error(f"In a regular check: {traceback.format_exc()}")
 

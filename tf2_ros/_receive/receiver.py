@@ -145,7 +145,7 @@ class Receiver:
         if hasattr(self, "inbox") and not self.is_inherited():
             self.stop()
 
-    def check(self) -> None:
+    def _tf2_check(self) -> None:
         """Log incompatible publishers."""
         for topic in list(self._uses):
             subscription: Any = topic.subscription

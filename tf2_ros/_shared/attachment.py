@@ -39,7 +39,7 @@ class Ring:
     """
 
     def __init__(self, descriptor: int, name: str) -> None:
-        reference = weakref.ref(self)
+        reference: weakref.ref[Ring] = weakref.ref(self)
         self.reader = RingReader(descriptor, partial(_begin, reference))
         self.inbox = Inbox(self.reader, AUTHORITY, partial(_hand_over, reference))
         self.name = name
@@ -159,7 +159,7 @@ class Attachment:
         """The buffer, if it exists."""
         return self._buffer()
 
-    def check(self) -> None:
+    def _tf2_check(self) -> None:
         """Find out whether the owner has ended, or look for the next one."""
         with self.changing:
             buffer, ring = self._buffer(), self.ring

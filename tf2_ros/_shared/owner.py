@@ -82,7 +82,7 @@ class Owner:
             self._description = changed
             self._ring.describe(changed.to_bytes())
 
-    def check(self) -> None:
+    def _tf2_check(self) -> None:
         """Describe the listeners that still exist, and log once what readers lack."""
         if not self._ring.is_open:
             return

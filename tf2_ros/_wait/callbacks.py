@@ -106,7 +106,7 @@ class CallbackQueue(ExecutorRounds, Waitable):
         node = self.node()
         return node is not None and not self._why_closed and is_in_executor(node)
 
-    def check(self) -> None:
+    def _tf2_check(self) -> None:
         """Drop the calls if the node has ended; warn if they have waited for long."""
         node = self.node()
         if self._why_closed or node is None:

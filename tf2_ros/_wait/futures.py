@@ -71,7 +71,7 @@ class WakingFuture(Future, Generic[_Result]):
     # The finalizer reads it, also if a signal handler has cut __init__ short.
     _exception: BaseException | None = None
 
-    __del__ = finalize
+    __del__: Any = finalize
 
     # Two leading underscores keep these names apart from those of rclpy's Future in any release.
 

@@ -122,7 +122,7 @@ async def filters(buffer: Buffer, node: Node) -> None:
     points.registerFailureCallback(takes_imu)  # wrong
     points.registerCallback(lambda message: print(message.pose))  # wrong for pyright
     points.add(PoseStamped())  # wrong for pyright
-    points.setTolerance(0.5)  # wrong
+    points.setTolerance("0.5")  # wrong
     print(points.statistics()["recieved"])  # wrong
     async for message, transform in points:
         print(message.pose)  # wrong for pyright

@@ -196,14 +196,13 @@ def _stop_all() -> None:
 class WaitContexts:
     """
     The contexts of everything that fills one buffer: that of its node, and those of its listeners, also of
-    ended ones.
-
-    :param contexts: those that are known already.
+    ended ones; and the queues of callbacks of the listeners' nodes.
     """
 
-    def __init__(self, *contexts: Any) -> None:
-        self.known = contexts  # replaced, never changed: read without a lock
-        self._listening: weakref.ref[Node] | None = None
+    def __init__(self) -> None:
+        # Replaced, never changed: read without a lock.
+        self.known: tuple[Any, ...] = ()
+        self.queues: tuple[weakref.ref[Any], ...] = ()  # of the latest listener last
 
     def add(self, context: Any) -> None:
         """Add a context, and drop those that were shut down before."""
@@ -211,30 +210,27 @@ class WaitContexts:
             others = (one for one in self.known if one is not context and not context_was_shut_down(one))
             self.known = (*others, context)
 
-    def listen(self, node: Node) -> None:
-        """Note that a listener of this node fills the buffer from now on."""
-        self._listening = weakref.ref(node)
-        self._process = os.getpid()
-
-    def listening_node(self) -> Node | None:
-        """The node of the latest listener that fills the buffer, if it exists in this process."""
-        return None if self._listening is None or is_inherited(self._process) else self._listening()
+    def listen(self, queue: object) -> None:
+        """Note that a listener of a node with this queue fills the buffer from now on."""
+        with LOCK:
+            others = (one for one in self.queues if one() not in (None, queue))
+            self.queues = (*others, weakref.ref(queue))
 
 
 _NOTHING_KNOWN = WaitContexts()
 
 
-def note_filler(node: object, buffer: object, *, listener: bool = False) -> None:
+def note_filler(node: object, buffer: object, queue: object = None) -> None:
     """
     Note that something of this node fills the buffer from now on; without effect unless it is a ``Buffer``.
 
-    :param listener: whether it is a listener, whose node runs callbacks of futures.
+    :param queue: the CallbackQueue of a listener's node; not of anything else.
     """
     contexts = getattr(buffer, "_tf2_wait_contexts", None)
     if isinstance(node, Node) and isinstance(contexts, WaitContexts):
         contexts.add(node.context)
-        if listener:
-            contexts.listen(node)
+        if queue is not None:
+            contexts.listen(queue)
 
 
 class Shutdown:

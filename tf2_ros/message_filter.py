@@ -35,9 +35,9 @@ from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable, r
 from tf2_ros._forking import FORKED, LiveObjects, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended
 from tf2_ros._wait.blocking import LongWait, report_if_long
-from tf2_ros._wait.callbacks import CallbackQueue, call_in_executor, callback_queue
+from tf2_ros._wait.callbacks import call_in_executor, callback_queue
 from tf2_ros._wait.futures import WakingFuture
-from tf2_ros._wait.rounds import end_message, first_value
+from tf2_ros._wait.rounds import Ending, end_message, first_value
 from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer import Buffer
 
@@ -324,8 +324,7 @@ class MessageFilter(Generic[_Message]):
         """Remove the messages that wait, and those for which no callback was called yet."""
         refuse_inherited(self, self._process)
         for queued in list(self._waiting.values()):
-            end_message(self._waiting, queued.number, self._ended, CLEARED, [])
-            queued.stop()
+            self._forget(queued)
 
     def close(self) -> None:
         """Take no more messages, remove those that wait, and end the iterations; may be called again."""
@@ -495,13 +494,12 @@ class MessageFilter(Generic[_Message]):
             return None, str(error)
         return None, first
 
-    def _answered(self, queued: "_Queued", _: Any) -> "_End | None":
-        """What follows from an insert, in its thread: the function that runs callbacks, if there are any."""
+    def _answered(self, queued: "_Queued", _: Any) -> Ending | None:
+        """What follows from an insert, in its thread: what runs the callbacks, if there are any."""
         if not self._look_up(queued):
             return None
-        end = _End(call_despite_signals, partial(self._end, queued))
+        end = Ending(partial(self._end, queued), partial(self._forget, queued), self._queue)
         if self._calls_back():
-            end.queue = self._queue
             return end
         end()
         return None
@@ -557,6 +555,11 @@ class MessageFilter(Generic[_Message]):
         finally:
             queued.stop()
 
+    def _forget(self, queued: "_Queued", _: object = None) -> None:
+        """Remove a message without calling back."""
+        end_message(self._waiting, queued.number, self._ended, CLEARED, [])
+        queued.stop()
+
     def _warn_of_drops(self, queued: "_Queued", reason: FilterFailureReason | None) -> None:
         self._sampled += 1
         self._sampled_dropped += reason is not None
@@ -571,12 +574,6 @@ class MessageFilter(Generic[_Message]):
             f"MessageFilter [target={frames}]: {dropped} of the last {SAMPLE} messages were dropped; the "
             f"last, from frame [{printable(queued.frame)}], for {reason.value}. {queued.lacks()}".rstrip()
         )
-
-
-class _End(partial[None]):
-    """What ends a message, and the queue in which a receiver has it called."""
-
-    queue: CallbackQueue
 
 
 class _Queued:

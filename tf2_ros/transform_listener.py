@@ -32,7 +32,7 @@ from tf2_ros._receive.receiver import ListenerGroup, Receiver, can_receive, leav
 from tf2_ros._receive.reception import Reception
 from tf2_ros._receive.topics import Topic
 from tf2_ros._shared.naming import is_wanted
-from tf2_ros._wait.callbacks import callback_queue
+from tf2_ros._wait.callbacks import CallbackQueue, callback_queue
 from tf2_ros.buffer import SETTERS, Buffer
 from tf2_ros.records import Recording
 
@@ -125,6 +125,7 @@ class TransformListener:
     _tf2_attachment: "AttachedListener | None" = None
     _tf2_recording: Recording | None = None
     _tf2_prefix = ""
+    _tf2_queue: CallbackQueue | None = None  # of the node; None: this rcl is not known, or it is another kind
 
     def __init__(
         self,
@@ -149,7 +150,6 @@ class TransformListener:
         self.node = node = hidden_node("transform_listener_impl", self) if node is None else node
         self._tf2_process = os.getpid()
         keep_in_children(node)
-        note_filler(node, buffer, listener=True)
         self.group = ListenerGroup()
         self._tf2_topics = [
             Topic("tf_sub", "callback", tf_topic, qos, is_static=False),
@@ -158,6 +158,9 @@ class TransformListener:
         if static_only:
             del self._tf2_topics[0]
         try:
+            if isinstance(node, Node) and can_receive():
+                self._tf2_queue = callback_queue(node)
+            note_filler(node, buffer, self._tf2_queue)
             if isinstance(buffer, Buffer) and (buffer._tf2_sharing is not None or is_wanted()):
                 # Few programs share a buffer; only they load this.
                 from tf2_ros._shared.attachment import attach_listener
@@ -206,7 +209,7 @@ class TransformListener:
             if source is not None:
                 source.redirect()
         if self._tf2_reception is not None:
-            note_filler(self.node, buffer, listener=True)
+            note_filler(self.node, buffer, self._tf2_queue)
             self._tf2_reception.fill(buffer)
 
     @property
@@ -345,10 +348,9 @@ class TransformListener:
     def __needs_no_executor(self) -> bool:
         return (
             self._tf2_direct_buffer() is not None
-            and can_receive()
-            and isinstance(self.node, Node)
+            and self._tf2_queue is not None
             # Otherwise the executor, as rclpy's EventsExecutor, has arrivals reported to itself.
-            and callback_queue(self.node).in_sets
+            and self._tf2_queue.in_sets
         )
 
     def _tf2_listen_itself(self) -> None:
@@ -370,7 +372,7 @@ class TransformListener:
             if topic.subscription is not None and topic not in taken:
                 leave_to_executors(topic.subscription, self.node)
         if taken:
-            self._tf2_receiver = Receiver(self, taken, callback_queue(self.node))
+            self._tf2_receiver = Receiver(self, taken, self._tf2_queue)
         self._tf2_reception = Reception(self, known)
 
     def __subscribe(self, topic: Topic, is_hidden: bool) -> None:

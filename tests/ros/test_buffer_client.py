@@ -22,6 +22,7 @@ from rclpy.time import Time
 from spinning import shut_down_at_sleep, spun_node
 
 from tf2_msgs.action import LookupTransform
+from tf2_ros._nodes import node_has_ended
 from tf2_ros_cython._ros import running_release
 
 LATEST = Time()
@@ -292,6 +293,25 @@ class TestWithoutServer:
         client = tf2_ros.BufferClient(node, "lookup")
         shut_down_at_sleep(client._tf2_goal_sender._queue)
         until(lambda: not client._tf2_goal_sender.alive())
+
+    def test_its_thread_ends_although_a_response_has_just_arrived(self, tf2_ros, node):
+        client = tf2_ros.BufferClient(node, "ending_lookup")
+        coroutine = client.lookup_transform_async("silent", "robot", LATEST)
+        coroutine.send(None)
+        sender = client._tf2_goal_sender
+        (pending,) = sender._pending
+
+        def respond(_):  # in its thread, which then ends before the goal's next step
+            (request,) = pending.steps.gi_yieldfrom.gi_frame.f_locals["sent"]
+            request.set_result(LookupTransform.Impl.GetResultService.Response())
+            client.destroy()
+
+        with serving("ending_lookup"):
+            until(lambda: pending.is_accepted)
+            sender.put(respond, pending)
+            until(lambda: node_has_ended(sender._node))
+        with pytest.raises(tf2_ros.TimeoutException, match="destroyed"):
+            coroutine.send(None)
 
     def test_a_check_frequency_of_zero_is_refused(self, tf2_ros, node):
         with pytest.raises(ValueError, match="check_frequency"):

@@ -5,6 +5,7 @@ import json
 import subprocess
 import threading
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from action_msgs.msg import GoalStatus
@@ -274,6 +275,20 @@ class TestEnd:
         finally:
             gc.enable()
         assert {*node.timers, *node.waitables} <= before
+
+    def test_a_goal_that_is_being_answered_logs_no_error(self, tf2_ros, node, executor, buffer, capfd):
+        server = tf2_ros.BufferServer(buffer, node, "lookup")
+        with spun_node("client_node") as client_node, ThreadPoolExecutor() as pool:
+            finding = pool.submit(GoalClient, client_node)
+            until(finding.done, executor)
+            sending = pool.submit(finding.result().send, timeout=NONE)
+            until(lambda: server._lookups, executor)  # its answer is the executor's next task
+            server.destroy()
+            for _ in range(5):
+                executor.spin_once(0.02)
+            until(sending.done, executor)
+            finding.result().client.destroy()
+        assert "Error" not in capfd.readouterr().err
 
     def test_in_a_forked_child_it_is_the_parents(self, tf2_ros, new_node, buffer):
         node = new_node("serving")

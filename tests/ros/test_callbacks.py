@@ -154,6 +154,38 @@ class TestPlaces:
         listener.unregister()
         executor.shutdown()
 
+    def test_of_two_listeners_that_which_received_it_runs_them(self, tf2_ros, new_node, peer, names):
+        buffer, ended, spun = tf2_ros.Buffer(), new_node("ended"), new_node("spun")
+        listeners = [tf2_ros.TransformListener(buffer, node) for node in (spun, ended)]
+        ended.destroy_node()
+        future = wait(buffer, names.append)
+        peer().send(("map", "robot", 10**9, 1))
+        executor = SingleThreadedExecutor()
+        executor.add_node(spun)
+        until(lambda: names == [future], executor)
+        assert future.exception() is None
+        for listener in listeners:
+            listener.unregister()
+        executor.shutdown()
+
+    def test_only_the_thread_that_has_ended_it_runs_them(self, tf2_ros, node, peer, names, note):
+        """Also where it cancels what was queued, and the node ends meanwhile."""
+        buffer, begun, go_on = tf2_ros.Buffer(), threading.Event(), threading.Event()
+        listener = tf2_ros.TransformListener(buffer, node)
+        future = wait(buffer, lambda _: (begun.set(), go_on.wait(DEADLINE_S)), note)
+        peer().send(("map", "robot", 10**9, 1))
+        until(lambda: repr(future) == "<TransformFuture: queued>")
+        thread = threading.Thread(target=future.cancel, name="cancelling")
+        thread.start()
+        assert begun.wait(DEADLINE_S)
+        callback_queue(node).close("it has ended")
+        future.cancel()
+        assert names == []
+        go_on.set()
+        thread.join()
+        assert names == ["cancelling"]
+        listener.unregister()
+
 
 class TestEndOfTheNode:
     @pytest.mark.parametrize(
@@ -194,6 +226,23 @@ class TestEndOfTheNode:
             asyncio.run(main()) if awaited else until(future.done) and future.result()
         assert names == []
         assert buffer._tf2_kept == set()
+        context.try_shutdown()
+
+    @pytest.mark.parametrize("end", ["destroyed", "shut down"])
+    def test_a_timeout_ends_a_wait_whose_listener_an_executor_served(self, tf2_ros, ros, names, note, end):
+        class Logging(tf2_ros.Buffer):
+            def set_transform(self, *arguments):
+                super().set_transform(*arguments)
+
+        context = ros.Context()
+        context.init(domain_id=ros.get_default_context().get_domain_id())
+        node, buffer = ros.create_node("served", context=context), Logging()
+        listener = tf2_ros.TransformListener(buffer, node)
+        future = wait(buffer, note, timeout=0.1)
+        node.destroy_node() if end == "destroyed" else context.shutdown()
+        until(lambda: names)
+        assert isinstance(future.exception(), tf2_ros.TimeoutException)
+        listener.unregister()
         context.try_shutdown()
 
     def test_calls_that_are_put_afterwards_are_dropped(self, new_node, note, names):

@@ -21,6 +21,8 @@ from rclpy.time import Time
 from sensor_msgs.msg import LaserScan
 from spinning import spinning
 
+from tf2_ros._wait.callbacks import callback_queue
+
 pytestmark = pytest.mark.ours
 
 EXECUTORS = [SingleThreadedExecutor, MultiThreadedExecutor]
@@ -477,17 +479,17 @@ class TestCallbacks:
         assert [m.header.stamp.nanosec for m in taken(script.passed)] == list(range(100))
         listener.unregister()
 
-    def test_what_is_received_and_cleared_does_not_pass(self, tf2_ros, make, node, peer, executor):
+    @pytest.mark.parametrize("how", ["clear", "destroy_node"])
+    def test_what_is_received_does_not_pass_after(self, tf2_ros, make, node, peer, executor, how):
         script, sender = make(), peer()
         listener = tf2_ros.TransformListener(script.buffer)
         script.filter.add(point())
         sender.send(("map", "lidar", S, 1))
-        until(lambda: script.buffer.can_transform("map", "lidar", at(1)))
-        until(lambda: script.buffer.statistics()["waiters"] == 0)
-        script.filter.clear()
+        until(lambda: callback_queue(node).calls)
+        script.filter.clear() if how == "clear" else node.destroy_node()
+        until(lambda: script.filter.statistics()["cleared"] == 1)
         executor.spin_once(0.1)
-        assert script.filter.statistics()["cleared"] == 1
-        script.run("=")
+        script.run("= M1 =1")  # inside `add`
         listener.unregister()
 
     @pytest.mark.parametrize("spun", [False, True])

@@ -4,7 +4,7 @@ import os
 import threading
 import traceback
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -26,6 +26,7 @@ if TYPE_CHECKING or HAS_ROS:
     from tf2_ros._rcl import problem
     from tf2_ros._rclpy import context_was_shut_down, has_tasks
     from tf2_ros._wait.callbacks import CallbackQueue, callback_queue, hand_over, queue_of
+    from tf2_ros._wait.rounds import Ending
 
 __all__ = ["AttachedListener", "Attachment", "Ring", "attach_listener", "open_ring"]
 
@@ -111,7 +112,7 @@ def _begin(reference: "weakref.ref[Ring]") -> None:
         ring.begin()
 
 
-def _hand_over(reference: "weakref.ref[Ring]", calls: list[Callable[[], object]]) -> None:
+def _hand_over(reference: "weakref.ref[Ring]", calls: "list[Ending]") -> None:
     # Puts these into the queue that runs the callbacks of the buffer.
     ring = reference()
     buffer = None if ring is None else ring.buffer()

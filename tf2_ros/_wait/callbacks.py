@@ -4,7 +4,7 @@ import os
 import time
 import weakref
 from collections.abc import Callable, Iterable
-from typing import Any, Protocol
+from typing import Any
 
 from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
@@ -16,27 +16,16 @@ from tf2_py._internal import log
 from tf2_ros._forking import LOCK, is_inherited
 from tf2_ros._nodes import WaitContexts, node_has_ended, watch
 from tf2_ros._rclpy import context_was_shut_down, is_in_executor, new_wake_handle
-from tf2_ros._wait.rounds import ExecutorRounds
+from tf2_ros._wait.rounds import Ending, ExecutorRounds
 from tf2_ros._wait.timers import call_logged
 
-Call = Callable[[], object]  # with what `Ending` adds, if it can be dropped
+Call = Callable[[], object]
 Tell = Callable[[bool], object]
 
 WARN_S = 10.0  # how long calls wait for an executor before a warning says so
 # How often rclpy's EventsExecutor looks for calls. It waits for no guard condition, and a thread that wakes
 # it in any other way hangs in some releases, with the GIL.
 POLL_S = 0.02
-
-
-class Ending(Protocol):
-    """A call that names its queue, and can be dropped."""
-
-    queue: "CallbackQueue | None"
-
-    def __call__(self) -> object: ...
-
-    def drop(self, why: str) -> None:
-        """It will never be called; runs no code of a program."""
 
 
 class CallbackQueue(ExecutorRounds, Waitable):
@@ -77,8 +66,8 @@ class CallbackQueue(ExecutorRounds, Waitable):
         else:
             self.wake()
 
-    def hand_over(self, calls: Iterable[Call]) -> None:
-        """See the function; for those that name no queue, this is it."""
+    def hand_over(self, calls: Iterable[Ending]) -> None:
+        """See the function."""
         hand_over(calls, self)
 
     def inform(self, before_sleep: Tell) -> None:
@@ -147,6 +136,11 @@ class CallbackQueue(ExecutorRounds, Waitable):
         """The node, if it exists."""
         return self._node()
 
+    def has_ended(self) -> bool:
+        """Whether calls are dropped, now or soon."""
+        node = self.node()
+        return node is None or bool(self._why_closed) or is_inherited(self._process) or node_has_ended(node)
+
     def executor(self) -> Any:
         """See :class:`ExecutorRounds`."""
         node = self.node()
@@ -181,9 +175,8 @@ class CallbackQueue(ExecutorRounds, Waitable):
                 call = self.calls.popleft()
             except IndexError:
                 return  # another thread has dropped it
-            drop = getattr(call, "drop", None)
-            if drop is not None:
-                drop(self._why_closed)
+            if isinstance(call, Ending):
+                call.drop(self._why_closed)
 
 
 def callback_queue(node: Node) -> CallbackQueue:
@@ -196,10 +189,13 @@ def callback_queue(node: Node) -> CallbackQueue:
 
 
 def queue_of(buffer: object) -> CallbackQueue | None:
-    """Get the queue of the node whose listener fills, or last filled, a buffer; None if there is none."""
+    """The queue of the node of a buffer's latest listener, of those whose nodes have not ended, if any."""
     contexts = getattr(buffer, "_tf2_wait_contexts", None)
-    node = contexts.listening_node() if isinstance(contexts, WaitContexts) else None
-    return None if node is None else callback_queue(node)
+    for reference in reversed(contexts.queues if isinstance(contexts, WaitContexts) else ()):
+        queue: CallbackQueue | None = reference()
+        if queue is not None and not queue.has_ended():
+            return queue
+    return None
 
 
 def call_in_executor(queue: CallbackQueue | None, call: Call) -> None:
@@ -210,15 +206,15 @@ def call_in_executor(queue: CallbackQueue | None, call: Call) -> None:
         call()
 
 
-def hand_over(calls: Iterable[Call], queue: CallbackQueue | None) -> None:
+def hand_over(calls: Iterable[Ending], queue: CallbackQueue | None) -> None:
     """
-    Have calls run that follow from what was received, by a thread that runs no code of a program.
+    Have waits ended by what was received; called by the thread that reports what was inserted.
 
-    :param queue: for those that are no :class:`Ending`, which names its own. Without one, this thread must
-        run the call nevertheless, and logs what it raises.
+    :param queue: for those that name none: that of the listener that received it. None: there is no node, so
+        this thread must run the callbacks, and logs what they raise.
     """
     for call in calls:
-        own: Any = getattr(call, "queue", queue)
+        own = call.queue or queue
         if own is None:
             call_logged(call, "In a callback")
         else:

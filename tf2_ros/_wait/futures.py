@@ -7,6 +7,7 @@ import weakref
 from collections.abc import Callable, Generator
 from contextlib import suppress
 from enum import Enum
+from threading import get_ident
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar, cast
 
 from geometry_msgs.msg import TransformStamped
@@ -20,8 +21,8 @@ from tf2_ros._forking import FORKED, LOCK, is_inherited
 from tf2_ros._nodes import Shutdown
 from tf2_ros._rclpy import is_in_step, running_task, task_executor
 from tf2_ros._wait.blocking import LongWait, Lookup, report_if_long
-from tf2_ros._wait.callbacks import CallbackQueue, call_in_executor, queue_of
-from tf2_ros._wait.rounds import QueuedEnding, Waker, finalize, only_wakes, run_done_callbacks
+from tf2_ros._wait.callbacks import call_in_executor, queue_of
+from tf2_ros._wait.rounds import Ending, Waker, finalize, only_wakes, run_done_callbacks
 from tf2_ros._wait.timers import deadlines
 
 if TYPE_CHECKING:
@@ -79,6 +80,7 @@ class WakingFuture(Future, Generic[_Result]):
         super().__init__()
         self.__state = State.PENDING
         self.__outcome = Outcome(State.PENDING)
+        self.__ended_by = 0  # the thread that runs the callbacks
         self.__done_callbacks: list[Callable[[Any], object]] = []
         self.__in_vain = in_vain
         self.__kept = set() if kept is None else kept
@@ -133,9 +135,10 @@ class WakingFuture(Future, Generic[_Result]):
                 self.__done_callbacks.append(callback)
                 if not only_wakes(callback):
                     self.__kept.add(self)
-                if not self.__has_ended():
+                # A finalizer may have ended it in between.
+                if not self.__has_ended() or callback not in self.__done_callbacks:
                     return
-                self.__done_callbacks.remove(callback)  # a finalizer has ended it in between
+                self.__done_callbacks.remove(callback)
         callback(self)
 
     def remove_done_callback(self, callback: Callable[[Any], object]) -> bool:
@@ -203,19 +206,13 @@ class WakingFuture(Future, Generic[_Result]):
 
     # For subclasses.
 
-    def _tf2_end(self, outcome: Outcome, *, calls_back: bool = True) -> None:
-        """
-        End in this way, unless it has ended, and run the callbacks in this thread.
-
-        :param calls_back: whether to run those of a program; otherwise they are forgotten.
-        """
+    def _tf2_end(self, outcome: Outcome) -> None:
+        """End in this way, unless it has ended, and run the callbacks in this thread."""
         with LOCK:
-            if not calls_back:
-                self.__done_callbacks[:] = filter(only_wakes, self.__done_callbacks)
             if not self.__has_ended():
                 self.__outcome = outcome
                 self.__show()
-        self._tf2_complete()
+        self.__complete()
 
     def _tf2_end_or_queue(self, outcome: Outcome) -> bool:
         """
@@ -230,36 +227,46 @@ class WakingFuture(Future, Generic[_Result]):
                     self.__state = State.QUEUED
                     return True
                 self.__show()
-        if self.__has_ended():
-            self._tf2_complete()
+        self.__complete()
         return False
 
     def _tf2_is_queued(self) -> bool:
         """Whether it has an outcome that its callbacks wait for."""
         return self.__state is State.QUEUED
 
-    def _tf2_end_queued(self, why_dropped: str = "") -> None:
-        """
-        End with the outcome that was queued, and run the callbacks; without effect if it has ended.
+    def _tf2_ending(self) -> Ending:
+        """What ends it with the outcome that was queued; without effect if it has ended."""
+        return Ending(self.__end_queued, self.__drop)
 
-        :param why_dropped: nothing can run the callbacks any more, for this reason: end without them.
-        """
-        if not why_dropped:
-            self._tf2_end(self.__outcome)
-            return
-        error = TimeoutException(f"The callbacks of this wait were dropped, because {why_dropped}")
-        self._tf2_end(Outcome(State.DONE, None, error), calls_back=False)
+    def __end_queued(self) -> None:
+        self._tf2_end(self.__outcome)
 
-    def _tf2_complete(self) -> None:
-        """Do what follows from the end."""
-        self.__kept.discard(self)
-        run_done_callbacks(self, self.__done_callbacks)
+    def __drop(self, why: str) -> None:
+        """End a queued one without its callbacks, because nothing can run them any more."""
+        error = TimeoutException(f"The callbacks of this wait were dropped, because {why}")
+        with LOCK:
+            if self.__state is State.QUEUED:
+                self.__done_callbacks[:] = filter(only_wakes, self.__done_callbacks)
+                self.__outcome = Outcome(State.DONE, None, error)
+                self.__show()
+        self.__complete()
+
+    def __complete(self) -> None:
+        # Only the thread that has ended it runs its callbacks; others must not run what is left of them.
+        if self.__has_ended() and self.__ended_by == get_ident():
+            self._tf2_release()
+            self.__kept.discard(self)
+            run_done_callbacks(self, self.__done_callbacks)
+
+    def _tf2_release(self) -> None:
+        """Let go of what only a wait needs."""
 
     def __has_ended(self) -> bool:
         return self.__state in (State.DONE, State.CANCELLED)
 
     def __show(self) -> None:
         # With LOCK held. The state comes last, because a signal handler may cut this short.
+        self.__ended_by = get_ident()
         if self.__outcome.error is not None:
             self._exception, self._exception_fetched = self.__outcome.error, False
         self.__state = self.__outcome.state
@@ -358,7 +365,6 @@ class TransformFuture(WakingFuture[TransformStamped]):
         once.
     :param timeout: an rclpy Duration of steady time, after which the future holds a TimeoutException. None or
         an infinite one: never.
-    :param queue: runs the callbacks if a listener receives the transform. None: that of the listener's node.
 
     If the program itself inserts the missing data, the thread that does completes the future, and runs its
     callbacks. If a listener receives it, a future without callbacks is completed at once, in any thread; one
@@ -369,14 +375,11 @@ class TransformFuture(WakingFuture[TransformStamped]):
     or is awaited.
     """
 
-    def __init__(
-        self, core: BufferCore, lookup: Lookup, timeout: Any = None, queue: CallbackQueue | None = None
-    ) -> None:
+    def __init__(self, core: BufferCore, lookup: Lookup, timeout: Any = None) -> None:
         self.__shutdown = Shutdown(core)
         super().__init__(self.__shutdown.happened, core._tf2_kept)
         self.__begin_ns = time.monotonic_ns()
         self.__timeout_ns = optional_timeout_ns(timeout)
-        self.__queue = queue
         self.__core: BufferCore | None = core
         self.__wait: Any = None
         self.__report: LongWait | None = None
@@ -398,18 +401,18 @@ class TransformFuture(WakingFuture[TransformStamped]):
             deadlines.add(self.__begin_ns + self.__timeout_ns, self)
         self.__report = report_if_long([wait])
 
-    def answered(self, answer: Any) -> QueuedEnding | None:
+    def answered(self, answer: Any) -> Ending | None:
         """
         Complete this; or, if that runs callbacks, return what does.
 
         :param answer: None: there will never be one.
         """
-        wait, core = self.__wait, self.__core
+        wait = self.__wait
         if self.is_dead() or (answer is None and wait is None):
             return None
         self._tf2_end_or_queue(Outcome(State.DONE, answer, wait.reason() if answer is None else None))
         # It may have been queued by a call that a signal handler has cut short.
-        return QueuedEnding(self, self.__queue or queue_of(core)) if self._tf2_is_queued() else None
+        return self._tf2_ending() if self._tf2_is_queued() else None
 
     def expire(self) -> None:
         """
@@ -424,20 +427,18 @@ class TransformFuture(WakingFuture[TransformStamped]):
         if answer is None:
             error = _unanswered(self.__shutdown, self.__begin_ns, self.__timeout_ns, wait.reason)
         if self._tf2_end_or_queue(Outcome(State.DONE, answer, error)):
-            queue = self.__queue or queue_of(core)
-            call_in_executor(queue, QueuedEnding(self, queue))
+            call_in_executor(queue_of(core), self._tf2_ending())
 
-    def _tf2_complete(self) -> None:
+    def _tf2_release(self) -> None:
         wait, self.__wait, self.__core = self.__wait, None, None  # they hold the buffer
         self.__report = None
         if wait is not None:
             wait.cancel()
-        super()._tf2_complete()
 
 
-def _notify(reference: "weakref.ref[TransformFuture]") -> Callable[[Any], QueuedEnding | None]:
+def _notify(reference: "weakref.ref[TransformFuture]") -> Callable[[Any], Ending | None]:
     # The engine refers to this as long as the future waits; it must not keep the future alive.
-    def notify(answer: Any) -> QueuedEnding | None:
+    def notify(answer: Any) -> Ending | None:
         future = reference()
         return None if future is None else future.answered(answer)
 

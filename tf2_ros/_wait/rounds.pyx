@@ -24,6 +24,7 @@ import sys
 import traceback
 import warnings
 from collections import deque
+from functools import partial
 from threading import get_ident, main_thread
 from types import FunctionType
 
@@ -178,25 +179,27 @@ def finalize(future):
         print(f"The following exception was never retrieved: {future._exception}", file=sys.stderr)
 
 
-cdef class QueuedEnding:
+cdef class Ending:
     """
-    Ends a future that has an outcome already, together with its callbacks; may be called several times.
+    Ends a wait that has its answer, together with its callbacks; may be called several times.
 
-    :param queue: the CallbackQueue that calls this; None: there is no node.
+    :param end: does so; called again where a signal handler has cut it short.
+    :param drop: called with the reason if nothing will call this any more; runs no code of a program.
+    :param queue: the CallbackQueue that must call this; None: that of whatever received the transform.
     """
 
-    cdef object _future
+    cdef object _end, _drop
     cdef readonly object queue
 
-    def __init__(self, future, queue):
-        self._future, self.queue = future, queue
+    def __init__(self, end, drop, queue=None):
+        self._end, self._drop, self.queue = end, drop, queue
 
     def __call__(self):
-        call_despite_signals(self._future._tf2_end_queued)
+        call_despite_signals(self._end)
 
     def drop(self, why):
-        """End the future without running code of a program, because there is no executor any more."""
-        self._future._tf2_end_queued(why)
+        """End the wait without its callbacks."""
+        call_despite_signals(partial(self._drop, why))
 
 
 def end_message(waiting, number, counts, kind, calls):

@@ -349,9 +349,12 @@ def _(made):
 
 @operation("wait_for_transform_async", ros_buffer)
 def _(made):
-    future = made.buffer.wait_for_transform_async("map", "camera", 9 * S)
-    future.cancel()
-    return future.cancelled()
+    future = made.buffer.wait_for_transform_async("map", "odom", 9 * S)
+    try:
+        made.buffer.set_transform(transform("map", "odom", 9), "one")
+        return future.done()
+    finally:
+        future.cancel()
 
 
 def with_futures():

@@ -270,8 +270,10 @@ class Buffer(BufferCore, AnsweringInterface):
 
         A program's own insert of the missing transform completes the future, and runs its callbacks before it
         returns. If a listener receives the transform, they run in the executor that spins the listener's
-        node, and wait while nobody spins it; at the timeout likewise, but in a thread of their own if no
-        executor has the node. With an invalid name, the future holds an ``InvalidArgumentException`` at once.
+        node; while nobody spins it they wait, the future is not done, and no timeout ends it. If the node or
+        its context ends before, the future holds a ``TimeoutException``. At the timeout, callbacks run in the
+        executor that has the node of the latest listener, or else in a thread for timeouts. With an invalid
+        name, the future holds an ``InvalidArgumentException`` at once.
         """
         checked = policy_of("wait_for_transform_async", **policy)
         return TransformFuture(self, Lookup.simple(target_frame, source_frame, time, checked), timeout)

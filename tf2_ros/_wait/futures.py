@@ -124,7 +124,7 @@ class WakingFuture(Future, Generic[_Result]):
 
         The callbacks run in this thread, before it returns, also if they were queued with an outcome already.
         Whatever awaits the future wakes, and gets None, as from rclpy's own. To cancel a coroutine that
-        awaits it, cancel its task: the future then waits on as long as anything else refers to it.
+        awaits it, cancel its task, see ``__await__``.
         """
         self._tf2_end(Outcome(State.CANCELLED))
 
@@ -160,6 +160,14 @@ class WakingFuture(Future, Generic[_Result]):
         return f"<{type(self).__name__}: {FORKED if self.is_dead() else self.__state.value}>"
 
     def __await__(self) -> Generator[Any, Any, _Result]:
+        """
+        Sleep until it has ended; then return its result, None if it was cancelled, or raise its exception.
+
+        Where the awaiting coroutine is cancelled or closed, Python raises at the ``yield`` of one of the two
+        methods below, which removes what would have woken it. The future itself is not cancelled: it waits on
+        as long as something refers to it. Usually only the coroutine did, so its waiter ends with it, as the
+        engine refers to the future weakly (``_notify``).
+        """
         if self.is_dead():
             raise RuntimeError(f"{self!r}: begin to wait in the process that awaits")
         if not self.__has_ended():
@@ -368,11 +376,12 @@ class TransformFuture(WakingFuture[TransformStamped]):
 
     If the program itself inserts the missing data, the thread that does completes the future, and runs its
     callbacks. If a listener receives it, a future without callbacks is completed at once, in any thread; one
-    with callbacks, together with them, in the executor that spins the node. The timeout ends it in the same
-    way; but if no executor has the node at that moment, the callbacks run in the thread of the deadlines.
+    with callbacks is queued, and completed together with them in the executor that spins the listener's node;
+    until then no timeout ends it. The timeout ends a pending one in the executor that has the node of the
+    buffer's latest listener; if none does at that moment, in the thread of the deadlines.
 
     The wait continues as long as something refers to the future. The buffer does if the future has a callback
-    or is awaited.
+    or asyncio awaits it.
     """
 
     def __init__(self, core: BufferCore, lookup: Lookup, timeout: Any = None) -> None:

@@ -36,7 +36,7 @@ $(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS w
 $(shell rm -rf $(VENV))
 endif
 
-.PHONY: allocations bare bench build clean cross demo docs fuzz guard hosts leaks lint matrix model oldest pictures sanitize soak stress test test-all wheels
+.PHONY: bare bench build clean cross demo docs fuzz guard lint matrix oldest pictures sanitize stress test test-all wheels
 
 # Two processes for each core, because tests wait for others half of their time; those of big machines would wait for
 # each other. The tests of a file share what it makes. If a process dies, xdist would wait for ever instead of ending.
@@ -67,10 +67,13 @@ pictures: $(VENV)/docs.stamp $(VENV)/installed.stamp $(VENV)/test.stamp
 guard: $(VENV)/installed.stamp
 	$(PY) -m bench.guard
 
-# Long searches for faults; docs/reliability.md tells what they found. OPTIONS go to the program, as
+# Long searches for faults, see docs/reliability.md. OPTIONS go to the program, as
 # `make fuzz OPTIONS='cdr --seconds 60'`; `make fuzz OPTIONS=--help` names them.
-allocations fuzz leaks model sanitize stress: $(VENV)/dev.stamp $(VENV)/test-all.stamp
+fuzz sanitize: $(VENV)/dev.stamp $(VENV)/test-all.stamp
 	$(PY) -m reliability.$@ $(OPTIONS)
+
+stress: $(VENV)/installed.stamp
+	$(PY) -m reliability.stress $(if $(MINUTES),--minutes $(MINUTES)) $(OPTIONS)
 
 # CONTRIBUTING.md tells what each of them does.
 wheels: $(VENV)/release.stamp
@@ -88,12 +91,6 @@ oldest: $(VENV)/release.stamp
 # Without .venv: what it has must not be needed.
 bare:
 	$(PYTHON) release/bare.py $(OPTIONS)
-
-hosts: $(VENV)/installed.stamp
-	$(PY) -m reliability.hosts $(OPTIONS)
-
-soak: $(VENV)/installed.stamp
-	$(PY) -m reliability.soak $(if $(MINUTES),--minutes $(MINUTES)) $(OPTIONS)
 
 # mypy reads the types of all that the packages may import.
 lint: $(VENV)/dev.stamp $(VENV)/test-all.stamp

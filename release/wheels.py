@@ -15,7 +15,7 @@ from pathlib import Path
 
 from packaging.requirements import Requirement
 
-from reliability.pythons import environment_of_children, interpreters
+from release.interpreters import environment_of_children, interpreters
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -11,36 +11,23 @@ ROOT = Path(__file__).resolve().parent.parent
 BUILDS = ROOT / ".reliability"
 
 
-def build(name, *, cflags=(), ldflags=(), python=sys.executable, rewritten=None, **variables):
+def build(name, *, cflags=(), ldflags=(), **variables):
     """
     Bring ``.reliability/<name>`` up to date with the checkout and build it in place; return its path.
 
-    Parameters
-    ----------
-    name : str
-        The folder's name. Each set of flags needs a name of its own.
-    cflags, ldflags : sequence of str
-        Added to Python's own flags, for the compiler and for the linker.
-    python : str
-        The interpreter to build for and with; it must have what a build needs, see CONTRIBUTING.md.
-    rewritten : dict of str to str, optional
-        By the names of sources, what the copy has in their place.
-    **variables : str
-        More of the environment of the build, as ``CC="clang"``.
-
-    Raises
-    ------
-    subprocess.CalledProcessError
-        The build failed; what the compiler said is in ``build.log`` of the folder.
+    :param name: the folder's name. Each set of flags needs a name of its own.
+    :param cflags: added to Python's own flags, for the compiler; ``ldflags``, for the linker.
+    :param variables: more of the environment of the build, as ``CC="clang"``.
+    :raises subprocess.CalledProcessError: the build failed; ``build.log`` of the folder has what was printed.
     """
     folder = BUILDS / name
-    options = json.dumps([list(cflags), list(ldflags), str(python), variables], indent=1)
+    options = json.dumps([list(cflags), list(ldflags), sys.executable, variables], indent=1)
     kept = folder / "options.json"
     if folder.exists() and (not kept.exists() or kept.read_text() != options):
         # setuptools compares ages, and knows nothing of flags.
         shutil.rmtree(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    _copy(folder, rewritten or {})
+    _copy(folder)
     environment = {
         **os.environ,
         "CFLAGS": " ".join(cflags),
@@ -49,27 +36,22 @@ def build(name, *, cflags=(), ldflags=(), python=sys.executable, rewritten=None,
     }
     environment.pop("PYTHONPATH", None)
     with open(folder / "build.log", "w") as log:
-        command = [python, "setup.py", "build_ext", "--inplace"]
+        command = [sys.executable, "setup.py", "build_ext", "--inplace"]
         subprocess.run(command, cwd=folder, env=environment, stdout=log, stderr=log, check=True)
     kept.write_text(options)
     return folder
 
 
-def _copy(folder, rewritten):
+def _copy(folder):
     listed = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     names = subprocess.run(listed, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split("\0")
     wanted = {name for name in names if name and (ROOT / name).is_file()}
     # What Cython made of the same sources need not be made again: it compares ages, which a copy keeps.
-    if not rewritten:
-        for made in (ROOT / "build").glob("cython-*/**/*.c"):
-            wanted.add(made.relative_to(ROOT).as_posix())
+    for made in (ROOT / "build").glob("cython-*/**/*.c"):
+        wanted.add(made.relative_to(ROOT).as_posix())
     for name in wanted:
         source, copy = ROOT / name, folder / name
-        if name in rewritten:
-            if not copy.exists() or copy.read_text() != rewritten[name]:
-                copy.parent.mkdir(parents=True, exist_ok=True)
-                copy.write_text(rewritten[name])
-        elif not copy.exists() or copy.stat().st_mtime < source.stat().st_mtime:
+        if not copy.exists() or copy.stat().st_mtime < source.stat().st_mtime:
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(source, copy)
     for copy in folder.rglob("*.py*"):

@@ -18,7 +18,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from reliability.builds import BUILDS, ROOT, build
+from reliability.builds import BUILDS, build
 
 SUPPRESSIONS = Path(__file__).resolve().parent / "suppressions"
 STACKS = ("-fno-omit-frame-pointer", "-g1")  # those of reports name functions and lines
@@ -34,11 +34,10 @@ NOT_HERE = {
     "tests/packaging/test_bench.py": "measures instructions and times",
     "tests/packaging/test_colcon.py": "builds the package without a sanitizer",
     "tests/packaging/test_docs.py": "builds the package, and takes hours",
-    "tests/packaging/test_fuzz.py::test_no_input_of_corpus_or_crashes_shows_a_fault[segments]": "damages "
-    "what the build checks",
+    "tests/packaging/test_fuzz.py::test_no_input_of_the_corpus_shows_a_fault[segments]": "damages what "
+    "the build checks",
     "tests/packaging/test_fuzz.py::test_targets_take_their_seeds_and_any_bytes[segments]": "damages what "
     "the build checks",
-    "tests/core/test_leaks.py": "needs the counts of Python's allocator, which is not used",
     "tests/packaging/test_packaging.py": "builds the package without a sanitizer",
     "tests/packaging/test_portable.py": "lists what extensions call, which includes the sanitizer",
     "tests/packaging/test_sourced.py": "builds the package without a sanitizer",
@@ -66,11 +65,6 @@ ros/test_message_stream ros/test_rclpy_inside ros/test_receiver ros/test_recepti
 ros/test_shared_owners ros/test_shared_reading ros/test_starvation ros/test_transform_listener
 ros/test_waiting ros/test_waiting_random
 """.split()
-# A deliberate race, to check that races are reported: readers do not wait for the writer that holds the lock.
-PLANTED_IN = "tf2_py/core/sync.pxd"
-PLANTED = "while word_load(&lock.released) != number and spins < SPINS:"
-PLANTED_RACE = "while False:"
-PLANTED_TESTS = ["tests/core/test_threads.py"]
 # These first: whoever breaks the engine learns it within minutes.
 CORE = ("tests/core/test_*.py",)
 
@@ -110,7 +104,7 @@ KINDS = {
         # It looks for what throws exceptions of C++ when the process begins, and rclpy loads that later.
         runtimes=("libasan.so", "libstdc++.so.6"),
         options={
-            # The interpreter never frees much of what it has at its end; `make leaks` looks for ours.
+            # The interpreter never frees much of what it has at its end.
             # Tests cut off memory that is read, and see who ends by the signal of that.
             "ASAN_OPTIONS": "detect_leaks=0:handle_abort=1:handle_sigill=1:handle_sigbus=0:"
             "detect_stack_use_after_return=1:log_path={log}:allocator_may_return_null=1:"
@@ -144,17 +138,14 @@ def main(arguments=None):
     left_out = "\n".join(f"  {test}: {why}" for tests in everywhere for test, why in tests.items())
     parser = argparse.ArgumentParser(
         prog="python -m reliability.sanitize",
-        usage="%(prog)s [-h] [address|thread|planted] [what pytest takes ...]",
-        description="Run the tests in a build with sanitizers; reports are kept in .reliability/reports. "
-        "planted: run a few in a build whose lock is broken, which ThreadSanitizer must report.",
+        usage="%(prog)s [-h] [address|thread] [what pytest takes ...]",
+        description="Run the tests in a build with sanitizers; reports are kept in .reliability/reports.",
         epilog=f"What is not run, and why:\n{left_out}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     given = sys.argv[1:] if arguments is None else list(arguments)
     if given[:1] in (["-h"], ["--help"]):
         parser.parse_args(given)
-    if given == ["planted"]:
-        return 0 if _notices_a_race() else 1
     kinds, of_pytest = (given[:1], given[1:]) if given and given[0] in KINDS else (list(KINDS), given)
     failed = [kind for kind in kinds if not run(kind, of_pytest)]
     return 1 if failed else 0
@@ -179,11 +170,11 @@ def run(name, of_pytest):
     return status == 0 and not found
 
 
-def prepared(name, reports, folder=None, rewritten=None):
+def prepared(name, reports):
     """Build; return the folder, and the environment of an interpreter that is to use it."""
     kind = KINDS[name]
     flags = " ".join(flag for flag in kind.cflags if flag.startswith("-fsanitize"))
-    folder = build(folder or name, cflags=kind.cflags, ldflags=(flags,), rewritten=rewritten, CC=_compiler())
+    folder = build(name, cflags=kind.cflags, ldflags=(flags,), CC=_compiler())
     shutil.rmtree(reports, ignore_errors=True)
     reports.mkdir(parents=True)
     return folder, {**os.environ, **kind.environment(reports), "PYTHONPATH": str(folder)}
@@ -212,21 +203,6 @@ def _notices_what_is_broken(folder, environment):
     environment = {**environment, "ASAN_OPTIONS": "detect_leaks=0:handle_abort=0"}
     ended = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     return ended.returncode == -signal.SIGABRT and "samples or their bytes miscounted" in ended.stderr
-
-
-def _notices_a_race():
-    text = (ROOT / PLANTED_IN).read_text()
-    assert text.count(PLANTED) == 1, f"{PLANTED_IN} has changed"
-    reports = reports_of("planted")
-    rewritten = {PLANTED_IN: text.replace(PLANTED, PLANTED_RACE)}
-    folder, environment = prepared("thread", reports, "planted", rewritten)
-    command = [*_fixed_addresses(), sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
-    subprocess.run([*command, *PLANTED_TESTS], cwd=folder, env=environment)
-    races = {text: count for text, count in summaries(reports).items() if "data race" in text}
-    for text, count in races.items():
-        print(f"planted: {count} x {text}")
-    print(f"planted: {sum(races.values())} data races reported in {reports}")
-    return bool(races)
 
 
 def _names_tests(of_pytest):

@@ -10,6 +10,8 @@ import sys
 import threading
 import time
 
+import rclpy
+
 from reliability.stress_readers import Reader
 from reliability.stress_truth import SENT, START_NS, STEP_NS, S, sample
 from tf2_ros import Buffer, TransformException
@@ -19,7 +21,6 @@ WAIT_S = 0.05
 
 
 def publish(ended):
-    import rclpy
     from rclpy.qos import QoSProfile
 
     from tf2_msgs.msg import TFMessage
@@ -38,6 +39,7 @@ def publish(ended):
 
 
 def read(ended, name, seed):
+    rclpy.logging.set_logger_level("tf2_py", rclpy.logging.LoggingSeverity.ERROR)
     rng = random.Random(int(seed))
     buffer = Buffer(attach=name)
     counts = {"waited": 0}

@@ -14,12 +14,14 @@ import time
 import traceback
 
 import rclpy
+from geometry_msgs.msg import PointStamped
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
 
-from reliability.own_domain import ROOT
-from reliability.pythons import environment_of_children
+from release.interpreters import environment_of_children
+from reliability.domain import ROOT
 from reliability.stress_readers import Reader
 from reliability.stress_truth import (
     CACHE_S,
@@ -34,7 +36,7 @@ from reliability.stress_truth import (
     sample,
 )
 from tf2_msgs.msg import TFMessage
-from tf2_ros import Buffer, TimeoutException, TransformException, TransformListener
+from tf2_ros import Buffer, MessageFilter, TimeoutException, TransformException, TransformListener
 
 READERS, FORKERS = 2, 1
 CHILD_S = 60.0  # what a child that does not hang never takes
@@ -43,6 +45,9 @@ END_S = 60.0
 FUTURES = 200  # that one thread has pending
 NEVER = 20  # futures of frames that only come at the end
 SHORT_S, WAIT_S = 0.02, 0.2
+MESSAGES = 50  # that the filter may hold
+# rclpy never frees the service that describes types, nor what it keeps for each new name of a node.
+WITHOUT_SERVICE = [Parameter("start_type_description_service", value=False)]
 
 
 class Round:
@@ -69,7 +74,7 @@ class Round:
     def run(self, seconds):
         """Do it all for so long; what went wrong."""
         threads_before = set(threading.enumerate())
-        self.node = rclpy.create_node(f"stress_{self.seed}")
+        self.node = rclpy.create_node("stress", parameter_overrides=WITHOUT_SERVICE)
         self.buffer = Buffer(CACHE_S, self.node, share=self.name if self.is_shared else None)
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
@@ -82,7 +87,7 @@ class Round:
             self._peers.append(self._start_peer("read", self.name, self.seed))
         writers = [self.write_chain, self.write_bursts, self.write_exact, self.write_cup, self.clear]
         others = [self.read] * READERS + [self.fork] * FORKERS
-        others += [self.block, self.make_futures, self.await_all, self.listen, self.spin]
+        others += [self.block, self.make_futures, self.await_all, self.filter, self.listen, self.spin]
         threads = [self._thread(work, i) for i, work in enumerate(writers + others)]
         for thread in threads:
             thread.start()
@@ -254,6 +259,30 @@ class Round:
 
     # ROS.
 
+    def filter(self, rng):
+        """Give a filter messages that some insert answers; each must pass, or be dropped, exactly once."""
+        ended, given = [], 0
+        messages = MessageFilter(None, self.buffer, "world", MESSAGES, node=self.node, buffer_timeout=WAIT_S)
+        messages.registerCallback(lambda message: ended.append(message))
+        messages.registerFailureCallback(lambda message, reason: ended.append(message))
+        while not self.ending.is_set() and given < 10 * MESSAGES:
+            frame, time_ns = self._soon(rng)
+            message = PointStamped()
+            message.header.frame_id = frame
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(time_ns, S)
+            messages.add(message)
+            given += 1
+            self.ending.wait(0.001)
+        deadline = time.monotonic() + DONE_S
+        while len(ended) < given and not self.ending.is_set() and time.monotonic() < deadline:
+            time.sleep(0.001)
+        if len(ended) > given or (len(ended) < given and not self.ending.is_set()):
+            self._problem(
+                f"{given} messages, but {len(ended)} passed or were dropped: {messages.statistics()}"
+            )
+        self._count("filtered", len(ended))
+        messages.close()
+
     def spin(self, _):
         while not self.ending.is_set():
             self.executor.spin_once(timeout_sec=0.05)
@@ -267,7 +296,8 @@ class Round:
         elif way == 1:
             listener = TransformListener(self.buffer, None)
         else:
-            own_node, spins = rclpy.create_node(f"stress_listener_{rng.randrange(10**9)}"), way == 2
+            own_node = rclpy.create_node("stress_listener", parameter_overrides=WITHOUT_SERVICE)
+            spins = way == 2
             listener = TransformListener(self.buffer, own_node, spin_thread=spins)
         topics = listener._tf2_reception.topics
         self.ending.wait(rng.uniform(0.1, 1.5))

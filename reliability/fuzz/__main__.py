@@ -11,10 +11,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from reliability.fuzz.building import built, environment
-from reliability.fuzz.targets import IN_PYTHON, MOST_BYTES, PACKAGES
+from reliability.fuzz.targets import IN_PYTHON, MOST_BYTES, PACKAGES, corpus, keep
 
-HERE = Path(__file__).resolve().parent
-CORPUS, CRASHES = HERE / "corpus", HERE / "crashes"
 INPUT_S = 20  # an input that takes longer hangs
 MOST_KEPT = 40_000  # bytes of a corpus in the repository
 MEMORY_MB = 2048  # that the process may need: memory grows without bound
@@ -31,14 +29,14 @@ class Outcome(NamedTuple):
 
 
 def fuzz(name: str, seconds: int, build: Path, python: str) -> Outcome:
-    """Fuzz one target, from its corpus, crashes and seeds; what it finds is added to ``crashes``."""
-    crashes = CRASHES / name
+    """Fuzz one target, from its corpus and seeds; crashes are written to ``.reliability/fuzz-crashes``."""
+    crashes = build.parent / "fuzz-crashes" / name
     crashes.mkdir(parents=True, exist_ok=True)
     before = set(crashes.iterdir())
     found = build.parent / "fuzz-corpus" / name  # what former runs found is not found again
     found.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as seeds:
-        _run(["reliability.fuzz.seeding", name, seeds], build, python)
+        _write_inputs(name, seeds, build, python)
         options = [
             f"-max_total_time={seconds}",
             f"-max_len={MOST_BYTES[name]}",
@@ -51,10 +49,10 @@ def fuzz(name: str, seconds: int, build: Path, python: str) -> Outcome:
             "-verbosity=1",
             f"-artifact_prefix={crashes}/",
         ]
-        places = [str(found), str(CORPUS / name), seeds]
+        places = [str(found), seeds]
         begun = time.monotonic()
         log = build.parent / f"fuzz-{name}.log"
-        process = ["reliability.fuzz.process", name, *options, *filter(_exists, places)]
+        process = ["reliability.fuzz.process", name, *options, *places]
         code = _run(process, build, python, log)
         took = time.monotonic() - begun
     text = log.read_text(errors="replace")
@@ -72,7 +70,7 @@ def _named(files: set[Path]) -> list[Path]:
     names = set()
     for one in files:
         kind = "crash" if one.name.startswith("exception") else one.name.partition("-")[0]
-        name = one.with_name(f"{kind}-{hashlib.sha1(one.read_bytes()).hexdigest()[:12]}")
+        name = one.with_name(f"{kind}-{_digest(one)}")
         one.replace(name)
         names.add(name)
     return sorted(names)
@@ -80,32 +78,37 @@ def _named(files: set[Path]) -> list[Path]:
 
 def minimise(name: str, build: Path, python: str) -> None:
     """Keep in the repository the smallest inputs that reach what the seeds do not."""
-    kept = CORPUS / name
-    kept.mkdir(parents=True, exist_ok=True)
-    found = build.parent / "fuzz-corpus" / name
+    found = [build.parent / folder / name for folder in ("fuzz-corpus", "fuzz-crashes")]
     with tempfile.TemporaryDirectory() as merged, tempfile.TemporaryDirectory() as seeds:
         _run(["reliability.fuzz.seeding", name, seeds], build, python)
+        made = {one.read_bytes() for one in Path(seeds).iterdir()}
+        _write_inputs(name, seeds, build, python)
         options = ["-merge=1", f"-max_len={MOST_BYTES[name]}", f"-timeout={INPUT_S}"]
         options += ["-handle_xfsz=0", "-artifact_prefix=./"]
-        places = [merged, seeds, str(kept), str(found)]
+        places = [merged, seeds, *(str(folder) for folder in found if folder.exists())]
         log = build.parent / f"fuzz-{name}-merge.log"
-        _run(
-            ["reliability.fuzz.process", name, *options, *filter(_exists, places)], build, python, log, merged
-        )
-        made = {one.read_bytes() for one in Path(seeds).iterdir()}
-        new = sorted((one.read_bytes() for one in Path(merged).iterdir()), key=len)
-        for old in kept.iterdir():
-            old.unlink()
+        _run(["reliability.fuzz.process", name, *options, *places], build, python, log, merged)
+        crashes = found[1].iterdir() if found[1].exists() else ()
+        kept = {one: data for one, data in corpus(name).items() if one.startswith("crash")}
+        kept |= {f"crash-{_digest(one)}": one.read_bytes() for one in crashes}
         size = 0
-        for data in new:
-            size += len(data)
+        for one in sorted(Path(merged).iterdir(), key=lambda path: path.stat().st_size):
+            size += one.stat().st_size
             # The seeds are made anew each time.
-            if data not in made and size <= MOST_KEPT:
-                (kept / hashlib.sha1(data).hexdigest()[:12]).write_bytes(data)
+            if size <= MOST_KEPT and one.read_bytes() not in made:
+                kept[_digest(one)] = one.read_bytes()
+    keep(name, kept)
 
 
-def _exists(place: str) -> bool:
-    return Path(place).exists()
+def _write_inputs(name: str, folder: str, build: Path, python: str) -> None:
+    """Write the seeds of a target and its corpus to a folder."""
+    _run(["reliability.fuzz.seeding", name, folder], build, python)
+    for one, data in corpus(name).items():
+        Path(folder, one).write_bytes(data)
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha1(path.read_bytes()).hexdigest()[:12]
 
 
 def _run(
@@ -127,7 +130,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         prog="python -m reliability.fuzz",
         description="Search for inputs that crash this package, or make it answer wrongly. What is found is"
-        " written to reliability/fuzz/crashes; tests/packaging/test_fuzz.py runs it from then on.",
+        " written to .reliability/fuzz-crashes; --minimise adds it to the corpus, which"
+        " tests/packaging/test_fuzz.py runs from then on.",
     )
     parser.add_argument("target", nargs="*", help=f"of {', '.join(PACKAGES)}; none: all")
     parser.add_argument("--seconds", type=int, default=600, help="for each (default: %(default)s)")
@@ -146,7 +150,7 @@ def main() -> int:
     for name in names:
         if arguments.minimise:
             minimise(name, build, sys.executable)
-            sizes = [one.stat().st_size for one in (CORPUS / name).iterdir()]
+            sizes = [len(data) for data in corpus(name).values()]
             lines.append(f"{name}: {len(sizes)} inputs, {sum(sizes)} bytes")
             continue
         outcome = fuzz(name, arguments.seconds, build, sys.executable)

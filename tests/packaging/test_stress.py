@@ -1,5 +1,6 @@
-"""A short stress run, and that it would notice: readers, writers, waits, listeners and forks, all at once."""
+"""A short stress run, and that it would notice wrong answers and leaks."""
 
+import random
 import subprocess
 import sys
 
@@ -8,7 +9,8 @@ import pytest
 from processes import DEADLINE_S
 
 from reliability import stress_truth
-from reliability.own_domain import ROOT
+from reliability.domain import ROOT
+from reliability.stress import growth
 from reliability.stress_truth import EXACT, START_NS, STEP_NS, WORLD, S
 
 pytestmark = pytest.mark.ours
@@ -18,7 +20,7 @@ SECONDS = 10
 
 @pytest.mark.long("keeps all cores busy")
 def test_all_that_uses_a_buffer_at_once_finds_it_whole():
-    command = [sys.executable, "-m", "reliability.stress", "--seconds", str(SECONDS)]
+    command = [sys.executable, "-m", "reliability.stress", "--minutes", str(SECONDS / 60)]
     process = subprocess.Popen(command, cwd=ROOT, text=True, stdout=subprocess.PIPE)
     try:
         said, _ = process.communicate(timeout=SECONDS + 8 * DEADLINE_S)
@@ -55,3 +57,28 @@ class TestWhatReadersCheck:
         )
         with pytest.raises(AssertionError):
             checked(np.array([START_NS + STEP_NS]), ((before[0] + after[0]) / 2, before[1]))
+
+
+class TestGrowth:
+    NOISE = {"resident": 2e6, "heap": 1e6, "blocks": 1500, "threads": 1, "descriptors": 1}
+
+    def found(self, rounds, **rise_per_round):
+        """What rises, in a run with noise and one round on a busy machine."""
+        rng = random.Random(1)
+        samples = []
+        for number in range(rounds):
+            one = {name: 1e8 + rng.random() * noise for name, noise in self.NOISE.items()}
+            one["heap"] += 50e6 * (number == rounds // 2)
+            samples.append(one | {name: one[name] + rise * number for name, rise in rise_per_round.items()})
+        return [text.split()[0] for text in growth(samples)]
+
+    @pytest.mark.parametrize("rounds", [24, 720])
+    def test_noise_is_none(self, rounds):
+        assert self.found(rounds) == []
+
+    @pytest.mark.parametrize(
+        ("name", "rise"),
+        [("resident", 1e6), ("heap", 3e5), ("blocks", 400), ("threads", 0.2), ("descriptors", 0.2)],
+    )
+    def test_what_each_round_leaves_behind_is_found(self, name, rise):
+        assert self.found(24, **{name: rise}) == [name]

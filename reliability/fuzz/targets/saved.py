@@ -10,7 +10,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 
 from reliability.fuzz.faults import answers
-from reliability.fuzz.targets import cdr_ros
+from reliability.fuzz.targets import cdr
 from tf2_py import BufferCore
 
 _folder = tempfile.TemporaryDirectory(prefix="tf2-fuzz-", dir="/dev/shm")
@@ -25,7 +25,7 @@ def run(data: bytes) -> None:
     except (ValueError, MemoryError):
         return
     answers(buffer)
-    buffer.set_transforms_cdr(cdr_ros.TWO_TRANSFORMS, "after")
+    buffer.set_transforms_cdr(cdr.TWO_TRANSFORMS, "after")
     buffer._self_check()
 
 
@@ -68,13 +68,13 @@ def _buffers() -> Iterator[BufferCore]:
         for parents in ((b"map",), (b"map", b"odom"), (b"map", b"base"), (b"//map", b"camera")):
             buffer = BufferCore()
             rows = [(b"base", b"camera", 0, 0, (1.0, 2.0, 3.0), turn)]
-            buffer.set_transforms_cdr(cdr_ros.encoded(rows), "a", True)
+            buffer.set_transforms_cdr(cdr.encoded(rows), "a", True)
             for i in range(count):
                 rows = [
                     (b"map", b"odom", 100 + i, 0, (float(i), 0.0, 0.0), turn),
                     (parents[i % len(parents)], b"base", 100 + i, 5, (float(i), 1.0, 0.0), turn),
                 ]
-                buffer.set_transforms_cdr(cdr_ros.encoded(rows), f"authority {i}")
+                buffer.set_transforms_cdr(cdr.encoded(rows), f"authority {i}")
             yield buffer
 
 

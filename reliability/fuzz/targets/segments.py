@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from reliability.fuzz.faults import answers, ask
 from reliability.fuzz.reading import Input
-from reliability.fuzz.targets import cdr_ros
+from reliability.fuzz.targets import cdr
 from tf2_ros import Buffer, SharedBufferError
 from tf2_ros._shared.naming import segment_path
 
@@ -81,8 +81,8 @@ def _insert(buffer: Buffer, step: int) -> None:
     turn = (0.0, 0.0, 0.6, 0.8)
     rows = [(b"map", b"odom", 101 + i + step, 0, (float(i), 0.0, 0.0), turn) for i in range(3)]
     rows.append((b"odom", f"f{step}".encode(), 5, 5, (1.0, 0.0, 0.0), turn))
-    buffer.set_transforms_cdr(cdr_ros.encoded(rows), "owner")
-    buffer.set_transforms_cdr(cdr_ros.encoded([(b"odom", b"base", 0, 0, (0.0,) * 3, turn)]), "fixed", True)
+    buffer.set_transforms_cdr(cdr.encoded(rows), "owner")
+    buffer.set_transforms_cdr(cdr.encoded([(b"odom", b"base", 0, 0, (0.0,) * 3, turn)]), "fixed", True)
 
 
 def _ask(reader: Buffer) -> None:

@@ -1,0 +1,50 @@
+"""Find the interpreters for which wheels are built, and give another Python a clean environment."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+VERSIONS = ("3.10", "3.11", "3.12", "3.13", "3.14")
+
+
+def interpreters(paths=()):
+    """
+    By version, the path of an interpreter, or None where none is found.
+
+    :param paths: of interpreters that are used instead of those found.
+    """
+    found = {version: _find(version) for version in VERSIONS}
+    return found | {_version_of(path): str(Path(path).absolute()) for path in paths}
+
+
+def environment_of_children(**variables):
+    """
+    This environment with these variables, for another Python.
+
+    A Python that has the ROS wheels leaves a mark and its own library path to its children. One of another
+    environment would take the mark for its own and not find its libraries.
+    """
+    environment = {**os.environ, **variables}
+    if environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None):
+        environment.pop("LD_LIBRARY_PATH", None)
+    return environment
+
+
+def _find(version):
+    if sys.version_info[:2] == tuple(map(int, version.split("."))):
+        return sys.executable
+    below = sorted((Path.home() / ".pyenv" / "versions").glob(f"{version}.*/bin/python"))
+    # A pyenv's own shim in PATH only says that no version is chosen.
+    in_path = shutil.which(f"python{version}")
+    for python in (*map(str, reversed(below)), in_path):
+        if python is not None and _version_of(python) == version:
+            return python
+    return None
+
+
+def _version_of(python):
+    code = "import sys; print('%d.%d' % sys.version_info[:2])"
+    told = subprocess.run([python, "-c", code], capture_output=True, text=True)
+    return told.stdout.strip()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -32,7 +31,7 @@ def add_recording(made: Parser) -> None:
 
 
 def add_topics(made: Parser) -> None:
-    """Add the options for the topics to read, and for reading a part of a broken recording."""
+    """Add the option for the topics to read."""
     made.add_argument(
         "--topic",
         action="append",
@@ -42,7 +41,6 @@ def add_topics(made: Parser) -> None:
         help="read the transforms of this topic, and put PREFIX in front of its frame names; may be given "
         "several times; by default, /tf and /tf_static are read",
     )
-    made.add_argument("--partial", action="store_true", help="read what can be read of a broken recording")
 
 
 def _topic(text: str) -> tuple[str, str]:
@@ -65,7 +63,7 @@ def topics_of(options: Namespace) -> Topics:
 
 def heard_of(options: Namespace, at: str | None = None) -> Heard:
     """
-    Read the transforms of the recording; standard error shows what ``--partial`` loses.
+    Read the transforms of the recording.
 
     :param at: a topic whose stamps are read, too.
     :raises UsageError: ``--end`` is before ``--start``, or one of them does not fit into 64 bits.
@@ -81,9 +79,7 @@ def heard_of(options: Namespace, at: str | None = None) -> Heard:
         raise UsageError("--end must not be before --start")
     with reported_files(options.file):
         what = wanted(topics_of(options), options.start, options.end)
-        heard = hear(options.file, what, at=at, partial=options.partial)
-    if heard.problem is not None:
-        print(f"{options.parser.prog}: {printable(heard.problem)}", file=sys.stderr)
+        heard = hear(options.file, what, at=at)
     if heard.end_ns is not None and options.end is not None:
         # What was recorded later is not missing.
         heard = replace(heard, end_ns=min(heard.end_ns, options.end))

@@ -157,7 +157,6 @@ def batch(options: Namespace) -> int:
                 at=options.at,
                 rate=options.rate,
                 topics=topics_of(options),
-                partial=options.partial,
                 workers=options.workers,
                 scheduler=options.scheduler,
             )

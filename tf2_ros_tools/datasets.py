@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from io import BytesIO
@@ -18,7 +17,7 @@ from tf2_py import LookupException
 from tf2_ros_tools.fleet import KEY, Recordings, Request, find_recordings, looked_up, process
 from tf2_ros_tools.loading import TOPICS, PoseTopics, Topics, Urdfs, progress_bar, wanted
 from tf2_ros_tools.output import counted, printable, write_whole
-from tf2_ros_tools.reading import BagError, BagWarning, needing
+from tf2_ros_tools.reading import BagError, needing
 from tf2_ros_tools.tables import Table
 
 if TYPE_CHECKING:
@@ -140,7 +139,6 @@ def dataset(
     topics: Topics = TOPICS,
     poses: PoseTopics | None = None,
     urdf: Urdfs = None,
-    partial: bool = False,
     workers: int | None = None,
     scheduler: str | Client | None = None,
     progress: bool | None = None,
@@ -158,7 +156,6 @@ def dataset(
     :param topics: see :func:`tf2_ros_tools.bag.load`.
     :param poses: see the same function.
     :param urdf: see the same function.
-    :param partial: use what can be read of a broken recording.
     :param workers: see :func:`tf2_ros_tools.bag.map_recordings`; only with ``out``.
     :param scheduler: see the same function; only with ``out``.
     :param progress: see the same function.
@@ -176,7 +173,7 @@ def dataset(
     names = list(frames)
     if out is None and (workers is not None or scheduler is not None):
         raise ValueError("workers and scheduler need a folder for the tables, out")
-    request = Request(relative_to, names, at, None, wanted(topics, poses=poses, urdf=urdf), partial)
+    request = Request(relative_to, names, at, None, wanted(topics, poses=poses, urdf=urdf))
     if out is None:
         parts, failed = _read_here(request, find_recordings(recordings), progress)
     else:
@@ -206,12 +203,10 @@ def _read_here(
     with progress_bar("dataset", len(recordings), " recordings", progress) as count:
         for path in recordings:
             try:
-                heard, table, found = looked_up(request, path)
+                _, table, found = looked_up(request, path)
             except (BagError, OSError) as error:
                 failed[path] = str(error)
             else:
-                if heard.problem is not None:
-                    warnings.warn(BagWarning(heard.problem), stacklevel=3)
                 parts[path] = table, {row["frame"]: row["text"] for row in found if row["kind"] == "lookup"}
             if count is not None:
                 count(1)

@@ -89,7 +89,7 @@ def _is_rosbag2(folder: str) -> bool:
 S = 1_000_000_000
 # The metadata of a table that says what it was made from. The number changes with the format of this
 # metadata, and with the meaning of a request.
-KEY, FORMAT = b"tf2_ros.map_recordings", 2
+KEY, FORMAT = b"tf2_ros.map_recordings", 3
 # Files that SQLite creates next to a database that is read.
 COMPANIONS = ("-wal", "-shm", "-journal")
 
@@ -114,7 +114,6 @@ class Request:
     at: str | None
     rate: float | None
     what: Wanted
-    partial: bool
 
     def __post_init__(self) -> None:
         if self.at is not None and self.rate is not None:
@@ -206,8 +205,7 @@ def _file(path: str) -> list[Any]:
 
 def looked_up(request: Request, recording: str) -> tuple[Heard, Table, list[Row]]:
     """Read a recording, and look up what is requested; the rows list the problems."""
-    heard = hear(recording, request.what, at=request.at, partial=request.partial, progress=False)
-    found = [] if heard.problem is None else [_row(recording, "partial", heard.problem)]
+    heard = hear(recording, request.what, at=request.at, progress=False)
     if isinstance(request.source, str):
         answers, lacks = _one_frame(request, request.source, recording, heard)
     else:
@@ -218,7 +216,7 @@ def looked_up(request: Request, recording: str) -> tuple[Heard, Table, list[Row]
     if not lacks and (missing or not len(answers)):
         text = f"no answer at {missing} of {counted(len(answers), 'time')}"
         lacks = [_row(recording, "lookup", text)]
-    return heard, answers, [*found, *lacks]
+    return heard, answers, lacks
 
 
 def _one_frame(request: Request, source: str, recording: str, heard: Heard) -> tuple[Table, list[Row]]:
@@ -465,7 +463,6 @@ def map_recordings(
     topics: Topics = TOPICS,
     poses: PoseTopics | None = None,
     urdf: Urdfs = None,
-    partial: bool = False,
     workers: int | None = None,
     scheduler: "str | Client | None" = None,
     progress: bool | None = None,
@@ -493,7 +490,6 @@ def map_recordings(
     :param topics: see :func:`tf2_ros_tools.bag.load`.
     :param poses: see the same function.
     :param urdf: see the same function.
-    :param partial: use what can be read of a broken recording.
     :param workers: the number of worker processes on this machine; None: one for each core. With 1, and for a
         single recording, this process does the work. Python starts the workers with the main module of the
         program, so a script that calls this needs ``if __name__ == "__main__":``.
@@ -507,7 +503,7 @@ def map_recordings(
     :raises ModuleNotFoundError: a library is not installed, or a worker does not have it.
     """
     source = source if isinstance(source, str) else list(source)
-    request = Request(target, source, at, rate, wanted(topics, poses=poses, urdf=urdf), partial)
+    request = Request(target, source, at, rate, wanted(topics, poses=poses, urdf=urdf))
     return process(request, recordings, out, workers, scheduler, progress)
 
 

@@ -4,8 +4,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial as bound
-from itertools import chain
+from functools import partial
 from math import inf
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
@@ -23,7 +22,7 @@ from tf2_ros_tools.reading import (
     TF_TYPES,
     BagError,
     BagWarning,
-    Messages,
+    RawMessage,
     Recorded,
     is_static,
     listed,
@@ -151,7 +150,6 @@ def load(
     poses: PoseTopics | None = None,
     urdf: Urdfs = None,
     progress: bool | None = None,
-    partial: bool = False,
 ) -> "Buffer":
     """
     Load the transforms of a recording into a new buffer.
@@ -176,8 +174,6 @@ def load(
         then means the ``robot_description`` in the same namespace. Frames whose transforms are on ``topics``
         keep these. The authority of fixed joints is ``urdf``.
     :param progress: show a bar, which needs tqdm. None: only if standard error is a terminal, after a second.
-    :param partial: if the recording is broken, load what can be read, and issue a :class:`BagWarning` that
-        says what is lost.
     :return: a buffer without a node and without a limit of memory. The authority of a transform is the name
         of its topic.
     :raises FileNotFoundError: the file does not exist.
@@ -192,9 +188,8 @@ def load(
     """
     what = wanted(topics, start, end, poses, urdf)
     buffer = new_buffer(cache_time)
-    with open_recording(path, partial=partial) as recorded:
+    with open_recording(path) as recorded:
         fill_buffer(buffer, recorded, what, progress=progress)
-    warn_of(recorded)
     return buffer
 
 
@@ -203,12 +198,6 @@ def new_buffer(cache_time: DurationLike | None) -> "Buffer":
     import tf2_ros
 
     return tf2_ros.Buffer(inf if cache_time is None else cache_time, max_bytes=UNLIMITED_BYTES)
-
-
-def warn_of(recorded: Recorded) -> None:
-    """Warn the caller's caller if something could not be read."""
-    if recorded.problems:
-        warnings.warn(BagWarning("; ".join(recorded.problems)), stacklevel=3)
 
 
 def fill_buffer(
@@ -231,31 +220,23 @@ def fill_buffer(
     topics = [*(one.topic for one in sources), *(one for one in what.others if one in recorded.topics)]
     total = None if what.limited else sum(recorded.topics[topic].count for topic in topics)
     with progress_bar(recorded.path, total, " messages", progress) as count:
-        insert = bound(
+        insert = partial(
             insert_messages,
             buffer,
-            on_malformed=recorded.unreadable,
+            on_malformed=recorded.malformed,
+            on_broken=recorded.explain,
             recording=recording,
             records=records,
             progress=count,
         )
-        read = sum(
-            insert(messages.raw, sources, on_broken=messages.explain, least=messages.least)
-            for messages in passes(recorded, sources, what)
-        )
+        for messages in passes(recorded, sources, what):
+            insert(messages, sources)
 
-        def insert_converted(sources: Mapping[str, Source]) -> int:
-            return sum(
-                insert(
-                    converted(messages.raw, sources, recorded.unreadable),
-                    [*map(MessageSource, sources)],
-                    on_broken=messages.explain,
-                    least=messages.least,
-                )
-                for messages in recorded.messages(sources, what.start_ns, what.end_ns)
-            )
+        def insert_converted(sources: Mapping[str, Source]) -> None:
+            messages = recorded.raw(sources, what.start_ns, what.end_ns)
+            insert(converted(messages, sources, recorded.malformed), [*map(MessageSource, sources)])
 
-        read += insert_converted(
+        insert_converted(
             {
                 topic: Poses(recorded.topics[topic].msgtype, frames)
                 for topic, frames in what.poses.items()
@@ -267,14 +248,9 @@ def fill_buffer(
         joints = {topic: Joints(robot, known) for topic, robot in robots.items()}
         static = [(FROM_URDF, recorded.start_ns or 0, fixed(robot, known)) for robot in robots.values()]
         insert(static, [MessageSource(FROM_URDF, static=True)], progress=None)
-        read += insert_converted(joints)
+        insert_converted(joints)
         for topic, one in joints.items():
             _check_joints(recorded, topic, one)
-    if total and not read and not recorded.problems:
-        raise BagError(
-            f"{printable(recorded.path)}: its metadata.yaml lists {total} messages of"
-            f" {listed(topics)}, but its files contain none of them"
-        )
 
 
 def _described(recorded: Recorded, states: str) -> Robot:
@@ -285,7 +261,7 @@ def _described(recorded: Recorded, states: str) -> Robot:
         raise BagError(f"{where}: this topic does not exist; pass the path of a URDF")
     _check_type(recorded, topic, STRING)
     text = ""
-    for _, _, raw in chain.from_iterable(recorded.messages([topic])):
+    for _, _, raw in recorded.checked(recorded.raw([topic])):
         try:
             text = Reader(raw).text()
         except ValueError as error:
@@ -354,15 +330,13 @@ def _check_type(recorded: Recorded, topic: str, *types: str) -> None:
         raise BagError(f"{where}: its encoding is {printable(one.encoding)}, not {encodings[0]}")
 
 
-def passes(recorded: Recorded, sources: list[MessageSource], what: Wanted) -> Iterator[Messages]:
-    """Yield the messages in one pass, or the static transforms first if times limit the others."""
+def passes(recorded: Recorded, sources: list[MessageSource], what: Wanted) -> list[Iterator[RawMessage]]:
+    """Get the messages in one pass, or the static transforms first if times limit the others."""
     topics = {one.topic for one in sources}
     if not what.limited:
-        yield from recorded.messages(topics)
-        return
+        return [recorded.raw(topics)]
     static = set(filter(is_static, topics))
-    yield from recorded.messages(static)
-    yield from recorded.messages(topics - static, what.start_ns, what.end_ns)
+    return [recorded.raw(static), recorded.raw(topics - static, what.start_ns, what.end_ns)]
 
 
 def transforms(
@@ -371,7 +345,6 @@ def transforms(
     topics: Topics = TOPICS,
     start: TimeLike | None = None,
     end: TimeLike | None = None,
-    partial: bool = False,
 ) -> "Iterator[tuple[int, bool, TransformStamped]]":
     """
     Read the transforms of a recording one by one, in constant memory.
@@ -380,44 +353,38 @@ def transforms(
         last is an object with the same fields.
 
     The transforms are neither checked nor normalised. Arguments and errors are the same as in :func:`load`,
-    but problems of the recording are raised, or issued as a :class:`BagWarning`, during the iteration. With
-    ``start`` or ``end``, all static transforms come first.
+    but problems of the recording are raised during the iteration. With ``start`` or ``end``, all static
+    transforms come first.
     """
-    return _transforms(path, wanted(topics, start, end), partial)
+    return _transforms(path, wanted(topics, start, end))
 
 
-def stamps(path: "str | PathLike[str]", topic: str, *, partial: bool = False) -> NDArray[np.int64]:
+def stamps(path: "str | PathLike[str]", topic: str) -> NDArray[np.int64]:
     """
     Read the stamps of all messages of a topic, for lookups at these times.
 
     :param topic: a topic of any type whose messages begin with a ``std_msgs/Header``, or a type of Foxglove
         with a ``timestamp``.
-    :param partial: see :func:`load`.
     :return: nanoseconds, shape (N,), in the order of the recording.
     :raises FileNotFoundError, ModuleNotFoundError: see :func:`load`.
     :raises BagError: the recording is broken, does not have the topic, or its messages have no header.
     """
-    with open_recording(path, partial=partial) as recorded:
-        found = stamps_of(recorded, topic)
-    warn_of(recorded)
-    return found
+    with open_recording(path) as recorded:
+        return stamps_of(recorded, topic)
 
 
-def _transforms(
-    path: "str | PathLike[str]", what: Wanted, partial: bool
-) -> "Iterator[tuple[int, bool, TransformStamped]]":
-    with open_recording(path, partial=partial) as recorded:
+def _transforms(path: "str | PathLike[str]", what: Wanted) -> "Iterator[tuple[int, bool, TransformStamped]]":
+    with open_recording(path) as recorded:
         sources = {one.topic: one for one in sources_of(recorded, what)}
-        for connection, log_ns, raw in chain.from_iterable(passes(recorded, [*sources.values()], what)):
-            topic = connection.topic
-            try:
-                found = read_transforms(raw, sources[topic])
-            except ValueError as error:
-                recorded.unreadable(topic, log_ns, error)
-                continue
-            for transform in found:
-                yield log_ns, is_static(topic), transform
-    warn_of(recorded)
+        for messages in passes(recorded, [*sources.values()], what):
+            for connection, log_ns, raw in recorded.checked(messages):
+                topic = connection.topic
+                try:
+                    found = read_transforms(raw, sources[topic])
+                except ValueError as error:
+                    recorded.malformed(topic, log_ns, error)
+                for transform in found:
+                    yield log_ns, is_static(topic), transform
 
 
 @dataclass(frozen=True)
@@ -428,8 +395,8 @@ class Heard:
     ``records`` is an array of :data:`tf2_ros.records.RECORD`, in the order of the log times, which are its
     times of reception. Its ids are indices into ``frames`` and ``publishers``; a publisher is the name of a
     topic. ``start_ns`` and ``end_ns`` are the first and the last log time of all topics; None if there are no
-    messages. ``problem`` says what could not be read, or is None. ``times_ns`` are the stamps of the topic
-    whose stamps were asked for, or None. ``saved``: a buffer has saved it, so the log times are stamps.
+    messages. ``times_ns`` are the stamps of the topic whose stamps were asked for, or None. ``saved``: a
+    buffer has saved it, so the log times are stamps.
     """
 
     buffer: "Buffer"
@@ -438,7 +405,6 @@ class Heard:
     publishers: list[str]
     start_ns: int | None
     end_ns: int | None
-    problem: str | None
     times_ns: NDArray[np.int64] | None
     saved: bool
 
@@ -448,7 +414,6 @@ def hear(
     what: Wanted | None = None,
     *,
     at: str | None = None,
-    partial: bool = False,
     progress: bool | None = None,
 ) -> Heard:
     """
@@ -460,7 +425,7 @@ def hear(
     buffer = new_buffer(None)
     recording = Recording()
     pieces: list[NDArray[np.void]] = []
-    with open_recording(path, partial=partial) as recorded:
+    with open_recording(path) as recorded:
         fill_buffer(
             buffer, recorded, what or wanted(), progress=progress, recording=recording, records=pieces
         )
@@ -475,7 +440,6 @@ def hear(
         publishers,
         recorded.start_ns,
         recorded.end_ns,
-        "; ".join(recorded.problems) or None,
         times_ns,
         recorded.saved,
     )

@@ -265,15 +265,6 @@ class TestBroken:
             assert err.startswith(f"tf2_bag {command[0]}: ") and cut in err
         assert not list(tmp_path.glob("*.png"))
 
-    def test_partial_takes_what_there_is_and_tells_the_rest(self, run, drive_mcap, tmp_path):
-        cut = broken(drive_mcap, tmp_path)
-        status, out, err = run("lookup", cut, "map", "base", "--partial")
-        stamps, poses, _ = rows_of(out)
-        buffer = load(drive_mcap)
-        assert status == 0 and 10 < len(stamps) < 90
-        assert poses == [pose(buffer, stamp, "map", "base") for stamp in stamps]
-        assert err.startswith("tf2_bag lookup: ") and cut in err and err.count("\n") == 1
-
     @pytest.mark.parametrize(
         ("name", "content"),
         [

@@ -211,13 +211,3 @@ def test_a_topic_without_images_is_an_empty_dataset(tmp_path):
     path = write_mcap(tmp_path / "run.mcap", drive(), topics=[("/images", "sensor_msgs/msg/LaserScan")])
     data = made(path)
     assert (len(data), list(data), data.poses.shape) == (0, [], (0, 2, 7))
-
-
-def test_what_is_left_of_a_broken_recording_is_used_if_that_is_wanted(tmp_path):
-    path = write(tmp_path / "run.mcap")
-    path.write_bytes(path.read_bytes()[:-300])
-    with pytest.raises(bag.BagError, match="is broken"):
-        made(path)
-    with pytest.warns(bag.BagWarning, match="is broken"):
-        data = made(path, partial=True)
-    assert data.valid.any()

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from making_bags import S, Sent, drive, scan, write_folder, write_mcap, write_split
+from making_bags import drive, scan, write_folder, write_mcap, write_split
 from processes import DEADLINE_S, start, until
 
 bag = pytest.importorskip("tf2_ros_tools.bag")
@@ -195,14 +195,6 @@ def test_one_of_several_paths_without_a_recording_is_reported(runs, out):
     assert result.failed == {str(runs / "gone.mcap"): f"{runs / 'gone.mcap'} does not exist"}
 
 
-def test_what_can_be_read_of_a_broken_recording_is_used_where_it_is_asked_for(runs, out):
-    run = write_mcap(runs / "monday" / "run.mcap", [*drive(40), Sent(105 * S, "/tf", b"nonsense")])
-    assert set(mapped(runs, out).failed) == {str(run)}
-    result = mapped(runs, out, partial=True)
-    assert not result.failed
-    assert ("run.mcap", "partial") in kinds(result)
-
-
 def test_a_recording_that_is_spoiled_later_keeps_no_table(runs, out):
     run = runs / "monday" / "run.mcap"
     table = mapped(runs, out).done[str(run)]
@@ -245,7 +237,6 @@ def test_a_restart_skips_what_is_done_and_knows_what_was_found(runs, out):
     [
         {"rate": 3.0},
         {"topics": {"/tf": "", "/tf_static": "", "/more": ""}},
-        {"partial": True},
     ],
     ids=str,
 )

@@ -137,15 +137,13 @@ class TestPoses:
             with pytest.raises(TypeError, match="poses must map topics to "):
                 bag.load(path, poses=poses)
 
-    def test_a_malformed_pose_is_named_or_left_out(self, tmp_path):
+    def test_a_malformed_pose_is_named(self, tmp_path):
         broken = Sent(STAMPS[3] + 1, "/odom", b"\0\1\0\0" + bytes(30), ODOMETRY)
         path = write_mcap(tmp_path / "run.mcap", [*series("/odom", ODOMETRY), broken])
         with pytest.raises(
             bag.BagError, match=f"topic /odom, log time {broken.log_ns} ns: a message of 34 bytes"
         ):
             bag.load(path, poses={"/odom": None})
-        with pytest.warns(bag.BagWarning, match="34 bytes"):
-            check(bag.load(path, poses={"/odom": None}, partial=True), "map", "base")
 
 
 # Foxglove.
@@ -286,14 +284,12 @@ class TestFoxglove:
             ),
         ],
     )
-    def test_a_malformed_message_is_a_break(self, encoding, content, said, tmp_path):
+    def test_a_malformed_message_is_named(self, encoding, content, said, tmp_path):
         path = write_foxglove(tmp_path / "run.mcap", [*MOVING, ("/tf", content)], encoding)
         with pytest.raises(bag.BagError) as refused:
             bag.load(path)
-        assert f"{path} is broken, topic /tf, after log time 100000000019 ns: " in str(refused.value)
+        assert f"{path}, topic /tf, log time 100000000020 ns: " in str(refused.value)
         assert said in str(refused.value)
-        with pytest.warns(bag.BagWarning):
-            check(bag.load(path, partial=True), "map", "base")
 
     @pytest.mark.parametrize(
         ("content", "said"),
@@ -303,17 +299,6 @@ class TestFoxglove:
         path = write_foxglove(tmp_path / "run.mcap", [("/one", content)], "json")
         with pytest.raises(bag.BagError, match=rf"topic /one, log time \d+ ns: {said}"):
             bag.stamps(path, "/one")
-
-    def test_a_file_without_its_end_is_read_in_part(self, tmp_path):
-        path = write_foxglove(tmp_path / "run.mcap", MOVING)
-        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-        with pytest.raises(
-            bag.BagError, match=r"is broken: File end magic is invalid \(its recorder did not"
-        ):
-            bag.load(path)
-        with pytest.warns(bag.BagWarning, match="is broken"):
-            buffer = bag.load(path, partial=True)
-        assert 0 < buffer.frames()["base"].count < 20
 
     def test_other_topics_and_encodings_are_named(self, tmp_path):
         path = write_foxglove(tmp_path / "run.mcap", [("/transforms", one) for _, one in MOVING])

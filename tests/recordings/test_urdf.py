@@ -401,8 +401,8 @@ class TestRecordings:
             (b"", "a message of 0 bytes is too short"),
         ],
     )
-    def test_a_malformed_state_is_named_or_left_out(self, content, said, tmp_path):
-        messages, stamps, values = states()
+    def test_a_malformed_state_is_named(self, content, said, tmp_path):
+        messages, stamps, _ = states()
         broken = Sent(stamps[7] + 5, "/joint_states", content, JOINT_STATE)
         path = write_mcap(tmp_path / "run.mcap", [*messages[:8], broken, *messages[8:]])
         with pytest.raises(bag.BagError) as refused:
@@ -410,8 +410,6 @@ class TestRecordings:
         assert str(refused.value).startswith(
             f"{path}, topic /joint_states, log time {stamps[7] + 5} ns: {said}"
         )
-        with pytest.warns(bag.BagWarning, match=said):
-            check(bag.load(path, urdf=ARM, partial=True), stamps, values)
 
     def test_a_recorded_urdf_may_mimic_an_unknown_joint(self, tmp_path):
         messages, stamps, values = states()
@@ -421,18 +419,6 @@ class TestRecordings:
             buffer = bag.load(path, urdf=True)
         check(buffer, stamps, values, [one for one in FRAMES if one != "thumb"])
         assert "thumb" not in buffer
-
-    def test_what_is_before_a_break_is_read(self, tmp_path):
-        messages, stamps, values = states(200)
-        path = write_mcap(tmp_path / "run.mcap", messages, index=False)
-        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-        with pytest.raises(bag.BagError, match="is broken"):
-            bag.load(path, urdf=ARM)
-        with pytest.warns(bag.BagWarning, match="is broken"):
-            buffer = bag.load(path, urdf=ARM, partial=True)
-        count = buffer.frames()["shoulder"].count
-        assert 10 < count < 200
-        check(buffer, stamps[:count], values[:count])
 
     def test_what_does_not_fit_is_told_in_one_sentence(self, tmp_path):
         messages, _, _ = states()

@@ -71,7 +71,7 @@ def info(options: Namespace) -> int:
     from tf2_ros_tools.findings import report, stream_line
     from tf2_ros_tools.reading import open_recording
 
-    with reported_files(options.file), open_recording(options.file, partial=options.partial) as recorded:
+    with reported_files(options.file), open_recording(options.file) as recorded:
         contents = Contents(
             options.file,
             _size_of(options.file),

@@ -1,4 +1,4 @@
-"""Fuzz recordings of all formats: damage is a BagError, or a BagWarning where a part is read."""
+"""Fuzz recordings of all formats: damage is a BagError."""
 
 import shutil
 import sqlite3
@@ -10,7 +10,7 @@ from contextlib import closing
 from pathlib import Path
 
 from reliability.fuzz.faults import Fault
-from tf2_ros_tools.bag import BagError, BagWarning, load, stamps, transforms
+from tf2_ros_tools.bag import BagError, load, stamps, transforms
 
 _folder = tempfile.TemporaryDirectory(prefix="tf2-fuzz-", dir="/dev/shm")
 _FILES = {0: "run.mcap", 1: "run.db3", 2: "run.bag"}
@@ -25,14 +25,11 @@ def run(data: bytes) -> None:
     root = Path(_folder.name)
     first = data[0] if data else 0
     kind, way = first % _KINDS, first // _KINDS
-    partial = way // len(_WAYS) % 2 == 1
     path = _written(kind, data[1:], root)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            if partial:
-                warnings.simplefilter("ignore", BagWarning)
-            _WAYS[way % len(_WAYS)](path, partial)
+            _WAYS[way % len(_WAYS)](path)
     except BagError:
         pass
     finally:
@@ -56,18 +53,18 @@ def _written(kind: int, data: bytes, root: Path) -> Path:
     return path
 
 
-def _load(path: Path, partial: bool) -> None:
-    load(path, partial=partial, progress=False)._self_check()
+def _load(path: Path) -> None:
+    load(path, progress=False)._self_check()
 
 
-def _transforms(path: Path, partial: bool) -> None:
-    for log_ns, static, transform in transforms(path, partial=partial):
+def _transforms(path: Path) -> None:
+    for log_ns, static, transform in transforms(path):
         if type(log_ns) is not int or type(static) is not bool:
             raise Fault(f"{log_ns!r}, {static!r}, {transform!r}")
 
 
-def _stamps(path: Path, partial: bool) -> None:
-    stamps(path, "/scan", partial=partial)
+def _stamps(path: Path) -> None:
+    stamps(path, "/scan")
 
 
 _WAYS = [_load, _transforms, _stamps]
@@ -76,11 +73,9 @@ _WAYS = [_load, _transforms, _stamps]
 def seeds() -> Iterator[bytes]:
     """Small recordings of all formats, to be read in all ways."""
     for number, (kind, data) in enumerate(_recordings()):
-        for way in range(2 * len(_WAYS)):
-            # Reading in part matters where something is damaged.
-            damaged = data[: -1 - len(data) // 5] if way >= len(_WAYS) else data
-            if way % len(_WAYS) == 0 or (number + way) % 4 == 0:
-                yield bytes([kind + _KINDS * way]) + damaged
+        for way in range(len(_WAYS)):
+            if way == 0 or (number + way) % 4 == 0:
+                yield bytes([kind + _KINDS * way]) + data
 
 
 def _recordings() -> Iterator[tuple[int, bytes]]:

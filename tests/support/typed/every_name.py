@@ -398,10 +398,10 @@ def geometry(transform: TransformStamped, points: Floats) -> None:
 def recordings(path: PurePath, when: TimeLike, interval: DurationLike) -> Buffer | None:
     """Recordings read."""
     topics = {"/robot1/tf": "robot1/", "/robot1/tf_static": "robot1/"}
-    found = tf2_ros_tools.bag.transforms(path, topics=["/tf"], start=when, end=1, partial=True)
+    found = tf2_ros_tools.bag.transforms(path, topics=["/tf"], start=when, end=1)
     assert_type(found, Iterator[tuple[int, bool, TransformStamped]])
     assert_type(tf2_ros_tools.bag.load("drive.mcap", cache_time=2.5), Buffer)
-    assert_type(tf2_ros_tools.bag.stamps(path, "/points", partial=True), npt.NDArray[np.int64])
+    assert_type(tf2_ros_tools.bag.stamps(path, "/points"), npt.NDArray[np.int64])
     try:
         return tf2_ros_tools.bag.load(
             path,
@@ -412,7 +412,6 @@ def recordings(path: PurePath, when: TimeLike, interval: DurationLike) -> Buffer
             poses={"/odom": None, "/gps/pose": ("map", "gps")},
             urdf={"/joint_states": True},
             progress=False,
-            partial=True,
         )
     except (tf2_ros_tools.bag.BagError, tf2_ros_tools.bag.BagWarning):
         return None
@@ -489,7 +488,7 @@ def recorded(node: Node, buffer: Buffer, data: bytes) -> None:
 def many_recordings(paths: list[str]) -> None:
     result = map_recordings("runs", "map", "camera", "poses", at="/scan", workers=2, progress=False)
     assert_type(result, MappedRecordings)
-    map_recordings(paths, "map", "camera", "poses", rate=10.0, topics={"/robot1/tf": "robot1/"}, partial=True)
+    map_recordings(paths, "map", "camera", "poses", rate=10.0, topics={"/robot1/tf": "robot1/"})
     map_recordings(paths, "map", "camera", "poses", scheduler="tcp://127.0.0.1:8786")
     map_recordings(paths, "map", ["camera"], "poses", at="/scan", poses={"/odom": None}, urdf=True)
     data = dataset(paths, ["camera"], at="/scan", relative_to="map", out="poses", workers=1)

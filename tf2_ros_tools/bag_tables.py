@@ -26,7 +26,6 @@ from tf2_ros_tools.program import (
     listed_endings,
     nanoseconds,
     positive_number,
-    raise_if_signalled,
     write_output,
 )
 
@@ -160,7 +159,6 @@ def batch(options: Namespace) -> int:
                 workers=options.workers,
                 scheduler=options.scheduler,
             )
-            raise_if_signalled()
         except ValueError as refusal:
             raise RunError(str(refusal)) from None
         except KeyboardInterrupt:

@@ -12,7 +12,7 @@ from argparse import Namespace
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import rclpy
@@ -26,7 +26,7 @@ from rclpy.signals import SignalHandlerOptions
 from tf2_ros import Buffer
 from tf2_ros_tools.findings import Expectation, Finding, Limits, find, milliseconds, without_delays
 from tf2_ros_tools.output import counted
-from tf2_ros_tools.program import UsageError, deferred_signals, interruptible, sleep
+from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import (
     Refused,
     Settling,
@@ -55,17 +55,22 @@ def spun_node(name: str, options: Namespace, **node_options: Any) -> Iterator[No
 
     The main thread must not wait inside rclpy, because no signal would reach it there.
     """
-    with deferred_signals():
-        # Without the handlers of rclpy, which would shut the context down while the program uses it.
-        rclpy.init(args=options.ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
-        try:
-            node = rclpy.create_node(name, **node_options)
-            with _spinning(node), interruptible():
-                yield node
-        except (NameValidationException, ParameterException) as refusal:
-            raise UsageError(str(refusal)) from None
-        finally:
-            rclpy.try_shutdown()
+    # Without the handlers of rclpy, which would shut the context down while the program uses it.
+    rclpy.init(args=options.ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = rclpy.create_node(name, **node_options)
+        with _spinning(node):
+            yield node
+    except (NameValidationException, ParameterException) as refusal:
+        raise UsageError(str(refusal)) from None
+    finally:
+        rclpy.try_shutdown()
+
+
+def wait() -> NoReturn:
+    """Wait in the main thread until Ctrl-C or SIGTERM."""
+    while True:
+        time.sleep(1.0)
 
 
 @contextmanager
@@ -118,20 +123,19 @@ def filled_buffer(
     :param cache_time: how far the history of each frame reaches back. None: the default of buffers.
     :raises UsageError: the receiver, which recording needs, does not support this release of ROS 2.
     """
-    with deferred_signals():
-        buffer = Buffer(cache_time, node)
-        # A program that only observes must not answer those who ask the robot for its frames.
-        if buffer.srv is not None:
-            node.destroy_service(buffer.srv)
-            buffer.srv = None
-        try:
-            listener = TransformListener(
-                buffer, node, recording=recording, tf_topic=topics[0], tf_static_topic=topics[1]
-            )
-        except NotImplementedError as refusal:
-            raise UsageError(str(refusal)) from None
-        with listener, interruptible():
-            yield buffer
+    buffer = Buffer(cache_time, node)
+    # A program that only observes must not answer those who ask the robot for its frames.
+    if buffer.srv is not None:
+        node.destroy_service(buffer.srv)
+        buffer.srv = None
+    try:
+        listener = TransformListener(
+            buffer, node, recording=recording, tf_topic=topics[0], tf_static_topic=topics[1]
+        )
+    except NotImplementedError as refusal:
+        raise UsageError(str(refusal)) from None
+    with listener:
+        yield buffer
 
 
 DRAIN_S = 1.0  # the longest time between two calls of `drain`
@@ -200,7 +204,7 @@ class Listening:
         """Listen in the main thread for this time, or until a signal; append the records to ``kept``."""
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
-            sleep(min(left, DRAIN_S))
+            time.sleep(min(left, DRAIN_S))
             records = self.drain()
             if kept is not None:
                 kept.append(records)

@@ -1,11 +1,11 @@
 """
-Read command lines, handle signals, print and exit in the same way for all programs.
+Read command lines, print and exit in the same way for all programs.
 
 A program is a module of ``tf2_ros_tools.programs`` with a ``parser`` and a ``main``. It imports ROS, NumPy
 and other libraries after the command line has been read, so that help and completion are fast.
 
-Exit statuses: 0 and 1 depend on the program; 2 is wrong usage; 128 plus the number of a signal means that the
-signal ended the program before there was a result, or that the reader of its output exited.
+Exit statuses: 0 and 1 depend on the program, and 1 also means that its output could not be written; 2 is
+wrong usage; 130 means that Ctrl-C or SIGTERM ended it before there was a result.
 """
 
 import math
@@ -14,28 +14,19 @@ import re
 import signal
 import sys
 from argparse import Action, ArgumentParser, ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
 from decimal import Decimal
 from os.path import splitext
-from select import select
-from socket import socket, socketpair
 from textwrap import fill
-from time import monotonic
 from types import FrameType
-from typing import Any, NoReturn, TextIO
+from typing import Any, NoReturn
 
-from tf2_ros_tools.output import printable, write_whole
+from tf2_ros_tools.output import write_whole
 
 SUCCESS = 0
 FAILURE = 1
 USAGE = 2
-_BY_SIGNAL = 128
-
-_ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-# After a signal, until a further one ends the program at once. Launchers pass on the Ctrl-C that the terminal
-# has sent to all.
-FAREWELL_S = 1.0
+INTERRUPTED = 130
 
 _ROS_ARGS = "--ros-args"
 _WIDTH = 80  # of the text of a help
@@ -47,18 +38,6 @@ class UsageError(Exception):
 
 class RunError(Exception):
     """The program failed, for a reason that fits on one line: exit status 1."""
-
-
-class _Signalled(KeyboardInterrupt):
-    """A signal asks the program to end."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__()
-        self.number = number
-
-
-# What ends a program from outside. A program that usually ends this way, or that has a result, catches it.
-ENDINGS = (KeyboardInterrupt, BrokenPipeError)
 
 
 class Parser(ArgumentParser):
@@ -87,7 +66,8 @@ class Parser(ArgumentParser):
             allow_abbrev=False,
             **settings,
         )
-        self.register("type", None, _as_given)  # of an argument without a type
+        # argparse takes -1e-3 for an option; calibrations print such numbers.
+        self._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$", re.IGNORECASE)
         self._node = node
         self._commands: Any = None  # argparse's action that has them
         if node:
@@ -126,7 +106,7 @@ class Parser(ArgumentParser):
         :return: the options, with ``ros_arguments`` for ``rclpy.init``, the ``parser`` that has read them,
             and the name of the ``command``, if the program has any.
         """
-        own = [_as_value(one) for one in self._without_ros_arguments(arguments)[1:]]
+        own = self._without_ros_arguments(arguments)[1:]
         read = Namespace(ros_arguments=arguments, parser=self, command=None)
         if self._commands is None:
             read = self.parse_intermixed_args(own, read)
@@ -168,172 +148,57 @@ def _namespace(text: str) -> str:
     return f"/{text.removeprefix('/')}"
 
 
-def _as_value(argument: str) -> str:
-    # argparse takes everything that begins with a minus for an option, except for the simplest numbers.
-    # `float` skips blanks before a number.
-    return f" {argument}" if is_negative_number(argument) else argument
-
-
-def _as_given(value: str) -> str:
-    return value[1:] if value.startswith(" ") and is_negative_number(value[1:]) else value
-
-
-def run(parser: Parser, work: Callable[[Namespace], int], arguments: list[str] | None = None) -> int:
+def run(
+    parser: Parser,
+    work: Callable[[Namespace], int],
+    arguments: list[str] | None = None,
+    *,
+    interrupted: int = INTERRUPTED,
+) -> int:
     """
     Run a program. This must be the last call of a process.
 
-    :param work: gets the options and returns the exit status. It may raise UsageError, RunError, or one of
-        ENDINGS, and imports what it needs.
+    :param work: gets the options and returns the exit status. It may raise UsageError or RunError, and
+        imports what it needs.
     :param arguments: the command line, including the name of the program. None: that of this process.
+    :param interrupted: the exit status after Ctrl-C; SUCCESS for a program that usually ends this way.
     :return: the exit status.
     :raises SystemExit: after wrong usage and after the help.
     """
     arguments = sys.argv if arguments is None else arguments
-    _signals.listen()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _interrupt)
     try:
         _complete(parser)
-        _flush_each_line(sys.stdout)
+        if hasattr(sys.stdout, "reconfigure"):
+            sys.stdout.reconfigure(line_buffering=True)  # the reader of a pipe may wait for the line
         options = parser.read(arguments)
         parser = options.parser
         return work(options)
+    except KeyboardInterrupt:
+        return interrupted
     except ImportError as lack:
         # The error of this project's tf2_ros says what it needs, but another tf2_ros may have been imported.
         reason = " ".join(str(lack).split())
         parser.exit(FAILURE, f"{parser.prog}: {reason}; tf2_which shows which tf2_ros is imported\n")
     except UsageError as refusal:
         parser.error(str(refusal))
-    except UnicodeEncodeError as refusal:
-        # Only arguments, and names made of them, can contain bytes that are not text.
-        if not any(map(_is_not_utf8, arguments)):
-            raise
-        parser.error(f"an argument is not UTF-8: {printable(refusal.object)}")
     except RunError as failure:
         parser.exit(FAILURE, f"{parser.prog}: {' '.join(str(failure).split())}\n")
-    except _Signalled as ending:
-        return _BY_SIGNAL + ending.number
-    except BrokenPipeError:
-        return _BY_SIGNAL + signal.SIGPIPE
     except OSError as failure:
-        # From writing the output; the work itself handles all other files.
-        parser.exit(FAILURE, f"{parser.prog}: {failure.strerror or failure}\n")
-    finally:
-        _signals.may_raise = False
-        _let_go(sys.stdout)
-        _signals.ignore_repeated()
+        # From writing the output; the work itself handles all other files. What is left of the output would
+        # fail again when Python ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(failure, BrokenPipeError):  # a reader who leaves has seen enough
+            parser.exit(FAILURE, f"{parser.prog}: {failure.strerror or failure}\n")
+        return FAILURE
 
 
-def _is_not_utf8(argument: str) -> bool:
-    return any("\udc80" <= one <= "\udcff" for one in argument)
-
-
-class _Signals:
-    """Which signal has arrived, and whether it may be raised now."""
-
-    def __init__(self) -> None:
-        self.received: int | None = None
-        self.since = 0.0  # of the monotonic clock
-        self.may_raise = True
-        self.reader, self._writer = socketpair()  # readable after the first signal
-        self.reader.setblocking(False)
-
-    def listen(self) -> None:
-        """Handle the signals that end a program."""
-        self._writer.setblocking(False)
-        signal.set_wakeup_fd(self._writer.fileno(), warn_on_full_buffer=False)
-        for number in _ENDING_SIGNALS:
-            signal.signal(number, self.receive)
-
-    def ignore_repeated(self) -> None:
-        """Ignore further signals while the interpreter exits, which restores their default handlers."""
-        if self.received is None:
-            return
-        report = sys.unraisablehook
-        # Through this hook, Python reports that it ignores a signal that has just arrived.
-        sys.unraisablehook = lambda caught: None if isinstance(caught.exc_value, OSError) else report(caught)
-        try:
-            for number in _ENDING_SIGNALS:
-                signal.signal(number, signal.SIG_IGN)
-        finally:
-            sys.unraisablehook = report
-
-    def receive(self, number: int, _: FrameType | None) -> None:
-        if self.received is None:
-            self.received, self.since = number, monotonic()
-            if self.may_raise:
-                raise _Signalled(number)
-        elif monotonic() - self.since > FAREWELL_S:
-            signal.signal(number, signal.SIG_DFL)
-            signal.raise_signal(number)
-
-
-_signals = _Signals()
-
-
-@contextmanager
-def deferred_signals() -> Iterator[None]:
-    """
-    Let no signal interrupt the setup or cleanup in a ``with`` block, which must not take long.
-
-    A program that is interrupted there could leave other nodes waiting for it, or never exit.
-    """
-    before, _signals.may_raise = _signals.may_raise, False
-    try:
-        yield
-    finally:
-        _signals.may_raise = before
-
-
-@contextmanager
-def interruptible() -> Iterator[None]:
-    """Inside :func:`deferred_signals`, let signals interrupt a ``with`` block, including an earlier one."""
-    before, _signals.may_raise = _signals.may_raise, True
-    try:
-        if _signals.received is not None:
-            raise _Signalled(_signals.received)
-        yield
-    finally:
-        _signals.may_raise = before
-
-
-def wait_for_signal() -> None:
-    """Wait for Ctrl-C or SIGTERM, in the main thread of a program that usually ends this way."""
-    with suppress(KeyboardInterrupt), interruptible():
-        while True:
-            sleep(None)
-
-
-def sleep(seconds: float | None) -> None:
-    """
-    Wait for this time, or until a signal arrives.
-
-    :param seconds: 0 or more. None: forever.
-
-    Any other wait continues if a thread that is not Python's gets the signal, or if it arrives just before.
-    """
-    select([_signals.reader], [], [], seconds)
-    raise_if_signalled()
-
-
-def raise_if_signalled() -> None:
-    """
-    End the program if a signal has arrived and may be raised now.
-
-    It may have arrived while signals were deferred, or a library may have caught the exception.
-    """
-    if _signals.received is not None and _signals.may_raise:
-        raise _Signalled(_signals.received)
-
-
-def signal_reader() -> socket:
-    """What an event loop waits for: each signal makes it readable, until :func:`signalled` is called."""
-    return _signals.reader
-
-
-def signalled() -> bool:
-    """Whether a signal that ends the program has arrived; a resized terminal, for example, sends another."""
-    with suppress(BlockingIOError):
-        _signals.reader.recv(1024)
-    return _signals.received is not None
+def _interrupt(number: int, _: FrameType | None) -> None:
+    # Launchers pass on the Ctrl-C that the terminal has sent to all: a second one must not interrupt the end.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    raise KeyboardInterrupt
 
 
 def _complete(parser: Parser) -> None:
@@ -347,40 +212,19 @@ def _complete(parser: Parser) -> None:
     argcomplete.autocomplete(parser)
 
 
-def _flush_each_line(stream: TextIO) -> None:
-    # Also into a pipe, whose reader may wait for the line.
-    reconfigure = getattr(stream, "reconfigure", None)
-    if reconfigure is not None:
-        reconfigure(line_buffering=True)
+# Numbers on a command line.
 
 
-def _let_go(stream: TextIO) -> None:
-    """Write what is buffered. If that fails, discard it, because the interpreter would fail, too."""
-    try:
-        if stream is not None:
-            stream.flush()
-    except OSError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
-# Numbers on a command line, including negative ones.
-
-
-def number(text: str) -> float:
+def finite_number(text: str) -> float:
     """
-    Read a number as Python's ``float`` does, for argparse.
+    Read a finite number as Python's ``float`` does, for argparse.
 
     :raises ArgumentTypeError: the text is not a number.
     """
     try:
-        return float(text)
+        value = float(text)
     except ValueError:
         raise ArgumentTypeError(f"{text!r} is not a number") from None
-
-
-def finite_number(text: str) -> float:
-    """The same, but refuse infinity and NaN."""
-    value = number(text)
     if not math.isfinite(value):
         raise ArgumentTypeError(f"must be finite, not {text}")
     return value
@@ -406,14 +250,6 @@ def nanoseconds(text: str) -> int:
     """Read seconds and return nanoseconds, exactly; a float cannot hold all digits of a stamp."""
     finite_number(text)
     return round(Decimal(text.strip()) * 10**9)
-
-
-def is_negative_number(text: str) -> bool:
-    """Whether the text is a number that begins with a minus."""
-    try:
-        return text.startswith("-") and float(text) is not None
-    except ValueError:
-        return False
 
 
 # Formats of files, which follow from the extensions of their names.
@@ -447,11 +283,10 @@ def write_output(path: str, data: bytes) -> None:
 
     :raises RunError: the file cannot be written; the old contents remain.
     """
-    with deferred_signals():
-        try:
-            write_whole(path, data)
-        except OSError as failure:
-            raise RunError(f"cannot write {path}: {failure.strerror}") from None
+    try:
+        write_whole(path, data)
+    except OSError as failure:
+        raise RunError(f"cannot write {path}: {failure.strerror}") from None
 
 
 # Options that several programs have.

@@ -26,7 +26,7 @@ from tf2_py import BufferCore, TransformException
 from tf2_ros import TransformBroadcaster
 from tf2_ros.records import Recording
 from tf2_ros_tools.output import counted, printable, readable_size
-from tf2_ros_tools.program import UsageError, sleep
+from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.relay import ALL_RATE, STATIC, Relay, Rule, read_rules
 
 MAINTAIN_S = 0.5  # between two looks at static transforms, and at the file
@@ -177,7 +177,7 @@ class Relaying:
                     one.due_s = max(one.due_s + period_s, now_s)
                     self._send_dynamic(one, now_s)
             wake_s = min(now_s + LOOK_S, maintain_s, end_s, *(one.due_s for one in self._running))
-            sleep(max(wake_s - time.monotonic(), 0.0))
+            time.sleep(max(wake_s - time.monotonic(), 0.0))
 
     def report(self) -> Iterator[str]:
         """Describe in lines what was received and sent, or would be, and the trees if nothing was sent."""

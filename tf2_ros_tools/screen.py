@@ -2,35 +2,27 @@
 
 import asyncio
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from time import thread_time
 
-from rich.cells import cell_len
 from rich.text import Text
 from textual.app import App, ComposeResult
 from textual.binding import Binding
-from textual.coordinate import Coordinate
-from textual.events import Resize
+from textual.containers import VerticalScroll
 from textual.widgets import DataTable, Footer, Input, RichLog, Static
 
 from tf2_ros_tools.findings import Finding, milliseconds, rate_text, stream_line
 from tf2_ros_tools.listening import Report, chain_text, problems, shown_streams
 from tf2_ros_tools.output import counted, printable
-from tf2_ros_tools.program import deferred_signals, signal_reader, signalled
 from tf2_ros_tools.streams import Stream
 
-INTERVAL_S = 1.0  # between two updates
-CPU_SHARE = 0.04  # of a core, for all that this thread does; above it, updates are less frequent ...
+INTERVAL_S = 1.0  # between two updates ...
+FRAMES_PER_S = 100  # ... of so many frames; with more of them, updates are less frequent ...
 LONGEST_INTERVAL_S = 3.0  # ... but at least this frequent
-FEWEST_LETTERS = 24  # of a frame's name that are on one line; on a wide screen, half its width
 LOG_LINES = 200  # that are kept
-# Lines of the screen.
-LOG_HEIGHT = 5  # at most, with its border; on a small screen, a quarter of it
-LEAST_TABLE = 3  # the titles of the columns, and two frames; also its min-height
-LEAST_PANE = 2  # of one that is cut: a line, and which one it is
 PIPE_BYTES = 65536
 
 
@@ -39,19 +31,17 @@ class _Column:
     title: str
     text: Callable[[Stream, Sequence[str]], str]  # of a stream and the kinds of its frame's findings
     is_number: bool = False
-    width: int = 0  # at least: a column whose width changes each second would move those beside it
 
 
 def _of_delay(get: Callable[[Stream], float | None]) -> Callable[[Stream, Sequence[str]], str]:
     return lambda stream, _: "" if stream.static else milliseconds(get(stream))
 
 
-# The first is always shown, and of the others, in this order, those for which there is space.
 COLUMNS = (
     _Column("frame", lambda stream, _: stream.frame),
-    _Column("Hz", lambda stream, _: "static" if stream.static else rate_text(stream), True, len("static")),
+    _Column("Hz", lambda stream, _: "static" if stream.static else rate_text(stream), is_number=True),
     _Column("delay ms", _of_delay(lambda stream: stream.delay), is_number=True),
-    _Column("wrong", lambda _, kinds: _shortened(kinds), width=len("publishers +1")),
+    _Column("wrong", lambda _, kinds: _shortened(kinds)),
     _Column("parent", lambda stream, _: stream.parent),
     _Column("publisher", lambda stream, _: stream.publisher),
     _Column("max ms", _of_delay(lambda stream: stream.delay_max), is_number=True),
@@ -75,7 +65,7 @@ def show_screen(look: Callable[[], Report], source: str) -> int:
     :param look: makes a report of the present state.
     :param source: the topics and the ROS domain, as a phrase.
     """
-    with deferred_signals(), _terminal_for_textual() as log_reader:
+    with _terminal_for_textual() as log_reader:
         screen = _Screen(look, source, log_reader)
         screen.run(mouse=False)  # so that the terminal itself selects text
         return screen.return_code or 0
@@ -114,12 +104,13 @@ def _terminal_for_textual() -> Iterator[int | None]:
 
 class _Screen(App[None]):
     CSS = """
-    Screen { overflow: hidden; }
-    #summary, #wrong, #details { height: auto; padding: 0 1; }
+    #summary { height: auto; padding: 0 1; }
+    VerticalScroll { height: auto; max-height: 30%; padding: 0 1; }
+    VerticalScroll Static { height: auto; }
     #wrong { color: $text-error; }
     #filter { height: 1; border: none; padding: 0 1; display: none; }
     DataTable { height: 1fr; min-height: 3; }
-    RichLog { height: auto; padding: 0 1; border-top: solid $panel; display: none; overflow-x: hidden; }
+    RichLog { height: auto; max-height: 25%; padding: 0 1; border-top: solid $panel; display: none; }
     """
     BINDINGS = [
         Binding("t", "sort('trouble')", "Trouble", tooltip="The frames with the most problems first"),
@@ -129,8 +120,6 @@ class _Screen(App[None]):
         # Of the screen as a whole: otherwise the keys that follow at once would miss the filter, or reach it.
         Binding("slash", "filter", "Filter", key_display="/", priority=True),
         Binding("enter", "leave_filter", show=False, priority=True),
-        Binding("space", "page(1)", show=False),
-        Binding("b", "page(-1)", show=False),
         Binding("escape", "show_all", show=False),
         Binding("q", "quit", "Quit"),
         Binding("ctrl+c", "quit", show=False, priority=True),
@@ -144,43 +133,39 @@ class _Screen(App[None]):
         self._source = source
         self._log_reader = log_reader
         self._log_rest = b""  # the line that is not complete yet
-        self._log_lines: list[str] = []
         self._report: Report | None = None
         self._problems: dict[str, list[Finding]] = {}  # by frame
         self._streams: list[Stream] = []  # a row for each
         self._order, self._reverse = "trouble", False
-        self._layout: object = None  # of the table: columns, widths, heights of rows
-        self._table_height = 0  # of all its lines
-        self._page = 0  # of the panes that are cut, each modulo the number of its pages
-        self._described: object = None  # which stream is
-        self._spent_s = 0.0  # by this thread, until the last update
 
     def compose(self) -> ComposeResult:
         yield Static(id="summary", markup=False)
-        yield Static(id="wrong", markup=False)
+        with VerticalScroll(id="wrong"):
+            yield Static(markup=False)
         yield Input(placeholder="part of a frame, parent or publisher", id="filter")
-        yield DataTable(cursor_type="row")
-        yield Static(id="details", markup=False)
+        yield DataTable(cursor_type="row", fixed_columns=1)
+        with VerticalScroll(id="details"):
+            yield Static(markup=False)
         yield RichLog(max_lines=LOG_LINES, wrap=True, min_width=1)
         yield Footer()
 
     def on_mount(self) -> None:
         loop = asyncio.get_running_loop()
-        loop.add_reader(signal_reader(), self._end_if_signalled)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, self.exit)
         if self._log_reader is not None:
             loop.add_reader(self._log_reader, self._read_log)
         # After Ctrl-Z and `fg`, Textual itself would write only what has changed.
         self.app_resume_signal.subscribe(self, lambda _: self.screen.refresh())
-        self.query_one(DataTable).focus()
+        table = self.query_one(DataTable)
+        for column in COLUMNS:
+            table.add_column(_cell(column.title, column))
+        table.focus()
         self._update()
 
     def on_unmount(self) -> None:
         if self._log_reader is not None:
             asyncio.get_running_loop().remove_reader(self._log_reader)
-
-    def _end_if_signalled(self) -> None:
-        if signalled():
-            self.exit()
 
     def _update(self) -> None:
         self._report = self._look()
@@ -188,10 +173,8 @@ class _Screen(App[None]):
         for problem in problems(self._report):
             self._problems.setdefault(problem.frame, []).append(problem)
         self._show()
-        spent_s = thread_time()
-        least_s = (spent_s - self._spent_s) / CPU_SHARE if self._spent_s else 0.0
-        self._spent_s = spent_s
-        self.set_timer(max(INTERVAL_S, min(least_s, LONGEST_INTERVAL_S)), self._update)
+        interval_s = max(INTERVAL_S, len(self._streams) / FRAMES_PER_S)
+        self.set_timer(min(interval_s, LONGEST_INTERVAL_S), self._update)
 
     # Keys.
 
@@ -218,10 +201,6 @@ class _Screen(App[None]):
         self.query_one(Input).display = False
         self.query_one(DataTable).focus()
 
-    def action_page(self, step: int) -> None:
-        self._page += step
-        self._show_panes()
-
     def on_input_changed(self) -> None:
         self._hide_unused_filter()  # it may have been left before its last letters arrive
         self._show()
@@ -229,16 +208,6 @@ class _Screen(App[None]):
     def _hide_unused_filter(self) -> None:
         filter = self.query_one(Input)
         filter.display = self.focused is filter or bool(filter.value)
-
-    def on_resize(self, _: Resize) -> None:
-        self._show()
-        self.call_after_refresh(self._fold_log)  # when the log knows its new width
-
-    def _fold_log(self) -> None:
-        log = self.query_one(RichLog)
-        log.clear()
-        for line in self._log_lines:
-            log.write(Text(line))
 
     # What is shown.
 
@@ -250,7 +219,8 @@ class _Screen(App[None]):
         with self.batch_update():
             self.query_one("#summary", Static).update(Text(self._summary(report, streams)))
             self._fill(self._sorted(self._filtered(streams)))
-            self._show_panes()
+            self._show_pane("#wrong", self._elsewhere(streams))
+            self._show_pane("#details", self._details())
 
     def _summary(self, report: Report, streams: Sequence[Stream]) -> str:
         frames = counted(len({stream.frame for stream in streams}), "frame")
@@ -272,87 +242,27 @@ class _Screen(App[None]):
         )
 
     def _fill(self, streams: list[Stream]) -> None:
-        kinds = [[one.kind for one in self._problems.get(stream.frame, ())] for stream in streams]
-        # Width includes the table's own margin of a column, and its scroll bar.
-        cells: dict[_Column, list[str]] = {}
-        widths: dict[_Column, int] = {}
-        left = self.size.width - 2
-        for column in COLUMNS:
-            texts = [printable(column.text(*pair)) for pair in zip(streams, kinds, strict=True)]
-            lengths = [cell_len(text) for text in (column.title, *texts)]
-            width = max(column.width, *lengths)
-            if column is COLUMNS[0]:
-                # Longer names are folded.
-                longest = max(FEWEST_LETTERS, self.size.width // 2)
-                width = max(min(FEWEST_LETTERS, width), *(one for one in lengths if one <= longest))
-            if column is COLUMNS[0] or width + 2 <= left:
-                cells[column], widths[column] = texts, width
-                left -= width + 2
-        heights = [-(-cell_len(name) // widths[COLUMNS[0]]) for name in cells[COLUMNS[0]]]
-        self._table_height = 1 + sum(heights)
         table = self.query_one(DataTable)
-        chosen, top = self._chosen(), table.scroll_y
-        layout = (*widths.items(), *heights)
-        if layout != self._layout:
-            self._layout = layout
-            table.clear(columns=True)
-            for column, width in widths.items():
-                table.add_column(_cell(column.title, column), width=width)
-            for height in heights:
-                table.add_row(*[Text()] * len(widths), height=max(1, height))
-            table.call_after_refresh(table.scroll_to, y=top, animate=False)
-        for row, own in enumerate(kinds):
-            for place, (column, texts) in enumerate(cells.items()):
-                cell = _cell(texts[row], column, "bold red" if own else "")
-                before = table.get_cell_at(Coordinate(row, place))
-                if (before.plain, before.style) != (cell.plain, cell.style):
-                    table.update_cell_at(Coordinate(row, place), cell)
+        # None: the first row, which stays highlighted.
+        chosen = _name_of(self._streams[table.cursor_row]) if table.cursor_row > 0 else None
+        x, y = table.scroll_offset
+        table.clear()
         self._streams = streams
-        if chosen is not None:
-            places = (row for row, one in enumerate(streams) if _name_of(one) == _name_of(chosen))
-            table.move_cursor(row=next(places, 0), scroll=False)
-
-    def _chosen(self) -> Stream | None:
-        """The stream of the highlighted row; None: the first row, which stays highlighted."""
-        row = self.query_one(DataTable).cursor_row
-        return self._streams[row] if 0 < row < len(self._streams) else None
+        for stream in streams:
+            kinds = [one.kind for one in self._problems.get(stream.frame, ())]
+            texts = (printable(column.text(stream, kinds)) for column in COLUMNS)
+            style = "bold red" if kinds else ""
+            table.add_row(*(_cell(*pair, style) for pair in zip(texts, COLUMNS, strict=True)))
+        place = next((row for row, one in enumerate(streams) if _name_of(one) == chosen), 0)
+        table.move_cursor(row=place, scroll=False)
+        table.call_after_refresh(table.scroll_to, x, y, animate=False)
 
     def on_data_table_row_highlighted(self) -> None:
-        self._show_panes()
-        table = self.query_one(DataTable)
-        self.call_after_refresh(lambda: table.move_cursor(row=table.cursor_row))  # it may be lower now
+        self._show_pane("#details", self._details())
 
-    def _show_panes(self) -> None:
-        """Show the problems above the table and the details below it; the table leaves them half, or more."""
-        report = self._report
-        if report is None:
-            return
-        streams = shown_streams(report)
-        above, below = self._folded(self._elsewhere(streams)), self._folded(self._details())
-        left = self.size.height - len(self._folded(Text(self._summary(report, streams))))
-        left -= sum(self.query_one(one).display for one in (Footer, Input))
-        log, log_height = self.query_one(RichLog), min(LOG_HEIGHT, self.size.height // 4)
-        log.styles.max_height = log_height
-        left -= log_height if log.display else 0
-        left -= max(LEAST_TABLE, min(self._table_height, left // 2))
-        height = min(len(above), max(left // 2, left - len(below)))
-        self._show_pane("#wrong", above, height)
-        self._show_pane("#details", below, left - height)
-
-    def _folded(self, text: Text) -> list[Text]:
-        return [*text.wrap(self.console, max(1, self.size.width - 2), overflow="fold")] if text else []
-
-    def _show_pane(self, name: str, lines: list[Text], height: int) -> None:
-        height = max(height, LEAST_PANE)
-        if (count := len(lines)) > height:
-            step = height - 1  # the last line says which these are
-            first = min(self._page % -(-count // step) * step, count - step)
-            shown = f"lines {first + 1} to {first + step}" if step > 1 else f"line {first + 1}"
-            said = Text(f"{shown} of {count}; space and b scroll", style="reverse")
-            lines = [*lines[first : first + step], said]
-        pane = self.query_one(name, Static)
-        pane.update(Text("\n").join(lines))
-        pane.display = bool(lines)
+    def _show_pane(self, name: str, text: Text) -> None:
+        self.query_one(f"{name} Static", Static).update(text)
+        self.query_one(name).display = bool(text)
 
     def _elsewhere(self, streams: Sequence[Stream]) -> Text:
         """The problems of no frame, and of frames that have no row."""
@@ -364,9 +274,6 @@ class _Screen(App[None]):
         """The figures and problems of the stream of the highlighted row."""
         row = self.query_one(DataTable).cursor_row
         stream = self._streams[row] if 0 <= row < len(self._streams) else None
-        described = None if stream is None else _name_of(stream)
-        if described != self._described:
-            self._described, self._page = described, 0
         if stream is None:
             return Text()
         text = Text(stream_line(stream))
@@ -383,7 +290,6 @@ class _Screen(App[None]):
         log = self.query_one(RichLog)
         for line in lines:
             text = printable(Text.from_ansi(line.decode(errors="replace")).plain)
-            self._log_lines = [*self._log_lines[1 - LOG_LINES :], text]
             log.write(Text(text))
             log.display = True
 

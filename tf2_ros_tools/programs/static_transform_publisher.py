@@ -8,19 +8,16 @@ import string
 import sys
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Mapping
-from contextlib import suppress
 from math import hypot, isinf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 from tf2_ros_tools.program import (
     SUCCESS,
     Parser,
     UsageError,
-    deferred_signals,
     finite_number,
     run,
-    wait_for_signal,
 )
 from tf2_ros_tools.yaml_files import read_list
 
@@ -109,23 +106,22 @@ def _of_old_form(values: list[str], given: list[str], file: Path | None) -> Stat
     return StaticTransform.of(numbered(dict(zip(names, values, strict=True))))
 
 
-def publish(options: Namespace) -> int:
-    """Publish until interrupted; return the exit status."""
-    from tf2_ros_tools.listening import spun_node
+def publish(options: Namespace) -> NoReturn:
+    """Publish until interrupted."""
+    from tf2_ros_tools.listening import spun_node, wait
 
     # isort: split
     from tf2_ros import StaticTransformBroadcaster
 
     transforms = transforms_of(options)
-    with suppress(KeyboardInterrupt), spun_node(_unique_name(), options) as node, deferred_signals():
+    with spun_node(_unique_name(), options) as node:
         if options.file is None:
             _declare_parameters(node, transforms[0])
         _warn(node, options, transforms)
         stamp = node.get_clock().now().to_msg()
         StaticTransformBroadcaster(node).sendTransform([_message(one, stamp) for one in transforms])
         node.get_logger().info(_summary(options, transforms))
-        wait_for_signal()
-    return SUCCESS
+        wait()
 
 
 def _unique_name() -> str:
@@ -304,7 +300,7 @@ def _refuse_no_tree(transforms: list[StaticTransform]) -> None:
 
 def main(args: list[str] | None = None) -> int:
     """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), publish, args)
+    return run(parser(), publish, args, interrupted=SUCCESS)
 
 
 if __name__ == "__main__":

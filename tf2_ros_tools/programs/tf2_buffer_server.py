@@ -5,10 +5,9 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from tf2_ros_tools.program import SUCCESS, Parser, UsageError, deferred_signals, run, wait_for_signal
+from tf2_ros_tools.program import SUCCESS, Parser, UsageError, run
 
 if TYPE_CHECKING:
     from rclpy.duration import Duration
@@ -30,20 +29,21 @@ def parser() -> Parser:
     )
 
 
-def serve(options: Namespace) -> int:
-    """Serve until interrupted; return the exit status."""
-    from tf2_ros_tools.listening import spun_node
+def serve(options: Namespace) -> NoReturn:
+    """Serve until interrupted."""
+    from tf2_ros_tools.listening import spun_node, wait
 
     # isort: split
     from tf2_ros import Buffer, BufferServer, TransformListener
 
-    with suppress(KeyboardInterrupt), spun_node("tf_buffer", options) as node, deferred_signals():
+    with spun_node("tf_buffer", options) as node:
         buffer = Buffer(_buffer_size(node), node)
         with TransformListener(buffer, node):
             server = BufferServer(buffer, node, "tf2_buffer_server")
-            wait_for_signal()
-            server.destroy()
-    return SUCCESS
+            try:
+                wait()
+            finally:
+                server.destroy()
 
 
 def _buffer_size(node: Node) -> Duration:
@@ -64,7 +64,7 @@ def _buffer_size(node: Node) -> Duration:
 
 def main(args: list[str] | None = None) -> int:
     """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), serve, args)
+    return run(parser(), serve, args, interrupted=SUCCESS)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from tf2_ros_tools.completion import add_frames
 from tf2_ros_tools.output import printable, rpy_from_matrices
 from tf2_ros_tools.program import (
-    ENDINGS,
     FAILURE,
     SUCCESS,
     Parser,
@@ -22,7 +21,6 @@ from tf2_ros_tools.program import (
     non_negative_number,
     positive_number,
     run,
-    sleep,
 )
 
 if TYPE_CHECKING:
@@ -141,7 +139,7 @@ def echo(options: Namespace) -> int:
         echoing = _Echo(node, buffer, options)
         try:
             echoing.run()
-        except ENDINGS:
+        except KeyboardInterrupt:
             if not echoing.found:
                 raise
         return SUCCESS if echoing.found else FAILURE
@@ -188,7 +186,7 @@ class _Echo:
                 print(self._format.success(transform))
                 if self._options.once:
                     return
-            sleep(max(0, next_ns - time.monotonic_ns()) / S)
+            time.sleep(max(0, next_ns - time.monotonic_ns()) / S)
 
     def _look_up(self, until_ns: int) -> TransformStamped:
         from rclpy.duration import Duration

@@ -9,11 +9,10 @@ import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import asdict
 from importlib.util import find_spec
 from math import nan
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from tf2_ros_tools.completion import add_frames
 from tf2_ros_tools.output import printable, seconds
@@ -75,7 +74,6 @@ def monitor(options: Namespace) -> int:
     ends = _ends(options.frames)
     limits = Limits(min_rate=options.min_rate)
     with (
-        suppress(KeyboardInterrupt),
         spun_node("tf2_monitor", options) as node,
         listening(node, options.window) as heard,
     ):
@@ -88,10 +86,9 @@ def monitor(options: Namespace) -> int:
 
             return show_screen(look, heard.where)
         _print_reports(heard, look, options)
-    return SUCCESS
 
 
-def _print_reports(heard: Listening, look: Callable[[], Report], options: Namespace) -> None:
+def _print_reports(heard: Listening, look: Callable[[], Report], options: Namespace) -> NoReturn:
     interval_s = INTERVAL_S if options.interval is None else options.interval
     lines_of = _as_json if options.json else _as_text if sys.stdout.isatty() else _as_of_tf2
     due = time.monotonic() + interval_s
@@ -187,7 +184,7 @@ def _delays(streams: Sequence[Stream], separator: str) -> str:
 
 def main(args: list[str] | None = None) -> int:
     """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), monitor, args)
+    return run(parser(), monitor, args, interrupted=SUCCESS)
 
 
 if __name__ == "__main__":

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from contextlib import ExitStack, nullcontext, suppress
+from contextlib import ExitStack, suppress
 from math import inf
 from pathlib import Path
 
 from tf2_ros_tools.output import printable
-from tf2_ros_tools.program import SUCCESS, Parser, deferred_signals, positive_number, run
+from tf2_ros_tools.program import SUCCESS, Parser, positive_number, run
 
 __all__ = ["main"]
 
@@ -51,9 +51,7 @@ def relay(options: Namespace) -> int:
     # isort: split
     from tf2_ros_tools.relaying import Relaying
 
-    # A dry run that is interrupted has no result.
-    as_wanted = nullcontext() if options.dry_run else suppress(KeyboardInterrupt)
-    with as_wanted, spun_node("tf2_relay", options) as node, ExitStack() as stack:
+    with spun_node("tf2_relay", options) as node, ExitStack() as stack:
         relaying = Relaying(node, options.rules, options.dry_run, stack)
         if options.dry_run:
             relaying.run(options.t)
@@ -63,9 +61,8 @@ def relay(options: Namespace) -> int:
             node.get_logger().info(f"Relaying by the rules of {options.rules}")
             with suppress(KeyboardInterrupt):
                 relaying.run(inf)
-        with deferred_signals():
-            for line in relaying.report():
-                print(printable(line))
+        for line in relaying.report():
+            print(printable(line))
     return SUCCESS
 
 

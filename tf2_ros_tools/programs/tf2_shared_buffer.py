@@ -6,18 +6,15 @@ from __future__ import annotations
 import os
 import sys
 from argparse import Namespace
-from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from tf2_ros_tools.program import (
     SUCCESS,
     Parser,
     RunError,
     UsageError,
-    deferred_signals,
     non_negative_number,
     run,
-    wait_for_signal,
 )
 
 if TYPE_CHECKING:
@@ -57,14 +54,14 @@ def parser() -> Parser:
     return made
 
 
-def share(options: Namespace) -> int:
-    """Share what is received until interrupted; return the exit status."""
-    from tf2_ros_tools.listening import spun_node
+def share(options: Namespace) -> NoReturn:
+    """Share what is received until interrupted."""
+    from tf2_ros_tools.listening import spun_node, wait
 
     # isort: split
     from tf2_ros import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, TransformListener
 
-    with suppress(KeyboardInterrupt), spun_node("tf2_shared_buffer", options) as node, deferred_signals():
+    with spun_node("tf2_shared_buffer", options) as node:
         domain = node.context.get_domain_id()
         name = f"domain-{domain}" if options.name == "auto" else options.name
         buffer = _shared_buffer(name, options.cache_time, node)
@@ -74,8 +71,7 @@ def share(options: Namespace) -> int:
                 f"Sharing {topics} of ROS domain {domain} as {name!r}: process {os.getpid()}, "
                 f"keeps {buffer.cache_time_ns / 1e9:g} s"
             )
-            wait_for_signal()
-    return SUCCESS
+            wait()
 
 
 def _shared_buffer(name: str, cache_time: float | None, node: Node) -> Buffer:
@@ -91,7 +87,7 @@ def _shared_buffer(name: str, cache_time: float | None, node: Node) -> Buffer:
 
 def main(args: list[str] | None = None) -> int:
     """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), share, args)
+    return run(parser(), share, args, interrupted=SUCCESS)
 
 
 if __name__ == "__main__":

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from contextlib import suppress
 from pathlib import Path
+from typing import NoReturn
 
-from tf2_ros_tools.program import SUCCESS, Parser, UsageError, deferred_signals, run, wait_for_signal
+from tf2_ros_tools.program import SUCCESS, Parser, UsageError, run
 
 __all__ = ["main"]
 
@@ -33,9 +33,9 @@ def parser() -> Parser:
     return made
 
 
-def publish(options: Namespace) -> int:
-    """Publish until interrupted; return the exit status."""
-    from tf2_ros_tools.listening import spun_node
+def publish(options: Namespace) -> NoReturn:
+    """Publish until interrupted."""
+    from tf2_ros_tools.listening import spun_node, wait
 
     # isort: split
     from tf2_ros_tools.state_publisher import StatePublisher
@@ -49,15 +49,14 @@ def publish(options: Namespace) -> int:
         except UnicodeDecodeError as failure:
             raise UsageError(f"{options.file} is not UTF-8: {failure}") from None
     # The name under which files of parameters configure it.
-    with suppress(KeyboardInterrupt), spun_node("robot_state_publisher", options) as node, deferred_signals():
+    with spun_node("robot_state_publisher", options) as node:
         StatePublisher(node, description)
-        wait_for_signal()
-    return SUCCESS
+        wait()
 
 
 def main(args: list[str] | None = None) -> int:
     """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), publish, args)
+    return run(parser(), publish, args, interrupted=SUCCESS)
 
 
 if __name__ == "__main__":

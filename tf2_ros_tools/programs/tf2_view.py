@@ -2,9 +2,9 @@
 """Show the frames of a running robot in three dimensions."""
 
 import sys
+import time
 from argparse import Namespace
 from collections.abc import Callable
-from contextlib import suppress
 from itertools import count
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,6 @@ from tf2_ros_tools.program import (
     ending_in,
     positive_number,
     run,
-    sleep,
     write_output,
 )
 
@@ -91,7 +90,6 @@ def view(options: Namespace) -> int:
     origin = None if options.origin is None else options.origin.removeprefix("/")
     try:
         with (
-            suppress(KeyboardInterrupt),
             spun_node("tf2_view", options) as node,
             filled_buffer(node) as buffer,
         ):
@@ -132,12 +130,12 @@ def _send(live: "Live", check_names: Callable[[], None], viewer: "Viewer | None"
         live.send()
         if number == CHECK_AFTER:
             check_names()
-        sleep(PERIOD_S)
+        time.sleep(PERIOD_S)
 
 
 def main(args: list[str] | None = None) -> int:
     """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), view, args)
+    return run(parser(), view, args, interrupted=SUCCESS)
 
 
 if __name__ == "__main__":

@@ -97,7 +97,11 @@ def view(options: Namespace) -> int:
     draws = options.output is not None or not options.text
     if draws:
         needs_graphviz("--text")
-    return _watch(options) if options.watch else _view_once(options, draws)
+    if not options.watch:
+        return _view_once(options, draws)
+    with suppress(KeyboardInterrupt):
+        return _watch(options)
+    return SUCCESS
 
 
 def _view_once(options: Namespace, draws: bool) -> int:
@@ -138,7 +142,6 @@ def _watch(options: Namespace) -> int:
     files = output_files(options, "")
     is_named = False
     with (
-        suppress(KeyboardInterrupt),
         spun_node("view_frames", options) as node,
         listening(node, WATCH_WINDOW_S, topics=(options.tf_topic, options.tf_static_topic)) as heard,
     ):
@@ -157,7 +160,6 @@ def _watch(options: Namespace) -> int:
                 is_named = True
                 for name in files[:2]:
                     print(name)
-    return SUCCESS
 
 
 def _text(heard: Listening) -> str:

@@ -53,7 +53,7 @@ OF_SOURCES = {
     "packaging/test_messages_packaging.py": "builds the project",
     "packaging/test_packaging.py": "builds the project",
     "packaging/test_portable.py": "reads the C that was compiled",
-    "programs/test_program.py": "reads the sources",
+    "programs/test_manners.py": "reads the sources",
     "packaging/test_public_names.py": "reads the sources",
     "packaging/test_sourced.py": "builds the project",
     "core/test_types_table.py": "reads the sources",

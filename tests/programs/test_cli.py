@@ -89,14 +89,6 @@ class TestBufferServer:
         assert "buffer_size must not be negative, it is -1.0 s" in err
         assert "Traceback" not in err
 
-    @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
-    def test_a_signal_ends_it_without_a_trace(self, server, client, how):
-        assert client.can_transform("map", "map", at(0), LONG)
-        server.send_signal(how)
-        out, err = server.communicate(timeout=DEADLINE_S)
-        assert (server.returncode, out) == (0, "")
-        assert "Traceback" not in err
-
     def test_killed_in_the_middle_of_a_goal_it_is_a_timeout(self, server, tf2_ros, tf2_py, node):
         client = tf2_ros.BufferClient(node, "tf2_buffer_server", timeout_padding=Duration(seconds=0.5))
         assert client.can_transform("map", "map", at(0), LONG)

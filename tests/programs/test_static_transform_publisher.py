@@ -166,7 +166,7 @@ def refused(given, said):
         ([*FRAMES, "--qx", "0", "--yaw", "0"], "a rotation is a quaternion or Euler angles; both were given"),
         ([*FRAMES, "--qw", "0"], "a quaternion must have a finite length above 0"),
         ([*FRAMES, "--qw", "1e308", "--qx", "-1.7e308"], "a quaternion must have a finite length above 0"),
-        ([*FRAMES, "--x", "-inf"], "argument --x: must be finite, not -inf"),
+        ([*FRAMES, "--x", "inf"], "argument --x: must be finite, not inf"),
         ([*FRAMES, "--x", "1.0foo"], "argument --x: '1.0foo' is not a number"),
         ([*FRAMES, "--x"], "argument --x: expected one argument"),
         (["1", "2"], "there are 2 values without options; the old form has 8 or 9"),

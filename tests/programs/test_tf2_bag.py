@@ -6,7 +6,6 @@ import json
 import math
 import os
 import re
-import resource
 import signal
 import subprocess
 import sys
@@ -725,19 +724,6 @@ def texts_of(path):
 
 
 class TestManners:
-    def test_a_full_disk_leaves_what_was_there(self, run, drive_mcap, tmp_path):
-        path = tmp_path / "way.csv"
-        path.write_text("before")
-        limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (100, limits[1]))
-        try:
-            with pytest.raises(RunError, match=r"cannot write .*way\.csv: File too large"):
-                run("lookup", drive_mcap, "map", "base", "-o", path)
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-        assert path.read_text() == "before"
-        assert os.listdir(tmp_path) == ["way.csv"]
-
     @pytest.mark.parametrize("command", COMMANDS)
     def test_each_command_has_a_help_with_an_example_of_itself(self, command, capsys):
         with pytest.raises(SystemExit) as ending:
@@ -754,29 +740,6 @@ class TestManners:
     )
     def test_a_shell_gets_commands_and_their_options(self, tmp_path, line, answer):
         assert completed(line, tmp_path) == answer
-
-    @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")
-    def test_output_that_cannot_be_written_is_one_line_and_status_1(self, drive_mcap):
-        with open("/dev/full", "w") as full:
-            status, _, err = ended("tf2_bag", "lookup", drive_mcap, "map", "base", stdout=full)
-        assert (status, err) == (1, "tf2_bag lookup: No space left on device\n")
-
-    def test_a_reader_who_leaves_ends_it_without_a_word(self, drive_mcap):
-        command = ("lookup", drive_mcap, "map", "base", "--rate", "10000")
-        with running("tf2_bag", *command) as process:
-            assert process.stdout.readline().startswith("stamp_ns,")
-            process.stdout.close()
-            err = process.stderr.read()
-            assert (process.wait(DEADLINE_S), err) == (128 + signal.SIGPIPE, "")
-
-    @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
-    def test_a_signal_ends_it_without_a_trace(self, drive_mcap, how):
-        # A pipe that nobody empties: it does not end by itself.
-        with running("tf2_bag", "lookup", drive_mcap, "map", "base", "--rate", "10000") as process:
-            assert process.stdout.readline().startswith("stamp_ns,")
-            process.send_signal(how)
-            err = process.stderr.read()
-            assert (process.wait(DEADLINE_S), err) == (128 + how, "")
 
     def test_a_library_that_is_missing_is_named_with_its_extra(self, drive_mcap):
         code = (

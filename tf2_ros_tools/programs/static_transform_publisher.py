@@ -119,8 +119,8 @@ def publish(options: Namespace) -> NoReturn:
             _declare_parameters(node, transforms[0])
         _warn(node, options, transforms)
         stamp = node.get_clock().now().to_msg()
-        StaticTransformBroadcaster(node).sendTransform([_message(one, stamp) for one in transforms])
         node.get_logger().info(_summary(options, transforms))
+        StaticTransformBroadcaster(node).sendTransform([_message(one, stamp) for one in transforms])
         wait()
 
 

@@ -1,0 +1,239 @@
+"""The manners that all programs share: help, wrong usage, Ctrl-C, readers who leave, disks that are full."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+from importlib.util import find_spec
+
+import pytest
+from making_bags import drive, write_mcap
+from paths import ROOT
+from processes import DEADLINE_S, broadcasting, completed, ended, needs_dot, running, until
+
+from tf2_ros_tools.program import Parser, finite_number, non_negative_number, positive_number
+
+pytestmark = pytest.mark.ours
+
+# By program: a valid command line, the exit status after Ctrl-C, and what it writes before it waits.
+PROGRAMS = {
+    "static_transform_publisher": ("--frame-id map --child-frame-id robot", 0),
+    "tf2_bag": ("info drive.mcap", 130),
+    "tf2_buffer_server": ("", 0),
+    "tf2_check": ("-t 3600", 130),
+    "tf2_echo": ("map robot", 130),
+    "tf2_monitor": ("", 0),
+    "tf2_plot": ("-t 3600", 130),
+    "tf2_relay": ("relay.yaml", 0),
+    "tf2_shared_buffer": ("--name manners", 0),
+    "tf2_state_publisher": ("robot.urdf", 0),
+    "tf2_view": ("-o live.rrd", 0),
+    "view_frames": ("-t 3600 --text", 130),
+}
+NODES = [name for name in PROGRAMS if name != "tf2_bag"]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The current folder, with the files that the command lines name."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    write_mcap(tmp_path / "drive.mcap", drive(100))
+    (tmp_path / "relay.yaml").write_text("- {to: [/relay/tf, /relay/tf_static]}")
+    (tmp_path / "robot.urdf").write_text("<robot name='robot'><link name='base'/></robot>")
+    return tmp_path
+
+
+def test_all_programs_have_manners():
+    assert {path.stem for path in (ROOT / "tf2_ros_tools" / "programs").glob("[!_]*.py")} == {*PROGRAMS}
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+class TestEveryProgram:
+    def test_help_has_an_example_and_imports_no_ros(self, name):
+        code = (
+            f"import sys; from tf2_ros_tools.programs.{name} import main\n"
+            f"try: main(['{name}', '-h'])\n"
+            "finally: print({'rclpy', 'numpy', 'tf2_ros', 'textual'} & {*sys.modules}, file=sys.stderr)"
+        )
+        done = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True)
+        assert (done.returncode, done.stderr) == (0, "set()\n")
+        assert done.stdout.startswith(f"usage: {name} ") and f"\nexample:\n  {name} " in done.stdout
+        assert ("--ros-args" in done.stdout) == (name in NODES)
+        assert max(map(len, done.stdout.splitlines())) <= 110
+
+    def test_wrong_usage_is_one_line_and_status_2(self, name):
+        status, out, err = ended(name, "--no-such-option")
+        assert (status, out, err.count("\n")) == (2, "", 1)
+        assert err.startswith(f"{name}: ") and err.endswith(f"(see {name} --help)\n")
+
+    def test_a_shell_gets_its_options(self, name, tmp_path):
+        assert completed(f"{name} --hel", tmp_path) == "--help"
+        # argcomplete looks for this in the first 1024 bytes.
+        source = (ROOT / "tf2_ros_tools" / "programs" / f"{name}.py").read_text(encoding="utf-8")
+        assert source.startswith("# PYTHON_ARGCOMPLETE_OK\n")
+
+    def test_a_reader_who_leaves_ends_it_without_a_word(self, name):
+        reading, writing = os.pipe()
+        os.close(reading)
+        try:
+            status, _, err = ended(name, "-h", stdout=writing)
+        finally:
+            os.close(writing)
+        assert err == "" and status in (0, 1)
+
+    def test_ctrl_c_while_it_still_imports_leaves_no_trace(self, name, folder):
+        (folder / "tf2_ros.py").write_text(
+            "import time\nprint('importing')\nfor _ in range(1000): time.sleep(0.1)\n"
+        )
+        line = [name, *PROGRAMS[name][0].split()]
+        code = (
+            f"import sys; sys.path.insert(0, {str(folder)!r})\n"
+            f"from tf2_ros_tools.programs.{name} import main\nsys.exit(main({line}))"
+        )
+        with subprocess.Popen(
+            [sys.executable, "-c", code], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        ) as process:
+            assert process.stdout.readline() == "importing\n"
+            process.send_signal(signal.SIGINT)
+            _, err = process.communicate(timeout=DEADLINE_S)
+        assert process.returncode in (130, PROGRAMS[name][1]) and err == ""
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_ctrl_c_ends_a_node_once_however_often_it_comes(name, node, folder):
+    if name == "tf2_view" and find_spec("rerun") is None:
+        pytest.skip("rerun is not installed")
+    line, status = PROGRAMS[name]
+    options = ["--namespace", "robot_1", "--ros-args", "-r", "__node:=ended"]
+    with running(name, *line.split(), *options) as process:
+        until(lambda: ("ended", "/robot_1") in node.get_node_names_and_namespaces())
+
+        def uses(topic):
+            ends = [*node.get_publishers_info_by_topic(topic), *node.get_subscriptions_info_by_topic(topic)]
+            return "ended" in [one.node_name for one in ends]
+
+        until(lambda: uses("/robot_1/tf_static"))
+        assert not uses("/tf_static")
+        for _ in range(3):
+            process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == status
+    assert "Traceback" not in err and "Error" not in err
+    until(lambda: "ended" not in [one.node_name for one in node.get_publishers_info_by_topic("/rosout")])
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("tf2_echo --ros-args -p x", "--ros-args: "),
+        ("tf2_echo a b --ros-args -r __node:=a-b", "--ros-args: "),
+        (
+            "tf2_echo a b --namespace robot-1",
+            "argument --namespace: 'robot-1' is not a namespace such as robot1",
+        ),
+        ("tf2_bag", "the following arguments are required: COMMAND (see tf2_bag --help)"),
+        ("tf2_bag twice", "argument COMMAND: invalid choice: 'twice'"),
+    ],
+)
+def test_what_is_wrong_is_said(line, said):
+    name, *arguments = line.split()
+    status, out, err = ended(name, *arguments)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith(f"{name}: {said}")
+
+
+@pytest.mark.parametrize("text", ["-1", "-.5", "-1e-3", "-2.E+5", "-007"])
+def test_a_negative_number_is_a_value_in_every_place(text):
+    parser = Parser("any", "", "", node=False)
+    parser.add_argument("first", type=finite_number)
+    parser.add_argument("second", nargs="?", type=finite_number)
+    parser.add_argument("-x", type=finite_number)
+    for line in ([text, text, "-x", text], ["-x", text, text, text], [text, "-x" + text, text]):
+        read = parser.read(["any", *line])
+        assert [read.first, read.second, read.x] == [float(text)] * 3
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "said"),
+    [
+        (finite_number, "1,5", "'1,5' is not a number"),
+        (finite_number, "nan", "must be finite, not nan"),
+        (positive_number, "0", "must be above 0, not 0"),
+        (non_negative_number, "-1", "must not be negative, it is -1"),
+    ],
+)
+def test_what_is_out_of_range_is_said(kind, text, said, capsys):
+    parser = Parser("any", "", "", node=False)
+    parser.add_argument("number", type=kind)
+    with pytest.raises(SystemExit):
+        parser.read(["any", text])
+    assert capsys.readouterr().err == f"any: argument number: {said} (see any --help)\n"
+
+
+def test_a_program_of_commands_names_the_one_that_refuses(folder):
+    status, out, err = ended("tf2_bag", "lookup", "drive.mcap", "map", "base", "--rate", "-1")
+    assert (status, out) == (2, "")
+    assert err == "tf2_bag lookup: argument --rate: must be above 0, not -1 (see tf2_bag lookup --help)\n"
+
+
+def test_another_tf2_ros_is_named(folder):
+    (folder / "tf2_ros.py").write_text("")
+    code = (
+        "import sys; from tf2_ros_tools.programs.tf2_echo import main; sys.exit(main(['tf2_echo', 'a', 'b']))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True, cwd=folder)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
+    assert done.stderr.startswith("tf2_echo: No module named 'tf2_ros.")
+    assert done.stderr.endswith("; tf2_which shows which tf2_ros is imported\n")
+
+
+# Full disks: what was there before stays.
+
+FILES = {
+    "way.csv": "tf2_bag lookup drive.mcap map base --rate 1000 -o {}",
+    "way.npz": "tf2_bag lookup drive.mcap map base --rate 1000 -o {}",
+    "way.parquet": "tf2_bag lookup drive.mcap map base --rate 1000 -o {}",
+    "tree.gv": "tf2_bag tree drive.mcap -o {}",
+    "plot.png": "tf2_bag plot drive.mcap -o {}",
+    "robot.rrd": "tf2_bag view drive.mcap -o {}",
+    "frames.gv": "view_frames -t 2 -o frames.pdf",
+    "live.png": "tf2_plot -t 2 -o {}",
+}
+
+
+@needs_dot
+@pytest.mark.parametrize("name", FILES)
+def test_a_file_that_cannot_be_written_is_one_line_and_nothing_changes(name, folder):
+    for suffix, library in ((".rrd", "rerun"), (".parquet", "pyarrow")):
+        if name.endswith(suffix):
+            pytest.importorskip(library)
+    (folder / name).write_text("before")
+    left = sorted(os.listdir(folder))
+    line = FILES[name].format(name).split()
+
+    def limit():  # unlike a small file system, it needs no rights
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
+
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+    with broadcasting():
+        status, _, err = ended(*line, preexec_fn=limit, env=environment)
+    # Kilted's Fast DDS says that the limit leaves no shared memory.
+    lines = [one for one in err.splitlines() if "[INFO]" not in one and "RTPS_" not in one]
+    assert (status, len(lines)) == (1, 1), err
+    assert name in lines[0] and lines[0].endswith(": File too large"), err
+    assert (folder / name).read_text() == "before"
+    assert sorted(os.listdir(folder)) == left
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")
+@pytest.mark.parametrize(
+    "line", ["tf2_bag info drive.mcap", "tf2_echo map camera", "tf2_check -t 1", "tf2_monitor"]
+)
+def test_output_that_cannot_be_written_is_one_line_and_status_1(line, folder):
+    name, *arguments = line.split()
+    with broadcasting(), open("/dev/full", "w") as full:
+        status, _, err = ended(name, *arguments, stdout=full)
+    assert (status, err.splitlines()[-1].partition(": ")[2]) == (1, "No space left on device")
+    assert "Traceback" not in err

@@ -16,6 +16,7 @@ import sys
 from argparse import Action, ArgumentParser, ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Callable
 from decimal import Decimal
+from io import TextIOWrapper
 from os.path import splitext
 from textwrap import fill
 from types import FrameType
@@ -170,7 +171,7 @@ def run(
         signal.signal(number, _interrupt)
     try:
         _complete(parser)
-        if hasattr(sys.stdout, "reconfigure"):
+        if isinstance(sys.stdout, TextIOWrapper):
             sys.stdout.reconfigure(line_buffering=True)  # the reader of a pipe may wait for the line
         options = parser.read(arguments)
         parser = options.parser

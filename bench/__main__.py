@@ -18,12 +18,10 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from bench import (
-    guard,
     inserts,
     lookups,
     nodes,
@@ -32,26 +30,27 @@ from bench import (
     receiving,
     recordings,
     report,
-    shared,
-    targets,
 )
 from bench.processes import Failure, run_command
 from bench.race import OURS, Run
 from bench.sizes import FULL, QUICK
 
-SECTIONS = {
-    section.__name__: section
-    for section in (
-        lookups.lookups,
-        lookups.growth,
-        lookups.vectors,
-        inserts.inserts,
-        inserts.memory,
-        nodes.online,
-        recordings.recordings,
-        guard.instructions,
-    )
-} | {f"{parts.SECTION}:{part.__name__}": part for parts in (receiving, shared) for part in parts.PARTS}
+SECTIONS = (
+    {
+        section.__name__: section
+        for section in (
+            lookups.lookups,
+            lookups.growth,
+            lookups.vectors,
+            inserts.inserts,
+            inserts.memory,
+            nodes.online,
+            recordings.recordings,
+        )
+    }
+    | {"nodes": nodes.many}
+    | {f"{receiving.SECTION}:{part.__name__}": part for part in receiving.PARTS}
+)
 RESULTS = Path(__file__).resolve().parent / "results"
 PACKAGES = ("tf2-ros-cython", "numpy", "ros-jazzy-rclpy", "matplotlib")
 QUICK_RESULTS = peers.FETCHED / "results"
@@ -75,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--only",
         nargs="+",
-        choices=[receiving.SECTION, shared.SECTION, *SECTIONS],
+        choices=[receiving.SECTION, *SECTIONS],
         metavar="SECTION",
         help="measure only these, for this project and a sourced ROS 2, and write no files: %(choices)s",
     )
@@ -113,24 +112,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "missing": missing,
         "absent": run.absent,
         "rows": run.rows.as_json(),
-        "targets": [asdict(verdict) for verdict in targets.verdicts(run.rows)],
     }
-    _print(result, run, bool(options.only))
+    _print(result, run)
     if not options.only:
         _write(result, run, QUICK_RESULTS if options.quick else RESULTS)
     return 0
 
 
-def _print(result: dict[str, Any], run: Run, known_only: bool) -> None:
+def _print(result: dict[str, Any], run: Run) -> None:
     busy = [result["load_average"][when][0] for when in ("before", "after")]
-    verdicts = targets.verdicts(run.rows)
-    if known_only:
-        verdicts = [verdict for verdict in verdicts if verdict.verdict != targets.UNKNOWN]
     parts = [
         report.introduction(result["machine"], busy, run.libraries.values(), result["missing"]),
         report.tables(run.rows, run.libraries),
         report.remarks(run.rows, run.libraries, run.absent),
-        report.verdict_table(verdicts),
     ]
     print(redacted("\n\n".join(parts)))
 

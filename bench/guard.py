@@ -15,26 +15,17 @@ import re
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from bench.peers import ours
 from bench.processes import CONTESTANTS, Failure, run_command
-from bench.race import OURS, Entry, Run, Sample
 
 DUMPS_PER_CASE = 3  # up to the first mark; the shorter run; the run of twice as many calls
 # As in counted.py, which only an interpreter with ROS can import.
 BATCHED = "lookup_transforms", "set_transforms"
 BATCHED_CALLS, SINGLE_CALLS = 10, 200
-VECTOR_TIMES = 1000
-
-# Case, what grows, to what sizes: as in the section `growth`, but small enough for callgrind.
-GROWING = (
-    ("Buffer.lookup_transform past", "samples", (100, 1000, 10_000)),
-    ("lookup_transforms", "samples", (1000, 10_000)),
-    ("Buffer.lookup_transform below", "ancestors", (10, 100, 500)),
-)
 
 BASELINE = Path(__file__).resolve().parent / "guard_baseline.json"
 REFERENCE = "reference"
@@ -84,22 +75,6 @@ def count(cases: Sequence[str]) -> dict[str, float]:
         name: (more - less) / (BATCHED_CALLS if name.startswith(BATCHED) else SINGLE_CALLS)
         for name, less, more in zip(cases, shorter, longer, strict=True)
     }
-
-
-def instructions(run: Run) -> None:
-    """How instructions grow with history and depth, in a full run."""
-    if not run.sizes.thorough:
-        return
-    run.say("instructions: callgrind")
-    cases = {f"{case}={value}": (case, axis, value) for case, axis, values in GROWING for value in values}
-
-    def measure() -> Iterator[Sample]:
-        for name, counted in count(list(cases)).items():
-            case, axis, value = cases[name]
-            per = VECTOR_TIMES if case == "lookup_transforms" else 1
-            yield Sample(OURS, case, {axis: value}, [counted / per], "instructions")
-
-    run.race("instructions", [Entry(OURS, measure)], rounds=1)
 
 
 def python_series() -> str:

@@ -98,20 +98,6 @@ class Rows(list[Row]):
         return [asdict(row) for row in self]
 
 
-def ratio_of_rounds(above: Row | None, below: Row | None) -> float:
-    """The median of the rounds' ratios: in a race, a disturbance affects both. NaN where one is missing."""
-    if above is None or below is None:
-        return math.nan
-    return statistics.median(a / b for a, b in zip(above.rounds, below.rounds, strict=True))
-
-
-def difference_of_rounds(above: Row | None, below: Row | None) -> float:
-    """The median of the rounds' differences. NaN where one is missing."""
-    if above is None or below is None:
-        return math.nan
-    return statistics.median(a - b for a, b in zip(above.rounds, below.rounds, strict=True))
-
-
 def row_of(section: str, samples: Sequence[Sample]) -> Row:
     first = samples[0]
     pooled = [value for sample in samples for value in sample.values]

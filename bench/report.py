@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -10,7 +9,6 @@ from typing import Any
 from bench.processes import Library
 from bench.race import OURS, Row, Rows
 from bench.receiving import FLOOR, SECTION
-from bench.targets import Verdict, cpp_factor
 
 WIDTH = 110
 BUSY = 0.75  # load for each core, this run's own included
@@ -29,28 +27,23 @@ SECTIONS = {
         "Receiving, us: CPU of the process per message, lookups, waits until their answer; messages lost",
         "listener",
     ),
-    "shared": (
-        "Shared buffers, us per lookup, wait and attaching; MB; CPU seconds per second of all nodes",
-        "private",
-    ),
+    "nodes": ("Nodes that are spun, shared or not: CPU seconds per second of all of them", "listening"),
     "recordings": (
         "Recordings, us per transform loaded, per lookup, per pickle and back; recordings per second",
         "bag.load",
     ),
     "memory": ("Memory, bytes per dynamic sample", "resident"),
-    "instructions": ("Growth in instructions (callgrind), 4 dynamic hops, per transform", ""),
 }
 # Few things, each its own: a line for each row.
 LISTED = (
     "online",
     "inserts",
     "receiving",
-    "shared",
+    "nodes",
     "recordings",
     "memory",
-    "instructions",
 )
-UNITS = {"x": "{:.2f}x", "B": "{:.1f}", "/s": "{:.2f}/s", "MB": "{:.2f} MB", "CPU": "{:.3f}"}
+UNITS = {"x": "{:.2f}x", "B": "{:.1f}", "/s": "{:.2f}/s", "CPU": "{:.3f}"}
 
 
 def introduction(
@@ -171,12 +164,6 @@ def _line(row: Row, main: Row | None, libraries: Mapping[str, Library]) -> str:
 def remarks(rows: Rows, libraries: Mapping[str, Library], absent: Sequence[Mapping[str, str]]) -> str:
     """What did not answer, and whose answers are not ours."""
     lines = [_rule("Remarks")]
-    factor = cpp_factor(rows)
-    if not math.isnan(factor):
-        lines.append(
-            f"Debian's C++ takes {factor:.2f} times what it took where tf2 of ROS 2 Jazzy was measured "
-            "beside it."
-        )
     floors = [row for row in rows.all(SECTION, OURS, FLOOR) if len(row.rounds) > 1]
     if floors:
         worst = max(floors, key=lambda row: max(row.rounds) / min(row.rounds))
@@ -204,14 +191,6 @@ def remarks(rows: Rows, libraries: Mapping[str, Library], absent: Sequence[Mappi
     for entry in absent:
         name = libraries[entry["who"]].label if entry["who"] in libraries else entry["who"]
         lines.append(f"{name} takes no part in {entry['what']}: {entry['reason']}")
-    return "\n".join(lines)
-
-
-def verdict_table(verdicts: Sequence[Verdict]) -> str:
-    lines = [_rule("Targets")]
-    for verdict in verdicts:
-        lines.append(f"{verdict.verdict:13}{verdict.target:28}{verdict.what}")
-        lines.append(f"{'':13}{verdict.measured}; wanted {verdict.wanted}")
     return "\n".join(lines)
 
 

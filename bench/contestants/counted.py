@@ -22,7 +22,7 @@ VECTOR_TIMES = 1000
 WARM_UP = 20
 BATCH = 50
 HOPS = 4
-SAMPLES, FEW = 300, 20  # per frame, where a case does not say
+SAMPLES = 300  # per frame
 
 
 def pose(i):
@@ -31,14 +31,14 @@ def pose(i):
 
 
 @functools.cache
-def chain(samples, above=0, full=False):
+def chain(samples, full=False):
     """
-    A buffer with a chain of moving frames, `above` of them above frame 0; samples 0: one static link each.
+    A buffer with a chain of moving frames; samples 0: one static link each.
 
     `full`: every further sample drops the oldest.
     """
     buffer = Buffer(Duration(nanoseconds=samples * STEP_NS) if full else Duration(seconds=1e6))
-    frames = range(-above, HOPS)
+    frames = range(HOPS)
     batch = TFMessage(transforms=[TransformStamped() for _ in frames])
     for i in range(samples or 1):
         for message, frame in zip(batch.transforms, frames, strict=True):
@@ -47,9 +47,9 @@ def chain(samples, above=0, full=False):
     return buffer
 
 
-def past(samples, i):
+def past(i):
     """A time within the history, in another interval than the one before it."""
-    return START_NS + (i * 7919 % ((samples - 1) * STEP_NS // 1000)) * 1000
+    return START_NS + (i * 7919 % ((SAMPLES - 1) * STEP_NS // 1000)) * 1000
 
 
 def lookups(buffer, count, time_of):
@@ -58,8 +58,8 @@ def lookups(buffer, count, time_of):
     ]
 
 
-def vector(buffer, samples, count):
-    times = np.array(sorted(past(samples, 104729 * i) for i in range(VECTOR_TIMES)))
+def vector(buffer, count):
+    times = np.array(sorted(past(104729 * i) for i in range(VECTOR_TIMES)))
     return buffer.lookup_transforms, [("frame_0", f"frame_{HOPS}", times)] * count
 
 
@@ -96,30 +96,26 @@ def reference(table, name, x):
 
 def case(name, count):
     """A function and `count` argument tuples."""
-    kind, _, size = name.partition("=")
-    samples = int(size) if size else SAMPLES
-    if kind == "reference":
+    if name == "reference":
         return reference, [({}, "frame", float(i)) for i in range(count)]
-    if kind == "Buffer.lookup_transform static":
+    if name == "Buffer.lookup_transform static":
         return lookups(chain(0), count, lambda i: 0)
-    if kind == "Buffer.lookup_transform latest":
-        return lookups(chain(samples), count, lambda i: 0)
-    if kind == "Buffer.lookup_transform past":
-        return lookups(chain(samples), count, lambda i: past(samples, 104729 * i))
-    if kind == "Buffer.lookup_transform below":
-        return lookups(chain(FEW, int(size)), count, lambda i: past(FEW, 104729 * i))
-    if kind == "lookup_transforms":
-        return vector(chain(samples), samples, count)
-    if kind == "set_transform":
-        return chain(samples, full=True).set_transform, [
-            (message, AUTHORITY) for (message,) in next_messages(samples, count, 1)
+    if name == "Buffer.lookup_transform latest":
+        return lookups(chain(SAMPLES), count, lambda i: 0)
+    if name == "Buffer.lookup_transform past":
+        return lookups(chain(SAMPLES), count, lambda i: past(104729 * i))
+    if name == "lookup_transforms":
+        return vector(chain(SAMPLES), count)
+    if name == "set_transform":
+        return chain(SAMPLES, full=True).set_transform, [
+            (message, AUTHORITY) for (message,) in next_messages(SAMPLES, count, 1)
         ]
-    if kind == "set_transforms_cdr":
+    if name == "set_transforms_cdr":
         data = [
             bytes(serialize_message(TFMessage(transforms=batch)))
-            for batch in next_messages(samples + 1000, count, BATCH)
+            for batch in next_messages(SAMPLES + 1000, count, BATCH)
         ]
-        return chain(samples, full=True).set_transforms_cdr, [(message, AUTHORITY) for message in data]
+        return chain(SAMPLES, full=True).set_transforms_cdr, [(message, AUTHORITY) for message in data]
     raise ValueError(name)
 
 

@@ -42,8 +42,6 @@ NOT_HERE = {
     "tests/packaging/test_portable.py": "lists what extensions call, which includes the sanitizer",
     "tests/packaging/test_sourced.py": "builds the package without a sanitizer",
     "tests/packaging/test_typing.py": "runs only type checkers",
-    "tests/ros/test_shared_owners.py::test_a_process_that_may_have_little_address_space": "shadow memory "
-    "takes terabytes of address space",
     "tests/ros/test_shared_owners.py::test_a_spoiled_file_does_no_harm_to_readers": "damages what "
     "the build checks",
     "tests/ros/test_shared_owners.py::test_a_file_that_is_truncated_is_left": "damages what the build checks",
@@ -126,8 +124,6 @@ KINDS = {
         not_here={
             "tests/ros/test_shared_owners.py::test_a_file_that_is_truncated_is_left": "its own handler of "
             "SIGBUS comes first",
-            "tests/ros/test_shared_owners.py::test_a_program_with_closed_standard_streams_logs_nothing_into_"
-            "its_shared_buffer": "it ends where it cannot write",
         },
     ),
 }

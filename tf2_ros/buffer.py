@@ -116,15 +116,18 @@ class Buffer(BufferCore, AnsweringInterface):
     ) -> None:
         if share is not None and attach is not None:
             raise ValueError("a buffer either shares what it holds, or is attached to one that does")
-        ring = None
+        reader = None
         # Few programs share a buffer, or have frames expire; only they load the modules for it.
         if share is not None or attach is not None:
             require_linux()
         if attach is not None:
-            from tf2_ros._shared.attachment import open_ring
+            from tf2_ros._shared.attachment import Attachment, open_ring
+            from tf2_ros._shared.files import describe_owner
 
-            ring = open_ring(buffer_name(attach, node))
-            cache_time = ring.cache_time_s() if cache_time is None else cache_time
+            attach = buffer_name(attach, node)
+            reader = open_ring(attach)
+            if cache_time is None:
+                cache_time = describe_owner(reader.descriptor).cache_time_ns / 1e9
         BufferCore.__init__(
             self, cache_time, max_frames=max_frames, max_bytes=max_bytes, max_waiters=max_waiters
         )
@@ -132,8 +135,8 @@ class Buffer(BufferCore, AnsweringInterface):
             from tf2_ros._shared.owner import Owner
 
             self._tf2_sharing = Owner(self, buffer_name(share, node))
-        if ring is not None:
-            self._tf2_sharing = ring.attach_to(self)
+        if attach is not None and reader is not None:
+            self._tf2_sharing = Attachment(self, attach, reader)
         self.__connect(node)
         if expire_after is not None:
             if not HAS_ROS:

@@ -37,7 +37,7 @@ from tf2_ros.buffer import SETTERS, Buffer
 from tf2_ros.records import Recording
 
 if TYPE_CHECKING:
-    from tf2_ros._shared.attachment import AttachedListener
+    from tf2_ros._shared.attachment import Attachment
 
 __all__ = ["DEFAULT_STATIC_TF_TOPIC", "DEFAULT_TF_TOPIC", "TransformListener"]
 _names.offer(globals())
@@ -122,7 +122,7 @@ class TransformListener:
     _tf2_receiver: Receiver | None = None
     _tf2_process: int | None = None
     _tf2_reception: Reception | None = None
-    _tf2_attachment: "AttachedListener | None" = None
+    _tf2_attachment: "Attachment | None" = None
     _tf2_recording: Recording | None = None
     _tf2_prefix = ""
     _tf2_queue: CallbackQueue | None = None  # of the node; None: this rcl is not known, or it is another kind
@@ -166,7 +166,7 @@ class TransformListener:
                 from tf2_ros._shared.attachment import attach_listener
 
                 is_usual = qos is None and static_qos is None and not static_only and self._tf2_is_direct()
-                self._tf2_attachment = attach_listener(self, is_usual, (tf_topic, tf_static_topic))
+                self._tf2_attachment = attach_listener(self, is_usual)
                 if prefix and self._tf2_attachment is not None:
                     raise ValueError(
                         "a listener of an attached buffer takes no prefix: its owner names frames"
@@ -204,10 +204,12 @@ class TransformListener:
         # What arrived before goes into the buffer of before.
         if self._tf2_receiver is not None:
             self._tf2_receiver.inbox.catch_up()
+        changed = self.__dict__.get("_tf2_buffer") is not buffer
         self._tf2_buffer = buffer
-        for source in (self._tf2_attachment, self._tf2_receiver):
-            if source is not None:
-                source.redirect()
+        if self._tf2_receiver is not None:
+            self._tf2_receiver.redirect()
+        if changed and self._tf2_attachment is not None:
+            self._tf2_attachment.leave(self, "this program gives the listener another buffer")
         if self._tf2_reception is not None:
             note_filler(self.node, buffer, self._tf2_queue)
             self._tf2_reception.fill(buffer)
@@ -223,10 +225,11 @@ class TransformListener:
         if "receives" in self.__dict__:
             value: tuple[str, ...] = self.__dict__["receives"]
             return value
-        if self._tf2_attachment is not None and self._tf2_attachment.alive:
-            return self._tf2_attachment.topics
+        is_attached = self._tf2_attachment is not None and self._tf2_attachment.has(self)
         return tuple(
-            topic.name for topic in self._tf2_topics if topic.receiver is not None and topic.receiver.alive
+            topic.name
+            for topic in self._tf2_topics
+            if is_attached or (topic.receiver is not None and topic.receiver.alive)
         )
 
     @receives.setter
@@ -239,7 +242,7 @@ class TransformListener:
         if self._tf2_is_forked():
             return
         if self._tf2_attachment is not None:
-            self._tf2_attachment.close()
+            self._tf2_attachment.remove(self)
         if not self._tf2_owns_node:
             # A subclass that does not call __init__ makes the first two itself.
             names = ["tf_sub", "tf_static_sub", *(topic.attribute for topic in self._tf2_topics)]
@@ -259,7 +262,7 @@ class TransformListener:
         if self._tf2_receiver is not None:
             self._tf2_receiver.stop()
         if self._tf2_attachment is not None:
-            self._tf2_attachment.close()
+            self._tf2_attachment.remove(self)
         if self._tf2_spinner is not None:
             self._tf2_spinner.stop(wait=False)
         elif "executor" in attributes and "dedicated_listener_thread" in attributes:
@@ -281,8 +284,8 @@ class TransformListener:
                 else self._tf2_attachment.describe()
             )
             return f"<{name} of {source}, {FORKED}>"
-        if self._tf2_attachment is not None and not self._tf2_reception.topics:
-            state = "" if self._tf2_attachment.alive else ", ended"
+        if self._tf2_attachment is not None:
+            state = "" if self._tf2_attachment.has(self) else ", ended"
             return f"<{name} of {self._tf2_attachment.describe()}{state}>"
         if not self._tf2_reception.topics:
             return f"<{name} with subscriptions of another class than rclpy's>"

@@ -22,6 +22,8 @@ cdef class ReadHook:
     cdef uint32_t* read             # set to RECENTLY by each read; the inbox counts down
     # Inserts all that has arrived. It runs no code of a program, and nothing that waits for the GIL.
     cdef int drain(self) except -1
+    # The engine is being destroyed: it must not be used any more.
+    cdef void engine_ended(self) noexcept
 
 
 cdef class Tap:

@@ -163,6 +163,9 @@ cdef class ReadHook:
     cdef int drain(self) except -1:
         raise NotImplementedError
 
+    cdef void engine_ended(self) noexcept:
+        pass
+
 
 cdef class Tap:
     """Passes on what a program itself inserts."""
@@ -204,6 +207,10 @@ cdef class Engine:
         self._names, self._authorities = [], []
 
     def __dealloc__(self):
+        cdef ReadHook inbox = self._inboxes
+        while inbox is not None:
+            inbox.engine_ended()
+            inbox = inbox.following
         fork_forget(&self._forked)
         # No waiter is left: each owner holds its engine.
         waiters_free(&self._waiters)

@@ -3,7 +3,7 @@
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t, uint64_t
 
-from tf2_py._internal cimport Batch, Engine, Lock, ReadHook, Tap
+from tf2_py._internal cimport Batch, Engine, ReadHook, Tap
 
 cdef enum:
     ROUND_NS = 100000000        # how long a message waits if nothing asks for it
@@ -54,7 +54,7 @@ cdef struct State:
     uint32_t wants_each         # atomic: the source must take each message when it arrives
     uint32_t needs_report       # atomic: `reports` may hold something
     Watcher* watcher            # or NULL
-    Lock lock                   # guards the rest
+    # Guarded by the lock of all inboxes.
     bint is_closed
     # Takes and inserts at most this many messages. Returns how many.
     size_t (*take)(State* inbox, size_t most) noexcept nogil
@@ -76,8 +76,11 @@ cdef struct State:
 cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil
 # Whether each message is wanted at once.
 cdef bint inbox_wants_all(State* inbox) noexcept nogil
-# Drains one slice; `is_behind` becomes True if more is left. Returns whether messages have arrived since the
-# last time.
+# The lock of all inboxes. A thread that holds it takes at most that of an engine, of records or of a ring.
+cdef void inboxes_lock() noexcept nogil
+cdef void inboxes_unlock() noexcept nogil
+# Drains one slice, with the lock held; `is_behind` becomes True if more is left. Returns whether messages
+# have arrived since the last time.
 cdef bint inbox_serve(State* inbox, bint* is_behind) noexcept nogil
 cdef void inbox_count_round(State* inbox, int64_t now_ns) noexcept nogil
 # Has `report_pending` called, by the thread for it.

@@ -31,7 +31,6 @@ from tf2_py._internal cimport (
     condition_wait,
     links_empty,
     lock_acquire,
-    lock_free,
     lock_init,
     lock_release,
     monotonic_ns,
@@ -72,7 +71,7 @@ cdef struct Signal:
 
 cdef Signal _work               # for the thread that drains
 cdef Signal _reporting          # for the thread that reports
-cdef Lock _list_lock            # guards the list of all, and is held while its members are drained in turn
+cdef Lock _lock                 # of all inboxes: guards their list, and what their State says
 cdef State* _first = NULL
 cdef uint32_t _is_idle = 0      # atomic: the thread sleeps until something arrives
 cdef uint32_t _is_stopping = 0  # atomic
@@ -102,6 +101,14 @@ cdef void _signal_wait(Signal* signal, int64_t ns) noexcept nogil:
 
 
 # What sources call.
+
+cdef void inboxes_lock() noexcept nogil:
+    lock_acquire(&_lock)
+
+
+cdef void inboxes_unlock() noexcept nogil:
+    lock_release(&_lock)
+
 
 cdef bint inbox_wants_all(State* inbox) noexcept nogil:
     if word_load(&inbox.armed) or word_load(&inbox.read) or word_load(&inbox.wants_each):
@@ -190,7 +197,7 @@ cdef void _move_to(Parcels* parcels, State* inbox) noexcept nogil:
     inbox.spare = NULL
 
 
-# Draining; with the inbox's lock held.
+# Draining; with the lock held.
 
 # Without the GIL references cannot be counted, so the state has only the address of the engine. Each of these
 # functions is declared twice: defined for an Engine, and called with its address, which C converts.
@@ -307,18 +314,15 @@ cdef bint _take(State* inbox, size_t most) noexcept nogil:
 # The thread that drains.
 
 cdef bint inbox_serve(State* inbox, bint* is_behind) noexcept nogil:
-    cdef bint more, has_arrived
-    lock_acquire(&inbox.lock)
     # A reader may have taken the rest since the last slice.
-    more = word_load(&inbox.pending) and _take(inbox, DRAIN_SLICE)
-    has_arrived = inbox.has_arrived
+    cdef bint more = word_load(&inbox.pending) and _take(inbox, DRAIN_SLICE)
+    cdef bint has_arrived = inbox.has_arrived
     if more:
         is_behind[0] = True
     else:
         inbox.has_arrived = False
         if word_load(&inbox.armed) and inbox.engine != NULL:
             disarm(inbox.engine, &inbox.armed)
-    lock_release(&inbox.lock)
     return has_arrived
 
 
@@ -336,9 +340,9 @@ cdef bint _serve_all(bint is_round, int64_t now_ns) noexcept nogil:
     cdef bint has_arrived = False
     cdef bint is_behind = True
     while is_behind:
-        # Between two slices other threads may change the list: they hold the GIL while they do.
+        # Between two slices other threads may read, and change the list.
         is_behind = False
-        lock_acquire(&_list_lock)
+        lock_acquire(&_lock)
         inbox = _first
         while inbox != NULL:
             if counts_round:
@@ -346,7 +350,7 @@ cdef bint _serve_all(bint is_round, int64_t now_ns) noexcept nogil:
             if is_round or inbox_wants_all(inbox) or word_load(&inbox.is_full):
                 has_arrived = inbox_serve(inbox, &is_behind) or has_arrived
             inbox = inbox.after
-        lock_release(&_list_lock)
+        lock_release(&_lock)
         is_round = True     # the rest of a slice is due
         counts_round = False
     return has_arrived
@@ -355,12 +359,12 @@ cdef bint _serve_all(bint is_round, int64_t now_ns) noexcept nogil:
 cdef bint _is_anything_pending() noexcept nogil:
     cdef State* inbox
     cdef bint found = False
-    lock_acquire(&_list_lock)
+    lock_acquire(&_lock)
     inbox = _first
     while inbox != NULL:
         found = found or word_load(&inbox.pending)
         inbox = inbox.after
-    lock_release(&_list_lock)
+    lock_release(&_lock)
     return found
 
 
@@ -417,7 +421,7 @@ def begin_anew():
     word_store(&_is_idle, 0)
     _signal_init(&_work)
     _signal_init(&_reporting)
-    lock_init(&_list_lock)
+    lock_init(&_lock)
 
 
 cdef class Copying(Tap):
@@ -457,8 +461,6 @@ cdef class Inbox(ReadHook):
 
     def __cinit__(self, Source source not None, str authority not None, hand_over):
         cdef Py_ssize_t size
-        if lock_init(&self._state.lock) != 0:
-            raise MemoryError
         self._source, self._authority, self._hand_over = source, authority, hand_over
         self._watching = []
         self._always = 1
@@ -478,14 +480,13 @@ cdef class Inbox(ReadHook):
         _free_parcel(self._state.parcel)
         _free_parcel(self._state.spare)
         _free_parcels(&self._state.reports)
-        lock_free(&self._state.lock)
 
     cdef void _enlist(self) noexcept:
         global _first
-        lock_acquire(&_list_lock)
+        lock_acquire(&_lock)
         self._state.after = _first
         _first = &self._state
-        lock_release(&_list_lock)
+        lock_release(&_lock)
 
     cdef void _discharge(self) noexcept:
         # No thread uses it from here on.
@@ -493,21 +494,19 @@ cdef class Inbox(ReadHook):
         if self._state.is_closed or self._source is None:
             return
         self._source.silence()
-        lock_acquire(&_list_lock)
+        lock_acquire(&_lock)
         while link[0] != NULL and link[0] != &self._state:
             link = &link[0].after
         if link[0] != NULL:
             link[0] = self._state.after
-        lock_release(&_list_lock)
-        lock_acquire(&self._state.lock)
         self._state.is_closed = True
-        lock_release(&self._state.lock)
+        lock_release(&_lock)
 
-    def _forget_engine(self, _):
-        lock_acquire(&self._state.lock)
+    cdef void engine_ended(self) noexcept:
+        lock_acquire(&_lock)
         self._state.engine = NULL
         self._source.redirected()
-        lock_release(&self._state.lock)
+        lock_release(&_lock)
 
     def close(self):
         """Receive nothing more. What has arrived is dropped; what was inserted is reported."""
@@ -522,9 +521,9 @@ cdef class Inbox(ReadHook):
         """Inform this of what arrives from now on, and nothing else; None: nothing."""
         if watching is not None and watching not in self._watching:
             self._watching.append(watching)
-        lock_acquire(&self._state.lock)
+        lock_acquire(&_lock)
         self._state.watcher = NULL if watching is None else &watching.watcher
-        lock_release(&self._state.lock)
+        lock_release(&_lock)
 
     cdef object _engine(self):
         return None if self._reference is None else self._reference()
@@ -537,18 +536,18 @@ cdef class Inbox(ReadHook):
         """Insert from now on into this buffer, which is not kept alive."""
         cdef Parcels parcels
         cdef Copying copying = buffer._tap if isinstance(buffer._tap, Copying) else None
-        reference = weakref.ref(buffer, _weakly(self))
+        reference = weakref.ref(buffer)
         # From here to the report no code in Python runs, and so no other thread that fills or drains.
         engine = self._engine()
         if engine is not None:
             (<Engine>engine).remove_inbox(self)
         self._reference = reference
-        lock_acquire(&self._state.lock)
+        lock_acquire(&_lock)
         _take_reports(&self._state, &parcels)
         self._state.engine = <void*>buffer
         self._state.copier = NULL if copying is None else &copying.copier
         self._source.redirected()
-        lock_release(&self._state.lock)
+        lock_release(&_lock)
         self._copying = copying     # nothing uses the memory of the previous one any more
         buffer.add_inbox(self)
         if engine is not None:
@@ -564,18 +563,18 @@ cdef class Inbox(ReadHook):
         if self._source.serves_itself and not self._source.asked():
             return 0
         # With the GIL: whoever holds the lock needs none, and getting it back may take long.
-        lock_acquire(&self._state.lock)
+        lock_acquire(&_lock)
         # No more than this had arrived before the call. What arrives during it must not delay its return.
         left = self._source.count()
         more = _take(&self._state, READ_SLICE)
-        lock_release(&self._state.lock)
+        lock_release(&_lock)
         if more:
             with nogil:
                 left -= READ_SLICE
                 while more and left > 0:
-                    lock_acquire(&self._state.lock)
+                    lock_acquire(&_lock)
                     more = _take(&self._state, DRAIN_SLICE)
-                    lock_release(&self._state.lock)
+                    lock_release(&_lock)
                     left -= DRAIN_SLICE
         return 0
 
@@ -594,21 +593,21 @@ cdef class Inbox(ReadHook):
 
     def hold(self):
         """Let what has arrived wait, also for readers, until :meth:`release`."""
-        lock_acquire(&self._state.lock)
+        lock_acquire(&_lock)
         self._state.is_held = True
-        lock_release(&self._state.lock)
+        lock_release(&_lock)
 
     def release(self, int64_t until_ns):
         """Insert what has arrived, except dynamic transforms that are stamped later than ``until_ns``."""
         cdef bint more = True
-        lock_acquire(&self._state.lock)
+        lock_acquire(&_lock)
         self._state.is_held = False
         self._state.until_ns = until_ns
         word_store(&self._state.pending, 1)
         while more:
             more = _take(&self._state, DRAIN_SLICE)
         self._state.until_ns = INT64_MAX
-        lock_release(&self._state.lock)
+        lock_release(&_lock)
 
     def report_pending(self):
         """Do what follows from what was inserted: complete waits, and log what was refused."""
@@ -621,11 +620,10 @@ cdef class Inbox(ReadHook):
         """
         In a forked child: receive nothing more, and never free anything. Return whether it received.
 
-        A thread of the parent may have held the lock, and what it guards may be half changed.
+        A thread of the parent may have been changing it.
         """
         cdef bint was_open = not self._state.is_closed
         keep_for_ever(self)
-        lock_init(&self._state.lock)
         self._state.is_closed = True
         self._state.engine = NULL
         self._state.reports.first = NULL
@@ -636,10 +634,10 @@ cdef class Inbox(ReadHook):
     cdef int _report(self, Engine engine) except -1:
         cdef Parcels parcels
         parcels.first = NULL
-        lock_acquire(&self._state.lock)
+        lock_acquire(&_lock)
         if self._state.engine == <void*>engine:     # otherwise they are of another one by now
             _take_reports(&self._state, &parcels)
-        lock_release(&self._state.lock)
+        lock_release(&_lock)
         return self._report_parcels(engine, &parcels)
 
     cdef int _report_parcels(self, Engine engine, Parcels* parcels) except -1:
@@ -661,19 +659,7 @@ cdef class Inbox(ReadHook):
         return 0
 
 
-cdef object _weakly(Inbox inbox):
-    # Returns the callback of a weak reference to the engine.
-    reference = weakref.ref(inbox)
-
-    def forget(_):
-        found = reference()
-        if found is not None:
-            found._forget_engine(_)
-
-    return forget
-
-
 _signal_init(&_work)
 _signal_init(&_reporting)
-if lock_init(&_list_lock) != 0:
+if lock_init(&_lock) != 0:
     raise MemoryError

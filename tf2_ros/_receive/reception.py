@@ -34,7 +34,7 @@ class Reception:
         self._listener = weakref.ref(listener)
         node = listener.node
         self._context = node.context if isinstance(node, Node) else None
-        self._domain = None if self._context is None else self._context.get_domain_id()
+        self.domain = None if self._context is None else self._context.get_domain_id()
         self._node_name = node.get_fully_qualified_name() if isinstance(node, Node) else "?"
         _receptions.add(self)
         self.fill(listener.buffer)
@@ -43,7 +43,10 @@ class Reception:
         """Note the buffer that it fills from now on; warn if another one does so from the same topics."""
         if isinstance(buffer, BufferCore):
             BufferCore._ask_for_silence(buffer, _silence)
-        others = [one for one in _receptions_of(buffer) if one is not self and one._domain == self._domain]
+        sharing = getattr(buffer, "_tf2_sharing", None)
+        if sharing is not None:
+            sharing._tf2_check()  # readers learn at once that a listener fills it
+        others = [one for one in receptions_of(buffer) if one is not self and one.domain == self.domain]
         # More than two listeners get no further warning.
         shared = [
             (topic.name, doubles[0])
@@ -81,13 +84,14 @@ class Reception:
         return any(topic.name == name for topic in self.receiving())
 
 
-def _receptions_of(buffer: object) -> list[Reception]:
+def receptions_of(buffer: object) -> list[Reception]:
+    """What the listeners that fill a buffer have received."""
     return [reception for reception in _receptions if reception.fills(buffer)]
 
 
 def _silence(buffer: object) -> tuple[str, str]:
     # What BufferCore._ask_for_silence expects.
-    topics = [topic for one in _receptions_of(buffer) for topic in one.receiving() if topic.is_counted]
+    topics = [topic for one in receptions_of(buffer) for topic in one.receiving() if topic.is_counted]
     return _silent(topics), _silent([topic for topic in topics if not topic.is_static])
 
 

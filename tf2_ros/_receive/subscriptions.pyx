@@ -11,8 +11,6 @@ from libc.stdint cimport int64_t, uint32_t, uint64_t, uintptr_t
 
 from tf2_py._internal cimport (
     batch_prefix,
-    lock_acquire,
-    lock_release,
     monotonic_ns,
     system_ns,
     word_add,
@@ -46,6 +44,8 @@ from tf2_ros._receive.inbox cimport (
     inbox_has_parcel,
     inbox_insert,
     inbox_read,
+    inboxes_lock,
+    inboxes_unlock,
 )
 from tf2_ros.records cimport Recording, Records, records_add, records_add_malformed
 
@@ -59,7 +59,7 @@ cdef struct Arrivals:
     uint32_t arrived            # atomic, and a hint: 0: no message waits
     uint32_t threshold          # messages that may wait
     State* inbox
-    # Guarded by the inbox's lock.
+    # Guarded by the lock of all inboxes.
     const rcl_subscription_t* subscription      # NULL: nothing is taken
     Arrivals* following         # in the order in which they are taken
     size_t number               # of the topic, in `names` of the Source
@@ -70,7 +70,7 @@ cdef struct Arrivals:
 
 
 cdef struct Subscribed:
-    # Guarded by the inbox's lock.
+    # Guarded by the lock of all inboxes.
     Arrivals* first             # of all topics
     Records* records            # NULL: nothing is recorded
     const char* prefix          # of all names; NULL: they stay as they are
@@ -86,7 +86,7 @@ cdef void _arrived(const void* data, size_t count) noexcept nogil:
     inbox_arrived(topic.inbox, before + count >= topic.threshold)
 
 
-# Taking; with the inbox's lock held.
+# Taking; with the lock held.
 
 cdef bint _simulated_now(rcl_clock_t* clock, int64_t* now_ns) noexcept nogil:
     # Returns whether the clock's time is simulated; only then, sets the time.
@@ -165,14 +165,11 @@ cdef class TopicArrivals:
 
     def taken(self):
         """Return how many messages an inbox took, and the steady time of the last in nanoseconds."""
-        cdef State* inbox = self._arrivals.inbox
         cdef uint64_t count
         cdef int64_t at_ns
-        if inbox != NULL:
-            lock_acquire(&inbox.lock)
+        inboxes_lock()
         count, at_ns = self._arrivals.taken, self._arrivals.taken_at_ns
-        if inbox != NULL:
-            lock_release(&inbox.lock)
+        inboxes_unlock()
         return count, at_ns
 
 
@@ -217,7 +214,7 @@ cdef class Subscriptions(Source):
         self._topics.append(topic)
         self.names.append(name)
         topic._handle = handle
-        lock_acquire(&self.inbox.lock)
+        inboxes_lock()
         arrivals.number = len(self.names) - 1
         arrivals.is_static, arrivals.depth = is_static, depth
         arrivals.threshold = max(min(<uint32_t>THRESHOLD, depth // QUEUE_SHARE), 1)
@@ -227,7 +224,7 @@ cdef class Subscriptions(Source):
             link = &link[0].following
         arrivals.following = link[0]
         link[0] = arrivals
-        lock_release(&self.inbox.lock)
+        inboxes_unlock()
         # Without the lock: what has arrived is reported at once.
         if rcl_subscription_set_on_new_message_callback(
                 arrivals.subscription, _arrived, arrivals) != RCL_RET_OK:
@@ -248,10 +245,9 @@ cdef class Subscriptions(Source):
         if is_told and rcl_subscription_set_on_new_message_callback(
                 arrivals.subscription, NULL, NULL) != RCL_RET_OK:
             rcutils_reset_error()
-        lock_acquire(&self.inbox.lock)
+        inboxes_lock()
         arrivals.subscription = NULL
-        lock_release(&self.inbox.lock)
-        arrivals.inbox = NULL       # `taken` may be called after the end of the inbox
+        inboxes_unlock()
         topic._handle = None
 
     def follow(self, clock):
@@ -263,10 +259,10 @@ cdef class Subscriptions(Source):
         cdef int64_t now_ns
         if self._recording is None or not clock:
             return
-        lock_acquire(&self.inbox.lock)
+        inboxes_lock()
         self._subscribed.clock = <rcl_clock_t*><uintptr_t>clock
         word_store(&self.inbox.wants_each, _simulated_now(self._subscribed.clock, &now_ns))
-        lock_release(&self.inbox.lock)
+        inboxes_unlock()
 
     cdef void redirected(self) noexcept:
         self._subscribed.clock = NULL

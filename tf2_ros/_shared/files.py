@@ -9,28 +9,17 @@ forked child, which closes its own at once, does not keep the lock.
 
 import errno
 import fcntl
-import json
 import os
 import stat
 import struct
 from contextlib import ExitStack, suppress
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path, segment_paths
+from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path
 from tf2_ros._shared.ring import read_text
 
-__all__ = [
-    "Description",
-    "describe_owner",
-    "is_owned",
-    "make_file",
-    "open_file",
-    "publish",
-    "remove_dead_files",
-]
-
-MOST_TEXT = 3000  # bytes of a description; a file has room for a little more
+MOST_TEXT = 3000  # bytes of the topics in a description; a file has room for a little more
 
 _FLOCK = "hhqqi4x"  # struct flock: type, whence, start, length, process
 _OWNING, _REMOVING = 0, 1  # the bytes of a file that are locked
@@ -43,9 +32,9 @@ def make_file() -> tuple[int, int]:
     :return: a descriptor of it, and one that holds its lock.
     :raises OSError: the file cannot be made.
     """
-    descriptor = _above_streams(os.open(FOLDER, os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o600))
+    descriptor = os.open(FOLDER, os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o600)
     try:
-        locked = _above_streams(os.open(_own_path(descriptor), os.O_RDWR | os.O_CLOEXEC))
+        locked = os.open(_own_path(descriptor), os.O_RDWR | os.O_CLOEXEC)
     except BaseException:
         os.close(descriptor)
         raise
@@ -70,8 +59,7 @@ def publish(descriptor: int, path: Path) -> None:
                 other = _open(path)
                 stack.callback(os.close, other)
                 if not _remove_dead(path, other):
-                    owner = describe_owner(other)
-                    raise BlockingIOError(0 if owner is None else owner.process) from None
+                    raise BlockingIOError(describe_owner(other).process) from None
 
 
 def open_file(name: str) -> int:
@@ -96,17 +84,6 @@ def open_file(name: str) -> int:
         raise SharedBufferError(f"the shared buffer {name!r} cannot be read: {error}") from None
 
 
-def remove_dead_files() -> None:
-    """Remove the files of this user's dead owners; what cannot be removed stays."""
-    for path in segment_paths():
-        with suppress(OSError), ExitStack() as stack:
-            # Opening another user's file may block: its owner may hold a lease on it.
-            if path.lstat().st_uid == os.geteuid():
-                descriptor = _open(path)
-                stack.callback(os.close, descriptor)
-                _remove_dead(path, descriptor)
-
-
 def is_owned(descriptor: int) -> bool:
     """Whether another descriptor of a file, in any process, holds its lock."""
     answer = fcntl.fcntl(descriptor, fcntl.F_OFD_GETLK, _lock_of(_OWNING))
@@ -121,18 +98,8 @@ def _own_path(descriptor: int) -> str:
     return f"/proc/self/fd/{descriptor}"
 
 
-def _above_streams(descriptor: int) -> int:
-    if descriptor > 2:
-        return descriptor
-    # If a standard stream is closed, its number is free, and log lines would be written to this file.
-    try:
-        return fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 3)
-    finally:
-        os.close(descriptor)
-
-
 def _open(path: Path) -> int:
-    descriptor = _above_streams(os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW))
+    descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW)
     facts = os.fstat(descriptor)
     wrong = None
     if not stat.S_ISREG(facts.st_mode) or facts.st_uid != os.geteuid():
@@ -157,36 +124,32 @@ def _remove_dead(path: Path, descriptor: int) -> bool:
     return True
 
 
+_FACTS = struct.Struct("=iqi?")  # of a Description: what precedes the topics
+_UNREADABLE = _FACTS.pack(0, 10 * 10**9, -1, False)
+
+
 @dataclass
 class Description:
     """What readers must know about an owner."""
 
-    process: int
-    program: str
+    process: int  # 0: unknown
     cache_time_ns: int
-    domain: int | None = None  # of its listener; None: it has none
+    domain: int | None = None  # of its listeners; None: it has none, or they are of several
     topics: list[str] = field(default_factory=list)  # that its listeners receive
     simulated: bool = False  # whether it follows simulated time
 
     def to_bytes(self) -> bytes:
-        """Return it as JSON, without the last topics if there is no room for all."""
-        topics = list(self.topics)
-        while len(text := json.dumps(astuple(replace(self, topics=topics))).encode()) > MOST_TEXT and topics:
-            topics.pop()
-        return text
+        """Return what :func:`describe_owner` reads, without the last topics if there is no room for all."""
+        domain = -1 if self.domain is None else self.domain
+        facts = _FACTS.pack(self.process, self.cache_time_ns, domain, self.simulated)
+        return facts + "\0".join(self.topics).encode()[:MOST_TEXT]
 
 
-def describe_owner(descriptor: int) -> Description | None:
-    """Read the description of a file's owner; None if it cannot be read."""
-    try:
-        process, program, cache_time_ns, domain, topics, simulated = json.loads(read_text(descriptor))
-        return Description(
-            int(process),
-            str(program),
-            int(cache_time_ns),
-            None if domain is None else int(domain),
-            [str(topic) for topic in topics],
-            bool(simulated),
-        )
-    except (OverflowError, RecursionError, TypeError, ValueError):
-        return None
+def describe_owner(descriptor: int) -> Description:
+    """Read the description of a file's owner; if it cannot be read, nothing is known about it."""
+    data = read_text(descriptor)
+    process, cache_time_ns, domain, simulated = _FACTS.unpack_from(
+        data if len(data) >= _FACTS.size else _UNREADABLE
+    )
+    topics = data[_FACTS.size :].decode(errors="replace").split("\0")
+    return Description(process, max(0, cache_time_ns), None if domain < 0 else domain, topics, simulated)

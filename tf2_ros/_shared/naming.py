@@ -6,17 +6,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-__all__ = [
-    "AUTO",
-    "VARIABLE",
-    "SharedBufferError",
-    "buffer_name",
-    "is_wanted",
-    "require_linux",
-    "segment_path",
-    "segment_paths",
-]
-
 VARIABLE = "TF2_SHARED_BUFFER"
 AUTO = "auto"  # the name that belongs to the ROS domain
 
@@ -81,9 +70,3 @@ def is_wanted() -> bool:
 def segment_path(name: str) -> Path:
     """The file of the shared buffer of this name, of this user."""
     return FOLDER / f"tf2-ros-cython-{os.geteuid()}-{name}"
-
-
-def segment_paths() -> list[Path]:
-    """The files of all shared buffers of this user, dead owners' too."""
-    start = segment_path("").name
-    return [path for path in FOLDER.glob(f"{start}*") if _NAME.fullmatch(path.name.removeprefix(start))]

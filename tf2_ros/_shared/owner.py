@@ -3,7 +3,6 @@
 import errno
 import os
 import resource
-import sys
 import weakref
 from contextlib import suppress
 from dataclasses import replace
@@ -12,11 +11,13 @@ from typing import Any
 
 from tf2_py._internal import log
 from tf2_ros._receive.inboxes import check_regularly
-from tf2_ros._shared.files import Description, make_file, publish, remove_dead_files
+from tf2_ros._shared.files import Description, make_file, publish
 from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path
 from tf2_ros._shared.ring import RingWriter
+from tf2_ros_cython._presence import HAS_ROS
 
-__all__ = ["Owner"]
+if HAS_ROS:
+    from tf2_ros._receive.reception import receptions_of
 
 LEAST_BYTES, MOST_BYTES = 17 << 16, 1 << 28  # of the file; readers refuse a ring of less than 1 MiB
 PART_OF_MEMORY, PART_OF_FOLDER = 32, 4  # no more than this part of the machine's, and of /dev/shm
@@ -37,9 +38,7 @@ class Owner:
     def __init__(self, buffer: Any, name: str) -> None:
         self.name = name
         self.path = segment_path(name)
-        program = os.path.basename(sys.argv[0]) if sys.argv else ""
-        self._description = Description(os.getpid(), program[:100], buffer._tf2_cache_time_ns)
-        remove_dead_files()
+        self._description = Description(os.getpid(), buffer._tf2_cache_time_ns)
         try:
             size = _file_size()
             descriptor, lock_descriptor = make_file()
@@ -56,37 +55,31 @@ class Owner:
             why = "/dev/shm has no memory for it" if error.errno == errno.ENOSPC else str(error)
             raise SharedBufferError(f"the buffer cannot be shared as {name!r}: {why}") from None
         self._said: set[str] = set()  # the kinds of what was logged, which is done once
-        self._listeners: list[tuple[weakref.ref[Any], int, list[str]]] = []
         self._buffer = weakref.ref(buffer)
         self._ring.tap(buffer)
         # Also when the interpreter exits, because other threads may still insert.
         self.close = weakref.finalize(buffer, _end, self._ring, self.path, file, self._description.process)
         check_regularly(self)
 
-    def add_listener(self, listener: object, domain: int, topics: list[str]) -> None:
-        """Note that a listener of this ROS domain fills the buffer from these topics, until it ends."""
-        self._listeners.append((weakref.ref(listener), domain, topics))
-        self._describe()
-
     def _describe(self) -> None:
-        # A buffer that is filled from several domains cannot stand for one's own.
-        domains = {domain for _, domain, _ in self._listeners}
-        topics = dict.fromkeys(name for _, _, names in self._listeners for name in names)
+        buffer = self._buffer()
+        listeners = [one for one in receptions_of(buffer) if one.receiving()] if HAS_ROS else []
+        # A buffer that is filled from several domains cannot replace one's own subscriptions.
+        domains = {one.domain for one in listeners}
         changed = replace(
             self._description,
             domain=domains.pop() if len(domains) == 1 else None,
-            topics=list(topics),
-            simulated=getattr(getattr(self._buffer(), "clock", None), "ros_time_is_active", False),
+            topics=list(dict.fromkeys(topic.name for one in listeners for topic in one.receiving())),
+            simulated=getattr(getattr(buffer, "clock", None), "ros_time_is_active", False),
         )
         if changed != self._description:
             self._description = changed
             self._ring.describe(changed.to_bytes())
 
     def _tf2_check(self) -> None:
-        """Describe the listeners that still exist, and log once what readers lack."""
+        """Describe the listeners that fill the buffer now, and log once what readers lack."""
         if not self._ring.is_open:
             return
-        self._listeners = [one for one in self._listeners if not _has_ended(one[0]())]
         self._describe()
         short_ns, missing = self._ring.shortage
         if missing:
@@ -102,12 +95,6 @@ class Owner:
         if kind not in self._said:
             self._said.add(kind)
             log.logger("tf2_ros").warning(f"Of the shared buffer {self.name!r}: {problem}")
-
-
-def _has_ended(listener: Any) -> bool:
-    """Whether a listener was dropped, or one of its subscriptions was destroyed."""
-    topics = () if listener is None else listener._tf2_topics
-    return listener is None or any(topic.subscription and not topic.is_open() for topic in topics)
 
 
 def _file_size() -> int:

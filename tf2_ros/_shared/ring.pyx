@@ -17,7 +17,7 @@ finds, and any byte may be wrong: at worst, that is a malformed message.
 
 cimport cython
 from libc.stddef cimport size_t
-from libc.stdint cimport int64_t, uint32_t, uint64_t
+from libc.stdint cimport INT64_MAX, int64_t, uint32_t, uint64_t
 from libc.stdlib cimport free, malloc, realloc
 from libc.string cimport memcpy, memset
 
@@ -65,6 +65,8 @@ from tf2_ros._receive.inbox cimport (
     inbox_refuse,
     inbox_serve,
     inbox_wants_all,
+    inboxes_lock,
+    inboxes_unlock,
     parcel_reserve,
 )
 from tf2_ros._shared.memory cimport (
@@ -104,7 +106,7 @@ cdef enum:
     KIND_REMOVAL = 3            # all transforms of a frame were removed: its name; without, all dynamic ones
     KIND_PADDING = 4            # fills the end of the file
 
-    LAYOUT = 6                  # changes with any change of the layout
+    LAYOUT = 7                  # changes with any change of the layout
     WANTED_ROUNDS = 10          # of 0.1 s, for which a reader that has looked wants messages at once
 
 cdef uint64_t MAGIC = 0x31474e4952324654      # "TF2RING1" on a little-endian machine

@@ -331,10 +331,6 @@ cdef class ExecutorRounds(Watching):
         """Whether an executor sleeps between rounds of user code; for tests."""
         return executor_is_armed(&self.state)
 
-    def sleep_on(self):
-        """Let no arrival wake the executor that is about to sleep; for what is called before it does."""
-        store_ns(&self.state.wake_at_ns, 0)
-
     def arrived(self):
         """Note that something has arrived; from any thread."""
         executor_arrived(&self.state)

@@ -8,12 +8,8 @@ cdef enum:
 
 cdef uint64_t MOST_BYTES = 1 << 40              # of a ring
 
-# For how long the thread that follows the ring stays when nothing needs it.
-cdef int64_t LINGER_NS = 1000000000
-
-
 cdef struct Reading:
-    # Guarded by the inbox's lock, except for what is mapped and the words of the thread.
+    # Guarded by the lock of all inboxes, except for what is mapped and the words of the thread.
     int descriptor
     const Head* head
     uint64_t capacity           # as found at first
@@ -24,11 +20,10 @@ cdef struct Reading:
     uint64_t chunk_to
     const char* problem         # why what was found cannot be read; or NULL
     bint is_lapped              # the owner has dropped the record at `tail`
-    uint32_t runs               # atomic: there is a thread, see `follow`
-    uint32_t is_stopping        # atomic: it must end
-    uint32_t is_quiet           # atomic: it sleeps on `nudges`, because nothing needs it
+    # Of the thread that follows the ring; atomic.
+    uint32_t is_stopping        # it must end
+    uint32_t is_quiet           # it sleeps on `nudges`, because nothing needs it
     uint32_t nudges
-    uint32_t polls              # atomic: an executor's tasks may look at the buffer in each of its rounds
 
 
 cdef bint _has_new(Reading* reading) noexcept nogil:
@@ -178,26 +173,23 @@ cdef void _catch_up(State* inbox) noexcept nogil:
     while is_behind and not word_load(&reading.is_stopping):
         is_behind = False
         word_store(&inbox.pending, 1)
+        inboxes_lock()
         inbox_serve(inbox, &is_behind)
+        inboxes_unlock()
 
 
-cdef bint _needs_thread(State* inbox) noexcept nogil:
-    return inbox.engine != NULL and not word_load(&(<Reading*>inbox.source).is_stopping) and (
-        inbox_wants_all(inbox) or word_load(&(<Reading*>inbox.source).polls))
+cdef bint _has_ended(State* inbox) noexcept nogil:
+    return inbox.engine == NULL or word_load(&(<Reading*>inbox.source).is_stopping)
 
 
 cdef void _follow(State* inbox) noexcept nogil:
-    # Returns when nothing has needed it for LINGER_NS.
+    # Inserts each message at once while something waits; otherwise it sleeps.
     cdef Reading* reading = <Reading*>inbox.source
-    cdef int64_t now_ns
-    cdef int64_t needed_ns = 0
     cdef uint32_t seen, nudges
-    while not word_load(&reading.is_stopping) and inbox.engine != NULL:
-        now_ns = monotonic_ns()
+    while not _has_ended(inbox):
         nudges = word_load(&reading.nudges)
         seen = word_load(&reading.head.arrivals)
         if inbox_wants_all(inbox):
-            needed_ns = now_ns
             _want(reading)
             if not inbox.is_held:
                 _catch_up(inbox)
@@ -205,23 +197,12 @@ cdef void _follow(State* inbox) noexcept nogil:
             word_store(&board_of(reading.head).sleeps, 1)
             if word_load(&reading.head.arrivals) == seen:
                 futex_wait(&reading.head.arrivals, seen, ROUND_NS)
-        elif word_load(&reading.polls):
-            needed_ns = now_ns
-            if inbox.watcher != NULL and _has_new(reading):
-                inbox.watcher.arrived(inbox.watcher.data)
-            _sleep_quietly(inbox, nudges, ROUND_NS)
-        elif now_ns < needed_ns + LINGER_NS:
-            _sleep_quietly(inbox, nudges, needed_ns + LINGER_NS - now_ns)
         else:
-            return
-
-
-cdef void _sleep_quietly(State* inbox, uint32_t nudges, int64_t ns) noexcept nogil:
-    cdef Reading* reading = <Reading*>inbox.source
-    word_store(&reading.is_quiet, 1)
-    if not inbox_wants_all(inbox) and not word_load(&reading.is_stopping):
-        futex_wait(&reading.nudges, nudges, ns)
-    word_store(&reading.is_quiet, 0)
+            # First this, then the need; `asked` does this in the opposite order.
+            word_store(&reading.is_quiet, 1)
+            if not inbox_wants_all(inbox) and not _has_ended(inbox):
+                futex_wait(&reading.nudges, nudges, INT64_MAX)
+            word_store(&reading.is_quiet, 0)
 
 
 cdef class RingReader(Source):
@@ -229,13 +210,11 @@ cdef class RingReader(Source):
     Receives what another process shares.
 
     :param descriptor: of its file; it is closed with this object.
-    :param begin: called to have a thread call :meth:`follow`.
     :raises ValueError: the file is not that of a shared buffer; the text says why.
     :raises OSError: it cannot be mapped.
     """
 
     cdef Reading _reading
-    cdef object _begin
 
     def __cinit__(self, *_, **__):
         self._reading.descriptor = -1
@@ -246,10 +225,9 @@ cdef class RingReader(Source):
         self.take, self.data = _take, &self._reading
         self.serves_itself = True
 
-    def __init__(self, int descriptor, begin):
+    def __init__(self, int descriptor):
         cdef Reading* reading = &self._reading
         cdef Head found
-        self._begin = begin
         reading.descriptor = descriptor
         if read_file(descriptor, &found, sizeof(Head), 0) != 0 or found.magic != MAGIC:
             raise ValueError("it is not a shared buffer")
@@ -282,31 +260,18 @@ cdef class RingReader(Source):
     cdef bint asked(self) except -1:
         cdef bint has_new = _has_new(&self._reading)
         _want(&self._reading)
-        self._have_thread()
+        if inbox_wants_all(self.inbox) and word_load(&self._reading.is_quiet):
+            _nudge(&self._reading)
         return has_new
-
-    cdef int _have_thread(self) except -1:
-        # First the need, then this; the thread does this in the opposite order.
-        if _needs_thread(self.inbox):
-            if not word_load(&self._reading.runs):
-                self._begin()
-            elif word_load(&self._reading.is_quiet):
-                _nudge(&self._reading)
-        return 0
 
     def follow(self, Inbox inbox not None):
         """
-        Keep the buffer up to date while something waits, and a second longer.
+        Keep the buffer up to date while something waits, until it ends or :meth:`stop` is called.
 
-        :param inbox: that of this; kept meanwhile.
+        :param inbox: that of this, which fills a buffer already; kept meanwhile.
         """
-        cdef Reading* reading = &self._reading
-        while not word_exchange(&reading.runs, 1):
-            with nogil:
-                _follow(self.inbox)
-            word_store(&reading.runs, 0)
-            if not _needs_thread(self.inbox):
-                break
+        with nogil:
+            _follow(self.inbox)
 
     def stop(self):
         """Have :meth:`follow` return soon, and for good."""
@@ -314,16 +279,6 @@ cdef class RingReader(Source):
         _nudge(&self._reading)
         if self._reading.head != NULL:
             futex_wake(&self._reading.head.arrivals)
-
-    @property
-    def is_wanted(self):
-        """Whether something waits for what arrives."""
-        return bool(inbox_wants_all(self.inbox))
-
-    def set_pace(self, bint polls):
-        """Set whether an executor's tasks may look at the buffer in each of its rounds."""
-        word_store(&self._reading.polls, polls)
-        self._have_thread()
 
     @property
     def problem(self):

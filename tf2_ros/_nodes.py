@@ -8,7 +8,7 @@ import os
 import threading
 import weakref
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from typing import Any
 
 from rclpy.context import Context
@@ -30,7 +30,7 @@ from tf2_ros._rclpy import (
     mark_shut_down,
     trigger,
 )
-from tf2_ros._receive.inboxes import Checked, check_regularly
+from tf2_ros._receive.inboxes import check_regularly
 
 CALLBACK_END_WAIT_S = 1.0  # for a callback that runs when the thread is to end
 
@@ -87,12 +87,6 @@ def _after_fork_in_child() -> None:
 os.register_at_fork(after_in_child=_after_fork_in_child)
 
 
-def watch(watcher: Checked) -> None:
-    """Call ``_tf2_check()`` every one or two seconds, as long as something else refers to the object."""
-    with suppress(RuntimeError):  # no thread can be started now; the next listener tries again
-        check_regularly(watcher)
-
-
 _running: "LiveObjects[Spinner]" = LiveObjects()
 
 
@@ -132,7 +126,7 @@ class Spinner:
         # unless it is interrupted.
         _running.add(self)
         self.thread.start()
-        watch(self)
+        check_regularly(self)
 
     def stop(self, *, wait: bool = True) -> None:
         """

@@ -32,9 +32,10 @@ from tf2_ros import _names
 from tf2_ros._arguments import optional_timeout_ns, require_node
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._messages import time_msg
-from tf2_ros._nodes import Spinner, hidden_node, node_has_ended, watch
+from tf2_ros._nodes import Spinner, hidden_node, node_has_ended
 from tf2_ros._qos import lookup_qos
 from tf2_ros._rclpy import context_was_shut_down
+from tf2_ros._receive.inboxes import check_regularly
 from tf2_ros._wait.callbacks import callback_queue
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.timers import deadlines
@@ -130,7 +131,7 @@ class GoalSender:
         self._spinner = Spinner(hidden, daemon=True, at_end=self._end)
         self._spinner.thread.name = "tf2_ros buffer client"
         self._owner_node = weakref.ref(node)
-        watch(self)
+        check_regularly(self)
 
     def send(self, goal: Any, timeout_ns: int | None, padding_ns: int) -> PendingGoal:
         """

@@ -29,8 +29,9 @@ from tf2_py import (
 from tf2_py._internal import duration_ns
 from tf2_ros._arguments import require_node
 from tf2_ros._forking import is_inherited
-from tf2_ros._nodes import keep_in_children, node_has_ended, watch
+from tf2_ros._nodes import keep_in_children, node_has_ended
 from tf2_ros._qos import lookup_qos
+from tf2_ros._receive.inboxes import check_regularly
 from tf2_ros._wait.blocking import Lookup
 from tf2_ros._wait.callbacks import CallbackQueue
 from tf2_ros._wait.futures import TransformFuture
@@ -109,7 +110,7 @@ class BufferServer:
         self._process = os.getpid()
         keep_in_children(node)
         self._node = weakref.ref(node)
-        watch(self)
+        check_regularly(self)
 
     def destroy(self) -> None:
         """End the server; waiting goals get no result. May be called again; in a forked child, it is dead."""

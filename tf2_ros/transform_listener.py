@@ -7,11 +7,9 @@ from tf2_ros_cython import _requirement  # noqa: F401
 
 import os
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from geometry_msgs.msg import TransformStamped
-from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
@@ -26,9 +24,9 @@ from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._nodes import CALLBACK_END_WAIT_S, Spinner, hidden_node, keep_in_children, note_filler
 from tf2_ros._qos import chosen_qos
 from tf2_ros._rcl import problem
-from tf2_ros._rclpy import RCLError, context_was_shut_down, has_callback_groups
+from tf2_ros._rclpy import has_callback_groups
 from tf2_ros._receive.inboxes import AUTHORITY
-from tf2_ros._receive.receiver import ListenerGroup, Receiver, can_receive, leave_to_executors
+from tf2_ros._receive.receiver import ListenerGroup, Receiver, can_receive
 from tf2_ros._receive.reception import Reception
 from tf2_ros._receive.topics import Topic
 from tf2_ros._shared.naming import is_wanted
@@ -165,31 +163,25 @@ class TransformListener:
                 # Few programs share a buffer; only they load this.
                 from tf2_ros._shared.attachment import attach_listener
 
-                is_usual = qos is None and static_qos is None and not static_only and self._tf2_is_direct()
-                self._tf2_attachment = attach_listener(self, is_usual)
-                if prefix and self._tf2_attachment is not None:
-                    raise ValueError(
-                        "a listener of an attached buffer takes no prefix: its owner names frames"
-                    )
-                if recording is not None and self._tf2_attachment is not None:
-                    raise NotImplementedError(
-                        "who sends transforms cannot be recorded here: the listener of an attached buffer "
-                        "subscribes to nothing"
-                    )
+                is_usual = qos is static_qos is recording is None and not (static_only or prefix)
+                self._tf2_attachment = attach_listener(
+                    self, is_usual and self.__plain_topics() == self._tf2_topics
+                )
             if self._tf2_attachment is None:
                 self._tf2_listen_itself()
+            elif prefix:
+                raise ValueError("a listener of an attached buffer takes no prefix: its owner names frames")
+            elif recording is not None:
+                raise NotImplementedError(
+                    "who sends transforms cannot be recorded here: the listener of an attached buffer "
+                    "subscribes to nothing"
+                )
             else:
                 self._tf2_reception = Reception(self, ())
             if spin_thread or self._tf2_owns_node:
                 self.__spin()
-        except BaseException as error:
+        except BaseException:
             self.__del__()
-            # In Kilted, the shutdown has destroyed the node, whose name is then unknown.
-            if isinstance(error, (RCLError, InvalidHandle)) and context_was_shut_down(node.context):
-                name = type(self).__name__
-                with suppress(InvalidHandle):
-                    name = f"{name} of {node.get_name()}"
-                raise RCLError(f"{name} cannot subscribe: the context of its node was shut down") from error
             raise
 
     @property
@@ -277,16 +269,12 @@ class TransformListener:
         name = class_name(type(self))
         if self._tf2_reception is None:
             return f"<{name}, not initialised>"
-        if self._tf2_is_forked():
-            source = (
-                self._tf2_reception.names()
-                if self._tf2_attachment is None
-                else self._tf2_attachment.describe()
-            )
-            return f"<{name} of {source}, {FORKED}>"
-        if self._tf2_attachment is not None:
-            state = "" if self._tf2_attachment.has(self) else ", ended"
-            return f"<{name} of {self._tf2_attachment.describe()}{state}>"
+        attachment, is_forked = self._tf2_attachment, self._tf2_is_forked()
+        if attachment is not None:
+            state = f", {FORKED}" if is_forked else "" if attachment.has(self) else ", ended"
+            return f"<{name} of {attachment.describe()}{state}>"
+        if is_forked:
+            return f"<{name} of {self._tf2_reception.names()}, {FORKED}>"
         if not self._tf2_reception.topics:
             return f"<{name} with subscriptions of another class than rclpy's>"
         return f"<{name} of {self._tf2_reception.describe()}>"
@@ -323,16 +311,6 @@ class TransformListener:
         # The listener belongs to the parent process, so nothing must be ended here.
         return self._tf2_process is not None and is_inherited(self._tf2_process)
 
-    def _tf2_is_direct(self) -> bool:
-        """Whether everything it receives goes into its buffer, without code of a program."""
-        return (
-            self._tf2_recording is None
-            and not self._tf2_prefix
-            and getattr(type(self.node), "create_subscription", None) is Node.create_subscription
-            and self._tf2_direct_buffer() is not None
-            and all(self.__is_own(getattr(self, topic.method), topic) for topic in self._tf2_topics)
-        )
-
     def _tf2_direct_buffer(self) -> BufferCore | None:
         """The buffer; None if code of a program would handle what is inserted. Runs no code of a program."""
         buffer = self.__dict__.get("_tf2_buffer")
@@ -343,58 +321,55 @@ class TransformListener:
             return None
         return buffer
 
-    def __is_own(self, callback: Any, topic: Topic) -> bool:
-        """Whether this is the listener's own method of this class, and no other code."""
+    def __plain_topics(self) -> list[Topic]:
+        """The topics whose messages go into the buffer without code of a program."""
+        make = getattr(self.node, "create_subscription", None)
+        if not isinstance(self.node, Node) or getattr(make, "__func__", None) is not Node.create_subscription:
+            return []  # a node may make subscriptions of its own kind
+        if self._tf2_direct_buffer() is None:
+            return []
+        return [topic for topic in self._tf2_topics if self.__is_own(topic)]
+
+    def __is_own(self, topic: Topic) -> bool:
+        """Whether the callback is this class's own method, and no other code."""
+        callback = getattr(self, topic.method)
         own = getattr(TransformListener, topic.method)
         return getattr(callback, "__func__", None) is own and callback.__self__ is self
 
-    def __needs_no_executor(self) -> bool:
-        return (
-            self._tf2_direct_buffer() is not None
-            and self._tf2_queue is not None
-            # Otherwise the executor, as rclpy's EventsExecutor, has arrivals reported to itself.
-            and self._tf2_queue.in_sets
-        )
-
     def _tf2_listen_itself(self) -> None:
         """Subscribe, as this listener was asked to, and decide for each topic what takes its messages."""
-        hides = self.__needs_no_executor()
-        hidden = [
-            topic for topic in self._tf2_topics if hides and self.__is_own(getattr(self, topic.method), topic)
-        ]
-        for topic in self._tf2_topics:
-            self.__subscribe(topic, topic in hidden)
-        known = [topic for topic in self._tf2_topics if topic.subscription is not None]
-        # A node may make subscriptions of its own kind, or with callbacks of its own.
-        taken = [one for one in hidden if one.is_counted and type(one.subscription) is Subscription]
+        taken = self.__plain_topics()
+        if self._tf2_queue is None or not self._tf2_queue.in_sets:
+            taken = []  # rcl is not known, or an EventsExecutor has arrivals reported to itself
         # A recording of some topics would look complete.
-        if self._tf2_recording is not None and not (taken and taken == known):
+        if self._tf2_recording is not None and taken != self._tf2_topics:
             reason = problem() or "code of this program handles what is received"
             raise NotImplementedError(f"who sends transforms cannot be recorded here: {reason}")
-        for topic in hidden:
-            if topic.subscription is not None and topic not in taken:
-                leave_to_executors(topic.subscription, self.node)
+        for topic in self._tf2_topics:
+            self.__subscribe(topic, topic in taken)
         if taken:
             self._tf2_receiver = Receiver(self, taken, self._tf2_queue)
+        known = [topic for topic in self._tf2_topics if topic.subscription is not None]
         self._tf2_reception = Reception(self, known)
 
     def __subscribe(self, topic: Topic, is_hidden: bool) -> None:
-        callback = getattr(self, topic.method)
         qos, overrides = chosen_qos(
             self.node, topic.name, "subscription", topic.qos, is_static=topic.is_static
         )
         arguments: dict[str, Any] = {}
         if has_callback_groups(self.node):
             arguments = {"callback_group": self.group, **overrides}
+        topic.is_counted = self.__is_own(topic)
         self.group.hides = is_hidden
         try:
-            made = self.node.create_subscription(TFMessage, topic.name, callback, qos, **arguments)
+            made = self.node.create_subscription(
+                TFMessage, topic.name, getattr(self, topic.method), qos, **arguments
+            )
         finally:
             self.group.hides = False
         self.__dict__[topic.attribute] = made
         if isinstance(made, Subscription):
             topic.subscription, topic.name = made, made.topic_name
-            topic.is_counted = self.__is_own(made.callback, topic)
 
     def __unsubscribe(self, subscription: Any) -> None:
         if subscription is None:

@@ -8,7 +8,6 @@ import threading
 import weakref
 
 import pytest
-import rclpy
 from making import at, transform, translation
 from processes import DEADLINE_S, start, until
 from public_names import NAMES
@@ -86,16 +85,6 @@ def test_programs_may_use_every_name_that_tf2_does_not(tf2_ros, node, executor, 
     buffer.time_jump_callback(None)
     listener.unregister()
     assert not knows(buffer, "robot")()
-
-
-@pytest.mark.ours
-def test_after_the_shutdown_of_its_context_it_says_why_it_cannot_subscribe(tf2_ros, buffer, new_node):
-    context = rclpy.Context()
-    context.init()
-    node = new_node("late", context=context)
-    context.shutdown()
-    with pytest.raises(RuntimeError, match="^TransformListener( of late)? cannot subscribe: the context of"):
-        tf2_ros.TransformListener(buffer, node)
 
 
 def knows(buffer, child, parent="map", time=LATEST):

@@ -11,7 +11,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Protocol
 
@@ -53,7 +53,8 @@ def add_owner(owner: Owner) -> None:
 def check_regularly(checked: Checked) -> None:
     """Call ``_tf2_check()`` every one or two seconds, as long as something else refers to the object."""
     _checked.add(checked)
-    threads.start_reports()
+    with suppress(RuntimeError):  # no thread can be started now; the next listener tries again
+        threads.start_reports()
 
 
 def _filling(buffer: BufferCore) -> list[Inbox]:

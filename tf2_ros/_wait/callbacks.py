@@ -14,8 +14,9 @@ from rclpy.waitable import NumberOfEntities, Waitable
 
 from tf2_py._internal import log
 from tf2_ros._forking import LOCK, is_inherited
-from tf2_ros._nodes import WaitContexts, node_has_ended, watch
+from tf2_ros._nodes import WaitContexts, node_has_ended
 from tf2_ros._rclpy import context_was_shut_down, is_in_executor, new_wake_handle
+from tf2_ros._receive.inboxes import check_regularly
 from tf2_ros._wait.rounds import Ending, ExecutorRounds
 from tf2_ros._wait.timers import call_logged
 
@@ -52,7 +53,7 @@ class CallbackQueue(ExecutorRounds, Waitable):
         self.set_up(self._guard)
         self._process = os.getpid()
         node.add_waitable(self)
-        watch(self)
+        check_regularly(self)
 
     def put(self, call: Call) -> None:
         """Add a call, from any thread, signal handler or finalizer; after the end of the node, drop it."""

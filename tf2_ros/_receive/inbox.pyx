@@ -517,12 +517,12 @@ cdef class Inbox(ReadHook):
         if engine is not None:
             self._report(engine)
 
-    def inform(self, Watching watching):
-        """Inform this of what arrives from now on, and nothing else; None: nothing."""
-        if watching is not None and watching not in self._watching:
+    def inform(self, Watching watching not None):
+        """Inform this of what arrives from now on, and nothing else."""
+        if watching not in self._watching:
             self._watching.append(watching)
         lock_acquire(&_lock)
-        self._state.watcher = NULL if watching is None else &watching.watcher
+        self._state.watcher = &watching.watcher
         lock_release(&_lock)
 
     cdef object _engine(self):

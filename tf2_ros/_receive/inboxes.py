@@ -147,12 +147,6 @@ def _stop_all() -> None:
     threads.stop()
 
 
-def _before_fork() -> None:
-    # The child needs what has arrived.
-    for owner in _owners:
-        owner.inbox.catch_up()
-
-
 def _after_fork_in_child() -> None:
     begin_anew()
     threads.forget()
@@ -167,4 +161,4 @@ def _after_fork_in_child() -> None:
         )
 
 
-os.register_at_fork(before=_before_fork, after_in_child=_after_fork_in_child)
+os.register_at_fork(after_in_child=_after_fork_in_child)

@@ -73,7 +73,6 @@ class Receiver:
         self._process = os.getpid()
         self._tell = partial(_before_sleep, weakref.ref(self))  # the buffer keeps the queue
         self._uses: dict[Topic, ExitStack] = {}  # keep the handles of the topics that it takes
-        self._clock_use = ExitStack()
         self._source = Subscriptions(listener._tf2_recording, listener._tf2_prefix)
         self.inbox = Inbox(self._source, AUTHORITY, queue.hand_over)
         self.inbox.inform(queue)
@@ -104,14 +103,10 @@ class Receiver:
         if buffer is None:
             self._leave_to_executors()
         elif not self.inbox.fills(buffer):
-            clock = getattr(buffer, "clock", None)
-            use, pointer = ExitStack(), 0
-            if isinstance(clock, ROSClock) and enter_handle(clock.handle, use):
-                pointer = handle_pointer(clock.handle)
             self.inbox.fill(buffer)
-            self._source.follow(pointer)
-            self._clock_use.close()
-            self._clock_use = use
+            clock = getattr(buffer, "clock", None)
+            if isinstance(clock, ROSClock):
+                self._source.follow(clock.handle, handle_pointer(clock.handle))
 
     def before_sleep(self, in_user_code: bool) -> None:
         """

@@ -184,6 +184,7 @@ cdef class Subscriptions(Source):
 
     cdef Subscribed _subscribed
     cdef Recording _recording       # keeps the records
+    cdef object _clock_handle       # keeps the clock
     cdef bytes _prefix
     cdef list _topics               # in the order in which they were added
 
@@ -250,15 +251,17 @@ cdef class Subscriptions(Source):
         inboxes_unlock()
         topic._handle = None
 
-    def follow(self, clock):
+    def follow(self, handle, clock):
         """
         Record the time of a simulated clock with what arrives, until the inbox fills another buffer.
 
-        :param clock: address of an ``rcl_clock_t``, that of the buffer; or 0.
+        :param handle: of the clock of the buffer; kept.
+        :param clock: address of its ``rcl_clock_t``.
         """
         cdef int64_t now_ns
-        if self._recording is None or not clock:
+        if self._recording is None:
             return
+        self._clock_handle = handle
         inboxes_lock()
         self._subscribed.clock = <rcl_clock_t*><uintptr_t>clock
         word_store(&self.inbox.wants_each, _simulated_now(self._subscribed.clock, &now_ns))

@@ -121,7 +121,7 @@ class Buffer(BufferCore, AnsweringInterface):
         if share is not None or attach is not None:
             require_linux()
         if attach is not None:
-            from tf2_ros._shared.attachment import Attachment, open_ring
+            from tf2_ros._shared.attachment import open_ring
             from tf2_ros._shared.files import describe_owner
 
             attach = buffer_name(attach, node)
@@ -136,6 +136,8 @@ class Buffer(BufferCore, AnsweringInterface):
 
             self._tf2_sharing = Owner(self, buffer_name(share, node))
         if attach is not None and reader is not None:
+            from tf2_ros._shared.attachment import Attachment
+
             self._tf2_sharing = Attachment(self, attach, reader)
         self.__connect(node)
         if expire_after is not None:

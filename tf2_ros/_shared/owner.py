@@ -7,7 +7,7 @@ import weakref
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tf2_py._internal import log
 from tf2_ros._receive.inboxes import check_regularly
@@ -16,7 +16,7 @@ from tf2_ros._shared.naming import FOLDER, SharedBufferError, segment_path
 from tf2_ros._shared.ring import RingWriter
 from tf2_ros_cython._presence import HAS_ROS
 
-if HAS_ROS:
+if TYPE_CHECKING or HAS_ROS:
     from tf2_ros._receive.reception import receptions_of
 
 LEAST_BYTES, MOST_BYTES = 17 << 16, 1 << 28  # of the file; readers refuse a ring of less than 1 MiB

@@ -3,7 +3,6 @@
 import os
 import threading
 import weakref
-from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +23,8 @@ if TYPE_CHECKING or HAS_ROS:
 
     from tf2_ros._rcl import problem
     from tf2_ros._rclpy import context_was_shut_down
-    from tf2_ros._wait.callbacks import callback_queue, hand_over, queue_of
+    from tf2_ros._wait.callbacks import hand_over, queue_of
+    from tf2_ros._wait.rounds import Ending
 
 
 def open_ring(name: str) -> RingReader:
@@ -137,18 +137,18 @@ class Attachment:
     def add(self, listener: Any) -> None:  # a TransformListener
         """Replace the subscriptions of a listener of the buffer, and keep it alive, until :meth:`remove`."""
         self.listeners[id(listener)] = listener
-        if problem() is None:
-            queue = callback_queue(listener.node)
-            if self._before_sleep not in queue.sleepers:
-                queue.inform(self._before_sleep)
-            self._inform(listener)
+        queue = listener._tf2_queue
+        if queue is not None and self._before_sleep not in queue.sleepers:
+            queue.inform(self._before_sleep)
+        self._inform(listener)
 
     def remove(self, listener: Any) -> bool:
         """Undo :meth:`add`; whether it was there."""
         if self.is_inherited() or self.listeners.pop(id(listener), None) is None:
             return False
-        if problem() is None and all(one.node is not listener.node for one in self.listeners.values()):
-            callback_queue(listener.node).inform_no_more(self._before_sleep)
+        queue = listener._tf2_queue
+        if queue is not None and all(one._tf2_queue is not queue for one in self.listeners.values()):
+            queue.inform_no_more(self._before_sleep)
         return True
 
     def has(self, listener: Any) -> bool:
@@ -178,15 +178,15 @@ class Attachment:
 
     def _inform(self, listener: Any) -> None:
         # Its executor returns from `spin_once` for what arrives.
-        if problem() is None:
-            self.inbox.inform(callback_queue(listener.node))
+        if listener._tf2_queue is not None:
+            self.inbox.inform(listener._tf2_queue)
 
     def _before_sleep(self, in_user_code: bool) -> None:
         if in_user_code:
             self.inbox.catch_up()  # this informs the executor, and wakes it for what arrives later
 
 
-def _hand_over(reference: "weakref.ref[Any]", calls: list[Callable[[], object]]) -> None:
+def _hand_over(reference: "weakref.ref[Any]", calls: "list[Ending]") -> None:
     # Puts these into the queue that runs the callbacks of the buffer.
     buffer = reference()
     if HAS_ROS:

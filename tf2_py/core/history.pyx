@@ -476,7 +476,8 @@ cdef HistoryInsert _change_kind(History* history, HistoryKind kind, uint32_t cap
     memset(&fresh, 0, sizeof(History))
     fresh.kind = kind
     fresh.authority = history.authority
-    fresh.is_parent = history.is_parent     # is_hidden is False: a transform uses the frame
+    fresh.is_parent = history.is_parent
+    fresh.is_hidden = history.is_hidden
     outcome = _move(&fresh, capacity, history_allocated(history) + growth_limit)
     if outcome == HISTORY_INSERTED:
         history_free(history)

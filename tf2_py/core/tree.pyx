@@ -92,11 +92,6 @@ cdef FrameId _intern_frame(Tree* tree, const char* name, size_t size, Change* ch
     # The id of the frame, a new one if the name is unknown; NO_FRAME: it failed, see `refused`.
     cdef uint32_t id = names_find(&tree.names, name, size)
     if id != NAME_UNKNOWN:
-        if tree.histories[id].is_hidden:
-            tree.histories[id].is_hidden = False
-            tree.hidden -= 1
-            if change != NULL:
-                change.shape = True
         return id
     # The reserved name is not counted.
     if tree.names.count > tree.limits.frames:
@@ -106,6 +101,14 @@ cdef FrameId _intern_frame(Tree* tree, const char* name, size_t size, Change* ch
     else:
         return _add_frame(tree, name, size, change, refused)
     return NO_FRAME
+
+
+cdef inline void _unhide(Tree* tree, FrameId frame, Change* change) noexcept nogil:
+    if tree.histories[frame].is_hidden:
+        tree.histories[frame].is_hidden = False
+        tree.hidden -= 1
+        if change != NULL:
+            change.shape = True
 
 
 cdef inline bint _is_reserved(const char* name, size_t size) noexcept nogil:
@@ -208,7 +211,8 @@ cdef bint _has_parent(Tree* tree, const History* history, FrameId parent) noexce
 cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
                           Change* change) noexcept nogil:
     cdef uint32_t refused = incoming_refusals(incoming)
-    cdef FrameId child, parent
+    cdef FrameId child = NO_FRAME
+    cdef FrameId parent = NO_FRAME
     cdef uint32_t known = tree.names.count
     cdef uint32_t bit
     tree.work += (incoming.child_size + incoming.parent_size) // NAME_BYTES_PER_INSERT
@@ -224,9 +228,11 @@ cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bi
     if refused == TREE_NO_MEMORY:
         # No other thread has seen them.
         names_drop(&tree.names, known)
-    elif refused:
-        for bit in range(<uint32_t>REFUSAL_KINDS):
-            tree.refused[bit] += (refused >> bit) & 1
+        return refused
+    _unhide(tree, child, change)
+    _unhide(tree, parent, change)
+    for bit in range(<uint32_t>REFUSAL_KINDS if refused else 0):
+        tree.refused[bit] += (refused >> bit) & 1
     return refused
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from geometry_msgs.msg import TransformStamped
 from numpy.typing import NDArray
 from rclpy.time import Time
+from typing_extensions import Unpack
 
 from tf2_py._objects.errors import (
     ConnectivityException,
@@ -16,7 +17,7 @@ from tf2_py._objects.errors import (
     TransformException,
 )
 from tf2_py._objects.listings import FrameInfo, History
-from tf2_py.typing import DurationLike, TimeLike, TimesLike
+from tf2_py.typing import DurationLike, LookupPolicy, TimeLike, TimesLike
 
 __all__ = [
     "BufferCore",
@@ -105,10 +106,7 @@ class BufferCore:
         fixed_frame: str | None = None,
         target_time: TimeLike | None = None,
         on_missing: Literal["raise", "nan"] = "raise",
-        tolerance: DurationLike | None = None,
-        extrapolate: bool = False,
-        max_gap: DurationLike | None = None,
-        interpolation: Literal["linear", "cubic"] = "linear",
+        **policy: Unpack[LookupPolicy],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
     @overload
     def transform_points(
@@ -120,6 +118,7 @@ class BufferCore:
         *,
         fixed_frame: str | None = None,
         target_time: TimeLike | None = None,
+        **policy: Unpack[LookupPolicy],
     ) -> NDArray[np.float64]: ...
     @overload
     def transform_points(
@@ -131,6 +130,7 @@ class BufferCore:
         *,
         fixed_frame: str | None = None,
         target_time: TimeLike | None = None,
+        **policy: Unpack[LookupPolicy],
     ) -> NDArray[_Float]: ...
     def can_transform_core(self, target_frame: str, source_frame: str, time: TimeLike) -> tuple[int, str]: ...
     def can_transform_full_core(
@@ -199,8 +199,14 @@ class BufferCore:
         policy: Any = None,
         after: _Wait | None = None,
     ) -> _Wait: ...
-    def _lookup_under(
-        self, target_frame: str, source_frame: str, time: TimeLike, policy: Any
+    def _look_up(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: TimeLike,
+        fixed_frame: str | None = None,
+        target_time: TimeLike | None = None,
+        policy: Any = None,
     ) -> TransformStamped: ...
     def _pending_waits(self, most: int = 1000) -> list[str]: ...
     def _ask_for_silence(self, find_silence: Callable[[Any], tuple[str, str]]) -> None: ...

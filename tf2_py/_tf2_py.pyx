@@ -417,10 +417,7 @@ cdef class BufferCore(Engine):
         fixed_frame: str | None = None,
         target_time: Time | None = None,
         on_missing: Literal["raise", "nan"] = "raise",
-        tolerance: Duration | None = None,
-        extrapolate: bool = False,
-        max_gap: Duration | None = None,
-        interpolation: Literal["linear", "cubic"] = "linear",
+        **policy: Unpack[LookupPolicy],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """
         Look up one transform at many times, with the same results as single lookups.
@@ -433,8 +430,8 @@ cdef class BufferCore(Engine):
         :param on_missing: ``'raise'`` raises the error of the first time without an answer, with its index;
             ``'nan'`` fills in NaN there. Of several frames, the first one with an error raises it. Unknown
             and invalid names always raise, before anything else.
-        :param tolerance: see :class:`tf2_py.typing.LookupPolicy`, also for ``extrapolate``, ``max_gap`` and
-            ``interpolation``. With one of them, each lookup takes as long as a single one.
+        :param policy: what the lookups accept beyond tf2's, see :class:`tf2_py.typing.LookupPolicy`. With
+            one, each lookup takes as long as a single one.
         :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), metres, and (N, 4), x y z w;
             of a sequence of frames, (F, N, 3) and (F, N, 4).
         :raises TransformException: see :meth:`lookup_transform_core`.
@@ -449,17 +446,17 @@ cdef class BufferCore(Engine):
         cdef Query query
         cdef TimeSeries series
         times_ns = as_times_ns(times)
-        policy = policy_of("lookup_transforms", tolerance, extrapolate, max_gap, interpolation)
+        accepted = policy_of("lookup_transforms", **policy)
         if not isinstance(source_frame, (str, bytes)) and _is_sequence(source_frame):
             return self._lookup_frames(
                 target_frame, list(source_frame), times_ns, fixed_frame, target_time,
-                _is_nan_wanted(on_missing), policy,
+                _is_nan_wanted(on_missing), accepted,
             )
         series_begin(&series, int64s_of(times_ns), len(times_ns))
         translations, rotations = new_rows(series.count, 3), new_rows(series.count, 4)
         series.nan_missing = _is_nan_wanted(on_missing)
         query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
-        query_set_policy(&query, policy)
+        query_set_policy(&query, accepted)
         if series.count:
             series.translations = doubles_of(translations, 3)
             series.rotations = doubles_of(rotations, 4)
@@ -509,13 +506,20 @@ cdef class BufferCore(Engine):
         *,
         fixed_frame: str | None = None,
         target_time: Time | None = None,
+        **policy: Unpack[LookupPolicy],
     ) -> NDArray[np.floating]:
         """
         Transform each point at its own time.
 
         :param points: array-like of shape (N, 3), metres, each in ``source_frame`` at its time; float32,
             float64 or integers.
-        :param times: N times. For this and the other arguments, see :meth:`lookup_transforms`.
+        :param times: N times, one for each point: integer nanoseconds, datetime64, or time objects.
+        :param target_frame: the frame to transform the points into.
+        :param source_frame: the frame of the points.
+        :param fixed_frame: with ``target_time``, transform the points into the target at that time; the fixed
+            frame is assumed not to move between that time and those of the points.
+        :param target_time: the time of the target frame.
+        :param policy: see :meth:`lookup_transforms`.
         :return: an array of shape (N, 3) of the points' dtype, or float64 of integers, in ``target_frame``.
         :raises TransformException: see :meth:`lookup_transform_core`; the text contains the index of the
             time.
@@ -531,6 +535,7 @@ cdef class BufferCore(Engine):
             raise ValueError(f"{len(rows)} points, {series.count} times: each point needs its own time")
         transformed = new_rows(series.count, 3)
         query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
+        query_set_policy(&query, policy_of("transform_points", **policy))
         if series.count:
             series.points = doubles_of(rows, 3)
             series.transformed = doubles_of(transformed, 3)
@@ -704,15 +709,20 @@ cdef class BufferCore(Engine):
         query.source_ns = time_ns
         return self._lookup_or_raise(&query, out, &stamp_ns)
 
-    def _lookup_under(
-        self, target_frame: str, source_frame: str, time: Time, policy: Any
+    def _look_up(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: Time,
+        fixed_frame: str | None = None,
+        target_time: Time | None = None,
+        policy: Any = None,
     ) -> TransformStamped:
-        """As :meth:`lookup_transform_core`, under a policy of ``policy_of``."""
+        """Look up as :meth:`lookup_transform_core`, or at two times, under a policy of ``policy_of``."""
         cdef Query query
         cdef Transform transform
         cdef int64_t stamp_ns
-        query_fill(&query, target_frame, source_frame, time)
-        query_set_policy(&query, policy)
+        query_fill_any(&query, target_frame, source_frame, time, fixed_frame, target_time, policy)
         self._lookup_or_raise(&query, &transform, &stamp_ns)
         return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
 
@@ -746,11 +756,7 @@ cdef class BufferCore(Engine):
         """
         cdef Query query
         cdef Wait wait = Wait.__new__(Wait)
-        if fixed_frame is None:
-            query_fill(&query, target_frame, source_frame, time)
-        else:
-            query_fill_full(&query, target_frame, target_time, source_frame, time, fixed_frame)
-        query_set_policy(&query, policy)
+        query_fill_any(&query, target_frame, source_frame, time, fixed_frame, target_time, policy)
         if after is not None:
             wait.only_after(after)
         wait.begin(self, (target_frame, source_frame, fixed_frame), &query, notify)

@@ -57,7 +57,7 @@ class LookupPolicy(TypedDict, total=False):
 
     ``interpolation``: ``"linear"``, or ``"cubic"`` for continuous velocities.
 
-    With any of these, a wait ends as soon as transforms of its time would be refused.
+    With any of these, a wait for one time ends as soon as transforms of that time would be refused.
     """
 
     tolerance: DurationLike | None

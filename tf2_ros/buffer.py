@@ -217,10 +217,7 @@ class Buffer(BufferCore, AnsweringInterface):
         >>> buffer.lookup_transform("base_link", "camera", 1_000_000_000, timeout=0.5).header.stamp.sec
         1
         """
-        if timeout is NO_TIMEOUT:
-            if policy:
-                accepted = policy_of("lookup_transform", **policy)
-                return BufferCore._lookup_under(self, target_frame, source_frame, time, accepted)
+        if timeout is NO_TIMEOUT and not policy:
             return self.lookup_transform_core(target_frame, source_frame, time)
         lookup = Lookup.simple(target_frame, source_frame, time, policy_of("lookup_transform", **policy))
         return BlockingWait(self, duration_ns(timeout, "timeout")).for_answer(lookup)
@@ -233,23 +230,28 @@ class Buffer(BufferCore, AnsweringInterface):
         source_time: TimeLike,
         fixed_frame: str,
         timeout: DurationLike = NO_TIMEOUT,
+        **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
-        if timeout is NO_TIMEOUT:
+        if timeout is NO_TIMEOUT and not policy:
             return self.lookup_transform_full_core(
                 target_frame, target_time, source_frame, source_time, fixed_frame
             )
-        lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame)
+        accepted = policy_of("lookup_transform_full", **policy)
+        lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame, accepted)
         return BlockingWait(self, duration_ns(timeout, "timeout")).for_answer(lookup)
 
-    def _tf2_can(self, timeout: DurationLike, *arguments: Any) -> tuple[bool, str]:
+    def _tf2_can(self, timeout: DurationLike, policy: "LookupPolicy", *arguments: Any) -> tuple[bool, str]:
         ask = self.can_transform_core if len(arguments) == 3 else self.can_transform_full_core
-        if timeout is NO_TIMEOUT:
+        if timeout is NO_TIMEOUT and not policy:
             can, reason = ask(*arguments)
             return bool(can), reason
+        accepted = policy_of("can_transform", **policy)
         wait = BlockingWait(self, duration_ns(timeout, "timeout"))
         try:
-            wait.for_answer(Lookup.of(*arguments))
-        except TransformException:
+            wait.for_answer(Lookup.of(*arguments, policy=accepted))
+        except TransformException as error:
+            if accepted is not None:
+                return False, str(error)
             can, reason = ask(*arguments)
             return bool(can), reason if can else wait.told(reason)
         return True, ""
@@ -292,6 +294,7 @@ class Buffer(BufferCore, AnsweringInterface):
         fixed_frame: str,
         *,
         timeout: DurationLike | None = None,
+        **policy: "Unpack[LookupPolicy]",
     ) -> "WakingFuture[TransformStamped]":
         """
         Get a future of what :meth:`lookup_transform_full` will return. Without ``timeout`` it waits forever.
@@ -299,7 +302,8 @@ class Buffer(BufferCore, AnsweringInterface):
         :param target_frame: see that method, also for all others but ``timeout``.
         :param timeout: see :meth:`wait_for_transform_async`, which does the same for a simple lookup.
         """
-        lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame)
+        accepted = policy_of("wait_for_transform_full_async", **policy)
+        lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame, accepted)
         return TransformFuture(self, lookup, timeout)
 
     async def lookup_transform_async(
@@ -329,9 +333,7 @@ class Buffer(BufferCore, AnsweringInterface):
         arguments = (target_frame, source_frame, time)
         accepted = policy_of("lookup_transform_async", **policy)
         answer = await self.wait_for_transform_async(*arguments, timeout=timeout, **policy)
-        if accepted is not None:
-            return self.__renewed(answer, BufferCore._lookup_under, self, *arguments, accepted)
-        return self.__renewed(answer, self.lookup_transform_core, *arguments)
+        return self.__renewed(answer, Lookup.of(*arguments, policy=accepted))
 
     async def lookup_transform_full_async(
         self,
@@ -342,6 +344,7 @@ class Buffer(BufferCore, AnsweringInterface):
         fixed_frame: str,
         *,
         timeout: DurationLike | None = None,
+        **policy: "Unpack[LookupPolicy]",
     ) -> TransformStamped:
         """
         Await what :meth:`lookup_transform_full` returns. Without ``timeout`` it waits forever.
@@ -350,8 +353,9 @@ class Buffer(BufferCore, AnsweringInterface):
         :param timeout: see :meth:`lookup_transform_async`, which raises the same.
         """
         arguments = (target_frame, target_time, source_frame, source_time, fixed_frame)
-        answer = await self.wait_for_transform_full_async(*arguments, timeout=timeout)
-        return self.__renewed(answer, self.lookup_transform_full_core, *arguments)
+        accepted = policy_of("lookup_transform_full_async", **policy)
+        answer = await self.wait_for_transform_full_async(*arguments, timeout=timeout, **policy)
+        return self.__renewed(answer, Lookup.of(*arguments, policy=accepted))
 
     def forget(self, frame: str) -> bool:
         """Remove every transform of a frame; see :meth:`tf2_py.BufferCore.forget`."""
@@ -404,13 +408,10 @@ class Buffer(BufferCore, AnsweringInterface):
         log.logger("tf2_buffer").warning(f"{happened}. Clearing TF buffer.")
         self.clear()
 
-    @staticmethod
-    def __renewed(
-        answer: TransformStamped, look_up: Callable[..., TransformStamped], *arguments: Any
-    ) -> TransformStamped:
+    def __renewed(self, answer: TransformStamped, lookup: Lookup) -> TransformStamped:
         """Look up again, because the latest time may have changed since the future was completed."""
         try:
-            return look_up(*arguments)
+            return lookup.now(self)
         except TransformException:
             return answer  # the buffer has lost it meanwhile
 

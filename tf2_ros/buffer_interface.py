@@ -19,6 +19,9 @@ from tf2_ros_cython._presence import HAS_ROS
 
 if TYPE_CHECKING:
     from typing_extensions import TypeVar as _TypeVarWithDefault
+    from typing_extensions import Unpack
+
+    from tf2_py.typing import LookupPolicy
 if TYPE_CHECKING or HAS_ROS:
     from rclpy.duration import Duration
 
@@ -78,6 +81,7 @@ class BufferInterface:
         target_frame: str,
         timeout: DurationLike = NO_TIMEOUT,
         new_type: type[_New] | None = None,
+        **policy: "Unpack[LookupPolicy]",
     ) -> _New:
         """
         Transform an object into another frame, at the object's own time. The result describes the same place,
@@ -88,6 +92,8 @@ class BufferInterface:
         :param target_frame: the frame into which the object is to be transformed.
         :param timeout: how long to wait for the transform, in steady time. Zero: do not wait.
         :param new_type: convert the result to this type. None: no conversion.
+        :param policy: further arguments of the lookup: those of :class:`tf2_py.typing.LookupPolicy`, if this
+            is a :class:`tf2_ros.Buffer`. The lookups of a :class:`tf2_ros.BufferClient` accept none.
         :return: a new object; the one given is not changed.
         :raises TypeException: the type is not registered, or no conversion to ``new_type`` is.
         :raises TransformException: what the lookup raises.
@@ -96,8 +102,9 @@ class BufferInterface:
         """
         do_transform: Any = self.registration.get(type(object_stamped))
         header = _header_of(object_stamped)
+        look_up: Any = self.lookup_transform
         try:
-            transform = self.lookup_transform(target_frame, header.frame_id, header.stamp, timeout)
+            transform = look_up(target_frame, header.frame_id, header.stamp, timeout, **policy)
         except TransformException as error:
             _add_if_frame_is_empty(error, object_stamped)
             raise
@@ -112,6 +119,7 @@ class BufferInterface:
         fixed_frame: str,
         timeout: DurationLike = NO_TIMEOUT,
         new_type: type[_New] | None = None,
+        **policy: "Unpack[LookupPolicy]",
     ) -> _New:
         """
         Transform an object from its own time into another frame at another time. ``Time()`` as target time
@@ -122,14 +130,15 @@ class BufferInterface:
         :param target_time: the time of the result; 0 is the latest time for which the frames between
             ``target_frame`` and ``fixed_frame`` have data.
         :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: see :meth:`transform`, also for ``new_type``.
+        :param timeout: see :meth:`transform`, also for ``new_type`` and ``policy``.
         :return: a new object, stamped with the target time.
         """
         do_transform: Any = self.registration.get(type(object_stamped))
         header = _header_of(object_stamped)
+        look_up: Any = self.lookup_transform_full
         try:
-            transform = self.lookup_transform_full(
-                target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout
+            transform = look_up(
+                target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout, **policy
             )
         except TransformException as error:
             _add_if_frame_is_empty(error, object_stamped)
@@ -143,6 +152,7 @@ class BufferInterface:
         target_frame: str,
         timeout: DurationLike | None = None,
         new_type: type[_New] | None = None,
+        **policy: "Unpack[LookupPolicy]",
     ) -> _New:
         """
         Transform an object into another frame as soon as the transform is available. Without ``timeout`` it
@@ -151,16 +161,15 @@ class BufferInterface:
         :param object_stamped: see :meth:`transform`, which raises the same.
         :param target_frame: the frame into which the object is to be transformed.
         :param timeout: how long to wait for the transform, in steady time. None: forever.
-        :param new_type: see :meth:`transform`.
+        :param new_type: see :meth:`transform`, also for ``policy``.
         :return: a new object.
         :raises TimeoutException: the transform was not available in time.
         """
         do_transform: Any = self.registration.get(type(object_stamped))
         header = _header_of(object_stamped)
+        look_up: Any = self.lookup_transform_async
         try:
-            transform = await self.lookup_transform_async(
-                target_frame, header.frame_id, header.stamp, timeout=timeout
-            )
+            transform = await look_up(target_frame, header.frame_id, header.stamp, timeout=timeout, **policy)
         except TransformException as error:
             _add_if_frame_is_empty(error, object_stamped)
             raise
@@ -257,6 +266,7 @@ class AnsweringInterface(BufferInterface):
         time: TimeLike,
         timeout: DurationLike = ...,
         return_debug_tuple: Literal[False] = ...,
+        **policy: "Unpack[LookupPolicy]",
     ) -> bool: ...
 
     @overload
@@ -267,6 +277,7 @@ class AnsweringInterface(BufferInterface):
         time: TimeLike,
         timeout: DurationLike = ...,
         return_debug_tuple: Literal[True] = ...,
+        **policy: "Unpack[LookupPolicy]",
     ) -> tuple[bool, str]: ...
 
     def can_transform(
@@ -276,6 +287,7 @@ class AnsweringInterface(BufferInterface):
         time: TimeLike,
         timeout: DurationLike = NO_TIMEOUT,
         return_debug_tuple: bool = False,
+        **policy: "Unpack[LookupPolicy]",
     ) -> bool | tuple[bool, str]:
         """
         Return whether :meth:`lookup_transform` would return the pose of ``source_frame`` in ``target_frame``.
@@ -285,9 +297,10 @@ class AnsweringInterface(BufferInterface):
         :param timeout: how long to wait until it would.
         :param return_debug_tuple: return a tuple of the answer and the reason why not, which is empty if the
             answer is yes.
+        :param policy: further arguments of that method, see :meth:`transform`.
         :raises TypeError: see that method. Nothing else is raised.
         """
-        can, reason = self._tf2_can(timeout, target_frame, source_frame, time)
+        can, reason = self._tf2_can(timeout, policy, target_frame, source_frame, time)
         return (can, reason) if return_debug_tuple else can
 
     @overload
@@ -300,6 +313,7 @@ class AnsweringInterface(BufferInterface):
         fixed_frame: str,
         timeout: DurationLike = ...,
         return_debug_tuple: Literal[False] = ...,
+        **policy: "Unpack[LookupPolicy]",
     ) -> bool: ...
 
     @overload
@@ -312,6 +326,7 @@ class AnsweringInterface(BufferInterface):
         fixed_frame: str,
         timeout: DurationLike = ...,
         return_debug_tuple: Literal[True] = ...,
+        **policy: "Unpack[LookupPolicy]",
     ) -> tuple[bool, str]: ...
 
     def can_transform_full(
@@ -323,23 +338,24 @@ class AnsweringInterface(BufferInterface):
         fixed_frame: str,
         timeout: DurationLike = NO_TIMEOUT,
         return_debug_tuple: bool = False,
+        **policy: "Unpack[LookupPolicy]",
     ) -> bool | tuple[bool, str]:
         """
         Return whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
 
-        :param target_frame: see that method, also for all but the last two, which are those of
+        :param target_frame: see that method, also for all but the last three, which are those of
             :meth:`can_transform`.
         """
         can, reason = self._tf2_can(
-            timeout, target_frame, target_time, source_frame, source_time, fixed_frame
+            timeout, policy, target_frame, target_time, source_frame, source_time, fixed_frame
         )
         return (can, reason) if return_debug_tuple else can
 
-    def _tf2_can(self, timeout: DurationLike, *arguments: Any) -> tuple[bool, str]:
+    def _tf2_can(self, timeout: DurationLike, policy: "LookupPolicy", *arguments: Any) -> tuple[bool, str]:
         """Whether a lookup would answer, and why not; it is a full one if there are five arguments."""
         look_up: Any = self.lookup_transform if len(arguments) == 3 else self.lookup_transform_full
         try:
-            look_up(*arguments, timeout)
+            look_up(*arguments, timeout, **policy)
         except TransformException as error:
             return False, str(error)
         return True, ""

@@ -198,6 +198,61 @@ class TestTolerance:
         assert stamp_ns(buffer.lookup_transform("base", "base", at_ns(9 * S), tolerance=0)) == 9 * S
 
 
+LATE = at_ns(5 * S // 2)
+WAYS = {
+    "lookup_transform": lambda b, **p: b.lookup_transform("map", "base", LATE, **p),
+    "with a timeout": lambda b, **p: b.lookup_transform("map", "base", LATE, 0.001, **p),
+    "full": lambda b, **p: b.lookup_transform_full("map", LATE, "base", LATE, "odom", **p),
+    "full, with a timeout": lambda b, **p: b.lookup_transform_full(
+        "map", LATE, "base", LATE, "odom", 1e-3, **p
+    ),
+    "async": lambda b, **p: asyncio.run(b.lookup_transform_async("map", "base", LATE, timeout=0.01, **p)),
+    "full async": lambda b, **p: asyncio.run(
+        b.lookup_transform_full_async("map", LATE, "base", LATE, "odom", timeout=0.01, **p)
+    ),
+    "transform": lambda b, **p: b.transform(transform("base", "data", 2.5), "map", **p),
+    "transform_full": lambda b, **p: b.transform_full(
+        transform("base", "data", 2.5), "map", LATE, "odom", **p
+    ),
+    "transform_async": lambda b, **p: asyncio.run(
+        b.transform_async(transform("base", "data", 2.5), "map", timeout=0.01, **p)
+    ),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_every_way_to_look_up_takes_a_policy(tf2_ros, way):
+    pytest.importorskip("tf2_geometry_msgs")
+    buffer = tf2_ros.Buffer()
+    for second in (1, 2):
+        buffer.set_transform(transform("map", "odom", second, (0, 1, 0)), "x")
+        buffer.set_transform(transform("odom", "base", second, (second, 0, 0)), "x")
+    with pytest.raises(tf2_ros.TransformException):
+        WAYS[way](buffer)
+    answer = WAYS[way](buffer, tolerance=0.5, extrapolate=True)
+    assert translation(answer) == (2.5, 1, 0)
+    assert stamp_ns(answer) == LATE.nanoseconds
+
+
+def test_questions_and_points_take_a_policy(tf2_ros):
+    buffer = tf2_ros.Buffer()
+    for second in (1, 2):
+        buffer.set_transform(transform("map", "base", second, (second, 0, 0)), "x")
+    for ask in (
+        lambda **p: buffer.can_transform("map", "base", LATE, return_debug_tuple=True, **p),
+        lambda **p: buffer.can_transform("map", "base", LATE, 0.001, return_debug_tuple=True, **p),
+        lambda **p: buffer.can_transform_full("map", LATE, "base", LATE, "map", 0, True, **p),
+    ):
+        assert ask(tolerance=0.5) == (True, "")
+        can, reason = ask(tolerance=0.4)
+        assert not can
+        assert "into the future" in reason
+    moved = buffer.transform_points([(0, 0, 1)], [LATE], "map", "base", tolerance=1, extrapolate=True)
+    assert moved.tolist() == [[2.5, 0, 1]]
+    with pytest.raises(TypeError, match=r"^transform_points.*Did you mean 'max_gap'"):
+        buffer.transform_points([(0, 0, 1)], [LATE], "map", "base", maxgap=1)
+
+
 class TestMaxGap:
     def test_its_length_belongs_to_it_and_samples_need_no_neighbour(self, tf2_ros):
         buffer = tf2_ros.Buffer()
@@ -387,33 +442,6 @@ class TestWaits:
         for second in (18.5, 19.5):
             buffer.set_transform(transform("map", "arm", second), "x")
         assert wait.answer is not None
-
-    def test_without_a_policy_it_goes_on(self, buffer):
-        self.become_old(buffer)
-        wait, answers = self.begin(buffer, 19)
-        assert answers == []
-        assert wait.answer is None
-        assert buffer.statistics()["waiters"] == 1
-
-    def test_random_inserts_leave_none_pending_that_has_an_answer(self, tf2_ros):
-        numbers = random.Random(8)
-        for _ in range(30):
-            buffer = tf2_ros.Buffer(2.0)
-            waits = []
-            for step in range(60):
-                time = S * 10 + step * S // 10 + numbers.randrange(-3 * S, S)
-                child, parent = numbers.choice([("base", "odom"), ("odom", "map"), ("arm", "base")])
-                buffer.set_transform(transform(parent, child, ns=time), "x")
-                policy = numbers.choice(POLICIES)
-                waits.append((*self.begin(buffer, time / S + numbers.uniform(-3, 1), **policy), policy))
-                if numbers.random() < 0.02:
-                    buffer.clear()
-                buffer._self_check()
-            ended = [
-                (wait, answers) for wait, answers, _ in waits if wait.answer is not None or wait.is_hopeless
-            ]
-            assert len(waits) - len(ended) == buffer.statistics()["waiters"]
-            assert all(answers in ([], [wait.answer]) for wait, answers in ended)
 
 
 def buffer_policy(**policy):

@@ -90,15 +90,21 @@ class Machine(RuleBasedStateMachine):
     def start(self, cache_ns, loops, homes, restless, statics):
         self.begin(cache_ns)
         # Where all frames change their parents, each insert changes the tree, and hides what is missed.
-        self.restless, self.statics = restless, statics
-        for index, (child, parent) in enumerate(zip(FRAMES, homes, strict=True)):
-            if loops:
-                self.parents[child] = parent
-            elif index:  # below one that comes before it
-                self.parents[child] = FRAMES[FRAMES.index(parent) % index]
+        self.restless, self.statics, self.loops = restless, statics, loops
+        for child, parent in zip(FRAMES, homes, strict=True):
+            self.parents[child] = self.below(child, parent)
+            if not loops:
+                self.put([self.link(child, parent, ("now", 0))])
+
+    def below(self, child, other):
+        """A parent: without loops, one that comes before the child. After a loop, every insert wakes all."""
+        if self.loops:
+            return other
+        index = FRAMES.index(child)
+        return FRAMES[FRAMES.index(other) % index] if index else "root"
 
     def link(self, child, other, time, x=0):
-        parent = other if child in self.restless or child not in self.parents else self.parents[child]
+        parent = self.below(child, other) if child in self.restless else self.parents[child]
         return transform(parent, child, ns=self.time(child, *time), xyz=(x, 0, 0))
 
     def time(self, frame, relation, offset):
@@ -139,6 +145,10 @@ class Machine(RuleBasedStateMachine):
     def move(self, child, other, time, x, static):
         self.put([self.link(child, other, time, x)], self.statics and static == 9)
 
+    @rule(child=frames, other=frames, ahead=st.integers(1, 3))
+    def move_on(self, child, other, ahead):
+        self.put([self.link(child, other, ("frame", ahead))])
+
     @rule(links=st.lists(st.tuples(frames, frames, times), min_size=2, max_size=4), static=st.integers(0, 9))
     def move_several(self, links, static):
         self.put([self.link(*link) for link in links], self.statics and static == 9)
@@ -151,6 +161,7 @@ class Machine(RuleBasedStateMachine):
     def tie(self, other, parents, offsets):
         # Of several samples of one stamp, it depends on their neighbours which parent answers.
         child, ns = self.restless[-1], self.now + 1
+        parents = [self.below(child, parent) for parent in parents]
         for parent in parents:
             self.insert(parent, child, ns)
         self.put([self.link(other, "a", ("now", 0))])
@@ -193,7 +204,7 @@ class Machine(RuleBasedStateMachine):
 
     @rule(child=frames, time=times, latest=st.booleans())
     def wait_for_link(self, child, time, latest):
-        self.ask((self.parents.get(child, "a"), child, at_ns(0 if latest else self.time(child, *time))))
+        self.ask((self.parents[child], child, at_ns(0 if latest else self.time(child, *time))))
 
     @rule(ends=st.tuples(names, names), time=times, latest=st.booleans())
     def wait(self, ends, time, latest):
@@ -209,6 +220,11 @@ class Machine(RuleBasedStateMachine):
     def wait_under(self, ends, time, latest, policy):
         time = 0 if latest else self.time(ends[1], *time)
         self.ask((*ends, at_ns(time)), policy=policy_of("wait", **policy))
+
+    @rule(child=frames, ahead=st.integers(1, 4), policy=st.none() | policies)
+    def wait_for_next(self, child, ahead, policy):
+        lookup = self.parents[child], child, at_ns(self.time(child, "frame", ahead))
+        self.ask(lookup, policy=policy and policy_of("wait", **policy))
 
     @rule(ends=st.tuples(frames, frames))
     def wait_for_another(self, ends):

@@ -41,8 +41,7 @@ cdef Link* _list_for(Waiters* waiters, const Tree* tree, const Query* query, Sta
     cdef Path path
     if status.code in (STATUS_BAD_TARGET, STATUS_BAD_SOURCE, STATUS_BAD_FIXED):
         return &waiters.shape
-    if query.policy.is_given or tree.ever_looped or status.code not in (
-            STATUS_EXTRAPOLATION, STATUS_UNCONNECTED):
+    if query.policy.is_given or status.code not in (STATUS_EXTRAPOLATION, STATUS_UNCONNECTED):
         return &waiters.every
     query_end_frames(tree, query, &target, &source)
     if query.fixed != NULL and status.half == HALF_SOURCE:

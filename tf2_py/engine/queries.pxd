@@ -18,6 +18,9 @@ cdef class PolicyObject:
 
 # None: no policy.
 cdef int query_set_policy(Query* query, PolicyObject policy) except -1
+# A lookup at two times if there is a fixed frame.
+cdef int query_fill_any(Query* query, object target_frame, object source_frame, object time,
+                        object fixed_frame, object target_time, PolicyObject policy) except -1
 
 
 # Frame names as Python text.

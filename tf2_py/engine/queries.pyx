@@ -80,6 +80,15 @@ cdef int query_set_policy(Query* query, PolicyObject policy) except -1:
     return 0
 
 
+cdef int query_fill_any(Query* query, object target_frame, object source_frame, object time,
+                        object fixed_frame, object target_time, PolicyObject policy) except -1:
+    if fixed_frame is None:
+        query_fill(query, target_frame, source_frame, time)
+    else:
+        query_fill_full(query, target_frame, target_time, source_frame, time, fixed_frame)
+    return query_set_policy(query, policy)
+
+
 def frame_name(name, str argument):
     """The name, if lookups accept it; otherwise raises the errors of a lookup."""
     cdef Py_ssize_t size

@@ -24,8 +24,8 @@ class Lookup(NamedTuple):
     """
     The arguments of a lookup, in the order of ``lookup_transform_full``.
 
-    A simple lookup has one time, its ``source_time``; its ``target_time`` and ``fixed_frame`` are None. Only
-    a simple lookup may have a ``policy``, see ``policy_of``.
+    A simple lookup has one time, its ``source_time``; its ``target_time`` and ``fixed_frame`` are None. For
+    the ``policy``, see ``policy_of``.
     """
 
     target_frame: str
@@ -41,22 +41,21 @@ class Lookup(NamedTuple):
         return cls(target_frame, None, source_frame, time, None, policy)
 
     @classmethod
-    def of(cls, *arguments: Any) -> "Lookup":
+    def of(cls, *arguments: Any, policy: Any = None) -> "Lookup":
         """The lookup of ``lookup_transform`` with three arguments, of ``lookup_transform_full`` with five."""
-        return cls.simple(*arguments) if len(arguments) == 3 else cls(*arguments)
+        lookup = cls.simple(*arguments) if len(arguments) == 3 else cls(*arguments)
+        return lookup._replace(policy=policy)
 
     def now(self, core: BufferCore) -> Any:
         """Look up without a wait: return the answer or raise the error."""
-        if self.policy is not None:
-            return BufferCore._lookup_under(
-                core, self.target_frame, self.source_frame, self.source_time, self.policy
-            )
-        if self.fixed_frame is None:
-            return BufferCore.lookup_transform_core(
-                core, self.target_frame, self.source_frame, self.source_time
-            )
-        return BufferCore.lookup_transform_full_core(
-            core, self.target_frame, self.target_time, self.source_frame, self.source_time, self.fixed_frame
+        return BufferCore._look_up(
+            core,
+            self.target_frame,
+            self.source_frame,
+            self.source_time,
+            self.fixed_frame,
+            self.target_time,
+            self.policy,
         )
 
     def wait(self, core: BufferCore, notify: Callable[[Any], Any] | None = None) -> Any:

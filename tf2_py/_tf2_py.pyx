@@ -542,7 +542,8 @@ cdef class BufferCore(Engine):
             self._lookup_series(&query, &series)
         return transformed.astype(dtype, copy=False)
 
-    cdef int _lookup_series(self, Query* query, const TimeSeries* series) except -1:
+    cdef int _lookup_series(self, Query* query, const TimeSeries* series, Py_ssize_t per_time=1) except -1:
+        # `per_time`: how many times of the series belong to each time that the program gave.
         cdef Py_ssize_t answered
         cdef Status status
         catch_up(self)
@@ -550,7 +551,7 @@ cdef class BufferCore(Engine):
             answered = self.lookup_series(query, series, &status)
         if answered < series.count:
             error = self.error(query, status)
-            raise error if answered < 0 else type(error)(f"times[{answered}]: {error}")
+            raise error if answered < 0 else type(error)(f"times[{answered // per_time}]: {error}")
         return 0
 
     def can_transform_core(self, target_frame: str, source_frame: str, time: Time) -> tuple[int, str]:
@@ -678,7 +679,8 @@ cdef class BufferCore(Engine):
             ``'nan'`` fills in NaN there. Unknown and invalid names, and frames without a path between them,
             always raise.
         :return: ``(linear, angular)``: float64 arrays of shape (N, 3), in m/s and rad/s. Their formula is
-            that of :meth:`lookupVelocityFullCore`.
+            that of :meth:`lookupVelocityFullCore`, with the poses that :meth:`lookup_transforms` has at both
+            ends of each interval. Within it, no answer is needed.
         :raises TransformException: as :meth:`lookupVelocityCore`.
         :raises TypeError: ``times`` are not times, or the interval is not a duration.
         :raises ValueError: ``averaging_interval`` is negative; otherwise as :meth:`lookup_transforms`.
@@ -688,18 +690,24 @@ cdef class BufferCore(Engine):
         cdef Query query
         cdef TimeSeries series
         times_ns = as_times_ns(times)
-        series_begin(&series, int64s_of(times_ns), len(times_ns))
-        series.interval_ns = duration_nanoseconds(averaging_interval, "averaging_interval")
-        series.nan_missing = _is_nan_wanted(on_missing)
-        if series.interval_ns < 0:
+        cdef Py_ssize_t count = len(times_ns)
+        cdef int64_t interval_ns = duration_nanoseconds(averaging_interval, "averaging_interval")
+        cdef int64_t common_ns
+        if interval_ns < 0:
             raise ValueError("averaging_interval must not be negative")
-        linear, angular = new_rows(series.count, 3), new_rows(series.count, 3)
+        linear, angular = new_rows(count, 3), new_rows(count, 3)
+        ends_ns = new_array((2 * count,), "int64")
+        translations, rotations = new_rows(2 * count, 3), new_rows(2 * count, 4)
+        series_begin(&series, int64s_of(ends_ns), 2 * count)
+        series.nan_missing = _is_nan_wanted(on_missing)
         query_fill_series(&query, observation_frame, tracking_frame, None, None)
-        if series.count:
-            series.common_ns = self._common_time(observation_frame, tracking_frame)
-            series.linear = doubles_of(linear, 3)
-            series.angular = doubles_of(angular, 3)
-            self._lookup_series(&query, &series)
+        if count:
+            common_ns = self._common_time(observation_frame, tracking_frame)
+            twist_ends(int64s_of(times_ns), count, interval_ns, common_ns, int64s_of(ends_ns))
+            series.translations, series.rotations = doubles_of(translations, 3), doubles_of(rotations, 4)
+            self._lookup_series(&query, &series, 2)
+            twists_between(series.times_ns, count, series.translations, series.rotations,
+                           doubles_of(linear, 3), doubles_of(angular, 3))
         return linear, angular
 
     cdef int _transform_at(self, target_frame, source_frame, int64_t time_ns, Transform* out) except -1:

@@ -1,5 +1,6 @@
 """Twists against motions whose derivatives are known."""
 
+import itertools
 import math
 
 import numpy as np
@@ -163,12 +164,11 @@ class TestAtManyTimes:
                 np.testing.assert_array_equal(row, np.ravel(twist))
         return missing
 
-    @pytest.mark.parametrize("observation", FRAMES)
-    @pytest.mark.parametrize("tracking", FRAMES)
+    @pytest.mark.parametrize(("tracking", "observation"), itertools.permutations(FRAMES, 2))
     def test_each_row_is_that_of_the_single_lookup(self, robot, tracking, observation):
         newest = robot.get_latest_common_time("world", "hand").nanoseconds
         times = np.concatenate([[0, 1, newest, newest + 1], np.arange(S, newest + S, 17_000_000)])
-        moves = {tracking, observation} not in ({"body", "sensor"}, {tracking})
+        moves = {tracking, observation} != {"body", "sensor"}
         for interval in (Duration(nanoseconds=1), Duration(seconds=0.1), Duration(seconds=1000)):
             missing = self.missing_rows(robot, tracking, observation, times, interval)
             assert (missing > 0) == moves
@@ -193,20 +193,6 @@ class TestAtManyTimes:
         times = np.linspace(0.1 * S, 10 * S, 300).astype(np.int64)
         linear, angular = buffer.lookup_velocities("body", "world", times, Duration(seconds=0.1))
         assert_twist((linear, angular), np.tile(V, (300, 1)), np.tile(OMEGA, (300, 1)))
-
-    def test_of_frames_whose_parent_changes_each_row_is_that_of_the_single_lookup(self, tf2_py):
-        random = np.random.default_rng(5)
-        buffer = tf2_py.BufferCore(Duration(seconds=1000))
-        buffer.set_transform_static(transform("world", "left", xyz=(0, 1, 0)), "x")
-        for i in range(200):
-            # Not connected with the rest of the tree while it is in nobody's hand.
-            parent = ("left", "world", "nobody")[i // 5 % 3]
-            cup = transform(parent, "cup", ns=S + i * 10**7, xyz=random.normal(size=3))
-            buffer.set_transform(cup, "x")
-        buffer.set_transform(transform("left", "cup", ns=4 * S), "x")
-        times = np.arange(S // 2, 4 * S, 3_333_333)
-        for interval in (Duration(seconds=0.02), Duration(seconds=0.2)):
-            assert 0 < self.missing_rows(buffer, "cup", "world", times, interval) < len(times)
 
     def test_the_first_time_without_an_answer_is_in_the_error(self, buffer, tf2_py):
         times = [3 * S, 4 * S, 12 * S, 13 * S]

@@ -2,17 +2,13 @@
 
 cdef struct TimeSeries:
     # The times of one call and the memory for its answers: `translations` and `rotations`, or `points` and
-    # `transformed`, or `linear` and `angular`; the others are NULL.
+    # `transformed`; the others are NULL.
     const int64_t* times_ns     # the source's times
     Py_ssize_t count            # of the times
     double* translations        # (count, 3), metres
     double* rotations           # (count, 4), x y z w
     const double* points        # (count, 3), metres: to be transformed, each with its own time
     double* transformed         # (count, 3), metres: the transformed points
-    double* linear              # (count, 3), m/s: the mean twist of the source around each time
-    double* angular             # (count, 3), rad/s; both in the axes of the target
-    int64_t interval_ns         # over which a twist is a mean
-    int64_t common_ns           # the latest common time, at which the interval ends at the latest; 0: none
     bint nan_missing            # fill in NaN if there is no answer, instead of stopping
 
 
@@ -44,3 +40,11 @@ cdef inline void twist_interval(int64_t time_ns, int64_t interval_ns, int64_t co
     end_ns[0] = time_ns + min(after_ns, INT64_MAX - time_ns)
     if common_ns and end_ns[0] > common_ns:
         end_ns[0] = common_ns
+
+
+# Twists at many times: from when to when each is a mean, two entries of `ends_ns` for each time; and the
+# twists, (count, 3) in m/s and rad/s, between the poses at these, (2 count, 3) and (2 count, 4).
+cdef void twist_ends(const int64_t* times_ns, Py_ssize_t count, int64_t interval_ns, int64_t common_ns,
+                     int64_t* ends_ns) noexcept nogil
+cdef void twists_between(const int64_t* ends_ns, Py_ssize_t count, const double* translations,
+                         const double* rotations, double* linear, double* angular) noexcept nogil

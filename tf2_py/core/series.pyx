@@ -61,16 +61,6 @@ cdef inline void _put(Columns* columns, uint32_t i, const Transform* value) noex
     columns.qw[i] = value.rotation[3]
 
 
-cdef inline void _take(const Columns* columns, uint32_t i, Transform* value) noexcept nogil:
-    value.translation[0] = columns.tx[i]
-    value.translation[1] = columns.ty[i]
-    value.translation[2] = columns.tz[i]
-    value.rotation[0] = columns.qx[i]
-    value.rotation[1] = columns.qy[i]
-    value.rotation[2] = columns.qz[i]
-    value.rotation[3] = columns.qw[i]
-
-
 cdef inline void _put_identity(Columns* columns, uint32_t i) noexcept nogil:
     columns.tx[i] = columns.ty[i] = columns.tz[i] = 0.0
     columns.qx[i] = columns.qy[i] = columns.qz[i] = 0.0
@@ -465,40 +455,6 @@ cdef uint32_t _answer_times(const Tree* tree, Lock* lock, const Query* query, Pi
     return count
 
 
-cdef uint32_t _answer_twists(const Tree* tree, Lock* lock, const Query* query, PinnedLookup* pinned,
-                             const TimeSeries* series, Py_ssize_t first, uint32_t count, SeriesWork* work,
-                             Status* status) noexcept nogil:
-    # As _answer_times, but stores mean twists.
-    cdef int64_t starts_ns[BATCH_TIMES]
-    cdef int64_t times_ns[BATCH_TIMES]
-    cdef int64_t ends_ns[BATCH_TIMES]
-    cdef Columns starts, ends
-    cdef Transform start, end
-    cdef bint in_between = pinned.by_batches    # where both ends have an answer, the time itself has one
-    cdef uint32_t i
-    cdef int k
-    for i in range(count):
-        times_ns[i] = max(series.times_ns[first + i], 1)
-        twist_interval(times_ns[i], series.interval_ns, series.common_ns, &starts_ns[i], &ends_ns[i])
-        in_between = in_between and times_ns[i] <= ends_ns[i]
-    # Each line answers no more times than the one before it, so the error is that of the first time.
-    count = _answer_times(tree, lock, query, pinned, starts_ns, count, series.nan_missing, work, status)
-    starts = work.result
-    count = _answer_times(tree, lock, query, pinned, ends_ns, count, series.nan_missing, work, status)
-    ends = work.result
-    if not in_between:
-        count = _answer_times(tree, lock, query, pinned, times_ns, count, series.nan_missing, work, status)
-    for i in range(count):
-        _take(&starts, i, &start)
-        _take(&ends, i, &end)
-        twist_between(&start, &end, <double>(ends_ns[i] - starts_ns[i]) * 1e-9,
-                      series.linear + 3 * (first + i), series.angular + 3 * (first + i))
-        if isnan(work.result.tx[i]):
-            for k in range(3):
-                series.linear[3 * (first + i) + k] = series.angular[3 * (first + i) + k] = NAN
-    return count
-
-
 cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, const TimeSeries* series,
                               Status* status) noexcept nogil:
     cdef SeriesWork work
@@ -511,10 +467,6 @@ cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, 
     lock_release(lock)
     while start < series.count and answered == count:
         count = <uint32_t>min(<Py_ssize_t>BATCH_TIMES, series.count - start)
-        if series.linear != NULL:
-            answered = _answer_twists(tree, lock, query, &pinned, series, start, count, &work, status)
-            start += answered
-            continue
         answered = _answer_times(tree, lock, query, &pinned, series.times_ns + start, count,
                                  series.nan_missing, &work, status)
         if series.points != NULL:
@@ -524,6 +476,30 @@ cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, 
         start += answered
     _unpin_lookup(&pinned)
     return start
+
+
+cdef void twist_ends(const int64_t* times_ns, Py_ssize_t count, int64_t interval_ns, int64_t common_ns,
+                     int64_t* ends_ns) noexcept nogil:
+    cdef int64_t time_ns
+    cdef Py_ssize_t i
+    for i in range(count):
+        time_ns = max(times_ns[i], 1)
+        twist_interval(time_ns, interval_ns, common_ns, &ends_ns[2 * i], &ends_ns[2 * i + 1])
+        # A time without an answer has no twist, even if the ends have answers.
+        ends_ns[2 * i + 1] = max(ends_ns[2 * i + 1], time_ns)
+
+
+cdef void twists_between(const int64_t* ends_ns, Py_ssize_t count, const double* translations,
+                         const double* rotations, double* linear, double* angular) noexcept nogil:
+    cdef Transform poses[2]
+    cdef Py_ssize_t i
+    cdef int k
+    for i in range(count):
+        for k in range(2):
+            memcpy(poses[k].translation, translations + 3 * (2 * i + k), sizeof(poses[k].translation))
+            memcpy(poses[k].rotation, rotations + 4 * (2 * i + k), sizeof(poses[k].rotation))
+        twist_between(&poses[0], &poses[1], <double>(ends_ns[2 * i + 1] - ends_ns[2 * i]) * 1e-9,
+                      linear + 3 * i, angular + 3 * i)
 
 
 # Many lookups at the same times.

@@ -358,8 +358,3 @@ def exists(name):
     of_ros = {"setup.bash", "ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE", "frame_ids"}
     of_mypy = {"tool.mypy", "mypy_path", "disallow_untyped_calls"}
     return name in (variables | of_ros | of_mypy) or name in PYPROJECT["project"]["scripts"] or is_known(name)
-
-
-def test_the_check_of_names_finds_what_is_not_there():
-    for name in ("Engine.walk_lookup", "tree_inserts", "tf2_py._core.block", "Receiver.lookup_transform"):
-        assert not is_known(name)

@@ -1,4 +1,4 @@
-"""The site of the documentation: it builds without warnings, as of dead links, and its reference is complete."""
+"""The site of the documentation: it builds without warnings, and its reference is complete."""
 
 import importlib
 import re

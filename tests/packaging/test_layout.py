@@ -7,7 +7,7 @@ import sys
 
 import pytest
 from paths import ROOT
-from sources import PACKAGES, imports, imports_by_ast, imports_by_text, modules
+from sources import PACKAGES, imports, modules
 
 pytestmark = pytest.mark.ours
 
@@ -175,51 +175,3 @@ def test_the_drawing_on_the_page_is_what_the_sources_import_and_cimport():
     drawn = runpy.run_path(str(ROOT / "docs" / "imports.py"))["drawing"]()
     page = INTERNALS.read_text(encoding="utf-8")
     assert f"```text\n{drawn}\n```" in page, f"put this into docs/internals.md:\n{drawn}"
-
-
-# That the reader misses nothing: of Cython's statements most tools see none.
-
-CYTHON = '''
-"""Text
-from nowhere import something
-"""
-from libc.stdlib cimport free, malloc  # not: from here cimport this
-from tf2_py.core.types cimport (
-    FrameId,  # not: from there cimport that
-    Status,
-)
-cimport cython, tf2_py.core.tree as tree
-import os
-cdef extern from "<pthread.h>" nogil:
-    pass
-cdef f():
-    from tf2_py._objects import \\
-        errors
-    text = "from a cimport b"
-'''
-
-
-def test_all_forms_of_imports_in_cython_are_read():
-    assert sorted(imports_by_text(CYTHON)) == sorted(
-        [
-            ("libc.stdlib", ("free", "malloc"), 5, True),
-            ("tf2_py.core.types", ("FrameId", "Status"), 6, True),
-            ("cython", (), 10, True),
-            ("tf2_py.core.tree", (), 10, True),
-            ("os", (), 11, False),
-            ("tf2_py._objects", ("errors",), 15, False),
-        ]
-    )
-
-
-def test_relative_imports_and_modules_taken_from_a_package_are_found():
-    assert "build_backend.environment" in {one.module for one in IMPORTS["build_backend.extensions"]}
-    assert "tf2_ros_cython._finder" in {one.module for one in IMPORTS["tf2_ros_cython.which"]}
-
-
-def test_the_reader_of_cython_reads_python_as_python_does():
-    for paths in modules().values():
-        for path in paths:
-            if path.suffix == ".py":
-                text = path.read_text(encoding="utf-8")
-                assert sorted(imports_by_text(text)) == sorted(imports_by_ast(text)), path

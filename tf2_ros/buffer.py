@@ -85,9 +85,6 @@ class Buffer(BufferCore, AnsweringInterface):
     steady time, also while time is simulated. NaT and NaN raise a ``ValueError``. Translations are in metres,
     rotations are unit quaternions.
 
-    With ``TF2_DEBUG=1`` in the environment when this module is imported, a wait for a transform logs what it
-    lacks after one second and after ten.
-
     >>> from rclpy.time import Time
     >>> from tf2_ros import Buffer
     >>> from geometry_msgs.msg import TransformStamped

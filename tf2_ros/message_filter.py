@@ -34,7 +34,6 @@ from tf2_py.typing import DurationLike
 from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable, require_node
 from tf2_ros._forking import FORKED, LiveObjects, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended
-from tf2_ros._wait.blocking import LongWait, report_if_long
 from tf2_ros._wait.callbacks import call_in_executor, callback_queue
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.rounds import Ending, end_message, first_value
@@ -469,7 +468,6 @@ class MessageFilter(Generic[_Message]):
             needed, queued.outcome = self._needed, None
             wait, outcome = self._lacking(queued, needed)
             queued.wait, queued.outcome = wait, outcome
-            queued.report = None if wait is None else report_if_long([wait])
             if queued.number not in self._waiting:
                 queued.stop()
             elif needed is not self._needed or (wait is not None and wait.answer is not None):
@@ -586,7 +584,6 @@ class _Queued:
         "message",
         "number",
         "outcome",
-        "report",
         "stamp_ns",
         "wait",
     )
@@ -601,11 +598,10 @@ class _Queued:
         # The transform into the first target frame if it can pass; the text of the error if it never will.
         self.outcome: TransformStamped | str | None = None
         self.wait: Any = None  # for the first transform that it lacks
-        self.report: LongWait | None = None
 
     def stop(self) -> None:
         """End the wait."""
-        self.wait = self.report = None
+        self.wait = None
 
     def is_answered(self) -> bool:
         """Whether what it waited for has been inserted, or nothing is missing."""

@@ -327,17 +327,6 @@ class TestWhatABufferLacks:
         said = world.lacks("import tf2_ros; tf2_ros.Buffer().time_jump_callback(5)")
         assert said.startswith(self.NEEDS.format("a clock that jumps"))
 
-    def test_a_long_wait_is_logged_by_python(self, world):
-        code = """
-import tf2_ros
-print(tf2_ros.Buffer().can_transform("map", "camera", 0, timeout=1.5))
-"""
-        ended = world.run("-c", code, TF2_DEBUG="1")
-        assert ended.stdout == "False\n"
-        assert ended.stderr.startswith(
-            "After 1 s, a lookup still waits for the transform from frame [camera]"
-        )
-
 
 def test_a_buffer_works(world):
     """The tests of a buffer that need no ROS, in this environment."""

@@ -1,23 +1,17 @@
-"""Wait for a lookup in the calling thread, and log waits that last long."""
+"""Wait for a lookup in the calling thread."""
 
-import os
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tf2_py import BufferCore, InvalidArgumentException, TransformException
-from tf2_py._internal import errors, log
-from tf2_ros._wait.timers import deadlines
+from tf2_py._internal import errors
 from tf2_ros_cython._presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:
     from tf2_ros._nodes import Shutdown
 else:
     from tf2_ros._without_ros import Shutdown
-
-DEBUG = os.environ.get("TF2_DEBUG") == "1"
-# Soon, and again when all publishers must have been discovered, because the first time is often before that.
-AFTER_S = (1, 10)
 
 
 class Lookup(NamedTuple):
@@ -109,10 +103,8 @@ class BlockingWait:
             answer = wait.answer
             if answer is not None:
                 return answer
-            report = report_if_long([wait])
             if wait.wait_for(self._timeout_ns, self._alive):
                 return wait.answer
-            del report
             reason = wait.reason()
             if reason is not None:
                 raise self.error(reason)
@@ -139,41 +131,3 @@ class BlockingWait:
 
     def _alive(self) -> bool:
         return not self._shutdown.happened()
-
-
-class LongWait:
-    """Logs if the waits of one lookup or one message last longer than AFTER_S."""
-
-    def __init__(self, waits: Collection[Any]) -> None:
-        self._waits = waits
-        self._begin_ns = time.monotonic_ns()
-        self._logged = 0
-        self._wait_on()
-
-    def over(self) -> bool:
-        """Whether none of them is pending."""
-        return not self._waits
-
-    def expire(self) -> None:
-        """Log what the waits lack."""
-        after_s = AFTER_S[self._logged]
-        for wait in list(self._waits):
-            # A wait that is about to be answered lacks nothing.
-            if wait.reason() is not None:
-                log.logger("tf2_ros").warning(f"After {after_s} s, a lookup still {wait.lacks()}")
-        self._logged += 1
-        if self._logged < len(AFTER_S):
-            self._wait_on()
-
-    def _wait_on(self) -> None:
-        deadlines.add(self._begin_ns + AFTER_S[self._logged] * 10**9, self)
-
-
-def report_if_long(waits: Collection[Any]) -> LongWait | None:
-    """
-    Log what waits lack, if they are pending for long; without effect if TF2_DEBUG is not set.
-
-    :param waits: those of one lookup or one message; may change, and is empty when none is pending.
-    :return: an object to keep as long as one of them may be pending.
-    """
-    return LongWait(waits) if DEBUG else None

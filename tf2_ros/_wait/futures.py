@@ -20,7 +20,7 @@ from tf2_ros._arguments import optional_timeout_ns
 from tf2_ros._forking import FORKED, LOCK, is_inherited
 from tf2_ros._nodes import Shutdown
 from tf2_ros._rclpy import is_in_step, running_task, task_executor
-from tf2_ros._wait.blocking import LongWait, Lookup, report_if_long
+from tf2_ros._wait.blocking import Lookup
 from tf2_ros._wait.callbacks import call_in_executor, queue_of
 from tf2_ros._wait.rounds import Ending, Waker, finalize, only_wakes, run_done_callbacks
 from tf2_ros._wait.timers import deadlines
@@ -391,7 +391,6 @@ class TransformFuture(WakingFuture[TransformStamped]):
         self.__timeout_ns = optional_timeout_ns(timeout)
         self.__core: BufferCore | None = core
         self.__wait: Any = None
-        self.__report: LongWait | None = None
         try:
             wait = self.__wait = lookup.wait(core, _notify(weakref.ref(self)))
         except InvalidArgumentException as error:
@@ -408,7 +407,6 @@ class TransformFuture(WakingFuture[TransformStamped]):
             return
         if self.__timeout_ns is not None:
             deadlines.add(self.__begin_ns + self.__timeout_ns, self)
-        self.__report = report_if_long([wait])
 
     def answered(self, answer: Any) -> Ending | None:
         """
@@ -440,7 +438,6 @@ class TransformFuture(WakingFuture[TransformStamped]):
 
     def _tf2_release(self) -> None:
         wait, self.__wait, self.__core = self.__wait, None, None  # they hold the buffer
-        self.__report = None
         if wait is not None:
             wait.cancel()
 

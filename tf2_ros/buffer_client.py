@@ -240,24 +240,16 @@ class GoalSender:
             if pending.is_past(pending.deadline_ns):
                 raise pending.error(f"The buffer server is not ready: no server of [{self._name}] was found.")
             yield
-        begin_ns = 0
-        while True:
-            request = partial(self._request_goal, pending)
-            handle: Any = yield from self._response(pending, request, _cancel_if_accepted, begin_ns)
-            if not handle.accepted:
-                raise pending.error("The buffer server refused the goal. Something is likely wrong with it.")
-            pending.is_accepted = True
-            try:
-                response: Any = yield from self._response(pending, handle.get_result_async, _ignore)
-            except BaseException:
-                handle.cancel_goal_async()
-                raise
-            if response.status != GoalStatus.STATUS_UNKNOWN:
-                return response
-            # The server no longer knows the goal: it was restarted, or a slow network delayed the request of
-            # the result for longer than the server keeps one. Not at once, because it may forget each goal
-            # at once.
-            begin_ns = time.monotonic_ns() + FIRST_RETRY_DELAY_NS
+        request = partial(self._request_goal, pending)
+        handle: Any = yield from self._response(pending, request, _cancel_if_accepted)
+        if not handle.accepted:
+            raise pending.error("The buffer server refused the goal. Something is likely wrong with it.")
+        pending.is_accepted = True
+        try:
+            return (yield from self._response(pending, handle.get_result_async, _ignore))
+        except BaseException:
+            handle.cancel_goal_async()
+            raise
 
     def _request_goal(self, pending: PendingGoal) -> Future:
         timeout = FOR_EVER
@@ -272,7 +264,6 @@ class GoalSender:
         pending: PendingGoal,
         request: Callable[[], Future],
         discard: Callable[[Future], None],
-        begin_ns: int = 0,
     ) -> Generator[None, None, Any]:
         """
         Send a request, and again until one is answered; return the response.
@@ -280,10 +271,9 @@ class GoalSender:
         A server may receive a request before it has discovered this client: its response is then lost.
 
         :param discard: called with what answers the others.
-        :param begin_ns: the steady time at which the first is sent.
         """
         sent: list[Future] = []
-        delay_ns, next_ns = FIRST_RETRY_DELAY_NS, begin_ns
+        delay_ns, next_ns = FIRST_RETRY_DELAY_NS, 0
         try:
             while not any(one.done() for one in sent):
                 if not self.action_client.server_is_ready():

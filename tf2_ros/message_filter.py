@@ -32,7 +32,7 @@ from tf2_py._internal import (
 )
 from tf2_py.typing import DurationLike
 from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable, require_node
-from tf2_ros._forking import FORKED, LiveObjects, is_inherited, refuse_inherited
+from tf2_ros._forking import FORKED, LOCK, LiveObjects, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended
 from tf2_ros._wait.callbacks import call_in_executor, callback_queue
 from tf2_ros._wait.futures import WakingFuture
@@ -42,9 +42,8 @@ from tf2_ros.buffer import Buffer
 
 __all__ = ["FilterFailureReason", "MessageFilter"]
 
-# A warning is logged when NEARLY_ALL of SAMPLE messages were dropped, at most every WARN_EVERY_S.
-SAMPLE = 20
-NEARLY_ALL = 19
+# A warning is logged when this many messages were dropped and none passed, at most every WARN_EVERY_S.
+MANY = 20
 WARN_EVERY_S = 15.0
 
 PASSED, CLEARED = "passed", "cleared"  # what became of a message that was not dropped
@@ -208,7 +207,7 @@ class MessageFilter(Generic[_Message]):
         self._waiting: dict[int, _Queued] = {}  # the oldest first
         # How many have ended in which way.
         self._ended: dict[str, int] = dict.fromkeys((PASSED, CLEARED, *FilterFailureReason), 0)
-        self._sampled = self._sampled_dropped = 0
+        self._dropped_in_a_row = 0
         self._warn_again_at = 0.0
         try:
             if input is not None:
@@ -245,11 +244,7 @@ class MessageFilter(Generic[_Message]):
         :return: the key of the callback in the dictionary ``callbacks``; removing the entry removes the
             callback.
         """
-        refuse_inherited(self, self._process)
-        require_callable("registerCallback", callback)
-        connection = next(self._connections)
-        self.callbacks[connection] = callback, arguments
-        return connection
+        return self._register(self.callbacks, "registerCallback", callback, arguments)
 
     @overload
     def registerFailureCallback(self, callback: Callable[[_Message, FilterFailureReason], object]) -> int: ...
@@ -266,10 +261,15 @@ class MessageFilter(Generic[_Message]):
         :param callback: ``reason`` is a :class:`FilterFailureReason`.
         :return: a number, which no other callback of this filter has.
         """
+        return self._register(self._failure_callbacks, "registerFailureCallback", callback, arguments)
+
+    def _register(
+        self, callbacks: dict[int, _Callback], name: str, callback: Any, arguments: tuple[Any, ...]
+    ) -> int:
         refuse_inherited(self, self._process)
-        require_callable("registerFailureCallback", callback)
+        require_callable(name, callback)
         connection = next(self._connections)
-        self._failure_callbacks[connection] = callback, arguments
+        callbacks[connection] = callback, arguments
         return connection
 
     def connectInput(self, input: "_Topic[_Message] | MessageFilter[_Message] | _Filter") -> None:
@@ -496,24 +496,25 @@ class MessageFilter(Generic[_Message]):
         """What follows from an insert, in its thread: what runs the callbacks, if there are any."""
         if not self._look_up(queued):
             return None
-        end = Ending(partial(self._end, queued), partial(self._forget, queued), self._queue)
+        ending = self._ending(queued)
         if self._calls_back():
-            return end
-        end()
+            return ending
+        ending()
         return None
+
+    def _ending(self, queued: "_Queued", reason: FilterFailureReason | None = None) -> Ending:
+        """What makes the call of :meth:`_end`, or forgets the message."""
+        return Ending(partial(self._end, queued, reason), partial(self._forget, queued), self._queue)
 
     def _calls_back(self) -> bool:
         return bool(self.callbacks or self._failure_callbacks)
 
     def _expire(self, queued: "_Queued") -> None:
         """Drop a message, because its timeout has passed; in the executor that has the node, if one does."""
-        end = partial(call_despite_signals, partial(self._end, queued, FilterFailureReason.TIMEOUT))
         if queued.is_answered() and self._look_up(queued):
             return  # it is about to pass
-        if self._calls_back():
-            call_in_executor(self._queue, end)
-        else:
-            end()
+        queue = self._queue if self._calls_back() else None
+        call_in_executor(queue, self._ending(queued, FilterFailureReason.TIMEOUT))
 
     def _is_too_old(self, queued: "_Queued") -> bool:
         """Whether the buffer would refuse data of a message's time for every frame on the path."""
@@ -559,18 +560,14 @@ class MessageFilter(Generic[_Message]):
         queued.stop()
 
     def _warn_of_drops(self, queued: "_Queued", reason: FilterFailureReason | None) -> None:
-        self._sampled += 1
-        self._sampled_dropped += reason is not None
-        if self._sampled < SAMPLE:
-            return
-        dropped, self._sampled, self._sampled_dropped = self._sampled_dropped, 0, 0
-        if dropped < NEARLY_ALL or reason is None or time.monotonic() < self._warn_again_at:
+        self._dropped_in_a_row = 0 if reason is None else self._dropped_in_a_row + 1
+        if reason is None or self._dropped_in_a_row < MANY or time.monotonic() < self._warn_again_at:
             return
         self._warn_again_at = time.monotonic() + WARN_EVERY_S
         frames = printable(" ".join(self._frames))
         self._node.get_logger().warning(
-            f"MessageFilter [target={frames}]: {dropped} of the last {SAMPLE} messages were dropped; the "
-            f"last, from frame [{printable(queued.frame)}], for {reason.value}. {queued.lacks()}".rstrip()
+            f"MessageFilter [target={frames}]: the last {self._dropped_in_a_row} messages were dropped; the "
+            f"newest, from frame [{printable(queued.frame)}], for {reason.value}. {queued.lacks()}".rstrip()
         )
 
 
@@ -638,14 +635,12 @@ class MessageStream(Generic[_Item]):
         self._has_ended = has_ended
         self._kept = kept
         self.items: deque[_Item] = deque()
-        self._awaiting: deque[WakingFuture[None]] = deque()
+        self._arrival: WakingFuture[None] = WakingFuture(has_ended, kept)  # all that iterate await it
         self._closed = False
 
     def wake(self) -> None:
-        """Have all that iterate look again."""
-        for _ in range(len(self._awaiting)):  # later ones look anyway
-            with suppress(IndexError):  # one has left
-                self._awaiting.popleft().set_result(None)
+        """Have all that iterate look again; may be repeated."""
+        self._arrival.set_result(None)
 
     def close(self) -> None:
         """End the iteration after the last item."""
@@ -657,26 +652,17 @@ class MessageStream(Generic[_Item]):
 
     async def __anext__(self) -> _Item:
         while True:
-            arrival = _Arrival(self._has_ended, self._kept)
+            with LOCK:
+                if self._arrival.done():
+                    self._arrival = WakingFuture(self._has_ended, self._kept)
+                arrival = self._arrival
             # First this, then the check; who appends an item does this in the opposite order.
-            self._awaiting.append(arrival)
             try:
                 return self.items.popleft()
             except IndexError:
                 if self._closed or self._has_ended():
                     raise StopAsyncIteration from None
                 await arrival
-            finally:
-                with suppress(ValueError):  # it was woken
-                    self._awaiting.remove(arrival)
-
-
-class _Arrival(WakingFuture[None]):
-    """Completed when an iteration is to look again."""
-
-    def expire(self) -> None:
-        """Wake the iteration, because nothing arrives any more."""
-        self.set_result(None)
 
 
 def _names(target_frames: str | Sequence[str]) -> tuple[str, ...]:

@@ -12,12 +12,10 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from action_msgs.msg import GoalStatus
-from making import at, stamp_ns, transform, translation
+from making import at, stamp_ns, translation
 from processes import DEADLINE_S, PROMPT_S, start, until
 from rclpy.duration import Duration, Infinite
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import qos_profile_action_status_default
 from rclpy.time import Time
 from spinning import shut_down_at_sleep, spun_node
 
@@ -75,37 +73,6 @@ def seconds_of(call):
     begin = time.monotonic()
     call()
     return time.monotonic() - begin
-
-
-@contextmanager
-def forgetful_server(action, times):
-    """A server that so many times says of an accepted goal that there is none; gives the ids of its goals."""
-    goals = []
-
-    def accept(request, response):
-        goals.append(bytes(request.goal_id.uuid))
-        response.accepted = True
-        return response
-
-    def answer(request, response):
-        if goals.index(bytes(request.goal_id.uuid)) >= times:
-            response.status = GoalStatus.STATUS_SUCCEEDED
-            response.result.transform = transform("map", "base", 1)
-        return response
-
-    with spun_node("forgetful") as node:
-        kinds = LookupTransform.Impl
-        for name, kind, callback in (
-            ("send_goal", kinds.SendGoalService, accept),
-            ("get_result", kinds.GetResultService, answer),
-            ("cancel_goal", kinds.CancelGoalService, lambda request, response: response),
-        ):
-            node.create_service(kind, f"{action}/_action/{name}", callback)
-        node.create_publisher(kinds.FeedbackMessage, f"{action}/_action/feedback", 1)
-        node.create_publisher(
-            kinds.GoalStatusMessage, f"{action}/_action/status", qos_profile_action_status_default
-        )
-        yield goals
 
 
 class TestLookup:
@@ -431,17 +398,6 @@ class TestAsync:
             assert server.stdout.readline() == "cancelled\n"
             until(lambda: not client._tf2_goal_sender._pending)
             client.destroy()
-
-
-@pytest.mark.ours
-@pytest.mark.parametrize("times", [1, 2])
-def test_a_goal_that_the_server_has_forgotten_is_sent_again(tf2_ros, node, times):
-    with forgetful_server("forgetful", times) as goals:
-        client = tf2_ros.BufferClient(node, "forgetful")
-        found = client.lookup_transform("map", "base", LATEST, LONG)
-        client.destroy()
-    assert (found.header.frame_id, found.child_frame_id) == ("map", "base")
-    assert len(goals) > times
 
 
 @pytest.mark.ours

@@ -358,7 +358,7 @@ class TestWarning:
         lines = capfd.readouterr().err.splitlines()
         (warning,) = [line for line in lines if r"MessageFilter [target=map\x1b[31m]" in line]
         for part in (
-            "20 of the last 20 messages were dropped",
+            "the last 20 messages were dropped",
             "QUEUE_FULL",
             "does not exist",
             r"[lidar\nFrame]",

@@ -61,7 +61,7 @@ class WakingFuture(Future, Generic[_Result]):
     A future that may be completed in any thread, and wakes whatever runs the tasks that await it.
 
     :param in_vain: returns whether a shutdown has ended the wait. It is called while an asyncio loop awaits
-        the future; :meth:`expire` then wakes the loop. None: no check.
+        the future, which :meth:`expire` then ends. None: no check.
     :param kept: the owner's references to futures that have callbacks, and to what awaits them. Nothing else
         may refer to these: an asyncio loop refers to its tasks only weakly.
 
@@ -209,8 +209,8 @@ class WakingFuture(Future, Generic[_Result]):
         return self.__in_vain is not None and self.__in_vain()
 
     def expire(self) -> None:
-        """End the wait after a shutdown; called in any thread."""
-        raise NotImplementedError
+        """End the wait after a shutdown: with None, unless a subclass does more. Called in any thread."""
+        self._tf2_end(Outcome(State.DONE))
 
     # For subclasses.
 

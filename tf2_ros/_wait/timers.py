@@ -1,4 +1,4 @@
-"""Run threads that exist while they have work; one of them ends asynchronous waits at their deadlines."""
+"""End asynchronous waits at their deadlines, in a thread that exists while there are any."""
 
 import heapq
 import itertools
@@ -30,74 +30,6 @@ def call_logged(call: Callable[[], object], where: str) -> None:
         log.logger("tf2_ros").error(f"{where}: {traceback.format_exc()}")
 
 
-class Worker:
-    """
-    At most one daemon thread, whose work a subclass defines.
-
-    :param name: of the thread.
-
-    In the main thread, a signal handler may interrupt any step of this and raise. It must not leave anything
-    behind that prevents a thread from being started.
-    """
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self.begin_anew()
-
-    def begin_anew(self) -> None:
-        """Forget thread and work; also for a forked child, which does not have the thread."""
-        self._claims: dict[None, object] = {}  # at most one, of the thread that runs or is starting
-        # Released to wake the thread, so that an interrupted caller holds nothing.
-        self._asleep = threading.Lock()
-        self._asleep.acquire()
-
-    def begin(self) -> None:
-        """
-        Have a thread do the work; from any thread.
-
-        :raises RuntimeError: no thread can be started; the next call tries again.
-        """
-        claim = object()
-        try:
-            if self._claims.setdefault(None, claim) is not claim:
-                with suppress(RuntimeError):  # it is being woken already
-                    self._asleep.release()
-                return
-            if sys.is_finalizing():  # before Python 3.12, it would wait for the thread forever
-                raise RuntimeError("no thread can be started at the end of the interpreter")
-            threading.Thread(target=self._run, args=(claim,), name=self._name, daemon=True).start()
-        except BaseException:
-            # A thread that has started nevertheless finds that it has no claim.
-            if self._claims.get(None) is claim:
-                self._claims.pop(None, None)
-            raise
-
-    def runs(self) -> bool:
-        """Whether there is a thread."""
-        return None in self._claims
-
-    def _work(self) -> float:
-        """Do the work, and return how many seconds to sleep unless woken."""
-        raise NotImplementedError
-
-    def _has_work(self) -> bool:
-        """Whether there is work, or will be."""
-        raise NotImplementedError
-
-    def _run(self, claim: object) -> None:
-        while self._claims.get(None) is claim:
-            try:
-                woken = True
-                while woken or self._has_work():
-                    woken = self._asleep.acquire(timeout=self._work())
-            finally:
-                if self._claims.get(None) is claim:
-                    del self._claims[None]
-            # Calls of `begin` just before the claim was given up relied on it.
-            if not self._has_work() or self._claims.setdefault(None, claim) is not claim:
-                return
-
-
 class Expiring(Protocol):
     """A wait that has a deadline."""
 
@@ -112,40 +44,77 @@ class Expiring(Protocol):
 _Entry = tuple[int, int, "weakref.ref[Expiring]"]
 
 
-class Deadlines(Worker):
+class Deadlines:
     """
     Calls ``expire()`` of waits at their deadlines, unless they were over, or collected, before.
 
-    The thread starts with the first deadline and ends when none is left. Only it touches the heap; others
-    add to a deque, so that a signal handler or a finalizer can do so anywhere.
+    There is at most one thread: it starts with the first deadline and ends LINGER_S after the last. Only it
+    touches the heap; others add to a deque, so that a signal handler or a finalizer can do so anywhere. A
+    signal handler may also interrupt any step of :meth:`add` in the main thread, and raise; that must not
+    prevent a thread from being started.
     """
 
     def __init__(self) -> None:
         self._order = itertools.count()
-        super().__init__("tf2_ros deadlines")
+        self.begin_anew()
 
     def begin_anew(self) -> None:
-        """See :class:`Worker`."""
-        super().begin_anew()
+        """Forget thread and deadlines; also for a forked child, which does not have the thread."""
         self._added: deque[_Entry] = deque()
         self._heap: list[_Entry] = []
         self._sweep_at = FEW
         self._sleeps_until_ns = 0
+        self._claims: dict[None, object] = {}  # at most one, of the thread that runs or is starting
+        # Released to wake the thread, so that an interrupted caller holds nothing.
+        self._asleep = threading.Lock()
+        self._asleep.acquire()
 
     def add(self, deadline_ns: int, wait: Expiring) -> None:
-        """Call ``wait.expire()`` when ``time.monotonic_ns()`` is ``deadline_ns``; refers to it weakly."""
+        """
+        Call ``wait.expire()`` when ``time.monotonic_ns()`` is ``deadline_ns``; refers to it weakly.
+
+        :raises RuntimeError: no thread can be started; the next call tries again.
+        """
         self._added.append((deadline_ns, next(self._order), weakref.ref(wait)))
-        if not self.runs() or deadline_ns < self._sleeps_until_ns or len(self._added) > FEW:
-            self.begin()
+        if None not in self._claims:
+            self._start()
+        elif deadline_ns < self._sleeps_until_ns or len(self._added) > FEW:
+            with suppress(RuntimeError):  # it is being woken already
+                self._asleep.release()
 
     def entries(self) -> list[_Entry]:
         """All entries that have not been removed yet; for tests."""
         return [*self._added, *self._heap]
 
-    def _has_work(self) -> bool:
-        return bool(self._added or self._heap)
+    def _start(self) -> None:
+        claim = object()
+        try:
+            if self._claims.setdefault(None, claim) is not claim:
+                return  # it takes what was added before its first sleep
+            if sys.is_finalizing():  # before Python 3.12, it would wait for the thread forever
+                raise RuntimeError("no thread can be started at the end of the interpreter")
+            threading.Thread(target=self._run, args=(claim,), name="tf2_ros deadlines", daemon=True).start()
+        except BaseException:
+            # A thread that has started nevertheless finds that it has no claim.
+            if self._claims.get(None) is claim:
+                self._claims.pop(None, None)
+            raise
+
+    def _run(self, claim: object) -> None:
+        while self._claims.get(None) is claim:
+            try:
+                woken = True
+                while woken or self._added or self._heap:
+                    woken = self._asleep.acquire(timeout=self._work())
+            finally:
+                if self._claims.get(None) is claim:
+                    del self._claims[None]
+            # Calls of `add` just before the claim was given up relied on it.
+            if not (self._added or self._heap) or self._claims.setdefault(None, claim) is not claim:
+                return
 
     def _work(self) -> float:
+        """End what is due, and return how many seconds to sleep unless woken."""
         self._sleeps_until_ns = 0
         while True:
             self._take_added()

@@ -1,8 +1,6 @@
 """A buffer for the lookups of other processes."""
 
 import gc
-import json
-import subprocess
 import threading
 import weakref
 from concurrent.futures import ThreadPoolExecutor
@@ -12,7 +10,7 @@ from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Time as TimeMsg
 from forking import in_a_child
 from making import S, transform
-from processes import DEADLINE_S, start, until
+from processes import DEADLINE_S, until
 from rclpy.action import ActionClient
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
@@ -317,29 +315,3 @@ class TestEnd:
     def test_anything_but_a_buffer_is_refused(self, tf2_ros, node):
         with pytest.raises(TypeError, match="buffer"):
             tf2_ros.BufferServer(object(), node, "lookup")
-
-
-def test_two_clients_in_other_processes_are_served_at_once(serving, buffer):
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    clients = [start("lookup_client.py", "lookup", **pipes) for _ in range(2)]
-
-    def send(client, target, source, ns, timeout):
-        question = {"target": target, "source": source, "ns": ns, "timeout": timeout}
-        client.stdin.write(json.dumps(question) + "\n")
-        client.stdin.flush()
-
-    try:
-        for second, client in enumerate(clients, 1):
-            send(client, "map", "robot", second * S, DEADLINE_S)
-        until(lambda: buffer.statistics()["waiters"] >= 2)
-        for second, client in enumerate(clients, 1):
-            insert(buffer, seconds=second, x=second)
-            assert json.loads(client.stdout.readline())["x"] == second
-        send(clients[1], "map", "nobody", 0, 0)
-        assert json.loads(clients[1].stdout.readline())["error"] in ("LookupException", "TimeoutException")
-        for client in clients:
-            client.communicate(timeout=DEADLINE_S)
-            assert client.returncode == 0
-    finally:
-        for client in clients:
-            client.kill()

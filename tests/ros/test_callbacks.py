@@ -2,7 +2,6 @@
 
 import asyncio
 import gc
-import os
 import signal
 import sys
 import threading
@@ -339,37 +338,32 @@ class TestRaisingCalls:
             until(lambda: names)
 
 
-class TestFromAnywhere:
-    def test_a_signal_handler_may_put(self, queue, note, names, executor):
-        before = signal.signal(signal.SIGUSR1, lambda *_: queue.put(note))
-        try:
-            for _ in range(20):
-                os.kill(os.getpid(), signal.SIGUSR1)
-            until(lambda: len(names) == 20, executor)
-        finally:
-            signal.signal(signal.SIGUSR1, before)
+def test_threads_signal_handlers_and_finalizers_may_put_and_each_call_is_run_once(queue, executor):
+    done = []
 
-    def test_a_finalizer_may_put(self, queue, note, names, executor):
-        class Ends:
-            def __del__(self):
-                queue.put(note)
+    class Ends:
+        def __del__(self):
+            queue.put(lambda: done.append("finalizer"))
 
-        for _ in range(20):
+    def put():
+        for _ in range(500):
+            queue.put(lambda: done.append("thread"))
             Ends()
-        until(lambda: len(names) == 20, executor)
 
-    def test_each_call_is_run_once_however_many_threads_put(self, queue, executor):
-        done = []
-        threads = [
-            threading.Thread(target=lambda: [queue.put(lambda: done.append(1)) for _ in range(500)])
-            for _ in range(4)
-        ]
+    threads = [threading.Thread(target=put) for _ in range(4)]
+    before = signal.signal(signal.SIGUSR1, lambda *_: queue.put(lambda: done.append("handler")))
+    try:
         for thread in threads:
             thread.start()
-        until(lambda: len(done) == 2000, executor)
+        for _ in range(20):
+            signal.raise_signal(signal.SIGUSR1)
+            executor.spin_once(0)
+        until(lambda: len(done) == 4020, executor)
+    finally:
+        signal.signal(signal.SIGUSR1, before)
         for thread in threads:
             thread.join()
-        assert len(done) == 2000
+    assert (done.count("thread"), done.count("finalizer"), done.count("handler")) == (2000, 2000, 20)
 
 
 def test_the_node_keeps_one_queue(node):

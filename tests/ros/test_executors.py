@@ -9,8 +9,6 @@ import time
 import pytest
 from making import at, transform
 from processes import DEADLINE_S, until
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
 from spinning import shut_down_at_sleep, spinning
@@ -61,15 +59,6 @@ def returns_early(spin_once, at_most):
 
 
 class TestSpinOnce:
-    def test_it_returns_for_each_message(self, buffer, listener, any_executor, peer):
-        publisher = peer()
-        publisher.send(("robot", "arm", 0, 1), static=True)
-        any_executor.spin_once(timeout_sec=LONG_S)
-        for n in range(1, 4):
-            publisher.send(("map", "robot", n * S, 1))
-            until(lambda: any_executor.spin_once(timeout_sec=LONG_S) or True)
-            until(knows(buffer, "arm", time=at(n)))
-
     @pytest.mark.ours
     def test_it_returns_once_for_all_messages_that_arrived_before(self, listener, executor, peer):
         publisher = peer()
@@ -423,20 +412,3 @@ class TestProgramsOfTheirOwnKind:
             "publishers": {**before["publishers"], **kind},
             "subscribers": {**before["subscribers"], **kind},
         }
-
-    def test_a_group_of_its_own_keeps_a_blocking_callback_from_blocking(self, buffer, listener, node, peer):
-        """A MultiThreadedExecutor, a callback that waits, and another that runs meanwhile."""
-        executor, found, ticks = MultiThreadedExecutor(2), [], []
-        executor.add_node(node)
-
-        def look_up():
-            timer.cancel()
-            found.append(buffer.lookup_transform("map", "robot", LATEST, Duration(seconds=DEADLINE_S)))
-
-        timer = node.create_timer(0.001, look_up, callback_group=MutuallyExclusiveCallbackGroup())
-        node.create_timer(0.01, lambda: ticks.append(1), callback_group=MutuallyExclusiveCallbackGroup())
-        until(lambda: len(ticks) > 3, executor)
-        assert found == []
-        peer().send(("map", "robot", 1 * S, 1))
-        until(lambda: found, executor)
-        executor.shutdown()

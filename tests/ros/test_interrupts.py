@@ -81,28 +81,6 @@ def test_awaits_that_are_cancelled_leave_nothing_on_the_future(tf2_ros):
     asyncio.run(main())
 
 
-def test_timeouts_end_while_listeners_begin_and_end(tf2_ros, node):
-    buffer, done, ending = tf2_ros.Buffer(), [], threading.Event()
-    listener = tf2_ros.TransformListener(buffer, node)
-
-    def churn():
-        while not ending.is_set():
-            tf2_ros.TransformListener(tf2_ros.Buffer(), node).unregister()
-
-    thread = threading.Thread(target=churn)
-    thread.start()
-    try:
-        futures = []
-        for _ in range(300):
-            futures.append(buffer.wait_for_transform_async("a", "b", AT, timeout=0.001))
-            futures[-1].add_done_callback(lambda future: done.append(future.exception()))
-        until(lambda: len(done) == 300)
-    finally:
-        ending.set()
-        thread.join()
-        listener.unregister()
-
-
 def point(seconds):
     message = PointStamped()
     message.header.frame_id, message.header.stamp = "robot", at(seconds).to_msg()

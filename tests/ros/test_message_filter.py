@@ -2,7 +2,6 @@
 
 import asyncio
 import gc
-import signal
 import subprocess
 import sys
 import threading
@@ -285,19 +284,6 @@ def test_threads_that_add_insert_and_change_lose_nothing(tf2_ros, new_node, kind
     assert buffer.statistics()["waiters"] == 0
 
 
-def test_other_inserts_do_not_examine_ten_thousand_messages(make):
-    script = make()
-    insert(script.buffer, 1)
-    messages = [point(ns=S + 1 + i) for i in range(10_000)]
-    for message in messages:
-        script.filter.add(message)
-    assert script.buffer.statistics()["waiters"] == len(messages)
-    insert(script.buffer, 2, child="camera")
-    assert script.filter.statistics()["waiting"] == len(messages)
-    insert(script.buffer, 2)
-    assert taken(script.passed) == messages
-
-
 class TestArguments:
     @pytest.mark.parametrize(
         ("wrong", "error"),
@@ -567,33 +553,26 @@ class TestCallbacks:
         script.filter.registerCallback(more)
         script.run("T1 M1 =1,2,3,4,5")
 
-    def test_a_property_of_a_message_and_a_method_of_a_buffer_may_wait_for_another_thread(
-        self, tf2_ros, node
-    ):
-        def elsewhere(busy=[]):  # noqa: B006  once
-            if not busy:
-                busy.append(1)
-                thread = threading.Thread(target=filter.add, args=(point(),), daemon=True)
-                thread.start()
-                thread.join(DEADLINE_S)
-                assert not thread.is_alive(), "it waits for a lock that is held"
+    def test_no_lock_is_held_while_code_of_a_program_runs(self, make):
+        script = make()
+
+        def add():
+            thread = threading.Thread(target=script.filter.add, args=(point(),), daemon=True)
+            thread.start()
+            thread.join(DEADLINE_S)
+            assert not thread.is_alive(), "it waits for a lock that is held"
 
         class Lazy:
             @property
             def header(self):
-                elsewhere()
-                return point(2).header
+                add()
+                return point(1).header
 
-        class Locked(tf2_ros.Buffer):
-            def get_latest_common_time(self, *arguments):
-                elsewhere()
-                return super().get_latest_common_time(*arguments)
-
-        buffer = Locked()
-        with tf2_ros.MessageFilter(None, buffer, "map", 0, node=node) as filter:
-            insert(buffer, 1)
-            filter.add(Lazy())
-            assert filter.statistics()["waiting"] == filter.statistics()["passed"] == 1
+        once = iter([add])
+        script.filter.registerCallback(lambda _: next(once, lambda: None)())
+        script.filter.add(Lazy())
+        insert(script.buffer)
+        assert script.filter.statistics()["passed"] == len(taken(script.passed))
 
 
 class TestIterating:
@@ -667,18 +646,6 @@ class TestIterating:
 
         assert asyncio.run(main())[0].header.stamp.sec == 1
 
-    def test_tasks_that_leave_take_nothing_from_those_that_stay(self, filter, buffer):
-        async def main():
-            iteration = filter.__aiter__()
-            *leaving, staying = [asyncio.ensure_future(iteration.__anext__()) for _ in range(4)]
-            await asyncio.sleep(0)
-            for one in leaving:
-                one.cancel()
-            filter.add(point(1, "map"))
-            assert (await asyncio.wait_for(staying, DEADLINE_S))[0].header.stamp.sec == 1
-
-        asyncio.run(main())
-
     def test_threads_that_share_an_iteration_get_each_message_once_and_all_end(self, filter, buffer):
         iteration, count = filter.__aiter__(), 2000
         got = [[] for _ in range(4)]
@@ -702,27 +669,6 @@ class TestIterating:
             sys.setswitchinterval(interval)
         assert not any(thread.is_alive() for thread in threads), "one is stranded"
         assert sorted(sum(got, [])) == list(range(count))
-
-    def test_iterations_may_begin_and_end_while_messages_pass(self, filter):
-        kept, ending = [], threading.Event()
-
-        def iterate():
-            while not ending.is_set():
-                kept.append(filter.__aiter__())
-                del kept[:-20]
-
-        thread = threading.Thread(target=iterate)
-        interval = sys.getswitchinterval()
-        sys.setswitchinterval(1e-6)
-        try:
-            thread.start()
-            for _ in range(2000):
-                filter.add(point(frame="map"))
-        finally:
-            ending.set()
-            thread.join()
-            sys.setswitchinterval(interval)
-        assert filter.statistics()["passed"] == 2000
 
     def test_a_task_that_nobody_refers_to_goes_on(self, filter):
         seen = []
@@ -751,13 +697,6 @@ class TestIterating:
             return await asyncio.wait_for(asyncio.gather(*taking), DEADLINE_S)
 
         assert asyncio.run(main()) == [[], [], []]
-
-    def test_a_signal_that_shuts_the_context_down_ends_it(self):
-        program = start("iterates.py", stdout=subprocess.PIPE)
-        assert program.stdout.readline() == "waiting\n"
-        program.send_signal(signal.SIGTERM)
-        text, _ = program.communicate(timeout=DEADLINE_S)
-        assert text == "ended\n"
 
 
 class TestEnd:
@@ -807,21 +746,10 @@ class TestEnd:
         )
 
 
-@pytest.mark.parametrize(
-    ("scans", "transforms", "options", "reason"),
-    [
-        (300, 300, {"queue_size": 0}, None),
-        # Long enough for a transform on a busy machine ...
-        (100, 40, {"queue_size": 0, "buffer_timeout": Duration(seconds=3)}, "TIMEOUT"),
-        # ... and seconds of scans, because transforms may arrive later than they should.
-        (250, 40, {"queue_size": 200}, "QUEUE_FULL"),
-    ],
-)
 @pytest.mark.parametrize("kind", EXECUTORS)
-def test_a_lidar_of_another_process_whose_transforms_are_late(
-    tf2_ros, new_node, kind, scans, transforms, options, reason
-):
-    """100 scans a second, each transform 50 ms late."""
+def test_a_lidar_of_another_process_whose_transforms_are_late_and_end(tf2_ros, new_node, kind):
+    """100 scans a second, each transform 50 ms late; seconds of scans wait: the machine may be busy."""
+    scans, transforms, size = 250, 40, 200
     node, executor, buffer = new_node("filtering"), kind(), tf2_ros.Buffer()
     executor.add_node(node)
     insert(buffer, 0.5)  # the first scan needs what was before it
@@ -831,7 +759,7 @@ def test_a_lidar_of_another_process_whose_transforms_are_late(
     try:
         with (
             tf2_ros.TransformListener(buffer, node),
-            tf2_ros.MessageFilter(topic, buffer, "map", node=node, **options) as filter,
+            tf2_ros.MessageFilter(topic, buffer, "map", size, node=node) as filter,
             spinning(executor),
         ):
             filter.registerCallback(lambda m: passed.append(Time.from_msg(m.header.stamp).nanoseconds - S))
@@ -840,12 +768,11 @@ def test_a_lidar_of_another_process_whose_transforms_are_late(
             process.stdin.write("\n")
             process.stdin.flush()
             assert process.stdout.readline() == "done\n"
-            left = options["queue_size"]
-            until(lambda: len(passed) == transforms and len(dropped) == scans - transforms - left)
+            until(lambda: len(passed) == transforms and len(dropped) == scans - transforms - size)
             assert [round(ns / 10_000_000) for ns in passed] == list(range(transforms))
-            assert set(dropped) <= {reason}
+            assert set(dropped) == {"QUEUE_FULL"}
             assert filter.statistics()["received"] == scans
-            assert filter.statistics()["waiting"] == left
+            assert filter.statistics()["waiting"] == size
         process.communicate("\n", timeout=DEADLINE_S)
         assert process.returncode == 0
     finally:

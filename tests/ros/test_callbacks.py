@@ -14,14 +14,14 @@ from processes import DEADLINE_S, errors_so_far, until
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
-from spinning import spinning
+from spinning import EXECUTOR, spinning
 
 from tf2_ros._wait import callbacks
 from tf2_ros._wait.callbacks import CallbackQueue, callback_queue
 
 pytestmark = pytest.mark.ours
 
-HERE, EXECUTOR, DEADLINES = "MainThread", "the executor", "tf2_ros deadlines"
+HERE, DEADLINES = "MainThread", "tf2_ros deadlines"
 
 
 @pytest.fixture
@@ -82,9 +82,7 @@ class TestPlaces:
             if node_is == "spun":
                 executor = SingleThreadedExecutor()
                 executor.add_node(node)
-                executor.create_task(lambda: setattr(threading.current_thread(), "name", EXECUTOR))
                 at_end.enter_context(spinning(executor))
-                until(lambda: any(thread.name == EXECUTOR for thread in threading.enumerate()))
             if end == "add":
                 buffer.set_transform(transform("map", "robot", 1), "me")
                 future = wait(buffer, note)

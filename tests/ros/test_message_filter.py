@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 from collections import Counter
+from contextlib import ExitStack
 from types import SimpleNamespace
 
 import pytest
@@ -18,7 +19,7 @@ from rclpy.duration import Duration, Infinite
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.time import Time
 from sensor_msgs.msg import LaserScan
-from spinning import spinning
+from spinning import EXECUTOR, spinning
 
 from tf2_ros._wait.callbacks import callback_queue
 
@@ -418,38 +419,55 @@ class TestInput:
 class TestCallbacks:
     """In which thread they run, and what happens if they raise."""
 
-    @pytest.fixture
-    def names(self):
-        return []
+    @pytest.mark.parametrize(
+        ("what", "spun", "place"),
+        [
+            ("insert", True, "MainThread"),
+            ("add", True, "MainThread"),
+            ("no frame", True, "MainThread"),
+            ("receive", True, EXECUTOR),
+            ("timeout", True, EXECUTOR),
+            ("timeout", False, "tf2_ros deadlines"),
+        ],
+    )
+    def test_each_has_its_thread_and_what_one_raises_is_logged(
+        self, tf2_ros, make, node, peer, capfd, what, spun, place
+    ):
+        script, names, executor = make(buffer_timeout=0.05 if what == "timeout" else None), [], None
 
-    @pytest.fixture
-    def note(self, names):
-        """A callback that notes in which thread it runs."""
-        return lambda *_: names.append(threading.current_thread().name)
+        def fail(*_):
+            raise RuntimeError("mine")
 
-    def test_they_run_inside_the_programs_own_insert_and_add(self, make, node, executor, note, names):
-        script = make()
-        script.filter.registerCallback(note)
-        script.filter.registerFailureCallback(note)
-        script.filter.add(point())
-        for work in (
-            lambda: insert(script.buffer),
-            lambda: script.filter.add(point()),
-            lambda: script.filter.add(point(frame="")),
-        ):
-            thread = threading.Thread(target=work, name="inserting")
-            thread.start()
-            thread.join()
-        assert names == ["inserting"] * 3
-        script.run("=1,1 !EMPTY_FRAME_ID:1@")
+        for callback in (fail, lambda *_: names.append(threading.current_thread().name)):
+            script.filter.registerCallback(callback)
+            script.filter.registerFailureCallback(callback)
+        with ExitStack() as at_end:
+            if what == "receive":
+                at_end.callback(tf2_ros.TransformListener(script.buffer).unregister)
+            if spun:
+                executor = SingleThreadedExecutor()
+                executor.add_node(node)
+                at_end.enter_context(spinning(executor))
+            if what == "add":
+                insert(script.buffer)
+            for _ in range(2):
+                script.filter.add(point(frame="" if what == "no frame" else "lidar"))
+            if what == "insert":
+                insert(script.buffer)
+            if what == "receive":
+                peer().send(("map", "lidar", S, 1))
+            until(lambda: len(names) == 2)
+        assert names == [place] * 2
+        assert capfd.readouterr().err.count("RuntimeError: mine") == 2
+        assert len(taken(script.passed)) + len(taken(script.dropped)) == 2
 
     @pytest.mark.parametrize("kind", EXECUTORS)
     def test_what_a_listener_receives_passes_in_the_executor_of_the_filters_node(
-        self, tf2_ros, make, node, peer, kind, note, names
+        self, tf2_ros, make, node, peer, kind
     ):
-        script, executor, sender = make(), kind(), peer()
+        script, executor, sender, names = make(), kind(), peer(), []
         executor.add_node(node)
-        script.filter.registerCallback(note)
+        script.filter.registerCallback(lambda _: names.append(threading.current_thread().name))
         listener = tf2_ros.TransformListener(script.buffer)  # whose node another executor spins
         for i in range(100):
             script.filter.add(point(ns=S + i))
@@ -458,10 +476,10 @@ class TestCallbacks:
         until(lambda: script.buffer.statistics()["waiters"] == 0)
         assert script.passed == [] and script.filter.statistics()["waiting"] == 100
         script.filter.setQueueSize(99)  # one whose transform has arrived passes instead of being dropped
-        assert names == [threading.current_thread().name]
+        assert names == ["MainThread"]
         with spinning(executor):
             until(lambda: len(names) == 100)
-        assert threading.current_thread().name not in names[1:]
+        assert "MainThread" not in names[1:]
         assert [m.header.stamp.nanosec for m in taken(script.passed)] == list(range(100))
         listener.unregister()
 
@@ -478,18 +496,6 @@ class TestCallbacks:
         script.run("= M1 =1")  # inside `add`
         listener.unregister()
 
-    @pytest.mark.parametrize("spun", [False, True])
-    def test_a_timeout_drops_in_the_executor_that_has_the_node(self, make, node, note, names, spun):
-        script, executor = make(buffer_timeout=0.05), SingleThreadedExecutor()
-        script.filter.registerFailureCallback(note)
-        if spun:
-            executor.add_node(node)
-        script.filter.add(point())
-        until(lambda: names, executor if spun else None)
-        assert names == [threading.current_thread().name if spun else "tf2_ros deadlines"]
-        script.run("!TIMEOUT:1")
-        executor.shutdown()
-
     def test_arguments_are_handed_on_and_one_can_be_taken_out(self, make):
         script, seen = make(), []
         script.filter.registerCallback(lambda *arguments: seen.append(arguments[1:]), 1, "two")
@@ -498,38 +504,6 @@ class TestCallbacks:
         script.filter.callbacks.pop(taken_out)
         script.run("T1 M1 M1@ =1 !EMPTY_FRAME_ID:1@")
         assert seen == [(1, "two"), (3,)]
-
-    @pytest.mark.parametrize("where", ["insert", "add", "executor", "deadlines"])
-    def test_one_that_raises_is_logged_and_the_others_are_called(
-        self, tf2_ros, make, node, peer, executor, capfd, where
-    ):
-        script = make(buffer_timeout=0.05 if where == "deadlines" else None)
-        callbacks, ended = [], []
-
-        def fail(*_):
-            raise RuntimeError("mine")
-
-        for callback in (fail, lambda message, *_: ended.append(message)):
-            script.filter.registerCallback(callback)
-            script.filter.registerFailureCallback(callback)
-        if where == "add":
-            insert(script.buffer)
-        if where == "executor":
-            callbacks.append(tf2_ros.TransformListener(script.buffer, node))
-        if where == "deadlines":
-            executor.remove_node(node)
-        script.filter.add(point())
-        script.filter.add(point())
-        if where == "insert":
-            insert(script.buffer)
-        if where == "executor":
-            peer().send(("map", "lidar", S, 1))
-        until(lambda: len(ended) == 2, executor if where == "executor" else None)
-        assert capfd.readouterr().err.count("RuntimeError: mine") >= 2
-        script.passed.clear()
-        script.dropped.clear()
-        for listener in callbacks:
-            listener.unregister()
 
     def test_what_ends_a_program_ends_the_insert_after_the_others_were_called(self, make):
         script, seen = make(), []

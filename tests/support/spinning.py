@@ -8,10 +8,12 @@ import rclpy
 from processes import DEADLINE_S, until
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
+EXECUTOR = "the executor"
+
 
 @contextmanager
 def spinning(executor):
-    """Another thread spins the executor."""
+    """Another thread, EXECUTOR, spins the executor."""
 
     def spin():
         try:
@@ -19,7 +21,7 @@ def spinning(executor):
         except ExternalShutdownException:
             return
 
-    thread = threading.Thread(target=spin)
+    thread = threading.Thread(target=spin, name=EXECUTOR)
     thread.start()
     try:
         yield executor

@@ -249,13 +249,6 @@ class TestWithoutServer:
         client.destroy()
         assert repr(client).endswith("/nobody, ended>")
 
-    def test_an_end_ends_a_blocking_wait(self, lonely, tf2_py):
-        timer = threading.Timer(0.05, lonely.node.context.shutdown)
-        timer.start()
-        with pytest.raises(tf2_py.TimeoutException, match=ENDED):
-            lonely.lookup_transform("map", "robot", LATEST, LONG)
-        timer.join()
-
     def test_a_shutdown_that_wakes_nobody_ends_its_thread(self, tf2_ros, node):
         client = tf2_ros.BufferClient(node, "lookup")
         shut_down_at_sleep(client._tf2_goal_sender._queue)
@@ -287,11 +280,6 @@ class TestWithoutServer:
 
 @pytest.mark.ours
 class TestThreads:
-    def test_the_node_need_not_be_spun(self, tf2_ros, node, server):
-        client = tf2_ros.BufferClient(node, "lookup")
-        assert client.lookup_transform("map", "robot", at(1.5), LONG).child_frame_id == "robot"
-        client.destroy()
-
     def test_it_blocks_in_a_callback_of_a_single_threaded_executor(self, client):
         executor = client.node.executor
         assert isinstance(executor, SingleThreadedExecutor)
@@ -370,13 +358,6 @@ class TestAsync:
         found = self.run(client, client.lookup_transform_full_async("map", at(2.5), "robot", at(1.5), "odom"))
         assert found.child_frame_id == "robot odom"
         assert translation(found)[1] == 2**31 - 1
-
-    def test_objects_are_transformed(self, client, tf2_ros):
-        class Thing:
-            header = tf2_ros.Header(frame_id="robot")
-
-        tf2_ros.TransformRegistration().add(Thing, lambda thing, found: found.child_frame_id)
-        assert self.run(client, client.transform_async(Thing(), "map", LONG)) == "robot"
 
     def test_errors_are_raised(self, client, tf2_py):
         with pytest.raises(tf2_py.LookupException, match="this is a"):

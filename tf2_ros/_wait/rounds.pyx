@@ -327,14 +327,6 @@ cdef class ExecutorRounds(Watching):
         """Whether an executor sleeps, or has just been woken."""
         return self._wait_set != NULL
 
-    def is_armed(self):
-        """Whether an executor sleeps between rounds of user code; for tests."""
-        return executor_is_armed(&self.state)
-
-    def arrived(self):
-        """Note that something has arrived; from any thread."""
-        executor_arrived(&self.state)
-
     def asked(self):
         """Note that an executor has a round with this object."""
         self.asked_ns = monotonic_ns()

@@ -8,8 +8,7 @@ and publishers come from the network and may contain anything: ``label`` makes t
 import re
 import warnings
 from argparse import Namespace
-from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime, timezone
@@ -79,8 +78,6 @@ MOST_REASONS = 3  # on an edge
 REASON_WIDTH = 32  # characters of a line
 # Names that can be ids of nodes. Other characters may have a meaning for Graphviz, such as the colon.
 PLAIN_NAME = re.compile(r"[\w/. -]{1,200}")
-MOST_EDGES = 60  # from more on, frames that differ only in their names share a node
-MOST_NAMES = 40  # in a node of several frames
 PAGE_IN = "180,180"  # a larger picture is scaled: a page of PDF has at most 200 inches
 
 Spans = Mapping[str, tuple[float, float]]
@@ -118,31 +115,24 @@ def tree_dot(
     )
     problems = _problems(findings)
     stale = {finding.frame for finding in findings if finding.kind == "stale"}
-    groups = _folded(streams, problems) if len(streams) > MOST_EDGES else [[one] for one in streams]
-    hidden = {one.frame for group in groups for one in group[1:]}
     names = sorted({name for one in streams for name in (one.frame, one.parent)} | problems.keys())
     ids = {name: name if PLAIN_NAME.fullmatch(name) else f"#{place}" for place, name in enumerate(names)}
-    listed = {group[0].frame: sorted(one.frame for one in group) for group in groups}
     drawn = {name for one in streams for name in (one.frame, one.parent)}
     for name in names:
-        if name not in hidden:
-            text = _lines(_cut([*map(label, listed.get(name, [name]))], MOST_NAMES), "\\n")
-            if name in drawn:
-                dot.node(ids[name], text, tooltip=text, **{"class": "frame"})
-            else:
-                # Without an edge, because all its transforms are refused.
-                text = _lines([label(name), *problems[name]], "\\n")
-                dot.node(ids[name], text, tooltip=text, **PROBLEM, **{"class": "problem"})
-    for group in groups:
-        [stream, *others] = group
+        # What has no edge has problems: all its transforms are refused.
+        text = _lines([label(name), *([] if name in drawn else problems[name])], "\\n")
+        look = {"class": "frame"} if name in drawn else {**PROBLEM, "class": "problem"}
+        dot.node(ids[name], text, tooltip=text, **look)
+    for stream in streams:
         kind = "static" if stream.static else "stale" if stream.frame in stale else "dynamic"
         reasons = problems.get(stream.frame, [])
-        facts = [*(_facts_of_many(group) if others else _facts(stream, spans.get(stream.frame))), *reasons]
+        span = spans.get(stream.frame)
+        facts = [*_facts(stream, span), *reasons]
         dot.edge(
             ids[stream.parent],
             ids[stream.frame],
             _lines([*facts, GROUND], "\\n"),
-            tooltip=_lines([*facts, *_stamps(spans.get(stream.frame))], "\\n"),
+            tooltip=_lines([*facts, *_stamps(span)], "\\n"),
             **{
                 **STYLES[kind],
                 **(PROBLEM if reasons else {}),
@@ -175,18 +165,6 @@ def _cut(texts: Sequence[str], most: int) -> Iterator[str]:
         yield f"and {len(texts) - most} more"
 
 
-def _folded(streams: Sequence[Stream], problems: Collection[str]) -> list[list[Stream]]:
-    """Group streams that differ only in their frames, if these have neither children nor problems."""
-    counts = Counter(one.frame for one in streams)
-    parents = {one.parent for one in streams}
-    groups: dict[Any, list[Stream]] = {}
-    for one in streams:
-        is_single = one.frame in parents or one.frame in problems or counts[one.frame] > 1
-        key = one if is_single else (one.parent, one.publisher, one.static)
-        groups.setdefault(key, []).append(one)
-    return [*groups.values()]
-
-
 def _facts(stream: Stream, span: tuple[float, float] | None) -> Iterator[str]:
     yield label(stream.publisher)
     yield rate_label(stream)
@@ -194,15 +172,6 @@ def _facts(stream: Stream, span: tuple[float, float] | None) -> Iterator[str]:
         yield delay_label(stream)
     if span is not None and not stream.static:
         yield f"buffer {span[1] - span[0]:.2f} s"
-
-
-def _facts_of_many(streams: Sequence[Stream]) -> Iterator[str]:
-    yield label(streams[0].publisher)
-    slowest = min(streams, key=lambda one: one.rate or 0.0)
-    yield f"{len(streams)} frames, {'' if slowest.static else 'at least '}{rate_label(slowest)}"
-    latest = max(streams, key=lambda one: one.delay_max or 0.0)
-    if latest.delay_max is not None:
-        yield f"delay at most {1e3 * latest.delay_max:.1f} ms"
 
 
 def _stamps(span: tuple[float, float] | None) -> Iterator[str]:
@@ -222,7 +191,7 @@ def _add_tree_legend(dot: Any, time: float | None) -> None:
         legend.attr("node", shape="point", style="invis", width="0", label="")
         for kind, style in {**STYLES, "problem": PROBLEM}.items():
             legend.edge(
-                f"#{kind} from", f"#{kind} to", _lines([kind, GROUND], "\\n"), **style, **{"class": "legend"}
+                f"#{kind} from", f"#{kind} to", _lines([kind, GROUND], "\\n"), **{**style, "class": "legend"}
             )
 
 
@@ -250,6 +219,8 @@ _SETTINGS: Any = {
     "pdf.fonttype": 42,  # ... that can be searched for
     "font.size": 9.0,
     "axes.unicode_minus": False,
+    "date.autoformatter.minute": "%H:%M",
+    "date.autoformatter.microsecond": "%H:%M:%S.%f",
 }
 
 
@@ -281,40 +252,31 @@ def file_of(figure: Any, kind: str) -> bytes:
 
 FIRST_DATE_S = 1e9  # in 2001; earlier times are simulated, because the clock of a simulation begins at 0
 DAY_S = 86_400.0
-MOST_TICKS = 6  # on an axis of times; they fit the narrowest one
 
 
 def show_times(axes: Any, begin: float, end: float) -> None:
     """
-    Label the x axis, which is in seconds, with the time of the clock: UTC, or the seconds of simulated time.
+    Label the x axis with the time of the clock: UTC, or the seconds of simulated time.
 
     :param begin: the left edge, in seconds since the epoch of the clock.
     :param end: the right edge, not before ``begin``.
     """
     if end == begin:
         begin, end = begin - 0.5, end + 0.5
-    axes.set_xlim(begin, end)
     if begin < FIRST_DATE_S:
         axes.ticklabel_format(axis="x", style="plain", useOffset=False)
         axes.set_xlabel("time in s")
-        return
-    import matplotlib.dates
+    else:
+        import matplotlib.dates
 
-    dates: Any = matplotlib.dates  # without types
-    locator = dates.AutoDateLocator(minticks=3, maxticks=MOST_TICKS)
-    for unit in (dates.SECONDLY, dates.MINUTELY):
-        locator.intervald[unit] = [1, 2, 5, 10, 15, 30]
-    first, last = (datetime.fromtimestamp(time, timezone.utc) for time in (begin, end))
-    ticks = [dates.num2date(tick) for tick in locator.tick_values(first, last)]
-    ticks = [tick for tick in ticks if first <= tick <= last]
-    form = "%m-%d %H:%M" if end - begin > DAY_S else "%H:%M:%S.%f"
-    texts = [tick.strftime(form) for tick in ticks]
-    if all(text.endswith(".000000") for text in texts):
-        texts = [text.partition(".")[0] for text in texts]
-    elif "." in "".join(texts):
-        texts = [text.rstrip("0").rstrip(".") for text in texts]
-    axes.set_xticks([tick.timestamp() for tick in ticks], texts)
-    axes.set_xlabel(f"time in UTC, from {first:%Y-%m-%d %H:%M:%S} ({begin:.3f} s)")
+        dates: Any = matplotlib.dates  # without types; its times are in days
+        locator = dates.AutoDateLocator(minticks=3, maxticks=6)
+        first, last = (datetime.fromtimestamp(time, timezone.utc) for time in (begin, end))
+        ticks = locator.tick_values(first, last)
+        formatter = dates.AutoDateFormatter(locator)
+        axes.set_xticks(ticks * DAY_S, map(formatter, ticks))
+        axes.set_xlabel(f"time in UTC, from {first:%Y-%m-%d %H:%M:%S} ({begin:.3f} s)")
+    axes.set_xlim(begin, end)
 
 
 # When transforms were received.

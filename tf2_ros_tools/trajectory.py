@@ -46,15 +46,10 @@ LINES: list[dict[str, Any]] = [
     {"color": GREEN, "linestyle": "-."},
 ]
 ARROWS = 12  # along the path
-VIEW = 1.25  # side of what is drawn, by the larger side of the path
 SMALLEST_M = 1e-3  # of that side; otherwise a frame at rest would be drawn as noise of nanometres
 ARROW_SHARE = 0.1  # of the larger side of the path
 MANY = 4000  # points of a line; a line with more is an image, because its file would be too large
 PIECE = 100_000  # rotations that are matrices at a time
-# Farther from the origin than this, in metres and in sizes of the path, a path is plotted relative to its
-# start. In UTM, for example, the numbers on the axes would differ only in their last digits.
-FAR_M = 1000.0
-FAR_SIZES = 10.0
 
 Span = tuple[float, float]  # of time: from when to when, in seconds
 
@@ -144,14 +139,12 @@ def trajectory_figure(
         gaps = merged([*gaps, *unknown_spans(times, positions)])
         # Before points are omitted, because the frame may turn between two points that are drawn.
         angles = unwrapped(rpy)
-        origin = plotted_from(positions)
-        parted, positions, angles = parted_by(gaps, times, positions - origin, angles)
+        parted, positions, angles = parted_by(gaps, times, positions, angles)
         _draw_above(above, parted, positions, angles[:, 2], gaps)
-        names = [_less(name, offset) for name, offset in zip("xyz", origin, strict=True)]
-        _draw_components(upper, parted, positions, names, "m", gaps)
+        _draw_components(upper, parted, positions, "xyz", "m", gaps)
         _draw_components(lower, parted, angles, ["roll", "pitch", "yaw"], "rad", gaps)
-        above.set_xlabel(f"{names[0]} in m")
-        above.set_ylabel(f"{names[1]} in m")
+        above.set_xlabel("x in m")
+        above.set_ylabel("y in m")
         show_times(lower, times[0], times[-1])
         upper.tick_params(labelbottom=False)
     return figure
@@ -187,19 +180,6 @@ def parted_by(
     places = np.searchsorted(times[shown], begins, "right")
     parts = [np.insert(times[shown], places, (begins + ends) / 2)]
     return parts + [np.insert(values[shown], places, np.nan, axis=0) for values in columns]
-
-
-def plotted_from(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Get what is subtracted from x, y and z: the whole metres of a start that is far away, otherwise 0."""
-    known = positions[~np.isnan(positions).any(axis=1)]
-    if not len(known):
-        return np.zeros(3)
-    far = max(FAR_M, FAR_SIZES * float(np.ptp(known, axis=0).max()))
-    return np.floor(known[0]) if np.abs(known[0]).max() > far else np.zeros(3)
-
-
-def _less(name: str, offset: float) -> str:
-    return f"{name} {'-' if offset > 0 else '+'} {abs(offset):.0f}" if offset else name
 
 
 def unwrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -246,20 +226,15 @@ def _draw_above(
             axes.plot(*between.T, ":", color=VERMILION, linewidth=2, label="gap")
         axes.plot(x[0], y[0], "o", color="white", markeredgecolor="black", label="first", zorder=4)
         axes.plot(x[-1], y[-1], "s", color="black", label="last", zorder=4)
-        axes.set_xlim(*_limits(x, size))
-        axes.set_ylim(*_limits(y, size))
-    axes.set_aspect("equal")
-    axes.ticklabel_format(style="plain", useOffset=False)
+        if size == SMALLEST_M:
+            axes.set_xlim(x[0] - size, x[0] + size)
+            axes.set_ylim(y[0] - size, y[0] + size)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.1)
     axes.set_title("from above")
     axes.grid(color="#E4E4E4")
     axes.set_axisbelow(True)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=4, frameon=False)
-
-
-def _limits(values: NDArray[np.float64], size: float) -> tuple[float, float]:
-    # A square, even if the path is narrow.
-    middle = float(values.min() + values.max()) / 2
-    return middle - VIEW * size / 2, middle + VIEW * size / 2
 
 
 def _draw_components(
@@ -279,5 +254,4 @@ def _draw_components(
         axes.plot(times, column, label=name, linewidth=1.5, **dense, **line)
     axes.set_ylabel(unit)
     axes.grid(color="#E4E4E4")
-    axes.ticklabel_format(axis="y", useOffset=False)
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)

@@ -15,7 +15,6 @@ from tf2_ros_tools.findings import Finding, Limits
 from tf2_ros_tools.pictures import (
     GAP,
     MOST_FINDINGS,
-    MOST_NAMES,
     MOST_REASONS,
     MOST_ROWS,
     NOT_YET,
@@ -164,28 +163,6 @@ class TestTree:
         [title] = {title for title in titles if title and "oldest" in title}
         assert "most recent transform: 10.500000" in title and "oldest transform: 1.000000" in title
 
-    def test_300_frames_fit_a_page_that_viewers_open_and_each_is_named(self):
-        robot = [stream(f"link_{i:03d}", f"link_{(i - 1) // 3:03d}" if i else "map") for i in range(300)]
-        finding = Finding("gap", "link_299", "link_299 was not received for 3 s")
-        svg = drawn(robot, [finding])
-        names = [name for lines in groups(svg, "frame") for name in lines]
-        assert sorted(names) == sorted(["map", *(one.frame for one in robot)])
-        assert ["/robot", "3 frames, at least 50.0 Hz", "delay at most 4.0 ms"] in groups(svg, "dynamic")
-        [marked] = groups(svg, "problem")
-        assert marked[-1] == "was not received for 3 s"
-        assert max(size_in(svg)) < 100
-        # Where nothing can be folded, the picture is smaller.
-        unlike = [stream(one.frame, one.parent, publisher=f"/of_{one.frame}") for one in robot * 2]
-        assert max(size_in(drawn(unlike))) < 200
-
-    def test_a_small_robot_is_not_folded(self):
-        assert ["camera"] in groups(drawn([*ROBOT, stream("lidar", "base", static=True)]), "frame")
-
-    def test_many_folded_frames_are_cut_and_told(self):
-        svg = drawn([stream(f"tag_{i:03d}", static=True) for i in range(MOST_NAMES + 25)])
-        [names] = [lines for lines in groups(svg, "frame") if len(lines) > 1]
-        assert (len(names), names[-1]) == (MOST_NAMES + 1, "and 25 more")
-
     def test_tells_what_is_wrong(self):
         findings = [Finding("gap", "odom", f"gap {number}") for number in range(MOST_FINDINGS + 3)]
         root = ElementTree.fromstring(drawn(ROBOT, findings))
@@ -213,9 +190,6 @@ class TestTree:
     def test_every_format_is_what_its_name_says(self, kind):
         assert render(tree_dot(ROBOT), kind).startswith(STARTS[kind])
 
-    def test_the_same_streams_give_the_same_text(self):
-        assert tree_dot(ROBOT) == tree_dot(ROBOT)
-
     def test_without_dot_that_is_the_error(self, monkeypatch, tmp_path):
         monkeypatch.setenv("PATH", str(tmp_path))
         with pytest.raises(FileNotFoundError):
@@ -231,10 +205,6 @@ class TestTree:
 
 
 class TestLabels:
-    def test_a_long_name_loses_its_middle(self):
-        assert label("a" * 500 + "z" * 500, 10) == "aaaaa…zzzzz"
-        assert label("a" * 10, 10) == "a" * 10
-
     def test_what_escapes_make_long_is_cut_too(self):
         assert len(label("\x1b" * 60, 60)) == 61
 
@@ -309,10 +279,10 @@ class TestHeard:
     @pytest.mark.parametrize(
         ("span", "shown"),
         [
-            (0.004, {"21:27:14.251", "21:27:14.254"}),
-            (10.0, {"21:27:16", "21:27:24"}),
-            (7200.0, {"21:30:00", "23:00:00"}),
-            (259_200.0, {"11-21 00:00", "11-23 00:00"}),
+            (0.004, {"21:27:14.251000", "21:27:14.254000"}),
+            (10.0, {"21:27:15", "21:27:20"}),
+            (7200.0, {"21:30", "23:00"}),
+            (259_200.0, {"2026-11-21", "2026-11-23"}),
         ],
     )
     def test_the_axis_shows_the_times_of_the_clock(self, span, shown):
@@ -345,13 +315,6 @@ class TestHeard:
         figure = heard_figure(rows, BEGIN, END)
         assert figure.axes[0].get_xlabel() == "time in s; 3 more rows are not shown"
         assert len(figure.axes[0].get_yticks()) == MOST_ROWS
-
-    def test_the_margins_do_not_depend_on_the_rows(self):
-        few, many = [row("odom", STEADY)] * 2, [row("odom", [BEGIN - 1], static=True)] * 20
-        for rows in (few, many):
-            figure = heard_figure(rows, BEGIN, END)
-            file_of(figure, "png")
-            assert figure.axes[0].get_position().y0 * figure.get_figheight() < 0.6
 
     def test_rows_are_made_of_records(self):
         frames = ["map", "odom", "base"]

@@ -84,20 +84,6 @@ class TestTrajectory:
     def test_without_gaps_there_is_no_mark(self):
         assert "gap" not in texts_of(self.figure())
 
-    def test_large_coordinates_are_relative_to_the_start_and_the_axis_says_so(self):
-        utm = self.POSITIONS + [691_598.25, 5_334_762.5, 520.0]
-        figure = self.figure(positions=utm)
-        above, upper, _ = figure.axes
-        assert (above.get_xlabel(), above.get_ylabel()) == ("x - 691610 in m", "y - 5334762 in m")
-        assert above.lines[0].get_xydata() == pytest.approx(utm[:, :2] - [691_610, 5_334_762], abs=1e-6)
-        assert [line.get_label() for line in upper.lines] == ["x - 691610", "y - 5334762", "z - 520"]
-        south = self.figure(positions=self.POSITIONS - [0, 2_000_000.5, 0]).axes[0]
-        assert south.get_ylabel() == "y + 2000001 in m"
-
-    def test_coordinates_near_the_origin_stay_as_they_are(self):
-        above = self.figure().axes[0]
-        assert (above.get_xlabel(), above.get_ylabel()) == ("x in m", "y in m")
-
     def test_what_stands_still_is_a_point_and_no_noise(self):
         generator = np.random.default_rng(1)
         still = 5.0 + 1e-9 * generator.normal(size=self.POSITIONS.shape)

@@ -82,13 +82,6 @@ class TestBufferServer:
             with pytest.raises(tf2_py.ExtrapolationException):
                 client.lookup_transform("map", "robot", at(1))
 
-    def test_a_negative_buffer_size_is_told(self):
-        with running("tf2_buffer_server", "--ros-args", "-p", "buffer_size:=-1.0") as process:
-            _, err = process.communicate(timeout=DEADLINE_S)
-        assert process.returncode == 2
-        assert "buffer_size must not be negative, it is -1.0 s" in err
-        assert "Traceback" not in err
-
     def test_killed_in_the_middle_of_a_goal_it_is_a_timeout(self, server, tf2_ros, tf2_py, node):
         client = tf2_ros.BufferClient(node, "tf2_buffer_server", timeout_padding=Duration(seconds=0.5))
         assert client.can_transform("map", "map", at(0), LONG)
@@ -202,20 +195,6 @@ class TestSharedBuffer:
         with sharing("--name", name, env=wanting) as (process, said):
             assert f" as '{name}': process {process.pid}, " in said
             peer().matched(2)
-
-    @pytest.mark.parametrize(
-        ("given", "said"),
-        [
-            (["--name", "a/b"], "'a/b' is not a name of a shared buffer: "),
-            (["--name="], "'' is not a name of a shared buffer: "),
-            (["--cache-time", "-1"], "argument --cache-time: must not be negative, it is -1 (see "),
-            (["--cache-time", "long"], "argument --cache-time: 'long' is not a number (see "),
-        ],
-    )
-    def test_wrong_usage_is_one_line_and_status_2(self, given, said):
-        status, out, err = ended("tf2_shared_buffer", *given)
-        assert (status, out, err.count("\n")) == (2, "", 1)
-        assert err.startswith(f"tf2_shared_buffer: {said}")
 
     def test_a_second_one_of_the_same_name_names_the_first(self, owner):
         said = f"tf2_shared_buffer: the shared buffer '{BY_DOMAIN}' is owned by process {owner.pid}\n"

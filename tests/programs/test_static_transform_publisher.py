@@ -6,7 +6,7 @@ import signal
 
 import pytest
 from making import rotation, translation
-from processes import DEADLINE_S, answered, ended, running, until
+from processes import DEADLINE_S, answered, running, until
 from rclpy.duration import Duration
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -14,6 +14,8 @@ from rclpy.time import Time
 from scipy.spatial.transform import Rotation
 
 from tf2_msgs.msg import TFMessage
+from tf2_ros_tools.program import UsageError
+from tf2_ros_tools.programs.static_transform_publisher import read_file
 
 pytestmark = pytest.mark.ours
 
@@ -76,9 +78,6 @@ class TestOptions:
         )
         assert re.match(rf"\[INFO\] \[[\d.]+\] \[{NAME}_\w{{16}}\]: ", published.log)
 
-    def test_a_frame_may_look_like_a_number(self, published):
-        published("--frame-id", "-1", "--child-frame-id", "-2", parent="-1", child="-2")
-
 
 class TestOldForm:
     def test_eight_values_have_yaw_pitch_and_roll(self, published):
@@ -115,70 +114,39 @@ class TestFile:
         assert published(*given, parent="robot", child="camera") == ((0.0, 0.0, -0.5), (1.0, 0.0, 0.0, 0.0))
         assert "publishing 2 transforms of " in published.log
 
-    @pytest.mark.parametrize(
-        ("text", "said"),
-        [
-            ("", "must contain a list of transforms"),
-            ("{}", "must contain a list of transforms"),
-            ("[{]", "is not YAML: "),
-            ("- 5", "transform 1: must be a mapping with the names frame_id, "),
-            ("- {frame_id: a, child_frame_id: b, w: 1}", "transform 1: does not have w, only frame_id, "),
-            ("- {frame_id: 5, child_frame_id: b}", "transform 1: frame_id must be a string, not 5; quote it"),
-            ("- {frame_id: a}", "transform 1: frame_id and child_frame_id must be given"),
-            ("- {frame_id: a, child_frame_id: b, x: near}", "transform 1: x: 'near' is not a number"),
-            ("- {frame_id: a, child_frame_id: b, x: yes}", "transform 1: x must be a number, not True"),
-            ("- {frame_id: a, child_frame_id: b, x: .inf}", "transform 1: x: must be finite, not inf"),
-            (
-                "- {frame_id: a, child_frame_id: b}\n- {frame_id: a, child_frame_id: c, qw: 0}",
-                "transform 2: a quaternion must have a finite length above 0",
-            ),
-            (
-                "- {frame_id: a, child_frame_id: b}\n- {frame_id: c, child_frame_id: b}",
-                "the frame 'b' has two transforms",
-            ),
-            (
-                "- {frame_id: a, child_frame_id: b}\n- {frame_id: b, child_frame_id: a}",
-                "is its own ancestor",
-            ),
-        ],
-    )
-    def test_what_is_wrong_in_it_is_told_with_its_place(self, file, text, said):
-        refused(file(text), said)
-
-    def test_that_it_is_not_there_is_told(self, tmp_path):
-        refused(["--file", str(tmp_path / "none.yaml")], "none.yaml: No such file or directory")
-
-
-def refused(given, said):
-    status, out, err = ended(NAME, *given)
-    assert (status, out) == (2, "")
-    assert said in err
-    assert err.startswith(f"{NAME}: ") and err.count("\n") == 1
-
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("text", "said"),
     [
-        ([], "frame_id and child_frame_id must be given"),
-        (["--frame-id", "map"], "frame_id and child_frame_id must be given"),
-        (["--frame-id", "", "--child-frame-id", "b"], "must not be empty"),
-        (["--frame-id", "a", "--child-frame-id", "a"], "must differ, both are 'a'"),
-        ([*FRAMES, "--qx", "0", "--yaw", "0"], "a rotation is a quaternion or Euler angles; both were given"),
-        ([*FRAMES, "--qw", "0"], "a quaternion must have a finite length above 0"),
-        ([*FRAMES, "--qw", "1e308", "--qx", "-1.7e308"], "a quaternion must have a finite length above 0"),
-        ([*FRAMES, "--x", "inf"], "argument --x: must be finite, not inf"),
-        ([*FRAMES, "--x", "1.0foo"], "argument --x: '1.0foo' is not a number"),
-        ([*FRAMES, "--x"], "argument --x: expected one argument"),
-        (["1", "2"], "there are 2 values without options; the old form has 8 or 9"),
-        (["1", "2", "3", "4", "5", "x", "a", "b"], "roll: 'x' is not a number"),
-        (["0", "0", "0", "0", "0", "0", "a", "a"], "must differ, both are 'a'"),
-        (["0", "0", "0", "0", "0", "0", "a", "b", "--x", "1"], "either options or the old form"),
-        (["0", "0", "0", "0", "0", "0", "a", "b", "--file", "f"], "either options or the old form"),
-        (["--file", "f", *FRAMES], "--file cannot be combined with other transforms"),
+        ("", "must contain a list of transforms"),
+        ("{}", "must contain a list of transforms"),
+        ("[{]", "is not YAML: "),
+        ("- 5", "transform 1: must be a mapping with the names frame_id, "),
+        ("- {frame_id: a, child_frame_id: b, w: 1}", "transform 1: does not have w, only frame_id, "),
+        ("- {frame_id: 5, child_frame_id: b}", "transform 1: frame_id must be a string, not 5; quote it"),
+        ("- {frame_id: a}", "transform 1: frame_id and child_frame_id must be given"),
+        ("- {frame_id: a, child_frame_id: b, x: near}", "transform 1: x: 'near' is not a number"),
+        ("- {frame_id: a, child_frame_id: b, x: yes}", "transform 1: x must be a number, not True"),
+        ("- {frame_id: a, child_frame_id: b, x: .inf}", "transform 1: x: must be finite, not inf"),
+        (
+            "- {frame_id: a, child_frame_id: b}\n- {frame_id: a, child_frame_id: c, qw: 0}",
+            "transform 2: a quaternion must have a finite length above 0",
+        ),
+        (
+            "- {frame_id: a, child_frame_id: b}\n- {frame_id: c, child_frame_id: b}",
+            "the frame 'b' has two transforms",
+        ),
+        (
+            "- {frame_id: a, child_frame_id: b}\n- {frame_id: b, child_frame_id: a}",
+            "is its own ancestor",
+        ),
     ],
 )
-def test_contradictions_are_refused(given, said):
-    refused(given, said)
+def test_what_is_wrong_in_a_file_is_told_with_its_place(tmp_path, text, said):
+    path = tmp_path / "transforms.yaml"
+    path.write_text(text)
+    with pytest.raises(UsageError, match=re.escape(said)):
+        read_file(path)
 
 
 def test_its_parameters_tell_what_it_publishes(node, executor):

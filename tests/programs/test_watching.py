@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import signal
 import sys
 import threading
 import time
@@ -220,34 +219,12 @@ class TestCheck:
             out, _ = process.communicate(timeout=DEADLINE_S)
         assert (process.returncode, out[:27]) == (0, "ok: no findings in 2 frames")
 
-    @pytest.mark.parametrize(
-        ("given", "said"),
-        [
-            (["-t", "0"], "argument -t: must be above 0, not 0"),
-            (["--ignore", "weather"], "--ignore: weather is not one of nothing, clock, clocks"),
-            (["--expect", "/no/such/file"], "cannot read /no/such/file: No such file or directory"),
-            (["--junit", "/no/such/folder/x.xml", "-t", "0.1"], "/no/such/folder/x.xml: No such file"),
-        ],
-    )
-    def test_what_it_cannot_do_is_one_line_and_status_2(self, given, said):
-        status, _, err = ended("tf2_check", *given)
-        assert status == 2
-        assert err.startswith(f"tf2_check: {said}")
-        assert err.count("\n") == 1
-
     def test_expectations_that_are_not_understood_are_told(self, tmp_path):
         path = tmp_path / "robot.yaml"
         path.write_text("frames: {odom: {rate: 3}}")
         status, _, err = ended("tf2_check", "--expect", str(path))
         assert status == 2
         assert err.startswith(f"tf2_check: {path}: odom: 'rate' is not a key; did you mean min_rate?")
-
-    def test_interrupted_it_has_no_verdict(self, peer):
-        with running("tf2_check", "-t", "3600", "--ros-args", *ALONE) as process:
-            peer(*ALONE).matched(1)
-            process.send_signal(signal.SIGINT)
-            out, err = process.communicate(timeout=DEADLINE_S)
-        assert (process.returncode, out, err) == (130, "", "")
 
 
 @pytest.mark.parametrize(
@@ -369,12 +346,6 @@ class TestMonitor:
             terminal.shows(lambda lines: ESCAPED in "".join(lines))
             assert not any(line.startswith("ok: 1 frames") for line in terminal.lines)
 
-    @pytest.mark.parametrize("arguments", [[], ["--interval", "3600"]], ids=str)
-    def test_its_first_line_needs_no_transform(self, arguments):
-        with running("tf2_monitor", *arguments, "--ros-args", *ALONE) as process:
-            seconds = arguments[-1] if arguments else 10
-            assert process.stdout.readline() == f"Gathering data on all frames for {seconds} seconds...\n"
-
     def test_a_terminal_that_cannot_draw_gets_lines(self, robot):
         pexpect = pytest.importorskip("pexpect")
         command = ["-m", "tf2_ros_tools.programs.tf2_monitor"]
@@ -434,17 +405,3 @@ class TestMonitor:
             report = first_report(process, is_known)
         assert [one["kind"] for one in report["findings"]] == ["clock"]
         assert frames(report)["simulated"]["delay"] is None
-
-    @pytest.mark.parametrize("frames", [["map"], ["map", "odom", "camera"]])
-    def test_one_frame_or_three_are_wrong_usage(self, frames):
-        status, out, err = ended("tf2_monitor", *frames)
-        assert (status, out) == (2, "")
-        assert err == f"tf2_monitor: two frames, or none, not {len(frames)} (see tf2_monitor --help)\n"
-
-    @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
-    def test_a_signal_ends_it_without_a_trace(self, robot, how):
-        with running("tf2_monitor", "--interval", "0.5") as process:
-            first_line(process, "RESULTS: .*")
-            process.send_signal(how)
-            _, err = process.communicate(timeout=DEADLINE_S)
-        assert (process.returncode, err) == (0, "")

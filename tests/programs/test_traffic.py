@@ -4,13 +4,13 @@ import math
 import random
 import statistics
 from argparse import Namespace
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
 from tf2_ros.records import RECORD
-from tf2_ros_tools.findings import KINDS, Expectation, Limits, expected_by, find
+from tf2_ros_tools.findings import Expectation, Limits, expected_by, find, line_of
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import (
     TAIL,
@@ -358,253 +358,223 @@ class TestNetDelay:
         assert net_delay(mine, [FRAMES.index("odom")], 0, at(3)) == pytest.approx((2, 3.5))
 
 
-class TestFindings:
-    def test_a_healthy_robot_has_none(self):
-        assert found(*ROBOT) == []
-        assert found(*ROBOT, window=2, pieces=40) == []
+def static(time, child, parent, **how):
+    return [heard(time, child, parent, static=True, **how)]
 
-    def test_silence(self):
-        assert kinds(found()) == [("nothing", "")]
 
-    def test_two_trees(self):
-        robot, other = ROBOT[:2], [heard(1, "lidar", "world", static=True)]
-        [one] = found(*robot, other)
-        assert one.text == "2 unconnected trees: map (3 frames), world (2 frames)"
-        assert (one.kind, one.numbers) == ("roots", {"roots": ["map", "world"]})
+CLOCKS = (
+    "clocks: the stamps of base, camera by /odometry are {} the clock of this program: "
+    "only one of the two is simulated (see use_sim_time), or a clock is wrong"
+)
+SLOW = {"limits": Limits(min_rate=20)}
 
-    def test_a_loop(self):
-        mine = steady("odom", "base"), steady("base", "odom"), steady("camera", "base")
-        [one] = found(*mine)
-        assert (one.kind, one.text) == ("loop", "the frames base -> odom -> base form a loop")
 
-    def test_a_frame_below_itself(self):
-        assert kinds(found(steady("odom", "odom"))) == [("loop", "odom")]
+def expecting(frame="base", **what):
+    return {"expected": {frame: Expectation(**what)}}
 
-    def test_two_parents_in_turn(self):
-        mine = steady("base", "odom"), steady("base", "map", start=0.01)
-        [one] = found(*ROBOT[:1], *mine)
-        assert (one.kind, one.frame) == ("parents", "base")
-        assert one.text == "base has 2 parents in turn: map, odom"
 
-    def test_another_parent_from_some_time_on_is_none(self):
-        assert found(*ROBOT[:1], steady("base", "odom", end=2), steady("base", "map", start=2)) == []
-
-    def test_two_publishers(self):
-        mine = steady("base", "odom", publisher="/other", start=0.005)
-        [one] = found(*ROBOT, mine)
-        assert (one.kind, one.frame) == ("publishers", "base")
-        assert one.text == "base is published by 2 publishers: /odometry, /other"
-
-    def test_a_restarted_publisher_is_one(self):
-        mine = steady("base", end=2), steady("base", start=2.5, publisher="/other", end=4)
-        assert found(*mine) == []
-
-    def test_two_publishers_of_a_static_frame(self):
-        again = [heard(1, "camera", "base", publisher="/other", static=True)]
-        assert kinds(found(*ROBOT, again)) == [("publishers", "camera")]
-        # Unless one of them has ended.
-        assert found(*ROBOT, again, alive={0, 2}) == []
-
-    def test_a_static_frame_that_is_sent_again_is_healthy(self):
-        again = [heard(time, "camera", "base", static=True) for time in (1, 2, 3)]
-        assert found(*ROBOT, again) == []
-
-    def test_a_static_frame_that_its_publisher_moves_is_healthy(self):
-        assert found(*ROBOT, [heard(1, "camera", "odom", static=True)]) == []
-
-    def test_a_frame_both_static_and_dynamic(self):
-        assert kinds(found(*ROBOT, steady("camera", "base"))) == [("mixed", "camera")]
-
-    def test_what_every_buffer_refuses(self):
-        [one] = found(*ROBOT, [heard(1, "lidar", "base", static=True, refusals=16)])
-        assert (one.kind, one.frame, one.numbers["refused"]) == ("refused", "lidar", 1)
-        assert (
-            one.text
-            == "1 of 2 transforms of lidar by /odometry are refused: the rotation is too short or too long"
-        )
-        # A publisher that has ended sends it to nobody any more.
-        assert found(*ROBOT, [heard(1, "lidar", "base", static=True, refusals=16)], alive={0}) == []
-
-    def test_what_is_refused_is_no_part_of_the_tree(self):
-        """Of the frames of a robot: below itself, below another one, static, and below none."""
-        again = (
+# What is received, how it is judged, and what is reported: whole lines, or their beginnings.
+FINDINGS = {
+    "a healthy robot": (ROBOT, {}, []),
+    "in a window": (ROBOT, {"window": 2, "pieces": 40}, []),
+    "silence": ((), {}, ["nothing: no transform was received"]),
+    "two trees": (
+        (*ROBOT[:2], static(1, "lidar", "world")),
+        {},
+        ["roots: 2 unconnected trees: map (3 frames), world (2 frames)"],
+    ),
+    "a loop": (
+        (steady("odom", "base"), steady("base", "odom"), steady("camera", "base")),
+        {},
+        ["loop: the frames base -> odom -> base form a loop"],
+    ),
+    "a frame below itself": ((steady("odom", "odom"),), {}, ["loop: the frames odom -> odom"]),
+    "two parents in turn": (
+        (*ROBOT[:1], steady("base", "odom"), steady("base", "map", start=0.01)),
+        {},
+        ["parents: base has 2 parents in turn: map, odom"],
+    ),
+    "another parent from now on": (
+        (*ROBOT[:1], steady("base", "odom", end=2), steady("base", "map", start=2)),
+        {},
+        [],
+    ),
+    "two publishers": (
+        (*ROBOT, steady("base", "odom", publisher="/other", start=0.005)),
+        {},
+        ["publishers: base is published by 2 publishers: /odometry, /other"],
+    ),
+    "a restart": ((steady("base", end=2), steady("base", start=2.5, publisher="/other")), {}, []),
+    "two static publishers": (
+        (*ROBOT, static(1, "camera", "base", publisher="/other")),
+        {},
+        ["publishers: camera is published by 2 publishers: /odometry, /other"],
+    ),
+    "of which one has ended": (
+        (*ROBOT, static(1, "camera", "base", publisher="/other")),
+        {"alive": {0, 2}},
+        [],
+    ),
+    "static and sent again": ((*ROBOT, *(static(time, "camera", "base") for time in (1, 2, 3))), {}, []),
+    "static and moved": ((*ROBOT, static(1, "camera", "odom")), {}, []),
+    "static and dynamic": (
+        (*ROBOT, steady("camera", "base")),
+        {},
+        ["mixed: camera is static by /odometry and dynamic by /odometry"],
+    ),
+    "refused": (
+        (*ROBOT, static(1, "lidar", "base", refusals=16)),
+        {},
+        ["refused: 1 of 2 transforms of lidar by /odometry are refused: the rotation is too short"],
+    ),
+    "refused, and ended": ((*ROBOT, static(1, "lidar", "base", refusals=16)), {"alive": {0}}, []),
+    "refused, so not in the tree": (
+        (
+            *ROBOT,
             steady("odom", "odom", 20, publisher="/localiser", refusals=1),
             steady("base", "world", refusals=8),
-            [heard(2, "base", "world", static=True, refusals=8)],
-            [heard(2, "camera", "lidar", static=True, refusals=8)],
-        )
-        assert {one.kind for one in found(*ROBOT, *again)} == {"refused"}
-        nothing, refused = found(steady("odom", "odom", refusals=1))
-        assert nothing.text == "no transform that buffers accept was received"
-        assert (refused.kind, refused.frame) == ("refused", "odom")
-
-    def test_what_is_refused_hides_nothing(self):
-        broken = steady("odom", refusals=8), steady("base", "odom"), steady("camera")
-        assert kinds(found(*broken)) == [("refused", "odom"), ("roots", "")]
-        base = steady("base", end=1), steady("base", start=1, refusals=8)
-        assert kinds(found(*base)) == [("refused", "base"), ("stale", "base")]
-        slow = found(steady("base", refusals=8), steady("base", rate=5), limits=Limits(min_rate=20))
-        assert kinds(slow) == [("rate", "base"), ("refused", "base")]
-        [_, missing] = found(*ROBOT, steady("world", refusals=8), expected={"world": Expectation()})
-        assert missing.text == "world is expected, and all its transforms are refused"
-
-    def test_a_frame_that_is_no_longer_published(self):
-        [one] = found(steady("odom", end=2))
-        assert one.kind == "stale"
-        assert one.numbers["silence"] == pytest.approx(2.02)
-        assert found(steady("odom", end=3.2)) == []
-
-    def test_a_slow_frame_is_not_stale_within_ten_periods(self):
-        assert found(steady("odom", rate=1, end=20), now=29) == []
-        assert kinds(found(steady("odom", rate=1, end=20), now=30)) == [("stale", "odom")]
-
-    def test_a_stamp_that_stands_still(self):
-        mine = [heard(time, "odom", delay=time) for time in np.arange(200) / 50]
-        assert kinds(found(mine)) == [("stale", "odom")]
-
-    def test_a_single_transform_is_not_stale(self):
-        assert found([heard(0, "odom")], now=1000) == []
-
-    def test_static_frames_are_never_stale(self):
-        again = [heard(time, "camera", static=True) for time in (0, 0.01, 0.02)]
-        assert found(again, now=1000) == []
-
-    def test_stamps_in_the_future(self):
-        [one] = found(steady("odom", delay=-0.5))
-        assert one.kind == "future"
-        assert one.numbers["ahead"] == pytest.approx(0.5)
-        assert found(steady("odom", delay=-0.05)) == []
-        assert found(steady("odom", delay=-0.5), expected={"odom": Expectation(max_future=1.0)}) == []
-
-    def test_stamps_of_a_clock_that_is_late(self):
-        [one] = found(steady("odom", delay=5))
-        assert (one.kind, one.frame) == ("delay", "odom")
-        assert one.text == "odom is on average 5 s old when it is received, more than 1 s"
-        assert one.numbers == {"delay": pytest.approx(5), "max_delay": 1}
-        assert found(steady("odom", delay=0.9)) == []
-        # For a slow frame, it is a few periods.
-        assert found(steady("odom", rate=0.5, end=20, delay=5), now=20) == []
-        assert kinds(found(steady("odom", rate=0.5, end=20, delay=7), now=20)) == [("delay", "odom")]
-        # On a busy machine single transforms are late.
-        assert found(steady("odom"), [heard(3.0 + i / 100, "odom", delay=3) for i in range(20)]) == []
-        late = found(steady("odom", delay=5, end=2))
-        assert kinds(late) == [("delay", "odom"), ("stale", "odom")]
-
-    def test_the_longest_delay_may_be_given(self):
-        assert found(steady("odom", delay=5), limits=Limits(max_delay=6)) == []
-        [one] = found(steady("odom"), [heard(3, "odom", delay=0.5)], limits=Limits(max_delay=0.25))
-        assert one.text == "odom is up to 0.5 s old when it is received, more than 0.25 s"
-        expected = {"odom": Expectation(max_delay=1.0)}
-        assert found(steady("odom", delay=0.5), limits=Limits(max_delay=0.25), expected=expected) == []
-
-    @pytest.mark.parametrize(
-        ("delay", "where"),
+            static(2, "camera", "lidar", refusals=8),
+        ),
+        {},
         [
-            (START_NS / S - 100, "56.9 years behind"),
-            (100 - START_NS / S, "56.9 years ahead of"),
-            (2 * 3600.0, "2 hours behind"),
+            "refused: 200 of 400 transforms of base",
+            "refused: 1 of 2 ",
+            "refused: 80 of 160 transforms of odom",
         ],
-    )
-    def test_stamps_of_another_clock(self, delay, where):
-        other = steady("base", "odom", delay=delay), steady("camera", "base", delay=delay)
-        [one] = found(*ROBOT[:1], *other)
-        assert (one.kind, one.frame) == ("clocks", "")
-        assert one.text == (
-            f"the stamps of base, camera by /odometry are {where} the clock of this program: "
-            "only one of the two is simulated (see use_sim_time), or a clock is wrong"
+    ),
+    "all refused": (
+        (steady("odom", "odom", refusals=1),),
+        {},
+        ["nothing: no transform that buffers accept was received", "refused: 200 of 200 transforms of odom"],
+    ),
+    "refused, and stale": (
+        (steady("base", end=1), steady("base", start=1, refusals=8)),
+        {},
+        ["refused: 150 of 200", "stale: base was last received 3.02 s ago; its period is 0.02 s"],
+    ),
+    "no longer published": ((steady("odom", end=2),), {}, ["stale: odom was last received 2.02 s ago"]),
+    "silent for a moment": ((steady("odom", end=3.2),), {}, []),
+    "slow": ((steady("odom", rate=1, end=20),), {"now": 29}, []),
+    "slow and stale": (
+        (steady("odom", rate=1, end=20),),
+        {"now": 30},
+        ["stale: odom was last received 11 s"],
+    ),
+    "a stamp that stands still": (
+        ([heard(time, "odom", delay=time) for time in np.arange(200) / 50],),
+        {},
+        ["stale: odom has had no newer stamp for 4 s"],
+    ),
+    "a single transform": (([heard(0, "odom")],), {"now": 1000}, []),
+    "static frames do not get stale": (
+        (static(0, "camera", "map"), static(0.01, "camera", "map")),
+        {"now": 1000},
+        [],
+    ),
+    "in the future": ((steady("odom", delay=-0.5),), {}, ["future: odom is stamped up to 0.5 s ahead"]),
+    "a little in the future": ((steady("odom", delay=-0.05),), {}, []),
+    "in the future as expected": ((steady("odom", delay=-0.5),), expecting("odom", max_future=1.0), []),
+    "late": (
+        (steady("odom", delay=5),),
+        {},
+        ["delay: odom is on average 5 s old when it is received, more than 1 s"],
+    ),
+    "not late": ((steady("odom", delay=0.9),), {}, []),
+    "not late for a slow frame": ((steady("odom", rate=0.5, end=20, delay=5),), {"now": 20}, []),
+    "late for a slow frame": ((steady("odom", rate=0.5, end=20, delay=7),), {"now": 20}, ["delay: odom"]),
+    "some are late": ((steady("odom"), [heard(3.0 + i / 100, "odom", delay=3) for i in range(20)]), {}, []),
+    "late, but as allowed": ((steady("odom", delay=5),), {"limits": Limits(max_delay=6)}, []),
+    "one is later than allowed": (
+        (steady("odom"), [heard(3, "odom", delay=0.5)]),
+        {"limits": Limits(max_delay=0.25)},
+        ["delay: odom is up to 0.5 s old when it is received, more than 0.25 s"],
+    ),
+    "late as expected": (
+        (steady("odom", delay=0.5),),
+        {"limits": Limits(max_delay=0.25), **expecting("odom", max_delay=1.0)},
+        [],
+    ),
+    "one stamp that was forgotten": (
+        (steady("odom"), [heard(2, "odom", delay=at(2) / S)]),
+        {},
+        ["delay: odom"],
+    ),
+    **{
+        where: (
+            (*ROBOT[:1], steady("base", "odom", delay=delay), steady("camera", "base", delay=delay)),
+            {},
+            [CLOCKS.format(where)],
         )
-        assert one.numbers["frames"] == ["base", "camera"]
-        assert one.numbers["delay"] == pytest.approx(delay, abs=1)
+        for where, delay in {
+            "56.9 years behind": START_NS / S - 100,
+            "56.9 years ahead of": 100 - START_NS / S,
+            "2 hours behind": 7200.0,
+        }.items()
+    },
+    "two publishers ahead": (
+        (steady("odom", delay=-1), steady("odom", delay=-1, publisher="/other", start=0.01)),
+        {},
+        ["publishers: ", "future: odom by /odometry is stamped", "future: odom by /other is stamped"],
+    ),
+    "two parents ahead": (
+        (*ROBOT[:1], steady("base", "odom", delay=-1), steady("base", "map", delay=-1, start=0.01)),
+        {},
+        ["parents: ", "future: base in map is stamped", "future: base in odom is stamped"],
+    ),
+    "a gap": (
+        (steady("odom", end=1), steady("odom", start=2)),
+        {},
+        ["gap: odom was not received for 1.02 s; its period is 0.02 s"],
+    ),
+    "bursts, as with simulated time": (([heard(0.1 * (i // 5), "odom") for i in range(200)],), {}, []),
+    "few transforms": (([heard(time, "odom") for time in (0, 0.01, 3, 3.01)],), {}, []),
+    "too low a rate": (
+        (steady("odom", rate=10),),
+        SLOW,
+        ["rate: odom is published at 10 Hz, less than 20 Hz"],
+    ),
+    "just the rate": ((steady("odom", rate=20),), SLOW, []),
+    "the rate of one that has ended": (
+        (steady("odom", rate=100, end=3.2),),
+        {"limits": Limits(min_rate=90)},
+        ["rate: odom"],
+    ),
+    "no rate yet": (([heard(3.95, "odom")],), SLOW, []),
+    "a rate by now": (([heard(3, "odom")],), SLOW, ["rate: odom"]),
+    "the expected rate goes first": (
+        ROBOT,
+        {"limits": Limits(min_rate=40), **expecting("odom", min_rate=10)},
+        [],
+    ),
+    "as expected": (ROBOT, expecting(parent="odom", min_rate=40, max_delay=0.02, static=False), []),
+    "not as expected": (
+        ROBOT,
+        expecting(parent="map", min_rate=60, max_delay=0.005, static=True),
+        ["rate: base", "parent: base has the parent odom, not map", "delay: base", "static: base is dynamic"],
+    ),
+    "missing": (ROBOT, expecting("world"), ["missing: world is expected, and nobody publishes it"]),
+    "missing, because refused": (
+        (*ROBOT, steady("world", refusals=8)),
+        expecting("world"),
+        ["refused: ", "missing: world is expected, and all its transforms are refused"],
+    ),
+}
 
-    def test_a_stamp_that_was_forgotten_is_not_another_clock(self):
-        [one] = found(steady("odom"), [heard(2, "odom", delay=at(2) / S)])
-        assert (one.kind, one.frame) == ("delay", "odom")
 
-    def test_simulated_time_without_a_clock(self):
-        [one] = find(streams_of(*ROBOT), DEFAULTS, no_clock=True)
-        assert (one.kind, one.frame) == ("clock", "")
-        assert one.text.startswith("use_sim_time is set, and no time was received on /clock")
+@pytest.mark.parametrize("name", FINDINGS)
+def test_findings(name):
+    lists, how, wanted = FINDINGS[name]
+    lines = [line_of(one) for one in found(*lists, **how)]
+    # Those of one kind and frame are in any order.
+    assert len(lines) == len(wanted) and [one.partition(":")[0] for one in wanted] == [
+        line.partition(":")[0] for line in lines
+    ]
+    assert all(any(line.startswith(one) for line in lines) for one in wanted), lines
 
-    def test_which_of_a_frames_publishers_is_meant(self):
-        other = steady("odom", delay=-1, publisher="/other", start=0.01)
-        said = [one.text for one in found(steady("odom", delay=-1), other) if one.kind == "future"]
-        assert sorted(said) == [
-            f"odom by {name} is stamped up to 1 s ahead" for name in ("/odometry", "/other")
-        ]
-        streams = streams_of(steady("odom", delay=-1), other)
-        streams = [replace(one, publisher="/started_twice") for one in streams]
-        said = [one.text for one in find(streams, DEFAULTS) if one.kind == "future"]
-        assert sorted(text.partition(" is stamped")[0] for text in said) == [
-            f"odom by /started_twice ({number} of 2 of this name)" for number in (1, 2)
-        ]
 
-    def test_which_of_a_frames_parents_is_meant(self):
-        mine = steady("base", "odom", delay=-1), steady("base", "map", delay=-1, start=0.01)
-        said = [one.text for one in found(*ROBOT[:1], *mine) if one.kind == "future"]
-        assert sorted(said) == [f"base in {name} is stamped up to 1 s ahead" for name in ("map", "odom")]
-
-    def test_a_gap(self):
-        [one] = found(steady("odom", end=1), steady("odom", start=2))
-        assert one.kind == "gap"
-        assert one.numbers["gap"] == pytest.approx(1.02)
-
-    def test_a_burst_has_no_gaps(self):
-        """As where simulated time stands still between messages of /clock."""
-        mine = [heard(0.1 * (i // 5), "odom") for i in range(200)]
-        assert found(mine) == []
-
-    def test_few_transforms_have_no_gaps(self):
-        assert found([heard(time, "odom") for time in (0, 0.01, 3, 3.01)]) == []
-
-    def test_a_rate_that_is_too_low(self):
-        [one] = found(steady("odom", rate=10), limits=Limits(min_rate=20))
-        assert one.kind == "rate"
-        assert one.numbers == {"rate": pytest.approx(10), "min_rate": 20}
-        assert found(steady("odom", rate=20), limits=Limits(min_rate=20)) == []
-        assert found(*ROBOT, limits=Limits(min_rate=19)) == []
-
-    def test_the_rate_of_a_frame_that_has_ended_falls(self):
-        mine = steady("odom", rate=100, end=3.2)
-        assert kinds(found(mine, limits=Limits(min_rate=90))) == [("rate", "odom")]
-
-    def test_the_rate_of_a_frame_that_came_a_moment_ago_is_unknown(self):
-        limits = Limits(min_rate=20)
-        assert found([heard(3.95, "odom")], limits=limits) == []
-        assert kinds(found([heard(3, "odom")], limits=limits)) == [("rate", "odom")]
-
-    @pytest.mark.parametrize(
-        ("expected", "kind"),
-        [
-            (Expectation(parent="odom"), None),
-            (Expectation(parent="map"), "parent"),
-            (Expectation(min_rate=40), None),
-            (Expectation(min_rate=60), "rate"),
-            (Expectation(max_delay=0.02), None),
-            (Expectation(max_delay=0.005), "delay"),
-            (Expectation(static=False), None),
-            (Expectation(static=True), "static"),
-        ],
-    )
-    def test_what_differs_from_what_is_expected(self, expected, kind):
-        wanted = [] if kind is None else [(kind, "base")]
-        assert kinds(found(*ROBOT, expected={"base": expected})) == wanted
-
-    def test_a_frame_that_is_missing(self):
-        assert kinds(found(*ROBOT, expected={"world": Expectation()})) == [("missing", "world")]
-
-    def test_an_expected_rate_goes_before_the_common_one(self):
-        expected = {"odom": Expectation(min_rate=10)}
-        assert found(*ROBOT, limits=Limits(min_rate=40), expected=expected) == []
-
-    def test_are_told_in_one_order(self):
-        mine = (
-            steady("base", delay=-1),
-            steady("base", "odom", delay=-1, start=0.01),
-            steady("lidar", "world"),
-        )
-        told = [one.kind for one in found(*mine)]
-        assert told == ["roots", "parents", "future", "future"]
-        assert told == sorted(told, key=list(KINDS).index)
+def test_simulated_time_without_a_clock():
+    [one] = find(streams_of(*ROBOT), DEFAULTS, no_clock=True)
+    assert line_of(one).startswith("clock: use_sim_time is set, and no time was received on /clock")
 
 
 def thinned(mine):

@@ -34,7 +34,6 @@ def insert_messages(
     *,
     on_malformed: Callable[[str, int, ValueError], object] | None = ...,
     on_broken: Callable[[Exception, int | None], Exception | None] | None = ...,
-    least: int = ...,
     recording: Recording | None = ...,
     records: list[NDArray[np.void]] | None = ...,
     progress: Callable[[int], object] | None = ...,

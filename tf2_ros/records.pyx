@@ -51,7 +51,7 @@ from tf2_py._internal cimport (
 
 import numpy as np
 
-from tf2_py._internal import counted, log
+from tf2_py._internal import log
 
 __all__ = ["RECORD", "MessageSource", "Recording", "insert_messages", "read_transforms", "refusal_text"]
 
@@ -269,7 +269,7 @@ cdef class MessageSource:
 
 
 def insert_messages(Engine buffer not None, messages, sources, *, on_malformed=None, on_broken=None,
-                    size_t least=0, Recording recording=None, list records=None, progress=None):
+                    Recording recording=None, list records=None, progress=None):
     """
     Insert all transforms of serialised messages.
 
@@ -282,7 +282,6 @@ def insert_messages(Engine buffer not None, messages, sources, *, on_malformed=N
     :param on_broken: called with an ``Exception`` that the iteration raises, and the time of the last message
         before, or None. What it returns is raised instead; if it returns None, the work ends. None: the error
         itself is raised.
-    :param int least: fewer messages than this are also an error of the iteration.
     :param Recording recording: records each transform, with the topic as publisher and the time as time of
         reception.
     :param list records: receives, as arrays, the records for which ``recording`` has no place.
@@ -311,10 +310,6 @@ def insert_messages(Engine buffer not None, messages, sources, *, on_malformed=N
             try:
                 following = next(iterator, None)
                 if following is None:
-                    if number < least:
-                        raise ValueError(
-                            f"{counted(least - number, 'message')} of its index cannot be found in it"
-                        )
                     break
                 _check(following)
             except Exception as error:

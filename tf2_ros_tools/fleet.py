@@ -336,17 +336,7 @@ def _here(request: Request, tables: Mapping[str, str]) -> Iterator[tuple[str, li
         try:
             yield recording, work(request, recording, table)
         except Exception as error:
-            interrupt = _interrupt_behind(error)
-            if interrupt is not None:
-                raise interrupt from None
             yield recording, _failed(recording, error)
-
-
-def _interrupt_behind(error: BaseException | None) -> KeyboardInterrupt | None:
-    # Libraries may replace it: NumPy raises a TypeError if Ctrl-C is pressed while it compares arrays.
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error
 
 
 def _on_cluster(

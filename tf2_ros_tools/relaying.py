@@ -19,13 +19,12 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.serialization import serialize_message
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore, TransformException
 from tf2_ros import TransformBroadcaster
 from tf2_ros.records import Recording
-from tf2_ros_tools.output import counted, printable, readable_size
+from tf2_ros_tools.output import counted, printable
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.relay import ALL_RATE, STATIC, Relay, Rule, read_rules
 
@@ -59,10 +58,8 @@ class Source:
         """
         _ = "" in self.buffer  # as any read, it inserts and records what has arrived
         records, names = self._recording.take(), self._recording.frames()
-        messages = self._recording.messages - self.count["messages"]
-        pairs = [(names[parent], names[child]) for parent, child in records[["parent", "child"]].tolist()]
-        size = _size(pairs) + (messages - 1) * _size(())
-        self.count.update(messages=messages, transforms=len(pairs), bytes=size)
+        self.count.update(transforms=len(records))
+        self.count["messages"] = self._recording.messages
         moving = records[(records["static"] == 0) & (records["refusals"] == 0)]
         arrived = moving[["publisher", "child", "stamp_ns"]].tolist()
         went_back = self._has_gone_back(arrived, now_s)
@@ -106,8 +103,7 @@ class _Target(TransformBroadcaster):
             return
         if self._is_static:
             self._latched = transforms
-        names = [(one.header.frame_id, one.child_frame_id) for one in transforms]
-        self.count.update(messages=1, transforms=len(names), bytes=_size(names))
+        self.count.update(messages=1, transforms=len(transforms))
         if self.pub_tf is None:
             self._dry.set_transforms(transforms, "tf2_relay", self._is_static)
         else:
@@ -115,19 +111,9 @@ class _Target(TransformBroadcaster):
 
     def send_pose(self, pose: PoseStamped | Odometry) -> None:
         """Send a message that is not for tf2."""
-        data = serialize_message(pose)
-        self.count.update(messages=1, bytes=len(data))
+        self.count.update(messages=1)
         if self.pub_tf is not None:
-            self.pub_tf.publish(data)
-
-
-def _size(names: Sequence[tuple[str, str]]) -> int:
-    """The bytes of a serialised message with transforms that have these parents and children."""
-    size = 4  # of the number of transforms; behind the four bytes at which alignment begins
-    for parent, child in names:
-        size = -(-(size + 8 + 4 + len(parent.encode()) + 1) // 4) * 4
-        size = -(-(size + 4 + len(child.encode()) + 1) // 8) * 8 + 7 * 8
-    return size + 4
+            self.pub_tf.publish(pose)
 
 
 @dataclass
@@ -194,11 +180,6 @@ class Relaying:
             yield f"in, {source.name}: {_amount(source.count)}"
         for target in targets:
             yield f"out, {target.topic}: {_amount(target.count)}"
-        received, sent = (sum(one.count["bytes"] for one in some) for some in (sources, targets))
-        if sent > received:
-            yield f"sent {readable_size(sent - received)} more than received"
-        elif received:
-            yield f"saved: {readable_size(received - sent)} of {readable_size(received)}"
 
     def problems(self) -> list[str]:
         """Get a text for each frame that a rule names, but that cannot be sent."""
@@ -326,8 +307,8 @@ def _set_twist(twist: Any, relay: Relay) -> None:
 
 
 def _amount(count: Counter[str]) -> str:
-    of_trees = f"{counted(count['transforms'], 'transform')}, " if count["transforms"] else ""
-    return f"{counted(count['messages'], 'message')}, {of_trees}{readable_size(count['bytes'])}"
+    of_trees = f", {counted(count['transforms'], 'transform')}" if count["transforms"] else ""
+    return f"{counted(count['messages'], 'message')}{of_trees}"
 
 
 def _version(path: Path) -> tuple[int, ...] | None:

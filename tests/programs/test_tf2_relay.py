@@ -16,13 +16,11 @@ from making_bags import Sent, Tf, raw
 from nav_msgs.msg import Odometry
 from processes import DEADLINE_S, ended, running, until
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.serialization import serialize_message
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
 from tf2_ros import Buffer, TransformListener
 from tf2_ros.records import MessageSource, Recording, insert_messages
-from tf2_ros_tools.output import readable_size
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.relay import ALL_RATE, Relay, Rule, Threshold, read_rules
 from tf2_ros_tools.relaying import Source, pose_message
@@ -461,7 +459,7 @@ def counts(process, how=signal.SIGINT):
     process.send_signal(how)
     out, err = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 0 and "Traceback" not in err, err
-    found = re.findall(r"^(in|out), (.*): (\d+) messages?,(?: (\d+) transforms?,)? ", out, re.MULTILINE)
+    found = re.findall(r"^(in|out), (.*): (\d+) messages?(?:, (\d+) transforms?)?$", out, re.MULTILINE)
     return {(way, where): (int(messages), int(count or 0)) for way, where, messages, count in found}
 
 
@@ -652,27 +650,4 @@ def test_a_dry_run_shows_trees_and_sends_nothing(tmp_path, node, robots):
     assert (process.returncode, err) == (0, "rule 2: camra is not known; did you mean camera?\n")
     assert "in, /tf and /tf_static:\n  base\n    camera (static)\n" in out
     assert "out, /relay/tf and /relay/tf_static:\n  r1/base\n    r1/camera (static)\n" in out
-    assert re.search(r"^out, /relay/tf_static: 1 message, 1 transform, \d+ bytes$", out, re.MULTILINE)
-
-
-def test_the_bytes_are_those_of_the_messages(tmp_path, node, executor, robots):
-    with relaying(tmp_path, f"- {{{TO_TEXT}}}") as (process, _):
-        received = Received(node, "/relay/tf_static", static=True)
-        transforms = [("base" * number, f"camera{number * 'x'}", 0, 1.0) for number in range(1, 9)]
-        robots[0].send(*transforms, static=True)
-        until(lambda: received, executor)
-        process.send_signal(signal.SIGINT)
-        out, _ = process.communicate(timeout=DEADLINE_S)
-    size = readable_size(len(serialize_message(received[-1])))
-    assert f"out, /relay/tf_static: 1 message, 8 transforms, {size}\n" in out
-    assert f"out, /relay/tf_static: 1 message, 8 transforms, {size}\n" in out
-
-
-def test_a_relay_that_sends_more_than_it_received_says_so(tmp_path, node, executor, robots):
-    with relaying(tmp_path, f"- {{{TO_TEXT}, prefix: {'robot1/' * 20}}}") as (process, _):
-        received = Received(node, "/relay/tf_static", static=True)
-        robots[0].send(("base", "camera", 0, 1.0), static=True)
-        until(lambda: received, executor)
-        process.send_signal(signal.SIGINT)
-        out, _ = process.communicate(timeout=DEADLINE_S)
-    assert "\nsent 280 bytes more than received\n" in out and "saved" not in out, out
+    assert re.search(r"^out, /relay/tf_static: 1 message, 1 transform$", out, re.MULTILINE)

@@ -469,20 +469,6 @@ def test_a_library_that_is_not_installed_ends_the_run(runs, out, monkeypatch):
         mapped(runs, out)
 
 
-def test_an_interrupt_of_which_a_library_makes_an_error_ends_the_run(runs, out, monkeypatch):
-    from tf2_ros_tools import fleet
-
-    def interrupted(*_):
-        try:
-            raise KeyboardInterrupt
-        except BaseException as error:
-            raise TypeError("cannot compare") from error
-
-    monkeypatch.setattr(fleet, "work", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        mapped(runs, out)
-
-
 @pytest.mark.parametrize(
     "library, options",
     [

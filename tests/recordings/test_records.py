@@ -99,11 +99,6 @@ def test_an_error_of_the_iteration_is_raised_explained_or_ends_it():
     assert "camera" in buffer
 
 
-def test_fewer_messages_than_there_must_be_are_such_an_error():
-    with pytest.raises(ValueError, match="2 messages of its index cannot be found"):
-        insert_messages(BufferCore(), MESSAGES, SOURCES, least=5)
-
-
 def test_a_topic_without_a_source_is_an_error():
     with pytest.raises(KeyError, match="/other"):
         insert_messages(BufferCore(), [("/other", 1, MESSAGES[0][2])], SOURCES)

@@ -12,8 +12,15 @@ from dataclasses import asdict, dataclass, replace
 from datetime import datetime, timezone
 from typing import TYPE_CHECKING, NamedTuple
 
-from tf2_ros_tools.bag_options import add_recording, heard_of, reported_files
-from tf2_ros_tools.bag_tables import add_batch, add_lookup, batch, lookup
+from tf2_ros_tools.bag_tables import (
+    add_batch,
+    add_lookup,
+    add_recording,
+    batch,
+    heard_of,
+    lookup,
+    reported_files,
+)
 from tf2_ros_tools.output import counted, printable, readable_size, three_digits
 from tf2_ros_tools.program import (
     FAILURE,

@@ -469,7 +469,6 @@ def recorded(node: Node, buffer: Buffer, data: bytes) -> None:
         [source],
         on_malformed=lambda topic, ns, error: print(topic, ns, error),
         on_broken=lambda error, last_ns: error,
-        least=1,
         recording=recording,
         records=records,
         progress=print,

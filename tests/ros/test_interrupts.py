@@ -28,31 +28,6 @@ def test_chance_finds_nothing_that_hangs(how):
     assert "[]" in output
 
 
-def test_waits_that_a_signal_handler_begins_end_in_time(tf2_ros):
-    """While the main thread begins others, whose entries are swept."""
-    buffer, made = tf2_ros.Buffer(), []
-
-    def handle(*_):
-        if len(made) < 200:
-            made.append(buffer.wait_for_transform_async("map", "nothing", AT, timeout=0.05))
-
-    before = signal.signal(signal.SIGALRM, handle)
-    try:
-        signal.setitimer(signal.ITIMER_REAL, 0.001, 0.0007)
-        until(
-            lambda: (
-                [buffer.wait_for_transform_async("map", "base", AT, timeout=100.0) for _ in range(50)]
-                and len(made) == 200
-            )
-        )
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0, 0)
-        signal.signal(signal.SIGALRM, before)
-    until(lambda: all(future.done() for future in made))
-    for future in made:
-        future.exception()
-
-
 def test_a_program_ends_after_ctrl_c_while_threads_wait():
     program = start("waits_in_two_threads.py", stdout=subprocess.PIPE)
     assert program.stdout.readline() == "ready\n"

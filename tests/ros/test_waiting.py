@@ -101,15 +101,6 @@ class TestError:
         with pytest.raises(tf2_py.InvalidArgumentException, match="cannot be empty"):
             future.result()
 
-    @pytest.mark.ours
-    def test_arguments_of_the_wrong_type_are_raised_at_once(self, buffer):
-        with pytest.raises(TypeError):
-            buffer.wait_for_transform_async("map", 1, LATEST)
-        with pytest.raises(TypeError):
-            wait(buffer, "now")
-        with pytest.raises(TypeError, match="Duration"):
-            wait(buffer, timeout="1.0")
-
 
 @pytest.mark.ours
 class TestTimeout:
@@ -398,22 +389,6 @@ class TestShutdown:
         insert(buffer)
         assert called == [future]
         assert late.done()
-
-    def test_what_is_not_awaited_any_more_is_not_ended(self, ros, tf2_py, buffer):
-        future = wait(buffer)
-
-        async def main():
-            with pytest.raises(asyncio.TimeoutError):
-                await asyncio.wait_for(await_it(future), 0.01)
-            ended = wait(buffer)
-            ros.shutdown()
-            with pytest.raises(tf2_py.TimeoutException, match=ENDED):
-                await ended
-
-        asyncio.run(main())
-        assert not future.done()
-        insert(buffer)
-        assert future.done()
 
 
 async def await_it(future):

@@ -19,6 +19,7 @@ from spinning import shut_down_at_sleep, spun_node
 
 from tf2_msgs.action import LookupTransform
 from tf2_ros._nodes import node_has_ended
+from tf2_ros._rclpy import is_shut_down
 from tf2_ros_cython._ros import running_release
 
 LATEST = Time()
@@ -238,8 +239,10 @@ class TestWithoutServer:
             (request,) = pending.steps.gi_yieldfrom.gi_frame.f_locals["sent"]
             request._set_executor(sender._spinner.executor)  # as for a response that arrives
             request.set_result(LookupTransform.Impl.GetResultService.Response())
-            client.destroy()
+            destroying.start()
+            until(lambda: is_shut_down(sender._spinner.executor))
 
+        destroying = threading.Thread(target=client.destroy)
         with serving("ending_lookup"):
             until(lambda: pending.is_accepted)
             sender.put(respond, pending)

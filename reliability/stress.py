@@ -10,8 +10,8 @@ in another process. The numbers of a transform follow from its stamp, so each an
 the end of a round, the statistics must agree with what was inserted, each wait must have ended or still
 lack its transform, and no thread may remain.
 
-After each round, memory, threads and descriptors are read. From the third round on, they may rise in the
-whole run by less than 8 MB of resident memory, 4 MB of the C heap, 5000 of Python's blocks, and 1.5
+After each round, memory, threads and descriptors are read. After the first quarter of the rounds, they
+may rise by less than 8 MB of resident memory, 4 MB of the C heap, 5000 of Python's blocks, and 1.5
 threads or descriptors: a longer run detects smaller leaks.
 """
 
@@ -32,7 +32,7 @@ from pathlib import Path
 from reliability.domain import use_own_domain
 
 ROUND_S = 5.0
-WARM_UP = 2  # rounds, in which the middleware and the interpreter fill what they keep
+WARM_UP_SHARE = 4  # one round in so many, in which the middleware and the allocator fill what they keep
 FEWEST = 6  # rounds after these, from which a rise can be told
 # How much each may rise between the first and the last round after the warm-up.
 BOUNDS = {"resident": 8e6, "heap": 4e6, "blocks": 5000.0, "threads": 1.5, "descriptors": 1.5}
@@ -48,7 +48,9 @@ class Mallinfo2(ctypes.Structure):
 def sample():
     """What this process uses now."""
     gc.collect()
-    mallinfo2 = ctypes.CDLL(None).mallinfo2
+    libc = ctypes.CDLL(None)
+    libc.malloc_trim(0)
+    mallinfo2 = libc.mallinfo2
     mallinfo2.restype = Mallinfo2
     heap = mallinfo2()
     lines = (line.split() for line in Path("/proc/self/status").read_text().splitlines())
@@ -80,7 +82,7 @@ def rises(samples):
 
 def growth(samples):
     """Describe what rises by more than its bound; an empty list if nothing does."""
-    warm = samples[WARM_UP:]
+    warm = samples[len(samples) // WARM_UP_SHARE :]
     if len(warm) < FEWEST:
         return []
     return [

@@ -42,8 +42,6 @@ NOT_HERE = {
     "tests/packaging/test_portable.py": "lists what extensions call, which includes the sanitizer",
     "tests/packaging/test_sourced.py": "builds the package without a sanitizer",
     "tests/packaging/test_typing.py": "runs only type checkers",
-    "tests/ros/test_shared_owners.py::test_a_spoiled_file_does_no_harm_to_readers": "damages what "
-    "the build checks",
     "tests/ros/test_shared_owners.py::test_a_file_that_is_truncated_is_left": "damages what the build checks",
     "tests/core/test_refusals.py::test_many_messages_share_the_lines_of_a_second": "a slow build does "
     "not finish within a second",

@@ -10,8 +10,7 @@ from types import SimpleNamespace
 import pytest
 from forking import CHILD_S, in_a_child
 from making import transform
-from processes import start, until
-from rclpy.duration import Duration
+from processes import start
 from rclpy.time import Time
 from sharing import links, new_name
 
@@ -57,20 +56,6 @@ def test_a_child_whose_parent_had_no_ros_has_all_of_it():
         assert program.returncode == 0
     finally:
         program.kill()
-
-
-def test_timeouts_pass_in_the_process_that_waits(buffer):
-    ended = []
-    future = buffer.wait_for_transform_async("map", "robot", LATEST, timeout=Duration(seconds=0.5))
-    future.add_done_callback(ended.append)
-
-    def wait_longer():
-        other = buffer.wait_for_transform_async("map", "arm", LATEST, timeout=Duration(seconds=0.7))
-        until(other.done)
-        assert not ended
-
-    assert in_a_child(wait_longer) == 0
-    until(lambda: ended)
 
 
 def test_a_child_says_that_its_listeners_receive_nothing(tf2_ros, node, buffer, caplog):

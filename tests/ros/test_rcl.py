@@ -92,20 +92,6 @@ def test_all_declarations_agree_with_the_headers(compile_checks):
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize(
-    ("declared", "other"),
-    [
-        ("size_t buffer_length", "int buffer_length"),
-        ("uint64_t reception_sequence_number", "void* reception_sequence_number"),
-        ("(*rcl_clock_get_now)(rcl_clock_t*", "(*rcl_clock_get_now)(rcl_guard_condition_t*"),
-    ],
-)
-def test_another_declaration_is_found(compile_checks, declared, other):
-    text = DECLARATIONS.read_text()
-    assert declared in text
-    assert compile_checks(c_of(text.replace(declared, other))).returncode != 0
-
-
 def test_of_a_release_that_is_not_known_nothing_is_called():
     program = (
         "from tf2_ros_cython import _ros; _ros.unknown_release = lambda: 'it is new'\n"

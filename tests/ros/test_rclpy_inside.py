@@ -105,20 +105,6 @@ class TestExecutors:
             _rclpy.mark_shut_down(executor, _rclpy.executor_wake_handle(executor))
         assert _rclpy.is_shut_down(executor)
 
-    def test_one_of_another_kind_is_shut_down_in_the_ordinary_way(self):
-        calls = []
-
-        class Other:
-            def shutdown(self, timeout_sec):
-                calls.append(timeout_sec)
-
-        other = Other()
-        assert not _rclpy.is_shut_down(other)
-        assert _rclpy.executor_wake_handle(other) is None
-        _rclpy.trigger(None)
-        _rclpy.mark_shut_down(other, None)
-        assert calls == [0]
-
     def test_one_that_gave_a_node_away_remains_its_attribute(self, node, executor):
         assert not _rclpy.is_in_executor(node)
         executor.add_node(node)
@@ -197,12 +183,6 @@ class TestNodesAndActions:
         node = new_node("started", parameter_overrides=[Parameter("mine", value=3)])
         assert _rclpy.parameter_overrides(node)["mine"].value == 3
 
-    def test_what_is_no_node_of_rclpy_has_none(self):
-        assert _rclpy.parameter_overrides(object()) == {}
-
-    def test_errors_of_rcl_are_runtime_errors(self):
-        assert issubclass(_rclpy.RCLError, RuntimeError)
-
 
 class TestTasksAndFutures:
     def test_a_step_is_on_the_stack_with_its_task(self, ros, executor):
@@ -216,16 +196,6 @@ class TestTasksAndFutures:
         assert found == [task]
         assert _rclpy.task_executor(task) is executor
 
-    def test_where_a_step_is_another_function_there_is_no_task(self, ros, executor, monkeypatch):
-        found = []
-
-        async def step():
-            found.append(_rclpy.running_task())
-
-        monkeypatch.setattr(_rclpy, "_STEP_CODE", None)
-        until(executor.create_task(step).done, executor)
-        assert found == [None]
-
     def test_other_threads_can_see_that_a_task_is_in_its_step(self, executor):
         seen = []
 
@@ -236,10 +206,6 @@ class TestTasksAndFutures:
         until(task.done, executor)
         assert seen == [True]
         assert not _rclpy.is_in_step(task)
-
-    def test_a_task_of_another_kind_is_checked_again_and_wakes_nobody(self):
-        assert _rclpy.is_in_step(object())
-        assert _rclpy.task_executor(object()) is None
 
     def test_what_an_executor_adds_to_a_future_only_wakes_it(self, ros, node, monkeypatch):
         added = []

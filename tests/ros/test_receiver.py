@@ -5,14 +5,12 @@ import itertools
 import os
 import signal
 import subprocess
-import sys
 import threading
 import time
 import weakref
 
 import pytest
 from making import at, at_ns, translation
-from paths import SUPPORT
 from processes import DEADLINE_S, errors_so_far, start, until
 from programs import flood as flooding
 from rclpy.duration import Duration
@@ -100,20 +98,6 @@ class TestWithoutAnExecutor:
         other = new_node("volatile")
         other.create_publisher(TFMessage, "/tf_static", 10)
         until(lambda: "incompatible QoS" in errors_so_far())
-
-    def test_of_a_release_that_is_not_known_an_executor_inserts_them(self):
-        program = (
-            "from tf2_ros_cython import _ros; _ros.unknown_release = lambda: 'it is new'\n"
-            "import rclpy; from tf2_ros import Buffer, TransformListener\n"
-            "rclpy.init(); node = rclpy.create_node('without'); buffer = Buffer()\n"
-            "listener = TransformListener(buffer, node); assert not listener.receives\n"
-            "publisher = node.create_publisher(listener.tf_sub.msg_type, '/tf', 10)\n"
-            "from making import transform\n"
-            "publisher.publish(listener.tf_sub.msg_type(transforms=[transform('map', 'robot', 1)]))\n"
-            "while not buffer._frameExists('robot'): rclpy.spin_once(node)\n"
-        )
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(SUPPORT), os.environ["PYTHONPATH"]])}
-        subprocess.run([sys.executable, "-c", program], env=environment, timeout=DEADLINE_S, check=True)
 
 
 class TestLoad:
@@ -216,49 +200,6 @@ class TestEnd:
             all_orders()
         until(lambda: threads() <= before[0] and files() <= before[1])
         assert capfd.readouterr().err == ""
-
-    @pytest.mark.parametrize("how", ["unregister", "with", "node", "garbage", "subscriptions"])
-    def test_while_transforms_arrive(self, tf2_ros, ros, node, flood, how):
-        """In one context, whose other nodes go on."""
-        flood(1000, 5)
-
-        def live_and_end():
-            node = ros.create_node("passing")
-            buffer = tf2_ros.Buffer()
-            listener = tf2_ros.TransformListener(buffer, node)
-            until(lambda: taken(buffer) > 0)
-            if how == "unregister":
-                listener.unregister()
-            elif how == "with":
-                with listener:
-                    pass
-            elif how == "node":
-                node.destroy_node()
-            elif how == "subscriptions":
-                node.destroy_subscription(listener.tf_static_sub)
-                node.destroy_subscription(listener.tf_sub)
-            if how != "garbage":
-                assert not listener.receives
-                node.destroy_node()
-
-        live_and_end()
-        gc.collect()
-        until(lambda: "passing" not in node.get_node_names())
-        before = threads(), files()
-        for _ in range(25):
-            live_and_end()
-        gc.collect()
-        until(lambda: threads() <= before[0] and files() <= before[1])
-        until(lambda: "passing" not in node.get_node_names())
-
-    def test_hundreds_of_listeners_of_one_node_leave_nothing(self, tf2_ros, buffer, node):
-        with tf2_ros.TransformListener(buffer, node):
-            before = threads(), files()
-        for _ in range(300):
-            with tf2_ros.TransformListener(buffer, node) as listener:
-                assert listener.receives
-        until(lambda: threads() <= before[0] and files() <= before[1])
-        assert list(node.subscriptions) == []
 
     def test_one_subscription_may_be_destroyed_alone(self, buffer, listener, node, peer):
         publisher = peer()

@@ -1,6 +1,5 @@
 """What errors, warnings and the repr of a listener say of what was received."""
 
-import gc
 import re
 
 import pytest
@@ -103,12 +102,6 @@ class TestErrors:
         publisher.send(("map", "arm", 3 * S, 1))
         until(lambda: error(buffer, "map", "arm", at(9)).endswith("of arm in map"), executor)
 
-    def test_a_buffer_that_is_set_later_is_told_too(self, tf2_ros, buffer, node):
-        listener = tf2_ros.TransformListener(tf2_ros.Buffer(), node)
-        assert error(buffer).endswith("The buffer is empty")
-        listener.buffer = buffer
-        assert error(buffer).endswith(NOTHING)
-
     def test_nothing_is_claimed_where_a_program_handles_the_messages(self, tf2_ros, buffer, node):
         class Mine(tf2_ros.TransformListener):
             def callback(self, data):
@@ -116,51 +109,6 @@ class TestErrors:
 
         Mine(buffer, node)
         assert error(buffer).endswith("nothing has been received on /tf_static")
-
-
-@pytest.fixture
-def warnings(capfd):
-    """Reads what was logged, since it was read last, about several listeners of a buffer."""
-
-    def read():
-        gc.collect()
-        return [line for line in capfd.readouterr().err.splitlines() if "Two listeners" in line]
-
-    return read
-
-
-class TestTwoListeners:
-    def test_of_one_buffer_and_topic_warn_once(self, tf2_ros, buffer, node, new_node, warnings):
-        first = tf2_ros.TransformListener(buffer, node)
-        assert warnings() == []
-        second = tf2_ros.TransformListener(buffer, new_node("another"))
-        [line] = warnings()
-        assert "Two listeners of /another and /listening fill one Buffer" in line
-        assert line.endswith(f"(at {id(buffer):#x}) from /tf and /tf_static: one is enough")
-        third = tf2_ros.TransformListener(buffer, node)
-        assert warnings() == []
-        assert len({first, second, third}) == 3
-
-    def test_of_two_namespaces_do_not_warn(self, tf2_ros, buffer, node, warnings):
-        for robot in ("robot1", "robot2"):
-            tf2_ros.TransformListener(
-                buffer, node, tf_topic=f"/{robot}/tf", tf_static_topic=f"/{robot}/tf_static"
-            )
-        assert warnings() == []
-
-    @pytest.mark.parametrize("how", ["unregister", "destroy", "node"])
-    def test_one_after_the_end_of_the_other_does_not_warn(self, tf2_ros, buffer, new_node, warnings, how):
-        node = new_node("first")
-        first = tf2_ros.TransformListener(buffer, node)
-        if how == "unregister":
-            first.unregister()
-        elif how == "destroy":
-            node.destroy_subscription(first.tf_sub)
-            node.destroy_subscription(first.tf_static_sub)
-        else:
-            node.destroy_node()
-        tf2_ros.TransformListener(buffer, new_node("second"))
-        assert warnings() == []
 
 
 class TestRepr:

@@ -184,18 +184,6 @@ def test_a_static_transform_that_is_written_again_does_not_replace_what_a_reader
             assert buffer.lookup_transform_core("map", "camera", 0).transform.translation.x == 9.0
 
 
-def test_where_static_transforms_fill_their_share_a_known_one_may_change():
-    with small_ring(), pair() as (owner, _):
-        ring, number = owner._tf2_sharing._ring, 0
-        while ring.shortage[1] == 0:
-            owner.set_transform_static(transform("map", f"marker{number}"), "owner")
-            number += 1
-        owner.set_transform_static(transform("map", "marker0", xyz=(7.0, 0.0, 0.0)), "owner")
-        assert ring.shortage[1] == 1
-        late = Buffer(attach=owner._tf2_sharing.name)
-        assert late.lookup_transform_core("map", "marker0", 0).transform.translation.x == 7.0
-
-
 def test_a_reader_that_sleeps_through_ten_laps_begins_at_the_oldest_message():
     with Owner(preexec_fn=small_files) as owner:
         reader = Buffer(Duration(seconds=0.2), attach=owner.name)

@@ -5,7 +5,6 @@ import re
 import signal
 import subprocess
 import threading
-import weakref
 
 import pytest
 from making import at, transform, translation
@@ -117,18 +116,6 @@ class TestOverTheNetwork:
         until(knows(buffer, "arm"), executor)
         assert x_of(buffer, "arm", time=at(12345)) == 3
 
-    def test_a_publisher_may_be_killed_and_started_again(self, tf2_ros, buffer, node, executor, peer):
-        tf2_ros.TransformListener(buffer, node)
-        first = peer()
-        first.send(("map", "robot", 1 * S, 1))
-        first.send(("robot", "arm", 0, 1), static=True)
-        until(knows(buffer, "arm"), executor)
-        first.kill()
-        second = peer()
-        second.send(("map", "robot", 2 * S, 7))
-        second.send(("robot", "arm", 0, 2), static=True)
-        until(lambda: x_of(buffer, "arm") == 9, executor)
-
     @pytest.fixture
     def simulated(self, tf2_ros, new_node, executor):
         """A node whose time is simulated, with a buffer and a listener."""
@@ -203,21 +190,6 @@ class TestMalformedBytes:
 
 
 class TestSubclasses:
-    def test_an_overridden_callback_gets_messages(self, tf2_ros, buffer, node, executor, peer):
-        seen = []
-
-        class Mine(tf2_ros.TransformListener):
-            def callback(self, data):
-                seen.append(data)
-                super().callback(data)
-
-        Mine(buffer, node)
-        publisher = peer()
-        publisher.send(("map", "robot", 1 * S, 1))
-        publisher.send(("robot", "arm", 0, 1), static=True)
-        until(knows(buffer, "arm"), executor)
-        assert [type(message) for message in seen] == [TFMessage]
-
     def test_a_buffer_of_another_kind_gets_transforms(self, tf2_ros, node, executor, peer):
         class Recorder:
             def __init__(self):
@@ -391,14 +363,6 @@ class TestEnd:
         assert not ending.is_alive()
         listener.dedicated_listener_thread.join(DEADLINE_S)
         assert not listener.dedicated_listener_thread.is_alive()
-
-    @pytest.mark.ours
-    def test_it_is_collected_with_its_node(self, tf2_ros, buffer, ros):
-        node = ros.create_node("passing")
-        references = [weakref.ref(node), weakref.ref(tf2_ros.TransformListener(buffer, node))]
-        del node
-        gc.collect()
-        assert [reference() for reference in references] == [None, None]
 
     @pytest.mark.ours
     def test_a_constructor_that_fails_leaves_nothing(self, tf2_ros, buffer, node):

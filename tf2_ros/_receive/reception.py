@@ -6,7 +6,6 @@ import weakref
 from collections.abc import Sequence
 from typing import Any
 
-from rclpy.logging import get_logger
 from rclpy.node import Node
 
 from tf2_py import BufferCore
@@ -35,31 +34,16 @@ class Reception:
         node = listener.node
         self._context = node.context if isinstance(node, Node) else None
         self.domain = None if self._context is None else self._context.get_domain_id()
-        self._node_name = node.get_fully_qualified_name() if isinstance(node, Node) else "?"
         _receptions.add(self)
         self.fill(listener.buffer)
 
     def fill(self, buffer: object) -> None:
-        """Note the buffer that it fills from now on; warn if another one does so from the same topics."""
+        """Note the buffer that it fills from now on."""
         if isinstance(buffer, BufferCore):
             BufferCore._ask_for_silence(buffer, _silence)
         sharing = getattr(buffer, "_tf2_sharing", None)
         if sharing is not None:
             sharing._tf2_check()  # readers learn at once that a listener fills it
-        others = [one for one in receptions_of(buffer) if one is not self and one.domain == self.domain]
-        # More than two listeners get no further warning.
-        shared = [
-            (topic.name, doubles[0])
-            for topic in self.topics
-            if len(doubles := [one for one in others if one._receives_on(topic.name)]) == 1
-        ]
-        if shared:
-            names = _joined([name for name, _ in shared])
-            nodes = _joined(sorted({self._node_name, *(other._node_name for _, other in shared)}))
-            filled = f"one {type(buffer).__name__} (at {id(buffer):#x})"
-            get_logger("tf2_ros").warning(
-                f"Two listeners of {nodes} fill {filled} from {names}: one is enough"
-            )
 
     def fills(self, buffer: object) -> bool:
         """Whether the transforms are for this buffer."""
@@ -79,9 +63,6 @@ class Reception:
         if self._context is not None and context_was_shut_down(self._context):
             return []
         return [topic for topic in self.topics if topic.is_open()]
-
-    def _receives_on(self, name: str) -> bool:
-        return any(topic.name == name for topic in self.receiving())
 
 
 def receptions_of(buffer: object) -> list[Reception]:

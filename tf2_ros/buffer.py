@@ -354,14 +354,6 @@ class Buffer(BufferCore, AnsweringInterface):
         answer = await self.wait_for_transform_full_async(*arguments, timeout=timeout, **policy)
         return self.__renewed(answer, Lookup.of(*arguments, policy=accepted))
 
-    def forget(self, frame: str) -> bool:
-        """Remove every transform of a frame; see :meth:`tf2_py.BufferCore.forget`."""
-        if self._tf2_sharing is None or not HAS_ROS:
-            return super().forget(frame)
-        # Readers must get what is received meanwhile in the same order.
-        with held(self):
-            return super().forget(frame)
-
     def changes(self, target_frame: str, source_frame: str) -> "Changes":
         """
         Iterate over the latest transforms of ``source_frame`` in ``target_frame``, with ``async for``.

@@ -10,6 +10,7 @@ import pytest
 from making import at, transform, translation
 from processes import DEADLINE_S, start, until
 from public_names import NAMES
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -369,6 +370,23 @@ class TestEnd:
         with pytest.raises(Exception, match="topic name"):
             tf2_ros.TransformListener(buffer, node, tf_static_topic="not a topic")
         assert list(node.subscriptions) == []
+
+    @pytest.mark.ours
+    def test_a_destroyed_node_is_refused(self, tf2_ros, buffer, new_node):
+        node = new_node("destroyed")
+        node.destroy_node()
+        with pytest.raises(InvalidHandle):
+            tf2_ros.TransformListener(buffer, node)
+        buffer.set_transform(transform("map", "robot", 1), "me")
+        assert buffer.can_transform("map", "robot", LATEST)
+
+    @pytest.mark.ours
+    def test_one_that_was_never_initialised_can_be_ended(self, tf2_ros):
+        listener = tf2_ros.TransformListener.__new__(tf2_ros.TransformListener)
+        listener.unregister()
+        with listener:
+            listener.__del__()
+        assert listener.receives == () and listener.tf_sub is None
 
     @pytest.mark.ours
     @pytest.mark.parametrize("how", ["unspun", "hidden", "shutdown", "waiting", "future", "called back"])

@@ -16,7 +16,7 @@ from functools import partial
 from typing import Protocol
 
 from tf2_py import BufferCore
-from tf2_py._internal import FOR_EVER_NS, log
+from tf2_py._internal import log
 from tf2_ros._forking import LiveObjects
 from tf2_ros._receive.inbox import Inbox, begin_anew, run_inboxes, run_reports, stop_inboxes
 
@@ -62,7 +62,7 @@ def _filling(buffer: BufferCore) -> list[Inbox]:
 
 
 @contextmanager
-def held(buffer: BufferCore, until_ns: Callable[[], int] = lambda: FOR_EVER_NS) -> Iterator[None]:
+def held(buffer: BufferCore, until_ns: Callable[[], int]) -> Iterator[None]:
     """Let what arrives wait; then insert it, except dynamic transforms stamped later than ``until_ns()``."""
     for inbox in _filling(buffer):
         inbox.hold()

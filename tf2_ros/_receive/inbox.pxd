@@ -41,8 +41,6 @@ cdef struct Copier:
     void (*copy)(Copier* copier, const Parcel* parcel, bint is_whole) noexcept nogil
     # Whether somebody wants each message at once.
     bint (*is_wanted)(Copier* copier) noexcept nogil
-    # Called in each round of the thread that drains.
-    void (*count_round)(Copier* copier, int64_t now_ns) noexcept nogil
 
 
 cdef struct State:
@@ -82,7 +80,6 @@ cdef void inboxes_unlock() noexcept nogil
 # Drains one slice, with the lock held; `is_behind` becomes True if more is left. Returns whether messages
 # have arrived since the last time.
 cdef bint inbox_serve(State* inbox, bint* is_behind) noexcept nogil
-cdef void inbox_count_round(State* inbox, int64_t now_ns) noexcept nogil
 # Has `report_pending` called, by the thread for it.
 cdef void inbox_needs_report(State* inbox) noexcept nogil
 

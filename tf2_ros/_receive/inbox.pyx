@@ -326,15 +326,13 @@ cdef bint inbox_serve(State* inbox, bint* is_behind) noexcept nogil:
     return has_arrived
 
 
-cdef void inbox_count_round(State* inbox, int64_t now_ns) noexcept nogil:
+cdef void _count_round(State* inbox) noexcept nogil:
     cdef uint32_t read = word_load(&inbox.read)
     if read > 0:
         word_store(&inbox.read, read - 1)   # this may undo a read of just now: the next one counts
-    if inbox.copier != NULL:
-        inbox.copier.count_round(inbox.copier, now_ns)
 
 
-cdef bint _serve_all(bint is_round, int64_t now_ns) noexcept nogil:
+cdef bint _serve_all(bint is_round) noexcept nogil:
     cdef State* inbox
     cdef bint counts_round = is_round
     cdef bint has_arrived = False
@@ -346,7 +344,7 @@ cdef bint _serve_all(bint is_round, int64_t now_ns) noexcept nogil:
         inbox = _first
         while inbox != NULL:
             if counts_round:
-                inbox_count_round(inbox, now_ns)
+                _count_round(inbox)
             if is_round or inbox_wants_all(inbox) or word_load(&inbox.is_full):
                 has_arrived = inbox_serve(inbox, &is_behind) or has_arrived
             inbox = inbox.after
@@ -374,7 +372,7 @@ cdef void _run() noexcept nogil:
     cdef bint has_arrived = False       # since the last round
     while not word_load(&_is_stopping):
         now_ns = monotonic_ns()
-        has_arrived = _serve_all(now_ns >= round_ns, now_ns) or has_arrived
+        has_arrived = _serve_all(now_ns >= round_ns) or has_arrived
         if now_ns >= round_ns:
             if not has_arrived:
                 # What arrives from here on wakes it.

@@ -57,6 +57,13 @@ cdef extern from * nogil:
             syscall(SYS_futex, word, FUTEX_WAIT, seen, &duration, NULL, 0);
     }
 
+    static int64_t tf2_coarse_ns(void)
+    {
+        struct timespec now;
+        clock_gettime(CLOCK_MONOTONIC_COARSE, &now);
+        return now.tv_sec * (int64_t)1000000000 + now.tv_nsec;
+    }
+
     #define TF2_MAPPED_BYTES 4096
 
     static void *tf2_map(int descriptor)
@@ -92,6 +99,7 @@ cdef extern from * nogil:
     # Of words in mapped memory. With `ns` of 0 or less, do not wait.
     void futex_wake "tf2_futex_wake"(const void* word)
     void futex_wait "tf2_futex_wait"(const void* word, uint32_t seen, int64_t ns)
+    int64_t coarse_ns "tf2_coarse_ns"()     # steady time of some milliseconds ago, at a quarter of the cost
     uint64_t load64 "TF2_LOAD64"(const uint64_t* place)
     void store64 "TF2_STORE64"(uint64_t* place, uint64_t value)
     void fence "TF2_FENCE"()

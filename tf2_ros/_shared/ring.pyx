@@ -71,6 +71,7 @@ from tf2_ros._receive.inbox cimport (
 )
 from tf2_ros._shared.memory cimport (
     close_file,
+    coarse_ns,
     commit_file,
     errno,
     fence,
@@ -106,9 +107,10 @@ cdef enum:
     KIND_REMOVAL = 3            # all transforms of a frame were removed: its name; without, all dynamic ones
     KIND_PADDING = 4            # fills the end of the file
 
-    LAYOUT = 7                  # changes with any change of the layout
-    WANTED_ROUNDS = 10          # of 0.1 s, for which a reader that has looked wants messages at once
+    LAYOUT = 8                  # changes with any change of the layout
 
+# For how long a reader that has looked wants messages at once.
+cdef int64_t WANTED_NS = 1000000000
 cdef uint64_t MAGIC = 0x31474e4952324654      # "TF2RING1" on a little-endian machine
 cdef uint32_t NO_CHILD = 0xFFFFFFFF
 
@@ -126,7 +128,7 @@ cdef struct Head:
 
 
 cdef struct Board:
-    uint32_t wanted             # rounds for which a reader wants each message at once
+    uint64_t wanted_until_ns    # steady time until which a reader wants each message at once
     uint32_t sleeps             # a reader sleeps on `arrivals`
 
 

@@ -110,7 +110,7 @@ class _Memory:
         if where < 5:
             at = 4 * (spot % (HEAD_BYTES // 4))
         elif where == 5:
-            at = BOARD_AT + 4 * (spot % 2)
+            at = BOARD_AT + 4 * (spot % 3)
         elif where == 6:
             at = TEXT_AT + spot
         elif where < 12:

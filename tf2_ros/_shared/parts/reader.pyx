@@ -158,8 +158,7 @@ cdef size_t _take(State* inbox, size_t most) noexcept nogil:
 
 
 cdef void _want(Reading* reading) noexcept nogil:
-    if word_load(&board_of(reading.head).wanted) != WANTED_ROUNDS:
-        word_store(&board_of(reading.head).wanted, WANTED_ROUNDS)
+    store64(&board_of(reading.head).wanted_until_ns, <uint64_t>(coarse_ns() + WANTED_NS))
 
 
 cdef void _nudge(Reading* reading) noexcept nogil:

@@ -31,7 +31,6 @@ cdef struct Writing:
     uint32_t statics_capacity
     uint64_t live               # bytes of the newest static records
     int64_t keep_ns             # for how long records are kept
-    int64_t counted_ns          # steady time of the last round that was counted
     unsigned char* scratch      # for what follows a record; MOST_RECORD bytes
 
 
@@ -319,17 +318,10 @@ cdef void _copy(Copier* copier, const Parcel* parcel, bint is_whole) noexcept no
 
 
 cdef bint _is_wanted(Copier* copier) noexcept nogil:
-    return word_load(&board_of((<Writing*>copier.data).head).wanted) != 0
-
-
-cdef void _count_wanted(Copier* copier, int64_t now_ns) noexcept nogil:
-    # Once per round, however many listeners fill the buffer.
-    cdef Writing* writing = <Writing*>copier.data
-    cdef Board* board = board_of(writing.head)
-    cdef uint32_t wanted = word_load(&board.wanted)
-    if wanted and now_ns - writing.counted_ns > ROUND_NS // 2:
-        writing.counted_ns = now_ns
-        word_store(&board.wanted, min(wanted, <uint32_t>WANTED_ROUNDS) - 1)
+    # A reader may have written anything there.
+    cdef int64_t left_ns = <int64_t>(
+        load64(&board_of((<Writing*>copier.data).head).wanted_until_ns) - <uint64_t>monotonic_ns())
+    return 0 < left_ns <= WANTED_NS
 
 
 cdef void _end_in_child(void* owner) noexcept nogil:
@@ -367,7 +359,6 @@ cdef class RingWriter(Copying):
         self.copier.data = &self._writing
         self.copier.copy = _copy
         self.copier.is_wanted = _is_wanted
-        self.copier.count_round = _count_wanted
 
     def __init__(self, int descriptor, int lock_descriptor, uint64_t size, int64_t keep_ns):
         cdef Writing* writing = &self._writing

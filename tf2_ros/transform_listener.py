@@ -80,9 +80,9 @@ class TransformListener:
     What has arrived is inserted before the buffer is read, whether the node is spun or not, and while
     callbacks block. In some cases the executor that spins the node inserts it instead: if a subclass
     overrides ``callback`` or ``static_callback``; if the buffer is not a :class:`tf2_ros.Buffer`, or it or
-    its class has a ``set_transform*`` of its own; if the node makes subscriptions of another class than
-    rclpy's; and if this version of rcl is not known. That is decided when the listener is made, and when
-    another ``buffer`` is assigned. The property ``receives`` names the topics that need no executor.
+    its class has a ``set_transform*`` of its own; if the node overrides ``create_subscription``; and if this
+    version of rcl is not known. That is decided when the listener is made, and when another ``buffer`` is
+    assigned. The property ``receives`` names the topics that need no executor.
 
     If its buffer is attached to the buffer of another process, it subscribes to nothing. With
     ``TF2_SHARED_BUFFER`` in the environment, it attaches its buffer, if it would receive the same messages,

@@ -102,19 +102,6 @@ def test_without_matplotlib_one_line_says_what_to_install():
     assert done.stderr == f"tf2_plot: pictures need the Python package matplotlib: {advice}\n"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["odom", "--path", "map", "odom"], "frames or --path, not both"),
-        (["--path", "map"], "argument --path: expected 2 arguments"),
-        (["-o", "way.jpg"], "argument -o/--output: must end in .png, .svg or .pdf, not 'way.jpg'"),
-        (["-t", "0"], "argument -t: must be above 0, not 0"),
-    ],
-)
-def test_wrong_usage_is_one_line(arguments, said):
-    assert ended("tf2_plot", *arguments) == (2, "", f"tf2_plot: {said} (see tf2_plot --help)\n")
-
-
 def test_without_a_name_it_is_a_png_of_the_time_whose_name_a_terminal_shows(robot, tmp_path):
     command = ["-m", "tf2_ros_tools.programs.tf2_plot", *LISTEN]
     with pexpect.spawn(

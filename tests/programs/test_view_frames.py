@@ -208,17 +208,6 @@ class TestWhatFails:
         assert (status, bool(TREE.fullmatch(out))) == (1, True)
         assert "install Graphviz" in err
 
-    def test_a_folder_that_is_none_is_one_line(self, tmp_path):
-        (tmp_path / "file").touch()
-        status, out, err = ended("view_frames", "-t", "0", "-o", str(tmp_path / "file" / "robot"))
-        assert (status, out) == (1, "")
-        assert err.splitlines()[-1] == f"view_frames: cannot write {tmp_path}/file/robot.gv: Not a directory"
-
-    @pytest.mark.parametrize("arguments", [["--watch", "--text"], ["-t", "-1"], ["-t", "soon"], ["robot"]])
-    def test_wrong_usage_is_one_line(self, arguments):
-        status, out, err = ended("view_frames", *arguments)
-        assert (status, out, err.count("\n")) == (2, "", 1)
-
 
 @needs_dot
 class TestWatching:

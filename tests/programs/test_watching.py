@@ -145,28 +145,6 @@ class TestCheck:
         assert (found["ok"], found["seconds"], found["findings"]) == (False, 5.0, [roots])
         assert {*frames(found)} == {"b", "isle"}
 
-    def test_json_leaves_out_what_is_ignored(self):
-        options = ("-t", "0.2", "--json", "--ignore", "nothing", "--ros-args", *ALONE)
-        status, out, _ = ended("tf2_check", *options)
-        found = json.loads(out)
-        assert (status, found["ok"], found["findings"], found["streams"]) == (0, True, [], [])
-
-    def test_names_cannot_write_lines_of_their_own(self, peer, tmp_path):
-        junit, topics = tmp_path / "check.xml", ("-r", "/tf:=/hostile", "-r", "/tf_static:=/hostile_static")
-        talker = peer(*topics)
-        talker.send_without_subscriber((HOSTILE, "a", S, 1.0))  # answered when the peer has started
-        # On a busy machine, discovery may need the announcements that follow after three seconds.
-        options = ("-t", "8", "--junit", str(junit), "--ros-args", *topics)
-        with running("tf2_check", *options) as process:
-            while process.poll() is None:
-                stamp = time.time_ns()
-                talker.send_without_subscriber((HOSTILE, "a", stamp, 1.0), ("other", "b", stamp, 1.0))
-                threading.Event().wait(0.05)  # as a robot does
-            out, _ = process.communicate(timeout=DEADLINE_S)
-        said = f"2 unconnected trees: other (2 frames), {ESCAPED} (2 frames)"
-        assert out.splitlines()[0] == f"roots: {said}"
-        assert f"\n{said}\n" in f"\n{ElementTree.parse(junit).getroot().findtext('testcase/failure')}\n"
-
     def test_silence_is_wrong(self):
         status, out, _ = ended("tf2_check", "-t", "0.2", "--ros-args", *ALONE)
         silence = "no transform was received on /tf_alone and /tf_static_alone in ROS domain"
@@ -209,22 +187,6 @@ class TestCheck:
         finding, verdict = out.splitlines()
         assert re.fullmatch(said, finding)
         assert verdict.startswith("wrong: 1 finding in 3 frames, ")
-
-    def test_a_delay_may_be_allowed(self, peer):
-        talker = peer(*ALONE)
-        with running("tf2_check", "--max-delay", "60", *TOLERANT, "--ros-args", *ALONE) as process:
-            while process.poll() is None:
-                talker.send_without_subscriber(("map", "base", time.time_ns() - 5 * S, 0.0))
-                threading.Event().wait(0.05)
-            out, _ = process.communicate(timeout=DEADLINE_S)
-        assert (process.returncode, out[:27]) == (0, "ok: no findings in 2 frames")
-
-    def test_expectations_that_are_not_understood_are_told(self, tmp_path):
-        path = tmp_path / "robot.yaml"
-        path.write_text("frames: {odom: {rate: 3}}")
-        status, _, err = ended("tf2_check", "--expect", str(path))
-        assert status == 2
-        assert err.startswith(f"tf2_check: {path}: odom: 'rate' is not a key; did you mean min_rate?")
 
 
 @pytest.mark.parametrize(
@@ -358,19 +320,6 @@ class TestMonitor:
             child.expect(r"at \d+\.\d{3} s\r\n  base_link: parent odom, ")
             child.sendintr()
             child.expect(pexpect.EOF)
-
-    def test_it_warns_of_planted_faults(self):
-        kinds = set()
-        with (
-            broadcasting("faults"),
-            running("tf2_monitor", "--json", "--interval", "1", "--min-rate", "15") as process,
-        ):
-
-            def all_found(report):
-                kinds.update((one["kind"], one["frame"]) for one in report["findings"])
-                return kinds >= FAULTS
-
-            first_report(process, all_found)
 
     def test_delays_are_those_of_simulated_time(self, peer):
         talker = peer(*ALONE)

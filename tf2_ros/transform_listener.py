@@ -26,7 +26,7 @@ from tf2_ros._qos import chosen_qos
 from tf2_ros._rcl import problem
 from tf2_ros._rclpy import has_callback_groups
 from tf2_ros._receive.inboxes import AUTHORITY
-from tf2_ros._receive.receiver import ListenerGroup, Receiver, can_receive
+from tf2_ros._receive.receiver import ListenerGroup, Receiver
 from tf2_ros._receive.reception import Reception
 from tf2_ros._receive.topics import Topic
 from tf2_ros._shared.naming import is_wanted
@@ -156,7 +156,7 @@ class TransformListener:
         if static_only:
             del self._tf2_topics[0]
         try:
-            if isinstance(node, Node) and can_receive():
+            if isinstance(node, Node) and problem() is None:
                 self._tf2_queue = callback_queue(node)
             note_filler(node, buffer, self._tf2_queue)
             if isinstance(buffer, Buffer) and (buffer._tf2_sharing is not None or is_wanted()):

@@ -15,7 +15,7 @@ LATEST = at(0)
 def inserter(request, monkeypatch):
     """What inserts the transforms of a listener."""
     if request.param == "executor":
-        monkeypatch.setattr("tf2_ros._receive.receiver.problem", lambda: "it is new")
+        monkeypatch.setattr("tf2_ros.transform_listener.problem", lambda: "it is new")
     return request.param
 
 

@@ -22,7 +22,7 @@ NOTHING = "nothing has been received on /tf and /tf_static"
 def inserter(request, monkeypatch):
     """What inserts the transforms of a listener: its inbox, or the executor that spins the node."""
     if request.param == "executor":
-        monkeypatch.setattr("tf2_ros._receive.receiver.problem", lambda: "it is new")
+        monkeypatch.setattr("tf2_ros.transform_listener.problem", lambda: "it is new")
     return request.param
 
 

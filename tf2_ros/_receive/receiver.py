@@ -14,7 +14,6 @@ from rclpy.qos import HistoryPolicy
 from rclpy.subscription import Subscription
 
 from tf2_ros._forking import is_inherited
-from tf2_ros._rcl import problem
 from tf2_ros._rclpy import (
     context_was_shut_down,
     enter_handle,
@@ -28,11 +27,6 @@ from tf2_ros._receive.subscriptions import Subscriptions
 from tf2_ros._receive.topics import Topic
 
 ENDLESS = 2**31 - 1  # messages that a queue without a limit holds
-
-
-def can_receive() -> bool:
-    """Whether the rcl that runs is known, so that listeners need no executor."""
-    return problem() is None
 
 
 class ListenerGroup(ReentrantCallbackGroup):

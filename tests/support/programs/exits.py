@@ -11,8 +11,7 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from tf2_ros import Buffer, TransformListener
-from tf2_ros._receive import receiver
+from tf2_ros import Buffer, TransformListener, transform_listener
 from tf2_ros._wait.callbacks import callback_queue
 
 printed = []
@@ -33,7 +32,7 @@ def keep_running(how):
 
 def main(how, inserter):
     if inserter == "executor":
-        receiver.problem = lambda: "it is new"
+        transform_listener.problem = lambda: "it is new"
     rclpy.init()
     node = rclpy.create_node("ending")
     buffer = Buffer(node=node)

@@ -12,7 +12,6 @@ from processes import until
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from rclpy.qos import qos_profile_sensor_data
 from rclpy.task import Future
 from rclpy.waitable import NumberOfEntities, Waitable
 from spinning import spinning
@@ -62,21 +61,6 @@ class TestHandles:
             handle.trigger_guard_condition()
         with ExitStack() as uses:
             assert not _rclpy.enter_handle(handle, uses)
-
-    def test_a_handler_of_events_takes_one_if_it_is_marked_as_ready(self, node, capfd):
-        subscription = node.create_subscription(TFMessage, "somewhere", ignore, qos_profile_sensor_data)
-        reliable = node.create_subscription(TFMessage, "somewhere", ignore, 1)
-        node.create_publisher(TFMessage, "somewhere", qos_profile_sensor_data)
-
-        def is_logged():
-            for handler in subscription.event_handlers + reliable.event_handlers:
-                _rclpy.report_incompatible_qos(handler)
-            return "incompatible QoS" in capfd.readouterr().err
-
-        until(is_logged)
-        assert not is_logged()
-        reliable.destroy()
-        is_logged()
 
     def test_a_context_is_checked_without_its_lock(self, ros):
         context = ros.Context()
@@ -161,21 +145,6 @@ class TestRounds:
             ways[spin]()
         assert set(found) == {own}
         executor.shutdown()
-
-
-class TestSubscriptions:
-    def test_an_executor_takes_nothing_from_one_that_is_hidden(self, node, executor):
-        got = []
-        subscription = node.create_subscription(TFMessage, "somewhere", got.append, 10)
-        publisher = node.create_publisher(TFMessage, "somewhere", 10)
-        until(lambda: publisher.get_subscription_count() == 1)
-        _rclpy.hide_from_executors(subscription)
-        publisher.publish(TFMessage())
-        for _ in range(5):
-            executor.spin_once(timeout_sec=0.02)
-        assert got == []
-        _rclpy.hide_from_executors(subscription, is_hidden=False)
-        until(lambda: got, executor)
 
 
 class TestNodesAndActions:

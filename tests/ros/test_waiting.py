@@ -139,15 +139,6 @@ class TestTimeout:
         # Which is an OSError, and what asyncio.timeout and futures raise: programs distinguish these.
         assert not issubclass(tf2_py.TimeoutException, OSError)
 
-    def test_they_end_in_their_order(self, buffer):
-        ended = []
-        futures = []
-        for milliseconds in (900, 300, 600, 0):
-            futures.append(wait(buffer, timeout=Duration(nanoseconds=milliseconds * 10**6)))
-            futures[-1].add_done_callback(lambda f, ms=milliseconds: ended.append((ms, f.exception())))
-        until(lambda: len(ended) == 4)
-        assert [ms for ms, _ in ended] == [0, 300, 600, 900]
-
     def test_its_thread_ends_with_the_last(self, buffer):
         futures = [wait(buffer, timeout=LONGER) for _ in range(3)]
         assert deadline_threads() == 1
@@ -186,26 +177,20 @@ class Long:
 
 @pytest.mark.ours
 @pytest.mark.parametrize(
-    "timeout",
-    [Infinite, Long(2**63), Long(float("inf"))],
-    ids=["Infinite", "too long for 64 bits", "an infinite float"],
+    "timeout", [Infinite, Long(2**63), Long(float("inf"))], ids=["Infinite", "long", "inf"]
 )
-class TestInfiniteTimeout:
-    def test_a_lookup_waits(self, buffer, timeout):
-        inserting = threading.Thread(target=insert_for_a_waiter, args=(buffer,))
-        inserting.start()
-        assert buffer.lookup_transform("map", "robot", LATEST, timeout).child_frame_id == "robot"
-        inserting.join()
-
-    def test_a_future_waits_without_a_deadline(self, buffer, timeout):
-        future = wait(buffer, timeout=timeout)
-        assert not has_deadline(future)
-        insert(buffer)
-        assert future.result().child_frame_id == "robot"
+def test_an_infinite_timeout_is_none(buffer, timeout):
+    future = wait(buffer, at(1), timeout=timeout)
+    assert not has_deadline(future)
+    inserting = threading.Thread(target=insert_for_a_waiter, args=(buffer,))
+    inserting.start()
+    assert buffer.lookup_transform("map", "robot", LATEST, timeout).child_frame_id == "robot"
+    assert future.result().child_frame_id == "robot"
+    inserting.join()
 
 
 def insert_for_a_waiter(buffer):
-    until(lambda: buffer.statistics()["waiters"])
+    until(lambda: buffer.statistics()["waiters"] == 2)
     insert(buffer)
 
 

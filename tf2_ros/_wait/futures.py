@@ -432,9 +432,17 @@ class TransformFuture(WakingFuture[TransformStamped]):
         wait.cancel()
         answer, error = wait.answer, None
         if answer is None:
-            error = _unanswered(self.__shutdown, self.__begin_ns, self.__timeout_ns, wait.reason)
+            error = self.__unanswered(wait)
         if self._tf2_end_or_queue(Outcome(State.DONE, answer, error)):
             call_in_executor(queue_of(core), self._tf2_ending())
+
+    def __unanswered(self, wait: Any) -> TimeoutException:
+        waited_ns = time.monotonic_ns() - self.__begin_ns
+        if self.__timeout_ns is not None:
+            waited_ns = min(waited_ns, self.__timeout_ns)
+        if self.__shutdown.happened():
+            return TimeoutException(errors.shut_down(waited_ns))
+        return TimeoutException(errors.timed_out(wait.reason(), waited_ns))
 
     def _tf2_release(self) -> None:
         wait, self.__wait, self.__core = self.__wait, None, None  # they hold the buffer
@@ -449,20 +457,3 @@ def _notify(reference: "weakref.ref[TransformFuture]") -> Callable[[Any], Ending
         return None if future is None else future.answered(answer)
 
     return notify
-
-
-def _unanswered(
-    shutdown: Shutdown, begin_ns: int, timeout_ns: int | None, reason: Callable[[], object]
-) -> TimeoutException:
-    """
-    Make the exception of a future that ends without an answer.
-
-    :param begin_ns: the steady time at which it began to wait.
-    :param reason: returns the reason of the lookup, for a wait that timed out.
-    """
-    waited_ns = time.monotonic_ns() - begin_ns
-    if timeout_ns is not None:
-        waited_ns = min(waited_ns, timeout_ns)
-    if shutdown.happened():
-        return TimeoutException(errors.shut_down(waited_ns))
-    return TimeoutException(errors.timed_out(reason(), waited_ns))

@@ -376,8 +376,18 @@ class TestBadInput:
         buffer.set_transform(transform("map", "robot", 1), "me")
         assert first.done()
 
-    def test_a_node_that_was_destroyed(self, new_node):
-        node = new_node("destroyed")
+    def test_a_node_that_was_destroyed(self, tf2_ros, new_node):
+        node, buffer = new_node("destroyed"), tf2_ros.Buffer()
         node.destroy_node()
-        with pytest.raises(InvalidHandle):
-            callback_queue(node)
+        for use in (
+            lambda: callback_queue(node),
+            lambda: tf2_ros.MessageFilter(None, buffer, "map", 1, node=node),
+            lambda: tf2_ros.BufferClient(node, "lookup"),
+            lambda: tf2_ros.BufferServer(buffer, node, "lookup"),
+            lambda: tf2_ros.TransformListener(buffer, node),
+        ):
+            with pytest.raises(InvalidHandle):
+                use()
+        future = wait(buffer, print, timeout=0.01)  # and the buffer is as good as new
+        until(future.done)
+        assert isinstance(future.exception(), tf2_ros.TimeoutException)

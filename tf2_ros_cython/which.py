@@ -5,7 +5,6 @@ import importlib.metadata
 import importlib.util
 import os
 import platform
-import signal
 import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from importlib.machinery import PathFinder
@@ -23,8 +22,8 @@ def main(args: list[str] | None = None) -> int:
     Print which tf2 is imported, from where, and what it takes precedence over.
 
     :param args: the command line, including the name of the program. None: that of the process.
-    :return: 0 if all of our packages are in use, and those that the installation supports load; otherwise 1.
-        128 plus the number of the signal if the reader of the output left before its end.
+    :return: 0 if all of our packages are in use, and those that the installation supports load; otherwise 1,
+        also if the output cannot be written.
     """
     parser = ArgumentParser(
         "tf2_which",
@@ -40,15 +39,12 @@ def main(args: list[str] | None = None) -> int:
     lines, status = _answer()
     try:
         print(*lines, sep="\n", flush=True)
-    except BrokenPipeError:
-        status = 128 + signal.SIGPIPE
     except OSError as failure:
-        print(f"tf2_which: {failure.strerror}", file=sys.stderr)
+        # Otherwise the interpreter would try to write the rest once more.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(failure, BrokenPipeError):
+            print(f"tf2_which: {failure.strerror}", file=sys.stderr)
         status = 1
-    else:
-        return status
-    # Otherwise the interpreter would try to write the rest once more.
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return status
 
 

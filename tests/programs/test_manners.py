@@ -237,3 +237,17 @@ def test_output_that_cannot_be_written_is_one_line_and_status_1(line, folder):
         status, _, err = ended(name, *arguments, stdout=full)
     assert (status, err.splitlines()[-1].partition(": ")[2]) == (1, "No space left on device")
     assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("device", "said"), [("/dev/full", "tf2_which: No space left on device\n"), (None, "")]
+)
+def test_tf2_which_has_the_same_manners(device, said):
+    reading, writing = os.pipe()
+    os.close(reading)  # a reader who leaves
+    out = writing if device is None else os.open(device, os.O_WRONLY)
+    command = [sys.executable, "-m", "tf2_ros_cython"]
+    done = subprocess.run(command, stdout=out, stderr=subprocess.PIPE, text=True, timeout=DEADLINE_S)
+    assert (done.returncode, done.stderr) == (1, said)
+    for one in {out, writing}:
+        os.close(one)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import secrets
 import string
 import sys
-from argparse import ArgumentTypeError, Namespace
+from argparse import Namespace
 from collections.abc import Mapping
 from math import hypot, isinf
 from pathlib import Path
@@ -19,7 +19,7 @@ from tf2_ros_tools.program import (
     finite_number,
     run,
 )
-from tf2_ros_tools.yaml_files import read_list
+from tf2_ros_tools.yaml_files import Key, nonempty_text, number_in, read_keys, read_list
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import TransformStamped
@@ -103,7 +103,7 @@ def _of_old_form(values: list[str], given: list[str], file: Path | None) -> Stat
         raise UsageError(f"there are {len(values)} values without options; the old form has 8 or 9")
     if given or file is not None:
         raise UsageError("either options or the old form; both were given")
-    return StaticTransform.of(numbered(dict(zip(names, values, strict=True))))
+    return read_transform("the old form", dict(zip(names, values, strict=True)))
 
 
 def publish(options: Namespace) -> NoReturn:
@@ -242,12 +242,8 @@ def read_file(path: Path) -> list[StaticTransform]:
 
     :raises UsageError: the file cannot be read, or its contents are wrong.
     """
-    transforms = []
-    for place, entry in enumerate(read_list(path, "--file", "transforms"), start=1):
-        try:
-            transforms.append(StaticTransform.of(_fields(entry)))
-        except UsageError as refusal:
-            raise UsageError(f"{path}: transform {place}: {refusal}") from None
+    entries = enumerate(read_list(path, "--file", "transforms"), start=1)
+    transforms = [read_transform(f"{path}: transform {place}", entry) for place, entry in entries]
     try:
         _refuse_no_tree(transforms)
     except UsageError as refusal:
@@ -255,35 +251,24 @@ def read_file(path: Path) -> list[StaticTransform]:
     return transforms
 
 
-def _fields(entry: Any) -> dict[str, Any]:
-    if not isinstance(entry, dict):
-        raise UsageError(f"must be a mapping with the names {', '.join((*FRAMES, *NUMBERS))}")
-    unknown = [str(name) for name in entry if name not in (*FRAMES, *NUMBERS)]
-    if unknown:
-        raise UsageError(f"does not have {', '.join(unknown)}, only {', '.join((*FRAMES, *NUMBERS))}")
-    for name in FRAMES:
-        if not isinstance(entry.get(name, ""), str):
-            raise UsageError(f"{name} must be a string, not {entry[name]!r}; quote it")
-    return numbered(entry)
+_FRAME = Key("a text (quote what looks like a number)", nonempty_text, is_required=True)
+_NUMBER = Key("a finite number", number_in(-sys.float_info.max, sys.float_info.max))
+KEYS = {**dict.fromkeys(FRAMES, _FRAME), **dict.fromkeys(NUMBERS, _NUMBER)}
 
 
-def numbered(fields: Mapping[str, Any]) -> dict[str, Any]:
+def read_transform(label: str, given: Any) -> StaticTransform:
     """
-    Convert the numbers to floats. Some are strings: YAML reads 1e-3 as a string.
+    Read a mapping with the names of FRAMES and NUMBERS.
 
-    :param fields: by FRAMES and NUMBERS.
-    :raises UsageError: one is not a finite number.
+    :param label: what it is, for errors.
+    :raises UsageError: its contents are wrong.
     """
-    return {name: value if name in FRAMES else _number(name, value) for name, value in fields.items()}
-
-
-def _number(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        raise UsageError(f"{name} must be a number, not {value!r}")
     try:
-        return finite_number(str(value))
-    except ArgumentTypeError as refusal:
-        raise UsageError(f"{name}: {refusal}") from None
+        return StaticTransform.of(read_keys(label, given, KEYS))
+    except ValueError as refusal:
+        raise UsageError(str(refusal)) from None
+    except UsageError as refusal:
+        raise UsageError(f"{label}: {refusal}") from None
 
 
 def _refuse_no_tree(transforms: list[StaticTransform]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from math import inf
 from pathlib import Path
 
@@ -51,7 +51,9 @@ def relay(options: Namespace) -> int:
     # isort: split
     from tf2_ros_tools.relaying import Relaying
 
-    with spun_node("tf2_relay", options) as node, ExitStack() as stack:
+    # A dry run that is interrupted has no result.
+    as_wanted = nullcontext() if options.dry_run else suppress(KeyboardInterrupt)
+    with as_wanted, spun_node("tf2_relay", options) as node, ExitStack() as stack:
         relaying = Relaying(node, options.rules, options.dry_run, stack)
         if options.dry_run:
             relaying.run(options.t)

@@ -27,8 +27,6 @@ cdef class BufferCore(Engine):
     cdef int _lookup_or_raise(self, const Query* query, Transform* out, int64_t* stamp_ns) except -1
     cdef int _transform_at(self, target_frame, source_frame, int64_t time_ns, Transform* out) except -1
     cdef int _lookup_series(self, Query* query, const TimeSeries* series, Py_ssize_t per_time=*) except -1
-    cdef tuple _lookup_frames(self, target_frame, list frames, times_ns, fixed_frame, target_time,
-                              bint nan_missing, PolicyObject policy)
     cdef int64_t _common_time(self, target_frame, source_frame) except? -1
     cdef int _require_frame(self, frame, str call) except -1
     cdef tuple _can(self, const Query* query)

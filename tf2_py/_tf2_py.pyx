@@ -136,16 +136,17 @@ cdef class BufferCore(Engine):
         max_bytes: int | None = None,
         max_waiters: int | None = None,
     ) -> None:
-        cdef int64_t cache_time_ns = DEFAULT_CACHE_TIME_NS
+        cdef Retention retention = DEFAULT_RETENTION
         cdef Limits limits
         limits.frames = _limit("max_frames", max_frames)
         limits.bytes = _limit("max_bytes", max_bytes)
         limits.waiters = _limit("max_waiters", max_waiters)
         if cache_time is not None:
-            cache_time_ns = duration_nanoseconds(cache_time, "cache_time")
-        if cache_time_ns < 0:
-            raise ValueError(f"cache_time must not be negative, it is {errors.seconds(cache_time_ns)} s")
-        self.start_over(cache_time_ns, &limits)
+            retention.cache_time_ns = duration_nanoseconds(cache_time, "cache_time")
+        if retention.cache_time_ns < 0:
+            seconds = errors.seconds(retention.cache_time_ns)
+            raise ValueError(f"cache_time must not be negative, it is {seconds} s")
+        self.start_over(&retention, &limits)
 
     # Inserting transforms.
 
@@ -440,62 +441,36 @@ cdef class BufferCore(Engine):
         :raises ValueError: ``times`` do not have one dimension, are NaT or do not fit into 64 bits, or
             ``on_missing`` is something else.
 
-        The GIL is released, so other threads run meanwhile. With several frames, an edge that lies on several
-        of the paths is interpolated once.
+        The GIL is released, so other threads run meanwhile.
         """
         cdef Query query
         cdef TimeSeries series
+        cdef Status status
+        cdef Py_ssize_t i
         times_ns = as_times_ns(times)
         accepted = policy_of("lookup_transforms", **policy)
-        if not isinstance(source_frame, (str, bytes)) and _is_sequence(source_frame):
-            return self._lookup_frames(
-                target_frame, list(source_frame), times_ns, fixed_frame, target_time,
-                _is_nan_wanted(on_missing), accepted,
-            )
-        series_begin(&series, int64s_of(times_ns), len(times_ns))
-        translations, rotations = new_rows(series.count, 3), new_rows(series.count, 4)
+        is_many = not isinstance(source_frame, (str, bytes)) and _is_sequence(source_frame)
+        frames = list(source_frame) if is_many else [source_frame]
+        cdef Py_ssize_t count = len(times_ns)
+        translations, rotations = new_rows(len(frames) * count, 3), new_rows(len(frames) * count, 4)
+        series_begin(&series, int64s_of(times_ns), count)
         series.nan_missing = _is_nan_wanted(on_missing)
-        query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
-        query_set_policy(&query, accepted)
-        if series.count:
-            series.translations = doubles_of(translations, 3)
-            series.rotations = doubles_of(rotations, 4)
+        catch_up(self)
+        for frame in frames:    # all names, before the lookups
+            query_fill_series(&query, target_frame, frame, fixed_frame, target_time)
+            status = self._check_names(&query)
+            if count and status.code != STATUS_OK:
+                raise self.error(&query, status)
+        for i, frame in enumerate(frames if count else ()):
+            query_fill_series(&query, target_frame, frame, fixed_frame, target_time)
+            query_set_policy(&query, accepted)
+            series.translations = doubles_of(translations, 3) + 3 * count * i
+            series.rotations = doubles_of(rotations, 4) + 4 * count * i
             self._lookup_series(&query, &series)
+        if is_many:
+            shape = len(frames), count
+            return translations.reshape(*shape, 3), rotations.reshape(*shape, 4)
         return translations, rotations
-
-    cdef tuple _lookup_frames(self, target_frame, list frames, times_ns, fixed_frame, target_time,
-                              bint nan_missing, PolicyObject policy):
-        # The names of the queries are those of `frames`.
-        cdef Py_ssize_t count = len(frames)
-        cdef Py_ssize_t done, answered, i
-        cdef Query* queries
-        cdef TimeSeries series
-        cdef Status status
-        series_begin(&series, int64s_of(times_ns), len(times_ns))
-        translations, rotations = new_rows(count * series.count, 3), new_rows(count * series.count, 4)
-        series.translations = doubles_of(translations, 3)
-        series.rotations = doubles_of(rotations, 4)
-        series.nan_missing = nan_missing
-        queries = <Query*>PyMem_Malloc(count * sizeof(Query))
-        if queries == NULL:
-            raise MemoryError
-        try:
-            for i in range(count):
-                query_fill_series(&queries[i], target_frame, frames[i], fixed_frame, target_time)
-                query_set_policy(&queries[i], policy)
-            if count and series.count:
-                catch_up(self)
-                with nogil:
-                    done = self.lookup_series_many(queries, count, &series, &answered, &status)
-                if done < 0:
-                    raise MemoryError
-                if done < count:
-                    error = self.error(&queries[done], status)
-                    raise error if answered < 0 else type(error)(f"times[{answered}]: {error}")
-        finally:
-            PyMem_Free(queries)
-        shape = count, series.count
-        return translations.reshape(*shape, 3), rotations.reshape(*shape, 4)
 
     def transform_points(
         self,
@@ -781,13 +756,10 @@ cdef class BufferCore(Engine):
     # Listing frames, and counts.
 
     def __repr__(self):
-        cdef int64_t oldest_ns = 0
-        cdef int64_t newest_ns = 0
-        cdef bint has_dynamic
-        catch_up(self)
-        with nogil:
-            has_dynamic = self.span(&oldest_ns, &newest_ns)
-        return listings.as_line(type(self), self.counts(), newest_ns - oldest_ns if has_dynamic else None)
+        dynamic = [one for one in self.frame_facts() if one.samples and not one.is_static]
+        span_ns = (max([one.newest_ns for one in dynamic]) - min([one.oldest_ns for one in dynamic])
+                   if dynamic else None)
+        return listings.as_line(type(self), self.counts(), span_ns)
 
     def __contains__(self, name):
         """Return whether this is the name of a frame, including parents; False for anything but a ``str``."""
@@ -819,9 +791,7 @@ cdef class BufferCore(Engine):
             ``oldest_ns``, ``newest_ns``.
 
         The times are exact: ``oldest_ns`` and ``newest_ns`` are the earliest and the latest time at which the
-        frame can be looked up in its parent. Roots are included. Other threads may change the buffer
-        meanwhile, so the result is not a snapshot if there are more than 1024 frames. The cost grows with
-        their number.
+        frame can be looked up in its parent. Roots are included. The cost grows with the number of frames.
         """
         return listings.as_frames(self.frame_facts(True))
 
@@ -883,11 +853,7 @@ cdef class BufferCore(Engine):
         return listings.tree_text(listings.as_frames(self.frame_facts(True)))
 
     def all_frames_as_yaml(self) -> str:
-        """
-        Get the frames with data as YAML: parent, broadcaster, rate (Hz), times (s), buffer length (s).
-
-        A listing of more than 1024 frames is not a snapshot: other threads may change the buffer meanwhile.
-        """
+        """Get the frames with data as YAML: parent, broadcaster, rate (Hz), times (s), buffer length (s)."""
         return listings.as_yaml(self.frame_facts())
 
     def all_frames_as_string(self) -> str:

@@ -87,7 +87,7 @@ def test_a_pending_wait_asks_too(new_buffer):
     buffer = new_buffer("base_link")
     wait = buffer._wait("map", "bas_link", LATEST)
     [line] = buffer._pending_waits()
-    assert line.endswith("needs a frame [bas_link], which is unknown. Did you mean [base_link]?")
+    assert line.endswith("does not exist. Did you mean [base_link]?")
     assert wait.cancel()
 
 

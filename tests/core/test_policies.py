@@ -407,9 +407,7 @@ class TestWaits:
         assert answers == [None]
         assert wait.answer is None
         assert isinstance(wait.reason(), tf2_ros.ExtrapolationException)
-        assert str(wait.reason()).endswith(
-            "transforms of that time are refused by now (cache time 10.000000000 s)"
-        )
+        assert str(wait.reason()).endswith("; transforms of that time are refused by now")
         assert late.answer is not None
         assert not wait.wait_for(S, lambda: True)
         assert buffer.statistics()["waiters"] == 0

@@ -448,47 +448,12 @@ class TestManyFrames:
             assert_same_to_the_last_bit((translations[i], rotations[i]), one)
         buffer._self_check()
 
-    @pytest.mark.parametrize("target", FRAMES)
-    @pytest.mark.parametrize("count", [1, 64, 65, 200])
-    def test_rows_are_those_of_single_frames(self, buffer, target, count):
+    def test_rows_are_those_of_single_frames(self, buffer):
         low, high = span_of_all(buffer)
-        times = np.random.default_rng(count).integers(low, high, count)
-        self.assert_same_as_one_by_one(buffer, target, FRAMES, times)
-        self.assert_same_as_one_by_one(buffer, target, [*FRAMES, *FRAMES[::-1], *FRAMES], times)
-
-    def test_the_latest_time_is_that_of_each_frame(self, buffer):
-        low, high = span_of_all(buffer)
-        times = np.random.default_rng(1).integers(low, high, 200)
-        times[[5, 70, 71]] = 0  # the third batch has none
-        self.assert_same_as_one_by_one(buffer, "map", FRAMES, times)
-
-    def test_two_times(self, buffer):
-        low, high = span_of_all(buffer)
-        times = np.random.default_rng(1).integers(low, high, 100)
+        times = [0, *np.random.default_rng(3).integers(low, high, 99)]
         two_times = {"fixed_frame": "map", "target_time": at_ns(high)}
+        self.assert_same_as_one_by_one(buffer, "camera", FRAMES, times)
         self.assert_same_as_one_by_one(buffer, "camera", FRAMES, times, **two_times)
-
-    def test_frames_that_are_inserted_together_are_seen_together(self, tf2_py):
-        buffer = tf2_py.BufferCore(Duration(seconds=1000))
-        done = threading.Event()
-
-        def insert():
-            ns = 0
-            while not done.is_set():
-                ns += 1
-                both = [transform("map", frame, ns=ns, xyz=(ns, 0, 0)) for frame in ("left", "right")]
-                buffer.set_transforms(both, "x")
-
-        buffer.set_transforms([transform("map", frame, ns=0) for frame in ("left", "right")], "x")
-        inserting = threading.Thread(target=insert)
-        inserting.start()
-        try:
-            for _ in range(500):
-                left, right = buffer.lookup_transforms("map", ["left", "right"], [0] * 10)[0]
-                np.testing.assert_array_equal(left, right)
-        finally:
-            done.set()
-            inserting.join()
 
     def test_what_is_missing_is_nan_in_its_own_rows(self, buffer):
         low, high = span_of_all(buffer)
@@ -497,37 +462,6 @@ class TestManyFrames:
         translations, _ = buffer.lookup_transforms("map", FRAMES, times, on_missing="nan")
         missing = np.isnan(translations[..., 0]).sum(axis=1)
         assert missing[0] == 0 and (missing[1:] > 0).all() and (missing < 300).all()
-
-    def test_trees_that_are_wide_or_deep(self, tf2_py):
-        buffer = tf2_py.BufferCore(Duration(seconds=100))
-        random = np.random.default_rng(2)
-        deep = [f"deep {i}" for i in range(90)]
-        wide = [f"wide {i}" for i in range(100)]  # more moving frames than are shared at once
-        links = [*zip(["map", *deep], deep, strict=False), *(("deep 3", frame) for frame in wide)]
-        for parent, child in links:
-            turns = random.normal(size=(2, 4))
-            for ns, turn in zip((1, 100), turns, strict=True):
-                buffer.set_transform(
-                    transform(parent, child, ns=ns, xyz=random.normal(size=3), xyzw=turn), "x"
-                )
-        times = np.arange(1, 101)
-        self.assert_same_as_one_by_one(buffer, "map", [*deep, *wide], times)
-        self.assert_same_as_one_by_one(buffer, "deep 60", [*wide, *deep], times)
-
-    @settings(max_examples=40, deadline=None)
-    @given(st.integers(0, 2**32), st.lists(st.integers(0, 1300), min_size=1, max_size=80))
-    def test_frames_that_change_their_parents(self, tf2_py, seed, times):
-        random = np.random.default_rng(seed)
-        buffer = tf2_py.BufferCore(Duration(seconds=1000))
-        frames = ["map", "left", "right", "cup", "spoon"]
-        for _ in range(30):
-            parent, child = (str(name) for name in random.choice(frames, 2, replace=False))
-            # A parent that comes later in the list may close a loop.
-            if frames.index(parent) < frames.index(child) or random.random() < 0.02:
-                ns = int(random.integers(1, 1200))
-                buffer.set_transform(transform(parent, child, ns=ns, xyz=random.normal(size=3)), "x")
-        known = [frame for frame in frames if frame in buffer]
-        self.assert_same_as_one_by_one(buffer, known[0], known, times, on_missing="nan")
 
     def test_the_first_frame_with_an_error_raises_it_even_if_another_fails_earlier(self, tf2_py):
         buffer = tf2_py.BufferCore(Duration(seconds=100))

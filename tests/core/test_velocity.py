@@ -164,7 +164,7 @@ class TestAtManyTimes:
                 np.testing.assert_array_equal(row, np.ravel(twist))
         return missing
 
-    @pytest.mark.parametrize(("tracking", "observation"), itertools.permutations(FRAMES, 2))
+    @pytest.mark.parametrize(("tracking", "observation"), [*itertools.permutations(FRAMES, 2)])
     def test_each_row_is_that_of_the_single_lookup(self, robot, tracking, observation):
         newest = robot.get_latest_common_time("world", "hand").nanoseconds
         times = np.concatenate([[0, 1, newest, newest + 1], np.arange(S, newest + S, 17_000_000)])

@@ -249,19 +249,17 @@ def shut_down(waited_ns: int) -> str:
     return f"The context was shut down, which ended the wait for the transform after {_duration(waited_ns)} s"
 
 
-def no_longer(reason: str, cache_time_ns: int) -> str:
+def no_longer(reason: str) -> str:
     """The error text of a wait for a time that has become too old to be received."""
-    return f"{reason}; transforms of that time are refused by now (cache time {seconds(cache_time_ns)} s)"
+    return f"{reason}; transforms of that time are refused by now"
 
 
 def _at(time_ns: int) -> str:
     return f"at {seconds(time_ns)} s" if time_ns else "at the latest common time"
 
 
-def waits_for(
-    target: str, target_ns: int, source: str, source_ns: int, fixed: str | None, lack: str | None
-) -> str:
-    """One line about a wait. ``target_ns`` is used with a fixed frame only; ``lack`` may be None: nothing."""
+def waits_for(target: str, target_ns: int, source: str, source_ns: int, fixed: str | None, lack: str) -> str:
+    """One line about a wait. ``target_ns`` is used with a fixed frame only."""
     target, source = printable(target), printable(source)
     if fixed is None:
         lookup = f"from frame [{source}] to frame [{target}] {_at(source_ns)}"
@@ -270,34 +268,4 @@ def waits_for(
             f"from frame [{source}] {_at(source_ns)} to frame [{target}] {_at(target_ns)}, "
             f"fixed in frame [{printable(fixed)}]"
         )
-    return f"waits for the transform {lookup}: {lack or 'the answer is available and is being delivered'}"
-
-
-def lacks_frame(name: str) -> str:
-    """A wait for a frame that no transform has named."""
-    return f"needs a frame [{printable(name)}], which is unknown"
-
-
-def lacks_connection(target: str, source: str) -> str:
-    """A wait for two frames in different trees."""
-    return f"needs transforms that connect frame [{printable(source)}] and frame [{printable(target)}]"
-
-
-def lacks_no_loop(target: str, source: str) -> str:
-    """A wait for two frames whose path contains a loop."""
-    return f"needs the loop between frame [{printable(source)}] and frame [{printable(target)}] to be opened"
-
-
-LACKS_CHANGE = "needs another transform than the present one"
-
-
-def lacks_data(gap: str, child: str, requested_ns: int, edge_ns: int) -> str:
-    """A wait for a history without data for a time; ``gap`` as in :func:`extrapolation`."""
-    needs = f"needs data of frame [{printable(child)}]"
-    if gap == "empty":
-        return f"{needs} (it has none)"
-    if gap == "long":
-        return f"{needs} closer to {seconds(requested_ns)} s"
-    side = "or later" if requested_ns > edge_ns else "or earlier"
-    edge = {"future": "newest", "past": "oldest"}.get(gap, "only")
-    return f"{needs} at {seconds(requested_ns)} s {side} (its {edge} stamp is {seconds(edge_ns)} s)"
+    return f"waits for the transform {lookup}: {lack}"

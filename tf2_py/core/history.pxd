@@ -175,10 +175,22 @@ cdef struct HistoryChange:
     uint32_t moved          # samples copied to other slots
 
 
+cdef struct Retention:
+    # How much a dynamic history keeps. All of it is read by history_horizon only.
+    int64_t cache_time_ns   # how far it reaches back from its newest stamp; >= 0
+
+
+cdef inline int64_t history_horizon(const History* history, const Retention* retention,
+                                    int64_t newest_ns) noexcept nogil:
+    # The one rule of what is lost, if `newest_ns` is the newest stamp: a sample with an earlier stamp than
+    # this is pruned by the next insert, refused when it arrives, and not waited for under a policy.
+    return newest_ns - retention.cache_time_ns if history.count else INT64_MIN
+
+
 # `growth_limit`: by how many bytes the memory may grow. `change` is always filled.
 # `stamp_ns` >= 0, a unit rotation in `sample`.
 cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Sample* sample,
-                                  int64_t cache_time_ns, size_t growth_limit,
+                                  const Retention* retention, size_t growth_limit,
                                   HistoryChange* change) noexcept nogil
 cdef HistoryInsert history_set_static(History* history, int64_t stamp_ns, const Sample* sample,
                                       size_t growth_limit, HistoryChange* change) noexcept nogil

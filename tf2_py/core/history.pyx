@@ -541,18 +541,20 @@ cdef void _replace_last_of_stamp(History* history, uint32_t index, const Sample*
 
 
 cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Sample* sample,
-                                  int64_t cache_time_ns, size_t growth_limit,
+                                  const Retention* retention, size_t growth_limit,
                                   HistoryChange* change) noexcept nogil:
     # As in tf2: prune against the newest stamp before this insert, then refuse what is older than that.
     cdef uint32_t index, i, slot
+    cdef int64_t horizon_ns
     cdef HistoryInsert outcome = HISTORY_INSERTED
     _clear_change(change)
     if history.kind != HISTORY_DYNAMIC:
         outcome = _change_kind(history, HISTORY_DYNAMIC, FIRST_CAPACITY, growth_limit)
         if outcome != HISTORY_INSERTED:
             return outcome
-    _prune(history, history.newest_ns - cache_time_ns)
-    if history.count and stamp_ns < history.newest_ns - cache_time_ns:
+    horizon_ns = history_horizon(history, retention, history.newest_ns)
+    _prune(history, horizon_ns)
+    if stamp_ns < horizon_ns:
         return HISTORY_TOO_OLD
     index = history_first_after(history, stamp_ns)
     i = index
@@ -572,7 +574,7 @@ cdef HistoryInsert history_insert(History* history, int64_t stamp_ns, const Samp
     outcome = history_reserve_one(history, index == history.count, growth_limit)
     if outcome == HISTORY_FULL and index == history.count:
         # Prune now what the next insert would prune, because without memory there would be no next insert.
-        _prune(history, stamp_ns - cache_time_ns)
+        _prune(history, history_horizon(history, retention, stamp_ns))
         index = history.count
         outcome = history_reserve_one(history, True, growth_limit)
     if outcome != HISTORY_INSERTED:

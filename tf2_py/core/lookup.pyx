@@ -412,7 +412,8 @@ cdef FrameId _hopeless_frame(const Tree* tree, const FrameId* frames, uint32_t h
     for i in range(hops):
         history = &tree.histories[frames[i]]
         gap = history_gap(history, time_ns)
-        if gap in (GAP_PAST, GAP_SINGLE) and time_ns < history.newest_ns - tree.cache_time_ns:
+        if gap in (GAP_PAST, GAP_SINGLE) and time_ns < history_horizon(
+                history, &tree.retention, history.newest_ns):
             return frames[i]
         if gap != GAP_NONE:
             return NO_FRAME

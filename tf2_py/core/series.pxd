@@ -23,13 +23,6 @@ cdef inline void series_begin(TimeSeries* series, const int64_t* times_ns, Py_ss
 # than `count`: the next one failed with `status`. Call it without the lock: it holds it for short times.
 cdef Py_ssize_t series_lookup(const Tree* tree, Lock* lock, const Query* query, const TimeSeries* series,
                               Status* status) noexcept nogil
-# The same for many queries, whose rows follow one another in `translations` and `rotations`, of count times
-# the number of times: an edge that lies on several paths is interpolated once for all of them. Returns the
-# first query that is not answered at all times, and sets `answered` to how many of its times are; `queries`:
-# all are answered. -1: no memory. Up to SERIES_GROUP queries in turn are answered from one state of the tree.
-cdef Py_ssize_t series_lookup_many(const Tree* tree, Lock* lock, const Query* queries, Py_ssize_t query_count,
-                                   const TimeSeries* series, Py_ssize_t* answered,
-                                   Status* status) noexcept nogil
 
 
 cdef inline void twist_interval(int64_t time_ns, int64_t interval_ns, int64_t common_ns,

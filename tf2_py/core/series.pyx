@@ -291,19 +291,6 @@ cdef void work_transform_points(const SeriesWork* work, uint32_t count, const do
 
 cdef enum:
     LONG_PATH = 64          # hops; the data of a batch along a longer path would not fit into the cache
-    SERIES_GROUP = 16       # lookups that are pinned under one lock
-    SHARED_HOPS = 64        # of a group: 230 kB, which fit into the second-level cache
-
-
-cdef struct SharedHop:
-    # A moving frame on the paths of several lookups of a group.
-    const History* history  # pinned by one of the lookups
-    FrameId frame
-    uint32_t uses           # how many of the lookups need it
-    uint32_t hint           # where the last time was found
-    bint is_current         # the following are those of the current batch
-    Columns hop
-    unsigned char missing[BATCH_TIMES]
 
 
 cdef struct PinnedLookup:
@@ -313,7 +300,6 @@ cdef struct PinnedLookup:
     Path path
     History histories[LONG_PATH]         # by hop, pinned: source side first
     uint32_t hints[LONG_PATH]       # by hop: where the last time was found
-    const SharedHop* shared[LONG_PATH]      # by hop: it is computed there, for several lookups; NULL: here
     uint32_t hops
     int64_t common_ns       # the latest common time, which time 0 means
     # Otherwise, each time is a separate lookup in the tree.
@@ -363,25 +349,12 @@ cdef void _pin_path(const Tree* tree, PinnedLookup* pinned) noexcept nogil:
     pinned.hops += pinned.path.target_hops
     for i in range(pinned.hops):
         pinned.hints[i] = NEWEST_HINT
-        pinned.shared[i] = NULL
 
 
 cdef void _unpin_lookup(PinnedLookup* pinned) noexcept nogil:
     cdef uint32_t i
     for i in range(pinned.hops):
         history_unpin(&pinned.histories[i])
-
-
-cdef void _hop(PinnedLookup* pinned, uint32_t k, const int64_t* times_ns, uint32_t count,
-               SeriesWork* work) noexcept nogil:
-    cdef const SharedHop* shared = pinned.shared[k]
-    cdef uint32_t i
-    if shared == NULL or not shared.is_current:
-        work_hop(work, &pinned.histories[k], times_ns, count, &pinned.hints[k])
-        return
-    work.hop = shared.hop
-    for i in range(BATCH_TIMES):
-        work.missing[i] |= shared.missing[i]
 
 
 cdef void _answer_batch(PinnedLookup* pinned, const int64_t* asked_ns, uint32_t count,
@@ -397,13 +370,13 @@ cdef void _answer_batch(PinnedLookup* pinned, const int64_t* asked_ns, uint32_t 
     else:
         for i in range(path.target_hops):
             k = path.source_hops + i
-            _hop(pinned, k, times_ns, count, work)
+            work_hop(work, &pinned.histories[k], times_ns, count, &pinned.hints[k])
             if i == 0:
                 work.target = work.hop
             else:
                 _climb_target(work)
         for i in range(path.source_hops):
-            _hop(pinned, i, times_ns, count, work)
+            work_hop(work, &pinned.histories[i], times_ns, count, &pinned.hints[i])
             if i == 0:
                 work.source = work.hop
             else:
@@ -500,122 +473,3 @@ cdef void twists_between(const int64_t* ends_ns, Py_ssize_t count, const double*
             memcpy(poses[k].rotation, rotations + 4 * (2 * i + k), sizeof(poses[k].rotation))
         twist_between(&poses[0], &poses[1], <double>(ends_ns[2 * i + 1] - ends_ns[2 * i]) * 1e-9,
                       linear + 3 * i, angular + 3 * i)
-
-
-# Many lookups at the same times.
-
-cdef struct Group:
-    PinnedLookup lookups[SERIES_GROUP]
-    SharedHop hops[SHARED_HOPS]
-    uint32_t hop_count
-    SeriesWork work
-
-
-cdef uint32_t _find_hop(const Group* group, FrameId frame) noexcept nogil:
-    # SHARED_HOPS: it is not among them, and there is no place for another one.
-    cdef uint32_t i
-    for i in range(group.hop_count):
-        if group.hops[i].frame == frame:
-            return i
-    return group.hop_count
-
-
-cdef void _share_hops(Group* group, uint32_t lookups) noexcept nogil:
-    # Count how many lookups need each moving frame, then refer those that are not the only one to it.
-    cdef PinnedLookup* pinned
-    cdef SharedHop* shared
-    cdef FrameId frame
-    cdef uint32_t i, k, place
-    cdef bint is_counted = False
-    group.hop_count = 0
-    while True:
-        for i in range(lookups):
-            pinned = &group.lookups[i]
-            for k in range(pinned.hops):
-                if pinned.histories[k].kind == HISTORY_STATIC:
-                    continue
-                if k < pinned.path.source_hops:
-                    frame = pinned.path.source[k]
-                else:
-                    frame = pinned.path.target[k - pinned.path.source_hops]
-                place = _find_hop(group, frame)
-                if place == SHARED_HOPS:
-                    continue
-                shared = &group.hops[place]
-                if place == group.hop_count:
-                    group.hop_count += 1
-                    shared.history, shared.frame, shared.uses = &pinned.histories[k], frame, 0
-                    shared.hint = NEWEST_HINT
-                if not is_counted:
-                    shared.uses += 1
-                elif shared.uses > 1:
-                    pinned.shared[k] = shared
-        if is_counted:
-            return
-        is_counted = True
-
-
-cdef void _compute_hops(Group* group, const int64_t* times_ns, uint32_t count) noexcept nogil:
-    cdef SeriesWork* work = &group.work
-    cdef SharedHop* shared
-    cdef uint32_t i
-    cdef bint is_latest = False     # time 0, which means another time for each lookup
-    for i in range(count):
-        is_latest = is_latest or times_ns[i] == 0
-    for i in range(group.hop_count):
-        shared = &group.hops[i]
-        shared.is_current = shared.uses > 1 and not is_latest
-        if shared.is_current:
-            memset(work.missing, 0, BATCH_TIMES)
-            work_hop(work, shared.history, times_ns, count, &shared.hint)
-            shared.hop = work.hop
-            memcpy(shared.missing, work.missing, BATCH_TIMES)
-
-
-cdef uint32_t _answer_group(const Tree* tree, Lock* lock, const Query* queries, uint32_t lookups,
-                            Group* group, const TimeSeries* series, Py_ssize_t row, Py_ssize_t* answered,
-                            Status* status) noexcept nogil:
-    # As series_lookup_many; `row`: the first one of the first query.
-    cdef Py_ssize_t start = 0
-    cdef uint32_t count, done, i
-    cdef Status one
-    while start < series.count and lookups:
-        count = <uint32_t>min(<Py_ssize_t>BATCH_TIMES, series.count - start)
-        _compute_hops(group, series.times_ns + start, count)
-        for i in range(lookups):
-            done = _answer_times(tree, lock, &queries[i], &group.lookups[i], series.times_ns + start, count,
-                                 series.nan_missing, &group.work, &one)
-            if done < count:
-                # Those before it may still fail at a later time.
-                lookups, answered[0], status[0] = i, start + done, one
-                break
-            work_store(&group.work, count, series.translations + 3 * (row + i * series.count + start),
-                       series.rotations + 4 * (row + i * series.count + start))
-        start += count
-    return lookups
-
-
-cdef Py_ssize_t series_lookup_many(const Tree* tree, Lock* lock, const Query* queries, Py_ssize_t query_count,
-                                   const TimeSeries* series, Py_ssize_t* answered,
-                                   Status* status) noexcept nogil:
-    cdef Group* group = <Group*>malloc(sizeof(Group))
-    cdef Py_ssize_t first = 0
-    cdef uint32_t lookups = 0
-    cdef uint32_t done = 0
-    cdef uint32_t i
-    if group == NULL:
-        return -1
-    while first < query_count and done == lookups:
-        lookups = <uint32_t>min(<Py_ssize_t>SERIES_GROUP, query_count - first)
-        lock_acquire(lock)
-        for i in range(lookups):
-            _pin_lookup(tree, &queries[first + i], &group.lookups[i])
-        lock_release(lock)
-        _share_hops(group, lookups)
-        done = _answer_group(tree, lock, queries + first, lookups, group, series, first * series.count,
-                             answered, status)
-        for i in range(lookups):
-            _unpin_lookup(&group.lookups[i])
-        first += done
-    free(group)
-    return first

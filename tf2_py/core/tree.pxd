@@ -17,7 +17,7 @@ cdef struct Tree:
     History* histories              # by frame; [0] stays empty
     uint32_t* parents               # by frame: parent of the newest sample | MIXED_PARENTS; NO_FRAME: none
     uint32_t capacity               # frames allocated in the two arrays above
-    int64_t cache_time_ns           # how far a history reaches back from its newest stamp; >= 0
+    Retention retention             # what each dynamic history keeps
     Limits limits                   # of the buffer
     uint32_t hidden                 # frames whose names count as unknown
     bint ever_looped                # a parent link once closed a loop: then walks are made in tf2's order
@@ -46,18 +46,12 @@ cdef inline void change_begin(Change* change, bint shape) noexcept nogil:
     change.covered.last = INT64_MIN
 
 
-cdef extern from *:
-    """
-    #define TF2_DEFAULT_CACHE_TIME_NS 10000000000LL
-    """
-    const int64_t DEFAULT_CACHE_TIME_NS "TF2_DEFAULT_CACHE_TIME_NS"     # as tf2's
-
 # A text, compared as a pointer.
 cdef const char* TREE_LACKS_MEMORY
 
 
-# Zero a Tree before tree_init; after a failed tree_init, tree_free is still due.
-cdef int tree_init(Tree* tree, int64_t cache_time_ns, const Limits* limits) noexcept nogil  # 0; -1: no memory
+# Zero a Tree before tree_init; after a failed tree_init (-1: no memory), tree_free is still due.
+cdef int tree_init(Tree* tree, const Retention* retention, const Limits* limits) noexcept nogil  # 0; -1
 cdef void tree_free(Tree* tree) noexcept nogil
 # The id of an authority; if there are too many, of a name that says so. NAME_NO_MEMORY: none.
 cdef uint32_t tree_authority(Tree* tree, const char* name, size_t size) noexcept nogil

@@ -14,9 +14,9 @@ cdef const char* TOO_MANY_AUTHORITIES = "(too many authorities)"
 cdef size_t TOO_MANY_AUTHORITIES_SIZE = 22
 
 
-cdef int tree_init(Tree* tree, int64_t cache_time_ns, const Limits* limits) noexcept nogil:
+cdef int tree_init(Tree* tree, const Retention* retention, const Limits* limits) noexcept nogil:
     cdef uint32_t refused = 0
-    tree.cache_time_ns = cache_time_ns
+    tree.retention = retention[0]
     tree.limits = limits[0]
     if names_init(&tree.names) != 0 or names_init(&tree.authorities) != 0:
         return -1
@@ -254,7 +254,7 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     if is_static:
         outcome = history_set_static(history, incoming.stamp_ns, &sample, growth_limit, &changed)
     else:
-        outcome = history_insert(history, incoming.stamp_ns, &sample, tree.cache_time_ns, growth_limit,
+        outcome = history_insert(history, incoming.stamp_ns, &sample, &tree.retention, growth_limit,
                                  &changed)
     tree.samples += history.count - <uint64_t>count
     tree.history_bytes += history_allocated(history) - bytes_before

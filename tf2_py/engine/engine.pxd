@@ -90,7 +90,7 @@ cdef class Engine:
     cdef Removal begin_to_remove(self, Batch* batch, const char* name, size_t size,
                                  int64_t before_ns=*) noexcept nogil
     # Resets the engine as if it were new; pending waits go on.
-    cdef int start_over(self, int64_t cache_time_ns, const Limits* limits) except -1
+    cdef int start_over(self, const Retention* retention, const Limits* limits) except -1
     # What the buffer holds at one moment, as state_of, and replacing it by such a state; pending waits go on.
     # If that raises, nothing has changed.
     cdef dict export(self)
@@ -101,9 +101,6 @@ cdef class Engine:
     # As series_lookup; -1 if the lookup fails at any time.
     cdef Py_ssize_t lookup_series(self, const Query* query, const TimeSeries* series,
                                   Status* status) noexcept nogil
-    # As series_lookup_many; an `answered` of -1: the lookup fails at any time.
-    cdef Py_ssize_t lookup_series_many(self, const Query* queries, Py_ssize_t count, const TimeSeries* series,
-                                       Py_ssize_t* answered, Status* status) noexcept nogil
     # Both for simple lookups only; the path is that at `query.source_ns`.
     cdef Status common_time(self, const Query* query, int64_t* common_ns) noexcept nogil
     cdef Status find_path(self, const Query* query, Path* path) noexcept nogil
@@ -124,14 +121,13 @@ cdef class Engine:
     # What a wait for a lookup, or for another answer than the latest, lacks now, in words.
     cdef str lack(self, const Query* query, bint only_new)
 
-    # Listing, as snapshot_frames, learn_names and snapshot_span.
+    # Listing, as snapshot_frames and learn_names.
     cdef list frame_facts(self, bint roots=*)
     cdef list frame_names(self, frames)
     # The id of a name that was ever a parent or child, or of the reserved one; NAME_UNKNOWN: of neither.
     cdef uint32_t find_name(self, const char* name, size_t size) noexcept nogil
     # Of the newest sample, where the time is 0; NO_FRAME: none, or no data for the time.
     cdef FrameId parent_at(self, const char* name, size_t size, int64_t time_ns) noexcept nogil
-    cdef bint span(self, int64_t* oldest_ns, int64_t* newest_ns) noexcept nogil
     cdef dict counts(self)              # see BufferCore.statistics
     cdef const char* check(self) noexcept nogil     # NULL, or which invariant does not hold
 

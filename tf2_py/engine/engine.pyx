@@ -5,7 +5,6 @@
 cdef int64_t PERIOD_NS = 1000000000
 
 cdef enum:
-    LINES_PER_MESSAGE = 10
     LINES_PER_SECOND = 20
 
 
@@ -13,27 +12,24 @@ cdef struct Recent:
     # What was logged within the last second.
     uint64_t keys[LINES_PER_SECOND]
     int64_t until_ns[LINES_PER_SECOND]      # steady time; an entry whose time has passed is free
+    uint64_t unlogged                       # how often there was no free entry, since the last summary
 
 
-cdef enum Verdict:
-    VERDICT_NEW             # not logged within the last second
-    VERDICT_REPEATED        # logged within the last second
-    VERDICT_TOO_MUCH        # LINES_PER_SECOND are logged already
-
-
-cdef Verdict _judge(Recent* recent, uint64_t key, int64_t now_ns, bint is_full) noexcept nogil:
+cdef bint _passes(Recent* recent, uint64_t key, int64_t now_ns) noexcept nogil:
+    # Whether to log a key: once a second, and at most LINES_PER_SECOND keys.
     cdef int place
     cdef int free = -1
     for place in range(LINES_PER_SECOND):
         if recent.until_ns[place] <= now_ns:
             free = place
         elif recent.keys[place] == key:
-            return VERDICT_REPEATED
-    if free < 0 or is_full:
-        return VERDICT_TOO_MUCH
+            return False
+    if free < 0:
+        recent.unlogged += 1
+        return False
     recent.keys[free] = key
     recent.until_ns[free] = now_ns + PERIOD_NS
-    return VERDICT_NEW
+    return True
 
 
 cdef class Throttle:
@@ -42,41 +38,26 @@ cdef class Throttle:
     # Read and written with the GIL held.
     cdef Recent _refused
     cdef Recent _others
-    cdef uint64_t _unlogged             # refused transforms that were not logged, since the last summary
     cdef int64_t _summary_ns            # steady time before which there is no further summary
 
     def passes(self, what):
         """Whether a line about ``what``, hashable, is to be logged now."""
-        return _judge(&self._others, <uint64_t><Py_ssize_t>hash(what), monotonic_ns(), False) == VERDICT_NEW
+        return _passes(&self._others, <uint64_t><Py_ssize_t>hash(what), monotonic_ns())
 
-    cdef size_t choose(self, const Batch* batch, size_t* chosen, uint64_t* more) noexcept:
-        # The entries to log, at most LINES_PER_MESSAGE of them, into `chosen`; their number is returned.
-        # `more` receives how many others a summary is to count, 0 where none is due.
-        cdef int64_t now_ns = monotonic_ns()
-        cdef size_t count = 0
-        cdef size_t i
-        cdef uint64_t key
-        cdef const Entry* entry
-        cdef Verdict verdict
-        for i in range(batch.count):
-            entry = &batch.entries[i]
-            if entry.refused == 0:
-                continue
-            # The reasons change the key of a child; the multiplier, 2^64 / golden ratio, spreads them.
-            key = name_hash(entry.incoming.child, entry.incoming.child_size)
-            key ^= entry.refused * <uint64_t>0x9E3779B97F4A7C15
-            verdict = _judge(&self._refused, key, now_ns, count == LINES_PER_MESSAGE)
-            if verdict == VERDICT_NEW:
-                chosen[count] = i
-                count += 1
-            elif verdict == VERDICT_TOO_MUCH:
-                self._unlogged += 1
-        more[0] = 0
-        if self._unlogged and self._summary_ns <= now_ns:
-            more[0] = self._unlogged
-            self._unlogged = 0
+    cdef bint passes_refused(self, const Entry* entry, int64_t now_ns) noexcept:
+        # The reasons change the key of a child; the multiplier, 2^64 / golden ratio, spreads them.
+        cdef uint64_t key = name_hash(entry.incoming.child, entry.incoming.child_size)
+        return _passes(&self._refused, key ^ entry.refused * <uint64_t>0x9E3779B97F4A7C15, now_ns)
+
+    cdef uint64_t summary(self, int64_t now_ns) noexcept:
+        # How many refused transforms a summary is to count; 0: none is due.
+        cdef uint64_t unlogged = self._refused.unlogged
+        if self._summary_ns > now_ns:
+            return 0
+        if unlogged:
+            self._refused.unlogged = 0
             self._summary_ns = now_ns + PERIOD_NS
-        return count
+        return unlogged
 
 
 # The self check of debug builds, which are compiled with ``-DTF2_SELF_CHECK``: releasing a lock after writing
@@ -141,6 +122,10 @@ cdef inline void unlock_written(Lock* lock, const Tree* tree, const Waiters* wai
 cdef Limits NO_LIMITS
 NO_LIMITS.frames = NO_LIMITS.waiters = UINT32_MAX
 NO_LIMITS.bytes = SIZE_MAX
+cdef Retention KEEP_ALL
+KEEP_ALL.cache_time_ns = INT64_MAX
+cdef Retention DEFAULT_RETENTION
+DEFAULT_RETENTION.cache_time_ns = 10 * <int64_t>NS_PER_S    # as tf2's
 
 
 cdef class WaiterOwner:
@@ -199,7 +184,7 @@ cdef class Engine:
         self._forked.owner = <void*>self
         self._forked.in_child = _forget_waiters
         fork_watch(&self._forked, &self._lock)
-        if tree_init(&self._tree, DEFAULT_CACHE_TIME_NS, &NO_LIMITS) != 0:
+        if tree_init(&self._tree, &DEFAULT_RETENTION, &NO_LIMITS) != 0:
             raise MemoryError
         self._throttle = Throttle()
         self._advice = Advice()
@@ -323,22 +308,22 @@ cdef class Engine:
 
     cdef int _log_refused(self, Batch* batch) except -1:
         # Only what is printed is converted to text.
-        cdef size_t chosen[LINES_PER_MESSAGE]
-        cdef size_t count, i
+        cdef Throttle throttle = self._throttle
+        cdef int64_t now_ns = monotonic_ns()
+        cdef const Entry* entry
+        cdef size_t i
         cdef uint64_t more
-        cdef const Incoming* incoming
-        if batch.refused == 0:
-            return 0
-        count = (<Throttle>self._throttle).choose(batch, chosen, &more)
-        for i in range(count):
-            incoming = &batch.entries[chosen[i]].incoming
-            log.refused(
-                batch.entries[chosen[i]].refused,
-                name_for_log(incoming.parent, incoming.parent_size),
-                name_for_log(incoming.child, incoming.child_size),
-                name_for_log(batch.authority, batch.authority_size),
-                incoming.stamp_ns,
-            )
+        for i in range(batch.count if batch.refused else 0):
+            entry = &batch.entries[i]
+            if entry.refused and throttle.passes_refused(entry, now_ns):
+                log.refused(
+                    entry.refused,
+                    name_for_log(entry.incoming.parent, entry.incoming.parent_size),
+                    name_for_log(entry.incoming.child, entry.incoming.child_size),
+                    name_for_log(batch.authority, batch.authority_size),
+                    entry.incoming.stamp_ns,
+                )
+        more = throttle.summary(now_ns) if batch.refused else 0
         if more:
             log.not_logged(more)
         return 0
@@ -411,10 +396,10 @@ cdef class Engine:
             return REMOVED_NOTHING
         return REMOVED_SAMPLES if tree_forget(&self._tree, frame) else REMOVED_NAMES
 
-    cdef int start_over(self, int64_t cache_time_ns, const Limits* limits) except -1:
+    cdef int start_over(self, const Retention* retention, const Limits* limits) except -1:
         cdef Tree empty
         memset(&empty, 0, sizeof(Tree))
-        if tree_init(&empty, cache_time_ns, limits) != 0:
+        if tree_init(&empty, retention, limits) != 0:
             tree_free(&empty)
             raise MemoryError
         return self._replace_tree(&empty)
@@ -489,16 +474,6 @@ cdef class Engine:
         if status.code != STATUS_OK:
             return -1
         return series_lookup(&self._tree, &self._lock, query, series, status)
-
-    cdef Py_ssize_t lookup_series_many(self, const Query* queries, Py_ssize_t count, const TimeSeries* series,
-                                       Py_ssize_t* answered, Status* status) noexcept nogil:
-        cdef Py_ssize_t i
-        answered[0] = -1
-        for i in range(count):
-            status[0] = self._check_names(&queries[i])
-            if status.code != STATUS_OK:
-                return i
-        return series_lookup_many(&self._tree, &self._lock, queries, count, series, answered, status)
 
     cdef Status common_time(self, const Query* query, int64_t* common_ns) noexcept nogil:
         cdef Path path
@@ -634,12 +609,12 @@ cdef class Engine:
 
     cdef str lack(self, const Query* query, bint only_new):
         cdef int64_t stamp_ns
-        cdef Status status = self.lookup(query, NULL, &stamp_ns)
-        child, = self.frame_names((status.child if status.code == STATUS_EXTRAPOLATION else NO_FRAME,))
-        if only_new and status.code == STATUS_OK:
-            status.code = STATUS_NOT_NEW
-        self._begin_advice()
-        return query_lack(query, status, child, self._advice, self._tf2_names)
+        cdef Transform not_needed   # with NULL, another half of a two-time lookup would be tried first
+        cdef Status status = self.lookup(query, &not_needed, &stamp_ns)
+        if status.code != STATUS_OK:
+            return query_wait(query, str(self.error(query, status)))
+        return query_wait(query, "the answer is the one that it has" if only_new
+                          else "the answer is available and is being delivered")
 
     cdef list frame_facts(self, bint roots=False):
         catch_up(self)
@@ -665,9 +640,6 @@ cdef class Engine:
         parent = history_parent_at(&self._tree.histories[tree_frame(&self._tree, name, size)], time_ns)
         lock_release(&self._lock)
         return parent
-
-    cdef bint span(self, int64_t* oldest_ns, int64_t* newest_ns) noexcept nogil:
-        return snapshot_span(&self._tree, &self._lock, oldest_ns, newest_ns)
 
     cdef dict counts(self):
         cdef Tree tree
@@ -703,7 +675,7 @@ cdef class Engine:
     def _tf2_cache_time_ns(self):
         cdef int64_t cache_time_ns
         lock_acquire(&self._lock)
-        cache_time_ns = self._tree.cache_time_ns
+        cache_time_ns = self._tree.retention.cache_time_ns
         lock_release(&self._lock)
         return cache_time_ns
 

@@ -63,6 +63,5 @@ cdef class Advice:
 # status.parent. `advice` was begun with `buffer`.
 cdef object query_error(const Query* query, Status status, str child, str parent, str call, Advice advice,
                         object buffer)
-# What a wait for the lookup waits for, and what it lacks; `child` is the name of status.child, `list_names`
-# returns all names.
-cdef str query_lack(const Query* query, Status status, str child, Advice advice, object list_names)
+# One line: the lookup that a wait waits for, and what it lacks.
+cdef str query_wait(const Query* query, str lack)

@@ -251,24 +251,7 @@ cdef object query_error(const Query* query, Status status, str child, str parent
     return error
 
 
-cdef str query_lack(const Query* query, Status status, str child, Advice advice, object list_names):
+cdef str query_wait(const Query* query, str lack):
     target, source, fixed = _query_names(query)
-    lack = unknown = None
-    if status.code == STATUS_BAD_TARGET:
-        unknown = target
-    elif status.code == STATUS_BAD_SOURCE:
-        unknown = source
-    elif status.code == STATUS_BAD_FIXED:
-        unknown = fixed
-    elif status.code == STATUS_UNCONNECTED:
-        lack = errors.lacks_connection(*_ends(query, status))
-    elif status.code == STATUS_NOT_NEW:
-        lack = errors.LACKS_CHANGE
-    elif status.code == STATUS_LOOP:
-        lack = errors.lacks_no_loop(*_ends(query, status))
-    elif status.code != STATUS_OK:
-        lack = errors.lacks_data(GAP_NAMES[<int>status.gap], child, status.requested_ns, status.edge_ns)
-    if unknown is not None:
-        lack = ". ".join(filter(None, (errors.lacks_frame(unknown), advice.suggestion(unknown, list_names))))
     target_ns = query.source_ns if query.fixed == NULL else query.target_ns
     return errors.waits_for(target, target_ns, source, query.source_ns, fixed, lack)

@@ -1,18 +1,11 @@
 """Copy the content of a tree: as Python objects for listings, as one state for pickles and files."""
 
-cdef struct Facts:
-    # A FrameFacts before its names are Python objects.
-    FrameId frame
-    FrameId parent
-    uint32_t authority
-    bint is_static
-    uint32_t count
-    int64_t newest_ns
-    int64_t oldest_ns
+cdef enum:
+    SLICE_NAMES = 1024      # copied under the lock at once, which takes some 20 microseconds
 
 
 cdef int learn_names(const Names* names, Lock* lock, list known) except -1:
-    cdef uint32_t sizes[SLICE_FRAMES]
+    cdef uint32_t sizes[SLICE_NAMES]
     cdef uint32_t first, count, i
     cdef size_t start, size
     cdef char* text
@@ -20,7 +13,7 @@ cdef int learn_names(const Names* names, Lock* lock, list known) except -1:
         first = len(known)
         text = NULL
         lock_acquire(lock)
-        count = min(names.count - min(first, names.count), <uint32_t>SLICE_FRAMES)
+        count = min(names.count - min(first, names.count), <uint32_t>SLICE_NAMES)
         if count:
             start = names.names[first].start
             size = names.names[first + count - 1].start + names.names[first + count - 1].size - start
@@ -51,83 +44,64 @@ cdef inline str name_of(list known, uint32_t id):
     return known[id if id < <size_t>len(known) else 0]
 
 
-cdef inline void _copy_facts(Facts* facts, const Tree* tree, FrameId frame) noexcept nogil:
-    cdef const History* history = &tree.histories[frame]
-    facts.frame = frame
-    facts.parent = tree_newest_parent(tree, frame)
-    facts.authority = history.authority
-    facts.is_static = history.kind == HISTORY_STATIC
-    facts.count = history.count
-    facts.newest_ns = history.newest_ns
-    facts.oldest_ns = history.oldest_ns
+cdef bint _pin_all(const Tree* tree, Tree* view) noexcept nogil:
+    # Makes `view` a copy that may be read without the lock, except for its names. False: no memory.
+    cdef FrameId id
+    view[0] = tree[0]
+    view.histories = <History*>malloc(tree.names.count * sizeof(History))
+    if view.histories == NULL:
+        return False
+    for id in range(tree.names.count):
+        history_pin(&tree.histories[id], &view.histories[id])
+    return True
 
 
-cdef uint32_t _copy_frames(const Tree* tree, bint roots, FrameId* first, Facts* facts) noexcept nogil:
-    # With the lock held: the facts of a slice that begins with `first`, which is moved behind it.
-    cdef uint32_t end = min(first[0] + SLICE_FRAMES, tree.names.count)
-    cdef uint32_t count = 0
-    cdef uint32_t id
-    for id in range(first[0], end):
-        if tree.histories[id].kind != HISTORY_NONE or (roots and not tree.histories[id].is_hidden):
-            _copy_facts(&facts[count], tree, id)
-            count += 1
-    first[0] = end
-    return count
+cdef int _pin(const Tree* tree, Lock* lock, Tree* view) except -1:
+    # The GIL is held until the names are known, too, so that they are those of the same tree.
+    cdef bint is_pinned
+    lock_acquire(lock)
+    is_pinned = _pin_all(tree, view)
+    lock_release(lock)
+    if not is_pinned:
+        raise MemoryError
+    return 0
 
 
-cdef object _as_object(const Facts* facts, list names, list authorities):
+cdef void _unpin_all(Tree* view) noexcept nogil:
+    cdef FrameId id
+    for id in range(view.names.count):
+        history_unpin(&view.histories[id])
+    free(view.histories)
+
+
+cdef object _facts_of(const History* history, str name, list names, list authorities):
+    parent = history_newest_parent(history)
     return listings.FrameFacts(
-        name=name_of(names, facts.frame),
-        parent=None if facts.parent == NO_FRAME else name_of(names, facts.parent),
-        authority=name_of(authorities, facts.authority),
-        is_static=bool(facts.is_static),
-        samples=facts.count,
-        newest_ns=facts.newest_ns,
-        oldest_ns=facts.oldest_ns,
+        name=name,
+        parent=None if parent == NO_FRAME else name_of(names, parent),
+        authority=name_of(authorities, history.authority),
+        is_static=history.kind == HISTORY_STATIC,
+        samples=history.count,
+        newest_ns=history.newest_ns,
+        oldest_ns=history.oldest_ns,
     )
 
 
 cdef list snapshot_frames(const Tree* tree, Lock* lock, bint roots, list names, list authorities):
-    cdef list frames = []
-    cdef FrameId first = NO_FRAME + 1
-    cdef bint is_last = False
-    cdef uint32_t count, i
-    cdef Facts* facts = <Facts*>PyMem_Malloc(SLICE_FRAMES * sizeof(Facts))
-    if facts == NULL:
-        raise MemoryError
+    cdef Tree view
+    cdef FrameId id
+    _pin(tree, lock, &view)
     try:
-        while not is_last:
-            lock_acquire(lock)
-            count = _copy_frames(tree, roots, &first, facts)
-            is_last = first >= tree.names.count
-            lock_release(lock)
-            learn_names(&tree.names, lock, names)
-            learn_names(&tree.authorities, lock, authorities)
-            frames += [_as_object(&facts[i], names, authorities) for i in range(count)]
-        return frames
+        learn_names(&tree.names, lock, names)
+        learn_names(&tree.authorities, lock, authorities)
+        return [
+            _facts_of(&view.histories[id], name_of(names, id), names, authorities)
+            for id in range(1, view.names.count)
+            if view.histories[id].kind != HISTORY_NONE or (roots and not view.histories[id].is_hidden)
+        ]
     finally:
-        PyMem_Free(facts)
-
-
-cdef bint snapshot_span(const Tree* tree, Lock* lock, int64_t* oldest_ns, int64_t* newest_ns) noexcept nogil:
-    cdef FrameId id, end
-    cdef FrameId first = NO_FRAME + 1
-    cdef bint is_last = False
-    cdef const History* history
-    oldest_ns[0] = INT64_MAX
-    newest_ns[0] = INT64_MIN
-    while not is_last:
-        lock_acquire(lock)
-        end = min(first + SLICE_FRAMES, tree.names.count)
-        is_last = end == tree.names.count
-        for id in range(first, end):
-            history = &tree.histories[id]
-            if history.kind == HISTORY_DYNAMIC and history.count:
-                oldest_ns[0] = min(oldest_ns[0], history.oldest_ns)
-                newest_ns[0] = max(newest_ns[0], history.newest_ns)
-        lock_release(lock)
-        first = end
-    return oldest_ns[0] <= newest_ns[0]
+        with nogil:
+            _unpin_all(&view)
 
 
 # The state in which a buffer travels: a dict of its cache time, its limits, and its samples.
@@ -161,30 +135,11 @@ cdef struct Samples:
     size_t parent_name_count
 
 
-cdef bint _pin_all(const Tree* tree, Tree* view) noexcept nogil:
-    # Makes `view` a copy that may be read without the lock, except for its names. False: no memory.
-    cdef FrameId id
-    view[0] = tree[0]
-    view.histories = <History*>malloc(tree.names.count * sizeof(History))
-    if view.histories == NULL:
-        return False
-    for id in range(tree.names.count):
-        history_pin(&tree.histories[id], &view.histories[id])
-    return True
-
-
-cdef void _unpin_all(Tree* view) noexcept nogil:
-    cdef FrameId id
-    for id in range(view.names.count):
-        history_unpin(&view.histories[id])
-    free(view.histories)
-
-
 cdef str _as_sent(str name):
     return f"/{name}" if name.startswith("/") else name
 
 
-cdef tuple _facts_of(const History* history, str name, list authorities):
+cdef tuple _frame_of(const History* history, str name, list authorities):
     is_static = history.kind == HISTORY_STATIC
     return _as_sent(name), is_static, name_of(authorities, history.authority), history.count
 
@@ -193,16 +148,10 @@ cdef dict state_of(const Tree* tree, Lock* lock, list names, list authorities):
     cdef Tree view
     cdef FrameId id
     cdef uint64_t at = 0
-    cdef bint is_pinned
     cdef int64_t* stamp_at
     cdef double* transform_at
     cdef uint32_t* parent_at
-    # The GIL is held until the names are known, so that they are those of the same tree.
-    lock_acquire(lock)
-    is_pinned = _pin_all(tree, &view)
-    lock_release(lock)
-    if not is_pinned:
-        raise MemoryError
+    _pin(tree, lock, &view)
     try:
         learn_names(&tree.names, lock, names)
         learn_names(&tree.authorities, lock, authorities)
@@ -217,12 +166,12 @@ cdef dict state_of(const Tree* tree, Lock* lock, list names, list authorities):
                                parent_at + at)
                 at += view.histories[id].count
         return {
-            "cache_time_ns": view.cache_time_ns,
+            "cache_time_ns": view.retention.cache_time_ns,
             "max_frames": view.limits.frames,
             "max_bytes": view.limits.bytes,
             "max_waiters": view.limits.waiters,
             "ever_looped": bool(view.ever_looped),
-            "frames": [_facts_of(&view.histories[id], names[id], authorities)
+            "frames": [_frame_of(&view.histories[id], names[id], authorities)
                        for id in range(1, view.names.count) if view.histories[id].count],
             "stamps": stamps,
             "transforms": transforms,
@@ -329,24 +278,24 @@ cdef int _insert_state(Tree* tree, dict state) except -1:
 
 
 cdef int read_state(dict state, Tree* tree) except -1:
-    cdef int64_t cache_time_ns
+    cdef Retention retention
     cdef Limits limits
     missing = STATE_KEYS - state.keys()
     if missing:
         raise _not_a_state(f"it lacks {', '.join(sorted(missing))}")
-    cache_time_ns = _number(state, "cache_time_ns", 0, INT64_MAX)
+    retention.cache_time_ns = _number(state, "cache_time_ns", 0, INT64_MAX)
     limits.frames = _number(state, "max_frames", 1, UINT32_MAX)
     limits.bytes = _number(state, "max_bytes", 1, SIZE_MAX)
     limits.waiters = _number(state, "max_waiters", 1, UINT32_MAX)
     memset(tree, 0, sizeof(Tree))
     try:
-        if tree_init(tree, INT64_MAX, &NO_LIMITS) != 0:
+        if tree_init(tree, &KEEP_ALL, &NO_LIMITS) != 0:
             raise MemoryError
         _insert_state(tree, state)
     except BaseException:
         tree_free(tree)
         raise
-    tree.cache_time_ns = cache_time_ns
+    tree.retention = retention
     tree.limits = limits
     tree.ever_looped = tree.ever_looped or state["ever_looped"] is True
     return 0

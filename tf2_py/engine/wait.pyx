@@ -89,7 +89,7 @@ cdef class Wait(WaiterOwner):
         cdef int64_t stamp_ns
         if self._is_hopeless():
             error = self._engine.error(&self._waiter.query, self._waiter.hopeless)
-            return type(error)(errors.no_longer(str(error), self._engine._tf2_cache_time_ns))
+            return type(error)(errors.no_longer(str(error)))
         # With NULL instead, the halves of a two-time lookup would be tried in the order of can_transform.
         cdef Transform not_needed
         cdef Status status = self._engine.lookup(&self._waiter.query, &not_needed, &stamp_ns)

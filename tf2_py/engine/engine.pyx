@@ -69,51 +69,30 @@ cdef extern from *:
     #include <stdio.h>
     #include <stdlib.h>
     #define TF2_SELF_CHECKS 1
-    static _Thread_local uint64_t tf2_work_allowed;
-    static void tf2_broken(const char *problem) {
-        fputs("tf2 self check: ", stderr);
-        fputs(problem, stderr);
-        fputs("\\n", stderr);
-        abort();
-    }
+    #define tf2_broken(problem) (fprintf(stderr, "tf2 self check: %s\n", problem), abort())
     #else
     #define TF2_SELF_CHECKS 0
-    #define tf2_work_allowed (*(uint64_t *)0)
     #define tf2_broken(problem) ((void)(problem))
     #endif
     """
     bint SELF_CHECKS "TF2_SELF_CHECKS"
-    uint64_t _work_allowed "tf2_work_allowed"       # of this thread
     void _broken "tf2_broken"(const char* problem) nogil
 
 cdef enum:
-    # The work that each operation may spend on its check, in frames, samples and the like. A buffer that
-    # holds no more is checked after every operation, a larger one less often.
-    CHECK_WORK = 2000
-    WORK_OF_WAITER = 10     # its lookup is tried
+    MOST_CHECKED = 2000     # names and samples; checking a larger buffer each time would take too long
 
 
-cdef inline bint _is_affordable(const Tree* tree, const Waiters* waiters) noexcept nogil:
-    global _work_allowed
-    cdef uint64_t work = tree.names.count + tree.authorities.count + tree.samples
-    if waiters != NULL:
-        work += waiters.watched_capacity + WORK_OF_WAITER * <uint64_t>waiters.count
-    _work_allowed += CHECK_WORK
-    if work > _work_allowed:
-        return False
-    _work_allowed = 0
-    return True
+cdef const char* _problem(const Tree* tree, const Waiters* waiters) noexcept nogil:
+    cdef const char* problem = tree_check(tree)
+    return waiters_check(waiters, tree) if problem == NULL else problem
 
 
-# `waiters`: NULL where they cannot have been touched.
 cdef inline void unlock_written(Lock* lock, const Tree* tree, const Waiters* waiters) noexcept nogil:
-    cdef const char* problem
-    if SELF_CHECKS and _is_affordable(tree, waiters):
-        problem = tree_check(tree)
-        if problem == NULL and waiters != NULL:
-            problem = waiters_check(waiters, tree)
-        if problem != NULL:
-            _broken(problem)
+    cdef const char* problem = NULL
+    if SELF_CHECKS and tree.names.count + tree.authorities.count + tree.samples <= MOST_CHECKED:
+        problem = _problem(tree, waiters)
+    if problem != NULL:
+        _broken(problem)
     lock_release(lock)
 
 
@@ -665,9 +644,7 @@ cdef class Engine:
     cdef const char* check(self) noexcept nogil:
         cdef const char* problem
         lock_acquire(&self._lock)
-        problem = tree_check(&self._tree)
-        if problem == NULL:
-            problem = waiters_check(&self._waiters, &self._tree)
+        problem = _problem(&self._tree, &self._waiters)
         lock_release(&self._lock)
         return problem
 

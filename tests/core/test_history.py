@@ -1,83 +1,10 @@
-"""One frame's history against a plain list that is searched from end to end."""
-
-import bisect
+"""The history of one frame: finding samples, and memory. The model holds what it answers (test_model.py)."""
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from making import at_ns, transform, translation
 from ros_optional import Duration
 
 pytestmark = pytest.mark.ours
-
-CACHE_NS = 1000
-
-
-class PlainHistory:
-    """What behaviour is asked of the ring, in the slowest and shortest way."""
-
-    def __init__(self):
-        self.samples = []  # (stamp, parent, x), by stamp, equal ones by arrival
-
-    def insert(self, stamp, parent, x):
-        if self.samples:
-            horizon = self.samples[-1][0] - CACHE_NS
-            self.samples = [s for s in self.samples if s[0] >= horizon]
-            if stamp < horizon:
-                return
-        if (stamp, parent, x) not in self.samples:
-            self.samples.insert(
-                bisect.bisect_right(self.samples, stamp, key=lambda s: s[0]), (stamp, parent, x)
-            )
-
-    def at(self, time):
-        """(parent, x), or None where the history does not answer."""
-        if not self.samples:
-            return None
-        if time == 0 or time == self.samples[-1][0]:
-            return self.samples[-1][1:]
-        if time == self.samples[0][0]:
-            return self.samples[0][1:]
-        if not self.samples[0][0] < time < self.samples[-1][0]:
-            return None
-        i = bisect.bisect_right(self.samples, time, key=lambda s: s[0])
-        (t0, p0, x0), (t1, p1, x1) = self.samples[i - 1], self.samples[i]
-        if p0 != p1:
-            return p0, x0
-        return p0, x0 + (time - t0) / (t1 - t0) * (x1 - x0)
-
-
-def build(tf2_py):
-    buffer = tf2_py.BufferCore(Duration(nanoseconds=CACHE_NS))
-    # Known before the history begins, and in no other tree than their own.
-    for name in ("left", "right"):
-        buffer.set_transform_static(transform(f"root_of_{name}", name), "x")
-    return buffer, PlainHistory()
-
-
-insert = st.tuples(st.integers(1, 3000), st.sampled_from(["left", "left", "right"]), st.integers(0, 3))
-
-
-@settings(max_examples=150, deadline=None)
-@given(st.lists(insert, max_size=60))
-def test_any_order_of_arrival(tf2_py, inserts):
-    buffer, plain = build(tf2_py)
-    for stamp, parent, x in inserts:
-        buffer.set_transform(transform(parent, "cup", ns=stamp, xyz=(x, 0, 0)), "x")
-        plain.insert(stamp, parent, x)
-        buffer._self_check()
-    # Two static samples are not part of the history.
-    buffer_samples = buffer.statistics()["samples"] - 2
-    assert buffer_samples == len(plain.samples)
-    edges = {s[0] for s in plain.samples}
-    for time in sorted({t + d for t in edges for d in (-1, 0, 1)} | {0}):
-        want = plain.at(time) if time >= 0 else None
-        for parent in ("left", "right"):
-            if want is not None and want[0] == parent:
-                got = buffer.lookup_transform_core(parent, "cup", at_ns(time))
-                assert translation(got)[0] == pytest.approx(want[1], abs=1e-9)
-            elif time > 0:
-                assert not buffer.can_transform_core(parent, "cup", at_ns(time))[0]
 
 
 @pytest.mark.parametrize("spread", ["even", "bursts", "squares"])

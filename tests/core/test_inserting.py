@@ -21,11 +21,6 @@ def frames(buffer):
     return buffer._getFrameStrings()
 
 
-def test_one_leading_slash_is_stripped_from_both_names(buffer):
-    buffer.set_transform_static(transform("/map", "//odom"), "a")
-    assert frames(buffer) == ["/odom", "map"]
-
-
 def test_a_child_gets_its_id_before_its_parent(buffer):
     buffer.set_transform(transform("map", "odom", 1), "a")
     assert frames(buffer) == ["odom", "map"]
@@ -113,20 +108,6 @@ def test_old_data_is_refused_with_a_warning_but_registers_its_parent(buffer, cap
     assert not buffer.can_transform_core("old_map", "odom", at(89.5))[0]
 
 
-def test_a_stamp_exactly_one_cache_time_back_is_taken(buffer):
-    buffer.set_transform(transform("map", "odom", 100), "x")
-    buffer.set_transform(transform("map", "odom", 90, (9, 0, 0)), "x")
-    assert translation(buffer.lookup_transform_core("map", "odom", at(90))) == (9, 0, 0)
-
-
-def test_pruning_waits_for_the_insert_after_the_one_that_makes_samples_old(buffer):
-    for second in (1, 20):
-        buffer.set_transform(transform("map", "odom", second), "x")
-    assert buffer.can_transform_core("map", "odom", at(5)) == (1, "")
-    buffer.set_transform(transform("map", "odom", 21), "x")
-    assert buffer.can_transform_core("map", "odom", at(5))[0] == 0
-
-
 @pytest.mark.ours
 @pytest.mark.parametrize("static", [False, True])
 @pytest.mark.parametrize("ns", [2**31 * S, 2**62, 2**63 - 1])
@@ -163,49 +144,6 @@ def test_a_rotation_is_normalised_when_it_is_inserted(buffer, scale):
     assert rotation(buffer.lookup_transform_core("map", "odom", at(0))) == pytest.approx(
         about_z(0.7), abs=1e-15
     )
-
-
-@pytest.mark.ours
-def test_the_negative_quaternion_repeats_a_sample(buffer):
-    q = about_z(0.7)
-    buffer.set_transform(transform("map", "odom", 1, xyzw=q), "x")
-    buffer.set_transform(transform("map", "odom", 1, xyzw=tuple(-x for x in q)), "x")
-    assert buffer.statistics()["samples"] == 1
-
-
-def test_an_exact_duplicate_changes_nothing_but_the_authority(buffer):
-    for authority in ("first", "second"):
-        buffer.set_transform(transform("map", "odom", 1, (1, 2, 3)), authority)
-    yaml = buffer.all_frames_as_yaml()
-    assert "rate: 10000.000" in yaml  # one sample
-    assert "broadcaster: 'second'" in yaml
-
-
-def test_late_sample_answers_between_its_neighbours(buffer):
-    for second, x in ((1, 1), (3, 3), (2, 20)):
-        buffer.set_transform(transform("map", "odom", second, (x, 0, 0)), "x")
-    assert translation(buffer.lookup_transform_core("map", "odom", at(2))) == (20, 0, 0)
-    assert translation(buffer.lookup_transform_core("map", "odom", at(2.5))) == (11.5, 0, 0)
-
-
-def test_of_equal_stamps_the_last_arrival_answers_but_at_the_oldest_the_first(buffer):
-    for second, x in ((1, 1), (1, 2), (2, 3), (2, 4), (3, 5), (3, 6)):
-        buffer.set_transform(transform("map", "odom", second, (x, 0, 0)), "x")
-    answers = [
-        translation(buffer.lookup_transform_core("map", "odom", at(t)))[0] for t in (1, 2, 3, 1.5, 2.5)
-    ]
-    assert answers == [1, 4, 6, 2.5, 4.5]
-
-
-@pytest.mark.parametrize("first_static", [True, False])
-def test_a_frame_that_turns_static_or_back_loses_its_history(buffer, first_static):
-    setters = [buffer.set_transform_static, buffer.set_transform]
-    if not first_static:
-        setters.reverse()
-    setters[0](transform("map", "odom", 1, (1, 0, 0)), "x")
-    setters[1](transform("map", "odom", 2, (2, 0, 0)), "x")
-    assert translation(buffer.lookup_transform_core("map", "odom", at(2))) == (2, 0, 0)
-    assert buffer.can_transform_core("map", "odom", at(1))[0] == (0 if first_static else 1)
 
 
 def test_clear_keeps_names_and_static_transforms(tf2_py, buffer):

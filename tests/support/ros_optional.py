@@ -1,6 +1,7 @@
 """Messages, times and durations for tests that also run without ROS: those of ROS, if there is one."""
 
 try:
+    import rclpy.logging  # noqa: F401  once it is imported, buffers log through it, to stderr
     from geometry_msgs.msg import TransformStamped
     from rclpy.duration import Duration
     from rclpy.time import Time

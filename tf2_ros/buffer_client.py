@@ -422,11 +422,13 @@ class BufferClient(AnsweringInterface):
 
     def __process_goal(self, goal: Any) -> TransformStamped:
         pending = self._tf2_send(goal, duration_ns(Duration.from_msg(goal.timeout), "timeout"))
-        done = threading.Event()
-        pending.add_done_callback(lambda _: done.set())
+        # Not an Event: a signal handler that raises inside one leaves it locked.
+        done = threading.Lock()
+        done.acquire()
+        pending.add_done_callback(lambda _: done.release())
         try:
             # The sender's thread gives every goal an outcome, also at its own end.
-            done.wait()
+            done.acquire()
             return self.__process_result(_result_of(pending, pending.result()))
         finally:
             pending.abandon()

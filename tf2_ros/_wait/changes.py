@@ -87,7 +87,11 @@ class ChangeSubscription:
         self._awaited: TransformFuture | None = None  # the last one that calls `_deliver`
         self._left: list[Callable[[TransformStamped], object]] = []  # to be called with its result
         self._is_cancelled = False
-        call_despite_signals(partial(self._deliver, None))
+        try:
+            call_despite_signals(partial(self._deliver, None))
+        except BaseException:
+            self.cancel()  # the program gets nothing to cancel it with
+            raise
         if self._future is not None and self._future.done() and self._future.exception() is not None:
             self._future.result()  # raises: a name is invalid
 

@@ -39,11 +39,13 @@ class State(Enum):
     """
     The life of a future, from the first to one of the last two. ``LOCK`` guards each step.
 
-    An outcome that is queued is not visible: ``done()`` is False, and cancelling replaces it.
+    An outcome that is queued is not visible: ``done()`` is False, and cancelling replaces it. One that ends
+    is visible only to the thread that runs the callbacks: for others it is done when they have run.
     """
 
     PENDING = "pending"
     QUEUED = "queued"  # it has an outcome; the thread that runs its callbacks will complete it with them
+    ENDING = "ending"  # a thread runs its callbacks
     DONE = "done"
     CANCELLED = "cancelled"
 
@@ -81,6 +83,7 @@ class WakingFuture(Future, Generic[_Result]):
         self.__state = State.PENDING
         self.__outcome = Outcome(State.PENDING)
         self.__ended_by = 0  # the thread that runs the callbacks
+        self.__is_completing = False  # that thread does so now
         self.__done_callbacks: list[Callable[[Any], object]] = []
         self.__in_vain = in_vain
         self.__kept = set() if kept is None else kept
@@ -88,11 +91,11 @@ class WakingFuture(Future, Generic[_Result]):
 
     def done(self) -> bool:
         """Whether it has a result or an exception."""
-        return self.__state is State.DONE
+        return self.__visible() is State.DONE
 
     def cancelled(self) -> bool:
         """Whether it was cancelled."""
-        return self.__state is State.CANCELLED
+        return self.__visible() is State.CANCELLED
 
     def over(self) -> bool:
         """Whether it has an outcome, so that no deadline ends it."""
@@ -107,6 +110,8 @@ class WakingFuture(Future, Generic[_Result]):
 
     def exception(self) -> BaseException | None:
         """The exception, or None."""
+        if not self.__has_ended():
+            return None
         self._exception_fetched = True  # otherwise, the finalizer prints it
         return self._exception
 
@@ -217,7 +222,7 @@ class WakingFuture(Future, Generic[_Result]):
     def _tf2_end(self, outcome: Outcome) -> None:
         """End in this way, unless it has ended, and run the callbacks in this thread."""
         with LOCK:
-            if not self.__has_ended():
+            if self.__state in (State.PENDING, State.QUEUED):
                 self.__outcome = outcome
                 self.__show()
         self.__complete()
@@ -260,24 +265,39 @@ class WakingFuture(Future, Generic[_Result]):
         self.__complete()
 
     def __complete(self) -> None:
-        # Only the thread that has ended it runs its callbacks; others must not run what is left of them.
-        if self.__has_ended() and self.__ended_by == get_ident():
+        # Only the thread that has ended it runs its callbacks; others must not run what is left of them, and a
+        # callback that ends the future again must not, either.
+        if self.__ended_by != get_ident() or self.__is_completing:
+            return
+        try:
+            self.__is_completing = True
             self._tf2_release()
             self.__kept.discard(self)
+            run_done_callbacks(self, self.__done_callbacks, False)
+        finally:
+            with LOCK:
+                self.__state = self.__outcome.state
+            self.__is_completing = False
+            # What only wakes, and callbacks that other threads have added meanwhile.
             run_done_callbacks(self, self.__done_callbacks)
 
     def _tf2_release(self) -> None:
         """Let go of what only a wait needs."""
 
+    def __visible(self) -> State:
+        """The state as this thread sees it."""
+        is_mine = self.__state is State.ENDING and self.__ended_by == get_ident()
+        return self.__outcome.state if is_mine else self.__state
+
     def __has_ended(self) -> bool:
-        return self.__state in (State.DONE, State.CANCELLED)
+        return self.__visible() in (State.DONE, State.CANCELLED)
 
     def __show(self) -> None:
         # With LOCK held. The state comes last, because a signal handler may cut this short.
         self.__ended_by = get_ident()
         if self.__outcome.error is not None:
             self._exception, self._exception_fetched = self.__outcome.error, False
-        self.__state = self.__outcome.state
+        self.__state = State.ENDING
 
 
 class _SleepingTask(Waker):

@@ -135,9 +135,20 @@ cpdef bint only_wakes(callback):
     return isinstance(callback, FunctionType) and callback.__module__ == "rclpy.executors"
 
 
-def run_done_callbacks(future, list callbacks):
+cdef object _next(list callbacks, bint wakers):
+    # Remove the first one from the list, in one step; None if there is none.
+    cdef Py_ssize_t i
+    for i in range(len(callbacks)):
+        if wakers or not only_wakes(callbacks[i]):
+            return callbacks.pop(i)
+    return None
+
+
+def run_done_callbacks(future, list callbacks, bint wakers=True):
     """
     Remove the callbacks from their list, and call each with the future, in the end raising the first error.
+
+    :param wakers: also those that only wake.
 
     An ``Exception`` of a callback becomes a warning, as in rclpy, which does not call those behind one that
     raises anything else. What only wakes is called again if a signal handler has cut it short.
@@ -145,9 +156,8 @@ def run_done_callbacks(future, list callbacks):
     cdef int tries
     cdef list errors = []
     while True:
-        try:
-            callback = callbacks.pop(0)
-        except IndexError:
+        callback = _next(callbacks, wakers)
+        if callback is None:
             break
         tries = TRIES if only_wakes(callback) else 1
         failed = None

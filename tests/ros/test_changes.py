@@ -131,6 +131,20 @@ class TestCallbacks:
             subscription.cancel()
         listener.unregister()
 
+    def test_an_interrupt_at_the_first_call_ends_it(self, tf2_ros):
+        """The program gets nothing to cancel it with."""
+        buffer, calls = tf2_ros.Buffer(), []
+
+        def interrupt(_):
+            calls.append(1)
+            raise KeyboardInterrupt
+
+        insert(buffer, 1)
+        with pytest.raises(KeyboardInterrupt):
+            buffer.on_change("map", "base", interrupt)
+        insert(buffer, 2)
+        assert (calls, buffer.statistics()["waiters"]) == ([1], 0)
+
     def test_it_must_be_a_function(self, tf2_ros):
         with pytest.raises(TypeError, match="on_change needs a function to call, not int"):
             tf2_ros.Buffer().on_change("map", "base", 3)

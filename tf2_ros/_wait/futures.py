@@ -83,7 +83,6 @@ class WakingFuture(Future, Generic[_Result]):
         self.__state = State.PENDING
         self.__outcome = Outcome(State.PENDING)
         self.__ended_by = 0  # the thread that runs the callbacks
-        self.__is_completing = False  # that thread does so now
         self.__done_callbacks: list[Callable[[Any], object]] = []
         self.__in_vain = in_vain
         self.__kept = set() if kept is None else kept
@@ -224,7 +223,7 @@ class WakingFuture(Future, Generic[_Result]):
         with LOCK:
             if self.__state in (State.PENDING, State.QUEUED):
                 self.__outcome = outcome
-                self.__show()
+                self.__begin_to_end()
         self.__complete()
 
     def _tf2_end_or_queue(self, outcome: Outcome) -> bool:
@@ -239,7 +238,7 @@ class WakingFuture(Future, Generic[_Result]):
                 if not all(map(only_wakes, self.__done_callbacks)):
                     self.__state = State.QUEUED
                     return True
-                self.__show()
+                self.__begin_to_end()
         self.__complete()
         return False
 
@@ -261,25 +260,14 @@ class WakingFuture(Future, Generic[_Result]):
             if self.__state is State.QUEUED:
                 self.__done_callbacks[:] = filter(only_wakes, self.__done_callbacks)
                 self.__outcome = Outcome(State.DONE, None, error)
-                self.__show()
+                self.__begin_to_end()
         self.__complete()
 
     def __complete(self) -> None:
-        # Only the thread that has ended it runs its callbacks; others must not run what is left of them, and a
-        # callback that ends the future again must not, either.
-        if self.__ended_by != get_ident() or self.__is_completing:
-            return
-        try:
-            self.__is_completing = True
+        # Only the thread that has ended it runs its callbacks; others must not run what is left of them.
+        if self.__ended_by == get_ident():
             self._tf2_release()
-            self.__kept.discard(self)
-            run_done_callbacks(self, self.__done_callbacks, False)
-        finally:
-            with LOCK:
-                self.__state = self.__outcome.state
-            self.__is_completing = False
-            # What only wakes, and callbacks that other threads have added meanwhile.
-            run_done_callbacks(self, self.__done_callbacks)
+            run_done_callbacks(self, self.__done_callbacks, self.__show)
 
     def _tf2_release(self) -> None:
         """Let go of what only a wait needs."""
@@ -292,12 +280,17 @@ class WakingFuture(Future, Generic[_Result]):
     def __has_ended(self) -> bool:
         return self.__visible() in (State.DONE, State.CANCELLED)
 
-    def __show(self) -> None:
+    def __begin_to_end(self) -> None:
         # With LOCK held. The state comes last, because a signal handler may cut this short.
         self.__ended_by = get_ident()
         if self.__outcome.error is not None:
             self._exception, self._exception_fetched = self.__outcome.error, False
         self.__state = State.ENDING
+
+    def __show(self) -> None:
+        with LOCK:
+            self.__kept.discard(self)
+            self.__state = self.__outcome.state
 
 
 class _SleepingTask(Waker):

@@ -45,7 +45,7 @@ class Ending:
 
 def only_wakes(callback: object) -> bool: ...
 def run_done_callbacks(
-    future: Any, callbacks: list[Callable[[Any], object]], wakers: bool = True
+    future: Any, callbacks: list[Callable[[Any], object]], show: Callable[[], object] | None = None
 ) -> None: ...
 def end_message(
     waiting: dict[_Key, Any],

@@ -1,5 +1,5 @@
 """
-Signals that raise at random moments in waits, filters and listeners; then everything still works.
+Signals that raise at random moments in waits, filters, listeners and a client; then everything still works.
 
 ``interrupted.py SECONDS [switch | collector | finalizer]``; prints what does not work any more.
 """
@@ -11,12 +11,13 @@ import signal
 import sys
 import threading
 import time
+from contextlib import suppress
 
 import rclpy
 from geometry_msgs.msg import PointStamped, TransformStamped
 from rclpy.time import Time
 
-from tf2_ros import Buffer, MessageFilter, TransformListener
+from tf2_ros import Buffer, BufferClient, MessageFilter, TransformException, TransformListener
 from tf2_ros._forking import LOCK
 
 faulthandler.enable()
@@ -72,6 +73,11 @@ def listen():
     listener.unregister()
 
 
+def ask_nobody():
+    with suppress(TransformException):
+        client.lookup_transform("map", "robot", Time(), timeout=0.001)
+
+
 def make_garbage():
     cycle = [WaitsAtItsEnd()]
     cycle.append(cycle)
@@ -116,6 +122,7 @@ def check():
     elsewhere(lambda: message_filter.statistics(), "a filter's counts")
     elsewhere(lambda: message_filter.clear(), "a filter")
     elsewhere(pass_one, "a new filter")
+    elsewhere(ask_nobody, "the client")
     buffer._self_check()
 
 
@@ -130,6 +137,7 @@ spun = rclpy.create_node("spun", enable_rosout=False, start_parameter_services=F
 threading.Thread(target=rclpy.spin, args=(spun,), daemon=True).start()
 node = rclpy.create_node("interrupted", enable_rosout=False, start_parameter_services=False)
 buffer, problems, armed, hits, rounds = Buffer(), [], False, 0, 0
+client = BufferClient(spun, "no_server")
 message_filter = MessageFilter(None, buffer, "map", 100, node=spun)
 message_filter.registerCallback(lambda _: None)
 
@@ -142,7 +150,7 @@ def interrupt(*_):
 
 
 signal.signal(signal.SIGINT, interrupt)
-works = [wait, insert, filter_messages, *([make_garbage] if "finalizer" in how else [listen])]
+works = [wait, insert, filter_messages, ask_nobody, *([make_garbage] if "finalizer" in how else [listen])]
 end = time.monotonic() + seconds
 while time.monotonic() < end and not problems:
     work = random.choice(works)

@@ -60,6 +60,9 @@ def broadcast():
         rclpy.spin(node)
     except ExternalShutdownException:
         return
+    except RuntimeError:
+        if rclpy.ok():  # otherwise SIGTERM came within drive()
+            raise
 
 
 def listen():

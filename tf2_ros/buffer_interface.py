@@ -297,7 +297,7 @@ class AnsweringInterface(BufferInterface):
         :param timeout: how long to wait until it would.
         :param return_debug_tuple: return a tuple of the answer and the reason why not, which is empty if the
             answer is yes.
-        :param policy: further arguments of that method, see :meth:`transform`.
+        :param policy: further arguments of that method.
         :raises TypeError: see that method. Nothing else is raised.
         """
         can, reason = self._tf2_can(timeout, policy, target_frame, source_frame, time)

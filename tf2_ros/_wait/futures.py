@@ -39,13 +39,11 @@ class State(Enum):
     """
     The life of a future, from the first to one of the last two. ``LOCK`` guards each step.
 
-    An outcome that is queued is not visible: ``done()`` is False, and cancelling replaces it. One that ends
-    is visible only to the thread that runs the callbacks: for others it is done when they have run.
+    An outcome that is queued is not visible: ``done()`` is False, and cancelling replaces it.
     """
 
     PENDING = "pending"
     QUEUED = "queued"  # it has an outcome; the thread that runs its callbacks will complete it with them
-    ENDING = "ending"  # a thread runs its callbacks
     DONE = "done"
     CANCELLED = "cancelled"
 
@@ -90,11 +88,11 @@ class WakingFuture(Future, Generic[_Result]):
 
     def done(self) -> bool:
         """Whether it has a result or an exception."""
-        return self.__visible() is State.DONE
+        return self.__state is State.DONE
 
     def cancelled(self) -> bool:
         """Whether it was cancelled."""
-        return self.__visible() is State.CANCELLED
+        return self.__state is State.CANCELLED
 
     def over(self) -> bool:
         """Whether it has an outcome, so that no deadline ends it."""
@@ -109,8 +107,6 @@ class WakingFuture(Future, Generic[_Result]):
 
     def exception(self) -> BaseException | None:
         """The exception, or None."""
-        if not self.__has_ended():
-            return None
         self._exception_fetched = True  # otherwise, the finalizer prints it
         return self._exception
 
@@ -221,9 +217,9 @@ class WakingFuture(Future, Generic[_Result]):
     def _tf2_end(self, outcome: Outcome) -> None:
         """End in this way, unless it has ended, and run the callbacks in this thread."""
         with LOCK:
-            if self.__state in (State.PENDING, State.QUEUED):
+            if not self.__has_ended():
                 self.__outcome = outcome
-                self.__begin_to_end()
+                self.__show()
         self.__complete()
 
     def _tf2_end_or_queue(self, outcome: Outcome) -> bool:
@@ -238,7 +234,7 @@ class WakingFuture(Future, Generic[_Result]):
                 if not all(map(only_wakes, self.__done_callbacks)):
                     self.__state = State.QUEUED
                     return True
-                self.__begin_to_end()
+                self.__show()
         self.__complete()
         return False
 
@@ -260,37 +256,28 @@ class WakingFuture(Future, Generic[_Result]):
             if self.__state is State.QUEUED:
                 self.__done_callbacks[:] = filter(only_wakes, self.__done_callbacks)
                 self.__outcome = Outcome(State.DONE, None, error)
-                self.__begin_to_end()
+                self.__show()
         self.__complete()
 
     def __complete(self) -> None:
         # Only the thread that has ended it runs its callbacks; others must not run what is left of them.
-        if self.__ended_by == get_ident():
+        if self.__has_ended() and self.__ended_by == get_ident():
             self._tf2_release()
-            run_done_callbacks(self, self.__done_callbacks, self.__show)
+            self.__kept.discard(self)
+            run_done_callbacks(self, self.__done_callbacks)
 
     def _tf2_release(self) -> None:
         """Let go of what only a wait needs."""
 
-    def __visible(self) -> State:
-        """The state as this thread sees it."""
-        is_mine = self.__state is State.ENDING and self.__ended_by == get_ident()
-        return self.__outcome.state if is_mine else self.__state
-
     def __has_ended(self) -> bool:
-        return self.__visible() in (State.DONE, State.CANCELLED)
+        return self.__state in (State.DONE, State.CANCELLED)
 
-    def __begin_to_end(self) -> None:
+    def __show(self) -> None:
         # With LOCK held. The state comes last, because a signal handler may cut this short.
         self.__ended_by = get_ident()
         if self.__outcome.error is not None:
             self._exception, self._exception_fetched = self.__outcome.error, False
-        self.__state = State.ENDING
-
-    def __show(self) -> None:
-        with LOCK:
-            self.__kept.discard(self)
-            self.__state = self.__outcome.state
+        self.__state = self.__outcome.state
 
 
 class _SleepingTask(Waker):

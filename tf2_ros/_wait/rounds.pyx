@@ -135,69 +135,51 @@ cpdef bint only_wakes(callback):
     return isinstance(callback, FunctionType) and callback.__module__ == "rclpy.executors"
 
 
-cdef object _next(list callbacks, bint wakers):
-    # Remove the first one from the list, in one step; None if there is none.
-    cdef Py_ssize_t i
-    for i in range(len(callbacks)):
-        if wakers or not only_wakes(callbacks[i]):
-            return callbacks.pop(i)
-    return None
-
-
-def run_done_callbacks(future, list callbacks, show=None):
+def run_done_callbacks(future, list callbacks):
     """
     Remove the callbacks from their list, and call each with the future, in the end raising the first error.
 
     An ``Exception`` of a callback becomes a warning, as in rclpy, which does not call those behind one that
-    raises anything else. What only wakes comes last, and is called again if a signal handler has cut it
-    short.
-
-    :param show: called before it, in the same way; then other threads see that the future has ended. None:
-        nothing.
+    raises anything else. What only wakes comes last, so that whatever awaits the future finds that the
+    program's callbacks have run; it is called again if a signal handler has cut it short.
     """
+    cdef int tries
     cdef list errors = []
-    _call_each(future, callbacks, False, errors)
-    if show is not None:
-        _note(_error_of(show, (), TRIES, errors), errors)
-    _call_each(future, callbacks, True, errors)     # also what other threads have added meanwhile
+    while True:
+        callback = _next(callbacks)
+        if callback is None:
+            break
+        tries = TRIES if only_wakes(callback) else 1
+        failed = None
+        while tries > 0:
+            tries -= 1
+            try:
+                callback(future)
+            except BaseException as raised:
+                failed = raised
+            else:
+                if failed is not None:
+                    errors.append(failed)   # of a signal handler
+                    failed = None
+                break
+        if isinstance(failed, Exception):
+            try:
+                warnings.warn(f"Unhandled exception in done callback: {failed}", stacklevel=2)
+            except BaseException as raised:
+                errors.append(raised)
+        elif failed is not None:
+            errors.append(failed)
     if errors:
         raise errors[0]
 
 
-cdef int _call_each(future, list callbacks, bint wakers, list errors) except -1:
-    while True:
-        callback = _next(callbacks, wakers)
-        if callback is None:
-            return 0
-        _note(_error_of(callback, (future,), TRIES if only_wakes(callback) else 1, errors), errors)
-
-
-cdef object _error_of(call, tuple arguments, int tries, list errors):
-    # Make a call until it returns; its last error, or None. If it returns, an error before was that of a
-    # signal handler.
-    failed = None
-    while tries > 0:
-        tries -= 1
-        try:
-            call(*arguments)
-        except BaseException as raised:
-            failed = raised
-        else:
-            if failed is not None:
-                errors.append(failed)
-            return None
-    return failed
-
-
-cdef int _note(failed, list errors) except -1:
-    if isinstance(failed, Exception):
-        try:
-            warnings.warn(f"Unhandled exception in done callback: {failed}", stacklevel=2)
-        except BaseException as raised:
-            errors.append(raised)
-    elif failed is not None:
-        errors.append(failed)
-    return 0
+cdef object _next(list callbacks):
+    # Remove the next one from the list, in one step; None if there is none.
+    cdef Py_ssize_t i
+    for i in range(len(callbacks)):
+        if not only_wakes(callbacks[i]):
+            return callbacks.pop(i)
+    return callbacks.pop(0) if callbacks else None
 
 
 def finalize(future):

@@ -173,29 +173,6 @@ def report_incompatible_qos(handler: EventHandler) -> None:
             handler.callback(event)
 
 
-# Nodes and actions.
-
-
-def has_callback_groups(node: Any) -> bool:
-    """
-    Whether the subscriptions of a node take a callback group.
-
-    Assumes of the AsyncNode of rclpy 10, which is entered by ``async with``: they take neither a group nor
-    QoS overrides, and end by ``destroy``.
-    """
-    return not hasattr(type(node), "__aenter__")
-
-
-def parameter_overrides(node: Any) -> dict[str, Any]:
-    """
-    The parameters that a node was started with.
-
-    Assumes the attribute ``_parameter_overrides``, a dict. Without it there are none.
-    """
-    given = getattr(node, "_parameter_overrides", None)
-    return given if isinstance(given, dict) else {}
-
-
 # Tasks and futures.
 
 _STEP_CODE = getattr(Task.__dict__.get("__call__"), "__code__", None)

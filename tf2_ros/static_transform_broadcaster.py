@@ -18,7 +18,7 @@ from tf2_msgs.msg import TFMessage
 from tf2_ros import _names
 from tf2_ros._arguments import require_node
 from tf2_ros._forking import refuse_inherited
-from tf2_ros._qos import chosen_qos
+from tf2_ros._qos import transforms_qos
 from tf2_ros.transform_broadcaster import (
     RefusedTransforms,
     publish_transforms,
@@ -35,8 +35,7 @@ class StaticTransformBroadcaster:
     Sends transforms on ``/tf_static``, where late subscribers also receive them.
 
     :param node: publishes them; the attribute ``pub_tf`` is the publisher.
-    :param qos: a profile, or the depth of its queue. None: transient local, depth 1, which parameters of the
-        node may override.
+    :param qos: a profile, or the depth of its queue. None: transient local, depth 1.
     :param strict: see :class:`tf2_ros.TransformBroadcaster`.
 
     Every message contains all transforms sent so far (the attribute ``net_message``), one for each child
@@ -59,8 +58,9 @@ class StaticTransformBroadcaster:
         # Held until a message is published, because the last message must contain all transforms.
         self._tf2_sending = threading.RLock()
         self._tf2_process = os.getpid()
-        profile, overrides = chosen_qos(node, "/tf_static", "publisher", qos, is_static=True)
-        self.pub_tf = node.create_publisher(TFMessage, "/tf_static", profile, **overrides)
+        # A late subscriber needs only the last message, because it contains all transforms.
+        profile = transforms_qos(1, is_static=True) if qos is None else qos
+        self.pub_tf = node.create_publisher(TFMessage, "/tf_static", profile)
 
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
         """

@@ -19,7 +19,7 @@ from tf2_py._internal import MalformedObjectError, raise_refused, refused, seria
 from tf2_ros import _names
 from tf2_ros._arguments import kind_of, require_node
 from tf2_ros._forking import refuse_inherited
-from tf2_ros._qos import chosen_qos
+from tf2_ros._qos import transforms_qos
 
 __all__ = ["TransformBroadcaster"]
 _names.offer(globals())
@@ -59,8 +59,7 @@ class TransformBroadcaster:
     Sends transforms on ``/tf``.
 
     :param node: publishes them; the attribute ``pub_tf`` is the publisher.
-    :param qos: a profile, or the depth of its queue. None: volatile, depth 100, which parameters of the node
-        may override.
+    :param qos: a profile, or the depth of its queue. None: volatile, depth 100.
     :param strict: raise instead of sending what every listener would refuse: for example, a transform without
         names, or with a rotation of zero length. False: send it, and warn once for each child frame.
 
@@ -80,8 +79,8 @@ class TransformBroadcaster:
         require_node("TransformBroadcaster", node, "create_publisher")
         self._tf2_process = os.getpid()
         self._tf2_refused = RefusedTransforms(strict)
-        profile, overrides = chosen_qos(node, "/tf", "publisher", qos, is_static=False)
-        self.pub_tf = node.create_publisher(TFMessage, "/tf", profile, **overrides)
+        profile = transforms_qos(100, is_static=False) if qos is None else qos
+        self.pub_tf = node.create_publisher(TFMessage, "/tf", profile)
 
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
         """

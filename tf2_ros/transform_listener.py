@@ -22,9 +22,8 @@ from tf2_ros import _names
 from tf2_ros._arguments import require_node
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._nodes import CALLBACK_END_WAIT_S, Spinner, hidden_node, keep_in_children, note_filler
-from tf2_ros._qos import chosen_qos
+from tf2_ros._qos import transforms_qos
 from tf2_ros._rcl import problem
-from tf2_ros._rclpy import has_callback_groups
 from tf2_ros._receive.inboxes import AUTHORITY
 from tf2_ros._receive.receiver import ListenerGroup, Receiver
 from tf2_ros._receive.reception import Reception
@@ -59,7 +58,7 @@ class TransformListener:
 
     :param buffer: a :class:`tf2_ros.Buffer`, or any object with its ``set_transform`` and
         ``set_transform_static``.
-    :param node: gets the subscriptions; also an ``AsyncNode``. None: a hidden node, which a thread spins.
+    :param node: gets the subscriptions. None: a hidden node, which a thread spins.
     :param spin_thread: spin the node in a thread, until its context ends or the node is destroyed. If another
         executor takes the node over, the thread no longer serves it, as in tf2. The program does not exit
         before the thread ends.
@@ -353,17 +352,12 @@ class TransformListener:
         self._tf2_reception = Reception(self, known)
 
     def __subscribe(self, topic: Topic, is_hidden: bool) -> None:
-        qos, overrides = chosen_qos(
-            self.node, topic.name, "subscription", topic.qos, is_static=topic.is_static
-        )
-        arguments: dict[str, Any] = {}
-        if has_callback_groups(self.node):
-            arguments = {"callback_group": self.group, **overrides}
+        qos = transforms_qos(100, is_static=topic.is_static) if topic.qos is None else topic.qos
         topic.is_counted = self.__is_own(topic)
         self.group.hides = is_hidden
         try:
             made = self.node.create_subscription(
-                TFMessage, topic.name, getattr(self, topic.method), qos, **arguments
+                TFMessage, topic.name, getattr(self, topic.method), qos, callback_group=self.group
             )
         finally:
             self.group.hides = False
@@ -372,12 +366,8 @@ class TransformListener:
             topic.subscription, topic.name = made, made.topic_name
 
     def __unsubscribe(self, subscription: Any) -> None:
-        if subscription is None:
-            return
-        if has_callback_groups(self.node):
+        if subscription is not None:
             self.node.destroy_subscription(subscription)
-        else:
-            subscription.destroy()
 
     def __spin(self) -> None:
         # Only the listener uses a hidden node; a program's own is spun also after the listener's end.

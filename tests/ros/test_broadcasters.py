@@ -47,21 +47,16 @@ def test_it_sends_one_or_any_iterable(broadcaster, subscribe, executor, kind):
 
 
 QOS = [
-    ("TransformBroadcaster", None, [], (100, DurabilityPolicy.VOLATILE)),
-    ("TransformBroadcaster", QoSProfile(depth=4), [], (4, DurabilityPolicy.VOLATILE)),
-    ("TransformBroadcaster", 4, [], (4, DurabilityPolicy.VOLATILE)),
-    ("TransformBroadcaster", None, ["/tf"], (6, DurabilityPolicy.VOLATILE)),
-    ("TransformBroadcaster", 4, ["/tf"], (4, DurabilityPolicy.VOLATILE)),
-    ("StaticTransformBroadcaster", None, [], (1, DurabilityPolicy.TRANSIENT_LOCAL)),
-    ("StaticTransformBroadcaster", None, ["/tf_static"], (6, DurabilityPolicy.TRANSIENT_LOCAL)),
+    ("TransformBroadcaster", None, (100, DurabilityPolicy.VOLATILE)),
+    ("TransformBroadcaster", QoSProfile(depth=4), (4, DurabilityPolicy.VOLATILE)),
+    ("TransformBroadcaster", 4, (4, DurabilityPolicy.VOLATILE)),
+    ("StaticTransformBroadcaster", None, (1, DurabilityPolicy.TRANSIENT_LOCAL)),
 ]
 
 
 @pytest.mark.ours
-@pytest.mark.parametrize(("name", "given", "overridden", "wanted"), QOS)
-def test_its_quality_of_service(tf2_ros, new_node, name, given, overridden, wanted):
-    parameters = [("-p", f"qos_overrides.{topic}.publisher.depth:=6") for topic in overridden]
-    node = new_node("sending", cli_args=["--ros-args", *sum(parameters, ())])
+@pytest.mark.parametrize(("name", "given", "wanted"), QOS)
+def test_its_quality_of_service(tf2_ros, node, name, given, wanted):
     publisher = getattr(tf2_ros, name)(node, given).pub_tf
     assert publisher.topic_name == ("/tf_static" if name.startswith("Static") else "/tf")
     qos = publisher.qos_profile

@@ -11,7 +11,6 @@ import pytest
 from processes import until
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter
 from rclpy.task import Future
 from rclpy.waitable import NumberOfEntities, Waitable
 from spinning import spinning
@@ -147,12 +146,6 @@ class TestRounds:
         executor.shutdown()
 
 
-class TestNodesAndActions:
-    def test_a_node_keeps_the_parameters_it_was_started_with(self, new_node):
-        node = new_node("started", parameter_overrides=[Parameter("mine", value=3)])
-        assert _rclpy.parameter_overrides(node)["mine"].value == 3
-
-
 class TestTasksAndFutures:
     def test_a_step_is_on_the_stack_with_its_task(self, ros, executor):
         found = []
@@ -191,7 +184,7 @@ class TestTasksAndFutures:
 
 
 def test_only_one_module_reads_rclpys_inside():
-    names = r"\._(is_shutdown|sigint_gc|executor_event|executor\(|task_lock|parameter_overrides|get_result)"
+    names = r"\._(is_shutdown|sigint_gc|executor_event|executor\(|task_lock|get_result)"
     package = Path(_rclpy.__file__).parent
     readers = [path.name for path in package.rglob("*.py") if re.search(names, path.read_text())]
     assert readers == ["_rclpy.py"]

@@ -255,17 +255,6 @@ class TestQualityOfService:
         if not given:
             assert static.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
-    @pytest.mark.ours
-    def test_parameters_override_it(self, tf2_ros, buffer, new_node):
-        overrides = ["/tf.subscription.depth:=5", "/tf.subscription.reliability:=best_effort"]
-        arguments = [argument for override in overrides for argument in ("-p", "qos_overrides." + override)]
-        node = new_node("listening", cli_args=["--ros-args", *arguments])
-        listener = tf2_ros.TransformListener(buffer, node)
-        assert listener.tf_sub.qos_profile.depth == 5
-        assert listener.tf_sub.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-        assert listener.tf_static_sub.qos_profile.depth == 100
-        assert not node.has_parameter("qos_overrides./tf_static.subscription.durability")
-
 
 class TestThread:
     def test_it_spins_the_node(self, tf2_ros, buffer, node, peer):

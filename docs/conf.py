@@ -30,7 +30,7 @@ html_copy_source = False
 html_static_path = ["static"]
 html_css_files = ["site.css"]
 
-# The reference. The docstrings say what a function takes and returns; types.md explains the types.
+# The reference. The docstrings say what a function takes and returns; testing.md explains the types.
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 autodoc_inherit_docstrings = True

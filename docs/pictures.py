@@ -1,7 +1,8 @@
 """Draws the pictures in docs/images of the robot of examples/demo.py: `make pictures`, in two minutes.
 
 Each is what a program draws, or shows on a terminal or in a browser, while that robot drives. The one in a
-browser needs chromium and the extra test-all; without them, it stays as it is.
+browser needs chromium and the extra test-all; without them, it stays as it is. The bar chart of lookups is
+drawn of the results of `make bench`.
 """
 
 import contextlib
@@ -35,6 +36,7 @@ IMAGES = ROOT / "docs" / "images"
 sys.path[:0] = [str(DEMO.parent), str(ROOT / "tests" / "support")]
 
 import demo  # noqa: E402
+import speed  # noqa: E402
 
 COLUMNS, ROWS = 80, 16
 # The fonts of the reader: a picture in the docs asks no other host for any.
@@ -42,6 +44,7 @@ WITHOUT_FONTS = re.sub(r"@font-face \{\{.*?\}\}\s*", "", CONSOLE_SVG_FORMAT, fla
 
 
 def main() -> None:
+    speed.draw(IMAGES / "speed.svg")
     domain, _lock = demo.claim_domain()
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
     os.environ.pop("ROS_LOCALHOST_ONLY", None)

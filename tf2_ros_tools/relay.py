@@ -48,7 +48,7 @@ class Threshold:
 
 @dataclass(frozen=True)
 class Rule:
-    """One rule; docs/programs.md explains the keys."""
+    """One rule; docs/programs/tf2_relay.md explains the keys."""
 
     label: str  # for messages
     source: tuple[str, ...]

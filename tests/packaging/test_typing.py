@@ -1,4 +1,4 @@
-"""Type checkers: what they say of a user's programs, in processes of their own, as docs/types.md has it."""
+"""Type checkers: what they say of a user's programs, in processes of their own, as docs/testing.md has it."""
 
 import ast
 import importlib
@@ -34,7 +34,7 @@ EVERY_NAME, MISTAKES = "every_name.py", "mistakes.py"
 # Its program is for an environment without ROS 2, where messages have no types.
 WITHOUT_ROS = "installing.md"
 # Has mypy's settings. Messages have no types: mypy takes them for Any, pyright reads their source.
-SETTINGS = ROOT / "docs" / "types.md"
+SETTINGS = ROOT / "docs" / "testing.md"
 OF_MESSAGES = "# wrong for pyright"
 CHECK_S = 15 * DEADLINE_S  # a checker reads NumPy's types, too
 

@@ -19,7 +19,7 @@ Send transforms on to other topics, until interrupted, by the rules in a YAML fi
 lower rate, only what has moved, chains of frames as one transform, under other names, with shifted stamps, \
 or as poses. If the file changes, it is read again. In the end, print how much was received and sent.
 
-docs/programs.md explains the rules."""
+docs/programs/tf2_relay.md explains the rules."""
 
 EXAMPLE = """\
   tf2_relay relay.yaml

@@ -1,0 +1,74 @@
+"""
+Print the rows of docs/performance.md that come from bench/results, and draw them as docs/images/speed.svg.
+
+`make pictures` draws; tests/packaging/test_docs.py compares the rows with the page.
+"""
+
+import json
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+[RESULTS] = (ROOT / "bench" / "results").glob("*.json")
+
+# Tree, time and hops of a row of the results.
+LOOKUPS = {
+    "static frames": ("static 500", "static", 4),
+    "moving frames, the latest time": ("dynamic 100", "latest", 4),
+    "moving frames, a past time": ("dynamic 100", "past", 4),
+}
+CONTESTANTS = {
+    ("ours", "buffer"): "tf2-ros-cython",
+    ("ros2", "buffer"): "Jazzy's tf2_ros, Python",
+    ("ros1_cpp", "core"): "ROS 1's tf2, called from C++",
+}
+COLORS = ("#1a7f37", "#888888", "#c4c4c4")
+
+
+def medians() -> dict[str, list[float]]:
+    """Microseconds of one lookup, for each line of LOOKUPS, in the order of CONTESTANTS."""
+    rows = json.loads(RESULTS.read_text())["rows"]
+    found = {
+        (row["who"], row["way"], *row["labels"].values()): row["median"] / 1e3
+        for row in rows
+        if row["section"] == "lookups"
+    }
+    return {
+        name: [found[(*contestant, *labels)] for contestant in CONTESTANTS]
+        for name, labels in LOOKUPS.items()
+    }
+
+
+def lines() -> list[str]:
+    """The rows of the table in docs/performance.md."""
+    return [
+        f"| a lookup over 4 hops: {name} | " + " | ".join(f"{value:.3g} µs" for value in values) + " |"
+        for name, values in medians().items()
+    ]
+
+
+def draw(path: Path) -> None:
+    import matplotlib
+
+    matplotlib.use("svg")
+    from matplotlib import pyplot
+
+    pyplot.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "speed", "font.family": "sans-serif"})
+    figure, axis = pyplot.subplots(figsize=(8, 3.2), layout="constrained")
+    found = medians()
+    for number, name in enumerate(CONTESTANTS.values()):
+        places = [group + 0.27 * (number - 1) for group in range(len(found))]
+        values = [row[number] for row in found.values()]
+        bars = axis.bar(places, values, 0.25, color=COLORS[number], label=name)
+        axis.bar_label(bars, [f"{value:.2g} µs" for value in values], padding=2, fontsize=9)
+    axis.set_yscale("log")
+    axis.set_ylim(0.3, 200)
+    axis.set_ylabel("time of one lookup, µs (log)")
+    axis.set_xticks(range(len(found)), found)
+    axis.spines[["top", "right"]].set_visible(False)
+    axis.legend(frameon=False, loc="upper left")
+    figure.savefig(path, metadata={"Date": None})
+    pyplot.close(figure)
+
+
+if __name__ == "__main__":
+    print("\n".join(lines()))

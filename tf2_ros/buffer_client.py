@@ -9,7 +9,7 @@ import os
 import threading
 import time
 import weakref
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from typing import Any, TypeVar
@@ -49,8 +49,6 @@ LookupTransformGoal = TypeVar("LookupTransformGoal")
 LookupTransformResult = TypeVar("LookupTransformResult")
 
 FOR_EVER = Duration(seconds=2**31 - 1)  # the longest that a duration message can hold
-FIRST_RETRY_DELAY_NS = 500_000_000  # before a request is sent again; twice as long each time
-
 GOAL_SERVICE = "/_action/send_goal"
 
 EXCEPTIONS = {code: kind for kind, code in CODES}
@@ -66,21 +64,13 @@ class PendingGoal(WakingFuture[Any]):
         # Steady times: of the lookup, and until which a server that was found may respond.
         self.deadline_ns = None if timeout_ns is None else self.begin_ns + timeout_ns
         self.last_ns = None if timeout_ns is None else self.begin_ns + timeout_ns + padding_ns
-        self.is_accepted = False
-        self.steps = sender.steps(self)
+        self.request: Future | None = None  # what was sent last, the goal or the request for its result
+        self.handle: Any = None  # if the server has accepted the goal
         self._sender = sender
-
-    def waited_ns(self) -> int:
-        """How long it has been waited for."""
-        return time.monotonic_ns() - self.begin_ns
-
-    def is_past(self, steady_ns: int | None) -> bool:
-        """Whether a steady time has passed; None never does."""
-        return steady_ns is not None and time.monotonic_ns() >= steady_ns
 
     def error(self, text: str) -> TimeoutException:
         """The exception of a goal that fails now."""
-        return TimeoutException(errors.after_wait(text, self.waited_ns()))
+        return TimeoutException(errors.after_wait(text, time.monotonic_ns() - self.begin_ns))
 
     def expire(self) -> None:
         """A deadline has passed."""
@@ -90,6 +80,24 @@ class PendingGoal(WakingFuture[Any]):
         """Stop waiting for the response, and cancel the goal; without effect if it is over."""
         if not self.over():
             self._sender.put(self._sender.abandon, self)
+
+    def send_to(self, action_client: ActionClient) -> Future:
+        """Send the goal, with what is left of its timeout."""
+        timeout = FOR_EVER
+        if self.deadline_ns is not None:
+            left_ns = max(self.deadline_ns - time.monotonic_ns(), 0)
+            timeout = Duration(nanoseconds=min(left_ns, FOR_EVER.nanoseconds))
+        self.goal.timeout = timeout.to_msg()
+        return action_client.send_goal_async(self.goal)
+
+    def cancel_in_server(self) -> None:
+        """Cancel the goal in the server, now or when it says that it has accepted the goal."""
+        if self.handle is not None:
+            self.handle.cancel_goal_async()
+        elif self.request is not None and self.request.done():
+            _cancel_if_accepted(self.request)  # its executor may be shut down, and call nothing any more
+        elif self.request is not None:
+            self.request.add_done_callback(_cancel_if_accepted)
 
 
 class GoalSender:
@@ -188,7 +196,7 @@ class GoalSender:
         self._ended = True
         for pending in list(self._pending):
             self._fail_at_end(pending)
-            self._stop(pending)
+            self._cancel_in_server(pending)
         self._queue.close("the client has ended")
         self.action_client.destroy()
         self._node.destroy_node()
@@ -208,116 +216,81 @@ class GoalSender:
             self._timer.cancel()
 
     def advance(self, pending: PendingGoal, _: object = None) -> None:
-        """Take the next steps of a goal; after each period, response and deadline."""
+        """Take the next step of a goal; after each period, response and deadline."""
         if self._ended or pending.over():
             return
         try:
-            next(pending.steps)
-        except StopIteration as end:
-            self._pending.discard(pending)
-            pending.set_result(end.value)
-        except TimeoutException as error:
-            self._fail(pending, error)
+            self._step(pending, self.action_client.server_is_ready())
         except RuntimeError:
             # Without a context nothing can be sent; after its shutdown no outcome is expected.
             if self._node.context.ok():
                 raise
+
+    def _step(self, pending: PendingGoal, server_is_ready: bool) -> None:
+        if pending.request is None:
+            if server_is_ready:
+                self._await_response(pending, pending.send_to(self.action_client))
+            elif _is_past(pending.deadline_ns):
+                text = f"The buffer server is not ready: no server of [{self._name}] was found."
+                self._give_up(pending, text)
+        elif not pending.request.done():
+            if not server_is_ready:
+                text = f"The buffer server [{self._name}] went away before it answered."
+                self._give_up(pending, text)
+            elif _is_past(pending.last_ns):
+                text = f"The buffer server [{self._name}] did not answer in time."
+                self._give_up(pending, f"{text} Something is likely wrong there.")
+        elif pending.handle is not None:
+            self._pending.discard(pending)
+            pending.set_result(pending.request.result())
+        else:
+            handle: Any = pending.request.result()
+            if handle.accepted:
+                pending.handle = handle
+                self._await_response(pending, handle.get_result_async())
+            else:
+                text = "The buffer server refused the goal. Something is likely wrong with it."
+                self._give_up(pending, text)
+
+    def _give_up(self, pending: PendingGoal, text: str) -> None:
+        self._fail(pending, pending.error(text))
+        self._cancel_in_server(pending)
+
+    def _await_response(self, pending: PendingGoal, request: Future) -> None:
+        pending.request = request
+        request.add_done_callback(partial(self.advance, pending))
 
     def abandon(self, pending: PendingGoal) -> None:
         """Cancel a goal, unless it is over."""
         if not self._ended and not pending.over():
             self._pending.discard(pending)
             pending.cancel()
-            self._stop(pending)
+            self._cancel_in_server(pending)
 
-    def _stop(self, pending: PendingGoal) -> None:
+    def _cancel_in_server(self, pending: PendingGoal) -> None:
         with suppress(RuntimeError):  # the context was shut down
-            pending.steps.close()
-
-    def steps(self, pending: PendingGoal) -> Generator[None, None, Any]:
-        """Find a server, send a goal to it, and return the response; each ``yield`` awaits something."""
-        while not self.action_client.server_is_ready():
-            if pending.is_past(pending.deadline_ns):
-                raise pending.error(f"The buffer server is not ready: no server of [{self._name}] was found.")
-            yield
-        request = partial(self._request_goal, pending)
-        handle: Any = yield from self._response(pending, request, _cancel_if_accepted)
-        if not handle.accepted:
-            raise pending.error("The buffer server refused the goal. Something is likely wrong with it.")
-        pending.is_accepted = True
-        try:
-            return (yield from self._response(pending, handle.get_result_async, _ignore))
-        except BaseException:
-            handle.cancel_goal_async()
-            raise
-
-    def _request_goal(self, pending: PendingGoal) -> Future:
-        timeout = FOR_EVER
-        if pending.deadline_ns is not None:
-            left_ns = pending.deadline_ns - time.monotonic_ns()
-            timeout = Duration(nanoseconds=min(max(left_ns, 0), FOR_EVER.nanoseconds))
-        pending.goal.timeout = timeout.to_msg()
-        return self.action_client.send_goal_async(pending.goal)
-
-    def _response(
-        self,
-        pending: PendingGoal,
-        request: Callable[[], Future],
-        discard: Callable[[Future], None],
-    ) -> Generator[None, None, Any]:
-        """
-        Send a request, and again until one is answered; return the response.
-
-        A server may receive a request before it has discovered this client: its response is then lost.
-
-        :param discard: called with what answers the others.
-        """
-        sent: list[Future] = []
-        delay_ns, next_ns = FIRST_RETRY_DELAY_NS, 0
-        try:
-            while not any(one.done() for one in sent):
-                if not self.action_client.server_is_ready():
-                    raise pending.error(f"The buffer server [{self._name}] went away before it answered.")
-                if pending.is_past(pending.last_ns):
-                    text = f"The buffer server [{self._name}] did not answer in time."
-                    raise pending.error(f"{text} Something is likely wrong there.")
-                if pending.is_past(next_ns):
-                    sent.append(request())
-                    sent[-1].add_done_callback(partial(self.advance, pending))
-                    next_ns = time.monotonic_ns() + delay_ns
-                    delay_ns *= 2
-                yield
-            answered = next(one for one in sent if one.done())
-            sent.remove(answered)
-            return answered.result()
-        finally:
-            for one in sent:
-                if one.done():  # its executor, which would call back, may be shut down already
-                    discard(one)
-                else:
-                    one.add_done_callback(discard)
+            pending.cancel_in_server()
 
     def _fail_at_end(self, pending: PendingGoal) -> None:
         if context_was_shut_down(self._node.context):
-            self._fail(pending, TimeoutException(errors.shut_down(pending.waited_ns())))
+            waited_ns = time.monotonic_ns() - pending.begin_ns
+            self._fail(pending, TimeoutException(errors.shut_down(waited_ns)))
         else:
             self._fail(pending, pending.error("The buffer client was destroyed."))
 
     def _fail(self, pending: PendingGoal, error: TimeoutException) -> None:
         self._pending.discard(pending)
-        if not pending.over():
-            # Its traceback refers to this goal, so only the collector would free both.
-            pending.set_exception(error.with_traceback(None))
+        pending.set_exception(error)
+
+
+def _is_past(steady_ns: int | None) -> bool:
+    return steady_ns is not None and time.monotonic_ns() >= steady_ns
 
 
 def _cancel_if_accepted(response: Future) -> None:
     handle: Any = response.result()
     if handle.accepted:
         handle.cancel_goal_async()
-
-
-def _ignore(_: Future) -> None:
-    pass
 
 
 class BufferClient(AnsweringInterface):

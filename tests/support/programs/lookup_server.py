@@ -15,8 +15,6 @@ from tf2_msgs.msg import TF2Error
 class Server:
     def __init__(self, node, action):
         self.cancelled = threading.Event()
-        self.forgot = threading.Event()
-        self.ending = threading.Event()
         self.server = ActionServer(
             node,
             LookupTransform,
@@ -28,10 +26,6 @@ class Server:
         )
 
     def judge(self, goal):
-        if goal.target_frame == "forgotten" and not self.forgot.is_set():
-            # As a lost answer: it is sent when nobody waits for it any more.
-            self.forgot.set()
-            self.ending.wait()
         return GoalResponse.REJECT if goal.target_frame == "rejected" else GoalResponse.ACCEPT
 
     def cancel(self, handle):
@@ -77,7 +71,6 @@ def main():
     print("ready", flush=True)
     sys.stdin.read()
     server.cancelled.set()
-    server.ending.set()
     executor.create_task(executor.shutdown)
     spinning.join()
     rclpy.shutdown()

@@ -112,19 +112,18 @@ class Buffer(BufferCore, AnsweringInterface):
         expire_after: DurationLike | None = None,
     ) -> None:
         if share is not None and attach is not None:
-            raise ValueError("a buffer either shares what it holds, or is attached to one that does")
-        reader = None
+            raise ValueError("share and attach are mutually exclusive")
         # Few programs share a buffer, or have frames expire; only they load the modules for it.
         if share is not None or attach is not None:
             require_linux()
         if attach is not None:
-            from tf2_ros._shared.attachment import open_ring
+            from tf2_ros._shared.attachment import Attachment, open_ring
             from tf2_ros._shared.files import describe_owner
 
-            attach = buffer_name(attach, node)
-            reader = open_ring(attach)
+            name = buffer_name(attach, node)
+            ring = open_ring(name)
             if cache_time is None:
-                cache_time = describe_owner(reader.descriptor).cache_time_ns / 1e9
+                cache_time = describe_owner(ring.descriptor).cache_time_ns / 1e9
         BufferCore.__init__(
             self, cache_time, max_frames=max_frames, max_bytes=max_bytes, max_waiters=max_waiters
         )
@@ -132,10 +131,8 @@ class Buffer(BufferCore, AnsweringInterface):
             from tf2_ros._shared.owner import Owner
 
             self._tf2_sharing = Owner(self, buffer_name(share, node))
-        if attach is not None and reader is not None:
-            from tf2_ros._shared.attachment import Attachment
-
-            self._tf2_sharing = Attachment(self, attach, reader)
+        if attach is not None:
+            self._tf2_sharing = Attachment(self, name, ring)
         self.__connect(node)
         if expire_after is not None:
             if not HAS_ROS:
@@ -216,7 +213,8 @@ class Buffer(BufferCore, AnsweringInterface):
         """
         if timeout is NO_TIMEOUT and not policy:
             return self.lookup_transform_core(target_frame, source_frame, time)
-        lookup = Lookup.simple(target_frame, source_frame, time, policy_of("lookup_transform", **policy))
+        accepted = policy_of("lookup_transform", **policy)
+        lookup = Lookup(target_frame, source_frame, time, policy=accepted)
         return BlockingWait(self, duration_ns(timeout, "timeout")).for_answer(lookup)
 
     def lookup_transform_full(
@@ -234,7 +232,7 @@ class Buffer(BufferCore, AnsweringInterface):
                 target_frame, target_time, source_frame, source_time, fixed_frame
             )
         accepted = policy_of("lookup_transform_full", **policy)
-        lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame, accepted)
+        lookup = Lookup(target_frame, source_frame, source_time, fixed_frame, target_time, accepted)
         return BlockingWait(self, duration_ns(timeout, "timeout")).for_answer(lookup)
 
     def _tf2_can(self, timeout: DurationLike, policy: "LookupPolicy", *arguments: Any) -> tuple[bool, str]:
@@ -279,8 +277,8 @@ class Buffer(BufferCore, AnsweringInterface):
         executor that has the node of the latest listener, or else in a thread for timeouts. With an invalid
         name, the future holds an ``InvalidArgumentException`` at once.
         """
-        checked = policy_of("wait_for_transform_async", **policy)
-        return TransformFuture(self, Lookup.simple(target_frame, source_frame, time, checked), timeout)
+        accepted = policy_of("wait_for_transform_async", **policy)
+        return TransformFuture(self, Lookup(target_frame, source_frame, time, policy=accepted), timeout)
 
     def wait_for_transform_full_async(
         self,
@@ -300,7 +298,7 @@ class Buffer(BufferCore, AnsweringInterface):
         :param timeout: see :meth:`wait_for_transform_async`, which does the same for a simple lookup.
         """
         accepted = policy_of("wait_for_transform_full_async", **policy)
-        lookup = Lookup(target_frame, target_time, source_frame, source_time, fixed_frame, accepted)
+        lookup = Lookup(target_frame, source_frame, source_time, fixed_frame, target_time, accepted)
         return TransformFuture(self, lookup, timeout)
 
     async def lookup_transform_async(
@@ -327,10 +325,8 @@ class Buffer(BufferCore, AnsweringInterface):
         A coroutine for asyncio and for rclpy's executors. A callback of rclpy that awaits it should have a
         ``ReentrantCallbackGroup``: in the node's default group, no other callback runs meanwhile.
         """
-        arguments = (target_frame, source_frame, time)
         accepted = policy_of("lookup_transform_async", **policy)
-        answer = await self.wait_for_transform_async(*arguments, timeout=timeout, **policy)
-        return self.__renewed(answer, Lookup.of(*arguments, policy=accepted))
+        return await self.__answer(Lookup(target_frame, source_frame, time, policy=accepted), timeout)
 
     async def lookup_transform_full_async(
         self,
@@ -349,10 +345,9 @@ class Buffer(BufferCore, AnsweringInterface):
         :param target_frame: see that method, also for all others but ``timeout``.
         :param timeout: see :meth:`lookup_transform_async`, which raises the same.
         """
-        arguments = (target_frame, target_time, source_frame, source_time, fixed_frame)
         accepted = policy_of("lookup_transform_full_async", **policy)
-        answer = await self.wait_for_transform_full_async(*arguments, timeout=timeout, **policy)
-        return self.__renewed(answer, Lookup.of(*arguments, policy=accepted))
+        lookup = Lookup(target_frame, source_frame, source_time, fixed_frame, target_time, accepted)
+        return await self.__answer(lookup, timeout)
 
     def changes(self, target_frame: str, source_frame: str) -> "Changes":
         """
@@ -397,8 +392,9 @@ class Buffer(BufferCore, AnsweringInterface):
         log.logger("tf2_buffer").warning(f"{happened}. Clearing TF buffer.")
         self.clear()
 
-    def __renewed(self, answer: TransformStamped, lookup: Lookup) -> TransformStamped:
-        """Look up again, because the latest time may have changed since the future was completed."""
+    async def __answer(self, lookup: Lookup, timeout: DurationLike | None) -> TransformStamped:
+        """Await a lookup; then look up again, because the latest time may have changed meanwhile."""
+        answer: TransformStamped = await TransformFuture(self, lookup, timeout)
         try:
             return lookup.now(self)
         except TransformException:

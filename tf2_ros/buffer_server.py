@@ -139,9 +139,8 @@ class BufferServer:
             lookup.add_done_callback(lambda _: self._ended.put(handle.execute))
 
     def _look_up(self, goal: Any) -> Future:
-        lookup = Lookup.simple(goal.target_frame, goal.source_frame, goal.source_time)
-        if goal.advanced:
-            lookup = lookup._replace(target_time=goal.target_time, fixed_frame=goal.fixed_frame)
+        fixed = (goal.fixed_frame, goal.target_time) if goal.advanced else ()
+        lookup = Lookup(goal.target_frame, goal.source_frame, goal.source_time, *fixed)
         wait_ns = duration_ns(goal.timeout, "timeout")
         future = Future()
         try:

@@ -243,7 +243,7 @@ def test_names_are_refused_before_anything_is_made():
                 Buffer(**{keyword: wrong})
     with pytest.raises(TypeError, match="must be a str"):
         Buffer(share=3)
-    with pytest.raises(ValueError, match="either"):
+    with pytest.raises(ValueError, match="mutually exclusive"):
         Buffer(share="a", attach="b")
 
 

@@ -16,41 +16,29 @@ else:
 
 class Lookup(NamedTuple):
     """
-    The arguments of a lookup, in the order of ``lookup_transform_full``.
+    The arguments of a lookup, in the order of ``BufferCore._look_up``.
 
-    A simple lookup has one time, its ``source_time``; its ``target_time`` and ``fixed_frame`` are None. For
-    the ``policy``, see ``policy_of``.
+    A simple lookup has one time, its ``source_time``. For the ``policy``, see ``policy_of``.
     """
 
     target_frame: str
-    target_time: Any
     source_frame: str
     source_time: Any
-    fixed_frame: str | None
+    fixed_frame: str | None = None
+    target_time: Any = None
     policy: Any = None
-
-    @classmethod
-    def simple(cls, target_frame: str, source_frame: str, time: Any, policy: Any = None) -> "Lookup":
-        """The lookup of ``lookup_transform``."""
-        return cls(target_frame, None, source_frame, time, None, policy)
 
     @classmethod
     def of(cls, *arguments: Any, policy: Any = None) -> "Lookup":
         """The lookup of ``lookup_transform`` with three arguments, of ``lookup_transform_full`` with five."""
-        lookup = cls.simple(*arguments) if len(arguments) == 3 else cls(*arguments)
-        return lookup._replace(policy=policy)
+        if len(arguments) == 3:
+            return cls(*arguments, policy=policy)
+        target_frame, target_time, source_frame, source_time, fixed_frame = arguments
+        return cls(target_frame, source_frame, source_time, fixed_frame, target_time, policy)
 
     def now(self, core: BufferCore) -> Any:
         """Look up without a wait: return the answer or raise the error."""
-        return BufferCore._look_up(
-            core,
-            self.target_frame,
-            self.source_frame,
-            self.source_time,
-            self.fixed_frame,
-            self.target_time,
-            self.policy,
-        )
+        return BufferCore._look_up(core, *self)
 
     def wait(self, core: BufferCore, notify: Callable[[Any], Any] | None = None) -> Any:
         """
@@ -58,16 +46,7 @@ class Lookup(NamedTuple):
 
         :param notify: called with the answer. None: a thread is about to block.
         """
-        return BufferCore._wait(
-            core,
-            self.target_frame,
-            self.source_frame,
-            self.source_time,
-            self.fixed_frame,
-            self.target_time,
-            notify=notify,
-            policy=self.policy,
-        )
+        return BufferCore._wait(core, *self[:-1], notify=notify, policy=self.policy)
 
 
 class BlockingWait:

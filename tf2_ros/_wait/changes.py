@@ -25,9 +25,7 @@ class _NextChange(Lookup):
 
     def wait(self, core: BufferCore, notify: Callable[[Any], Any] | None = None) -> Any:
         """Begin to wait; see ``Lookup``."""
-        self.pending = BufferCore._wait(
-            core, self.target_frame, self.source_frame, self.source_time, notify=notify, after=self.delivered
-        )
+        self.pending = BufferCore._wait(core, *self[:-1], notify=notify, after=self.delivered)
         return self.pending
 
     def deliver(self) -> None:
@@ -44,7 +42,7 @@ class Changes:
 
     def __init__(self, buffer: BufferCore, target_frame: str, source_frame: str) -> None:
         self._buffer = buffer
-        self._next = _NextChange(target_frame, None, source_frame, Time(), None)
+        self._next = _NextChange(target_frame, source_frame, Time())
         self._shutdown = Shutdown(buffer)
 
     def future(self) -> TransformFuture:

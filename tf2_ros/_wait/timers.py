@@ -49,9 +49,7 @@ class Deadlines:
     Calls ``expire()`` of waits at their deadlines, unless they were over, or collected, before.
 
     There is at most one thread: it starts with the first deadline and ends LINGER_S after the last. Only it
-    touches the heap; others add to a deque, so that a signal handler or a finalizer can do so anywhere. A
-    signal handler may also interrupt any step of :meth:`add` in the main thread, and raise; that must not
-    prevent a thread from being started.
+    touches the heap; others add to a deque, so that a signal handler or a finalizer can do so anywhere.
     """
 
     def __init__(self) -> None:
@@ -64,7 +62,7 @@ class Deadlines:
         self._heap: list[_Entry] = []
         self._sweep_at = FEW
         self._sleeps_until_ns = 0
-        self._claims: dict[None, object] = {}  # at most one, of the thread that runs or is starting
+        self._claims: dict[None, object] = {}  # at most one, of the thread that runs
         # Released to wake the thread, so that an interrupted caller holds nothing.
         self._asleep = threading.Lock()
         self._asleep.acquire()
@@ -77,7 +75,10 @@ class Deadlines:
         """
         self._added.append((deadline_ns, next(self._order), weakref.ref(wait)))
         if None not in self._claims:
-            self._start()
+            if sys.is_finalizing():  # before Python 3.12, it would wait for the thread forever
+                raise RuntimeError("no thread can be started at the end of the interpreter")
+            # Of several that start at once, all but one end at once.
+            threading.Thread(target=self._run, name="tf2_ros deadlines", daemon=True).start()
         elif deadline_ns < self._sleeps_until_ns or len(self._added) > FEW:
             with suppress(RuntimeError):  # it is being woken already
                 self._asleep.release()
@@ -86,32 +87,16 @@ class Deadlines:
         """All entries that have not been removed yet; for tests."""
         return [*self._added, *self._heap]
 
-    def _start(self) -> None:
+    def _run(self) -> None:
         claim = object()
-        try:
-            if self._claims.setdefault(None, claim) is not claim:
-                return  # it takes what was added before its first sleep
-            if sys.is_finalizing():  # before Python 3.12, it would wait for the thread forever
-                raise RuntimeError("no thread can be started at the end of the interpreter")
-            threading.Thread(target=self._run, args=(claim,), name="tf2_ros deadlines", daemon=True).start()
-        except BaseException:
-            # A thread that has started nevertheless finds that it has no claim.
-            if self._claims.get(None) is claim:
-                self._claims.pop(None, None)
-            raise
-
-    def _run(self, claim: object) -> None:
-        while self._claims.get(None) is claim:
+        # Calls of `add` just before the claim was given up relied on it, so it looks again.
+        while (self._added or self._heap) and self._claims.setdefault(None, claim) is claim:
             try:
                 woken = True
                 while woken or self._added or self._heap:
                     woken = self._asleep.acquire(timeout=self._work())
             finally:
-                if self._claims.get(None) is claim:
-                    del self._claims[None]
-            # Calls of `add` just before the claim was given up relied on it.
-            if not (self._added or self._heap) or self._claims.setdefault(None, claim) is not claim:
-                return
+                del self._claims[None]
 
     def _work(self) -> float:
         """End what is due, and return how many seconds to sleep unless woken."""

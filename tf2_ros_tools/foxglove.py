@@ -3,21 +3,25 @@
 import json
 import struct
 from collections.abc import Iterator
+from contextlib import contextmanager
+from operator import index
 from typing import Any, TypeAlias
 
-from tf2_ros_tools.serialised import EMPTY, Raw, tf_messages
+from tf2_ros_tools.serialised import EMPTY, tf_messages
 
 TYPES = ("foxglove.FrameTransform", "foxglove.FrameTransforms")
 ENCODINGS = ("protobuf", "json")
 
 S = 1_000_000_000
 SEC_BITS = 31  # of a time in CDR
+VARINT_BYTES = 10  # of 64 bits
+FIXED_SIZES = {1: 8, 5: 4}  # in bytes, of the wire types with a fixed size
 
-# Stamp in ns, parent, child, translation and rotation.
-Transform: TypeAlias = "tuple[int, str, str, list[float], list[float]]"
+# Parent and child, stamp in ns, translation and rotation.
+Transform: TypeAlias = "tuple[tuple[str, str], int, list[float], list[float]]"
 
 
-def tf_message(msgtype: str, encoding: str, raw: Raw) -> bytes:
+def tf_message(msgtype: str, encoding: str, raw: bytes | memoryview) -> bytes:
     """
     Make a TFMessage of a message.
 
@@ -25,13 +29,18 @@ def tf_message(msgtype: str, encoding: str, raw: Raw) -> bytes:
     :param encoding: one of ENCODINGS.
     :raises ValueError: it is malformed.
     """
-    is_list = msgtype == TYPES[1]
-    found = list((_of_json if encoding == "json" else _of_protobuf)(bytes(raw), is_list))
-    if not found:
-        return EMPTY
-    stamps, parents, children, translations, rotations = zip(*found, strict=True)
-    frames = [*zip(parents, children, strict=True)]
-    [made] = tf_messages(frames, [stamps], [translations], [rotations])
+    data, is_list = bytes(raw), msgtype == TYPES[1]
+    with _malformed(msgtype):
+        if encoding == "json":
+            content = json.loads(data)
+            found = [_of_json(one) for one in (content["transforms"] if is_list else [content])]
+        else:
+            parts = [value for number, value in _fields(data) if number == 1] if is_list else [data]
+            found = [_of_protobuf(one) for one in parts]
+        if not found:
+            return EMPTY
+        frames, stamps_ns, translations, rotations = zip(*found, strict=True)
+        [made] = tf_messages(frames, [stamps_ns], [translations], [rotations])
     return made
 
 
@@ -40,20 +49,25 @@ def is_stamped(msgtype: str, encoding: str) -> bool:
     return msgtype.startswith("foxglove.") and encoding in ENCODINGS
 
 
-def stamp_ns(encoding: str, raw: Raw) -> int:
+def stamp_ns(encoding: str, raw: bytes | memoryview) -> int:
     """
     Get the ``timestamp`` of a message of Foxglove, which is its first field.
 
     :raises ValueError: it is malformed, or has none.
     """
-    if encoding == "json":
-        content = _json(bytes(raw))
-        found = content.get("timestamp") if isinstance(content, dict) else None
-        return _time_of_json(found)
-    found = next((value for number, value in _fields(bytes(raw)) if number == 1), None)
-    if not isinstance(found, bytes):
-        raise ValueError("it has no timestamp")
-    return _time_of_protobuf(found)
+    with _malformed("message with a timestamp"):
+        if encoding == "json":
+            return _time_of_json(json.loads(bytes(raw))["timestamp"])
+        return _time_of_protobuf(next(value for number, value in _fields(bytes(raw)) if number == 1))
+
+
+@contextmanager
+def _malformed(what: str) -> Iterator[None]:
+    # Any bytes may be in a file: what is missing or has another type raises any kind of error.
+    try:
+        yield
+    except Exception as error:
+        raise ValueError(f"not a {what}: {type(error).__name__}: {error}") from None
 
 
 def _checked(stamp_ns: int) -> int:
@@ -62,109 +76,68 @@ def _checked(stamp_ns: int) -> int:
     return stamp_ns
 
 
+def _of_json(one: Any) -> Transform:
+    return (
+        (one["parent_frame_id"], one["child_frame_id"]),
+        _time_of_json(one["timestamp"]),
+        [float(one["translation"][name]) for name in "xyz"],
+        [float(one["rotation"][name]) for name in "xyzw"],
+    )
+
+
 def _time_of_json(time: Any) -> int:
-    try:
-        return _checked(int(time["sec"]) * S + int(time["nsec"]))
-    except (KeyError, TypeError, OverflowError):
-        raise ValueError(f"a timestamp must have sec and nsec, not be {time!r}") from None
-
-
-def _json(data: bytes) -> Any:
-    try:
-        return json.loads(data)
-    except RecursionError:
-        raise ValueError("its JSON is nested too deeply") from None
-
-
-def _of_json(data: bytes, is_list: bool) -> Iterator[Transform]:
-    content = _json(data)
-    try:
-        for one in content["transforms"] if is_list else [content]:
-            parent, child = one["parent_frame_id"], one["child_frame_id"]
-            if not isinstance(parent, str) or not isinstance(child, str):
-                raise TypeError("a name of a frame is not a text")
-            yield (
-                _time_of_json(one["timestamp"]),
-                parent,
-                child,
-                [float(one["translation"][name]) for name in "xyz"],
-                [float(one["rotation"][name]) for name in "xyzw"],
-            )
-    except (KeyError, TypeError, OverflowError) as error:
-        raise ValueError(f"not a {TYPES[is_list]}: {type(error).__name__}: {error}") from None
+    return _checked(int(time["sec"]) * S + int(time["nsec"]))
 
 
 # Read protobuf. Its library would need generated code, which fits only one of its major versions, for
-# messages of twelve fields.
+# messages of twelve fields. A field that is not there has its default: 0, or no rotation.
 
 
-def _of_protobuf(data: bytes, is_list: bool) -> Iterator[Transform]:
-    for one in [value for number, value in _fields(data) if number == 1] if is_list else [data]:
-        fields = dict(_fields(_bytes(one)))
-        # A field that is not there has its default: 0, or no rotation.
-        yield (
-            _time_of_protobuf(_bytes(fields.get(1, b""))),
-            _bytes(fields.get(2, b"")).decode(),
-            _bytes(fields.get(3, b"")).decode(),
-            _doubles(fields.get(4, b""), 3),
-            _doubles(fields[5], 4) if 5 in fields else [0.0, 0.0, 0.0, 1.0],
-        )
+def _of_protobuf(data: bytes) -> Transform:
+    fields = dict(_fields(data))
+    return (
+        (fields.get(2, b"").decode(), fields.get(3, b"").decode()),
+        _time_of_protobuf(fields.get(1, b"")),
+        _doubles(fields.get(4, b""), 3),
+        _doubles(fields[5], 4) if 5 in fields else [0.0, 0.0, 0.0, 1.0],
+    )
 
 
 def _time_of_protobuf(data: bytes) -> int:
     time = dict(_fields(data))
-    return _checked(_signed(time.get(1, 0)) * S + _signed(time.get(2, 0)))
+    return _checked(index(time.get(1, 0)) * S + index(time.get(2, 0)))
 
 
-def _fields(data: bytes) -> Iterator[tuple[int, int | float | bytes]]:
-    """Yield the number and the value of each field."""
+def _doubles(data: bytes, count: int) -> list[float]:
+    fields = dict(_fields(data))
+    return [struct.unpack("<d", fields[i])[0] if i in fields else 0.0 for i in range(1, count + 1)]
+
+
+def _fields(data: bytes) -> Iterator[tuple[int, Any]]:
+    """Yield the number and the value of each field: an int, or bytes."""
     place = 0
     while place < len(data):
         key, place = _varint(data, place)
-        kind = key & 7
-        if kind == 0:
+        number, wire_type = key >> 3, key & 7
+        if wire_type == 0:
             value, place = _varint(data, place)
-            yield key >> 3, value
+            yield number, value - (value >> 63 << 64)  # two's complement
             continue
-        size = {1: 8, 5: 4}.get(kind)
-        if kind == 2:
+        if wire_type == 2:
             size, place = _varint(data, place)
-        if size is None:
-            raise ValueError(f"protobuf has no wire type {kind}")
+        else:
+            size = FIXED_SIZES[wire_type]
         if size > len(data) - place:
             raise ValueError(f"a field of {size} bytes does not fit into a protobuf message")
-        part = data[place : place + size]
+        yield number, data[place : place + size]
         place += size
-        yield key >> 3, struct.unpack("<d", part)[0] if kind == 1 else part
 
 
 def _varint(data: bytes, place: int) -> tuple[int, int]:
     value = 0
-    for i, byte in enumerate(data[place : place + 10]):
+    for i in range(VARINT_BYTES):
+        byte = data[place + i]
         value |= (byte & 0x7F) << 7 * i
         if byte < 0x80:
             return value, place + i + 1
     raise ValueError("a number of a protobuf message has no end")
-
-
-def _signed(value: Any) -> int:
-    if not isinstance(value, int):
-        raise ValueError(OTHER_TYPE)
-    return value - (1 << 64) if value >> 63 else value
-
-
-def _bytes(value: Any) -> bytes:
-    if not isinstance(value, bytes):
-        raise ValueError(OTHER_TYPE)
-    return value
-
-
-def _doubles(message: Any, count: int) -> list[float]:
-    fields = dict(_fields(_bytes(message)))
-    found = [fields.get(i + 1, 0.0) for i in range(count)]
-    if not all(isinstance(one, float) for one in found):
-        raise ValueError(OTHER_TYPE)
-    return found  # type: ignore[return-value]
-
-
-OTHER_TYPE = "a field of a protobuf message has another type"

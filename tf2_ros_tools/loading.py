@@ -16,7 +16,16 @@ from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros.numpy import to_nanoseconds
 from tf2_ros.records import MessageSource, Recording, insert_messages, read_transforms
 from tf2_ros_tools import foxglove
-from tf2_ros_tools.converting import ODOMETRY, POSES, Frames, Joints, Poses, Source, converted
+from tf2_ros_tools.converting import (
+    JOINT_STATE,
+    ODOMETRY,
+    POSES,
+    Frames,
+    Joints,
+    Poses,
+    Source,
+    converted,
+)
 from tf2_ros_tools.output import first_names, printable
 from tf2_ros_tools.reading import (
     TF_TYPES,
@@ -29,9 +38,9 @@ from tf2_ros_tools.reading import (
     needing,
     open_recording,
     stamps_of,
+    typestore,
 )
-from tf2_ros_tools.serialised import Reader
-from tf2_ros_tools.urdf import Robot, UrdfError, fixed, parse, unknown_mimics
+from tf2_ros_tools.urdf import Robot, fixed, parse, unknown_mimics
 from tf2_ros_tools.urdf import load as load_urdf
 
 if TYPE_CHECKING:
@@ -47,7 +56,7 @@ Urdfs: TypeAlias = Urdf | Mapping[str, Urdf] | None
 # Parents and children by topic; None: as the messages say.
 PoseTopics: TypeAlias = Mapping[str, Frames | None]
 
-JOINT_STATES, JOINT_STATE = "/joint_states", "sensor_msgs/msg/JointState"
+JOINT_STATES = "/joint_states"
 DESCRIPTION, STRING = "robot_description", "std_msgs/msg/String"
 # The authority of transforms from fixed joints.
 FROM_URDF = "urdf"
@@ -91,16 +100,14 @@ def wanted(
     """
     Check the arguments that determine what is read.
 
-    :raises TypeError: ``topics`` is a str, a name, prefix or frame is not a str, or a time has a wrong type.
+    :raises TypeError: ``topics`` is a str, ``poses`` has something other than pairs of frames, or a time has
+        a wrong type.
     :raises ValueError: ``topics`` is empty, or ``end`` is before ``start``.
     :raises FileNotFoundError, UrdfError: see :func:`tf2_ros_tools.urdf.load`.
     """
     if isinstance(topics, str):
         raise TypeError(f"topics must be several names, use [{topics!r}]")
     prefixes = dict(topics) if isinstance(topics, Mapping) else dict.fromkeys(topics, "")
-    for text in (*prefixes, *prefixes.values()):
-        if not isinstance(text, str):
-            raise TypeError(f"topics must be names, or map names to prefixes, not {type(text).__name__}")
     if not prefixes:
         raise ValueError("topics must not be empty")
     start_ns = None if start is None else _time_ns(start, "start")
@@ -108,23 +115,12 @@ def wanted(
     if start_ns is not None and end_ns is not None and end_ns < start_ns:
         raise ValueError(f"end, {end_ns} ns, is before start, {start_ns} ns")
     given: Mapping[str, Urdf | None] = urdf if isinstance(urdf, Mapping) else {JOINT_STATES: urdf}
-    for topic in given:
-        if not isinstance(topic, str):
-            raise TypeError(f"urdf must map names of topics to robots, not {topic!r}")
     robots = {topic: _robot(one) for topic, one in given.items() if one is not None}
-    return Wanted(prefixes, start_ns, end_ns, _checked_poses(poses), robots)
-
-
-def _checked_poses(poses: PoseTopics | None) -> PoseTopics:
-    if poses is None:
-        return {}
-    if not isinstance(poses, Mapping):
-        raise TypeError(f"poses must map topics to pairs of frames or None, not be {type(poses).__name__}")
-    for topic, frames in poses.items():
-        pair = isinstance(frames, tuple | list) and [type(one) for one in frames] == [str, str]
-        if not isinstance(topic, str) or not (frames is None or pair):
-            raise TypeError(f"poses must map topics to (parent, child) or None, not {topic!r} to {frames!r}")
-    return dict(poses)
+    posed = dict(poses or {})
+    for topic, frames in posed.items():
+        if frames is not None and (isinstance(frames, str) or len(frames) != 2):
+            raise TypeError(f"poses must map topics to (parent, child) or None, not {topic} to {frames!r}")
+    return Wanted(prefixes, start_ns, end_ns, posed, robots)
 
 
 def _robot(urdf: Urdf) -> Robot | None:
@@ -233,7 +229,7 @@ def fill_buffer(
             insert(messages, sources)
 
         def insert_converted(sources: Mapping[str, Source]) -> None:
-            messages = recorded.raw(sources, what.start_ns, what.end_ns)
+            messages = recorded.checked(recorded.raw(sources, what.start_ns, what.end_ns))
             insert(converted(messages, sources, recorded.malformed), [*map(MessageSource, sources)])
 
         insert_converted(
@@ -250,7 +246,12 @@ def fill_buffer(
         insert(static, [MessageSource(FROM_URDF, static=True)], progress=None)
         insert_converted(joints)
         for topic, one in joints.items():
-            _check_joints(recorded, topic, one)
+            own = [joint.name for joint in one.robot.joints if joint.type != "fixed"]
+            if own and one.names and not one.matched:
+                raise BagError(
+                    f"{printable(recorded.path)}, topic {printable(topic)}: its joint states, of"
+                    f" {first_names(one.names)}, have no positions of the URDF's joints, {first_names(own)}"
+                )
 
 
 def _described(recorded: Recorded, states: str) -> Robot:
@@ -260,32 +261,17 @@ def _described(recorded: Recorded, states: str) -> Robot:
     if topic not in recorded.topics:
         raise BagError(f"{where}: this topic does not exist; pass the path of a URDF")
     _check_type(recorded, topic, STRING)
-    text = ""
-    for _, _, raw in recorded.checked(recorded.raw([topic])):
-        try:
-            text = Reader(raw).text()
-        except ValueError as error:
-            raise BagError(f"{where}: {error}") from error
-    if not text:
+    raws = [raw for _, _, raw in recorded.checked(recorded.raw([topic]))]
+    if not raws:
         raise BagError(f"{where}: it is empty; pass the path of a URDF")
     try:
-        robot = parse(text)
-    except UrdfError as error:
+        message: Any = typestore().deserialize_cdr(raws[-1], STRING)
+        robot = parse(message.data)
+    except Exception as error:  # rosbags defines an error class only for some kinds of damage
         raise BagError(f"{where}: {error}") from error
     for problem in unknown_mimics(robot):
         warnings.warn(BagWarning(f"{where}: {problem}"), stacklevel=2)
     return robot
-
-
-def _check_joints(recorded: Recorded, topic: str, states: Joints) -> None:
-    own = [one.name for one in states.robot.joints if one.type != "fixed"]
-    if not own or states.matched or not states.series.layouts:
-        return
-    where = f"{printable(recorded.path)}, topic {printable(topic)}"
-    if not states.names:
-        raise BagError(f"{where}: its joint states have names, but no positions")
-    found, expected = first_names(states.names), first_names(own)
-    raise BagError(f"{where}: its joints, {found}, are not those of the URDF, {expected}")
 
 
 def sources_of(recorded: Recorded, what: Wanted) -> list[MessageSource]:
@@ -451,25 +437,15 @@ BAR_AFTER_S = 1.0
 @contextmanager
 def progress_bar(
     name: str, total: int | None, unit: str, progress: bool | None
-) -> Iterator[Callable[[int], object] | None]:
+) -> Iterator[Callable[[int], object]]:
     """
-    Show a bar during a ``with`` statement, which gets None or a function that adds a number to what is done.
+    Show a bar during a ``with`` statement, which gets a function that adds a number to what is done.
 
     :param progress: whether to show it. None: only if standard error is a terminal, after one second.
-    :raises ModuleNotFoundError: ``progress`` is True, and tqdm is not installed.
     """
-    if progress is False:
-        yield None
-        return
-    try:
-        with needing("tqdm", "bag"):
-            from tqdm.auto import tqdm
-    except ModuleNotFoundError:
-        if progress:
-            raise
-        yield None
-        return
-    # For tqdm, disable=None disables the bar unless stderr is a terminal.
-    disable, delay = (None, BAR_AFTER_S) if progress is None else (False, 0.0)
+    with needing("tqdm", "bag"):
+        from tqdm.auto import tqdm
+    # For tqdm, disable=None disables the bar unless standard error is a terminal.
+    disable, delay = (None, BAR_AFTER_S) if progress is None else (not progress, 0.0)
     with tqdm(total=total, desc=name, unit=unit, delay=delay, disable=disable) as bar:
-        yield None if bar.disable else bar.update
+        yield bar.update

@@ -1,9 +1,9 @@
 """Read recordings of all formats as raw messages in CDR, with rosbags, and explain its errors."""
 
 import errno
-import os
 import re
 import shutil
+import struct
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -15,26 +15,28 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tf2_ros_tools import foxglove, serialised
+from tf2_ros_tools import foxglove
 from tf2_ros_tools.output import printable
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
     from rosbags.typesys.store import Typestore
 
-RawMessage: TypeAlias = "tuple[Connection, int, bytes | memoryview]"
+Raw: TypeAlias = "bytes | memoryview"
+RawMessage: TypeAlias = "tuple[Connection, int, Raw]"
 # A reader of rosbags, or a ForeignMcap, which has this part of its interface: `connections`, `start_time`,
 # `end_time` (after the last message), `message_count`, and `messages(connections, start, stop)`.
 Reader: TypeAlias = Any
 
+S = 1_000_000_000
 LAST_NS = (1 << 63) - 1  # log times are int64
 # The name of the metadata with which a file begins that a buffer has saved.
 SAVED = b"tf2_ros_cython.buffer"
-# How a file begins, by its extension, and the tool that repairs it.
-MAGICS = {".mcap": b"\x89MCAP0\r\n", ".db3": b"SQLite format 3\0", ".bag": b"#ROSBAG V"}
+# What repairs a file, by its extension.
 TOOLS = {".mcap": "`mcap recover`", ".db3": "`sqlite3 FILE .recover`", ".bag": "`rosbag reindex`"}
-PACKED, PACKED_MAGIC = ".zstd", b"\x28\xb5\x2f\xfd"  # what rosbag2 adds to the name of a compressed file
-SUFFIXES = (*MAGICS, *(f"{suffix}{PACKED}" for suffix in MAGICS))
+REINDEX = "`ros2 bag reindex`"  # likewise a folder
+PACKED = ".zstd"  # what rosbag2 adds to the name of a compressed file
+SUFFIXES = (*TOOLS, *(f"{suffix}{PACKED}" for suffix in TOOLS))
 # Files with these extensions are parts of recordings.
 ADVICE = {
     ".yaml": "pass the path of its folder",
@@ -70,15 +72,13 @@ def explained(error: Exception, path: str, where: str = "", tool: str = "") -> E
     found = str(error).rstrip(".") or repr(error)
     if found.startswith("File end magic is invalid"):
         found += " (its recorder did not finish, or its end was cut off)"
-    if isinstance(error, MemoryError):
-        found = "a part of it would need more memory than is available"
-    tool = tool or _tool_of(Path(path)) or "`ros2 bag reindex`"
     place = f", {where}" if where else ""
+    tool = tool or _tool_of(Path(path))
     return BagError(f"{printable(path)} is broken{place}: {printable(found)}; {tool} may repair it")
 
 
 def _tool_of(file: Path) -> str:
-    return TOOLS.get(Path(file.name.removesuffix(PACKED)).suffix, "")
+    return TOOLS.get(Path(file.name.removesuffix(PACKED)).suffix, REINDEX)
 
 
 def listed(names: Iterable[str]) -> str:
@@ -126,18 +126,19 @@ class Recorded:
         self.path = path
         self.saved = bool(parts) and all(map(_is_saved, parts))
         self._reader = reader
-        self._tool = _tool_of(parts[0]) if parts else ""
+        self._tool = _tool_of(parts[0]) if parts else REINDEX
         self.topics: dict[str, Topic] = {}
         for name in dict.fromkeys(one.topic for one in reader.connections):
-            own = self.connections(name)
+            own = self.connections([name])
             types = " and ".join(dict.fromkeys(one.msgtype for one in own))
             self.topics[name] = Topic(name, types, sum(one.msgcount for one in own), _encoding(own[0]))
-        self.start_ns: int | None = reader.start_time if reader.message_count else None
-        self.end_ns: int | None = reader.end_time - 1 if reader.message_count else None
+        # An edited metadata.yaml may contain any value, and a damaged file any time.
+        self.start_ns: int | None = int(np.int64(reader.start_time)) if reader.message_count else None
+        self.end_ns: int | None = int(np.int64(reader.end_time - 1)) if reader.message_count else None
 
-    def connections(self, topic: str) -> "list[Connection]":
-        """Get rosbags' connections of a topic, which may have several."""
-        return [one for one in self._reader.connections if one.topic == topic]
+    def connections(self, topics: Collection[str]) -> "list[Connection]":
+        """Get rosbags' connections of some topics, which may have several each."""
+        return [one for one in self._reader.connections if one.topic in topics]
 
     def raw(
         self,
@@ -153,11 +154,11 @@ class Recorded:
         :param names: of the topics; topics that the recording does not have are ignored.
         :param start_ns: the log time of the first one; None: from the beginning.
         :param end_ns: the log time of the last one; None: to the end.
-        :param convert: whether messages of ROS 1 are converted to CDR.
+        :param convert: whether messages of ROS 1 and of Foxglove are converted to CDR.
 
         For errors of the iteration, raise what :meth:`explain` returns.
         """
-        connections = [one for one in self._reader.connections if one.topic in names]
+        connections = self.connections(names)
         if not connections:
             return iter(())
         stop = None if end_ns is None or end_ns >= LAST_NS else end_ns + 1
@@ -167,7 +168,7 @@ class Recorded:
 
     def _converted(self, messages: Iterator[RawMessage]) -> Iterator[RawMessage]:
         # From ROS 1 to CDR, with the types of ROS 2: the conversion removes the `seq` of a header.
-        store = _typestore()
+        store = typestore()
         for connection, log_ns, raw in messages:
             msgtype, encoding = connection.msgtype, _encoding(connection)
             if msgtype in foxglove.TYPES:
@@ -183,10 +184,12 @@ class Recorded:
         """Yield messages of :meth:`raw`, and explain errors of the iteration."""
         last_ns = None
         try:
-            for message in messages:
-                _check(message)
-                last_ns = message[1]
-                yield message
+            for connection, log_ns, raw in messages:
+                # A database may contain values of any type.
+                if type(log_ns) is not int or not isinstance(raw, bytes | memoryview):
+                    raise ValueError(f"a message must be bytes with a log time, not {raw!r} with {log_ns!r}")
+                yield connection, log_ns, raw
+                last_ns = log_ns
         except Exception as error:
             reason = self.explain(error, last_ns)
             if reason is error:
@@ -202,19 +205,10 @@ class Recorded:
         where = "at the beginning" if last_ns is None else f"after log time {last_ns} ns"
         return explained(error, self.path, where, self._tool)
 
-    def malformed(self, topic: str, log_ns: int, error: ValueError) -> NoReturn:
+    def malformed(self, topic: str, log_ns: int, error: Exception) -> NoReturn:
         """Raise the BagError for one message that cannot be read."""
         place = f"{printable(self.path)}, topic {printable(topic)}, log time {log_ns} ns"
-        raise BagError(f"{place}: {error}") from error
-
-
-def _check(message: RawMessage) -> None:
-    # A database may contain values of any type, and a damaged file any number.
-    _, log_ns, data = message
-    if not -LAST_NS <= log_ns <= LAST_NS:
-        raise ValueError(f"a log time of {log_ns} ns does not fit into 64 bits")
-    if not isinstance(data, bytes | memoryview | bytearray):
-        raise ValueError(f"a message must be bytes, not {type(data).__name__}")
+        raise BagError(f"{place}: {printable(str(error))}") from error
 
 
 def is_static(topic: str) -> bool:
@@ -233,120 +227,78 @@ def open_recording(path: "str | PathLike[str]") -> Iterator[Recorded]:
     :raises BagError: the file is not a recording, or is broken.
     :raises ModuleNotFoundError: rosbags is not installed.
     """
-    name = os.fspath(path)
-    if not isinstance(name, str):
-        raise TypeError(f"path must be a str or os.PathLike of str, not {type(path).__name__}")
     with needing("rosbags", "bag"):
         import rosbags  # noqa: F401
-    if not os.path.exists(name):
+    source = Path(path)
+    name = str(path)
+    if not source.exists():
         raise FileNotFoundError(errno.ENOENT, "the recording does not exist", name)
+    parts = sorted(one for one in source.iterdir() if one.name.endswith(SUFFIXES)) if source.is_dir() else []
+    _refuse_others(source, parts)
     with ExitStack() as stack:
-        source = Path(name)
-        if source.suffix == PACKED:
-            source = stack.enter_context(_unpacked(source))
-        parts = _check_folder(source) if source.is_dir() else [source]
-        for part in parts:
-            _check_file(part, str(part) if source.is_dir() else name)
-        reader = stack.enter_context(_opened(source, name))
-        yield Recorded(name, reader, parts)
+        try:
+            opened = stack.enter_context(_unpacked(source)) if source.suffix == PACKED else source
+            reader = _opened(opened, stack)
+            recorded = Recorded(name, reader, parts if source.is_dir() else [opened])
+        except Exception as error:
+            # rosbags does not say which file of a folder it could not open.
+            for part in parts:
+                with open_recording(part):
+                    pass
+            reason = explained(error, name)
+            if reason is error:
+                raise
+            raise reason from error
+        yield recorded
+
+
+def _refuse_others(path: Path, parts: Collection[Path]) -> None:
+    """Refuse what is not a recording, and a recording of which rosbags would not read everything."""
+    name = printable(str(path))
+    if path.is_dir():
+        if not (path / "metadata.yaml").is_file():
+            advice = f"{REINDEX} makes it from the files of a recording"
+            raise BagError(f"{name} is not a recording: the folder has no metadata.yaml; {advice}")
+    elif not path.name.endswith(SUFFIXES):
+        advice = ADVICE.get(path.suffix, f"use a folder with a metadata.yaml, or {', '.join(TOOLS)}")
+        raise BagError(f"{name} is not a recording: {advice}")
+    elif not path.is_file():  # opening a pipe would wait for its writer
+        raise BagError(f"{name} is not a recording: it is a pipe or a device")
+    elif not path.stat().st_size:
+        raise BagError(f"{name} is empty")
+    # Until a database is merged, what was written last is in a second file, which rosbags does not read.
+    for part in parts or [path]:
+        log = part.with_name(f"{part.name}-wal")
+        if log.exists() and log.stat().st_size:
+            advice = f'`sqlite3 {printable(part.name)} "pragma wal_checkpoint"` merges it'
+            raise BagError(f"{printable(str(part))} lacks what is in {printable(log.name)}: {advice}")
 
 
 @contextmanager
 def _unpacked(path: Path) -> Iterator[Path]:
     """Decompress a file into a copy that exists during a ``with`` statement."""
-    _check_file(path, str(path))
     with needing("zstandard", "bag"):
         from zstandard import ZstdDecompressor
 
     with TemporaryDirectory(prefix="tf2-ros-cython-") as folder:
         copy = Path(folder, path.stem)
         with open(path, "rb") as packed, open(copy, "wb") as file:
-            try:
-                shutil.copyfileobj(ZstdDecompressor().stream_reader(packed, read_across_frames=True), file)
-                if not file.tell():
-                    raise ValueError("it ends within its first block")
-            except Exception as error:
-                raise explained(error, str(path)) from error
+            shutil.copyfileobj(ZstdDecompressor().stream_reader(packed, read_across_frames=True), file)
         yield copy
 
 
-@contextmanager
-def _opened(path: Path, name: str) -> Iterator[Reader]:
-    """
-    Open a reader of rosbags.
-
-    :param name: the name for errors.
-    :raises BagError: rosbags cannot read it.
-    """
+def _opened(path: Path, stack: ExitStack) -> Reader:
     from rosbags import rosbag1, rosbag2
 
-    with ExitStack() as stack:
-        try:
-            reader: Reader = rosbag1.Reader(path) if path.suffix == ".bag" else rosbag2.Reader(path)
-            try:
-                stack.enter_context(reader)
-            except (KeyError, rosbag2.ReaderError) as error:
-                # rosbags refuses an .mcap whose profile, or one of whose schemas, is not of ROS 2.
-                is_foreign = isinstance(error, KeyError) or str(error).startswith("Profile is not")
-                if path.suffix != ".mcap" or not is_foreign:
-                    raise
-                reader = stack.enter_context(ForeignMcap(path))
-            for log_ns in (reader.start_time, reader.end_time - 1) if reader.message_count else ():
-                # A damaged file may contain any time, and metadata.yaml may have been edited.
-                if not isinstance(log_ns, int) or abs(log_ns) > LAST_NS:
-                    raise ValueError(f"it contains the log time {log_ns!r} ns")
-        except Exception as error:
-            # rosbags does not say which file of a folder it could not open.
-            for part in _parts(path) if path.is_dir() else ():
-                with _opened(part, str(part)):
-                    pass
-            reason = explained(error, name)
-            if reason is error:
-                raise
-            raise reason from error
-        _allow_any_order(reader)
-        yield reader
-
-
-def _parts(folder: Path) -> list[Path]:
-    return sorted(one for one in folder.iterdir() if one.name.endswith(SUFFIXES))
-
-
-def _check_folder(folder: Path) -> list[Path]:
-    """Refuse a folder that is not a recording; get its files."""
-    parts = _parts(folder)
-    if (folder / "metadata.yaml").is_file():
-        return parts
-    name = printable(str(folder))
-    inner = [one.parent for one in sorted(folder.glob("*/metadata.yaml"))]
-    inner += [one for one in parts if one.suffix == ".bag"]
-    if inner:
-        advice = f"; {printable(inner[0].name)} in it is a recording"
-    else:
-        advice = "; `ros2 bag reindex` makes it from the files of the recording" if parts else ""
-    raise BagError(f"{name} is not a recording: the folder has no metadata.yaml{advice}")
-
-
-def _check_file(path: Path, name: str) -> None:
-    name = printable(name)
-    suffix = path.suffix
-    magic = PACKED_MAGIC if path.name.endswith(SUFFIXES[len(MAGICS) :]) else MAGICS.get(suffix)
-    if magic is None:
-        advice = ADVICE.get(suffix, f"use a folder with a metadata.yaml, or {', '.join(MAGICS)}")
-        raise BagError(f"{name} is not a recording: {advice}")
-    if not path.is_file():  # opening a pipe would wait for its writer
-        raise BagError(f"{name} is not a recording: it is a pipe or a device")
-    with open(path, "rb") as file:
-        begin = file.read(16)
-    if not begin:
-        raise BagError(f"{name} is empty")
-    if not begin.startswith(magic):
-        raise BagError(f"{name} is not a {suffix} file: it begins with {begin!r}")
-    # Until a database is merged, what was written last is in a second file, which rosbags does not read.
-    log = path.with_name(f"{path.name}-wal")
-    if suffix == ".db3" and log.exists() and log.stat().st_size:
-        advice = f'`sqlite3 {printable(path.name)} "pragma wal_checkpoint"` merges it'
-        raise BagError(f"{name} lacks what is in {printable(log.name)}: {advice}")
+    reader: Reader = rosbag1.Reader(path) if path.suffix == ".bag" else rosbag2.Reader(path)
+    try:
+        return stack.enter_context(reader)
+    except (KeyError, rosbag2.ReaderError) as error:
+        # rosbags refuses an .mcap whose profile, or one of whose schemas, is not of ROS 2.
+        is_foreign = isinstance(error, KeyError) or str(error).startswith("Profile is not")
+        if path.suffix != ".mcap" or not is_foreign:
+            raise
+        return ForeignMcap(path, stack)
 
 
 def _is_saved(path: Path) -> bool:
@@ -354,25 +306,13 @@ def _is_saved(path: Path) -> bool:
         return SAVED in file.read(256)
 
 
-def _allow_any_order(reader: Reader) -> None:
-    # rosbags refuses an .mcap without an index whose log times are not sorted. A buffer accepts any order,
-    # and recorders do write such files.
-    storage = getattr(reader, "storage", None)
-    for one in getattr(storage, "storages", [storage]):
-        if hasattr(one, "messages_scan") and not one.chunks:
-            one.messages = one.messages_scan
-
-
 class ForeignMcap:
     """Reads an .mcap of another recorder than ROS 2's, such as Foxglove's, with the library mcap."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, stack: ExitStack) -> None:
         with needing("mcap", "bag"):
             from mcap.reader import make_reader
-        self._file = open(path, "rb")
-        self._mcap = make_reader(self._file, validate_crcs=True)
-
-    def __enter__(self) -> "ForeignMcap":
+        self._mcap = make_reader(stack.enter_context(open(path, "rb")), validate_crcs=True)
         summary = self._mcap.get_summary()
         if summary is None or summary.statistics is None:
             raise ValueError("it has no index")
@@ -385,10 +325,6 @@ class ForeignMcap:
             for one in summary.channels.values()
         }
         self.connections = [*self._connections.values()]
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._file.close()
 
     def messages(
         self, connections: "Collection[Connection]", start: int | None, stop: int | None
@@ -399,20 +335,13 @@ class ForeignMcap:
             yield self._connections[channel.id], message.log_time, message.data
 
     def _connection(self, channel: Any, schema: Any, count: int) -> "Connection":
-        from rosbags.interfaces import (
-            Connection,
-            ConnectionExtRosbag2,
-            MessageDefinition,
-            MessageDefinitionFormat,
-        )
+        from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition
+        from rosbags.interfaces import MessageDefinitionFormat as Format
 
-        form, text, msgtype = MessageDefinitionFormat.NONE, "", "__schemaless__"
-        if schema is not None:
-            msgtype = schema.name
-            if schema.encoding == "ros2msg":
-                form, text = MessageDefinitionFormat.MSG, schema.data.decode()
+        is_ros = schema is not None and schema.encoding == "ros2msg"
+        definition = MessageDefinition(*((Format.MSG, schema.data.decode()) if is_ros else (Format.NONE, "")))
+        msgtype = "__schemaless__" if schema is None else schema.name
         ext = ConnectionExtRosbag2(channel.message_encoding, [])
-        definition = MessageDefinition(form, text)
         return Connection(channel.id, channel.topic, msgtype, definition, "", count, ext, self)
 
 
@@ -420,7 +349,8 @@ def _encoding(connection: "Connection") -> str:
     return getattr(connection.ext, "serialization_format", "ros1")
 
 
-def _typestore() -> "Typestore":
+def typestore() -> "Typestore":
+    """Get the types of messages of ROS 2."""
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.LATEST)
@@ -440,7 +370,7 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
     about = recorded.topics[topic]
     if not foxglove.is_stamped(about.msgtype, about.encoding):
         try:
-            stamped = all(_begins_with_header(one) for one in recorded.connections(topic))
+            stamped = all(map(_begins_with_header, recorded.connections([topic])))
         except Exception as error:  # the parsers define error classes only for some kinds of damage
             where = f"topic {printable(topic)}, definition of its type"
             raise explained(error, recorded.path, where) from error
@@ -450,19 +380,19 @@ def stamps_of(recorded: Recorded, topic: str) -> NDArray[np.int64]:
     for _, log_ns, raw in recorded.checked(recorded.raw([topic], convert=False)):
         try:
             stamps.append(_stamp_ns(about, raw))
-        except ValueError as error:
+        except (ValueError, IndexError, struct.error) as error:
             recorded.malformed(topic, log_ns, error)
     return np.array(stamps, np.int64)
 
 
-def _stamp_ns(about: Topic, raw: serialised.Raw) -> int:
+def _stamp_ns(about: Topic, raw: Raw) -> int:
     if foxglove.is_stamped(about.msgtype, about.encoding):
         return foxglove.stamp_ns(about.encoding, raw)
-    # It begins behind four bytes: the encoding, in ROS 1 the `seq` of the header.
-    reader = serialised.Reader(raw)
-    if about.encoding == "ros1":
-        reader.order = "<"
-    return reader.stamp_ns()
+    # Four bytes come first: the encapsulation, whose second byte is odd for little-endian numbers; in ROS 1,
+    # the `seq` of the header.
+    order = "<" if about.encoding == "ros1" or raw[1] & 1 else ">"
+    sec, nanosec = struct.unpack_from(f"{order}iI", raw, 4)
+    return int(sec) * S + int(nanosec)
 
 
 def _begins_with_header(connection: "Connection") -> bool:
@@ -478,6 +408,6 @@ def _begins_with_header(connection: "Connection") -> bool:
         for part in text.split("=" * 80 + "\n"):
             types.update(get_types_from_idl(re.sub(r"^IDL: .*\n", "", part)) if part.strip() else {})
     else:
-        types = _typestore().fielddefs
+        types = typestore().fielddefs
     _, fields = types.get(msgtype, ([], []))
     return msgtype == HEADER or (bool(fields) and fields[0][1][1] == HEADER)

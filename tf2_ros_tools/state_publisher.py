@@ -5,7 +5,6 @@ from tf2_ros import StaticTransformBroadcaster, TransformBroadcaster
 
 # isort: split
 
-import threading
 from collections.abc import Sequence
 from typing import Any
 
@@ -20,14 +19,13 @@ from std_msgs.msg import String
 
 from tf2_ros_tools.output import first_names
 from tf2_ros_tools.program import UsageError
-from tf2_ros_tools.serialised import Layout, Series, joint_names, numbers_of, tf_messages
+from tf2_ros_tools.serialised import tf_messages
 from tf2_ros_tools.urdf import fixed, parse, unknown_mimics
 
 S = 1_000_000_000
 LOWEST_HZ, HIGHEST_HZ = 0.0001, 1000.0
 JUMP_NS = 1_000_000_000  # stamps go back further than this when a recording begins again, as in tf2_relay
 SELDOM = {"throttle_duration_sec": 5.0}  # warnings about messages
-MOST_JOINTS = 100_000  # whose stamps are kept; a publisher that invents names must not fill the memory
 
 
 class StatePublisher:
@@ -42,11 +40,8 @@ class StatePublisher:
     def __init__(self, node: Node, description: str) -> None:
         self._node = node
         self._log = node.get_logger()
-        self._states = Series(joint_names)
         self._published_ns: dict[str, int] = {}  # the last stamp of each joint
         self._called_ns = 0
-        # The executor may change parameters while the main thread reads them for the first time.
-        self._describing = threading.Lock()
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._descriptions = node.create_publisher(String, "robot_description", latched)
         # They choose the quality of service, but a state of many joints is faster as one serialised message.
@@ -59,47 +54,37 @@ class StatePublisher:
             ("ignore_timestamp", False),
         ):
             node.declare_parameter(name, default)
+        accepted = self._accept(node.get_parameters(["robot_description", "publish_frequency"]))
+        if not accepted.successful:
+            raise UsageError(accepted.reason)
+        self._describe()
         node.add_on_set_parameters_callback(self._accept)
         node.add_post_set_parameters_callback(self._apply)
-        try:
-            self._check(node.get_parameters(["robot_description", "publish_frequency"]))
-        except ValueError as refusal:
-            raise UsageError(str(refusal)) from None
-        self._describe()
         node.create_subscription(
             JointState,
             "joint_states",
             self._receive,
             qos_profile_sensor_data,
-            raw=True,
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
 
     def _value(self, name: str) -> Any:
         return self._node.get_parameter(name).value
 
-    def _check(self, parameters: Sequence[Parameter]) -> None:
-        """Raise a ValueError about a parameter with a wrong value."""
+    def _accept(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        reason = ""
         for one in parameters:
             value: Any = one.value
-            if one.name == "robot_description":
-                if not value:
-                    raise ValueError("robot_description must not be empty: set it, or name a file")
+            if one.name == "robot_description" and not value:
+                reason = "robot_description must not be empty: set it, or name a file"
+            elif one.name == "robot_description":
                 try:
                     parse(value)
                 except ValueError as refusal:
-                    raise ValueError(f"robot_description: {refusal}") from None
+                    reason = f"robot_description: {refusal}"
             elif one.name == "publish_frequency" and not LOWEST_HZ <= value <= HIGHEST_HZ:
-                raise ValueError(
-                    f"publish_frequency must be from {LOWEST_HZ} to {HIGHEST_HZ:g}, not {value:g}"
-                )
-
-    def _accept(self, parameters: list[Parameter]) -> SetParametersResult:
-        try:
-            self._check(parameters)
-        except ValueError as refusal:
-            return SetParametersResult(successful=False, reason=str(refusal))
-        return SetParametersResult(successful=True)
+                reason = f"publish_frequency must be from {LOWEST_HZ} to {HIGHEST_HZ:g}, not {value:g}"
+        return SetParametersResult(successful=not reason, reason=reason)
 
     def _apply(self, parameters: list[Parameter]) -> None:
         if any(one.name in ("robot_description", "frame_prefix") for one in parameters):
@@ -107,27 +92,31 @@ class StatePublisher:
 
     def _describe(self) -> None:
         """Read the description, and publish it and the fixed joints."""
-        with self._describing:
-            description = self._value("robot_description")
-            self._robot = parse(description, self._value("frame_prefix"))
-            self._descriptions.publish(String(data=description))
-            self._static.publish(fixed(self._robot, (), self._node.get_clock().now().nanoseconds))
-            self._log.info(f"Robot initialized: {self._robot!r}")
-            for problem in unknown_mimics(self._robot):
-                self._log.warning(problem)
+        description = self._value("robot_description")
+        self._robot = parse(description, self._value("frame_prefix"))
+        self._descriptions.publish(String(data=description))
+        self._static.publish(fixed(self._robot, (), self._node.get_clock().now().nanoseconds))
+        self._log.info(f"Robot initialized: {self._robot!r}")
+        for problem in unknown_mimics(self._robot):
+            self._log.warning(problem)
 
-    def _receive(self, raw: bytes) -> None:
-        try:
-            stamp_ns, layout, data = self._states.read(raw)
-        except ValueError as error:
-            self._log.warning(f"Ignoring a malformed joint state: {error}", **SELDOM)
+    def _receive(self, state: JointState) -> None:
+        names, positions = list(state.name), state.position
+        if not names or len(positions) != len(names):
+            found = f"{len(names)} names, but {len(positions)} positions"
+            self._log.warning(f"Ignoring joint states with {found}, of {first_names(names)}", **SELDOM)
             return
-        if not layout.count:
-            names = f", of {first_names(layout.names)}" if layout.names else ""
-            self._log.warning(f"Ignoring joint states without positions{names}", **SELDOM)
+        stamp_ns = state.header.stamp.sec * S + state.header.stamp.nanosec
+        if not self._is_due(names, stamp_ns):
             return
-        if self._is_due(layout.names, stamp_ns):
-            self._publish(stamp_ns, layout, data)
+        joints, translations, rotations = self._robot.transforms(names, [positions])
+        finite = np.isfinite(np.concatenate((translations, rotations), axis=-1)[0]).all(axis=-1)
+        if lost := [joints[i].name for i in np.flatnonzero(~finite)]:
+            self._log.warning(f"Ignoring positions that are not finite, of {first_names(lost)}", **SELDOM)
+        frames = [(joints[i].parent, joints[i].child) for i in np.flatnonzero(finite)]
+        if frames:
+            [message] = tf_messages(frames, [stamp_ns], translations[:, finite], rotations[:, finite])
+            self._transforms.publish(message)
 
     def _is_due(self, names: Sequence[str], stamp_ns: int) -> bool:
         now_ns = self._node.get_clock().now().nanoseconds
@@ -135,32 +124,17 @@ class StatePublisher:
             self._log.warning("Moved backwards in time, re-publishing joint transforms!")
             self._published_ns.clear()
         self._called_ns = now_ns
-        known = self._published_ns
-        if len(known) > MOST_JOINTS:
-            known.clear()
-        oldest_ns = min(known.get(name, 0) for name in names)
-        interval_ns = int(S / self._value("publish_frequency"))
-        if self._value("ignore_timestamp") or stamp_ns >= oldest_ns + interval_ns:
-            known.update(dict.fromkeys(names, stamp_ns))
-            return True
-        if 0 < stamp_ns < oldest_ns - JUMP_NS:
+        oldest_ns = min(self._published_ns.get(name, 0) for name in names)
+        is_due = self._value("ignore_timestamp")
+        is_due = is_due or stamp_ns >= oldest_ns + int(S / self._value("publish_frequency"))
+        if not is_due and 0 < stamp_ns < oldest_ns - JUMP_NS:
             self._log.warning("The stamps of joint states went back; going on from there", **SELDOM)
-            known.update(dict.fromkeys(names, stamp_ns))
-            return True
-        if stamp_ns == 0:
+            is_due = True
+        if is_due:
+            self._published_ns.update(dict.fromkeys(names, stamp_ns))
+        elif stamp_ns == 0:
             self._log.warning(
                 "Ignoring joint states with the stamp 0; the parameter ignore_timestamp publishes them",
                 **SELDOM,
             )
-        return False
-
-    def _publish(self, stamp_ns: int, layout: Layout, data: bytes) -> None:
-        joints, translations, rotations = self._robot.transforms(layout.names, numbers_of(layout, [data]))
-        numbers = np.concatenate((translations, rotations), axis=-1)
-        finite = np.isfinite(numbers[0]).all(axis=-1)
-        if lost := [joints[i].name for i in np.flatnonzero(~finite)]:
-            self._log.warning(f"Ignoring positions that are not finite, of {first_names(lost)}", **SELDOM)
-        frames = [(joints[i].parent, joints[i].child) for i in np.flatnonzero(finite)]
-        if frames:
-            [message] = tf_messages(frames, [stamp_ns], translations[:, finite], rotations[:, finite])
-            self._transforms.publish(message)
+        return bool(is_due)

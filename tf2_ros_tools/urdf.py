@@ -2,12 +2,13 @@
 
 import os
 import warnings
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from graphlib import CycleError, TopologicalSorter
 from math import cos, hypot, inf, isfinite, sin
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 # Only the names, parents and numbers of joints are needed; for these, yourdfpy would add lxml and trimesh to
@@ -18,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tf2_ros.numpy import to_matrix
-from tf2_ros_tools.output import printable
+from tf2_ros_tools.output import first_names, printable
 from tf2_ros_tools.serialised import EMPTY, tf_messages
 
 if TYPE_CHECKING:
@@ -55,7 +56,6 @@ class Joint:
     :param translation: of the joint at position 0 in its parent, metres.
     :param rotation: likewise, a quaternion x y z w.
     :param axis: in the frame of the joint, of length one; the normal of a planar joint.
-    :param limits: the lowest and the highest position, which nothing enforces; None: not given.
     :param mimic: the joint that this one follows, the multiplier and the offset; or None. If there is no such
         joint, this one moves only by a position of its own.
     """
@@ -67,7 +67,6 @@ class Joint:
     translation: Numbers
     rotation: Numbers
     axis: Numbers
-    limits: tuple[float, float] | None
     mimic: tuple[str, float, float] | None
 
 
@@ -110,76 +109,60 @@ class Robot:
         :raises ValueError: the shapes do not fit.
         """
         values = np.asarray(positions, np.float64)
-        plan = _plan(self, tuple(names))
+        joints, compute = _plan(self, tuple(names))
         if values.ndim not in (1, 2) or values.shape[-1] != len(names):
             raise ValueError(f"{len(names)} names, but positions of shape {values.shape}")
         with np.errstate(invalid="ignore", over="ignore"):  # the sine of infinity is NaN
-            simple = (values[..., plan.places] * plan.multipliers + plan.offsets)[..., None]
-            half = simple * plan.turning[:, None] * 0.5
-            translations = plan.translations + simple * plan.slides
-            # A product of quaternions is linear: q0 (a sin, cos) = q0 cos + q0 (a, 0) sin.
-            rotations = plan.rotations * np.cos(half) + plan.turned * np.sin(half)
-            more = [_several(joint, values[..., places]) for joint, places in plan.several]
-        return (
-            [*plan.joints],
-            np.concatenate([translations, *(one[..., None, :] for one, _ in more)], axis=-2),
-            np.concatenate([rotations, *(one[..., None, :] for _, one in more)], axis=-2),
-        )
-
-
-@dataclass(frozen=True)
-class _Plan:
-    """How positions in the order of some names become transforms: L joints with one variable, and others."""
-
-    joints: list[Joint]  # both kinds
-    places: NDArray[np.intp]  # (L,), of the positions
-    multipliers: Floats  # (L,)
-    offsets: Floats  # (L,)
-    turning: NDArray[np.bool_]  # (L,), or sliding
-    translations: Floats  # (L, 3), at position 0
-    slides: Floats  # (L, 3), the axis of a sliding joint in the parent, otherwise 0
-    rotations: Floats  # (L, 4), at position 0
-    turned: Floats  # (L, 4), the same times the axis
-    several: list[tuple[Joint, list[int]]]  # with the places of their variables
+            return [*joints], *compute(values)
 
 
 @lru_cache(maxsize=20)  # a few publishers share a topic; one that invents names must not fill the memory
-def _plan(robot: Robot, names: tuple[str, ...]) -> _Plan:
+def _plan(
+    robot: Robot, names: tuple[str, ...]
+) -> tuple[list[Joint], Callable[[Floats], tuple[Floats, Floats]]]:
+    """Get the joints that these names move, and a function that computes their transforms from positions."""
     place = {name: i for i, name in reversed([*enumerate(names)])}
     by_name = {one.name: one for one in robot.joints}
 
     def source(joint: Joint) -> tuple[int, float, float] | None:
+        """The place of the joint that this one follows, the factor and the offset."""
         factor, offset = 1.0, 0.0
         while joint.name not in place:
-            if joint.mimic is None:
+            if joint.mimic is None or joint.mimic[0] not in by_name:
                 return None
             followed, multiplier, added = joint.mimic
             factor, offset = factor * multiplier, offset + factor * added
-            if followed not in by_name:
-                return None
             joint = by_name[followed]
         return place[joint.name], factor, offset
 
     single = [one for one in robot.joints if one.type in (*TURNING, *SLIDING)]
-    found = [(one, told) for one in single if (told := source(one)) is not None]
+    found = [(one, followed) for one in single if (followed := source(one)) is not None]
     joints = [one for one, _ in found]
+    places, factors, offsets = np.reshape([followed for _, followed in found], (-1, 3)).T
+    turning = np.array([one.type in TURNING for one in joints], np.bool_)
+    # At position 0; and what a turn of the half angle, or a slide, adds to it.
+    at_zero = np.reshape([(*one.translation, *one.rotation) for one in joints], (-1, 7))
+    slides = np.reshape([_rotated(one.rotation, one.axis) * (one.type in SLIDING) for one in joints], (-1, 3))
+    turned = np.reshape([_times(one.rotation) @ (*one.axis, 0.0) for one in joints], (-1, 4))
     several = []
     for one in robot.joints:
         parts = [f"{one.name}/{part}" for part in VARIABLES.get(one.type, ())]
         if parts and place.keys() >= {*parts}:
             several.append((one, [place[part] for part in parts]))
-    return _Plan(
-        [*joints, *(one for one, _ in several)],
-        np.array([at for _, (at, _, _) in found], np.intp),
-        np.array([factor for _, (_, factor, _) in found], np.float64),
-        np.array([offset for _, (_, _, offset) in found], np.float64),
-        np.array([one.type in TURNING for one in joints], np.bool_),
-        np.reshape([one.translation for one in joints], (-1, 3)),
-        np.reshape([_rotated(one.rotation, one.axis) * (one.type in SLIDING) for one in joints], (-1, 3)),
-        np.reshape([one.rotation for one in joints], (-1, 4)),
-        np.reshape([_times(one.rotation) @ (*one.axis, 0.0) for one in joints], (-1, 4)),
-        several,
-    )
+
+    def compute(values: Floats) -> tuple[Floats, Floats]:
+        simple = (values[..., places.astype(np.intp)] * factors + offsets)[..., None]
+        half = simple * turning[:, None] * 0.5
+        translations = at_zero[:, :3] + simple * slides
+        # A product of quaternions is linear: q0 (a sin, cos) = q0 cos + q0 (a, 0) sin.
+        rotations = at_zero[:, 3:] * np.cos(half) + turned * np.sin(half)
+        more = [_several(joint, values[..., own]) for joint, own in several]
+        return (
+            np.concatenate([translations, *(one[..., None, :] for one, _ in more)], axis=-2),
+            np.concatenate([rotations, *(one[..., None, :] for _, one in more)], axis=-2),
+        )
+
+    return [*joints, *(one for one, _ in several)], compute
 
 
 def _several(joint: Joint, values: Floats) -> tuple[Floats, Floats]:
@@ -247,31 +230,16 @@ def load(source: "str | PathLike[str]", *, prefix: str = "") -> Robot:
     :raises FileNotFoundError: the file does not exist.
     :raises UrdfError: it is not a URDF, or does not describe a tree.
     """
-    if not isinstance(prefix, str):
-        raise TypeError(f"prefix must be a str, not {type(prefix).__name__}")
-    if not isinstance(source, str | PathLike):
-        raise TypeError(f"a URDF must be a path or its text, not {type(source).__name__}")
     if isinstance(source, str) and source.lstrip(BEFORE).startswith("<"):
         robot = parse(source, prefix)
     else:
-        robot = _read(source, prefix)
+        try:
+            robot = parse(Path(source).read_bytes(), prefix)
+        except UrdfError as error:
+            raise UrdfError(f"{printable(os.fspath(source))}: {error}") from None
     for problem in unknown_mimics(robot):
         warnings.warn(problem, stacklevel=2)
     return robot
-
-
-def _read(source: "str | PathLike[str]", prefix: str) -> Robot:
-    try:
-        with open(source, "rb") as file:
-            text = file.read()
-    except (OSError, ValueError):  # a ValueError for a null character
-        if isinstance(source, str) and "<" in source:
-            return parse(source, prefix)  # says what is wrong with a text that is damaged at its beginning
-        raise
-    try:
-        return parse(text, prefix)
-    except UrdfError as error:
-        raise UrdfError(f"{printable(os.fspath(source))}: {error}") from None
 
 
 BEFORE = "\ufeff \t\r\n"  # what may be in front of the text
@@ -284,10 +252,12 @@ def parse(text: str | bytes, prefix: str = "") -> Robot:
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         # Without a declaration of its prefix, xacro is not XML either.
         raise UrdfError(NOT_EXPANDED if "unbound prefix" in str(error) else f"not XML: {error}") from None
-    if any("xacro}" in element.tag for element in root.iter()):
-        raise UrdfError(NOT_EXPANDED)
     if root.tag != "robot":
         raise UrdfError(f"the outermost element of a URDF is robot, not {printable(root.tag)}")
+    read = [*root.findall("link"), *(part for joint in root.findall("joint") for part in joint.iter())]
+    values = [value for element in read for value in element.attrib.values()]
+    if any("xacro}" in one.tag for one in root.iter()) or any("${" in one or "$(" in one for one in values):
+        raise UrdfError(NOT_EXPANDED)
     links = _names(root, "link")
     _names(root, "joint")
     joints = [_joint(element, links) for element in root.findall("joint")]
@@ -327,21 +297,15 @@ def _joint(element: ElementTree.Element, links: set[str]) -> Joint:
     axis: Numbers = (1.0, 0.0, 0.0)
     if kind not in ("fixed", "floating"):
         axis = _unit(_numbers(element.find("axis"), "xyz", where, "1 0 0"), where)
-    limit, mimic = element.find("limit"), element.find("mimic")
-    limits, follows = None, None
-    if limit is not None:
-        [lower], [upper] = _numbers(limit, "lower", where, "0"), _numbers(limit, "upper", where, "0")
-        limits = lower, upper
+    mimic, follows = element.find("mimic"), None
     if mimic is not None:
         followed = _attribute(mimic, "joint", f"the mimic of {where}")
-        [multiplier], [offset] = (
-            _numbers(mimic, "multiplier", where, "1"),
-            _numbers(mimic, "offset", where, "0"),
-        )
+        [multiplier] = _numbers(mimic, "multiplier", where, "1")
+        [offset] = _numbers(mimic, "offset", where, "0")
         follows = followed, multiplier, offset
     origin = element.find("origin")
     xyz, rpy = (_numbers(origin, name, where, "0 0 0") for name in ("xyz", "rpy"))
-    return Joint(name, kind, parent, child, xyz, quaternion_from_rpy(*rpy), axis, limits, follows)
+    return Joint(name, kind, parent, child, xyz, quaternion_from_rpy(*rpy), axis, follows)
 
 
 def _link(joint: ElementTree.Element, tag: str, where: str, links: set[str]) -> str:
@@ -362,14 +326,14 @@ def _root(links: set[str], joints: Iterable[Joint]) -> str:
         if other is not joint:
             link, one, two = map(printable, (joint.child, other.name, joint.name))
             raise UrdfError(f"link {link} has two parents, by the joints {one} and {two}")
-    if (looped := one_in_a_loop({child: joint.parent for child, joint in above.items()})) is not None:
-        raise UrdfError(f"link {printable(looped)} is its own ancestor")
+    if (name := one_in_a_loop({child: joint.parent for child, joint in above.items()})) is not None:
+        raise UrdfError(f"link {printable(name)} is its own ancestor")
     mimics = {joint.name: joint.mimic[0] for joint in joints if joint.mimic is not None}
     if (name := one_in_a_loop(mimics)) is not None:
         raise UrdfError(f"joint {printable(name)} mimics itself")
     roots = sorted(links - above.keys())
     if len(roots) != 1:
-        found = f"{len(roots)} links have no parent ({', '.join(map(printable, roots[:5]))})"
+        found = f"{len(roots)} links have no parent ({first_names(roots)})"
         raise UrdfError(f"{found}, but a URDF is one tree" if roots else "the robot has no links")
     return roots[0]
 
@@ -387,8 +351,6 @@ def _attribute(element: ElementTree.Element, name: str, where: str) -> str:
     value = element.get(name)
     if not value:
         raise UrdfError(f"{where} has no {name}")
-    if "${" in value or "$(" in value:
-        raise UrdfError(NOT_EXPANDED)
     return value
 
 
@@ -399,8 +361,6 @@ def _numbers(element: ElementTree.Element | None, name: str, where: str, default
     except ValueError:
         numbers = ()
     if len(numbers) != len(default.split()) or not all(map(isfinite, numbers)):
-        if "${" in text or "$(" in text:
-            raise UrdfError(NOT_EXPANDED)
         count = {1: "a finite number", 3: "three finite numbers"}[len(default.split())]
         raise UrdfError(f"{where}: {name} must be {count}, not {text!r}")
     return numbers

@@ -159,21 +159,9 @@ def test_what_cannot_be_published_is_a_warning(robot, file, tmp_path):
             SIMPLE,
             [0, np.nan, np.nan],
         )
-        warned("joint states without positions, of lift, roll, extend", 102 * S, SIMPLE, [])
-        warned("a malformed joint state: 3 names, but 1 positions", 102 * S, SIMPLE, [1.0])
+        warned("joint states with 3 names, but 1 positions, of lift, roll, extend", 102 * S, SIMPLE, [1.0])
         warned("the stamp 0; the parameter ignore_timestamp publishes them", 0, ["lift"], [1.0])
         same(robot.moved(103 * S, ["lift"], [0.1]), shoulder)
-
-
-def test_a_joint_that_mimics_an_unknown_one_is_left_out_with_a_warning(robot, file, tmp_path):
-    log = tmp_path / "log"
-    with open(file, "w") as urdf:
-        urdf.write(ARM.replace('joint="grip"', 'joint="gripper"'))
-    with open(log, "w") as err, running(NAME, file, stderr=err):
-        wanted = expected(0.1, 0.2, 0.3)
-        del wanted["camera"], wanted["thumb"]
-        same(robot.moved(100 * S, SIMPLE, (0.1, 0.2, 0.3)), wanted)
-    assert log.read_text().count("joint pinch mimics gripper, which is not a joint") == 1
 
 
 def test_stamps_that_go_back_are_followed_with_a_warning(robot, file, tmp_path):
@@ -221,18 +209,10 @@ class TestParameters:
     def test_wrong_values_are_refused_with_the_reason(self, change):
         assert change("publish_frequency", double=10.0).successful
         for name, value, reason in (
-            *(
-                (
-                    "publish_frequency",
-                    {"double": wrong},
-                    f"publish_frequency must be from 0.0001 to 1000, not {wrong:g}",
-                )
-                for wrong in (0.0, 1e-320, 1001.0, float("nan"))
-            ),
             (
-                "robot_description",
-                {"string": ""},
-                "robot_description must not be empty: set it, or name a file",
+                "publish_frequency",
+                {"double": 1001.0},
+                "publish_frequency must be from 0.0001 to 1000, not 1001",
             ),
             ("robot_description", {"string": "<robot/>"}, "robot_description: the robot has no links"),
         ):
@@ -245,10 +225,7 @@ class TestParameters:
     [
         ([], "robot_description must not be empty: set it, or name a file"),
         (["none.urdf"], "cannot read none.urdf: No such file or directory"),
-        (
-            ["{file}", "--ros-args", "-p", "publish_frequency:=0.0"],
-            "publish_frequency must be from 0.0001 to",
-        ),
+        (["{file}", "--ros-args", "-p", "publish_frequency:=.nan"], "must be from 0.0001 to 1000, not nan"),
         (["{file}", "--ros-args", "-p", "publish_frequency:=fast"], "publish_frequency"),
         (["{broken}"], "robot_description: not XML: "),
     ],

@@ -3,9 +3,12 @@
 import json
 import math
 import struct
+from contextlib import suppress
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from making_bags import S, Sent, Tf, drive, packed, store, turn, write_folder, write_mcap, write_ros1
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
@@ -25,27 +28,17 @@ def posed(ns, x, topic, msgtype, frame="map", child="base", ros=2):
     """A message with the pose x, 2, 3 and a turn by x."""
     types = store(ros).types
 
-    def make(name, *fields):
-        return types[f"{name.replace('/', '/msg/')}"](*fields)
+    def make(name, *fields, **named):
+        return types[f"{name.replace('/', '/msg/')}"](*fields, **named)
 
-    seq = (7,) if ros == 1 else ()
-    header = types["std_msgs/msg/Header"](
-        **dict(
-            zip(
-                ("seq", "stamp", "frame_id") if seq else ("stamp", "frame_id"),
-                (*seq, make("builtin_interfaces/Time", *divmod(ns, S)), frame),
-                strict=True,
-            )
-        )
-    )
-    pose = make(
-        "geometry_msgs/Pose",
-        make("geometry_msgs/Point", x, 2.0, 3.0),
-        make("geometry_msgs/Quaternion", *map(float, turn(x))),
-    )
-    covariance = np.zeros(36)
-    with_covariance = make("geometry_msgs/PoseWithCovariance", pose, covariance)
-    fields = {"header": header, "pose": pose if msgtype == STAMPED else with_covariance}
+    seq = {"seq": 7} if ros == 1 else {}
+    stamp = make("builtin_interfaces/Time", *divmod(ns, S))
+    header = make("std_msgs/Header", stamp=stamp, frame_id=frame, **seq)
+    point, rotation = make("geometry_msgs/Point", x, 2.0, 3.0), make("geometry_msgs/Quaternion", *turn(x))
+    pose, covariance = make("geometry_msgs/Pose", point, rotation), np.zeros(36)
+    if msgtype != STAMPED:
+        pose = make("geometry_msgs/PoseWithCovariance", pose, covariance)
+    fields = {"header": header, "pose": pose}
     if msgtype == ODOMETRY:
         still = [make("geometry_msgs/Vector3", 0.0, 0.0, 0.0) for _ in range(2)]
         twist = make("geometry_msgs/TwistWithCovariance", make("geometry_msgs/Twist", *still), covariance)
@@ -84,21 +77,18 @@ class TestPoses:
         assert buffer.parent("odom") == "map"  # of /tf
         assert set(hear(path, wanted(poses={"/odom": None})).publishers) == {"/tf", "/tf_static", "/odom"}
 
-    def test_several_topics_and_times(self, tmp_path):
-        messages = [*series("/odom", ODOMETRY), *series("/gps", STAMPED)]
-        path = write_mcap(tmp_path / "run.mcap", messages)
+    def test_several_topics_times_and_frames_that_change(self, tmp_path):
+        messages = [
+            *series("/odom", ODOMETRY),
+            *series("/gps", STAMPED),
+            *series("/odom", ODOMETRY, child="b"),
+        ]
+        path = write_mcap(tmp_path / "run.mcap", messages, chunk_size=1 << 20)
         both = {"/odom": None, "/gps": ("map", "gps"), "/lost": ("map", "x")}
-        check(bag.load(path, poses=both), "map", "gps")
+        for child in ("base", "gps", "b"):
+            check(bag.load(path, poses=both), "map", child)
         buffer = bag.load(path, poses=both, start=STAMPS[5], end=STAMPS[9])
         assert {one.count for one in buffer.frames().values() if one.parent} == {5}
-
-    def test_frames_that_change_are_followed(self, tmp_path):
-        messages = [*series("/odom", ODOMETRY, child="a"), *series("/odom", ODOMETRY, child="b")]
-        buffer = bag.load(
-            write_mcap(tmp_path / "run.mcap", messages, chunk_size=1 << 20), poses={"/odom": None}
-        )
-        check(buffer, "map", "a")
-        check(buffer, "map", "b")
 
     def test_a_pose_with_nan_or_without_a_child_is_refused_as_a_transform_is(self, tmp_path):
         messages = [*series("/odom", ODOMETRY), posed(S, math.nan, "/odom", ODOMETRY)]
@@ -108,42 +98,39 @@ class TestPoses:
         refused = buffer.statistics()["refused"]
         assert (refused["nan_input"], refused["no_child_frame_id"]) == (1, 1)
 
-    def test_what_does_not_fit_is_told_in_one_sentence(self, tmp_path):
-        path = write_mcap(tmp_path / "run.mcap", [*drive(), *series("/pose", STAMPED)])
-        for poses, said in (
+    @pytest.mark.parametrize(
+        ("poses", "error", "said"),
+        [
             (
                 {"/pose": None},
-                f"topic /pose: a {STAMPED} does not name the child frame; pass the frames, as in"
-                ' poses={"/gps/pose": ("map", "gps")}',
+                bag.BagError,
+                "run.mcap, topic /pose: a geometry_msgs/msg/PoseStamped does not name the child frame; "
+                r'pass the frames, as in poses={"/gps/pose": \("map", "gps"\)}$',
             ),
             (
                 {"/tf": ("a", "b")},
-                f"topic /tf: its type is tf2_msgs/msg/TFMessage, not {ODOMETRY}",
+                bag.BagError,
+                "run.mcap, topic /tf: its type is tf2_msgs/msg/TFMessage",
             ),
-        ):
-            with pytest.raises(bag.BagError) as refused:
-                bag.load(path, poses=poses)
-            assert str(refused.value) == f"{path}, {said}"
+            (
+                {"/odom": "gps"},
+                TypeError,
+                r"poses must map topics to \(parent, child\) or None, not /odom",
+            ),
+            ({"/odom": ("a",)}, TypeError, "poses must map topics to "),
+            ({"/bad": None}, bag.BagError, "run.mcap, topic /bad, log time 5 ns: "),
+        ],
+    )
+    def test_what_does_not_fit_is_told_in_one_sentence(self, poses, error, said, tmp_path):
+        broken = Sent(5, "/bad", b"\0\1\0\0" + bytes(30), ODOMETRY)
+        path = write_mcap(tmp_path / "run.mcap", [broken, *drive(), *series("/pose", STAMPED)])
+        with pytest.raises(error, match=said):
+            bag.load(path, poses=poses)
+
+    def test_without_any_of_the_topics_all_are_named(self, tmp_path):
+        path = write_mcap(tmp_path / "run.mcap", drive())
         with pytest.raises(bag.BagError, match=r"has no topic /no or /none; its topics with transforms: /tf"):
             bag.load(path, topics=["/no"], poses={"/none": None})
-        for poses in (
-            "/odom",
-            ["/odom"],
-            {"/odom": "gps"},
-            {"/odom": ("map", 1)},
-            {5: None},
-            {"/odom": ("a",)},
-        ):
-            with pytest.raises(TypeError, match="poses must map topics to "):
-                bag.load(path, poses=poses)
-
-    def test_a_malformed_pose_is_named(self, tmp_path):
-        broken = Sent(STAMPS[3] + 1, "/odom", b"\0\1\0\0" + bytes(30), ODOMETRY)
-        path = write_mcap(tmp_path / "run.mcap", [*series("/odom", ODOMETRY), broken])
-        with pytest.raises(
-            bag.BagError, match=f"topic /odom, log time {broken.log_ns} ns: a message of 34 bytes"
-        ):
-            bag.load(path, poses={"/odom": None})
 
 
 # Foxglove.
@@ -257,47 +244,35 @@ class TestFoxglove:
         for encoding in ("protobuf", "json"):
             path = write_foxglove(tmp_path / f"{encoding}.mcap", [*singles, *MOVING], encoding)
             assert bag.stamps(path, "/one").tolist() == STAMPS
-        with pytest.raises(bag.BagError, match="topic /tf, log time 100000000020 ns: a timestamp must have"):
-            bag.stamps(path, "/tf")
 
     @pytest.mark.parametrize(
         ("encoding", "content", "said"),
         [
             ("protobuf", b"\x0a\x7f", "a field of 127 bytes does not fit into a protobuf message"),
             ("protobuf", b"\xff" * 11, "a number of a protobuf message has no end"),
-            ("protobuf", b"\x0b", "protobuf has no wire type 3"),
-            ("protobuf", b"\x08\x01", "a field of a protobuf message has another type"),
-            (
-                "protobuf",
-                field(1, field(1, b"\x08" + varint(1 << 40))),
-                "does not fit into 32 bits of seconds",
-            ),
+            ("protobuf", b"\x0b", "KeyError: 3"),
+            ("protobuf", b"\x08\x01", "TypeError: "),
+            ("protobuf", field(1, field(1, field(1, b"12"))), "TypeError: "),
+            ("protobuf", field(1, field(1, b"\x08" + varint(1 << 40))), "fit into 32 bits of seconds"),
             ("protobuf", field(1, field(2, b"\xff")), "can't decode byte 0xff"),
             ("json", b"[", "Expecting value"),
-            ("json", b"[" * 100_000, "its JSON is nested too deeply"),
-            ("json", b"{}", "not a foxglove.FrameTransforms: KeyError: 'transforms'"),
-            ("json", b'{"transforms": [5]}', "not a foxglove.FrameTransforms: TypeError"),
-            (
-                "json",
-                b'{"transforms": [{"parent_frame_id": "a", "child_frame_id": 5}]}',
-                "not a foxglove.FrameTransforms: TypeError: a name of a frame is not a text",
-            ),
+            ("json", b"[" * 100_000, "RecursionError"),
+            ("json", b"{}", "KeyError: 'transforms'"),
+            ("json", b'{"transforms": [5]}', "TypeError"),
+            ("json", json.dumps({"transforms": [in_json(Tf("a", 5, 0))]}).encode(), "AttributeError"),
         ],
     )
     def test_a_malformed_message_is_named(self, encoding, content, said, tmp_path):
         path = write_foxglove(tmp_path / "run.mcap", [*MOVING, ("/tf", content)], encoding)
         with pytest.raises(bag.BagError) as refused:
             bag.load(path)
-        assert f"{path}, topic /tf, log time 100000000020 ns: " in str(refused.value)
-        assert said in str(refused.value)
+        where = f"{path}, topic /tf, log time 100000000020 ns: not a foxglove.FrameTransforms: "
+        assert str(refused.value).startswith(where) and said in str(refused.value)
 
-    @pytest.mark.parametrize(
-        ("content", "said"),
-        [(b"[" * 100_000, "its JSON is nested too deeply"), (b"{}", "a timestamp must have sec and nsec")],
-    )
-    def test_a_message_without_a_timestamp_is_named(self, content, said, tmp_path):
+    @pytest.mark.parametrize("content", [b"[" * 100_000, b"{}"])
+    def test_a_message_without_a_timestamp_is_named(self, content, tmp_path):
         path = write_foxglove(tmp_path / "run.mcap", [("/one", content)], "json")
-        with pytest.raises(bag.BagError, match=rf"topic /one, log time \d+ ns: {said}"):
+        with pytest.raises(bag.BagError, match=r"topic /one, log time \d+ ns: not a message with a"):
             bag.stamps(path, "/one")
 
     def test_other_topics_and_encodings_are_named(self, tmp_path):
@@ -314,17 +289,16 @@ class TestFoxglove:
             bag.load(path)
 
 
-def test_no_bytes_make_the_reader_fail_otherwise():
-    random = np.random.default_rng(5)
-    for data in (LIST, json.dumps({"transforms": [in_json(MOVING[0][1][0])]}).encode()):
-        encoding = "json" if data[:1] == b"{" else "protobuf"
-        for _ in range(3000):
-            broken = bytearray(data)
-            for place in random.integers(0, len(data), random.integers(1, 4)):
-                broken[place] = random.integers(0, 256)
-            try:
-                tf_message(
-                    "foxglove.FrameTransforms", encoding, bytes(broken[: random.integers(1, len(data) + 1)])
-                )
-            except ValueError:
-                pass
+FOXGLOVE_JSON = json.dumps({"transforms": [in_json(MOVING[0][1][0])]}).encode()
+
+
+@given(st.sampled_from([("protobuf", LIST), ("json", FOXGLOVE_JSON)]), st.data())
+def test_no_bytes_make_the_reader_fail_otherwise(whole, data):
+    encoding, content = whole
+    broken = bytearray(content)
+    places = st.lists(st.integers(0, len(content) - 1), min_size=1, max_size=4)
+    for place in data.draw(places):
+        broken[place] = data.draw(st.integers(0, 255))
+    end = data.draw(st.integers(1, len(content)))
+    with suppress(ValueError):
+        tf_message("foxglove.FrameTransforms", encoding, bytes(broken[:end]))

@@ -16,7 +16,6 @@ from robots import (
     random_states,
 )
 
-from tf2_py import ExtrapolationException
 from tf2_ros.numpy import to_matrix
 from tf2_ros_tools import bag, urdf
 from tf2_ros_tools.loading import hear, wanted
@@ -52,16 +51,6 @@ class TestRobot:
             del wanted["camera"]
             same({child: (parent, many[n]) for child, (parent, many) in found.items()}, wanted)
 
-    def test_one_state_is_a_row_of_many(self):
-        robot = urdf.load(ARM)
-        states = random_states(3)
-        joints, translations, rotations = robot.transforms(NAMES, states)
-        for n, state in enumerate(states):
-            one_joints, *one = robot.transforms(list(NAMES), list(state))
-            assert one_joints == joints
-            for ours, row in zip(one, (translations[n], rotations[n]), strict=True):
-                np.testing.assert_allclose(ours, row, rtol=0, atol=1e-14)
-
     def test_fixed_joints_are_static_transforms(self):
         [mount] = urdf.load(ARM).static_transforms()
         assert (mount.header.frame_id, mount.child_frame_id) == ("shoulder", "camera")
@@ -71,20 +60,9 @@ class TestRobot:
         robot = urdf.load(ARM)
         by_name = {one.name: one for one in robot.joints}
         assert (robot.name, robot.root, len(robot.joints)) == ("arm", "base", 8)
-        assert by_name["lift"].limits == (-1.5, 1.5)
-        assert by_name["roll"].limits is None
         assert by_name["grip"].mimic == ("extend", -0.5, 0.02)
         assert by_name["lift"].axis == pytest.approx((0, 2 / 5**0.5, 1 / 5**0.5))
         assert repr(robot) == "<tf2_ros_tools.urdf.Robot 'arm': 7 movable and 1 fixed joints, root 'base'>"
-
-    @pytest.mark.parametrize("length", ["1e-200", "1e200"])
-    def test_an_axis_may_have_any_length(self, length):
-        [one] = urdf.load(with_more(f'<axis xyz="0 0 -{length}"/>')).joints[1:]
-        assert one.axis == (0, 0, -1)
-
-    def test_a_limit_does_not_limit(self):
-        found = matrices(urdf.load(ARM).transforms(["lift"], [[9.0]]))
-        np.testing.assert_allclose(found["shoulder"][1][0], expected(9.0, 0, 0)["shoulder"][1], atol=1e-12)
 
     def test_a_joint_moves_only_if_all_its_variables_are_given(self):
         robot = urdf.load(ARM)
@@ -235,18 +213,6 @@ def test_xacro_that_was_not_expanded_is_named(text):
         urdf.load(text)
 
 
-@pytest.mark.parametrize("before", ["ï»¿", "x", "\0", "\x0c", "x" * 300])
-def test_a_text_that_is_damaged_at_its_beginning_is_not_a_file_name(before):
-    with pytest.raises(urdf.UrdfError, match="^not XML: "):
-        urdf.load(f"{before}<robot><link name='base'/></robot>")
-
-
-def test_a_file_name_may_contain_what_a_text_does(tmp_path):
-    path = tmp_path / "a<b.urdf"
-    path.write_text("<robot><link name='base'/></robot>")
-    assert urdf.load(str(path)).root == "base"
-
-
 def test_a_file_that_is_not_one_is_named(tmp_path):
     with pytest.raises(FileNotFoundError):
         urdf.load(tmp_path / "none.urdf")
@@ -255,11 +221,6 @@ def test_a_file_that_is_not_one_is_named(tmp_path):
     with pytest.raises(urdf.UrdfError) as refused:
         urdf.load(path)
     assert str(refused.value).startswith(f"{path}: not XML: ")
-    for wrong in (None, 5, b"<robot/>"):
-        with pytest.raises(TypeError, match="a URDF must be a path or its text, not "):
-            urdf.load(wrong)
-    with pytest.raises(TypeError, match="prefix must be a str, not int"):
-        urdf.load(ARM, prefix=1)
 
 
 # Recordings.
@@ -288,6 +249,12 @@ def check(buffer, stamps, values, children=FRAMES, prefix=""):
             np.testing.assert_allclose(found[child][n], wanted[child][1], atol=1e-12)
 
 
+COMPUTED = (
+    "; its topics with transforms: none; with `urdf`, they are computed from the joint states on"
+    " /joint_states, /robot/joint_states"
+)
+
+
 class TestRecordings:
     @pytest.mark.parametrize("form", ["folder", "mcap", "ros1"])
     def test_an_arm_without_tf_has_its_links(self, form, tmp_path):
@@ -308,7 +275,7 @@ class TestRecordings:
         assert "broadcaster: '/joint_states'" in buffer.all_frames_as_yaml()
 
     def test_more_states_than_a_batch_holds_are_in_order(self, tmp_path, monkeypatch):
-        monkeypatch.setattr("tf2_ros_tools.converting.BATCH", 70)
+        monkeypatch.setattr("tf2_ros_tools.converting.BATCH", 7)
         messages, stamps, values = states(100)
         path = write_mcap(tmp_path / "run.mcap", messages)
         check(bag.load(path, urdf=ARM), stamps, values)
@@ -343,20 +310,6 @@ class TestRecordings:
         assert buffer.parent("camera") == "world"
         check(buffer, stamps, values, FRAMES[1:])
 
-    def test_publishers_of_a_topic_may_know_different_joints(self, tmp_path):
-        arm, stamps, values = states(names=("lift", "roll"))
-        hand, _, hands = states(names=("extend",), log_ns=None)
-        mixed = [one for pair in zip(arm, hand, strict=True) for one in pair]
-        buffer = bag.load(write_mcap(tmp_path / "run.mcap", mixed), urdf=ARM)
-        check(buffer, stamps, np.hstack([values, hands]), ("shoulder", "wheel", "slide", "finger", "thumb"))
-        assert "cart" not in buffer
-
-    def test_states_may_be_in_any_order(self, tmp_path):
-        messages, stamps, values = states()
-        shuffled = [messages[i] for i in np.random.default_rng(0).permutation(len(messages))]
-        path = write_mcap(tmp_path / "run.mcap", shuffled, index=False, chunked=False)
-        check(bag.load(path, urdf=ARM), stamps, values)
-
     def test_big_endian_states_are_read(self, tmp_path):
         from making_bags import message, store
 
@@ -367,21 +320,13 @@ class TestRecordings:
         ]
         check(bag.load(write_mcap(tmp_path / "run.mcap", swapped), urdf=ARM), stamps, values)
 
-    def test_start_and_end_limit_the_states(self, tmp_path):
-        messages, stamps, values = states()
-        path = write_mcap(tmp_path / "run.mcap", messages)
-        buffer = bag.load(path, urdf=ARM, start=stamps[10], end=stamps[20])
-        check(buffer, stamps[10:21], values[10:21])
-        with pytest.raises(ExtrapolationException):
-            buffer.lookup_transform("base", "shoulder", stamps[9])
-
     def test_states_without_positions_are_ignored(self, tmp_path):
         messages, stamps, values = states()
         efforts = [joint_state(ns + 1, SIMPLE, []) for ns in stamps]
         mixed = [one for pair in zip(messages, efforts, strict=True) for one in pair]
         check(bag.load(write_mcap(tmp_path / "run.mcap", mixed), urdf=ARM), stamps, values)
         path = write_mcap(tmp_path / "efforts.mcap", efforts)
-        with pytest.raises(bag.BagError, match="topic /joint_states: its joint states have names, but no"):
+        with pytest.raises(bag.BagError, match="its joint states, of lift, .* have no positions of"):
             bag.load(path, urdf=ARM)
 
     def test_a_position_of_nan_costs_its_joint_one_sample(self, tmp_path):
@@ -397,8 +342,8 @@ class TestRecordings:
         ("content", "said"),
         [
             (raw(joint_state(0, SIMPLE, [1.0, 2.0])), "3 names, but 2 positions"),
-            (raw(joint_state(0, SIMPLE, [1.0, 2.0, 3.0]))[:60], "a message of 60 bytes is too short"),
-            (b"", "a message of 0 bytes is too short"),
+            (raw(joint_state(0, SIMPLE, [1.0, 2.0, 3.0]))[:60], "Could not deserialize"),
+            (b"", "Invalid or unsupported CDR"),
         ],
     )
     def test_a_malformed_state_is_named(self, content, said, tmp_path):
@@ -411,50 +356,37 @@ class TestRecordings:
             f"{path}, topic /joint_states, log time {stamps[7] + 5} ns: {said}"
         )
 
-    def test_a_recorded_urdf_may_mimic_an_unknown_joint(self, tmp_path):
-        messages, stamps, values = states()
-        text = ARM.replace('joint="grip"', 'joint="gripper"')
-        path = write_mcap(tmp_path / "run.mcap", [description(text), *messages])
-        with pytest.warns(bag.BagWarning, match="/robot_description: joint pinch mimics gripper, which is"):
-            buffer = bag.load(path, urdf=True)
-        check(buffer, stamps, values, [one for one in FRAMES if one != "thumb"])
-        assert "thumb" not in buffer
-
-    def test_what_does_not_fit_is_told_in_one_sentence(self, tmp_path):
-        messages, _, _ = states()
-        path = write_mcap(tmp_path / "run.mcap", messages)
-
-        def said(**how):
-            with pytest.raises(bag.BagError) as refused:
-                bag.load(path, **how)
-            assert "\n" not in str(refused.value)
-            return str(refused.value).removeprefix(str(path))
-
-        lacks = "; its topics with transforms: none; with `urdf`, they are computed from the joint states on"
-        assert said() == f" has no topic /tf or /tf_static{lacks} /joint_states"
-        other = {"/arm/joint_states": ARM}
-        assert (
-            said(urdf=other) == f" has no topic /tf or /tf_static or /arm/joint_states{lacks} /joint_states"
-        )
-        lacks = "this topic does not exist; pass the path of a URDF"
-        assert said(urdf=True) == f", topic /robot_description: {lacks}"
-        assert said(urdf=robot_of(AB, BC)) == (
-            ", topic /joint_states: its joints, lift, roll, extend, drive/x, drive/y and 8 more,"
-            " are not those of the URDF, ab, bc"
-        )
-        with pytest.raises(urdf.UrdfError, match="not XML"):
-            bag.load(path, urdf="<robot")
-        for wrong in (5, b"<robot/>", False, [ARM], {5: ARM}, {"/joint_states": 5}):
-            with pytest.raises(TypeError, match="a URDF must be a path or its text, not|urdf must map names"):
-                bag.load(path, urdf=wrong)
-        with pytest.raises(FileNotFoundError, match=r"arm\.urdf"):
-            bag.load(path, urdf="arm.urdf")
-        path = write_mcap(tmp_path / "tf.mcap", [*drive(), description("nothing", log_ns=1)])
-        assert (
-            said(urdf={"/tf": ARM})
-            == ", topic /tf: its type is tf2_msgs/msg/TFMessage, not sensor_msgs/msg/JointState"
-        )
-        assert said(urdf=True) == ", topic /robot_description: not XML: syntax error: line 1, column 0"
+    @pytest.mark.parametrize(
+        ("how", "said"),
+        [
+            ({}, f" has no topic /tf or /tf_static{COMPUTED}"),
+            ({"urdf": {"/arm/states": ARM}}, f" has no topic /tf or /tf_static or /arm/states{COMPUTED}"),
+            (
+                {"urdf": True},
+                ", topic /robot_description: this topic does not exist; pass the path of a URDF",
+            ),
+            (
+                {"urdf": robot_of(AB, BC)},
+                ", topic /joint_states: its joint states, of lift, roll, extend, drive/x, drive/y and 8 more,"
+                " have no positions of the URDF's joints, ab, bc",
+            ),
+            (
+                {"urdf": {"/robot/description": ARM}},
+                ", topic /robot/description: its type is std_msgs/msg/String, not sensor_msgs/msg/JointState",
+            ),
+            (
+                {"urdf": {"/robot/joint_states": True}},
+                ", topic /robot/robot_description: not XML: syntax error: line 1, column 0",
+            ),
+        ],
+    )
+    def test_what_does_not_fit_is_told_in_one_sentence(self, how, said, tmp_path):
+        texts = [description("x", topic=f"/robot/{name}") for name in ("description", "robot_description")]
+        other = joint_state(S, SIMPLE, [1.0, 2.0, 3.0], topic="/robot/joint_states")
+        path = write_mcap(tmp_path / "run.mcap", [*states()[0], other, *texts])
+        with pytest.raises(bag.BagError) as refused:
+            bag.load(path, **how)
+        assert str(refused.value) == f"{path}{said}"
 
     def test_a_recording_without_joint_states_has_the_fixed_links(self, tmp_path):
         buffer = bag.load(write_mcap(tmp_path / "run.mcap", drive()), urdf=ARM)

@@ -3,6 +3,7 @@
 import importlib
 import json
 import re
+import runpy
 import shlex
 import signal
 import subprocess
@@ -18,6 +19,7 @@ from pages import (
     LINK,
     PAGES,
     RUN,
+    SAMPLES,
     SHOWN,
     SPAN,
     blocks,
@@ -71,6 +73,20 @@ def test_the_programs_of_a_page_run_and_print_what_it_says(page, tmp_path):
     if page.name == "datasets.md":
         provide_torch(tmp_path)
     run_program(page, tmp_path)
+
+
+def test_the_samples_are_what_their_script_writes(tmp_path):
+    any_reader = pytest.importorskip("rosbags.highlevel").AnyReader
+    runpy.run_path(str(ROOT / "docs" / "samples.py"))["write"](tmp_path / "samples")
+
+    def contents(folder):
+        for path in sorted(folder.rglob("metadata.yaml")):
+            with any_reader([path.parent]) as reader:
+                for connection, log_ns, raw in reader.messages():
+                    yield path.relative_to(folder), connection.topic, connection.msgtype, log_ns, bytes(raw)
+
+    assert [*contents(SAMPLES)] == [*contents(tmp_path / "samples")]
+    assert (SAMPLES / "arm.urdf").read_bytes() == (tmp_path / "samples" / "arm.urdf").read_bytes()
 
 
 SHOWN_TESTS = [
@@ -212,6 +228,8 @@ def check_command(command, folder):
             pass  # tf2's own
         case ["ros2", "run", "tf2_ros_cython", name, *arguments] if name in PROGRAMS:
             check_program(name, arguments)
+        case ["cp", "-r", source, _place]:
+            assert (ROOT / source).is_dir()
         case ["make", target, *settings]:
             check_make(target, settings)
         case ["pip", "install", *arguments]:

@@ -21,6 +21,8 @@ PAGES = [
     *sorted((ROOT / "docs" / "programs").glob("*.md")),
 ]
 
+SAMPLES = ROOT / "docs" / "samples"
+
 FENCE = re.compile(r"^```(?P<language>\w*)\n(?P<code>.*?)^```$", re.MULTILINE | re.DOTALL)
 SPAN = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
@@ -72,7 +74,9 @@ def program(page):
 
 
 def run_program(page, folder, python=sys.executable, environment=None):
-    """Run the program of a page in a folder; it must print what the page says."""
+    """Run the program of a page in a folder, beside the samples; it must print what the page says."""
+    if "docs/samples" in page.read_text(encoding="utf-8"):
+        shutil.copytree(SAMPLES, folder, dirs_exist_ok=True)
     path = folder / page.name
     path.write_text(program(page), encoding="utf-8")
     with programs_beside(page, folder):

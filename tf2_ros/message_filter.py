@@ -200,7 +200,10 @@ class MessageFilter(Generic[_Message]):
         self._process = os.getpid()
         self._frames = _names(target_frames)
         self._tolerance_ns = _tolerance_ns(tolerance)
-        self._needed = self._all_needed()
+        # Each target frame, and how much later than its stamp a message needs its transform.
+        self._needed = [
+            (frame, later_ns) for later_ns in sorted({0, self._tolerance_ns}) for frame in self._frames
+        ]
         self._queue_size = _size(queue_size)
         self._timeout_ns = optional_timeout_ns(buffer_timeout, "buffer_timeout")
         self._numbers = itertools.count(1)
@@ -211,7 +214,7 @@ class MessageFilter(Generic[_Message]):
         self._warn_again_at = 0.0
         try:
             if input is not None:
-                self.connectInput(input)
+                self._disconnect = self._connect(input)
         except BaseException:
             self.close()
             raise
@@ -271,53 +274,6 @@ class MessageFilter(Generic[_Message]):
         connection = next(self._connections)
         callbacks[connection] = callback, arguments
         return connection
-
-    def connectInput(self, input: "_Topic[_Message] | MessageFilter[_Message] | _Filter") -> None:
-        """
-        Take messages from another input instead of the previous one.
-
-        :param input: see the constructor; not None.
-        :raises TypeError: it is something else, or its messages have no header.
-        """
-        refuse_inherited(self, self._process)
-        previous, self._disconnect = self._disconnect, self._connect(input)
-        if previous is not None:
-            previous()
-
-    def setTargetFrames(self, target_frames: str | Sequence[str]) -> None:
-        """
-        Set the target frames, also for messages that wait already.
-
-        :param target_frames: a name, or several.
-        :raises TypeError: one of them is not a ``str``.
-        :raises ValueError: there are no names, or one is invalid.
-        """
-        refuse_inherited(self, self._process)
-        self._frames = _names(target_frames)
-        self._look_again()
-
-    def setTolerance(self, tolerance: DurationLike) -> None:
-        """
-        Set how much later than its stamp a message needs transforms, also for messages that wait already.
-
-        :param tolerance: a finite duration.
-        :raises TypeError: it is not a duration.
-        :raises ValueError: it is negative or infinite.
-        """
-        refuse_inherited(self, self._process)
-        self._tolerance_ns = _tolerance_ns(tolerance)
-        self._look_again()
-
-    def setQueueSize(self, queue_size: int) -> None:
-        """
-        Set how many messages may wait. The oldest above that are dropped.
-
-        :param queue_size: 0: any number.
-        :raises ValueError: it is negative.
-        """
-        refuse_inherited(self, self._process)
-        self._queue_size = _size(queue_size)
-        call_despite_signals(self._keep_to_size)
 
     def clear(self) -> None:
         """Remove the messages that wait, and those for which no callback was called yet."""
@@ -448,16 +404,6 @@ class MessageFilter(Generic[_Message]):
             if oldest is not None:
                 self._end(oldest, FilterFailureReason.QUEUE_FULL)
 
-    def _all_needed(self) -> tuple[tuple[str, int], ...]:
-        # Each target frame, and how much later than its stamp a message needs its transform.
-        later = {0, self._tolerance_ns}
-        return tuple((frame, later_ns) for later_ns in sorted(later) for frame in self._frames)
-
-    def _look_again(self) -> None:
-        self._needed = self._all_needed()
-        for queued in list(self._waiting.values()):
-            call_despite_signals(partial(self._advance, queued))
-
     def _look_up(self, queued: "_Queued") -> bool:
         """
         Note that a message can pass, or never will; otherwise wait for the first transform that it lacks.
@@ -465,19 +411,19 @@ class MessageFilter(Generic[_Message]):
         Other threads may do the same at the same time.
         """
         while True:
-            needed, queued.outcome = self._needed, None
-            wait, outcome = self._lacking(queued, needed)
+            queued.outcome = None
+            wait, outcome = self._lacking(queued)
             queued.wait, queued.outcome = wait, outcome
             if queued.number not in self._waiting:
                 queued.stop()
-            elif needed is not self._needed or (wait is not None and wait.answer is not None):
-                continue  # too late for the thread that has changed this
+            elif wait is not None and wait.answer is not None:
+                continue  # another thread has just inserted it
             return outcome is not None
 
-    def _lacking(self, queued: "_Queued", needed: tuple[tuple[str, int], ...]) -> tuple[Any, Any]:
+    def _lacking(self, queued: "_Queued") -> tuple[Any, Any]:
         first = None
         try:
-            for frame, later_ns in needed:
+            for frame, later_ns in self._needed:
                 if later_ns and not queued.stamp_ns:
                     continue  # the latest time has no later one
                 stamp_ns = queued.stamp_ns + later_ns

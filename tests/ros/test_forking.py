@@ -111,7 +111,7 @@ def a_filter(tf2_ros, node, buffer):
     uses = [
         lambda: one.add(transform("robot", "arm", 1)),
         lambda: one.registerCallback(print),
-        lambda: one.setQueueSize(5),
+        lambda: one.clear(),
         one.statistics,
         lambda: asyncio.run(_next_of(stream)),
     ]

@@ -64,7 +64,6 @@ def filter_messages():
     message_filter.add(point)
     stream = message_filter.__aiter__()
     buffer.set_transform(transform(random.randrange(1, 1000)), "me")
-    message_filter.setTargetFrames(random.choice(["map", "robot"]))
     stream.close()
 
 

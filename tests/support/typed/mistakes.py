@@ -122,12 +122,12 @@ async def filters(buffer: Buffer, node: Node) -> None:
     points.registerFailureCallback(takes_imu)  # wrong
     points.registerCallback(lambda message: print(message.pose))  # wrong for pyright
     points.add(PoseStamped())  # wrong for pyright
-    points.setTolerance("0.5")  # wrong
     print(points.statistics()["recieved"])  # wrong
     async for message, transform in points:
         print(message.pose)  # wrong for pyright
         print(transform.rotation)  # wrong for pyright
     MessageFilter("points", buffer, "map", 10, node=node)  # wrong
+    MessageFilter(None, buffer, "map", 10, node=node, tolerance="0.5")  # wrong
     MessageFilter((PointStamped, "points"), buffer, "map", 10, node=node)  # wrong
     MessageFilter(None, BufferCore(), "map", 10, node=node)  # wrong
 

@@ -183,7 +183,14 @@ cdef class BufferCore(Engine):
         self._set_one(transform, authority, False)
 
     def set_transform_static(self, transform: TransformStamped, authority: str) -> None:
-        """Add one transform that is valid at all times; otherwise as :meth:`set_transform`."""
+        """
+        Add one transform that is valid at all times.
+
+        :param transform: a ``geometry_msgs/TransformStamped`` or an object with its fields.
+        :param str authority: the publisher; listings and log lines show it.
+
+        It refuses and raises what :meth:`set_transform` does.
+        """
         self._set_one(transform, authority, True)
 
     def set_transforms(
@@ -193,10 +200,11 @@ cdef class BufferCore(Engine):
         Add many transforms; other threads may see the first ones before the last ones are added.
 
         :param transforms: an iterable of objects that :meth:`set_transform` accepts.
-        :param str authority: as for :meth:`set_transform`.
+        :param str authority: the publisher; listings and log lines show it.
         :param bool static: whether they are valid at all times.
         :return: how many were added; the others are logged and counted.
-        :raises TypeError, ValueError, OverflowError: see :meth:`set_transform`; nothing has been added.
+        :raises TypeError, ValueError, OverflowError: an object is invalid, as in :meth:`set_transform`; no
+            transform has been added.
         """
         cdef list messages = list(transforms)
         cdef list keep = []
@@ -226,7 +234,7 @@ cdef class BufferCore(Engine):
         Add the transforms of one serialised ``tf2_msgs/TFMessage``.
 
         :param data: bytes-like: plain CDR of either byte order, with its encapsulation header.
-        :param str authority: as for :meth:`set_transform`.
+        :param str authority: the publisher; listings and log lines show it.
         :param bool static: whether they are valid at all times.
         :return: how many were added; the others are logged and counted.
         :raises TypeError: ``data`` is not bytes-like.
@@ -333,7 +341,7 @@ cdef class BufferCore(Engine):
 
         :raises FileNotFoundError, OSError: the file cannot be read.
         :raises ValueError: the file does not contain a buffer, or is damaged; the text names the file.
-        :raises ModuleNotFoundError: see :meth:`save`.
+        :raises ModuleNotFoundError: the library mcap is missing: ``pip install 'tf2-ros-cython[bag]'``.
         """
         from tf2_py._objects.saved import load_state
         loaded = _without_init(cls)
@@ -396,11 +404,14 @@ cdef class BufferCore(Engine):
         R p + t in ``target_frame`` at ``target_time``, if ``fixed_frame`` does not move in between.
         ``Time()``, which is 0, means the latest time.
 
+        :param str target_frame: the frame to transform data into.
         :param target_time: the time of the target frame; 0: the latest common time of it and the fixed frame.
+        :param str source_frame: the frame of the data.
         :param source_time: the time of the source frame; 0: the latest common time of it and the fixed frame.
         :param str fixed_frame: the frame that is assumed not to move between the two times.
+        :return: a ``geometry_msgs/TransformStamped`` with the stamp of the target.
 
-        The stamp of the result is the target's time. For the rest, see :meth:`lookup_transform_core`.
+        It raises what :meth:`lookup_transform_core` raises.
         """
         cdef Query query
         cdef Transform transform
@@ -423,6 +434,7 @@ cdef class BufferCore(Engine):
         """
         Look up one transform at many times, with the same results as single lookups.
 
+        :param target_frame: the frame to transform data into.
         :param source_frame: the frame of the data, or a sequence of F frames.
         :param times: N times: integer nanoseconds or datetime64 (array-like of shape (N,), also a column of a
             data frame), or a sequence of time objects; 0 is the latest common time.
@@ -494,12 +506,13 @@ cdef class BufferCore(Engine):
         :param fixed_frame: with ``target_time``, transform the points into the target at that time; the fixed
             frame is assumed not to move between that time and those of the points.
         :param target_time: the time of the target frame.
-        :param policy: see :meth:`lookup_transforms`.
+        :param policy: what the lookups accept beyond tf2's, see :class:`tf2_py.typing.LookupPolicy`.
         :return: an array of shape (N, 3) of the points' dtype, or float64 of integers, in ``target_frame``.
-        :raises TransformException: see :meth:`lookup_transform_core`; the text contains the index of the
-            time.
-        :raises TypeError: the points have another dtype; see also :meth:`lookup_transforms`.
-        :raises ValueError: ``points`` does not have the shape (N, 3); see also :meth:`lookup_transforms`.
+        :raises TransformException: a lookup failed; the text contains the index of the time.
+        :raises TypeError: the points have another dtype, ``times`` are not times, or only one of
+            ``fixed_frame`` and ``target_time`` is given.
+        :raises ValueError: ``points`` does not have the shape (N, 3), or ``times`` do not have one dimension,
+            are NaT or do not fit into 64 bits.
         """
         cdef Query query
         cdef TimeSeries series
@@ -578,7 +591,13 @@ cdef class BufferCore(Engine):
         """
         Get the twist of ``tracking_frame``'s origin relative to ``observation_frame``, in the latter's axes.
 
-        The same as :meth:`lookupVelocityFullCore` with the observation frame as reference frame.
+        :param tracking_frame: the frame that moves.
+        :param observation_frame: the frame in which it is observed, and whose axes the twist has.
+        :param time: the middle of the interval; 0 is the time 0, not the latest common time.
+        :param averaging_interval: a duration; the interval ends no later than the latest common time.
+        :return: ``((vx, vy, vz), (wx, wy, wz))`` in m/s and rad/s, and means over the interval.
+
+        :meth:`lookupVelocityFullCore` has the formula, and raises the same.
         """
         return self.lookupVelocityFullCore(
             tracking_frame, observation_frame, observation_frame, (0.0, 0.0, 0.0), tracking_frame, time,
@@ -598,6 +617,8 @@ cdef class BufferCore(Engine):
         """
         Get the mean twist of ``tracking_frame`` relative to ``observation_frame`` around a time.
 
+        :param tracking_frame: the frame that moves.
+        :param observation_frame: the frame in which it is observed.
         :param reference_frame: the twist is expressed in the axes of this frame.
         :param reference_point: three floats, metres, in ``reference_point_frame``: the linear velocity
             is the velocity of the point of the tracked body that is there at ``time``.
@@ -644,10 +665,11 @@ cdef class BufferCore(Engine):
         on_missing: Literal["raise", "nan"] = "raise",
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """
-        Get the twists of ``tracking_frame`` relative to ``observation_frame`` around many times, in the axes
-        of the latter. The results and the order of the frames are as in :meth:`lookupVelocityCore`.
+        Get the twists of ``tracking_frame`` relative to ``observation_frame`` around many times.
 
-        :param times: N times, as for :meth:`lookup_transforms`, but 0 is the time 0.
+        :param tracking_frame: the frame that moves.
+        :param observation_frame: the frame in which it is observed, and whose axes the twists have.
+        :param times: N times: integer nanoseconds, datetime64, or time objects; 0 is the time 0.
         :param averaging_interval: a duration, centred at each time; as in :meth:`lookupVelocityFullCore`, it
             ends no later than the latest common time, and 0 results in NaN.
         :param on_missing: ``'raise'`` raises the error of the first time without an answer, with its index;
@@ -656,9 +678,10 @@ cdef class BufferCore(Engine):
         :return: ``(linear, angular)``: float64 arrays of shape (N, 3), in m/s and rad/s. Their formula is
             that of :meth:`lookupVelocityFullCore`, with the poses that :meth:`lookup_transforms` has at both
             ends of each interval. Within it, no answer is needed.
-        :raises TransformException: as :meth:`lookupVelocityCore`.
+        :raises TransformException: a lookup failed; the text contains the index of the time.
         :raises TypeError: ``times`` are not times, or the interval is not a duration.
-        :raises ValueError: ``averaging_interval`` is negative; otherwise as :meth:`lookup_transforms`.
+        :raises ValueError: ``averaging_interval`` is negative, ``times`` do not have one dimension, are NaT
+            or do not fit into 64 bits, or ``on_missing`` is something else.
 
         The GIL is released, so other threads run meanwhile.
         """

@@ -56,13 +56,17 @@ _OF_INIT = frozenset(
 
 class Buffer(BufferCore, AnsweringInterface):
     """
-    A buffer of transforms that can be waited for.
+    Keep the transforms of the last seconds, and say where a frame is relative to another.
+
+    A :class:`TransformListener` fills it; lookups can wait for what has not arrived yet.
 
     :param cache_time: how far each frame's history reaches back from its latest sample: a duration, or a
         number of seconds. None: 10 s.
     :param node: offer the service ``tf2_frames`` and follow the clock of this node. None: the buffer has its
         own clock, and no service.
-    :param max_frames: see :class:`tf2_py.BufferCore`, also for ``max_bytes`` and ``max_waiters``.
+    :param max_frames: the maximum number of frames. None: a million.
+    :param max_bytes: the maximum memory for names and histories. None: 1 GiB.
+    :param max_waiters: the maximum number of waiting lookups. None: a hundred thousand.
     :param share: the name under which other processes of this user on this machine may attach to the buffer,
         until it or this process ends; ``auto`` is the name that belongs to the ROS domain.
     :param attach: the name of a buffer that another process shares. This one is filled with what that one
@@ -264,11 +268,13 @@ class Buffer(BufferCore, AnsweringInterface):
         Get a future of what :meth:`lookup_transform` will return: the pose of ``source_frame`` in
         ``target_frame``. Without ``timeout`` it waits forever.
 
-        :param target_frame: see that method, also for ``source_frame`` and ``time``.
+        :param target_frame: the frame into which the data is to be transformed.
+        :param source_frame: the frame that the data is in.
+        :param time: of the transform; 0 is the latest time for which all frames on the path have data.
         :param timeout: how long to wait; then the future holds a ``TimeoutException``. None: forever.
-        :param policy: see that method. With one, the future holds an ``ExtrapolationException`` as soon as
-            transforms of ``time`` would be refused.
-        :raises TypeError: see that method.
+        :param policy: the arguments of :class:`tf2_py.typing.LookupPolicy`. With one, the future holds an
+            ``ExtrapolationException`` as soon as transforms of ``time`` would be refused.
+        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a timeout.
 
         A program's own insert of the missing transform completes the future, and runs its callbacks before it
         returns. If a listener receives the transform, they run in the executor that spins the listener's
@@ -294,8 +300,15 @@ class Buffer(BufferCore, AnsweringInterface):
         """
         Get a future of what :meth:`lookup_transform_full` will return. Without ``timeout`` it waits forever.
 
-        :param target_frame: see that method, also for all others but ``timeout``.
-        :param timeout: see :meth:`wait_for_transform_async`, which does the same for a simple lookup.
+        :param target_frame: the frame into which the data is to be transformed.
+        :param target_time: the time in ``target_frame``; 0 is the latest time.
+        :param source_frame: the frame that the data is in.
+        :param source_time: the time of the data; 0 is the latest time.
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: how long to wait; then the future holds a ``TimeoutException``. None: forever.
+        :param policy: the arguments of :class:`tf2_py.typing.LookupPolicy`.
+
+        :meth:`wait_for_transform_async` says where callbacks run.
         """
         accepted = policy_of("wait_for_transform_full_async", **policy)
         lookup = Lookup(target_frame, source_frame, source_time, fixed_frame, target_time, accepted)
@@ -314,13 +327,15 @@ class Buffer(BufferCore, AnsweringInterface):
         Await what :meth:`lookup_transform` returns: the pose of ``source_frame`` in ``target_frame``, which
         carries data from the source to the target. Without ``timeout`` it waits forever.
 
-        :param target_frame: see :meth:`lookup_transform`, also for ``source_frame`` and ``time``.
+        :param target_frame: the frame into which the data is to be transformed.
+        :param source_frame: the frame that the data is in.
+        :param time: of the transform; 0 is the latest time for which all frames on the path have data.
         :param timeout: how long to wait. None: until the context is shut down.
-        :param policy: see :meth:`wait_for_transform_async`.
+        :param policy: the arguments of :class:`tf2_py.typing.LookupPolicy`.
         :raises TimeoutException: it was not available in time, or not before the shutdown of the context; the
             text says which, and the reason.
         :raises InvalidArgumentException: a name is empty or begins with ``/``.
-        :raises TypeError: see :meth:`lookup_transform`.
+        :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a timeout.
 
         A coroutine for asyncio and for rclpy's executors. A callback of rclpy that awaits it should have a
         ``ReentrantCallbackGroup``: in the node's default group, no other callback runs meanwhile.
@@ -342,8 +357,15 @@ class Buffer(BufferCore, AnsweringInterface):
         """
         Await what :meth:`lookup_transform_full` returns. Without ``timeout`` it waits forever.
 
-        :param target_frame: see that method, also for all others but ``timeout``.
-        :param timeout: see :meth:`lookup_transform_async`, which raises the same.
+        :param target_frame: the frame into which the data is to be transformed.
+        :param target_time: the time in ``target_frame``; 0 is the latest time.
+        :param source_frame: the frame that the data is in.
+        :param source_time: the time of the data; 0 is the latest time.
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: how long to wait. None: until the context is shut down.
+        :param policy: the arguments of :class:`tf2_py.typing.LookupPolicy`.
+
+        It raises what :meth:`lookup_transform_async` raises.
         """
         accepted = policy_of("lookup_transform_full_async", **policy)
         lookup = Lookup(target_frame, source_frame, source_time, fixed_frame, target_time, accepted)
@@ -353,7 +375,8 @@ class Buffer(BufferCore, AnsweringInterface):
         """
         Iterate over the latest transforms of ``source_frame`` in ``target_frame``, with ``async for``.
 
-        :param target_frame: see :meth:`lookup_transform`, also for ``source_frame``.
+        :param target_frame: the frame in which the pose is wanted.
+        :param source_frame: the frame whose pose is wanted.
         :return: an asynchronous iterator for asyncio and for rclpy's executors. It yields the present
             transform, if there is one, and then each that is new: at a later common time, along another path,
             or with another static transform. If the program is slower than the changes, it gets the latest
@@ -373,7 +396,8 @@ class Buffer(BufferCore, AnsweringInterface):
         """
         Call a function with each transform that :meth:`changes` yields.
 
-        :param target_frame: see :meth:`lookup_transform`, also for ``source_frame``.
+        :param target_frame: the frame in which the pose is wanted.
+        :param source_frame: the frame whose pose is wanted.
         :param callback: called with the transform, in the thread in which callbacks of
             :meth:`wait_for_transform_async` run; never by two threads at once. If the present transform is
             available, and no executor has the listener's node, it is called with it before this returns.

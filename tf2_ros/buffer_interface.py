@@ -99,6 +99,17 @@ class BufferInterface:
         :raises TransformException: what the lookup raises.
         :raises TypeError: ``target_frame`` is not a str, or ``timeout`` is not a timeout.
         :raises AttributeError: the object has no header, or its header no ``frame_id`` or ``stamp``.
+
+        >>> from geometry_msgs.msg import PointStamped, TransformStamped
+        >>> from tf2_ros import Buffer
+        >>> mount = TransformStamped(child_frame_id="camera")
+        >>> mount.header.frame_id, mount.transform.translation.x = "base_link", 0.3
+        >>> buffer = Buffer()
+        >>> buffer.set_transform_static(mount, "example")
+        >>> point = PointStamped()
+        >>> point.header.frame_id, point.point.x = "camera", 1.0
+        >>> buffer.transform(point, "base_link").point.x
+        1.3
         """
         do_transform: Any = self.registration.get(type(object_stamped))
         header = _header_of(object_stamped)
@@ -125,12 +136,14 @@ class BufferInterface:
         Transform an object from its own time into another frame at another time. ``Time()`` as target time
         asks for the latest. The default ``timeout`` does not wait.
 
-        :param object_stamped: see :meth:`transform`, which raises the same.
+        :param object_stamped: an object with a ``header``, of a registered type.
         :param target_frame: the frame into which the object is to be transformed.
         :param target_time: the time of the result; 0 is the latest time for which the frames between
             ``target_frame`` and ``fixed_frame`` have data.
         :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: see :meth:`transform`, also for ``new_type`` and ``policy``.
+        :param timeout: how long to wait for the transform, in steady time. Zero: do not wait.
+        :param new_type: convert the result to this type. None: no conversion.
+        :param policy: further arguments of the lookup, as in :meth:`transform`, which raises the same.
         :return: a new object, stamped with the target time.
         """
         do_transform: Any = self.registration.get(type(object_stamped))
@@ -158,10 +171,11 @@ class BufferInterface:
         Transform an object into another frame as soon as the transform is available. Without ``timeout`` it
         waits forever.
 
-        :param object_stamped: see :meth:`transform`, which raises the same.
+        :param object_stamped: an object with a ``header``, of a registered type.
         :param target_frame: the frame into which the object is to be transformed.
         :param timeout: how long to wait for the transform, in steady time. None: forever.
-        :param new_type: see :meth:`transform`, also for ``policy``.
+        :param new_type: convert the result to this type. None: no conversion.
+        :param policy: further arguments of the lookup, as in :meth:`transform`, which raises the same.
         :return: a new object.
         :raises TimeoutException: the transform was not available in time.
         """
@@ -184,7 +198,10 @@ class BufferInterface:
 
         ``Time()``, which is 0, asks for the latest time. The default ``timeout`` does not wait.
 
-        :param target_frame: see :meth:`tf2_ros.Buffer.lookup_transform`, also for all others.
+        :param target_frame: the frame into which the data is to be transformed.
+        :param source_frame: the frame that the data is in.
+        :param time: of the transform; 0 is the latest time.
+        :param timeout: how long to wait for an answer, in steady time. Zero: do not wait.
         """
         raise NotImplementedException()
 
@@ -210,7 +227,7 @@ class BufferInterface:
         :param source_frame: the frame that the data is in.
         :param source_time: the time of the data; 0 as above, for the path between it and ``fixed_frame``.
         :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: see :meth:`lookup_transform`.
+        :param timeout: how long to wait for an answer, in steady time. Zero: do not wait.
 
         It is stamped with the target's time, and raises what :meth:`lookup_transform` raises.
         """
@@ -293,12 +310,18 @@ class AnsweringInterface(BufferInterface):
         Return whether :meth:`lookup_transform` would return the pose of ``source_frame`` in ``target_frame``.
         ``Time()`` asks for the latest one. The default ``timeout`` does not wait.
 
-        :param target_frame: see that method, also for ``source_frame`` and ``time``.
-        :param timeout: how long to wait until it would.
+        :param target_frame: the frame into which the data is to be transformed.
+        :param source_frame: the frame that the data is in.
+        :param time: of the transform; 0 is the latest time for which all frames on the path have data.
+        :param timeout: how long to wait for the transform, in steady time. Zero: do not wait.
         :param return_debug_tuple: return a tuple of the answer and the reason why not, which is empty if the
             answer is yes.
-        :param policy: further arguments of that method.
-        :raises TypeError: see that method. Nothing else is raised.
+        :param policy: further arguments of :meth:`lookup_transform`.
+        :raises TypeError: an argument has the wrong type. Nothing else is raised.
+
+        >>> from tf2_ros import Buffer, Time
+        >>> Buffer().can_transform("base_link", "camera", Time())
+        False
         """
         can, reason = self._tf2_can(timeout, policy, target_frame, source_frame, time)
         return (can, reason) if return_debug_tuple else can
@@ -343,8 +366,14 @@ class AnsweringInterface(BufferInterface):
         """
         Return whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
 
-        :param target_frame: see that method, also for all but the last three, which are those of
-            :meth:`can_transform`.
+        :param target_frame: the frame into which the data is to be transformed.
+        :param target_time: the time in ``target_frame``; 0 is the latest time.
+        :param source_frame: the frame that the data is in.
+        :param source_time: the time of the data; 0 is the latest time.
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: how long to wait for the transform, in steady time. Zero: do not wait.
+        :param return_debug_tuple: also return the reason, as :meth:`can_transform` does.
+        :param policy: further arguments of :meth:`lookup_transform_full`.
         """
         can, reason = self._tf2_can(
             timeout, policy, target_frame, target_time, source_frame, source_time, fixed_frame

@@ -74,6 +74,10 @@ def to_matrix(transforms: Message | Pair, *, dtype: npt.DTypeLike = np.float64) 
         transformed by ``t``. Where a row of ``rotations`` is NaN, the matrix is.
     :raises TypeError: the type is wrong, or what must be numbers is something else.
     :raises ValueError: a shape is wrong, or a rotation has no finite length above zero.
+
+    >>> from tf2_ros.numpy import to_matrix
+    >>> to_matrix(([[1.0, 2.0, 3.0]], [[0.0, 0.0, 0.0, 1.0]]))[0, :3, 3]
+    array([1., 2., 3.])
     """
     if np.dtype(dtype) not in (np.float64, np.float32):
         raise TypeError(f"dtype must be numpy.float64 or numpy.float32, not {dtype!r}")
@@ -125,6 +129,11 @@ def from_matrix(
     :raises TypeError: the class is wrong or lacks an attribute that is given, or what must be numbers is
         something else.
     :raises ValueError: the shape is wrong, or a matrix is not a rigid transform; the text says by how much.
+
+    >>> import numpy
+    >>> from tf2_ros.numpy import from_matrix
+    >>> from_matrix(numpy.eye(4), child_frame_id="camera").transform.rotation.w
+    1.0
     """
     if message_class is None:
         message_class = Transform if child_frame_id is None else TransformStamped
@@ -162,7 +171,13 @@ def to_arrays(transforms: Iterable[Message] | npt.NDArray[Any]) -> tuple[Array, 
     :return: ``(translations, rotations)``: float64 arrays of shape (N, 3), metres, and (N, 4), x y z w of
         length one; NaN for a matrix of NaN. Rotations of matrices have w >= 0.
     :raises TypeError: the type is wrong.
-    :raises ValueError: a rotation has no finite length above zero; see also :func:`from_matrix`.
+    :raises ValueError: a rotation has no finite length above zero, or a matrix is not a rigid transform.
+
+    >>> import numpy
+    >>> from tf2_ros.numpy import to_arrays
+    >>> translations, rotations = to_arrays(numpy.stack([numpy.eye(4)] * 3))
+    >>> translations.shape, rotations.shape
+    ((3, 3), (3, 4))
     """
     if isinstance(transforms, np.ndarray) and (transforms.ndim != 1 or transforms.dtype != object):
         return _translations_and_rotations(_matrices(transforms))
@@ -180,6 +195,10 @@ def to_rotation(rotations: Message | Quaternion | Pair | npt.ArrayLike) -> Rotat
     :raises ImportError: SciPy is not installed.
     :raises TypeError: the type is wrong, or what must be numbers is something else.
     :raises ValueError: the shape is wrong, or a rotation has no finite length above zero.
+
+    >>> from tf2_ros.numpy import to_rotation
+    >>> to_rotation([0.0, 0.0, 1.0, 1.0]).apply([1.0, 0.0, 0.0]).round(6).tolist()  # a quarter turn
+    [0.0, 1.0, 0.0]
     """
     try:
         from scipy.spatial.transform import Rotation
@@ -199,6 +218,11 @@ def from_rotation(rotation: Rotation) -> Quaternion:
     :return: a new ``Quaternion``, of length one and with w >= 0.
     :raises TypeError: the type is wrong.
     :raises ValueError: there are several rotations, for which ``rotation.as_quat()`` makes an array; or NaN.
+
+    >>> from scipy.spatial.transform import Rotation
+    >>> from tf2_ros.numpy import from_rotation
+    >>> from_rotation(Rotation.identity()).w
+    1.0
     """
     if not hasattr(rotation, "as_quat"):
         raise TypeError(f"expected a Rotation of SciPy, got {type(rotation).__name__}")
@@ -224,8 +248,12 @@ def to_columns(
     :return: new arrays of shape (N,): ``stamp_ns``, int64, nanoseconds; ``x``, ``y``, ``z``, float64, metres;
         ``qx``, ``qy``, ``qz``, ``qw``, float64, of length one. NaN where the rotation is NaN.
     :raises TypeError: the type is wrong, arrays have no times, or messages have times.
-    :raises ValueError: shapes are wrong, or the numbers of times and transforms differ; see also
-        :func:`to_matrix`.
+    :raises ValueError: shapes are wrong, the numbers of times and transforms differ, or a rotation has no
+        finite length above zero.
+
+    >>> from tf2_ros.numpy import to_columns
+    >>> list(to_columns(([[1.0, 2.0, 3.0]], [[0.0, 0.0, 0.0, 1.0]]), [1_000_000_000]))
+    ['stamp_ns', 'x', 'y', 'z', 'qx', 'qy', 'qz', 'qw']
     """
     if isinstance(transforms, tuple) and not any(hasattr(part, "header") for part in transforms):
         if times is None:
@@ -269,6 +297,12 @@ def propagate(covariances: npt.ArrayLike, transforms: Message | Pair, *, lever_a
     A C A^T, where A has the blocks R, [t]x R / 0, R: the adjoint of the transform (R, t). T. D. Barfoot and
     P. T. Furgale, Associating Uncertainty with Three-Dimensional Poses for Use in Estimation Problems, IEEE
     Transactions on Robotics 30(3), 2014. Without ``lever_arm``, t is 0.
+
+    >>> import numpy
+    >>> from tf2_ros.numpy import propagate
+    >>> a_quarter_turn = ([[0.0, 0.0, 0.0]], [[0.0, 0.0, 1.0, 1.0]])
+    >>> propagate(numpy.diag([0.04, 0.01, 0, 0, 0, 0]), a_quarter_turn)[0].diagonal()[:2].round(6)
+    array([0.01, 0.04])
     """
     values = _floats(covariances, "covariances must be numbers")
     if values.shape[-2:] != (6, 6):
@@ -293,6 +327,11 @@ def to_nanoseconds(times: TimesLike) -> npt.NDArray[np.int64]:
     :return: int64, shape (N,).
     :raises TypeError: these are not times; a float cannot represent current times to the nanosecond.
     :raises ValueError: the shape is wrong, or times do not fit into 64 bits.
+
+    >>> from tf2_ros import Time
+    >>> from tf2_ros.numpy import to_nanoseconds
+    >>> to_nanoseconds([Time(seconds=1), 2_000_000_000])
+    array([1000000000, 2000000000])
     """
     return as_times_ns(times)
 

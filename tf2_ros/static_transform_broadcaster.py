@@ -36,7 +36,7 @@ class StaticTransformBroadcaster:
 
     :param node: publishes them; the attribute ``pub_tf`` is the publisher.
     :param qos: a profile, or the depth of its queue. None: transient local, depth 1.
-    :param strict: see :class:`tf2_ros.TransformBroadcaster`.
+    :param strict: raise a ``ValueError`` instead of sending what every buffer refuses.
 
     Every message contains all transforms sent so far (the attribute ``net_message``), one for each child
     frame. Several threads may send.

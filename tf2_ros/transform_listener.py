@@ -54,7 +54,9 @@ class TransformSink(Protocol):
 
 class TransformListener:
     """
-    Fills a buffer from the topics of tf2.
+    Subscribes to ``/tf`` and ``/tf_static``, and fills a buffer with what arrives.
+
+    In most programs, nothing has to spin the node.
 
     :param buffer: a :class:`tf2_ros.Buffer`, or any object with its ``set_transform`` and
         ``set_transform_static``.
@@ -62,8 +64,7 @@ class TransformListener:
     :param spin_thread: spin the node in a thread, until its context ends or the node is destroyed. If another
         executor takes the node over, the thread no longer serves it, as in tf2. The program does not exit
         before the thread ends.
-    :param qos: a profile, or the depth of the queue, for dynamic transforms. None: volatile, depth 100, which
-        parameters of the node may override.
+    :param qos: a profile, or the depth of the queue, for dynamic transforms. None: volatile, depth 100.
     :param static_qos: the same for static transforms. None: transient local, depth 100.
     :param tf_topic: the topic of dynamic transforms. Unlike the default, a name without a leading ``/`` is in
         the namespace of the node.
@@ -402,7 +403,12 @@ class StaticTransformListener(TransformListener):
     """
     Fills a buffer with static transforms only; otherwise like a :class:`TransformListener`.
 
-    :param buffer: see that class, also for all other parameters.
+    :param buffer: the buffer to fill.
+    :param node: gets the subscription. None: a hidden node, which a thread spins.
+    :param spin_thread: spin the node in a thread.
+    :param static_qos: a profile, or the depth of the queue. None: transient local, depth 100.
+    :param tf_static_topic: the topic of static transforms.
+    :param prefix: put before the names of all frames that arrive.
 
     >>> from rclpy.duration import Duration
     >>> from rclpy.time import Time

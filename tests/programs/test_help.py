@@ -12,6 +12,7 @@ from spinning import spun_node
 pytestmark = pytest.mark.ours
 
 PUBLIC_PACKAGES = [name for name in PACKAGES if name not in ("tf2_ros_tools", "tf2_ros_cython")]
+OF_ARRAYS = importlib.import_module("tf2_ros.numpy")
 
 
 def public():
@@ -23,7 +24,7 @@ def public():
             is_ours = getattr(thing, "__module__", "").partition(".")[0] in PUBLIC_PACKAGES
             if is_ours and not name.startswith("_") and (inspect.isclass(thing) or inspect.isroutine(thing)):
                 found[name] = thing
-    return found
+    return found | {name: getattr(OF_ARRAYS, name) for name in OF_ARRAYS.__all__}
 
 
 PUBLIC = public()
@@ -44,6 +45,11 @@ def test_a_public_class_has_an_example(name):
     # One of the base shows how to catch an exception.
     bases = [base for base in cls.__mro__ if base in PUBLIC.values() and issubclass(base, Exception)]
     assert any(examples(thing) for thing in (cls, *bases))
+
+
+@pytest.mark.parametrize("name", OF_ARRAYS.__all__)
+def test_a_function_of_arrays_has_an_example(name):
+    assert examples(PUBLIC[name])
 
 
 @pytest.mark.parametrize("name", [name for name, thing in PUBLIC.items() if examples(thing)])

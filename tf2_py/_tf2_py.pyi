@@ -41,7 +41,6 @@ class _Statistics(TypedDict):
     samples: int
     bytes: int
     waiters: int
-    waits_refused: int
     malformed_messages: int
 
 class _Wait:  # Wait of tf2_py/engine/wait.pyx
@@ -67,7 +66,6 @@ class BufferCore:
         *,
         max_frames: int | None = None,
         max_bytes: int | None = None,
-        max_waiters: int | None = None,
     ) -> None: ...
     def set_transform(self, transform: TransformStamped, authority: str) -> None: ...
     def set_transform_static(self, transform: TransformStamped, authority: str) -> None: ...

@@ -59,7 +59,7 @@ include "engine/wait.pyx"
 
 
 # The limits of a buffer, so that no sender can fill the memory.
-LIMITS = {"max_frames": 1_000_000, "max_bytes": 1 << 30, "max_waiters": 100_000}
+LIMITS = {"max_frames": 1_000_000, "max_bytes": 1 << 30}
 
 
 cdef object _limit(str name, object given):
@@ -83,22 +83,20 @@ cdef object _limit(str name, object given):
 # `inspect` reads the signature of the class from the first line of its docstring, which CPython removes.
 @cython.no_gc_clear
 cdef class BufferCore(Engine):
-    """BufferCore(cache_time=None, *, max_frames=None, max_bytes=None, max_waiters=None)\n--\n
+    """BufferCore(cache_time=None, *, max_frames=None, max_bytes=None)\n--\n
     A tree of coordinate frames that changes with time, and the history of each frame.
 
     :param cache_time: how far the history of each frame reaches back: a duration.
         Default: 10 s.
     :param int max_frames: the maximum number of frame names. Default: a million.
     :param int max_bytes: the maximum memory for names and histories. Default: 1 GiB.
-    :param int max_waiters: the maximum number of lookups that wait at once. Default: a hundred thousand.
     :raises TypeError: ``cache_time`` is something else, or a limit is not an int.
     :raises ValueError: ``cache_time`` is negative, or a limit is not above 0.
     :raises OverflowError: ``cache_time`` does not fit into 64-bit nanoseconds.
 
-    Transforms that would exceed a limit are refused, counted and logged; a wait that would exceed one raises
-    a ``TransformException``. What the buffer holds stays available. The environment variables
-    ``TF2_ROS_CYTHON_MAX_FRAMES``, ``TF2_ROS_CYTHON_MAX_BYTES`` and ``TF2_ROS_CYTHON_MAX_WAITERS`` set other
-    defaults.
+    Transforms that would exceed a limit are refused, counted and logged. What the buffer holds stays
+    available. The environment variables ``TF2_ROS_CYTHON_MAX_FRAMES`` and ``TF2_ROS_CYTHON_MAX_BYTES`` set
+    other defaults.
 
     For all methods: a frame name is a ``str``; a time or duration is any object with ``nanoseconds``, or with
     ``sec`` and ``nanosec``; a time may also be an integer of nanoseconds, or a ``numpy.datetime64``. The time
@@ -134,13 +132,11 @@ cdef class BufferCore(Engine):
         *,
         max_frames: int | None = None,
         max_bytes: int | None = None,
-        max_waiters: int | None = None,
     ) -> None:
         cdef Retention retention = DEFAULT_RETENTION
         cdef Limits limits
         limits.frames = _limit("max_frames", max_frames)
         limits.bytes = _limit("max_bytes", max_bytes)
-        limits.waiters = _limit("max_waiters", max_waiters)
         if cache_time is not None:
             retention.cache_time_ns = duration_nanoseconds(cache_time, "cache_time")
         if retention.cache_time_ns < 0:
@@ -758,7 +754,6 @@ cdef class BufferCore(Engine):
             than that one has.
         :return: a ``Wait``; its ``answer`` may be available at once.
         :raises InvalidArgumentException: a name is empty or begins with ``/``: the wait would never end.
-        :raises TransformException: ``max_waiters`` lookups are already waiting.
         """
         cdef Query query
         cdef Wait wait = Wait.__new__(Wait)
@@ -919,8 +914,8 @@ cdef class BufferCore(Engine):
         Count what this buffer has done, and what it contains.
 
         :return: a dict with the numbers of transforms ``taken``, and ``refused`` by reason; of ``frames`` and
-            ``samples``; of ``bytes`` allocated for these; of pending ``waiters``; of ``waits_refused``; and
-            of ``malformed_messages``.
+            ``samples``; of ``bytes`` allocated for these; of pending ``waiters``; and of
+            ``malformed_messages``.
         """
         return self.counts()
 

@@ -66,7 +66,6 @@ class Buffer(BufferCore, AnsweringInterface):
         own clock, and no service.
     :param max_frames: the maximum number of frames. None: a million.
     :param max_bytes: the maximum memory for names and histories. None: 1 GiB.
-    :param max_waiters: the maximum number of waiting lookups. None: a hundred thousand.
     :param share: the name under which other processes of this user on this machine may attach to the buffer,
         until it or this process ends; ``auto`` is the name that belongs to the ROS domain.
     :param attach: the name of a buffer that another process shares. This one is filled with what that one
@@ -110,7 +109,6 @@ class Buffer(BufferCore, AnsweringInterface):
         *,
         max_frames: int | None = None,
         max_bytes: int | None = None,
-        max_waiters: int | None = None,
         share: str | None = None,
         attach: str | None = None,
         expire_after: DurationLike | None = None,
@@ -128,9 +126,7 @@ class Buffer(BufferCore, AnsweringInterface):
             ring = open_ring(name)
             if cache_time is None:
                 cache_time = describe_owner(ring.descriptor).cache_time_ns / 1e9
-        BufferCore.__init__(
-            self, cache_time, max_frames=max_frames, max_bytes=max_bytes, max_waiters=max_waiters
-        )
+        BufferCore.__init__(self, cache_time, max_frames=max_frames, max_bytes=max_bytes)
         if share is not None:
             from tf2_ros._shared.owner import Owner
 

@@ -4,13 +4,10 @@ import threading
 
 import numpy as np
 import pytest
-import rclpy
-from geometry_msgs.msg import PointStamped
 from making import S, at, transform
 from rclpy.duration import Duration
 
-from tf2_py import BufferCore, TransformException
-from tf2_ros import Buffer, MessageFilter
+from tf2_py import BufferCore
 
 pytestmark = pytest.mark.ours
 
@@ -81,33 +78,6 @@ def test_authorities_beyond_the_limits_lose_their_name_alone():
     assert buffer.statistics()["bytes"] < 100_000
 
 
-def test_waits_beyond_the_limit_are_refused_and_counted():
-    buffer = with_pose(max_waiters=10)
-    waits = [buffer._wait("map", "base", at(2), notify=lambda _: None) for _ in range(10)]
-    for _ in range(5):
-        with pytest.raises(TransformException, match="10 lookups wait in this buffer already"):
-            buffer._wait("map", "base", at(2), notify=lambda _: None)
-    # One that need not wait is served.
-    assert buffer._wait("map", "base", at(1), notify=lambda _: None).answer is not None
-    statistics = buffer.statistics()
-    assert (statistics["waiters"], statistics["waits_refused"]) == (10, 5)
-    buffer.set_transform(transform("map", "base", 3), "test")
-    assert all(wait.answer is not None for wait in waits)
-    buffer._wait("map", "base", at(4), notify=lambda _: None)
-    assert answers(buffer)
-
-
-def test_an_answer_that_is_there_is_given_beyond_the_limit_of_waits():
-    buffer = with_pose()
-    waits = [buffer._wait("map", "nowhere", at(1), notify=lambda _: None) for _ in range(3)]
-    buffer.__init__(max_waiters=1)
-    buffer.set_transform(transform("map", "base", 1), "test")
-    assert buffer._wait("map", "base", at(1), notify=lambda _: None).answer is not None
-    with pytest.raises(TransformException, match="max_waiters"):
-        buffer._wait("map", "base", at(2), notify=lambda _: None)
-    assert buffer.statistics()["waiters"] == len(waits)
-
-
 def test_readers_do_not_make_a_full_buffer_refuse():
     # The ring just fits; while somebody reads it, it must go on in other memory, which must not be larger.
     buffer = BufferCore(Duration(nanoseconds=3300), max_bytes=300_000)
@@ -133,32 +103,7 @@ def test_readers_do_not_make_a_full_buffer_refuse():
     buffer._self_check()
 
 
-def test_a_message_filter_drops_what_it_may_not_wait_for(ros):
-    buffer = Buffer(max_waiters=1)
-    wait = buffer._wait("nowhere", "base", at(1), notify=lambda _: None)
-    node = rclpy.create_node("limited")
-    message_filter = MessageFilter(None, buffer, "map", 10, node=node)
-    point = PointStamped()
-    point.header.frame_id = "base"
-    point.header.stamp.sec = 1
-    message_filter.add(point)
-    statistics = message_filter.statistics()
-    assert (statistics["waiting"], statistics["dropped"]["NO_TRANSFORM_FOUND"]) == (0, 1)
-    message_filter.close()
-    node.destroy_node()
-    wait.cancel()
-
-
-def test_a_future_beyond_the_limit_of_waits_is_refused_to_whoever_asks_for_it():
-    buffer = Buffer(max_waiters=1)
-    first = buffer.wait_for_transform_async("map", "base", at(1))
-    with pytest.raises(TransformException, match="max_waiters"):
-        buffer.wait_for_transform_async("map", "base", at(1))
-    buffer.set_transform(transform("map", "base", 1), "test")
-    assert first.done()
-
-
-@pytest.mark.parametrize("name", ["max_frames", "max_bytes", "max_waiters"])
+@pytest.mark.parametrize("name", ["max_frames", "max_bytes"])
 def test_the_environment_sets_limits_for_programs_that_do_not(name, monkeypatch):
     monkeypatch.setenv(f"TF2_ROS_CYTHON_{name.upper()}", "nonsense")
     with pytest.raises(ValueError, match=name.upper()):

@@ -29,7 +29,7 @@ pytestmark = pytest.mark.ours
 
 @pytest.fixture
 def buffer():
-    return filled(BufferCore(Duration(seconds=20), max_frames=10, max_bytes=50_000, max_waiters=7))
+    return filled(BufferCore(Duration(seconds=20), max_frames=10, max_bytes=50_000))
 
 
 @pytest.fixture(params=WAYS)
@@ -295,7 +295,7 @@ SPOILED = {
     "lacks cache_time_ns": ("cache_time_ns", None),
     "cache_time_ns is not an int within 0": ("cache_time_ns", lambda _: -1),
     "max_frames is not an int": ("max_frames", lambda _: "all"),
-    "max_waiters is not an int within": ("max_waiters", lambda _: 1 << 200),
+    "max_bytes is not an int within": ("max_bytes", lambda _: 1 << 200),
     "a frame name cannot hold a NUL": frames_of(name="a\0b"),
     "a frame name must be a str": ("parent_names", lambda names: [None] * len(names)),
     "odom is refused: .*are the same": ("parent_names", lambda names: ["odom"] * len(names)),

@@ -69,7 +69,7 @@ def test_its_help_has_the_signature_once_and_begins_with_words(module, name):
 
 def test_the_class_has_a_signature_that_calls_it(tf2_py):
     signature = inspect.signature(tf2_py.BufferCore)
-    assert list(signature.parameters) == ["cache_time", "max_frames", "max_bytes", "max_waiters"]
+    assert list(signature.parameters) == ["cache_time", "max_frames", "max_bytes"]
     arguments = {name: p.default for name, p in signature.parameters.items() if p.kind == p.KEYWORD_ONLY}
     assert tf2_py.BufferCore(signature.parameters["cache_time"].default, **arguments) is not None
     assert not tf2_py.BufferCore.__doc__.lstrip().startswith("BufferCore(")

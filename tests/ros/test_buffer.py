@@ -132,13 +132,10 @@ class TestTimeout:
             buffer.lookup_transform_full("robot", at(2), "crater", at(1), "map", timeout)
 
     @pytest.mark.ours
-    def test_a_timeout_of_zero_changes_no_error_and_needs_no_place_among_the_waiters(self, tf2_ros):
-        buffer = tf2_ros.Buffer(max_waiters=1)
-        waiting = buffer.wait_for_transform_async("map", "robot", at(1))
+    def test_a_timeout_of_zero_changes_no_error(self, tf2_ros, buffer):
         for timeout in (Duration(), Duration(seconds=-1)):
             with pytest.raises(tf2_ros.LookupException):  # a wait would look for an invalid name first
                 buffer.lookup_transform("nowhere", "/robot", at(1), timeout)
-        assert not waiting.done()
 
     @pytest.mark.ours
     def test_a_timeout_of_microseconds_is_one(self, buffer, tf2_py):

@@ -366,16 +366,6 @@ class TestBadInput:
         buffer.set_transform(transform("map", "robot", 1), "me")
         assert future.result().child_frame_id == "robot"
 
-    def test_a_buffer_with_too_many_waiters(self, tf2_ros):
-        buffer = tf2_ros.Buffer(max_waiters=1)
-        first = wait(buffer)
-        with pytest.raises(tf2_ros.TransformException, match="max_waiters"):
-            wait(buffer)
-        with pytest.raises(tf2_ros.TransformException, match="max_waiters"):
-            buffer.on_change("map", "robot", print)
-        buffer.set_transform(transform("map", "robot", 1), "me")
-        assert first.done()
-
     def test_a_node_that_was_destroyed(self, tf2_ros, new_node):
         node, buffer = new_node("destroyed"), tf2_ros.Buffer()
         node.destroy_node()

@@ -119,7 +119,7 @@ def held(buffer, names):
     found = {
         "frames": {name: infos[name] for name in names},
         "yaml": yaml.safe_load(buffer.all_frames_as_yaml()),
-        "settings": [state[key] for key in ("cache_time_ns", "max_frames", "max_bytes", "max_waiters")],
+        "settings": [state[key] for key in ("cache_time_ns", "max_frames", "max_bytes")],
     }
     for name, one in histories.items():
         arrays = (one.stamps_ns, one.translations, one.rotations)

@@ -113,11 +113,6 @@ def bad_name(name: str, argument: str, call: str = "lookupTransform") -> Transfo
     return InvalidArgumentException(f"Invalid {subject} {given} - in tf2 frame_ids {wrong}")
 
 
-def too_many_waiters(most: int) -> TransformException:
-    """The error for a wait beyond the limit of the buffer."""
-    return TransformException(f"{most} lookups wait in this buffer already: its max_waiters")
-
-
 def loop(target: str, source: str) -> LookupException:
     """The error for a walk that never reached a root."""
     target, source = printable(target), printable(source)

@@ -87,9 +87,3 @@ def receiving_failed(throttle: Throttle, error: str) -> None:
     """Log an error in the thread of a receiver; ``error`` is a traceback."""
     if throttle.passes("receiver"):
         _logger().error(f"Receiving transforms failed: {error}")
-
-
-def too_many_waiters(throttle: Throttle, error: str) -> None:
-    """Log that a wait was refused."""
-    if throttle.passes("waiters"):
-        _logger().error(f"Refusing to wait: {error}")

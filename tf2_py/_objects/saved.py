@@ -26,7 +26,7 @@ MESSAGE_NS = 10_000_000
 CHUNK_BYTES = 1 << 15
 MOST_PER_MESSAGE = 1000  # dynamic ones; one message has all static ones: late subscribers get only the last
 # What the metadata hold as in a state. They also have the authority of each frame, and the number of samples.
-AS_IN_STATE = ("cache_time_ns", "max_frames", "max_bytes", "max_waiters", "ever_looped")
+AS_IN_STATE = ("cache_time_ns", "max_frames", "max_bytes", "ever_looped")
 
 # As rosbag2 writes it.
 _QOS = """\

@@ -8,7 +8,6 @@ cdef struct Limits:
     # Anything that would exceed a limit is refused; nothing is dropped.
     uint32_t frames         # names
     size_t bytes            # of names and histories; one doubling of the table of names may exceed it
-    uint32_t waiters        # lookups that wait
 
 
 cdef struct Tree:

@@ -55,7 +55,6 @@ cdef class Engine:
     cdef ForkedLock _forked             # _lock
     cdef object _throttle               # of log lines
     cdef unsigned long long _malformed      # messages; guarded by the GIL
-    cdef unsigned long long _waits_refused  # likewise
     cdef Advice _advice                 # what error texts add
     cdef list _names                    # of the tree, by id, as far as some text has needed them
     cdef list _authorities              # likewise
@@ -110,7 +109,7 @@ cdef class Engine:
     # The exception for a status; `call` is the function that the text names.
     cdef object error(self, const Query* query, Status status, str call=*)
 
-    # Waiting. The status is that of the first attempt; raises if there are too many waiters.
+    # Waiting. The status is that of the first attempt.
     cdef int add_waiter(self, Waiter* waiter, Status* status) except -1
     # Returns whether it was pending. No effect on one that was removed before, or is forgotten.
     cdef bint remove_waiter(self, Waiter* waiter) noexcept nogil

@@ -99,7 +99,7 @@ cdef inline void unlock_written(Lock* lock, const Tree* tree, const Waiters* wai
 # The engine.
 
 cdef Limits NO_LIMITS
-NO_LIMITS.frames = NO_LIMITS.waiters = UINT32_MAX
+NO_LIMITS.frames = UINT32_MAX
 NO_LIMITS.bytes = SIZE_MAX
 cdef Retention KEEP_ALL
 KEEP_ALL.cache_time_ns = INT64_MAX
@@ -536,23 +536,12 @@ cdef class Engine:
         self._advice.ask(find_silence)
 
     cdef int add_waiter(self, Waiter* waiter, Status* status) except -1:
-        cdef bint too_many
-        cdef uint32_t most
         catch_up(self)
         lock_acquire(&self._lock)
         status[0] = waiters_add(&self._waiters, &self._tree, waiter)
-        most = self._tree.limits.waiters
-        too_many = not waiter.answered and self._waiters.count > most
-        if too_many:
-            waiters_remove(&self._waiters, waiter)
-        elif not waiter.answered:
+        if not waiter.answered:
             self.arm()
         unlock_written(&self._lock, &self._tree, &self._waiters)
-        if too_many:
-            self._waits_refused += 1
-            error = errors.too_many_waiters(most)
-            log.too_many_waiters(self._throttle, str(error))
-            raise error
         if not waiter.answered:
             catch_up(self)      # with what arrived before the inboxes were armed
         return 0
@@ -637,7 +626,6 @@ cdef class Engine:
             "samples": tree.samples,
             "bytes": size,
             "waiters": waiters,
-            "waits_refused": self._waits_refused,
             "malformed_messages": self._malformed,
         }
 

@@ -107,7 +107,7 @@ cdef list snapshot_frames(const Tree* tree, Lock* lock, bint roots, list names, 
 # The state in which a buffer travels: a dict of its cache time, its limits, and its samples.
 #
 # =================  =====================================================================================
-# ``cache_time_ns``  int; so are ``max_frames``, ``max_bytes`` and ``max_waiters``.
+# ``cache_time_ns``  int; so are ``max_frames`` and ``max_bytes``.
 # ``ever_looped``    bool: whether the parents of the frames ever formed a loop, which decides how answers are
 #                    rounded, even if the samples do not show the loop any more.
 # ``frames``         a tuple for each frame with samples: its name, whether it is static, the authority of
@@ -169,7 +169,6 @@ cdef dict state_of(const Tree* tree, Lock* lock, list names, list authorities):
             "cache_time_ns": view.retention.cache_time_ns,
             "max_frames": view.limits.frames,
             "max_bytes": view.limits.bytes,
-            "max_waiters": view.limits.waiters,
             "ever_looped": bool(view.ever_looped),
             "frames": [_frame_of(&view.histories[id], names[id], authorities)
                        for id in range(1, view.names.count) if view.histories[id].count],
@@ -185,8 +184,8 @@ cdef dict state_of(const Tree* tree, Lock* lock, list names, list authorities):
 
 
 cdef frozenset STATE_KEYS = frozenset({
-    "cache_time_ns", "max_frames", "max_bytes", "max_waiters", "ever_looped", "frames", "stamps",
-    "transforms", "parents", "parent_names",
+    "cache_time_ns", "max_frames", "max_bytes", "ever_looped", "frames", "stamps", "transforms",
+    "parents", "parent_names",
 })
 
 
@@ -286,7 +285,6 @@ cdef int read_state(dict state, Tree* tree) except -1:
     retention.cache_time_ns = _number(state, "cache_time_ns", 0, INT64_MAX)
     limits.frames = _number(state, "max_frames", 1, UINT32_MAX)
     limits.bytes = _number(state, "max_bytes", 1, SIZE_MAX)
-    limits.waiters = _number(state, "max_waiters", 1, UINT32_MAX)
     memset(tree, 0, sizeof(Tree))
     try:
         if tree_init(tree, &KEEP_ALL, &NO_LIMITS) != 0:

@@ -59,7 +59,7 @@ class Side:
         for buffer in (self.buffer, *self.readers):
             buffer._self_check()
         found = everything(self.buffer, FRAMES[:3], [2 * S, 7 * S // 2])
-        del found["statistics"]["bytes"], found["statistics"]["waits_refused"]
+        del found["statistics"]["bytes"]
         futures = [wait.done() for wait in self.waits if hasattr(wait, "done")]
         return found, sorted(self.buffer._pending_waits()), sorted(map(str, self.answered)), futures
 
@@ -193,7 +193,7 @@ def travel(dice):
 def restore(dice):
     other = BufferCore()
     other.set_transforms([random_link(dice) for _ in range(5)], "before")
-    state = other.__getstate__() | {"max_waiters": 1000}
+    state = other.__getstate__() | {"max_frames": 1000}
     state["attributes"] = {}
 
     def call(side):

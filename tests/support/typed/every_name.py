@@ -126,7 +126,7 @@ def timeouts() -> list[DurationLike]:
 
 def core(message: TransformStamped, data: bytes, when: TimeLike, interval: DurationLike) -> None:
     """A BufferCore, filled and asked."""
-    buffer = BufferCore(Duration(seconds=10), max_frames=10, max_bytes=1 << 20, max_waiters=5)
+    buffer = BufferCore(Duration(seconds=10), max_frames=10, max_bytes=1 << 20)
     assert_type(buffer.cache_time_ns, int)
     buffer.set_transform(message, "somebody")
     buffer.set_transform_static(message, "somebody")

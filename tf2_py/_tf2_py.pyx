@@ -277,12 +277,6 @@ cdef class BufferCore(Engine):
         text = name_utf8(frame, &size)
         return self.remove(text, size) == REMOVED_SAMPLES
 
-    def _forget_silent(self, frame: str, before_ns: int) -> None:
-        """Forget a dynamic frame whose newest stamp is earlier than ``before_ns``; otherwise do nothing."""
-        cdef Py_ssize_t size
-        cdef const char* text = name_utf8(frame, &size)
-        self.remove(text, size, before_ns)
-
     # Travelling: pickles, copies, files.
 
     def __reduce__(self):

@@ -31,7 +31,6 @@ if TYPE_CHECKING or HAS_ROS:
     from tf2_ros._wait.futures import TransformFuture, WakingFuture
 
     if TYPE_CHECKING:
-        from tf2_ros._receive.expiry import Expiry
         from tf2_ros._shared.attachment import Attachment
         from tf2_ros._shared.owner import Owner
 else:
@@ -49,9 +48,7 @@ JUMP_BACK_S = 1  # when its clock jumps back this far, a buffer is cleared
 SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", "set_transforms_cdr"})
 
 # What `Buffer.__init__` sets; a copy has its own.
-_OF_INIT = frozenset(
-    {"registration", "_tf2_wait_contexts", "srv", "clock", "jump_handle", "_tf2_sharing", "_tf2_expiry"}
-)
+_OF_INIT = frozenset({"registration", "_tf2_wait_contexts", "srv", "clock", "jump_handle", "_tf2_sharing"})
 
 
 class Buffer(BufferCore, AnsweringInterface):
@@ -71,9 +68,6 @@ class Buffer(BufferCore, AnsweringInterface):
     :param attach: the name of a buffer that another process shares. This one is filled with what that one
         receives, and keeps as much history if ``cache_time`` is None. When the other process ends, this one
         keeps what it holds, and the next process that shares a buffer of that name fills it.
-    :param expire_after: a duration: every one or two seconds, forget the frames whose
-        newest dynamic transform is older than this by the buffer's clock; see
-        :meth:`tf2_py.BufferCore.forget`. None: keep all. A copy of the buffer keeps all.
     :raises TypeError: ``cache_time`` is something else, a limit is not an int, or a name is not a str.
     :raises ValueError: ``cache_time`` is negative, a limit is not above 0, a name is invalid, or both
         ``share`` and ``attach`` are given.
@@ -100,7 +94,6 @@ class Buffer(BufferCore, AnsweringInterface):
     """
 
     _tf2_sharing: "Owner | Attachment | None" = None  # what shares it, or fills it from another process
-    _tf2_expiry: "Expiry"
 
     def __init__(
         self,
@@ -111,11 +104,10 @@ class Buffer(BufferCore, AnsweringInterface):
         max_bytes: int | None = None,
         share: str | None = None,
         attach: str | None = None,
-        expire_after: DurationLike | None = None,
     ) -> None:
         if share is not None and attach is not None:
             raise ValueError("share and attach are mutually exclusive")
-        # Few programs share a buffer, or have frames expire; only they load the modules for it.
+        # Few programs share a buffer; only they load the modules for it.
         if share is not None or attach is not None:
             require_linux()
         if attach is not None:
@@ -134,12 +126,6 @@ class Buffer(BufferCore, AnsweringInterface):
         if attach is not None:
             self._tf2_sharing = Attachment(self, name, ring)
         self.__connect(node)
-        if expire_after is not None:
-            if not HAS_ROS:
-                raise absence("a buffer whose frames expire")
-            from tf2_ros._receive.expiry import Expiry
-
-            self._tf2_expiry = Expiry(self, duration_ns(expire_after, "expire_after"))
 
     def __connect(self, node: "Node | None") -> None:
         AnsweringInterface.__init__(self)

@@ -82,12 +82,10 @@ cdef class Engine:
     # Counts a message that could not be read, and returns the ValueError that states why. `size`: its bytes.
     # With a topic, logs the error as well.
     cdef object malformed(self, const Batch* batch, size_t size, str topic=*)
-    # Removes every dynamic transform; or, with a name, all of one frame. With `before_ns`, only if the frame
-    # is dynamic and its newest transform is earlier.
-    cdef Removal remove(self, const char* name, size_t size, int64_t before_ns=*) except REMOVAL_ERROR
+    # Removes every dynamic transform; or, with a name, all of one frame.
+    cdef Removal remove(self, const char* name, size_t size) except REMOVAL_ERROR
     # The same without the GIL and the tap, as an insert: `insert_some` and `report` do the rest.
-    cdef Removal begin_to_remove(self, Batch* batch, const char* name, size_t size,
-                                 int64_t before_ns=*) noexcept nogil
+    cdef Removal begin_to_remove(self, Batch* batch, const char* name, size_t size) noexcept nogil
     # Resets the engine as if it were new; pending waits go on.
     cdef int start_over(self, const Retention* retention, const Limits* limits) except -1
     # What the buffer holds at one moment, as state_of, and replacing it by such a state; pending waits go on.
@@ -130,7 +128,7 @@ cdef class Engine:
     cdef dict counts(self)              # see BufferCore.statistics
     cdef const char* check(self) noexcept nogil     # NULL, or which invariant does not hold
 
-    cdef Removal _forget(self, FrameId frame, int64_t before_ns) noexcept nogil
+    cdef Removal _forget(self, FrameId frame) noexcept nogil
     cdef list _frames_between(self, target_frame, source_frame, int64_t time_ns)
     cdef Status _check_names(self, const Query* query) noexcept nogil
     cdef int _begin_advice(self) except -1

@@ -336,13 +336,12 @@ cdef class Engine:
             except BaseException as raised:
                 errors.append(raised)
 
-    cdef Removal remove(self, const char* name, size_t size,
-                        int64_t before_ns=INT64_MAX) except REMOVAL_ERROR:
+    cdef Removal remove(self, const char* name, size_t size) except REMOVAL_ERROR:
         cdef Batch batch
         cdef Removal removal
         catch_up(self)
         # Until the tap knows of it, no other code in Python runs, and so none that inserts.
-        removal = self.begin_to_remove(&batch, name, size, before_ns)
+        removal = self.begin_to_remove(&batch, name, size)
         if removal == REMOVED_NOTHING:
             return removal
         if self._tap is not None:
@@ -350,8 +349,7 @@ cdef class Engine:
         self._wake_all(&batch)
         return removal
 
-    cdef Removal begin_to_remove(self, Batch* batch, const char* name, size_t size,
-                                 int64_t before_ns=INT64_MAX) noexcept nogil:
+    cdef Removal begin_to_remove(self, Batch* batch, const char* name, size_t size) noexcept nogil:
         cdef Removal removal = REMOVED_SAMPLES
         cdef FrameId frame
         lock_acquire(&self._lock)
@@ -359,7 +357,7 @@ cdef class Engine:
             tree_clear(&self._tree)
         else:
             frame = tree_frame(&self._tree, name, size)
-            removal = self._forget(frame, before_ns)
+            removal = self._forget(frame)
         batch.count = 0
         batch_begin(batch)
         if removal != REMOVED_NOTHING:
@@ -368,10 +366,8 @@ cdef class Engine:
         unlock_written(&self._lock, &self._tree, &self._waiters)
         return removal
 
-    cdef Removal _forget(self, FrameId frame, int64_t before_ns) noexcept nogil:
-        cdef const History* history = &self._tree.histories[frame]
-        if frame == NO_FRAME or (before_ns != INT64_MAX and (
-                history.kind != HISTORY_DYNAMIC or history.newest_ns >= before_ns)):
+    cdef Removal _forget(self, FrameId frame) noexcept nogil:
+        if frame == NO_FRAME:
             return REMOVED_NOTHING
         return REMOVED_SAMPLES if tree_forget(&self._tree, frame) else REMOVED_NAMES
 

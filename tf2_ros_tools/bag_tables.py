@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
-from io import BytesIO
 from typing import TYPE_CHECKING
 
 from tf2_ros_tools.output import printable
@@ -38,15 +37,11 @@ def add_recording(made: Parser) -> None:
     """Add the arguments for the recording, and for which of its transforms are read."""
     made.add_argument("file", metavar="FILE", help="the recording")
     add_topics(made)
-    made.add_argument(
-        "--start",
-        type=nanoseconds,
-        metavar="S",
-        help="omit dynamic transforms that were recorded before this time",
-    )
-    made.add_argument(
-        "--end", type=nanoseconds, metavar="S", help="or after this time; both are log times, in seconds"
-    )
+    for name, summary in (
+        ("--start", "omit dynamic transforms that were recorded before this time"),
+        ("--end", "or after this time; both are log times, in seconds"),
+    ):
+        made.add_argument(name, type=_stamp_ns, metavar="S", help=summary)
 
 
 def add_topics(made: Parser) -> None:
@@ -69,8 +64,14 @@ def _topic(text: str) -> tuple[str, str]:
     return name, prefix
 
 
-NS_BITS = 63
-WANTED_TIMES = "must be seconds since 1970, and before the year 2262"  # what fits into 64 bits of nanoseconds
+LAST_NS = (1 << 63) - 1
+
+
+def _stamp_ns(text: str) -> int:
+    stamp_ns = nanoseconds(text)
+    if abs(stamp_ns) > LAST_NS:
+        raise ArgumentTypeError(f"{text} is not in seconds since 1970, before the year 2262")
+    return stamp_ns
 
 
 def topics_of(options: Namespace) -> Topics:
@@ -85,24 +86,16 @@ def heard_of(options: Namespace, at: str | None = None) -> Heard:
     Read the transforms of the recording.
 
     :param at: a topic whose stamps are read, too.
-    :raises UsageError: ``--end`` is before ``--start``, or one of them does not fit into 64 bits.
+    :raises UsageError: ``--end`` is before ``--start``.
     :raises RunError: it cannot be read.
     :raises BagError: it is broken.
     """
     from tf2_ros_tools.loading import hear, wanted
 
-    for name, time_ns in (("--start", options.start), ("--end", options.end)):
-        if time_ns is not None and abs(time_ns) >> NS_BITS:
-            raise UsageError(f"{name} {WANTED_TIMES}")
     if None not in (options.start, options.end) and options.end < options.start:
         raise UsageError("--end must not be before --start")
     with reported_files(options.file):
-        what = wanted(topics_of(options), options.start, options.end)
-        heard = hear(options.file, what, at=at)
-    if heard.end_ns is not None and options.end is not None:
-        # What was recorded later is not missing.
-        heard = replace(heard, end_ns=min(heard.end_ns, options.end))
-    return heard
+        return hear(options.file, wanted(topics_of(options), options.start, options.end), at=at)
 
 
 @contextmanager
@@ -206,14 +199,13 @@ def lookup(options: Namespace) -> int:
         raise RunError(str(failure)) from None
     if not table.valid.any():
         _refuse(heard, options, table)
+    writers = {"csv": tables.as_csv, "tum": tables.as_tum, "npz": tables.as_npz}
     if kind == "parquet":
-        contents = tables.as_parquet(table, options.file)
+        contents = tables.as_parquet({"": table}, options.file)
     else:
-        contents = {"csv": tables.as_csv, "tum": tables.as_tum, "npz": tables.as_npz}[kind](table)
+        contents = writers[kind](table)
     if options.output is None:
-        # Line by line: if an unbuffered stream can write only a part of a long text, it drops the rest.
-        for line in BytesIO(contents):
-            print(line.decode(), end="")
+        print(contents.decode(), end="")
     else:
         write_output(options.output, contents)
         print(options.output)
@@ -231,10 +223,11 @@ def batch(options: Namespace) -> int:
     from tf2_ros_tools.fleet import map_recordings
 
     target, source = options.lookup
+    several = len(options.recordings) > 1
     with reported_files(options.recordings[0]):
         try:
             result = map_recordings(
-                options.recordings if len(options.recordings) > 1 else options.recordings[0],
+                options.recordings if several else options.recordings[0],
                 target,
                 source,
                 options.out,
@@ -286,40 +279,31 @@ def _refuse(heard: Heard, options: Namespace, table: Table) -> None:
 def _given_times(texts: list[str]) -> NDArray[np.int64]:
     import numpy as np
 
+    if len(texts) == 1 and os.path.exists(texts[0]):
+        return np.array([*_times_in(texts[0])], np.int64)
     try:
-        times = [nanoseconds(text) for text in texts]
+        return np.array([*map(_stamp_ns, texts)], np.int64)
     except ArgumentTypeError as refusal:
-        if len(texts) > 1:
-            raise UsageError(f"--times: {refusal}") from None
-        times = _times_in(texts[0])
-    try:
-        return np.array(times, np.int64)
-    except OverflowError:
-        raise UsageError(f"--times {WANTED_TIMES}") from None
+        raise UsageError(f"--times: {refusal}" + ", and not a file" * (len(texts) == 1)) from None
 
 
-def _times_in(path: str) -> list[int]:
+def _times_in(path: str) -> Iterator[int]:
+    """Read the first words of the lines of a text file, which may be a CSV file of this program."""
     from tf2_ros_tools import tables
 
+    read: Callable[[str], int] = _stamp_ns
     try:
-        with open(path, encoding="utf-8") as file:
-            lines = [(number, line.replace(",", " ").split()) for number, line in enumerate(file, 1)]
+        with open(path, encoding="utf-8-sig") as file:
+            for number, line in enumerate(file, 1):
+                word = next(iter(line.replace(",", " ").split()), "#")
+                try:
+                    if number == 1 and word == tables.STAMP_NS:
+                        read = int
+                    elif not word.startswith("#"):
+                        yield read(word)
+                except (ArgumentTypeError, ValueError) as refusal:
+                    raise UsageError(f"--times: {path}, line {number}: {refusal}") from None
     except OSError as failure:
         raise UsageError(f"--times: {path}: {failure.strerror}") from None
     except UnicodeDecodeError:
         raise UsageError(f"--times: {path} is not text") from None
-    times = []
-    read: Callable[[str], int] = nanoseconds
-    for number, words in lines:
-        if number == 1 and words and words[0].removeprefix("\ufeff") == tables.STAMP_NS:
-            read = int  # the program's own CSV
-        elif words and not words[0].startswith("#"):
-            try:
-                times.append(read(words[0]))
-            except ArgumentTypeError as refusal:
-                raise UsageError(f"--times: {path}, line {number}: {refusal}") from None
-            except ValueError:
-                raise UsageError(
-                    f"--times: {path}, line {number}: {words[0]!r} is not in nanoseconds"
-                ) from None
-    return times

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tf2_py import LookupException
-from tf2_ros_tools.fleet import KEY, Recordings, Request, find_recordings, looked_up, process
+from tf2_ros_tools.fleet import KEY, Recordings, Request, Row, find_recordings, looked_up, process
 from tf2_ros_tools.loading import TOPICS, PoseTopics, Topics, Urdfs, progress_bar, wanted
 from tf2_ros_tools.output import counted, printable, write_whole
 from tf2_ros_tools.reading import BagError, needing
-from tf2_ros_tools.tables import Table
+from tf2_ros_tools.tables import Table, Tables, columns_of, tables_of
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -110,16 +110,18 @@ class Dataset:
             with needing("pyarrow", "fleet"):
                 import pyarrow
                 from pyarrow import parquet
-            table = Table(self.stamps_ns, self.poses, self.frames, self.gaps)
             files = pyarrow.array([printable(one) for one in self.files], pyarrow.string())
             columns = {
                 "file": pyarrow.DictionaryArray.from_arrays(self.episodes, files),
                 "episode_index": self.episodes,
                 "frame_index": self.indices,
                 "timestamp": self.timestamps,
-                **table.columns(),
             }
-            parquet.write_table(pyarrow.table(columns), written)
+            tables = {
+                frame: Table(self.stamps_ns, self.poses[:, i], np.ascontiguousarray(self.gaps[:, i]))
+                for i, frame in enumerate(self.frames)
+            }
+            parquet.write_table(pyarrow.table(columns | columns_of(tables)), written)
         else:
             raise ValueError(f"the name of a dataset must end in .parquet or .npz, not {name!r}")
         write_whole(name, written.getvalue())
@@ -184,7 +186,27 @@ def dataset(
     if not parts:
         path, problem = next(iter(failed.items()))
         raise BagError(problem if path in problem else f"{printable(path)}: {problem}")
-    made = _joined(request, {path: table for path, (table, _) in parts.items()}, failed)
+    every = [tables for tables, _ in parts.values()]
+    stamps = [tables[names[0]].stamps_ns for tables in every]
+    counts = [len(one) for one in stamps]
+
+    def joined(column: str) -> NDArray[Any]:
+        rows = [np.stack([getattr(tables[name], column) for name in names], axis=1) for tables in every]
+        return np.concatenate(rows)
+
+    made = Dataset(
+        frames=tuple(names),
+        relative_to=relative_to,
+        files=tuple(parts),
+        failed=failed,
+        episodes=np.repeat(np.arange(len(parts)), counts),
+        indices=np.concatenate([np.arange(count) for count in counts]),
+        stamps_ns=np.concatenate(stamps),
+        timestamps=np.concatenate([(one - one[:1]) / S for one in stamps]),
+        poses=joined("poses"),
+        valid=joined("valid"),
+        gaps=joined("gaps"),
+    )
     for i, name in enumerate(names):
         if len(made) and not made.valid[:, i].any():
             reasons = [reason[name] for _, reason in parts.values() if name in reason]
@@ -192,7 +214,7 @@ def dataset(
     return made
 
 
-Parts = dict[str, tuple[Table, dict[str, str]]]  # by recording, with why frames have no answer
+Parts = dict[str, tuple[Tables, dict[str, str]]]  # by recording, with why frames have no answer
 
 
 def _read_here(
@@ -203,40 +225,21 @@ def _read_here(
     with progress_bar("dataset", len(recordings), " recordings", progress) as count:
         for path in recordings:
             try:
-                _, table, found = looked_up(request, path)
+                _, tables, lacks = looked_up(request, path)
+                parts[path] = tables, _reasons(lacks)
             except (BagError, OSError) as error:
                 failed[path] = str(error)
-            else:
-                parts[path] = table, {row["frame"]: row["text"] for row in found if row["kind"] == "lookup"}
-            if count is not None:
-                count(1)
+            count(1)
     return parts, failed
 
 
-def _read_table(frames: list[str], path: str) -> tuple[Table, dict[str, str]]:
+def _read_table(frames: list[str], path: str) -> tuple[Tables, dict[str, str]]:
     from pyarrow import parquet
 
     table = parquet.read_table(path)
-    found = json.loads(table.schema.metadata[KEY])["found"]
-    names = [name for name in table.column_names if name != "file"]
-    columns = {name: table[name].to_numpy() for name in names}
-    reasons = {row["frame"]: row["text"] for row in found if row["kind"] == "lookup"}
-    return Table.of_columns(frames, columns), reasons
+    columns = {name: table[name].to_numpy() for name in table.column_names if name != "file"}
+    return tables_of(frames, columns), _reasons(json.loads(table.schema.metadata[KEY])["found"])
 
 
-def _joined(request: Request, tables: dict[str, Table], failed: dict[str, str]) -> Dataset:
-    every = [*tables.values()]
-    counts = [len(table) for table in every]
-    return Dataset(
-        frames=tuple(request.source),
-        relative_to=request.target,
-        files=tuple(tables),
-        failed=failed,
-        episodes=np.repeat(np.arange(len(tables)), counts),
-        indices=np.concatenate([np.arange(count) for count in counts]),
-        stamps_ns=np.concatenate([table.stamps_ns for table in every]),
-        timestamps=np.concatenate([(table.stamps_ns - table.stamps_ns[:1]) / S for table in every]),
-        poses=np.concatenate([table.poses for table in every]),
-        valid=np.concatenate([table.valid for table in every]),
-        gaps=np.concatenate([np.asarray(table.gaps) for table in every]),
-    )
+def _reasons(found: Iterable[Row]) -> dict[str, str]:
+    return {row["frame"]: row["text"] for row in found if row["kind"] == "lookup"}

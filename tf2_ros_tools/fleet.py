@@ -19,7 +19,7 @@ from tf2_ros_tools.findings import report
 from tf2_ros_tools.loading import TOPICS, Heard, PoseTopics, Topics, Urdfs, Wanted, hear, progress_bar, wanted
 from tf2_ros_tools.output import counted, printable, remove_abandoned, write_whole
 from tf2_ros_tools.reading import SUFFIXES, BagError, needing
-from tf2_ros_tools.tables import Table, as_parquet, check_rate, look_up_frames, look_up_when
+from tf2_ros_tools.tables import Table, Tables, as_parquet, check_rate, look_up_frames, look_up_when
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 
 Recordings: TypeAlias = "str | PathLike[str] | Iterable[str | PathLike[str]]"
-
-METADATA = "metadata.yaml"
 
 
 def find_recordings(recordings: Recordings) -> list[str]:
@@ -40,45 +38,37 @@ def find_recordings(recordings: Recordings) -> list[str]:
         subfolders. If there are several, some need not exist.
     :raises FileNotFoundError: the file does not exist, or no recording was found.
     """
-    if not isinstance(recordings, str | PathLike):
-        paths = [os.fspath(path) for path in recordings]
-    elif os.path.exists(recordings):
-        paths = [os.fspath(recordings)]
-    else:
-        raise FileNotFoundError(f"there is no {printable(os.fspath(recordings))}")
-    found = [one for path in paths for one in _meant_by(path)]
+    paths = [recordings] if isinstance(recordings, str | PathLike) else [*recordings]
+    names = [os.fspath(path) for path in paths]
+    if isinstance(recordings, str | PathLike) and not os.path.exists(recordings):
+        raise FileNotFoundError(f"there is no {printable(names[0])}")
+    found = [one for name in names for one in _meant_by(name)]
     if not found:
-        raise FileNotFoundError(f"there is no recording in {printable(', '.join(paths)) or 'an empty list'}")
+        raise FileNotFoundError(f"there is no recording in {printable(', '.join(names)) or 'an empty list'}")
     return list(dict.fromkeys(map(os.path.realpath, found)))
 
 
-def _meant_by(path: str) -> Iterator[str]:
+def _meant_by(path: str) -> list[str]:
     if not os.path.isdir(path):
         # A part of a folder lacks what the other parts hold.
         folder = os.path.dirname(os.path.abspath(path))
-        yield folder if _is_rosbag2(folder) else path
-        return
-    closed: list[str] = []  # folders that cannot be read; returned, so that they are reported as failed
+        return [folder if _is_rosbag2(folder) else path]
     found: list[str] = []
+    closed: list[str] = []  # folders that cannot be read; returned, so that they are reported as failed
     for folder, inside, files in os.walk(path, onerror=lambda error: closed.append(error.filename)):
         if _is_rosbag2(folder):
             found.append(folder)
             inside.clear()
         else:
-            names = [name for name in files if name.endswith(SUFFIXES) and not name.startswith(".")]
-            found += [os.path.join(folder, name) for name in names]
-    yield from sorted(found)
-    yield from closed
+            names = (name for name in files if name.endswith(SUFFIXES) and not name.startswith("."))
+            found += (os.path.join(folder, name) for name in names)
+    return sorted(found) + closed
 
 
 def _is_rosbag2(folder: str) -> bool:
-    # Other projects use this name, too. The first line identifies a file of rosbag2.
-    path = os.path.join(folder, METADATA)
-    if not os.path.isfile(path):
-        return False
     try:
-        with open(path, encoding="utf-8", errors="replace") as file:
-            return "rosbag2_bagfile_information" in file.read(4096)
+        with open(os.path.join(folder, "metadata.yaml"), "rb") as file:
+            return b"rosbag2_bagfile_information" in file.read(4096)  # other projects use this name, too
     except OSError:
         return False
 
@@ -120,31 +110,31 @@ class Request:
             raise ValueError("at and rate exclude each other")
         if self.rate is not None:
             check_rate(self.rate)
-        for source in [self.source] if isinstance(self.source, str) else self.source:
+        sources = [self.source] if isinstance(self.source, str) else self.source
+        for source in sources:
             # An invalid name is invalid in every recording. An empty buffer checks only the first name.
             for ends in ((self.target, source), (source, self.target)):
                 with suppress(LookupException):
                     BufferCore().lookup_transform_core(*ends, 0)
-        if not isinstance(self.source, str):
-            if self.at is None:
-                raise ValueError("several frames need a topic with the times, at")
-            if not self.source or len(set(self.source)) < len(self.source):
-                raise ValueError("frames must be one or more different names")
+        if not isinstance(self.source, str) and self.at is None:
+            raise ValueError("several frames need a topic with the times, at")
+        if not sources or len(set(sources)) < len(sources):
+            raise ValueError("frames must be one or more different names")
 
 
 def table_of(recording: str, out: str) -> str:
     """Get the path of a recording's table, which depends only on the path of the recording."""
     name = os.path.basename(recording)
-    stem, suffix = os.path.splitext(name)
+    stem = name.rpartition(".")[0] if name.endswith(SUFFIXES) else name
     # Programs that read folders ignore names that begin with these characters; a name has at most 255 bytes.
-    short = os.fsencode(stem if suffix in SUFFIXES else name)[:150].decode(errors="ignore").lstrip("._")
+    short = stem.lstrip("._")[:50]
     digest = hashlib.sha256(os.fsencode(recording)).hexdigest()[:12]
-    return os.path.join(out, f"{short}-{digest}.parquet")
+    return os.path.join(out, f"{short}-{digest}.parquet".lstrip("-"))
 
 
 def work(request: Request, recording: str, table: str) -> list[Row]:
     """
-    Write the table of one recording in one step; return its findings.
+    Write the table of one recording in one step; return its findings, of which the first is the summary.
 
     Problems of the recording itself are findings. All other errors are raised, because the work may succeed
     later, or on another machine.
@@ -153,17 +143,27 @@ def work(request: Request, recording: str, table: str) -> list[Row]:
     """
     begin = time.perf_counter()
     try:
-        state = _state(recording)
-        heard, answers, found = looked_up(request, recording)
+        made_from = _made_from(request, recording)
+        heard, tables, lacks = looked_up(request, recording)
     except (BagError, FileNotFoundError) as error:
         return [_row(recording, ERROR, str(error))]
     except PermissionError as error:
         return [_row(recording, ERROR, f"{printable(error.filename or recording)}: {error.strerror}")]
-    found += [_row(recording, one.kind, one.text, one.frame) for one in report(heard).findings]
-    summary = _summary(recording, heard, answers)
-    found.insert(0, {**summary, "seconds": round(time.perf_counter() - begin, 3)})
-    content = {**_what(request, state), "found": found}
-    write_whole(table, as_parquet(answers, printable(recording), {KEY: json.dumps(content).encode()}))
+    answered = np.logical_and.reduce([one.valid for one in tables.values()])
+    rows, valid, span_s = len(answered), int(answered.sum()), 0.0
+    if heard.start_ns is not None and heard.end_ns is not None:
+        span_s = (heard.end_ns - heard.start_ns) / S
+    length = f"{counted(len(heard.records), 'transform')} in {span_s:.1f} s"
+    summary = _row(recording, "summary", f"{length}, answers at {valid} of {counted(rows, 'time')}")
+    summary |= {"transforms": len(heard.records), "rows": rows, "valid": valid, "span_s": span_s}
+    if not lacks and (valid < rows or not rows):
+        text = f"no answer at {rows - valid} of {counted(rows, 'time')}"
+        lacks = [_row(recording, "lookup", text)]
+    problems = [_row(recording, one.kind, one.text, one.frame) for one in report(heard).findings]
+    summary["seconds"] = round(time.perf_counter() - begin, 3)
+    found = [summary, *lacks, *problems]
+    metadata = json.dumps({**made_from, "found": found}).encode()
+    write_whole(table, as_parquet(tables, printable(recording), {KEY: metadata}))
     return found
 
 
@@ -174,72 +174,44 @@ def done_before(request: Request, recording: str, table: str) -> list[Row] | Non
     try:
         with open(table, "rb") as file:
             content = json.loads((parquet.read_metadata(file).metadata or {})[KEY])
-        found: list[Row] = content["found"]
-        return found if content == {**_what(request, _state(recording)), "found": found} else None
+        found: list[Row] = content.pop("found")
+        return found if content == _made_from(request, recording) else None
     except (OSError, ArrowException, KeyError, TypeError, ValueError):
         return None  # no table, a table of another program, or a damaged one: it is written again
 
 
-def _what(request: Request, state: list[list[Any]]) -> dict[str, Any]:
+def _made_from(request: Request, recording: str) -> dict[str, Any]:
+    """Get the request, and the names, sizes and times of the recording's files, which change with it."""
+    files = [recording]
+    if os.path.isdir(recording):
+        inside = (one.path for one in os.scandir(recording) if one.is_file())
+        files = sorted(path for path in inside if not path.endswith(COMPANIONS))
+    elif not os.path.exists(recording):
+        raise FileNotFoundError(f"{printable(recording)} does not exist")
+    states = [(path, os.stat(path)) for path in files]
+    state = [[printable(os.path.basename(path)), one.st_size, one.st_mtime_ns] for path, one in states]
     # As JSON, which has no tuples.
-    made = {"request": {"format": FORMAT, **asdict(request)}, "recording": state}
-    what: dict[str, Any] = json.loads(json.dumps(made))
-    return what
+    content = json.dumps({"request": {"format": FORMAT, **asdict(request)}, "recording": state})
+    made_from: dict[str, Any] = json.loads(content)
+    return made_from
 
 
-def _state(recording: str) -> list[list[Any]]:
-    """Get the names, sizes and times of its files, which change with the recording."""
-    if not os.path.isdir(recording):
-        return [_file(recording)]
-    inside = [one.path for one in os.scandir(recording) if one.is_file()]
-    return sorted(_file(path) for path in inside if not path.endswith(COMPANIONS))
-
-
-def _file(path: str) -> list[Any]:
-    try:
-        status = os.stat(path)
-    except FileNotFoundError:
-        raise FileNotFoundError(f"{printable(path)} does not exist") from None
-    return [printable(os.path.basename(path)), status.st_size, status.st_mtime_ns]
-
-
-def looked_up(request: Request, recording: str) -> tuple[Heard, Table, list[Row]]:
-    """Read a recording, and look up what is requested; the rows list the problems."""
+def looked_up(request: Request, recording: str) -> tuple[Heard, Tables, list[Row]]:
+    """Read a recording, and look up what is requested; the rows say why frames have no answer at any time."""
     heard = hear(recording, request.what, at=request.at, progress=False)
-    if isinstance(request.source, str):
-        answers, lacks = _one_frame(request, request.source, recording, heard)
-    else:
+    if not isinstance(request.source, str):
         assert heard.times_ns is not None
-        answers, reasons = look_up_frames(heard.buffer, request.target, request.source, heard.times_ns)
-        lacks = [_row(recording, "lookup", reason, frame) for frame, reason in reasons.items()]
-    missing = len(answers) - int(answers.answered.sum())
-    if not lacks and (missing or not len(answers)):
-        text = f"no answer at {missing} of {counted(len(answers), 'time')}"
-        lacks = [_row(recording, "lookup", text)]
-    return heard, answers, lacks
-
-
-def _one_frame(request: Request, source: str, recording: str, heard: Heard) -> tuple[Table, list[Row]]:
+        tables, reasons = look_up_frames(heard.buffer, request.target, request.source, heard.times_ns)
+        return heard, tables, [_row(recording, "lookup", text, frame) for frame, text in reasons.items()]
     try:
-        table = look_up_when(heard, request.target, source, heard.times_ns, request.rate)
+        table = look_up_when(heard, request.target, request.source, heard.times_ns, request.rate)
         if not table.valid.any():
             # Raises the reason, if there is one.
-            heard.buffer.lookup_transform_core(request.target, source, 0)
+            heard.buffer.lookup_transform_core(request.target, request.source, 0)
     except TransformException as error:
-        return Table(np.zeros(0, np.int64), np.zeros((0, 7))), [_row(recording, "lookup", str(error))]
-    return table, []
-
-
-def _summary(recording: str, heard: Heard, table: Table) -> Row:
-    rows, valid, transforms = len(table), int(table.answered.sum()), len(heard.records)
-    span_s = 0.0
-    if heard.start_ns is not None and heard.end_ns is not None:
-        span_s = (heard.end_ns - heard.start_ns) / S
-    text = (
-        f"{counted(transforms, 'transform')} in {span_s:.1f} s, answers at {valid} of {counted(rows, 'time')}"
-    )
-    numbers = {"transforms": transforms, "rows": rows, "valid": valid, "span_s": span_s}
-    return _row(recording, "summary", text) | numbers
+        none = Table(np.zeros(0, np.int64), np.zeros((0, 7)))
+        return heard, {"": none}, [_row(recording, "lookup", str(error))]
+    return heard, {"": table}, []
 
 
 def _row(recording: str, kind: str, text: str, frame: str = "") -> Row:
@@ -264,20 +236,20 @@ def outcomes(
     :param tables: maps recordings to the paths of their tables.
     :raises ModuleNotFoundError: a library is not installed in this process or in a worker.
     """
-    if scheduler is not None:
-        with _connected(scheduler) as client:
-            yield from _on_cluster(request, tables, client)
-        return
-    if workers is None and len(tables) > 1:
+    if scheduler is None and workers is None and len(tables) > 1:
         with needing("dask", "fleet"):
             import dask  # noqa: F401
             from dask.system import CPU_COUNT  # knows the limits of a container
         workers = int(CPU_COUNT)
     count = min(workers or 1, len(tables))
-    if count < 2:
-        yield from _here(request, tables)
+    if scheduler is None and count < 2:
+        for recording, table in tables.items():
+            try:
+                yield recording, work(request, recording, table)
+            except Exception as error:
+                yield recording, _failed(recording, error)
         return
-    with local_workers(count) as client:
+    with local_workers(count) if scheduler is None else _connected(scheduler) as client:
         yield from _on_cluster(request, tables, client)
 
 
@@ -329,14 +301,6 @@ def local_workers(count: int) -> "Iterator[Client]":
         Client(cluster, set_as_default=False) as client,
     ):
         yield client
-
-
-def _here(request: Request, tables: Mapping[str, str]) -> Iterator[tuple[str, list[Row]]]:
-    for recording, table in tables.items():
-        try:
-            yield recording, work(request, recording, table)
-        except Exception as error:
-            yield recording, _failed(recording, error)
 
 
 def _on_cluster(
@@ -402,11 +366,6 @@ def _write_findings(out: str, rows: Sequence[Row]) -> str:
     parquet.write_table(pyarrow.Table.from_pylist(rows, pyarrow.schema(types)), written)
     path = os.path.join(out, PARQUET)
     write_whole(path, written.getvalue())
-    write_whole(os.path.join(out, TEXT), "".join(_lines(rows)).encode())
-    return path
-
-
-def _lines(rows: Sequence[Row]) -> list[str]:
     lines, file = [], None
     for row in rows:
         if row["file"] != file:
@@ -414,7 +373,8 @@ def _lines(rows: Sequence[Row]) -> list[str]:
             lines.append(f"{file}\n")
         frame = f" {row['frame']}:" if row["frame"] else ""
         lines.append(f"  {row['kind']}:{frame} {row['text']}\n")
-    return lines
+    write_whole(os.path.join(out, TEXT), "".join(lines).encode())
+    return path
 
 
 @dataclass(frozen=True, repr=False)
@@ -519,33 +479,23 @@ def process(
     ended = {path: rows for path, rows in known.items() if rows is not None}
     skipped = {path: tables[path] for path in ended}
     left = {path: table for path, table in tables.items() if path not in ended}
-
-    def write() -> str:
-        return _write_findings(out, [row for path in paths for row in ended.get(path, ())])
-
-    if skipped and left:
-        write()  # this run may be interrupted, too
     try:
-        with progress_bar(out, len(left), " recordings", progress) as count:
-            with closing(outcomes(request, left, workers, scheduler)) as results:
-                for path, rows in results:
-                    ended[path] = rows
-                    # An old table belongs to another lookup, or to an earlier state of the recording. If the
-                    # recording was deleted, keep its table, because nothing else is left.
-                    if rows[0]["kind"] == ERROR and os.path.exists(path):
-                        with suppress(FileNotFoundError):
-                            os.unlink(left[path])
-                    if count is not None:
-                        count(1)
+        with (
+            progress_bar(out, len(left), " recordings", progress) as count,
+            closing(outcomes(request, left, workers, scheduler)) as results,
+        ):
+            for path, rows in results:
+                ended[path] = rows
+                # An old table belongs to another lookup, or to an earlier state of the recording. If the
+                # recording was deleted, keep its table, because nothing else is left.
+                if rows[0]["kind"] == ERROR and os.path.exists(path):
+                    with suppress(FileNotFoundError):
+                        os.unlink(left[path])
+                count(1)
     finally:
-        findings = write()
+        findings = _write_findings(out, [row for path in paths for row in ended.get(path, ())])
     failed = {path: rows[0]["text"] for path, rows in ended.items() if rows[0]["kind"] == ERROR}
     done = {path: table for path, table in left.items() if path not in failed}
-    # The first row is the summary.
-    unanswered = {path: _lack_of_answers(rows) for path, rows in ended.items() if rows[0].get("valid") == 0}
+    # The first row is the summary; the second one says why a lookup has no answer.
+    unanswered = {path: str(rows[1]["text"]) for path, rows in ended.items() if rows[0].get("valid") == 0}
     return MappedRecordings(done, skipped, failed, unanswered, out, findings)
-
-
-def _lack_of_answers(rows: Sequence[Row]) -> str:
-    texts = {row["kind"]: row["text"] for row in rows}
-    return str(texts.get("lookup", "the recording has no time to look up"))

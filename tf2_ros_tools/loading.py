@@ -380,8 +380,9 @@ class Heard:
 
     ``records`` is an array of :data:`tf2_ros.records.RECORD`, in the order of the log times, which are its
     times of reception. Its ids are indices into ``frames`` and ``publishers``; a publisher is the name of a
-    topic. ``start_ns`` and ``end_ns`` are the first and the last log time of all topics; None if there are no
-    messages. ``times_ns`` are the stamps of the topic whose stamps were asked for, or None. ``saved``: a
+    topic. ``start_ns`` and ``end_ns`` are the first and the last log time of all topics, up to the end that
+    was wanted; None if there are no messages. ``times_ns`` are the stamps of the topic whose stamps were
+    asked for, or None. ``saved``: a
     buffer has saved it, so the log times are stamps.
     """
 
@@ -408,27 +409,20 @@ def hear(
     :param what: None: the transforms on TOPICS.
     :param at: a topic whose stamps are read, too; see :func:`tf2_ros_tools.bag.stamps`.
     """
-    buffer = new_buffer(None)
-    recording = Recording()
+    what = what or wanted()
+    buffer, recording = new_buffer(None), Recording()
     pieces: list[NDArray[np.void]] = []
     with open_recording(path) as recorded:
-        fill_buffer(
-            buffer, recorded, what or wanted(), progress=progress, recording=recording, records=pieces
-        )
+        fill_buffer(buffer, recorded, what, progress=progress, recording=recording, records=pieces)
         times_ns = None if at is None else stamps_of(recorded, at)
     records = np.concatenate([*pieces, recording.take()])
     records = records[np.argsort(records["received_ns"], kind="stable")]
     publishers = [name.decode() for name in recording.publishers()]
-    return Heard(
-        buffer,
-        records,
-        recording.frames(),
-        publishers,
-        recorded.start_ns,
-        recorded.end_ns,
-        times_ns,
-        recorded.saved,
-    )
+    start_ns, end_ns = recorded.start_ns, recorded.end_ns
+    if end_ns is not None and what.end_ns is not None:
+        end_ns = min(end_ns, what.end_ns)
+    frames = recording.frames()
+    return Heard(buffer, records, frames, publishers, start_ns, end_ns, times_ns, recorded.saved)
 
 
 BAR_AFTER_S = 1.0

@@ -1,11 +1,10 @@
-"""Look up tables of transforms, of one frame or several, and write them as CSV, TUM, npz and Parquet."""
+"""Look up tables of poses, and write them as CSV, TUM, npz and Parquet."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
-from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,27 +23,22 @@ MOST_TIMES = 50_000_000
 PIECE = 10_000  # rows
 STAMP_NS = "stamp_ns"  # the first column of a CSV
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
-POSE_COLUMNS = (*POSE, "valid", "gap")
-ARRAYS = ("stamps_ns", "translations", "rotations", "valid")  # of an .npz
 
 
 @dataclass(frozen=True)
 class Table:
     """
-    The pose of one frame, or the poses of F frames, in another one at N times.
+    The pose of one frame in another one at N times.
 
     :param stamps_ns: int64, shape (N,), nanoseconds.
-    :param poses: float64, shape (N, 7) or (N, F, 7): x y z in metres, qx qy qz qw of length one; NaN without
-        an answer.
-    :param frames: the names of several frames, otherwise empty.
-    :param gaps: of several frames, float64, shape (N, F), seconds between the two samples that a pose was
-        interpolated from, the longest of all frames in between; 0 at a sample, and if nothing moves; NaN
-        without an answer.
+    :param poses: float64, shape (N, 7): x y z in metres, qx qy qz qw of length one; NaN without an answer.
+    :param gaps: None, or float64, shape (N,): seconds between the two samples that a pose was interpolated
+        from, the longest of all frames in between; 0 at a sample and if nothing moves; NaN without an
+        answer.
     """
 
     stamps_ns: NDArray[np.int64]
     poses: NDArray[np.float64]
-    frames: tuple[str, ...] = ()
     gaps: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
@@ -52,76 +46,78 @@ class Table:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Whether there is an answer, shape (N,) or (N, F)."""
-        return ~np.isnan(self.poses[..., 3])
-
-    @property
-    def answered(self) -> NDArray[np.bool_]:
-        """Which rows have an answer for each frame, shape (N,)."""
-        answered: NDArray[np.bool_] = np.logical_and.reduce(self.valid, axis=1) if self.frames else self.valid
-        return answered
+        """Whether there is an answer, shape (N,)."""
+        return ~np.isnan(self.poses[:, 3])
 
     @property
     def translations(self) -> NDArray[np.float64]:
-        return self.poses[..., :3]
+        return self.poses[:, :3]
 
     @property
     def rotations(self) -> NDArray[np.float64]:
-        return self.poses[..., 3:]
-
-    def columns(self) -> dict[str, NDArray[Any]]:
-        """Get the columns of a file: the stamp, ``x`` to ``valid``, or ``<frame>.x`` to ``<frame>.gap``."""
-        columns: dict[str, NDArray[Any]] = {"stamp": self.stamps_ns}
-        if self.gaps is None:
-            parts = (*self.poses.T.copy(), self.valid)
-            return columns | dict(zip(POSE_COLUMNS, parts, strict=False))
-        for i, frame in enumerate(self.frames):
-            parts = (*self.poses[:, i].T.copy(), self.valid[:, i].copy(), self.gaps[:, i].copy())
-            columns |= {f"{frame}.{name}": part for name, part in zip(POSE_COLUMNS, parts, strict=True)}
-        return columns
-
-    @classmethod
-    def of_columns(cls, frames: Sequence[str], columns: Mapping[str, NDArray[Any]]) -> Table:
-        """Make a table of several frames of what :meth:`columns` returned."""
-        names = [name for name in POSE_COLUMNS if name != "valid"]
-        parts = np.array([[columns[f"{frame}.{name}"] for name in names] for frame in frames], float)
-        parts = parts.transpose(2, 0, 1)
-        return cls(columns["stamp"], parts[..., :7], tuple(frames), parts[..., 7])
+        return self.poses[:, 3:]
 
     def from_first_to_last_answer(self) -> Table:
-        """Remove the rows before the first answer, and those after the last one; of one frame."""
+        """Remove the rows before the first answer, and those after the last one."""
         known = np.flatnonzero(self.valid)
         shown = slice(known[0], known[-1] + 1) if len(known) else slice(0)
         return Table(self.stamps_ns[shown], self.poses[shown])
 
 
+# Of one lookup: one table, below ``""``, or a table for each of several frames, which share their stamps.
+Tables = Mapping[str, Table]
+
+
+def columns_of(tables: Tables) -> dict[str, NDArray[Any]]:
+    """Get ``stamp``, and ``x`` to ``valid`` of one frame, or ``<frame>.x`` to ``<frame>.gap`` of several."""
+    columns: dict[str, NDArray[Any]] = {"stamp": next(iter(tables.values())).stamps_ns}
+    for frame, table in tables.items():
+        own = dict(zip(POSE, table.poses.T.copy(), strict=True)) | {"valid": table.valid}
+        own |= {} if table.gaps is None else {"gap": table.gaps}
+        columns |= {f"{frame}.{name}" if frame else name: column for name, column in own.items()}
+    return columns
+
+
+def tables_of(frames: Sequence[str], columns: Mapping[str, NDArray[Any]]) -> dict[str, Table]:
+    """Get the tables of several frames back from their columns."""
+    return {
+        frame: Table(
+            columns["stamp"],
+            np.stack([columns[f"{frame}.{name}"] for name in POSE], axis=1),
+            columns[f"{frame}.gap"],
+        )
+        for frame in frames
+    }
+
+
 def look_up_frames(
     buffer: BufferCore, target: str, frames: Sequence[str], times_ns: ArrayLike
-) -> tuple[Table, dict[str, str]]:
+) -> tuple[dict[str, Table], dict[str, str]]:
     """
     Look up the poses of frames in ``target`` at each of N times, with :func:`look_up`.
 
-    :return: the table, and why frames have no answer at any time.
+    :return: their tables, with gaps, and why frames have no answer at any time.
     """
     stamps_ns = np.asarray(times_ns, np.int64)
-    shape = (len(stamps_ns), len(frames))
-    poses, gaps = np.full((*shape, 7), np.nan), np.full(shape, np.nan)
+    tables: dict[str, Table] = {}
     reasons: dict[str, str] = {}
     histories = {name: one.stamps_ns for name, one in buffer.histories().items() if not one.static}
     infos = buffer.frames()
-    for i, frame in enumerate(frames):
+    for frame in frames:
+        gaps = np.full(len(stamps_ns), np.nan)
+        tables[frame] = Table(stamps_ns, np.full((len(stamps_ns), 7), np.nan), gaps)
         try:
-            table = look_up(buffer, target, frame, stamps_ns)
-            if not table.valid.any() and len(table):
+            found = look_up(buffer, target, frame, stamps_ns)
+            if not found.valid.any() and len(found):
                 buffer.lookup_transform_core(target, frame, int(stamps_ns[0]) or 1)  # raises the reason
         except TransformException as error:
             reasons[frame] = str(error)
             continue
-        poses[:, i] = table.poses
-        moving = [histories[name] for name in moving_on(infos, _chain(buffer, infos, target, frame))]
-        longest = np.max([_gaps_at(one, stamps_ns) for one in moving], axis=0, initial=0.0) if moving else 0.0
-        gaps[:, i] = np.where(table.valid, longest, np.nan)
-    return Table(stamps_ns, poses, tuple(frames), gaps), reasons
+        gaps[found.valid] = 0.0
+        for name in moving_on(infos, _chain(buffer, infos, target, frame)):
+            gaps = np.maximum(gaps, _gaps_at(histories[name], stamps_ns))  # a NaN stays
+        tables[frame] = Table(stamps_ns, found.poses, gaps)
+    return tables, reasons
 
 
 def _gaps_at(samples: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -213,12 +209,8 @@ def as_csv(table: Table) -> bytes:
 
     ``stamp_ns`` is in nanoseconds. ``valid`` is true or false; if it is false, the numbers are nan.
     """
-    names = ",".join((STAMP_NS, *POSE, "valid"))
-    rows = (
-        f"{stamp},{','.join(map(repr, numbers))},{'true' if valid else 'false'}"
-        for stamp, numbers, valid in _rows(table)
-    )
-    return _text(chain([names], rows))
+    rows = (f"{stamp},{','.join(pose)},{str(valid).lower()}\n" for stamp, pose, valid in _rows(table))
+    return "".join([",".join((STAMP_NS, *POSE, "valid\n")), *rows]).encode()
 
 
 def as_tum(table: Table) -> bytes:
@@ -227,21 +219,21 @@ def as_tum(table: Table) -> bytes:
 
     The format cannot represent a missing answer, so these rows are omitted.
     """
-    return _text(
-        f"{_seconds(stamp)} {' '.join(map(repr, numbers))}" for stamp, numbers, valid in _rows(table) if valid
-    )
+    rows = (f"{_seconds(stamp)} {' '.join(pose)}\n" for stamp, pose, valid in _rows(table) if valid)
+    return "".join(rows).encode()
 
 
 def as_npz(table: Table) -> bytes:
     """Write NumPy's format for several arrays."""
     written = BytesIO()
-    np.savez(written, **{name: getattr(table, name) for name in ARRAYS})
+    arrays = ("stamps_ns", "translations", "rotations", "valid")
+    np.savez(written, **{name: getattr(table, name) for name in arrays})
     return written.getvalue()
 
 
-def as_parquet(table: Table, file: str, metadata: Mapping[bytes, bytes] | None = None) -> bytes:
+def as_parquet(tables: Tables, file: str, metadata: Mapping[bytes, bytes] | None = None) -> bytes:
     """
-    Write Parquet with the column file and those of the table.
+    Write Parquet with the column file and those of the tables.
 
     :param file: the recording's name, the same in each row.
     :param metadata: is added to the metadata of the file.
@@ -250,10 +242,10 @@ def as_parquet(table: Table, file: str, metadata: Mapping[bytes, bytes] | None =
     with needing("pyarrow", "fleet"):
         import pyarrow
         from pyarrow import parquet
-    name = pyarrow.repeat(pyarrow.scalar(file, pyarrow.string()), len(table))
-    columns = {"file": name, **table.columns()}
+    columns = columns_of(tables)
+    name = pyarrow.repeat(pyarrow.scalar(file, pyarrow.string()), len(columns["stamp"]))
     written = BytesIO()
-    parquet.write_table(pyarrow.table(columns, metadata=metadata), written)
+    parquet.write_table(pyarrow.table({"file": name, **columns}, metadata=metadata), written)
     return written.getvalue()
 
 
@@ -270,15 +262,9 @@ def _seconds(stamp_ns: int) -> str:
     return f"{'-' if stamp_ns < 0 else ''}{whole}.{part:09d}"
 
 
-def _rows(table: Table) -> Iterator[tuple[int, list[float], bool]]:
+def _rows(table: Table) -> Iterator[tuple[int, list[str], bool]]:
     # In pieces, because as Python objects, millions of rows take several times the memory of their text.
     for begin in range(0, len(table), PIECE):
         piece = slice(begin, begin + PIECE)
-        columns = (table.stamps_ns[piece], table.poses[piece], table.valid[piece])
-        yield from zip(*(column.tolist() for column in columns), strict=True)
-
-
-def _text(lines: Iterable[str]) -> bytes:
-    text = BytesIO()
-    text.writelines(f"{line}\n".encode() for line in lines)
-    return text.getvalue()
+        poses = ([*map(repr, pose)] for pose in table.poses[piece].tolist())
+        yield from zip(table.stamps_ns[piece].tolist(), poses, table.valid[piece].tolist(), strict=True)

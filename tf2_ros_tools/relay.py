@@ -4,7 +4,6 @@ import math
 import re
 from collections import defaultdict, deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -30,7 +29,7 @@ LATEST = 0  # asks a buffer for the newest time at which it has everything that 
 NOW = "now"
 ALL = "all"
 ALL_RATE = math.inf  # of a rule that sends every transform
-MOST_KEPT = 1000  # stamps of a frame that wait until a rule is due
+MOST_KEPT = 1000  # stamps of a frame, or of a link, that wait until a rule is due
 # What a rule may send later than its rate allows, because transforms do not arrive evenly.
 RESERVE_S, LEAST_RESERVE = 0.1, 2
 TOPICS = DYNAMIC, STATIC = "/tf", "/tf_static"
@@ -210,7 +209,11 @@ class Link(NamedTuple):
 
     parent: str
     child: str
-    is_static: bool
+    moving: tuple[str, ...]  # the frames on its path that are not static
+
+    @property
+    def is_static(self) -> bool:
+        return not self.moving
 
 
 def links_of(rule: Rule, frames: Mapping[str, FrameInfo]) -> list[Link]:
@@ -222,9 +225,14 @@ def links_of(rule: Rule, frames: Mapping[str, FrameInfo]) -> list[Link]:
     The chosen frames that are connected form a tree, whose root is the frame at which they meet. Frames
     between them are added, or are left out if the rule collapses chains.
     """
-    if rule.pose:
-        return [Link(rule.frames[0], rule.frames[1], False)] if {*rule.frames} <= frames.keys() else []
     above = {name: path_to_root(frames, name) for name in frames}
+
+    def link(parent: str, child: str) -> Link:
+        between = {*above[parent]} ^ {*above[child]}
+        return Link(parent, child, tuple(one for one in between if not frames[one].static))
+
+    if rule.pose:
+        return [link(*rule.frames)] if {*rule.frames} <= frames.keys() else []
     excluded, tops = {*rule.exclude}, {*rule.subtree}
     trees: dict[str, list[str]] = {}
     for name, path in sorted(above.items()):
@@ -237,19 +245,20 @@ def links_of(rule: Rule, frames: Mapping[str, FrameInfo]) -> list[Link]:
         top = next(name for name in above[members[0]] if name in common)
         below = {*members} if rule.collapse else {one for name in members for one in above[name]} - common
         for child in sorted(below - {top}):
-            path = above[child]
-            place = next(i for i, name in enumerate(path) if i and (name in below or name == top))
-            links.append(Link(path[place], child, all(frames[one].static for one in path[:place])))
+            links.append(link(next(one for one in above[child][1:] if one in below or one == top), child))
     return links
 
 
 @dataclass
-class _Sent:
-    """What receivers know of a frame."""
+class _State:
+    """What was sent of a link, and what waits."""
 
-    transform: TransformStamped
-    time_s: float  # of the monotonic clock
-    withheld: TransformStamped | None = None  # the newest transform, which they do not know
+    reserve: int  # how many transforms may be sent in addition to the rate
+    waiting_ns: deque[int] = field(default_factory=lambda: deque(maxlen=MOST_KEPT))
+    newest_ns: int | None = None  # of what was last sent or withheld
+    sent: TransformStamped | None = None
+    sent_s: float = 0.0  # of the monotonic clock
+    withheld: TransformStamped | None = None  # the newest transform, because it has not moved
 
 
 class Relay:
@@ -268,44 +277,33 @@ class Relay:
         self._owners = owners
         self._tree: dict[str, tuple[str | None, bool]] = {}
         self._links: list[Link] = []
-        self._hops: dict[str, list[str]] = {}  # the moving frames on the path of a link, by its child
-        self._links_over: dict[str, list[str]] = {}  # the same from the other end: children of links, by hop
         self._conflicts: list[str] = []
+        self._most = max(LEAST_RESERVE, round(min(rule.rate, MOST_KEPT / RESERVE_S) * RESERVE_S))
         self.forget()
 
     def forget(self) -> None:
         """Begin anew, because time has jumped back."""
-        self._arrived_ns: dict[str, int] = {}  # the newest stamps that were noted, by frame
-        self._kept_ns: defaultdict[str, deque[int]] = defaultdict(lambda: deque(maxlen=MOST_KEPT))  # of links
-        self._reserve: dict[str, int] = {}  # how many transforms of a link may be sent in addition
+        self._noted_ns: defaultdict[str, deque[int]] = defaultdict(lambda: deque(maxlen=MOST_KEPT))
+        self._newest_ns: dict[str, int] = {}  # of all that were noted, by frame
+        self._states: defaultdict[str, _State] = defaultdict(lambda: _State(self._most))  # by child
         self._called_s: float | None = None
-        self._stamps_ns: dict[str, int] = {}  # of the newest transforms
-        self._sent: dict[str, _Sent] = {}
         self._offset_ns = self.rule.shift_ns
 
     def note(self, arrived: Iterable[tuple[str, int]]) -> None:
         """
-        Note the children and stamps of dynamic transforms, in the order of their arrival.
+        Note the children and stamps of dynamic transforms.
 
         Otherwise, of those that arrive between two calls of :meth:`dynamic_transforms`, only the newest of
         each frame is sent, however few they are.
         """
         for frame, stamp_ns in arrived:
-            if frame not in self._tree:
-                self._present_links()
-            self._arrived_ns[frame] = max(stamp_ns, self._arrived_ns.get(frame, LATEST))
-            for child in self._links_over.get(frame, ()):
-                is_chain = len(self._hops[child]) > 1
-                if known_ns := self._known_ns(child) if is_chain else stamp_ns:
-                    self._kept_ns[child].append(known_ns)
-
-    def _known_ns(self, child: str) -> int:
-        """The newest time at which all of a link was noted, or LATEST."""
-        return min((self._arrived_ns.get(hop, LATEST) for hop in self._hops[child]), default=LATEST)
+            self._noted_ns[frame].append(stamp_ns)
+            self._newest_ns[frame] = max(stamp_ns, self._newest_ns.get(frame, stamp_ns))
 
     def static_transforms(self) -> list[TransformStamped]:
         """All static transforms that the rule sends."""
-        return [self._named(one) for one in self._look_up(is_static=True)]
+        newest = (self._look_up(link) for link in self._present_links() if link.is_static)
+        return [self._named(one) for one in newest if one is not None]
 
     def dynamic_transforms(self, now_s: float, clock_ns: int) -> list[TransformStamped]:
         """
@@ -316,19 +314,22 @@ class Relay:
         """
         if self._offset_ns is None and clock_ns == 0:
             return []  # simulated time is not known yet
-        periods = math.inf
-        if self.rule.rate != ALL_RATE:
-            elapsed_s = 0.0 if self._called_s is None else now_s - self._called_s
-            periods = max(round(elapsed_s * self.rule.rate), 1)
+        elapsed_s = 0.0 if self._called_s is None else now_s - self._called_s
         self._called_s = now_s
+        periods = MOST_KEPT if self.rule.rate == ALL_RATE else max(round(elapsed_s * self.rule.rate), 1)
+        links, noted_ns = self._present_links(), self._noted_ns
+        self._noted_ns = defaultdict(noted_ns.default_factory)
         needed: list[TransformStamped] = []
-        for newest in self._look_up(is_static=False):
-            if self.rule.pose and _stamp_ns(newest) == 0:  # the frames do not move
-                _set_stamp(newest, clock_ns)
-            for transform in self._due(newest, periods):
-                needed += self._needed(transform, now_s)
+        for link in links:
+            if link.is_static and not self.rule.pose:
+                continue
+            state = self._states[link.child]
+            for hop in link.moving:
+                state.waiting_ns.extend(noted_ns.get(hop, ()))
+            for transform in self._due(link, state, periods, clock_ns):
+                needed += self._needed(transform, state, now_s)
         if self._offset_ns is None and needed:
-            self._offset_ns = clock_ns - max(self._stamps_ns.values())
+            self._offset_ns = clock_ns - max(map(_stamp_ns, needed))
         for transform in needed:
             if self._offset_ns:
                 _set_stamp(transform, _stamp_ns(transform) + self._offset_ns)
@@ -340,21 +341,17 @@ class Relay:
         unknown = [name for name in dict.fromkeys(named) if name not in self._tree]
         return [f"{self.rule.label}: {not_known(name, self._tree)}" for name in unknown] + self._conflicts
 
-    def _look_up(self, is_static: bool) -> Iterator[TransformStamped]:
-        for link in self._present_links():
-            if link.is_static == is_static:
-                try:
-                    transform = self.buffer.lookup_transform_core(link.parent, link.child, LATEST)
-                except TransformException:
-                    continue  # a chain has no common time yet, or is none any more
-                yield transform
+    def _look_up(self, link: Link, stamp_ns: int = LATEST) -> TransformStamped | None:
+        try:
+            return self.buffer.lookup_transform_core(link.parent, link.child, stamp_ns)
+        except TransformException:
+            return None  # a chain has no common time yet, or is none any more; or the stamp was forgotten
 
     def _present_links(self) -> list[Link]:
         frames = self.buffer.frames()
         tree = {name: (info.parent, info.static) for name, info in frames.items()}
         if tree != self._tree:
             self._tree, self._links, self._conflicts = tree, [], []
-            self._hops, self._links_over = {}, {}
             found = links_of(self.rule, frames)
             names = {self.rule.new_name(link.parent): link.parent for link in found}
             for link in found:
@@ -362,55 +359,51 @@ class Relay:
                 owners = [self._owners.setdefault((topic, name), sender) for topic in self.rule.to]
                 if names.setdefault(name, link.child) == link.child and {*owners} == {sender}:
                     self._links.append(link)
-                    above = {*path_to_root(frames, link.child)} ^ {*path_to_root(frames, link.parent)}
-                    self._hops[link.child] = [one for one in above if not frames[one].static]
-                    for hop in self._hops[link.child]:
-                        self._links_over.setdefault(hop, []).append(link.child)
                 else:
                     self._conflicts.append(
                         f"{self.rule.label}: {link.child} is not sent: the name {name} is taken"
                     )
         return self._links
 
-    def _due(self, newest: TransformStamped, periods: float) -> Iterator[TransformStamped]:
+    def _due(self, link: Link, state: _State, periods: int, clock_ns: int) -> list[TransformStamped]:
         """
-        Choose what is sent of a link: the newest transform, if it is new, and some before it.
+        Choose what is sent of a link: the newest transform, if it is new, and some that arrived before it.
 
         :param periods: how many periods of the rate have passed since the last call.
         """
-        parent, child = newest.header.frame_id, newest.child_frame_id
-        newest_ns, known_ns, last_ns = _stamp_ns(newest), self._known_ns(child), self._stamps_ns.get(child)
-        stamps_ns = sorted({*self._kept_ns.pop(child, ()), newest_ns} - {last_ns})
-        if known_ns != LATEST and newest_ns > known_ns:
-            # It has arrived since the last call of `note`, and perhaps others before it.
-            stamps_ns = [one for one in stamps_ns if one <= known_ns]
-            newest_ns = max([last_ns or LATEST, *stamps_ns[-1:]])
-        self._stamps_ns[child] = newest_ns
-        if periods != math.inf:
-            most = max(LEAST_RESERVE, round(self.rule.rate * RESERVE_S))
-            allowed = self._reserve.get(child, most) + int(periods)
-            stamps_ns = stamps_ns[-allowed:]
-            self._reserve[child] = min(allowed - len(stamps_ns), most)
-        for stamp_ns in stamps_ns:
-            if stamp_ns == _stamp_ns(newest):
-                yield newest
-            else:
-                with suppress(TransformException):  # it was forgotten, or never inserted
-                    yield self.buffer.lookup_transform_core(parent, child, stamp_ns)
+        newest = self._look_up(link)
+        if newest is None:
+            return []
+        if link.is_static:  # a pose of frames that do not move
+            _set_stamp(newest, clock_ns)
+        newest_ns = _stamp_ns(newest)
+        # What has arrived since the last call of `note` waits, because others may have arrived before it.
+        noted_ns = min((self._newest_ns.get(hop, newest_ns) for hop in link.moving), default=newest_ns)
+        if noted_ns < newest_ns:
+            newest_ns, newest = noted_ns, self._look_up(link, noted_ns)
+        # Of a chain, a part may have arrived before the others: it waits.
+        before = {one for one in state.waiting_ns if one < newest_ns}
+        stamps_ns = sorted((before | {newest_ns}) - {state.newest_ns})
+        state.waiting_ns = deque((one for one in state.waiting_ns if one > newest_ns), MOST_KEPT)
+        state.newest_ns = newest_ns
+        allowed = state.reserve + periods
+        stamps_ns = stamps_ns[-allowed:]
+        state.reserve = min(allowed - len(stamps_ns), self._most)
+        found = [newest if one == newest_ns else self._look_up(link, one) for one in stamps_ns]
+        return [one for one in found if one is not None]
 
-    def _needed(self, transform: TransformStamped, now_s: float) -> Iterator[TransformStamped]:
-        limits, sent = self.rule.threshold, self._sent.get(transform.child_frame_id)
-        if limits is not None and sent is not None:
-            distance, angle = _difference(transform.transform, sent.transform.transform)
+    def _needed(self, transform: TransformStamped, state: _State, now_s: float) -> Iterator[TransformStamped]:
+        limits = self.rule.threshold
+        if limits is not None and state.sent is not None:
+            distance, angle = _difference(transform.transform, state.sent.transform)
             if distance > limits.translation or angle > limits.rotation:
-                if sent.withheld is not None:
+                if state.withheld is not None:
                     # Otherwise receivers would interpolate over the time in which it stood still.
-                    yield sent.withheld
-            elif now_s - sent.time_s < limits.repeat:
-                sent.withheld = transform
+                    yield state.withheld
+            elif now_s - state.sent_s < limits.repeat:
+                state.withheld = transform
                 return
-        if limits is not None:
-            self._sent[transform.child_frame_id] = _Sent(transform, now_s)
+        state.sent, state.sent_s, state.withheld = transform, now_s, None
         yield transform
 
     def _named(self, transform: TransformStamped) -> TransformStamped:

@@ -7,7 +7,7 @@ from tf2_ros_tools.listening import filled_buffer
 
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,10 +62,6 @@ class Source:
         self.count["messages"] = self._recording.messages
         moving = records[(records["static"] == 0) & (records["refusals"] == 0)]
         arrived = moving[["publisher", "child", "stamp_ns"]].tolist()
-        went_back = self._has_gone_back(arrived, now_s)
-        return [(names[child], stamp_ns) for _, child, stamp_ns in arrived], went_back
-
-    def _has_gone_back(self, arrived: Sequence[tuple[int, int, int]], now_s: float) -> bool:
         # All that are active, because one publisher with a wrong clock is no reason to forget the others.
         for publisher, child, stamp_ns in arrived:
             is_behind = stamp_ns < self._newest_ns.get(child, stamp_ns) - JUMP_NS
@@ -73,12 +69,13 @@ class Source:
         self._active = {key: last for key, last in self._active.items() if last[0] > now_s - ACTIVE_S}
         went_back = bool(self._active) and all(is_behind for _, is_behind in self._active.values())
         if went_back:
-            self._newest_ns = {child: stamp_ns for _, child, stamp_ns in arrived}  # the last of each
+            self._newest_ns.clear()
             self._active.clear()
-        else:
-            for _, child, stamp_ns in arrived:
-                self._newest_ns[child] = max(stamp_ns, self._newest_ns.get(child, stamp_ns))
-        return went_back
+        for _, child, stamp_ns in arrived:
+            # After time went back, the last of each counts, because the first ones may be from before.
+            known_ns = stamp_ns if went_back else self._newest_ns.get(child, stamp_ns)
+            self._newest_ns[child] = max(stamp_ns, known_ns)
+        return [(names[child], stamp_ns) for _, child, stamp_ns in arrived], went_back
 
 
 class _Target(TransformBroadcaster):
@@ -91,9 +88,9 @@ class _Target(TransformBroadcaster):
 
     def __init__(self, topic: str, use: str, publisher: Publisher | None, dry: BufferCore) -> None:
         self.topic = topic
+        self.use = use
         self.count: Counter[str] = Counter()
         self.pub_tf = publisher
-        self._is_static = use == STATIC
         self._latched: list[TransformStamped] = []
         self._dry = dry
 
@@ -101,11 +98,11 @@ class _Target(TransformBroadcaster):
         """Send these; static ones only if they differ from those before, which they replace."""
         if transforms == self._latched:
             return
-        if self._is_static:
+        if self.use == STATIC:
             self._latched = transforms
         self.count.update(messages=1, transforms=len(transforms))
         if self.pub_tf is None:
-            self._dry.set_transforms(transforms, "tf2_relay", self._is_static)
+            self._dry.set_transforms(transforms, "tf2_relay", self.use == STATIC)
         else:
             self.sendTransform(transforms)
 
@@ -176,10 +173,11 @@ class Relaying:
             for name, buffer in trees:
                 yield f"{name}:"
                 yield from (f"  {line}" for line in buffer.tree().splitlines())
-        for source in sources:
-            yield f"in, {source.name}: {_amount(source.count)}"
-        for target in targets:
-            yield f"out, {target.topic}: {_amount(target.count)}"
+        counts = [(f"in, {source.name}", source.count) for source in sources]
+        counts += [(f"out, {target.topic}", target.count) for target in targets]
+        for name, count in counts:
+            of_trees = f", {counted(count['transforms'], 'transform')}" if count["transforms"] else ""
+            yield f"{name}: {counted(count['messages'], 'message')}{of_trees}"
 
     def problems(self) -> list[str]:
         """Get a text for each frame that a rule names, but that cannot be sent."""
@@ -218,57 +216,45 @@ class Relaying:
         return self._targets[topic, use]
 
     def _maintain(self, now_s: float) -> None:
-        """Do what is needed from time to time only."""
-        if not self._is_dry:
-            self._read_if_changed()
-        self._send_static()
-        if not self._is_dry and now_s >= self._patience_s:
-            for problem in self.problems():
-                if problem not in self._warned:
-                    self._warned.add(problem)
-                    self._node.get_logger().warning(printable(problem))
-
-    def _look(self, now_s: float) -> None:
-        """Let the rules know what has arrived."""
-        for source in self._sources.values():
-            arrived, went_back = source.look(now_s)
-            if went_back:
-                self._forget(source)
-                continue  # what has arrived was forgotten, too
-            for one in self._running:
-                if one.relay.buffer is source.buffer:
-                    one.relay.note(arrived)
-
-    def _read_if_changed(self) -> None:
+        """Read the rules if they changed, send static transforms, and warn: what is needed only seldom."""
         log, version = self._node.get_logger(), _version(self._path)
-        if version != self._version:
+        if not self._is_dry and version != self._version:
             self._version = version
             try:
                 self._apply()
                 log.info(f"Read {self._path} again")
             except UsageError as refusal:
                 log.error(f"{' '.join(str(refusal).split())}; the old rules stay")
-
-    def _forget(self, source: Source) -> None:
-        clock: Any = self._node.get_clock()
-        if not clock.ros_time_is_active:  # otherwise the buffer follows it
-            source.buffer.clear()
-            text = "The stamps of all frames went back; forgetting what was received before"
-            self._node.get_logger().warning(text)
-        for one in self._running:
-            if one.relay.buffer is source.buffer:
-                one.relay.forget()
-
-    def _send_static(self) -> None:
         # Nothing on topics that the rules no longer name.
-        statics: dict[_Target, list[TransformStamped]] = {
-            target: [] for (_, use), target in self._targets.items() if use == STATIC
+        statics = {
+            target: list[TransformStamped]() for target in self._targets.values() if target.use == STATIC
         }
         for one in self._running:
             if not one.relay.rule.pose:
                 statics[one.targets[1]] += one.relay.static_transforms()
         for target, transforms in statics.items():
             target.send(transforms)
+        if not self._is_dry and now_s >= self._patience_s:
+            for problem in {*self.problems()} - self._warned:
+                self._warned.add(problem)
+                log.warning(printable(problem))
+
+    def _look(self, now_s: float) -> None:
+        """Let the rules know what has arrived."""
+        clock: Any = self._node.get_clock()
+        for source in self._sources.values():
+            arrived, went_back = source.look(now_s)
+            if went_back and not clock.ros_time_is_active:  # otherwise the buffer follows it
+                source.buffer.clear()
+                text = "The stamps of all frames went back; forgetting what was received before"
+                self._node.get_logger().warning(text)
+            for one in self._running:
+                if one.relay.buffer is not source.buffer:
+                    continue
+                if went_back:
+                    one.relay.forget()  # and what has just arrived, too
+                else:
+                    one.relay.note(arrived)
 
     def _send_dynamic(self, one: _Running, now_s: float) -> None:
         clock_ns = self._node.get_clock().now().nanoseconds
@@ -304,11 +290,6 @@ def _set_twist(twist: Any, relay: Relay) -> None:
         )
         twist.linear.x, twist.linear.y, twist.linear.z = linear
         twist.angular.x, twist.angular.y, twist.angular.z = angular
-
-
-def _amount(count: Counter[str]) -> str:
-    of_trees = f", {counted(count['transforms'], 'transform')}" if count["transforms"] else ""
-    return f"{counted(count['messages'], 'message')}{of_trees}"
 
 
 def _version(path: Path) -> tuple[int, ...] | None:

@@ -184,9 +184,9 @@ RUN_ELSEWHERE = {
     "ros2 run tf2_ros_cython tf2_which": ("packaging/test_colcon.py", '"tf2_which"'),
     "evo_traj mcap drive.mcap /tf:map.base_link --save_as_tum": (
         "recordings/test_evo.py",
-        'evo_traj(command, str(recording), "/tf:map.camera")',
+        '("mcap", str(path), "/tf:map.camera")',
     ),
-    "evo_traj tum drive.tum": ("recordings/test_evo.py", 'evo_traj("tum", '),
+    "evo_traj tum drive.tum": ("recordings/test_evo.py", '("tum", str(ours))'),
 }
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 

@@ -54,53 +54,46 @@ def sent(buffer, **keys):
     return names(relay.dynamic_transforms(0.0, 0)), names(relay.static_transforms())
 
 
-class TestChosenFrames:
-    def test_without_a_choice_everything_is_sent(self):
-        dynamic, static = sent(robot())
-        assert dynamic == [("arm", "hand"), ("base", "arm"), ("map", "odom"), ("odom", "base")]
-        assert static == [("base", "camera"), ("camera", "optical"), ("hand", "finger")]
+CAMERA = [("base", "camera"), ("camera", "optical")]
 
-    def test_frames_are_sent_with_what_connects_them(self):
-        assert sent(robot(), frames=("odom", "optical")) == (
-            [("odom", "base")],
-            [("base", "camera"), ("camera", "optical")],
-        )
 
-    def test_frames_of_two_branches_meet_in_their_common_ancestor(self):
-        assert sent(robot(), frames=("hand", "optical")) == (
-            [("arm", "hand"), ("base", "arm")],
-            [("base", "camera"), ("camera", "optical")],
-        )
-
-    def test_a_subtree_may_lack_a_branch(self):
-        assert sent(robot(), subtree=("base",), exclude=("arm",)) == (
-            [],
-            [("base", "camera"), ("camera", "optical")],
-        )
-
-    def test_a_subtree_and_a_frame_are_connected(self):
-        dynamic, static = sent(robot(), subtree=("camera",), frames=("map",))
-        assert dynamic == [("map", "odom"), ("odom", "base")]
-        assert static == [("base", "camera"), ("camera", "optical")]
-
-    def test_collapsed_chains_are_dynamic_if_a_part_is(self):
-        assert sent(robot(), frames=("map", "base", "optical"), collapse=True) == (
+@pytest.mark.parametrize(
+    ("keys", "dynamic", "static"),
+    [
+        (
+            {},
+            [("arm", "hand"), ("base", "arm"), ("map", "odom"), ("odom", "base")],
+            [*CAMERA, ("hand", "finger")],
+        ),
+        # With what connects them; two branches meet in their common ancestor.
+        ({"frames": ("odom", "optical")}, [("odom", "base")], CAMERA),
+        ({"frames": ("hand", "optical")}, [("arm", "hand"), ("base", "arm")], CAMERA),
+        ({"subtree": ("base",), "exclude": ("arm",)}, [], CAMERA),
+        ({"subtree": ("camera",), "frames": ("map",)}, [("map", "odom"), ("odom", "base")], CAMERA),
+        # A chain is dynamic if a part of it is.
+        (
+            {"frames": ("map", "base", "optical"), "collapse": True},
             [("map", "base")],
             [("base", "optical")],
-        )
+        ),
+        ({"frames": ("map", "island")}, [], []),
+        (
+            {"frames": ("map", "odom"), "prefix": "r1/", "rename": {"map": "world"}},
+            [("world", "r1/odom")],
+            [],
+        ),
+        ({"frames": ("map", "odom"), "rename": {"map": "odom", "odom": "map"}}, [("odom", "map")], []),
+    ],
+)
+def test_a_rule_sends_the_frames_that_it_chooses_under_their_new_names(keys, dynamic, static):
+    assert sent(robot(), **keys) == (dynamic, static)
 
-    def test_frames_that_are_not_connected_yet_are_not_sent(self):
-        buffer = robot()
-        assert sent(buffer, frames=("map", "island")) == ([], [])
-        relay = Relay(rule(frames=("map", "optica")), buffer, {})
-        relay.static_transforms()
-        assert relay.problems() == ["rule 1: optica is not known; did you mean optical?"]
 
-    def test_a_loop_sends_what_can_be_looked_up(self):
-        buffer = robot()
-        for parent, child in (("a", "b"), ("b", "a"), ("a", "c")):
-            buffer.set_transform(transform(parent, child, 10.0), "test")
-        assert ("map", "odom") in sent(buffer)[0]
+def test_a_loop_sends_what_can_be_looked_up():
+    buffer = robot()
+    for parent, child in (("a", "b"), ("b", "a"), ("a", "c")):
+        buffer.set_transform(transform(parent, child, 10.0), "test")
+    assert ("map", "odom") in sent(buffer)[0]
 
 
 @st.composite
@@ -198,12 +191,12 @@ class TestRates:
             found = self.send(relay, buffer, now_s, [("map", "base", one * S) for one in order])
             assert found == [("base", one * S) for one in sorted(order)]
 
-    def test_a_chain_is_sent_for_each_time_at_which_all_of_it_is_known(self):
+    def test_a_chain_is_sent_for_each_stamp_of_its_parts_at_which_all_of_it_is_known(self):
         buffer = BufferCore()
         relay = Relay(rule(rate=ALL_RATE, frames=("map", "base"), collapse=True), buffer, {})
         odom, base = ("map", "odom"), ("odom", "base")
         arrived = [(*odom, S), (*base, 2 * S), (*base, 3 * S), (*odom, 4 * S)]
-        assert self.send(relay, buffer, 1, arrived) == [("base", 3 * S)]
+        assert self.send(relay, buffer, 1, arrived) == [("base", ns * S) for ns in (2, 3)]
         arrived = [(*base, 5 * S), (*odom, 5 * S), (*base, 6 * S)]
         assert self.send(relay, buffer, 2, arrived) == [("base", ns * S) for ns in (4, 5)]
 
@@ -228,28 +221,32 @@ class TestReplays:
 
         return look
 
-    def test_one_publisher_that_begins_again_is_noticed_at_once_and_once(self, look):
-        assert not look(0.1, ("a", "xy", 100))
-        assert look(0.1, ("a", "xy", 101), ("a", "xy", 50))
-        assert not look(0.1, ("a", "xy", 51))
-        assert look(0.1, ("a", "xy", 20))
-
-    def test_all_active_publishers_and_frames_must_have_gone_back(self, look):
-        assert not look(0.1, ("a", "xy", 100), ("b", "z", 100))
-        assert not look(0.1, ("a", "xy", 50))
-        assert not look(0.1, ("b", "z", 101))
-        assert not look(0.1, ("a", "xy", 51))
-        assert look(0.1, ("b", "z", 51))
-
-    def test_a_publisher_that_has_ended_is_not_waited_for(self, look):
-        assert not look(0.1, ("a", "x", 100), ("b", "x", 100))
-        assert not look(0.4, ("a", "x", 50))
-        assert look(0.2, ("a", "x", 51))
-
-    def test_two_publishers_of_a_frame_with_different_clocks_are_no_replay(self, look):
-        for second in range(100, 110):
-            assert not look(0.1, ("a", "x", second))
-            assert not look(0.1, ("b", "x", second - 50))
+    @pytest.mark.parametrize(
+        "script",
+        [
+            # Of each step: whether time goes back, the seconds since the last one, and what is sent.
+            ["no 0.1 a:xy:100", "yes 0.1 a:xy:101 a:xy:50", "no 0.1 a:xy:51", "yes 0.1 a:xy:20"],
+            # All active publishers and frames must have gone back.
+            [
+                "no 0.1 a:xy:100 b:z:100",
+                "no 0.1 a:xy:50",
+                "no 0.1 b:z:101",
+                "no 0.1 a:xy:51",
+                "yes 0.1 b:z:51",
+            ],
+            # One that has ended is not waited for.
+            ["no 0.1 a:x:100 b:x:100", "no 0.4 a:x:50", "yes 0.2 a:x:51"],
+            # Two publishers of a frame with different clocks.
+            [step for i in range(10) for step in (f"no 0.1 a:x:{100 + i}", f"no 0.1 b:x:{50 + i}")],
+        ],
+    )
+    def test_time_goes_back_if_it_does_for_all_that_are_active(self, look, script):
+        for step in script:
+            expected, after_s, *sent = step.split()
+            messages = [
+                (one, frames, int(stamp)) for one, frames, stamp in (part.split(":") for part in sent)
+            ]
+            assert look(float(after_s), *messages) == (expected == "yes"), step
 
 
 class TestThreshold:
@@ -305,11 +302,6 @@ class TestStamps:
         assert relay.dynamic_transforms(0.0, 0) == []
         assert {stamp_ns(one) for one in relay.dynamic_transforms(1.0, 5 * S)} == {5 * S}
 
-    def test_none_is_sent_twice(self):
-        relay = Relay(rule(), robot(), {})
-        assert len(relay.dynamic_transforms(0.0, 0)) == 4
-        assert relay.dynamic_transforms(1.0, 0) == []
-
 
 def test_the_velocity_of_a_rare_odometry_is_of_the_last_seconds():
     buffer = BufferCore()
@@ -320,21 +312,14 @@ def test_the_velocity_of_a_rare_odometry_is_of_the_last_seconds():
     assert pose_message(relay, found).twist.twist.linear.x == pytest.approx(3.0)
 
 
-class TestNames:
-    def test_a_renamed_frame_has_no_prefix(self):
-        dynamic, static = sent(robot(), prefix="r1/", rename={"map": "world"}, frames=("map", "odom"))
-        assert (dynamic, static) == ([("world", "r1/odom")], [])
-
-    def test_names_may_be_swapped(self):
-        assert sent(robot(), rename={"map": "odom", "odom": "map"}, frames=("map", "odom")) == (
-            [("odom", "map")],
-            [],
-        )
-
-    def test_a_frame_that_would_get_the_name_of_another_is_not_sent(self):
-        relay = Relay(rule(rename={"base": "map"}), robot(), {})
+class TestConflicts:
+    def test_a_frame_that_is_unknown_or_would_get_the_name_of_another_is_told(self):
+        relay = Relay(rule(frames=("map", "base", "optica"), rename={"base": "map"}), robot(), {})
         assert ("odom", "map") not in names(relay.dynamic_transforms(0.0, 0))
-        assert relay.problems() == ["rule 1: base is not sent: the name map is taken"]
+        assert relay.problems() == [
+            "rule 1: optica is not known; did you mean optical?",
+            "rule 1: base is not sent: the name map is taken",
+        ]
 
     def test_rules_that_share_one_topic_do_not_send_the_same_name(self):
         owners, buffer = {}, robot()
@@ -357,36 +342,26 @@ class TestNames:
 
 WRONG = {
     "": "must contain a list of rules",
-    "{to: x}": "must contain a list of rules",
     "- [": "is not YAML: ",
     "- 3": "rule 1 must be a mapping with to, not 3",
     "- {frames: [a, b]}": "rule 1: to must be two topics",
     "- {name: far, to: [/a, /b], treshold: 1}": r"\(far\): 'treshold' is not a key; did you mean threshold\?",
     "- {to: [/a, /b], q: 1}": "rule 1: 'q' is not a key; the keys are name, from, to, ",
     "- {to: [/a, /b]}\n- {to: [/a, /b], rate: 0}": "rule 2: rate must be a number of Hz from .* not 0",
-    "- {to: [/a, /b], rate: fast}": "rule 1: rate must be a number",
-    "- {to: [/a, /b], rate: true}": "rule 1: rate must be a number",
     "- {to: [/a, /b], rate: .nan}": "rule 1: rate must be a number",
-    f"- {{to: [/a, /b], rate: 1{400 * '0'}}}": "rule 1: rate must be a number",
-    "- {to: [/a, /a]}": "rule 1: to must be two topics",
-    "- {to: /a}": "rule 1: to must be two topics",
     "- {to: [/a b, /c]}": r"rule 1: to must be two topics, .* not \['/a b', '/c'\]",
     "- {from: /tf, to: [/a, /b]}": "rule 1: from must be two topics",
-    "- {to: [/a, /b], frames: []}": "rule 1: frames must be the name of a frame, or a list of names",
     "- {to: [/a, /b], frames: [1, 2]}": "rule 1: frames must be the name of a frame",
     "- {to: [/a, /b], frames: base}": "rule 1: frames must be two or more; .* use subtree",
     "- {to: [/a, /b], collapse: true}": "rule 1: collapse needs frames or subtree",
     "- {to: [/a, /b], collapse: 1}": "rule 1: collapse must be true or false, not 1",
     "- {to: [/a, /b], rename: {a: c, b: c}}": "rule 1: rename must be a mapping from names",
-    "- {to: [/a, /b], threshold: 0.1}": "rule 1: threshold must be a mapping with translation",
     "- {to: [/a, /b], threshold: {translation: 1, rotation: 1, repaet: 1}}": "did you mean repeat",
     "- {to: [/a, /b], threshold: {translation: 1, rotation: -1}}": "threshold: rotation must be a number",
     "- {to: [/a, /b], shift: later}": "rule 1: shift must be a number of seconds, or now, not 'later'",
-    "- {to: [/a, /b], shift: 1e300}": "rule 1: shift must be a number of seconds",
     "- {to: /a, as: Pose, frames: [a, b]}": "rule 1: as must be one of PoseStamped, Odometry, not 'Pose'",
     "- {to: /a, as: Odometry, frames: [a, b, c]}": r"rule 1: frames must be \[PARENT, CHILD\], for a pose",
     "- {to: [/a, /b], as: Odometry, frames: [a, b]}": "rule 1: to must be one topic, for a pose",
-    "- {to: /a, as: Odometry}": r"rule 1: frames must be \[PARENT, CHILD\], for a pose$",
     "- {to: /a, as: Odometry, frames: [a, b], subtree: c}": "rule 1: 'subtree' is not a key; the keys are ",
     "- {to: [/tf, /tf_static]}": "rule 1: to must not use /tf, from which a rule reads",
     "- {to: [/a, /b]}\n- {from: [/a, /b], to: [/c, /d]}": "rule 1: to must not use /a, from which a rule",
@@ -513,16 +488,6 @@ def test_a_late_receiver_gets_all_static_transforms_in_one_message(tmp_path, nod
         counts(process, signal.SIGTERM)
 
 
-def test_each_rule_has_its_rate(tmp_path, node, robots):
-    text = f"- {{{TO_TEXT}, rate: 1000}}\n- {{to: [/slow/tf, /slow/tf_static], rate: 0.0001}}\n"
-    with relaying(tmp_path, text) as (process, _), receiver(node) as buffer:
-        keep_sending(robots[0], lambda: "base" in buffer and buffer.frames()["base"].count >= 3)
-        found = counts(process)
-    assert found["out", "/relay/tf"][1] >= 3
-    # The first time is when it starts, which may be after something has arrived.
-    assert found["out", "/slow/tf"][0] <= 1
-
-
 def test_a_pair_is_sent_as_odometry_and_as_a_pose(tmp_path, node, executor, robots):
     robot, _ = robots
     text = (
@@ -583,20 +548,6 @@ def test_a_changed_file_is_read_again_and_a_wrong_one_is_not_followed(tmp_path, 
     assert found["out", "/other/tf_static"] == (1, 1)
 
 
-def test_time_that_goes_back_is_followed(tmp_path, node, executor, robots):
-    robot, _ = robots
-    with relaying(tmp_path, f"- {{{TO_TEXT}, rate: 100}}") as (process, _):
-        received = Received(node, "/relay/tf")
-        keep_sending(robot, lambda: received, executor, first=1_000_000)
-
-        def has_gone_back():
-            return any(stamp_ns(one) < 900_000 * S for message in received for one in message.transforms)
-
-        keep_sending(robot, has_gone_back, executor)
-        first_line(process, "went back")
-        counts(process)
-
-
 def test_a_replay_is_followed_within_a_fraction_of_a_second(tmp_path, node, executor, robots):
     delays = []
     with relaying(tmp_path, f"- {{{TO_TEXT}, rate: 100}}") as (process, _):
@@ -610,6 +561,7 @@ def test_a_replay_is_followed_within_a_fraction_of_a_second(tmp_path, node, exec
             begun = time.monotonic()
             keep_sending(robots[0], has_come, executor, first=first)
             delays.append(time.monotonic() - begun)
+        first_line(process, "went back")
         counts(process)
     # The first of them also waited for discovery; a busy machine delays some.
     assert sorted(delays[1:])[1] < 0.3, delays

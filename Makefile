@@ -52,7 +52,7 @@ test-all: $(VENV)/installed.stamp $(VENV)/test.stamp $(VENV)/test-all.stamp
 demo: $(VENV)/installed.stamp
 	$(PY) examples/demo.py
 
-# QUICK=1 ends within two minutes. The libraries compared with are fetched into .bench.
+# About an hour; QUICK=1 about three minutes. The libraries compared with are fetched into .bench.
 bench: $(VENV)/bench.stamp $(VENV)/installed.stamp $(VENV)/test.stamp
 	$(PY) -m bench $(if $(QUICK),--quick)
 

@@ -1,197 +1,189 @@
 """
-The benchmark's command line: `python -m bench [--quick]` measures, prints, writes JSON and pictures.
+The benchmark's command line: `python -m bench [--quick]` measures, prints, and writes a report and pictures.
 
-`python -m bench --only waiters receiving:cpu` measures a section and a part of one, of this project and of a
-sourced ROS 2, and only prints.
+`python -m bench --only waiters receiving:cpu` measures sections, and only prints.
 """
 
 from __future__ import annotations
 
 import argparse
 import datetime
-import importlib.metadata
 import json
 import os
 import platform
 import re
+import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from bench import (
-    inserts,
-    lookups,
-    nodes,
-    peers,
-    pictures,
-    receiving,
-    recordings,
-    report,
-)
-from bench.processes import Failure, run_command
-from bench.race import OURS, Run
+from bench import pictures, report
+from bench.libraries import FETCHED, OURS, PROGRAMS, ROOT, Library, last_line, libraries
+from bench.rows import Rows
 from bench.sizes import FULL, QUICK
+from release.interpreters import environment_of_children
 
-SECTIONS = (
-    {
-        section.__name__: section
-        for section in (
-            lookups.lookups,
-            lookups.growth,
-            lookups.vectors,
-            inserts.inserts,
-            inserts.memory,
-            nodes.online,
-            recordings.recordings,
-        )
-    }
-    | {"nodes": nodes.many}
-    | {f"{receiving.SECTION}:{part.__name__}": part for part in receiving.PARTS}
-)
 RESULTS = Path(__file__).resolve().parent / "results"
-PACKAGES = ("tf2-ros-cython", "numpy", "ros-jazzy-rclpy", "matplotlib")
-QUICK_RESULTS = peers.FETCHED / "results"
+DOMAIN = 60 + os.getpid() % 40  # one that hardly anyone else on this machine uses
+ROUND_S = 900.0  # the longest that a process may take
+EVERY = (OURS, "ros2", "ros2_cpp", "ros1_cpp", "schiebung", "tf_tree")
+ROS2 = (OURS, "ros2")
 
 
-class Progress:
-    """One line a step, with the time since the start, beside the tables."""
+class Section(NamedTuple):
+    """A function of `programs`, who is measured with it, and with which further arguments."""
 
-    def __init__(self) -> None:
-        self._start = time.monotonic()
+    function: str
+    libraries: Sequence[str]
+    variants: Sequence[str] = ("",)
+    ours_only: Sequence[str] = ()  # further variants
+    rounds: int = 7  # at most
 
-    def __call__(self, text: str) -> None:
-        print(f"{time.monotonic() - self._start:6.1f} s  {text}", file=sys.stderr, flush=True)
+
+SECTIONS = {
+    "lookups": Section("lookups.lookups", EVERY),
+    "vectors": Section("lookups.vectors", (OURS, "tf_tree")),
+    "growth": Section("lookups.growth", EVERY),
+    "inserts": Section("inserts.inserts", EVERY),
+    "waiters": Section("inserts.waiters", (OURS,)),
+    "memory": Section("inserts.memory", EVERY, rounds=1),
+    "receiving:cpu": Section(
+        "receiving.cpu", ROS2, ["listener 1"], ["floor 1", "listener 3", "floor 3", "overridden 1"]
+    ),
+    "receiving:loops": Section("receiving.loops", ROS2, ["spin_once", "executor.spin_once"]),
+    "receiving:lookups": Section("receiving.lookups", (OURS,), ["no wait", "a pending wait"]),
+    "receiving:waits": Section("receiving.waits", ROS2, ["blocked", "own insert"], ["polls"]),
+    "receiving:losses": Section(
+        "receiving.losses", (OURS,), ["lookups", "busy thread", "no reader", "held GIL"], rounds=1
+    ),
+    "online": Section("receiving.online", ROS2, rounds=5),
+    "nodes": Section("nodes.many", (OURS,), ["one", "listening", "attached", "looking", "idle"], rounds=3),
+    "recordings": Section("recordings.recordings", (OURS,), rounds=5),
+    "recordings:several": Section("recordings.several", (OURS,), rounds=1),
+}
+
+
+class Run:
+    """Measure sections, round by round; `rows` are the results, `remarks` what failed."""
+
+    def __init__(self, found: dict[str, Library], sizes: dict[str, Any], folder: Path) -> None:
+        self.libraries, self.sizes = found, sizes | {"folder": str(folder)}
+        self.rows = Rows()
+        self.remarks: list[str] = []
+        self._out = folder / "rows.json"
+        self._began = time.monotonic()
+
+    def say(self, text: str) -> None:
+        print(f"{time.monotonic() - self._began:6.1f} s  {text}", file=sys.stderr, flush=True)
+
+    def measure(self, name: str) -> None:
+        section = SECTIONS[name]
+        takers = [who for who in section.libraries if who in self.libraries]
+        entries = [(who, variant) for variant in section.variants for who in takers]
+        entries += [(OURS, variant) for variant in section.ours_only]
+        for turn in range(min(section.rounds, self.sizes["rounds"])):
+            # Each round begins with another one, and whoever fails takes part no longer.
+            for entry in entries[turn % len(entries) :] + entries[: turn % len(entries)]:
+                self.say(f"{name}, round {turn + 1}: {' '.join(entry)}")
+                if (problem := self._run(name, section.function, *entry)) is not None:
+                    self.remarks.append(f"{self.libraries[entry[0]].title} left {name}: {problem}")
+                    entries.remove(entry)
+
+    def _run(self, name: str, function: str, who: str, variant: str) -> str | None:
+        """Measure one of them for one round; what went wrong, if something did."""
+        library = self.libraries[who]
+        command = [library.python, str(PROGRAMS / "library.py"), who, function]
+        command += [json.dumps(self.sizes), str(self._out), *([variant] if variant else [])]
+        environment = _environment() | library.environment
+        try:
+            subprocess.run(
+                command, env=environment, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                text=True, timeout=ROUND_S,
+            )  # fmt: skip
+        except (OSError, subprocess.TimeoutExpired) as error:
+            return str(error)
+        except subprocess.CalledProcessError as error:
+            return last_line(error.stderr)
+        self.rows.add(name, who, json.loads(self._out.read_text()))
+        return None
+
+
+def _environment() -> dict[str, str]:
+    environment = environment_of_children(
+        ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
+        ROS_DOMAIN_ID=str(DOMAIN),
+        # As in the published figures of upstream; and it makes no library slower.
+        PYTHONOPTIMIZE="1",
+        # NumPy's helper threads spin for a while, beside whatever is measured.
+        OPENBLAS_NUM_THREADS="1",
+    )
+    # The first would override the range of discovery; with the second, listeners would not subscribe.
+    for variable in ("ROS_LOCALHOST_ONLY", "TF2_SHARED_BUFFER"):
+        environment.pop(variable, None)
+    return environment
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m bench", description="Compare this project with other libraries."
     )
-    parser.add_argument("--quick", action="store_true", help="fewer rounds and sizes: within two minutes")
+    parser.add_argument("--quick", action="store_true", help="fewer rounds and sizes: a few minutes")
+    groups = dict.fromkeys(name.partition(":")[0] for name in SECTIONS)
     parser.add_argument(
         "--only",
         nargs="+",
-        choices=[receiving.SECTION, *SECTIONS],
+        choices=dict.fromkeys([*groups, *SECTIONS]),
         metavar="SECTION",
-        help="measure only these, for this project and a sourced ROS 2, and write no files: %(choices)s",
+        help="measure only these, and write no files: %(choices)s",
     )
     options = parser.parse_args(arguments)
-    say = Progress()
-    load_before = _load_average()
-    ours = peers.ours()
-    others, missing = peers.all_peers(say, only_ros2=bool(options.only))
-    libraries = {library.key: library for library in (ours, *others)}
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        Run(libraries, QUICK if options.quick else FULL, Path(folder), say) as run,
-    ):
-        for who, library in list(libraries.items()):
-            try:
-                library.about = run.ask(who, "about")
-            except Failure as failure:
-                missing[library.title] = str(failure)
-                del libraries[who]
-        if OURS not in libraries:
-            print(f"this project does not run here: {missing[ours.title]}", file=sys.stderr)
-            return 1
-        for name, section in SECTIONS.items():
+    load = [os.getloadavg()[0]]
+    with tempfile.TemporaryDirectory() as folder:
+        run = Run({}, QUICK if options.quick else FULL, Path(folder))
+        run.libraries, missing = libraries(run.say)
+        run.remarks += [f"missing: {title}: {reason}" for title, reason in missing.items()]
+        for name in SECTIONS:
             if not options.only or {name, name.partition(":")[0]} & set(options.only):
-                with run.recording_failure(OURS, name):
-                    section(run)
-    result = {
-        "machine": _machine(),
-        "load_average": {"before": load_before, "after": _load_average()},
-        "quick": options.quick,
-        "libraries": [
-            {"key": library.key, "title": library.title, "note": library.note, **library.about}
-            for library in libraries.values()
-        ],
-        "missing": missing,
-        "absent": run.absent,
-        "rows": run.rows.as_json(),
-    }
-    _print(result, run)
+                run.measure(name)
+    load.append(os.getloadavg()[0])
+    text = redacted(report.page(run.rows, run.libraries, list(_machine()), load, run.remarks))
+    print(text)
     if not options.only:
-        _write(result, run, QUICK_RESULTS if options.quick else RESULTS)
+        _write(text, run, FETCHED / "results" if options.quick else RESULTS)
     return 0
 
 
-def _print(result: dict[str, Any], run: Run) -> None:
-    busy = [result["load_average"][when][0] for when in ("before", "after")]
-    parts = [
-        report.introduction(result["machine"], busy, run.libraries.values(), result["missing"]),
-        report.tables(run.rows, run.libraries),
-        report.remarks(run.rows, run.libraries, run.absent),
-    ]
-    print(redacted("\n\n".join(parts)))
-
-
-def _write(result: dict[str, Any], run: Run, folder: Path) -> None:
+def _write(text: str, run: Run, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{_slug()}.json"
-    path.write_text(redacted(json.dumps(result, indent=1)) + "\n")
-    print(f"\nwrote {path.relative_to(peers.ROOT)}")
-    try:
-        for picture in pictures.draw(run.rows, run.libraries, folder, _slug()):
-            print(f"wrote {picture.relative_to(peers.ROOT)}")
-    except ImportError:
-        print("no pictures: matplotlib is missing (pip install '.[bench]')")
+    stem = re.sub(r"[^a-z0-9]+", "-", f"{_cpu()} {os.cpu_count()} cores".lower()).strip("-")
+    (folder / f"{stem}.md").write_text(text)
+    print(f"wrote {folder.relative_to(ROOT)}/{stem}.md and its pictures")
+    pictures.draw(run.rows, run.libraries, folder, stem)
 
 
 def _cpu() -> str:
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith("model name"):
-            return line.split(":", 1)[1].strip()
-    return platform.machine()
+    found = re.search(r"^model name\s*: (.*)$", Path("/proc/cpuinfo").read_text(), re.M)
+    return found[1] if found else platform.machine()
 
 
-def _slug() -> str:
-    return re.sub(r"[^a-z0-9]+", "-", f"{_cpu()} {os.cpu_count()} cores".lower()).strip("-")
-
-
-def _load_average() -> list[float]:
-    return [round(value, 2) for value in os.getloadavg()]
-
-
-def _machine() -> dict[str, Any]:
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    return {
-        "cpu": _cpu(),
-        "cores": os.cpu_count(),
-        "memory_gib": round(memory / 2**30),
-        "system": platform.freedesktop_os_release().get("PRETTY_NAME", platform.system()),
-        "kernel": platform.release(),
-        "date": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
-        "versions": {"python": platform.python_version(), "project": _revision()}
-        | {package: _version(package) for package in PACKAGES},
-    }
-
-
-def _version(package: str) -> str | None:
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        return None
-
-
-def _revision() -> str:
-    try:
-        return run_command(
-            "git", "-C", str(peers.ROOT), "describe", "--always", "--dirty", seconds=20
-        ).strip()
-    except Failure:
-        return "unknown"
+def _machine() -> Iterable[str]:
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
+    system = platform.freedesktop_os_release().get("PRETTY_NAME", platform.system())
+    yield f"{_cpu()}, {os.cpu_count()} cores, {memory:.0f} GiB; {system}, kernel {platform.release()}"
+    described = ["git", "-C", str(ROOT), "describe", "--always", "--dirty"]
+    commit = subprocess.run(described, capture_output=True, text=True).stdout.strip() or "unknown"
+    now = datetime.datetime.now(datetime.timezone.utc)
+    yield f"{now:%Y-%m-%d %H:%M} UTC, CPython {platform.python_version()}, commit {commit}"
 
 
 def redacted(text: str) -> str:
     """Without the paths of this machine and the addresses of its registries, which some errors name."""
     text = re.sub(r"\b(?:https?|file)://[^\s\"']+", "(an address)", text)
-    for path in (peers.ROOT, Path(sys.prefix), Path.home()):
-        if path != Path(path.anchor):
-            text = text.replace(str(path), "...")
+    for path in (ROOT, Path(sys.prefix), Path.home()):
+        text = text.replace(str(path), "...")
     return text
 
 

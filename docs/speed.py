@@ -4,37 +4,37 @@ Print the rows of docs/performance.md that come from bench/results, and draw the
 `make pictures` draws; tests/packaging/test_docs.py compares the rows with the page.
 """
 
-import json
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-[RESULTS] = (ROOT / "bench" / "results").glob("*.json")
+[RESULTS] = (ROOT / "bench" / "results").glob("*.md")
 
-# Tree, time and hops of a row of the results.
+# Lines of the report's first table.
 LOOKUPS = {
-    "static frames": ("static 500", "static", 4),
-    "moving frames, the latest time": ("dynamic 100", "latest", 4),
-    "moving frames, a past time": ("dynamic 100", "past", 4),
+    "static frames": "static 500, static, 4 hops",
+    "moving frames, the latest time": "dynamic 100, latest, 4 hops",
+    "moving frames, a past time": "dynamic 100, past, 4 hops",
 }
+# How its columns begin and end.
 CONTESTANTS = {
     ("ours", "buffer"): "tf2-ros-cython",
-    ("ros2", "buffer"): "Jazzy's tf2_ros, Python",
-    ("ros1_cpp", "core"): "ROS 1's tf2, called from C++",
+    ("tf2_ros", "buffer"): "Jazzy's tf2_ros, Python",
+    ("tf2", "(ROS 1): core"): "ROS 1's tf2, called from C++",
 }
 COLORS = ("#1a7f37", "#888888", "#c4c4c4")
 
 
 def medians() -> dict[str, list[float]]:
     """Microseconds of one lookup, for each line of LOOKUPS, in the order of CONTESTANTS."""
-    rows = json.loads(RESULTS.read_text())["rows"]
-    found = {
-        (row["who"], row["way"], *row["labels"].values()): row["median"] / 1e3
-        for row in rows
-        if row["section"] == "lookups"
-    }
+    lines = [line.split(" | ") for line in RESULTS.read_text(encoding="utf-8").splitlines()]
+    head = next(cells for cells in lines if len(cells) > 1)
+    columns = [
+        next(i for i, cell in enumerate(head) if cell.startswith(begin) and cell.rstrip(" |").endswith(end))
+        for begin, end in CONTESTANTS
+    ]
+    first = {cells[0].removeprefix("| "): cells for cells in reversed(lines)}
     return {
-        name: [found[(*contestant, *labels)] for contestant in CONTESTANTS]
-        for name, labels in LOOKUPS.items()
+        name: [float(first[line][column].split()[0]) for column in columns] for name, line in LOOKUPS.items()
     }
 
 

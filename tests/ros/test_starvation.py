@@ -11,7 +11,7 @@ from processes import DEADLINE_S, until
 from rclpy.duration import Duration
 from repetitions import times
 
-from bench.contestants.serialised import Template
+from bench.programs.serialised import Template
 
 pytestmark = pytest.mark.ours
 

@@ -17,14 +17,13 @@ class Template:
     A serialised message of transforms.
 
     :param count: of them, from map to f0, f1, ...
-    :param links: (parent, child) of each instead.
     """
 
-    def __init__(self, count, links=None):
+    def __init__(self, count):
         transforms = []
-        for parent, child in links or [("map", f"f{i}") for i in range(count)]:
-            transform = TransformStamped()
-            transform.header.frame_id, transform.child_frame_id = parent, child
+        for i in range(count):
+            transform = TransformStamped(child_frame_id=f"f{i}")
+            transform.header.frame_id = "map"
             transform.header.stamp.sec, transform.header.stamp.nanosec = MARK_STAMP
             transform.transform.translation.x = MARK_X
             transforms.append(transform)

@@ -1,5 +1,4 @@
-// Owns the timed loops around ROS 1's tf2 for C++, as a library that ros1_cpp.py loads.
-#include <geometry_msgs/TransformStamped.h>
+// The timed loops around tf2 for C++, as a library that tf2_cpp.py loads. -DROS1: ROS 1's, otherwise ROS 2's.
 #include <tf2/buffer_core.h>
 #include <tf2/exceptions.h>
 
@@ -9,19 +8,48 @@
 #include <string>
 #include <vector>
 
-// As serving.py packs them; frames by index.
+#ifdef ROS1
+#include <geometry_msgs/TransformStamped.h>
+#else
+#include <geometry_msgs/msg/transform_stamped.hpp>
+#endif
+
+const int64_t S = 1000000000;
+
+#ifdef ROS1
+using Message = geometry_msgs::TransformStamped;
+using Time = ros::Time;
+using Duration = ros::Duration;
+Time time_of(int64_t ns) { return Time(ns / S, ns % S); }
+Duration duration_of(int64_t ns) { return Duration(ns / S, ns % S); }
+Time stamp_of(int64_t ns) { return time_of(ns); }
+#else
+using Message = geometry_msgs::msg::TransformStamped;
+using Time = tf2::TimePoint;
+using Duration = tf2::Duration;
+Time time_of(int64_t ns) { return Time(std::chrono::nanoseconds(ns)); }
+Duration duration_of(int64_t ns) { return std::chrono::nanoseconds(ns); }
+builtin_interfaces::msg::Time stamp_of(int64_t ns) {
+  builtin_interfaces::msg::Time stamp;
+  stamp.sec = ns / S;
+  stamp.nanosec = ns % S;
+  return stamp;
+}
+#endif
+
+// As trees.py has them; frames by index.
 struct Record {
   uint32_t child, parent, is_static, reserved;
   int64_t stamp_ns;
   double pose[7];  // x y z, qx qy qz qw
 };
-static_assert(sizeof(Record) == 80, "as serving.py packs it");
+static_assert(sizeof(Record) == 80, "as in trees.py");
 
 struct Query {
   uint32_t target, source;
   int64_t time_ns;
 };
-static_assert(sizeof(Query) == 16, "as serving.py packs it");
+static_assert(sizeof(Query) == 16, "as in trees.py");
 
 struct Buffer {
   tf2::BufferCore core;
@@ -33,25 +61,22 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 const char AUTHORITY[] = "bench";
-const int64_t S = 1000000000;
 const int64_t REFUSED = -1;
 
 struct Call {
   std::string target, source;
-  ros::Time time;
+  Time time;
 };
-
-ros::Time time_of(int64_t ns) { return ros::Time(ns / S, ns % S); }
 
 int64_t since(Clock::time_point start) {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now() - start).count();
 }
 
-geometry_msgs::TransformStamped message_of(const Buffer& buffer, const Record& record) {
-  geometry_msgs::TransformStamped message;
+Message message_of(const Buffer& buffer, const Record& record) {
+  Message message;
   message.header.frame_id = buffer.names.at(record.parent);
   message.child_frame_id = buffer.names.at(record.child);
-  message.header.stamp = time_of(record.stamp_ns);
+  message.header.stamp = stamp_of(record.stamp_ns);
   auto& t = message.transform.translation;
   auto& q = message.transform.rotation;
   t.x = record.pose[0], t.y = record.pose[1], t.z = record.pose[2];
@@ -68,14 +93,14 @@ Call call_of(const Buffer& buffer, const Query& query) {
 extern "C" {
 
 Buffer* buffer_new(int64_t cache_ns, const char* const* names, size_t count) {
-  return new Buffer{tf2::BufferCore(ros::Duration(cache_ns / S, cache_ns % S)), {names, names + count}};
+  return new Buffer{tf2::BufferCore(duration_of(cache_ns)), {names, names + count}};
 }
 
 void buffer_free(Buffer* buffer) { delete buffer; }
 
 // ns[i] becomes what insert i takes, or REFUSED. Returns how many inserts the budget allowed.
 size_t buffer_insert(Buffer* buffer, const Record* records, size_t count, double budget_s, int64_t* ns) {
-  std::vector<geometry_msgs::TransformStamped> messages;
+  std::vector<Message> messages;
   for (size_t i = 0; i < count; ++i) messages.push_back(message_of(*buffer, records[i]));
   const auto began = Clock::now();
   size_t i = 0;
@@ -101,7 +126,7 @@ size_t buffer_look_up(const Buffer* buffer, const Query* queries, size_t query_c
     const auto start = Clock::now();
     try {
       // The answer is made and dropped within the time, as a caller's would be.
-      const geometry_msgs::TransformStamped answer = buffer->core.lookupTransform(call.target, call.source, call.time);
+      const Message answer = buffer->core.lookupTransform(call.target, call.source, call.time);
       asm volatile("" : : "g"(&answer) : "memory");
     } catch (const tf2::TransformException&) {
       answered = false;

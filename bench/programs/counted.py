@@ -1,0 +1,84 @@
+"""
+Make calls of this project between marks, so that bench/guard.py can count their instructions.
+
+`counted.py CASE=COUNT...` makes, of each case, COUNT calls and then twice as many.
+"""
+
+import gc
+import os
+import sys
+
+from inserts import Following
+from library import STEP_NS
+from ours import BATCH, Ours
+from trees import Tree, chain
+
+WARM_UP = 20
+HOPS = 4
+SAMPLES = 300  # per frame
+VECTOR_TIMES = 1000
+PLACES = ("static", "past", "latest")
+
+
+class Point:
+    def __init__(self, x, name):
+        self.x = x
+        self.name = name
+
+
+def reference(table, name, x):
+    """What Python itself costs here: calls, a dict, attributes, floats, small objects."""
+    total = x
+    for k in range(10):
+        point = Point(total + k, name)
+        table[name] = point.x * 0.5
+        total = table[name] + point.x
+    return total
+
+
+def case(name, count):
+    """A function and `count` argument tuples."""
+    if name == "reference":
+        return reference, [({}, "frame", float(i)) for i in range(count)]
+    library, tree, place = Ours(), chain("chain", HOPS, SAMPLES), name.split()[-1]
+    if place == "static":
+        tree = Tree("static", tree.parents, [False] * (HOPS + 1), 0)
+    if name.startswith("set_"):
+        tree.cache_ns = SAMPLES * STEP_NS  # full, so that every further sample drops the oldest
+    library.load(tree)
+    if place in PLACES:
+        return library.calls("buffer", tree.queries([(0, HOPS)], tree.times(place, count)))
+    if name == "lookup_transforms":
+        function, calls = library.calls("vector", tree.vector_queries([(0, HOPS)], "sorted", VECTOR_TIMES))
+        return function, calls * count
+    following = Following(tree.newest_ns + 2 * STEP_NS, [(tree.names[1], tree.names[0])])
+    transforms = following.take(count * (BATCH if name == "set_transforms_cdr" else 1))
+    return library.inserts(name, transforms)[:2]
+
+
+def run(function, calls):
+    for arguments in calls:
+        function(*arguments)
+
+
+def mark():
+    # callgrind writes its counts whenever this C function is entered; nothing else calls it.
+    os.getpgid(0)
+
+
+def main(cases):
+    # A collection within a run would add hundreds of instructions to each call, and where it falls depends
+    # on what was allocated before.
+    gc.disable()
+    for name, count in cases:
+        function, calls = case(name, WARM_UP + 3 * count)
+        run(function, calls[:WARM_UP])
+        mark()
+        run(function, calls[WARM_UP : WARM_UP + count])
+        mark()
+        run(function, calls[WARM_UP + count :])
+        mark()
+
+
+if __name__ == "__main__":
+    main((name, int(count)) for name, count in (one.split("=") for one in sys.argv[1:]))

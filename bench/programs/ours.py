@@ -1,0 +1,36 @@
+"""What this project offers beside tf2's names: lookups at many times, inserts of many transforms."""
+
+from geometry_msgs.msg import TransformStamped
+from library import AUTHORITY, by_pair
+from rclpy.serialization import serialize_message
+from tf2_python import Tf2, fill
+
+from tf2_msgs.msg import TFMessage
+
+BATCH = 50
+
+
+class Ours(Tf2):
+    vector = counts_bytes = True
+    insert_ways = ("set_transform", "set_transforms", "set_transforms_cdr", "set_transforms_cdr of 1")
+
+    def calls(self, way, queries):
+        if way == "vector":
+            return self.buffer.lookup_transforms, list(by_pair(queries))
+        return super().calls(way, queries)
+
+    def numbers(self, answer):
+        if isinstance(answer, tuple):
+            return (*answer[0][0], *answer[1][0])
+        return super().numbers(answer)
+
+    def inserts(self, way, transforms):
+        if way == "set_transform":
+            return super().inserts(way, transforms)
+        size = 1 if way.endswith("of 1") else BATCH
+        messages = [fill(TransformStamped(), *transform) for transform in transforms]
+        batches = [messages[i : i + size] for i in range(0, len(messages) - size + 1, size)]
+        if way == "set_transforms":
+            return self.buffer.set_transforms, [(batch, AUTHORITY) for batch in batches], size
+        data = [bytes(serialize_message(TFMessage(transforms=batch))) for batch in batches]
+        return self.buffer.set_transforms_cdr, [(message, AUTHORITY) for message in data], size

@@ -1,0 +1,97 @@
+"""Libraries from PyPI that are written in Rust, called from Python."""
+
+import numpy as np
+from library import Library, by_pair
+
+BATCH = 1000
+
+
+class Schiebung(Library):
+    # It keeps 120 s whatever is wanted; its latest lookup takes each link's own newest sample.
+
+    def load(self, tree):
+        import schiebung
+
+        self.module, self.buffer = schiebung, schiebung.BufferTree()
+        transforms = [self._update(*transform) for transform in tree.transforms()]
+        for start in range(0, len(transforms), BATCH):
+            self.buffer.update_batch(transforms[start : start + BATCH])
+
+    def _update(self, child, parent, static, stamp_ns, pose):
+        kinds = self.module.TransformType
+        isometry = self.module.StampedIsometry(pose[:3], pose[3:], stamp_ns)
+        return parent, child, isometry, kinds.Static if static else kinds.Dynamic
+
+    def calls(self, way, queries):
+        if all(ns == 0 for _, _, ns in queries):
+            return self.buffer.lookup_latest_transform, [(target, source) for target, source, _ in queries]
+        return self.buffer.lookup_transform, queries
+
+    def numbers(self, answer):
+        return (*answer.translation(), *answer.rotation())
+
+    def inserts(self, way, transforms):
+        updates = [self._update(child, parent, False, ns, pose) for child, parent, ns, pose in transforms]
+        return self.buffer.update, updates, 1
+
+
+class TfTree(Library):
+    # Its plans are compiled before they are timed, as its users are meant to; "names" compiles none.
+    ways, vector = ("plan", "names"), True
+
+    def load(self, tree):
+        import tf_tree
+
+        self.module = tf_tree
+        static = {child: pose for child, _, is_static, _, pose in tree.transforms() if is_static}
+        lines = ["[topology]", 'interp = "lerpslerp"']  # as tf2 does
+        for child, parent in tree.links:
+            name = tree.names[child]
+            pose = static.get(name)
+            kind = "dynamic" if pose is None else "static"
+            size = f"capacity = {tree.samples}" if pose is None else f"pose = {_real_first(pose)}"
+            edge = f'parent = "{tree.names[parent]}"\nchild = "{name}"\nkind = "{kind}"\n{size}'
+            lines += ["[[edge]]", edge]
+        self.tree = tf_tree.build("\n".join(lines))
+        records = tree.records[tree.records["static"] == 0]
+        self.publishers = {}
+        for child in np.unique(records["child"]):
+            own = records[records["child"] == child]
+            name = tree.names[child]
+            self.publishers[name] = self.tree.publisher(name, tree.names[own["parent"][0]])
+            poses = own["pose"][:, [6, 3, 4, 5, 0, 1, 2]]
+            self.publishers[name].push_many(own["stamp_ns"].copy(), np.ascontiguousarray(poses))
+
+    def calls(self, way, queries):
+        if way == "vector":
+            plans = [(self.tree.plan(target, source), times) for target, source, times in by_pair(queries)]
+            return self.module.Plan.at, plans
+        if way == "names":
+            return self.tree.lookup, queries
+        plans = {pair: self.tree.plan(*pair) for pair in {(target, source) for target, source, _ in queries}}
+        if all(ns == 0 for _, _, ns in queries):
+            return self.module.Plan.latest, [(plans[target, source],) for target, source, _ in queries]
+        return self.module.Plan.at, [(plans[target, source], ns) for target, source, ns in queries]
+
+    def numbers(self, answer):
+        return _numbers(answer if answer.ndim == 2 else answer[0])
+
+    def inserts(self, way, transforms):
+        calls = [(self.publishers[child], ns, _real_first(pose)) for child, _, ns, pose in transforms]
+        return self.module.Publisher.push, calls, 1
+
+
+def _real_first(pose):
+    return [pose[6], *pose[3:6], *pose[:3]]
+
+
+def _numbers(matrix):
+    """Of a 4×4 array; the quaternion is the eigenvector of the largest eigenvalue of a symmetric matrix."""
+    (a, b, c), (d, e, f), (g, h, i) = matrix[:3, :3]
+    symmetric = [
+        [a - e - i, b + d, c + g, h - f],
+        [b + d, e - a - i, f + h, c - g],
+        [c + g, f + h, i - a - e, d - b],
+        [h - f, c - g, d - b, a + e + i],
+    ]
+    return (*matrix[:3, 3], *np.linalg.eigh(symmetric)[1][:, -1])

@@ -1,0 +1,75 @@
+"""tf2 for C++, of ROS 2 or of ROS 1; the loops run in C++ (tf2_cpp.cpp, compiled to $TF2_CPP)."""
+
+import os
+from ctypes import CDLL, POINTER, c_bool, c_char_p, c_double, c_int64, c_size_t, c_void_p
+
+import numpy as np
+from library import Library
+from trees import QUERY, RECORD
+
+EMPTY = 1000
+UNLIMITED_S = 1e6
+TIMES = POINTER(c_int64)
+FUNCTIONS = {
+    "buffer_new": (c_void_p, c_int64, POINTER(c_char_p), c_size_t),
+    "buffer_free": (None, c_void_p),
+    "buffer_insert": (c_size_t, c_void_p, c_void_p, c_size_t, c_double, TIMES),
+    "buffer_look_up": (c_size_t, c_void_p, c_void_p, c_size_t, c_size_t, c_double, TIMES),
+    "buffer_answer": (c_bool, c_void_p, c_void_p, POINTER(c_double)),
+    "time_nothing": (None, c_size_t, TIMES),
+}
+
+
+class Tf2(Library):
+    def __init__(self):
+        self.tf2, self.buffer = CDLL(os.environ["TF2_CPP"]), None
+        for name, (result, *arguments) in FUNCTIONS.items():
+            function = getattr(self.tf2, name)
+            function.restype, function.argtypes = result, arguments
+
+    def load(self, tree):
+        if self.buffer is not None:
+            self.tf2.buffer_free(self.buffer)
+        self.index = {name: i for i, name in enumerate(tree.names)}
+        names = (c_char_p * len(tree.names))(*(name.encode() for name in tree.names))
+        self.buffer = self.tf2.buffer_new(tree.cache_ns, names, len(names))
+        self._insert(tree.records, UNLIMITED_S)
+
+    def _insert(self, records, budget_s):
+        ns = (c_int64 * len(records))()
+        return ns[: self.tf2.buffer_insert(self.buffer, records.ctypes.data, len(records), budget_s, ns)]
+
+    def _queries(self, queries):
+        return np.array([(self.index[a], self.index[b], ns) for a, b, ns in queries], QUERY)
+
+    def answer(self, *query):
+        pose = (c_double * 7)()
+        found = self.tf2.buffer_answer(self.buffer, self._queries([query]).ctypes.data, pose)
+        return list(pose) if found else None
+
+    def calls(self, way, queries):
+        return self.answer, queries
+
+    def numbers(self, answer):
+        return answer
+
+    def inserts(self, way, transforms):
+        index = self.index
+        return (
+            self._insert,
+            [(index[child], index[parent], 0, 0, ns, pose) for child, parent, ns, pose in transforms],
+            1,
+        )
+
+    def time(self, function, calls, count, budget_s):
+        empty = (c_int64 * EMPTY)()
+        self.tf2.time_nothing(EMPTY, empty)
+        if function == self.answer:
+            queries, ns = self._queries(calls), (c_int64 * count)()
+            data = queries.ctypes.data
+            done = self.tf2.buffer_look_up(self.buffer, data, len(queries), count, budget_s, ns)
+            tried = np.array(ns[:done])
+        else:
+            tried = np.array(self._insert(np.array(calls, RECORD), budget_s))
+        times = tried[tried >= 0]
+        return times - np.median(empty), len(tried) - len(times)

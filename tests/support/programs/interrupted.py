@@ -135,7 +135,7 @@ rclpy.init(args=[])
 spun = rclpy.create_node("spun", enable_rosout=False, start_parameter_services=False)
 threading.Thread(target=rclpy.spin, args=(spun,), daemon=True).start()
 node = rclpy.create_node("interrupted", enable_rosout=False, start_parameter_services=False)
-buffer, problems, armed, hits, rounds = Buffer(), [], False, 0, 0
+buffer, problems, armed, hits, rounds = Buffer(cache_time=2000.0), [], False, 0, 0
 client = BufferClient(spun, "no_server")
 message_filter = MessageFilter(None, buffer, "map", 100, node=spun)
 message_filter.registerCallback(lambda _: None)

@@ -458,7 +458,7 @@ cdef class BufferCore(Engine):
         series_begin(&series, int64s_of(times_ns), count)
         series.nan_missing = _is_nan_wanted(on_missing)
         catch_up(self)
-        for frame in frames:    # all names, before the lookups
+        for frame in frames if is_many else ():     # all names, before the lookups
             query_fill_series(&query, target_frame, frame, fixed_frame, target_time)
             status = self._check_names(&query)
             if count and status.code != STATUS_OK:
@@ -768,10 +768,7 @@ cdef class BufferCore(Engine):
     # Listing frames, and counts.
 
     def __repr__(self):
-        dynamic = [one for one in self.frame_facts() if one.samples and not one.is_static]
-        span_ns = (max([one.newest_ns for one in dynamic]) - min([one.oldest_ns for one in dynamic])
-                   if dynamic else None)
-        return listings.as_line(type(self), self.counts(), span_ns)
+        return listings.as_line(type(self), self.counts(), self.span_ns())
 
     def __contains__(self, name):
         """Return whether this is the name of a frame, including parents; False for anything but a ``str``."""

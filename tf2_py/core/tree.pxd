@@ -49,8 +49,8 @@ cdef inline void change_begin(Change* change, bint shape) noexcept nogil:
 cdef const char* TREE_LACKS_MEMORY
 
 
-# Zero a Tree before tree_init; after a failed tree_init (-1: no memory), tree_free is still due.
-cdef int tree_init(Tree* tree, const Retention* retention, const Limits* limits) noexcept nogil  # 0; -1
+# Zero a Tree before tree_init, which returns 0, or -1 without memory: then tree_free is still due.
+cdef int tree_init(Tree* tree, const Retention* retention, const Limits* limits) noexcept nogil
 cdef void tree_free(Tree* tree) noexcept nogil
 # The id of an authority; if there are too many, of a name that says so. NAME_NO_MEMORY: none.
 cdef uint32_t tree_authority(Tree* tree, const char* name, size_t size) noexcept nogil

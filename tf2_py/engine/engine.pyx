@@ -288,11 +288,14 @@ cdef class Engine:
     cdef int _log_refused(self, Batch* batch) except -1:
         # Only what is printed is converted to text.
         cdef Throttle throttle = self._throttle
-        cdef int64_t now_ns = monotonic_ns()
         cdef const Entry* entry
-        cdef size_t i
+        cdef int64_t now_ns
         cdef uint64_t more
-        for i in range(batch.count if batch.refused else 0):
+        cdef size_t i
+        if batch.refused == 0:
+            return 0
+        now_ns = monotonic_ns()
+        for i in range(batch.count):
             entry = &batch.entries[i]
             if entry.refused and throttle.passes_refused(entry, now_ns):
                 log.refused(
@@ -302,7 +305,7 @@ cdef class Engine:
                     name_for_log(batch.authority, batch.authority_size),
                     entry.incoming.stamp_ns,
                 )
-        more = throttle.summary(now_ns) if batch.refused else 0
+        more = throttle.summary(now_ns)
         if more:
             log.not_logged(more)
         return 0
@@ -624,6 +627,20 @@ cdef class Engine:
             "waiters": waiters,
             "malformed_messages": self._malformed,
         }
+
+    cdef object span_ns(self):
+        cdef int64_t oldest_ns = INT64_MAX
+        cdef int64_t newest_ns = INT64_MIN
+        cdef const History* history
+        cdef FrameId frame
+        catch_up(self)
+        lock_acquire(&self._lock)
+        for frame in range(self._tree.names.count):
+            history = &self._tree.histories[frame]
+            if history.kind == HISTORY_DYNAMIC and history.count:
+                oldest_ns, newest_ns = min(oldest_ns, history.oldest_ns), max(newest_ns, history.newest_ns)
+        lock_release(&self._lock)
+        return None if newest_ns < oldest_ns else newest_ns - oldest_ns
 
     cdef const char* check(self) noexcept nogil:
         cdef const char* problem

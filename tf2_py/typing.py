@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from datetime import timedelta
-from typing import Literal, Protocol, TypedDict
+from typing import Protocol, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -55,12 +55,9 @@ class LookupPolicy(TypedDict, total=False):
 
     ``max_gap``: a duration. There is no answer between samples that are further apart.
 
-    ``interpolation``: ``"linear"``, or ``"cubic"`` for continuous velocities.
-
     With any of these, a wait for one time ends as soon as transforms of that time would be refused.
     """
 
     tolerance: DurationLike | None
     extrapolate: bool
     max_gap: DurationLike | None
-    interpolation: Literal["linear", "cubic"]

@@ -182,8 +182,8 @@ class Buffer(BufferCore, AnsweringInterface):
         :param timeout: how long to wait for an answer. A number is seconds. Ctrl-C ends the wait, and so does
             the shutdown of the contexts of the buffer's node and listeners, even before the wait; without
             these, the shutdown of the default context during the wait. Zero or negative: do not wait.
-        :param policy: what the lookup accepts beyond tf2's: ``tolerance``, ``extrapolate``, ``max_gap`` and
-            ``interpolation`` of :class:`tf2_py.typing.LookupPolicy`.
+        :param policy: what the lookup accepts beyond tf2's: ``tolerance``, ``extrapolate`` and ``max_gap``
+            of :class:`tf2_py.typing.LookupPolicy`.
         :return: a ``TransformStamped`` from ``target_frame`` (its ``header.frame_id``) to ``source_frame``
             (its ``child_frame_id``), stamped with ``time``, or with the latest time if that is 0.
         :raises LookupException: a frame is unknown, or the tree contains a loop.

@@ -1,4 +1,4 @@
-"""Lookups that accept more than tf2's: a tolerance, extrapolation, a longest gap, cubic interpolation."""
+"""Lookups that accept more than tf2's: a tolerance, extrapolation, a longest gap."""
 
 import asyncio
 import itertools
@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from making import S, about_z, at_ns, rotation, stamp_ns, transform, translation
 from ros_optional import Duration
-from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
 pytestmark = pytest.mark.ours
@@ -40,7 +39,7 @@ class Model:
         buffer.set_transform_static(transform("base", "mast", xyz=(0, 1, 2), xyzw=about_z(2.5)), "x")
         return buffer
 
-    def edge(self, child, time, tolerance=0, extrapolate=False, max_gap=None, interpolation="linear"):
+    def edge(self, child, time, tolerance=0, extrapolate=False, max_gap=None):
         """Stamp used, place and turn; None: there is no answer."""
         if child == "mast":
             return (time, *self.mast)
@@ -64,32 +63,8 @@ class Model:
         if max_gap is not None and stamps[i + 1] - stamps[i] > max_gap:
             return None
         seconds, now = (stamps - stamps[0]) / S, (time - stamps[0]) / S
-        if interpolation == "linear":
-            place = [np.interp(now, seconds, places[:, axis]) for axis in range(3)]
-            return time, np.array(place), Slerp(seconds[i : i + 2], turns[i : i + 2])(now)
-        # numpy.gradient is the slope of the parabola through three points, and at the ends that of two.
-        place = CubicHermiteSpline(seconds, places, np.gradient(places, seconds, axis=0))(now)
-        return time, place, self.turn_between(seconds, turns, i, now)
-
-    @staticmethod
-    def turn_between(seconds, turns, i, now):
-        """The curve of Kim, Kim and Shin, with De Casteljau's basis written out."""
-        steps = np.diff(seconds)
-        means = (turns[:-1].inv() * turns[1:]).as_rotvec() / steps[:, None]
-        speeds = [means[0]]
-        for before, after, h, k in zip(means, means[1:], steps, steps[1:], strict=False):
-            speeds.append((before * k + after * h) / (h + k))
-        speeds.append(means[-1])
-        first = Rotation.from_rotvec(speeds[i] * steps[i] / 3)
-        last = Rotation.from_rotvec(speeds[i + 1] * steps[i] / 3)
-        middle = first.inv() * turns[i].inv() * turns[i + 1] * last.inv()
-        r = (now - seconds[i]) / steps[i]
-        basis = [3 * r * (1 - r) ** 2, 3 * r**2 * (1 - r), r**3]
-        shares = [sum(basis[k:]) for k in range(3)]
-        turn = turns[i]
-        for share, one in zip(shares, (first, middle, last), strict=True):
-            turn = turn * Rotation.from_rotvec(share * one.as_rotvec())
-        return turn
+        place = [np.interp(now, seconds, places[:, axis]) for axis in range(3)]
+        return time, np.array(place), Slerp(seconds[i : i + 2], turns[i : i + 2])(now)
 
     def answer(self, target, source, time, **policy):
         """Stamp, place and turn of the lookup; None: it has no answer."""
@@ -121,8 +96,7 @@ POLICIES = [
     {"tolerance": 0.3},
     {"tolerance": 0.3, "extrapolate": True},
     {"max_gap": 0.3},
-    {"interpolation": "cubic"},
-    {"tolerance": 0.5, "extrapolate": True, "max_gap": 0.3, "interpolation": "cubic"},
+    {"tolerance": 0.5, "extrapolate": True, "max_gap": 0.3},
 ]
 
 
@@ -285,45 +259,12 @@ class TestMaxGap:
                 look_up("map", "base", time, max_gap=1)
 
 
-class TestCubic:
-    def test_velocities_are_continuous_and_those_of_the_parabola(self, tf2_ros):
-        model = Model(4)
-        buffer = model.fill(tf2_ros.Buffer(1000))
-        _, stamps, places, turns = model.edges["arm"]
-        step = 1000  # ns
-        for i, stamp in enumerate(stamps[1:-1], 1):
-            times = [int(stamp) + k * step for k in (-1, 0, 1)]
-            moved, turned = buffer.lookup_transforms("base", "arm", times, interpolation="cubic")
-            speeds = np.diff(moved, axis=0) / (step / S)
-            assert speeds[0] == pytest.approx(speeds[1], abs=1e-3)
-            seconds = (stamps[i - 1 : i + 2] - stamps[i]) / S
-            assert speeds[0] == pytest.approx(
-                np.gradient(places[i - 1 : i + 2], seconds, axis=0)[1], abs=1e-3
-            )
-            turned = Rotation.from_quat(turned)
-            spins = (turned[:-1].inv() * turned[1:]).as_rotvec() / (step / S)
-            assert spins[0] == pytest.approx(spins[1], abs=1e-3)
-
-    def test_a_steady_motion_is_that_of_linear_interpolation(self, tf2_ros):
-        buffer = tf2_ros.Buffer()
-        for tick in range(8):
-            buffer.set_transform(
-                transform("map", "base", tick, (tick, 2 * tick, 0), about_z(0.7 * tick)), "x"
-            )
-        times = np.linspace(0.01, 6.99, 50) * S
-        linear = buffer.lookup_transforms("map", "base", times.astype(int))
-        cubic = buffer.lookup_transforms("map", "base", times.astype(int), interpolation="cubic")
-        for one, other in zip(linear, cubic, strict=True):
-            assert one == pytest.approx(other, abs=1e-12)
-
-
 def test_numbers_that_are_too_large_are_not_differentiated(tf2_ros):
     buffer = tf2_ros.Buffer()
     for second, x in ((1, -1e308), (2, 1e308)):
         buffer.set_transform(transform("map", "base", second, (x, 0, 0)), "x")
     ahead = buffer.lookup_transform("map", "base", at_ns(3 * S), tolerance=1, extrapolate=True)
-    between = buffer.lookup_transform("map", "base", at_ns(3 * S // 2), interpolation="cubic")
-    assert (translation(ahead)[0], translation(between)[0]) == (1e308, 0)
+    assert translation(ahead)[0] == 1e308
 
 
 class TestArguments:
@@ -335,7 +276,6 @@ class TestArguments:
             ({"tolerance": "1"}, TypeError, "tolerance"),
             ({"max_gap": -0.1}, ValueError, "must not be negative"),
             ({"extrapolate": True}, TypeError, "needs a tolerance"),
-            ({"interpolation": "spline"}, ValueError, "'linear' or 'cubic'"),
         ],
         ids=str,
     )

@@ -154,20 +154,23 @@ cdef inline void quaternion_interpolate(const double* a, const double* b, double
 
 # Rotation vectors: an axis times an angle in radians.
 
-cdef inline void rotation_vector_between(const double* a, const double* b, double* out) noexcept nogil:
-    # The turn a^-1 b, at most pi: 2 atan2(|v|, w) v / |v| for that quaternion (v, w) with w >= 0.
-    cdef double inverse[4]
-    cdef double turn[4]
-    cdef double sine, scale
+cdef inline void rotation_vector(const double* q, double* out) noexcept nogil:
+    # Of a unit quaternion (v, w), at most pi: 2 atan2(|v|, |w|) v / |v|, with the sign of w.
+    cdef double sine = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
+    cdef double scale = 2.0 * atan2(sine, fabs(q[3])) / sine if sine > 0.0 else 2.0
     cdef int i
-    quaternion_conjugate(a, inverse)
-    quaternion_multiply(inverse, b, turn)
-    sine = sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2])
-    scale = 2.0 * atan2(sine, fabs(turn[3])) / sine if sine > 0.0 else 2.0
-    if turn[3] < 0.0:
+    if q[3] < 0.0:
         scale = -scale
     for i in range(3):
-        out[i] = scale * turn[i]
+        out[i] = scale * q[i]
+
+
+cdef inline void rotation_vector_between(const double* a, const double* b, double* out) noexcept nogil:
+    # The turn a^-1 b, in the axes of a.
+    cdef double turn[4]
+    quaternion_conjugate(a, turn)
+    quaternion_multiply(turn, b, turn)
+    rotation_vector(turn, out)
 
 
 cdef inline void quaternion_turn(const double* q, const double* vector, double factor,
@@ -291,21 +294,15 @@ cdef inline void twist_between(const Transform* start, const Transform* end, dou
                                double* angular) noexcept nogil:
     # Metres and radians per second, of the moving origin, in the frame that both poses are given in:
     # the chord between the origins, and the rotation vector of end start^-1, each over the time.
-    # The rotation vector is 2 atan2(|v|, w) v / |v| for the quaternion (v, w) with w >= 0. Zero seconds: NaN.
-    cdef double inverse[4]
+    # Zero seconds: NaN.
     cdef double turn[4]
-    cdef double sine, scale
     cdef int i
-    quaternion_conjugate(start.rotation, inverse)
-    quaternion_multiply(end.rotation, inverse, turn)
-    if turn[3] < 0.0:
-        for i in range(4):
-            turn[i] = -turn[i]
-    sine = sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2])
-    scale = 2.0 * atan2(sine, turn[3]) / sine if sine > 0.0 else 2.0
+    quaternion_conjugate(start.rotation, turn)
+    quaternion_multiply(end.rotation, turn, turn)
+    rotation_vector(turn, angular)
     for i in range(3):
         linear[i] = (end.translation[i] - start.translation[i]) / seconds
-        angular[i] = scale * turn[i] / seconds
+        angular[i] /= seconds
 
 
 cdef inline void twist_of_point(const Transform* start, const Transform* end, double seconds,

@@ -289,91 +289,6 @@ cdef Gap history_transform_at(const History* history, int64_t time_ns, uint32_t 
     return GAP_NONE
 
 
-cdef inline bint _is_interval(const History* history, uint32_t index) noexcept nogil:
-    # Whether a sample and the one after it have the same parent and different stamps; any index.
-    cdef uint32_t older, newer
-    if index >= history.count - 1:
-        return False
-    older, newer = history_slot(history, index), history_slot(history, index + 1)
-    return (history.stamps[older] < history.stamps[newer]
-            and history.samples[older].parent == history.samples[newer].parent)
-
-
-cdef double _mean_velocity(const History* history, uint32_t index, double* linear,
-                           double* angular) noexcept nogil:
-    # From one sample to the next, which form an interval, whose seconds are returned. The angular velocity is
-    # in the axes of the frame itself, and so the same at both samples.
-    cdef const Transform* a = &history.samples[history_slot(history, index)].transform
-    cdef const Transform* b = &history.samples[history_slot(history, index + 1)].transform
-    cdef double seconds = 1e-9 * <double>(history.stamps[history_slot(history, index + 1)]
-                                          - history.stamps[history_slot(history, index)])
-    cdef int i
-    for i in range(3):
-        linear[i] = (b.translation[i] - a.translation[i]) / seconds
-    rotation_vector_between(a.rotation, b.rotation, angular)
-    for i in range(3):
-        angular[i] /= seconds
-    return seconds
-
-
-cdef void _velocity_at(const History* history, uint32_t index, double* linear,
-                       double* angular) noexcept nogil:
-    # Of a sample that at least one interval has as its end: the mean of the intervals on both sides, each
-    # weighted with the length of the other, which is the slope of the parabola through three points.
-    cdef double linear_before[3]
-    cdef double angular_before[3]
-    cdef double before, after, weight
-    cdef int i
-    if not _is_interval(history, index):
-        _mean_velocity(history, index - 1, linear, angular)
-        return
-    after = _mean_velocity(history, index, linear, angular)
-    if index == 0 or not _is_interval(history, index - 1):
-        return
-    before = _mean_velocity(history, index - 1, linear_before, angular_before)
-    weight = after / (before + after)
-    for i in range(3):
-        linear[i] += weight * (linear_before[i] - linear[i])
-        angular[i] += weight * (angular_before[i] - angular[i])
-
-
-cdef void _interpolate_cubic(const History* history, uint32_t index, double ratio,
-                             Transform* out) noexcept nogil:
-    # Between a sample and the next one, with the velocities that neighbouring intervals share: a cubic
-    # Hermite curve, and for the rotation its counterpart of M.-J. Kim, M.-S. Kim, S. Y. Shin: A General
-    # Construction Scheme for Unit Quaternion Curves with Simple High Order Derivatives, SIGGRAPH 1995.
-    cdef const Transform* a = &history.samples[history_slot(history, index)].transform
-    cdef const Transform* b = &history.samples[history_slot(history, index + 1)].transform
-    cdef double seconds = 1e-9 * <double>(history.stamps[history_slot(history, index + 1)]
-                                          - history.stamps[history_slot(history, index)])
-    cdef double linear_a[3]
-    cdef double linear_b[3]
-    cdef double first[3]
-    cdef double middle[3]
-    cdef double last[3]
-    cdef double near_a[4]
-    cdef double near_b[4]
-    cdef double rest = 1.0 - ratio
-    cdef double cubed = ratio * ratio * ratio
-    cdef double from_b = ratio * ratio * (3.0 - 2.0 * ratio)
-    cdef int i
-    _velocity_at(history, index, linear_a, first)
-    _velocity_at(history, index + 1, linear_b, last)
-    for i in range(3):
-        out.translation[i] = (
-            (1.0 - from_b) * a.translation[i] + from_b * b.translation[i]
-            + seconds * ratio * rest * (rest * linear_a[i] - ratio * linear_b[i]))
-        first[i] *= seconds / 3.0
-        last[i] *= seconds / 3.0
-    # The curve is a exp(f1 first) exp(f2 middle) exp(f3 last), and middle is such that it ends at b.
-    quaternion_turn(a.rotation, first, 1.0, near_a)
-    quaternion_turn(b.rotation, last, -1.0, near_b)
-    rotation_vector_between(near_a, near_b, middle)
-    quaternion_turn(a.rotation, first, 1.0 - rest * rest * rest, out.rotation)
-    quaternion_turn(out.rotation, middle, from_b, out.rotation)
-    quaternion_turn(out.rotation, last, cubed, out.rotation)
-
-
 cdef inline bint _is_finite(const Transform* transform) noexcept nogil:
     cdef double total = 0.0
     cdef int i
@@ -385,20 +300,27 @@ cdef inline bint _is_finite(const Transform* transform) noexcept nogil:
 
 
 cdef void _extrapolate(const History* history, int64_t time_ns, Transform* out) noexcept nogil:
-    # After the newest sample, at the velocity between it and the one before; where there is none that forms
-    # an interval with it, it stays.
+    # After the newest sample, at the velocity between it and the one before. It stays where there is none, or
+    # one of the same stamp or of another parent.
     cdef const Transform* newest = history_newest_transform(history)
-    cdef double seconds = 1e-9 * <double>(time_ns - history.newest_ns)
-    cdef double linear[3]
-    cdef double angular[3]
+    cdef const Transform* before
+    cdef double ratio
+    cdef double turned[3]
+    cdef uint32_t older
     cdef int i
     out[0] = newest[0]
-    if history.count < 2 or not _is_interval(history, history.count - 2):
+    if history.count < 2:
         return
-    _mean_velocity(history, history.count - 2, linear, angular)
+    older = history_slot(history, history.count - 2)
+    if (history.stamps[older] == history.newest_ns
+            or history.samples[older].parent != history_newest_parent(history)):
+        return
+    before = &history.samples[older].transform
+    ratio = <double>(time_ns - history.newest_ns) / <double>(history.newest_ns - history.stamps[older])
     for i in range(3):
-        out.translation[i] += seconds * linear[i]
-    quaternion_turn(newest.rotation, angular, seconds, out.rotation)
+        out.translation[i] += ratio * (newest.translation[i] - before.translation[i])
+    rotation_vector_between(before.rotation, newest.rotation, turned)
+    quaternion_turn(newest.rotation, turned, ratio, out.rotation)
 
 
 cdef Gap history_transform_under(const History* history, int64_t time_ns, const Policy* policy,
@@ -419,12 +341,7 @@ cdef Gap history_transform_under(const History* history, int64_t time_ns, const 
     if policy.max_gap_ns != INT64_MAX and history_stamps_around(history, found_ns, &older_ns, &newer_ns):
         if newer_ns - older_ns > policy.max_gap_ns:
             return GAP_LONG
-    if older == newer or not policy.is_cubic:
-        return history_transform_at(history, found_ns, hint, out)
-    _interpolate_cubic(history, hint - 1, (
-        <double>(found_ns - history.stamps[older])
-        / <double>(history.stamps[newer] - history.stamps[older])), out)
-    return GAP_NONE if _is_finite(out) else history_transform_at(history, found_ns, hint, out)
+    return history_transform_at(history, found_ns, hint, out)
 
 
 cdef bint history_stamps_around(const History* history, int64_t time_ns, int64_t* older_ns,

@@ -56,7 +56,6 @@ cdef struct Policy:
     # What a program asks of a lookup beyond tf2's.
     bint is_given           # False: nothing, and the other fields are not set
     bint extrapolates       # after its newest sample a frame goes on at its last velocity; False: it stays
-    bint is_cubic           # interpolates with continuous velocity
     int64_t tolerance_ns    # how far after its newest sample a frame has an answer
     int64_t max_gap_ns      # between samples that are further apart it has none
 

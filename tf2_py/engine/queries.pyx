@@ -44,29 +44,26 @@ cdef class PolicyObject:
     """What a lookup accepts beyond tf2's; made by :func:`policy_of`."""
 
 
-def policy_of(call, tolerance=None, extrapolate=False, max_gap=None, interpolation="linear", **unknown):
+def policy_of(call, tolerance=None, extrapolate=False, max_gap=None, **unknown):
     """
     The policy of these arguments, which are those of ``Buffer.lookup_transform``; None: all are defaults.
 
     :param call: the method that a program called with them.
     :raises TypeError: one of them has the wrong type, or there are others.
-    :raises ValueError: a duration is negative, or the interpolation is unknown.
+    :raises ValueError: a duration is negative.
     """
     cdef PolicyObject made
     for name in unknown:
-        meant = errors.closest(name, ("timeout", "tolerance", "extrapolate", "max_gap", "interpolation"))
+        meant = errors.closest(name, ("timeout", "tolerance", "extrapolate", "max_gap"))
         raise TypeError(f"{call}() got an unexpected keyword argument {name!r}"
                         + (f". Did you mean {meant[0]!r}?" if meant else ""))
-    if interpolation not in ("linear", "cubic"):
-        raise ValueError(f"interpolation must be 'linear' or 'cubic', not {interpolation!r}")
     if tolerance is None and extrapolate:
         raise TypeError("extrapolate needs a tolerance: how far it may extrapolate")
-    if tolerance is None and max_gap is None and interpolation == "linear":
+    if tolerance is None and max_gap is None:
         return None
     made = PolicyObject()
     made.policy.is_given = True
     made.policy.extrapolates = extrapolate
-    made.policy.is_cubic = interpolation == "cubic"
     made.policy.tolerance_ns = 0 if tolerance is None else duration_nanoseconds(tolerance, "tolerance")
     made.policy.max_gap_ns = INT64_MAX if max_gap is None else duration_nanoseconds(max_gap, "max_gap")
     if made.policy.tolerance_ns < 0 or made.policy.max_gap_ns < 0:

@@ -467,7 +467,7 @@ class MessageFilter(Generic[_Message]):
         for frame in self._frames if queued.stamp_ns and queued.outcome is None else ():
             with suppress(TransformException):  # not connected yet
                 newest = BufferCore.get_latest_common_time(self._buffer, frame, queued.frame)
-                if newest.nanoseconds - self._buffer._tf2_cache_time_ns > queued.stamp_ns:
+                if newest.nanoseconds - self._buffer.cache_time_ns > queued.stamp_ns:
                     return True
         return False
 

@@ -214,20 +214,12 @@ class TransformListener:
         The executor that spins the node inserts the transforms of other topics. Empty after the end of the
         listener, and in a forked child.
         """
-        if "receives" in self.__dict__:
-            value: tuple[str, ...] = self.__dict__["receives"]
-            return value
         is_attached = self._tf2_attachment is not None and self._tf2_attachment.has(self)
         return tuple(
             topic.name
             for topic in self._tf2_topics
             if is_attached or (topic.receiver is not None and topic.receiver.alive)
         )
-
-    @receives.setter
-    def receives(self, value: Any) -> None:
-        # A program may use the name for something else.
-        self.__dict__["receives"] = value
 
     def unregister(self) -> None:
         """End the subscriptions and the hidden node; the buffer keeps its transforms."""

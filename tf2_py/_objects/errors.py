@@ -1,17 +1,14 @@
 """The exceptions of lookups, and the texts of errors and waits."""
 
-import heapq
 from collections.abc import Iterable
-from difflib import SequenceMatcher  # not in `closest`: a child forked meanwhile would wait for ever
+from difflib import get_close_matches  # not in `closest`: a child forked meanwhile would wait for ever
 
 NS_PER_S = 1_000_000_000
 YEAR_NS = 365 * 86400 * NS_PER_S
 SHORTEST_WAIT_NS = 1_000_000  # texts do not mention a shorter wait
 
 MOST_SUGGESTED = 3
-MOST_COMPARED = 16  # in full, at a cost that grows with the square of a length; the others by their letters
 LONGEST = 100  # characters; longer names, which any sender may choose, are not compared
-CUTOFF = 0.6  # as in difflib: how similar two names must be, from 0 to 1
 QUOTES = frozenset('"[]')  # programs search error texts for the names between these
 
 
@@ -186,34 +183,16 @@ def closest(name: str, known: Iterable[str]) -> list[str]:
     """
     The known names that resemble ``name`` most, best first, at most MOST_SUGGESTED of them.
 
-    Case is ignored. Names that differ only in their namespace, as ``robot1/base_link`` and ``base_link``, are
-    similar.
+    Case is ignored. Names that differ only in their namespace, as ``robot1/base_link`` and ``base_link``,
+    come first.
     """
     if len(name) > LONGEST:
         return []
     wanted = name.casefold()
-    wanted_part = _last_part(wanted)
-    matcher = SequenceMatcher(autojunk=False)
-    matcher.set_seq2(wanted)
-    rated = []
-    for one in known:
-        if len(one) > LONGEST or not QUOTES.isdisjoint(one):
-            continue
-        folded = one.casefold()
-        is_moved = _last_part(folded) == wanted_part
-        matcher.set_seq1(folded)
-        # Each ratio is an upper bound of the next one, and faster to compute.
-        if is_moved or matcher.real_quick_ratio() >= CUTOFF:
-            rating = matcher.quick_ratio()
-            if is_moved or rating >= CUTOFF:
-                rated.append((is_moved, rating, folded, one))
-    found = []
-    for is_moved, _, folded, one in heapq.nlargest(MOST_COMPARED, rated):
-        matcher.set_seq1(folded)
-        ratio = matcher.ratio()
-        if is_moved or ratio >= CUTOFF:
-            found.append((is_moved, ratio, one))
-    return [one for _, _, one in heapq.nlargest(MOST_SUGGESTED, found)]
+    folded = {one.casefold(): one for one in known if len(one) <= LONGEST and QUOTES.isdisjoint(one)}
+    similar = get_close_matches(wanted, folded, MOST_SUGGESTED)
+    moved = [one for one in folded if _last_part(one) == _last_part(wanted)]
+    return [folded[one] for one in dict.fromkeys([*moved, *similar])][:MOST_SUGGESTED]
 
 
 def _last_part(name: str) -> str:

@@ -15,8 +15,7 @@ SHORTEST_SPAN_NS = 100_000  # a shorter history counts as this long when its rat
 UNQUOTED_KEY = re.compile(r"[^\W\d][\w.-]*")
 LONGEST_SIMPLE_KEY = 1000  # YAML looks for the colon within 1024 characters
 INDENT = "  "  # of the tree
-# Deeper frames begin again at the margin, so that the text of a long chain of frames stays short.
-MAX_DEPTH = 40
+MAX_DEPTH = 40  # deeper frames are not indented further
 YAML_WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
 
 
@@ -252,19 +251,14 @@ def _subtree(
 ) -> Iterator[str]:
     # No recursion: a tree may be deeper than Python's stack.
     waiting = [(root, 0, mark)]
-    continued: list[str] = []
     while waiting:
         name, depth, mark = waiting.pop()
         again = name in shown and not mark
         shown.add(name)
         below = [] if again else children.get(name, [])
-        if below and depth == MAX_DEPTH:
-            continued.append(name)
-            below, mark = [], " ..."
-        yield INDENT * depth + printable(name) + _facts(frames.get(name)) + (" (loop)" if again else mark)
+        end = " (loop)" if again else mark
+        yield INDENT * min(depth, MAX_DEPTH) + printable(name) + _facts(frames.get(name)) + end
         waiting += [(child, depth + 1, "") for child in reversed(below)]
-        if not waiting and continued:
-            waiting.append((continued.pop(0), 0, " (continued)"))
 
 
 def _facts(info: FrameInfo | None) -> str:

@@ -141,17 +141,6 @@ cdef class Tap:
         pass
 
 
-class _Overridable:
-    """A property that a program may replace by an attribute of its own. Our own code does not use it."""
-
-    def __init__(self, get):
-        self._get = get
-        self.__doc__ = get.__doc__
-
-    def __get__(self, instance, owner=None):
-        return self if instance is None else self._get(instance)
-
-
 @cython.no_gc_clear
 cdef class Engine:
     """The tree of a BufferCore, and all that is done to it under its lock."""
@@ -650,17 +639,13 @@ cdef class Engine:
         return problem
 
     @property
-    def _tf2_cache_time_ns(self):
+    def cache_time_ns(self):
+        """How far each frame's history reaches back, in nanoseconds."""
         cdef int64_t cache_time_ns
         lock_acquire(&self._lock)
         cache_time_ns = self._tree.retention.cache_time_ns
         lock_release(&self._lock)
         return cache_time_ns
-
-    @_Overridable
-    def cache_time_ns(self):
-        """How far each frame's history reaches back, in nanoseconds."""
-        return self._tf2_cache_time_ns
 
 
 cdef _extend(list chain, list frames):

@@ -109,7 +109,7 @@ cdef str name_for_log(const char* text, size_t size):
 # What error texts say of unknown names and of silent topics.
 
 cdef enum:
-    MOST_COMPARED = 500         # known names: comparing takes some 2 us for each, with the GIL held
+    MOST_COMPARED = 200         # known names: comparing takes some 20 us for each, with the GIL held
     MOST_REMEMBERED = 64        # suggestions
     LONGEST_REMEMBERED = 100    # characters of an unknown name
 

@@ -251,7 +251,7 @@ def _lack(reader: RingReader, buffer: Any, listener: Any) -> str:
     missing = [name for name in topics if name not in owner.topics]
     if missing:
         return f"is not filled from {' and '.join(missing)}"
-    cache_time_ns: int = buffer._tf2_cache_time_ns
+    cache_time_ns: int = buffer.cache_time_ns
     if owner.cache_time_ns < cache_time_ns:
         return f"keeps {owner.cache_time_ns / 1e9:g} s, this one {cache_time_ns / 1e9:g} s"
     short_ns, missed = reader.shortage

@@ -38,11 +38,11 @@ class Owner:
     def __init__(self, buffer: Any, name: str) -> None:
         self.name = name
         self.path = segment_path(name)
-        self._description = Description(os.getpid(), buffer._tf2_cache_time_ns)
+        self._description = Description(os.getpid(), buffer.cache_time_ns)
         try:
             size = _file_size()
             descriptor, lock_descriptor = make_file()
-            self._ring = RingWriter(descriptor, lock_descriptor, size, buffer._tf2_cache_time_ns)
+            self._ring = RingWriter(descriptor, lock_descriptor, size, buffer.cache_time_ns)
             self._ring.describe(self._description.to_bytes())
             file = os.fstat(descriptor)
             publish(descriptor, self.path)

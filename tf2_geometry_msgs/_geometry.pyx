@@ -159,7 +159,7 @@ cdef int read_covariance(object covariance, int side, double* out) except -1:
             raise TypeError(f"a covariance must be {count} numbers: {reason}") from None
     values = covariance
     if cnp.PyArray_NDIM(values) == 0:
-        raise TypeError(f"a covariance must be {count} numbers, not one value")
+        raise TypeError(f"covariance: expected {count} numbers, got one value")
     if cnp.PyArray_SIZE(values) != count:
         raise ValueError(f"a covariance must be {count} numbers, got {cnp.PyArray_SIZE(values)}")
     memcpy(out, cnp.PyArray_DATA(values), count * sizeof(double))
@@ -183,7 +183,7 @@ cdef object copy_shallow(Layout layout, object message):
 cdef object _frame_id_of(object header):
     frame_id = get_field(header_layout, header, "frame_id")
     if not PyUnicode_Check(frame_id):
-        raise TypeError(f"a frame_id must be a str, not {type(frame_id).__name__}")
+        raise TypeError(f"frame_id: expected a str, got {type(frame_id).__name__}")
     return frame_id
 
 

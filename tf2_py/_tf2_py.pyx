@@ -71,12 +71,12 @@ cdef object _limit(str name, object given):
         if not text:
             return LIMITS[name]
         if not text.isdecimal():
-            raise ValueError(f"{source} must be a whole number, it is {text!r}")
+            raise ValueError(f"{source}: expected a whole number, got {text!r}")
         given = int(text)
     if isinstance(given, bool) or not isinstance(given, int):
-        raise TypeError(f"{source} must be an int, not {type(given).__name__}")
+        raise TypeError(f"{source}: expected an int, got {type(given).__name__}")
     if not 0 < given < 1 << 31 and not (name == "max_bytes" and 0 < given < 1 << 63):
-        raise ValueError(f"{source} must be above 0 and fit into a C integer, it is {given}")
+        raise ValueError(f"{source}: expected a number above 0 that fits into a C integer, got {given}")
     return given
 
 
@@ -141,7 +141,7 @@ cdef class BufferCore(Engine):
             retention.cache_time_ns = duration_nanoseconds(cache_time, "cache_time")
         if retention.cache_time_ns < 0:
             seconds = errors.seconds(retention.cache_time_ns)
-            raise ValueError(f"cache_time must not be negative, it is {seconds} s")
+            raise ValueError(f"cache_time: expected 0 or more, got {seconds} s")
         self.start_over(&retention, &limits)
 
     # Inserting transforms.
@@ -923,7 +923,7 @@ cdef bint _is_sequence(value):
 
 cdef bint _is_nan_wanted(on_missing) except -1:
     if on_missing not in ("raise", "nan"):
-        raise ValueError(f"on_missing must be 'raise' or 'nan', not {on_missing!r}")
+        raise ValueError(f"on_missing: expected 'raise' or 'nan', got {on_missing!r}")
     return on_missing == "nan"
 
 

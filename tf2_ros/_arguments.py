@@ -8,13 +8,13 @@ from tf2_py._internal import FOR_EVER_NS, MalformedObjectError, duration_ns
 def require_node(call: str, node: Any, method: str) -> None:
     """Raise a TypeError, which is also an AttributeError as in tf2, if a node lacks the method."""
     if not hasattr(node, method):
-        raise MalformedObjectError(f"{call} needs a node, which has {method}; {kind_of(node)} has not")
+        raise MalformedObjectError(f"{call}: expected a node with {method}, got {kind_of(node)}")
 
 
 def require_callable(method: str, callback: object) -> None:
     """Raise a TypeError if what a method is to call cannot be called."""
     if not callable(callback):
-        raise TypeError(f"{method} needs a function to call, not {kind_of(callback)}")
+        raise TypeError(f"{method}: expected a function, got {kind_of(callback)}")
 
 
 def optional_timeout_ns(timeout: Any, argument: str = "timeout") -> int | None:

@@ -154,7 +154,7 @@ class TransformRegistration:
         :raises TypeError: ``key`` is not a type, or ``callback`` cannot be called.
         """
         if not isinstance(key, type):
-            raise TypeError(f"TransformRegistration.add needs a type as key, not {key!r}")
+            raise TypeError(f"TransformRegistration.add: expected a type as key, got {key!r}")
         require_callable("TransformRegistration.add", callback)
         self.__type_map[key] = callback
 

@@ -330,7 +330,7 @@ class BufferClient(AnsweringInterface):
     ) -> None:
         require_node("BufferClient", node, "create_client")
         if not check_frequency > 0.0:
-            raise ValueError(f"check_frequency must be above 0 Hz, it is {check_frequency}")
+            raise ValueError(f"check_frequency: expected a number above 0 Hz, got {check_frequency}")
         super().__init__()
         self.node = node
         self.check_frequency = check_frequency

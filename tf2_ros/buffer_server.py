@@ -86,7 +86,7 @@ class BufferServer:
 
     def __init__(self, buffer: BufferCore, node: Node, ns: str, check_period: float = 0.01) -> None:
         if not isinstance(buffer, BufferCore):
-            raise TypeError(f"buffer must be a tf2_ros.Buffer, not {type(buffer).__name__}")
+            raise TypeError(f"buffer: expected a tf2_ros.Buffer, got {type(buffer).__name__}")
         require_node("BufferServer", node, "create_service")
         self._buffer = buffer
         self._lookups: dict[bytes, Future] = {}

@@ -186,7 +186,7 @@ class MessageFilter(Generic[_Message]):
         tolerance: DurationLike | None = None,
     ) -> None:
         if not isinstance(buffer, Buffer):
-            raise TypeError(f"buffer must be a tf2_ros.Buffer, not {type(buffer).__name__}")
+            raise TypeError(f"buffer: expected a tf2_ros.Buffer, got {type(buffer).__name__}")
         require_node("MessageFilter", node, "create_subscription")
         self.callbacks: dict[int, _Callback] = {}
         self._failure_callbacks: dict[int, _Callback] = {}
@@ -345,7 +345,7 @@ class MessageFilter(Generic[_Message]):
         if isinstance(input, tuple) and len(input) == 3:
             message_type, topic, qos = input
             if not isinstance(message_type, type):
-                raise TypeError(f"input must be (message type, topic, qos), in this order, not {input!r}")
+                raise TypeError(f"input: expected (message type, topic, qos), in this order, got {input!r}")
             if not hasattr(message_type, "header"):
                 raise TypeError(
                     f"messages of the type {message_type!r} have no header with a frame and a time"
@@ -356,7 +356,7 @@ class MessageFilter(Generic[_Message]):
             )
             return partial(self._node.destroy_subscription, subscription)
         if not hasattr(input, "registerCallback"):
-            raise TypeError(f"input must be (message type, topic, qos), a filter, or None, not {input!r}")
+            raise TypeError(f"input: expected (message type, topic, qos), a filter, or None, got {input!r}")
         connected = [True]
 
         def take(message: Any, *_: Any) -> None:
@@ -614,11 +614,11 @@ class MessageStream(Generic[_Item]):
 def _names(target_frames: str | Sequence[str]) -> tuple[str, ...]:
     if not isinstance(target_frames, Iterable):
         raise TypeError(
-            f"target_frames must be the name of a frame, or several, not {type(target_frames).__name__}"
+            f"target_frames: expected the name of a frame, or several, got {type(target_frames).__name__}"
         )
     names = (target_frames,) if isinstance(target_frames, str) else tuple(target_frames)
     if not names:
-        raise ValueError("there must be a target frame")
+        raise ValueError("target_frames: expected at least one frame, got none")
     names = tuple(frame_name(name, "target_frames").removeprefix("/") for name in names)
     for name in names:
         if is_invalid_name(name):
@@ -628,14 +628,14 @@ def _names(target_frames: str | Sequence[str]) -> tuple[str, ...]:
 
 def _size(queue_size: int) -> int:
     if queue_size < 0:
-        raise ValueError(f"queue_size must not be negative, it is {queue_size}")
+        raise ValueError(f"queue_size: expected 0 or more, got {queue_size}")
     return queue_size
 
 
 def _tolerance_ns(tolerance: DurationLike | None) -> int:
     tolerance_ns = 0 if tolerance is None else duration_ns(tolerance, "tolerance")
     if tolerance_ns < 0:
-        raise ValueError(f"tolerance must not be negative, it is {tolerance_ns / 1e9} s")
+        raise ValueError(f"tolerance: expected 0 or more, got {tolerance_ns / 1e9} s")
     if tolerance_ns >= FOR_EVER_NS:
         raise ValueError("tolerance must be finite: no transform is available forever after a stamp")
     return tolerance_ns

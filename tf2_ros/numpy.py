@@ -54,7 +54,7 @@ _Unstamped = TypeVar("_Unstamped", Transform, Pose)
 
 # How far a matrix may differ from a rotation; a product of a few float32 matrices differs less.
 TOLERANCE = 1e-5
-OF_ARRAYS = "translations and rotations must be numbers"
+OF_ARRAYS = "translations and rotations: expected numbers"
 
 
 @overload
@@ -80,7 +80,7 @@ def to_matrix(transforms: Message | Pair, *, dtype: npt.DTypeLike = np.float64) 
     array([1., 2., 3.])
     """
     if np.dtype(dtype) not in (np.float64, np.float32):
-        raise TypeError(f"dtype must be numpy.float64 or numpy.float32, not {dtype!r}")
+        raise TypeError(f"dtype: expected numpy.float64 or numpy.float32, got {dtype!r}")
     translations, turns = _translations_and_turns(transforms)
     matrices = np.zeros((*turns.shape[:-2], 4, 4), dtype)
     matrices[..., :3, :3] = turns
@@ -138,7 +138,7 @@ def from_matrix(
     if message_class is None:
         message_class = Transform if child_frame_id is None else TransformStamped
     if message_class not in (Transform, TransformStamped, Pose, PoseStamped):
-        raise TypeError(f"a matrix can become a Transform or a Pose, stamped or not; not a {message_class}")
+        raise TypeError(f"message_class: expected a Transform or a Pose, stamped or not, got {message_class}")
     if child_frame_id is not None and message_class is not TransformStamped:
         raise TypeError(f"a {message_class.__name__} has no child_frame_id")
     if header is not None and message_class in (Transform, Pose):
@@ -147,7 +147,7 @@ def from_matrix(
         )
     array = _matrices(matrix)
     if array.ndim != 2:
-        raise ValueError(f"a matrix must have the shape (4, 4), not {array.shape}; to_arrays takes many")
+        raise ValueError(f"matrix: expected the shape (4, 4), got {array.shape}; to_arrays takes many")
     translation, rotation = _translations_and_rotations(array)
     x, y, z = translation.tolist()
     header = Header() if header is None else deepcopy(header)
@@ -304,9 +304,9 @@ def propagate(covariances: npt.ArrayLike, transforms: Message | Pair, *, lever_a
     >>> propagate(numpy.diag([0.04, 0.01, 0, 0, 0, 0]), a_quarter_turn)[0].diagonal()[:2].round(6)
     array([0.01, 0.04])
     """
-    values = _floats(covariances, "covariances must be numbers")
+    values = _floats(covariances, "covariances: expected numbers")
     if values.shape[-2:] != (6, 6):
-        raise ValueError(f"covariances must have the shape (N, 6, 6), not {values.shape}")
+        raise ValueError(f"covariances: expected the shape (N, 6, 6), got {values.shape}")
     translations, turns = _translations_and_turns(transforms)
     many, others = values.shape[:-2], turns.shape[:-2]
     if many and others and many != others:
@@ -387,8 +387,8 @@ def _pair(transforms: tuple[Any, ...]) -> tuple[Array, Array]:
     translations, rotations = (_floats(part, OF_ARRAYS) for part in transforms)
     if translations.shape[-1:] != (3,) or rotations.shape != (*translations.shape[:-1], 4):
         raise ValueError(
-            "translations and rotations must have the shapes (N, 3) and (N, 4), "
-            f"not {translations.shape} and {rotations.shape}"
+            "translations and rotations: expected the shapes (N, 3) and (N, 4), "
+            f"got {translations.shape} and {rotations.shape}"
         )
     return translations, _unit(rotations)
 
@@ -400,7 +400,7 @@ def _rotations(value: Any) -> Array:
     if isinstance(value, Sequence) or hasattr(value, "__array__"):
         rotations = _floats(value, OF_ARRAYS)
         if rotations.shape[-1:] != (4,):
-            raise ValueError(f"rotations must have the shape (N, 4), not {rotations.shape}")
+            raise ValueError(f"rotations: expected the shape (N, 4), got {rotations.shape}")
         return _unit(rotations)
     q = getattr(value, "quaternion", value)
     if hasattr(q, "w"):
@@ -425,9 +425,9 @@ def _which(name: str, shape: tuple[int, ...], flat: int) -> str:
 
 
 def _matrices(values: npt.ArrayLike) -> Array:
-    matrices = _floats(values, "a matrix must be made of numbers")
+    matrices = _floats(values, "matrix: expected numbers")
     if matrices.shape[-2:] != (4, 4):
-        raise ValueError(f"a matrix must have the shape (4, 4), not {matrices.shape}")
+        raise ValueError(f"matrix: expected the shape (4, 4), got {matrices.shape}")
     return matrices
 
 
@@ -442,7 +442,7 @@ def _translations_and_rotations(matrices: Array) -> tuple[Array, Array]:
     bad = np.flatnonzero((np.abs(flat[:, 12:] - (0, 0, 0, 1)) > TOLERANCE).any(axis=1))
     if bad.size:
         last = flat[bad[0], 12:]
-        raise _no_rigid_transform(shape, bad[0], f"the last row of a matrix must be 0 0 0 1, not {last}")
+        raise _no_rigid_transform(shape, bad[0], f"the last row of a matrix: expected 0 0 0 1, got {last}")
     turns = flat.reshape(-1, 4, 4)[:, :3, :3].reshape(-1, 9)
     rotations, wrong, defect = rotations_from_matrices(turns, TOLERANCE)
     if wrong >= 0 and defect > TOLERANCE:
@@ -461,6 +461,6 @@ def _no_rigid_transform(shape: tuple[int, ...], flat: int, reason: str) -> Value
 
 def _quaternion_message(rotation: Array) -> Quaternion:
     if np.isnan(rotation).any():
-        raise ValueError("the rotation of a message must be finite, not NaN")
+        raise ValueError("the rotation of a message: expected finite numbers, got NaN")
     x, y, z, w = (-rotation if rotation[3] < 0 else rotation).tolist()
     return Quaternion(x=x, y=y, z=z, w=w)

@@ -349,7 +349,7 @@ cdef int _check(tuple message) except -1:
     if overflow:
         raise ValueError(f"a log time of {message[1]} ns does not fit into 64 bits")
     if not PyObject_CheckBuffer(message[2]):
-        raise ValueError(f"a message must be bytes, not {type(message[2]).__name__}")
+        raise ValueError(f"message: expected bytes, got {type(message[2]).__name__}")
     return 0
 
 

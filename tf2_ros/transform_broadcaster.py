@@ -104,7 +104,7 @@ def require_transforms(transforms: list[TransformStamped]) -> None:
     for one in transforms:
         if not isinstance(one, TransformStamped):
             raise MalformedObjectError(
-                f"sendTransform takes a TransformStamped, or several, not {kind_of(one)}"
+                f"sendTransform: expected a TransformStamped, or several, got {kind_of(one)}"
             )
 
 

@@ -375,9 +375,9 @@ class TransformListener:
 
 def _valid_prefix(prefix: str) -> str:
     if not isinstance(prefix, str):
-        raise TypeError(f"prefix must be a str, not {type(prefix).__name__}")
+        raise TypeError(f"prefix: expected a str, got {type(prefix).__name__}")
     if prefix.startswith("/") or "\0" in prefix:
-        raise ValueError(f"prefix must not start with '/' or contain NUL, it is {prefix!r}")
+        raise ValueError(f"prefix: expected a str without a leading '/' and without NUL, got {prefix!r}")
     return prefix
 
 

@@ -178,7 +178,7 @@ def _frame(name: str) -> str:
 
 def _count(text: str) -> int:
     if not (text.isascii() and text.isdigit() and int(text) > 0):
-        raise ArgumentTypeError(f"must be a whole number above 0, not {text}")
+        raise ArgumentTypeError(f"expected a whole number above 0, got {text}")
     return int(text)
 
 

@@ -87,7 +87,7 @@ class Dataset:
         """Get the rows for which a mask of bools, shape (N,), is true."""
         chosen = np.asarray(mask)
         if chosen.dtype != np.bool_ or chosen.shape != (len(self),):
-            raise ValueError(f"a mask must be {len(self)} bools, not {chosen.dtype} of shape {chosen.shape}")
+            raise ValueError(f"mask: expected {len(self)} bools, got {chosen.dtype} of shape {chosen.shape}")
         return replace(self, **{name: getattr(self, name)[chosen] for name in ROWS})
 
     def save(self, path: str | PathLike[str]) -> None:

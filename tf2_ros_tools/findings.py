@@ -58,10 +58,10 @@ def parse_expectations(document: Any) -> dict[str, Expectation]:
     :raises ValueError: it contains something unknown; the text names its frame.
     """
     if not isinstance(document, dict) or set(document) != {"frames"}:
-        raise ValueError("it must have one key, frames")
+        raise ValueError("expected one key, 'frames'")
     frames = document["frames"]
     if not isinstance(frames, dict):
-        raise ValueError("frames must be the names of frames, each with what is expected of it")
+        raise ValueError("'frames': expected a mapping from names of frames to what is expected of them")
     return {
         _name(name): Expectation(**read_keys(name, {} if given is None else given, _KEYS))
         for name, given in frames.items()

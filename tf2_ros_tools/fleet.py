@@ -469,7 +469,7 @@ def process(
     if workers is not None and scheduler is not None:
         raise ValueError("workers and scheduler exclude each other: a scheduler has its own workers")
     if workers is not None and workers < 1:
-        raise ValueError(f"workers must be at least 1, not {workers}")
+        raise ValueError(f"workers: expected at least 1, got {workers}")
     paths = find_recordings(recordings)
     out = os.path.abspath(out)
     os.makedirs(out, exist_ok=True)

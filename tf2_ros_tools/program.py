@@ -227,7 +227,7 @@ def finite_number(text: str) -> float:
     except ValueError:
         raise ArgumentTypeError(f"{text!r} is not a number") from None
     if not math.isfinite(value):
-        raise ArgumentTypeError(f"must be finite, not {text}")
+        raise ArgumentTypeError(f"expected a finite number, got {text}")
     return value
 
 
@@ -235,7 +235,7 @@ def positive_number(text: str) -> float:
     """Read a finite number above 0."""
     value = finite_number(text)
     if value <= 0.0:
-        raise ArgumentTypeError(f"must be above 0, not {text}")
+        raise ArgumentTypeError(f"expected a number above 0, got {text}")
     return value
 
 
@@ -243,7 +243,7 @@ def non_negative_number(text: str) -> float:
     """Read a finite number that is 0 or more."""
     value = finite_number(text)
     if value < 0.0:
-        raise ArgumentTypeError(f"must not be negative, it is {text}")
+        raise ArgumentTypeError(f"expected 0 or more, got {text}")
     return value
 
 

@@ -187,7 +187,7 @@ class Recorded:
             for connection, log_ns, raw in messages:
                 # A database may contain values of any type.
                 if type(log_ns) is not int or not isinstance(raw, bytes | memoryview):
-                    raise ValueError(f"a message must be bytes with a log time, not {raw!r} with {log_ns!r}")
+                    raise ValueError(f"message: expected bytes with a log time, got {raw!r} with {log_ns!r}")
                 yield connection, log_ns, raw
                 last_ns = log_ns
         except Exception as error:

@@ -180,7 +180,7 @@ def _rule(label: str, given: Any, resolve: Callable[[str], str]) -> Rule:
         **read,
     )
     if len(rule.frames) == 1 and not rule.subtree:
-        raise ValueError(f"{label}: frames must be two or more; for one with all below it, use subtree")
+        raise ValueError(f"{label}: 'frames': expected two or more; for one with all below it, use subtree")
     if rule.collapse and not (rule.frames or rule.subtree):
         raise ValueError(f"{label}: collapse needs frames or subtree, for what remains")
     return rule
@@ -193,11 +193,11 @@ def _check_topics(rules: Collection[Rule]) -> None:
     for rule in rules:
         for topic, use in rule.uses:
             if topic in sources:
-                raise ValueError(f"{rule.label}: to must not use {topic}, from which a rule reads")
+                raise ValueError(f"{rule.label}: 'to' has the topic {topic}, from which a rule reads")
             before = uses.setdefault(topic, use)
             if before != use:
                 raise ValueError(
-                    f"{rule.label}: to must not use {topic} like {use}: a rule uses it like {before}"
+                    f"{rule.label}: 'to' has {topic} as {use}, but another rule has it as {before}"
                 )
 
 

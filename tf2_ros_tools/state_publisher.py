@@ -83,7 +83,9 @@ class StatePublisher:
                 except ValueError as refusal:
                     reason = f"robot_description: {refusal}"
             elif one.name == "publish_frequency" and not LOWEST_HZ <= value <= HIGHEST_HZ:
-                reason = f"publish_frequency must be from {LOWEST_HZ} to {HIGHEST_HZ:g}, not {value:g}"
+                reason = (
+                    f"publish_frequency: expected a number from {LOWEST_HZ} to {HIGHEST_HZ:g}, got {value:g}"
+                )
         return SetParametersResult(successful=not reason, reason=reason)
 
     def _apply(self, parameters: list[Parameter]) -> None:

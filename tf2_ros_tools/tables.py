@@ -145,7 +145,7 @@ def look_up(buffer: BufferCore, target: str, source: str, times_ns: ArrayLike) -
 def check_rate(hz: float) -> None:
     """Raise a ValueError if ``hz`` is not above 0 and finite."""
     if not 0.0 < hz < np.inf:
-        raise ValueError(f"a rate must be a number above 0 Hz, not {hz:g}")
+        raise ValueError(f"rate: expected a number above 0 Hz, got {hz:g}")
 
 
 def times_at_rate(buffer: BufferCore, target: str, source: str, hz: float) -> NDArray[np.int64]:

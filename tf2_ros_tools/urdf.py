@@ -362,7 +362,7 @@ def _numbers(element: ElementTree.Element | None, name: str, where: str, default
         numbers = ()
     if len(numbers) != len(default.split()) or not all(map(isfinite, numbers)):
         count = {1: "a finite number", 3: "three finite numbers"}[len(default.split())]
-        raise UrdfError(f"{where}: {name} must be {count}, not {text!r}")
+        raise UrdfError(f"{where}: {name}: expected {count}, got {text!r}")
     return numbers
 
 

@@ -88,7 +88,7 @@ def read_keys(label: str, given: Any, keys: Mapping[str, Key]) -> dict[str, Any]
     """
     required = [key for key in keys if keys[key].is_required]
     if not isinstance(given, dict):
-        raise ValueError(f"{label} must be a mapping with {' and '.join(required or keys)}, not {given!r}")
+        raise ValueError(f"{label}: expected a mapping with {' and '.join(required or keys)}, got {given!r}")
     for key in given:
         if key not in keys:
             near = get_close_matches(str(key), keys, n=1)
@@ -101,6 +101,6 @@ def read_keys(label: str, given: Any, keys: Mapping[str, Key]) -> dict[str, Any]
         except (ValueError, OverflowError):
             read[key] = None
         if read[key] is None:
-            found = f", not {given[key]!r}" if key in given else ""
-            raise ValueError(f"{label}: {key} must be {keys[key].expected}{found}")
+            found = repr(given[key]) if key in given else "nothing"
+            raise ValueError(f"{label}: '{key}': expected {keys[key].expected}, got {found}")
     return read

@@ -223,9 +223,9 @@ def transform_points(point_cloud: ArrayLike, transform: TransformStamped | Trans
 cdef cnp.ndarray _real_points(object points):
     numbers = np.asarray(points)
     if numbers.dtype.kind not in "fiub":
-        raise TypeError(f"points must be real numbers, not {numbers.dtype}")
+        raise TypeError(f"points: expected real numbers, got {numbers.dtype}")
     if numbers.ndim != 2 or numbers.shape[1] != 3:
-        raise ValueError(f"points must have the shape (n, 3), not {numbers.shape}")
+        raise ValueError(f"points: expected the shape (n, 3), got {numbers.shape}")
     single = numbers.dtype.kind == "f" and numbers.dtype.itemsize == 4
     # Copies only if the type or its byte order differs.
     return numbers.astype(np.float32 if single else np.float64, copy=False)
@@ -280,7 +280,7 @@ cdef uint32_t _whole(object message, Layout layout, str name) except? 0:
     try:
         value = operator.index(value)
     except TypeError:
-        raise TypeError(f"{name} must be an int, not {type(value).__name__}") from None
+        raise TypeError(f"{name}: expected an int, got {type(value).__name__}") from None
     if not 0 <= value < 1 << 32:
         raise ValueError(f"{name} = {value} is out of the range of a uint32")
     return value

@@ -148,10 +148,10 @@ def test_arguments_are_not_changed():
 @pytest.mark.parametrize(
     ("covariances", "transforms", "error", "text"),
     [
-        (np.eye(3), Transform(), ValueError, r"shape \(N, 6, 6\), not \(3, 3\)"),
-        (np.zeros(36), Transform(), ValueError, r"shape \(N, 6, 6\), not \(36,\)"),
-        ("no numbers", Transform(), TypeError, "covariances must be numbers"),
-        (np.eye(6) * 1j, Transform(), TypeError, "covariances must be numbers: they are complex"),
+        (np.eye(3), Transform(), ValueError, r"shape \(N, 6, 6\), got \(3, 3\)"),
+        (np.zeros(36), Transform(), ValueError, r"shape \(N, 6, 6\), got \(36,\)"),
+        ("no numbers", Transform(), TypeError, "covariances: expected numbers"),
+        (np.eye(6) * 1j, Transform(), TypeError, "covariances: expected numbers: they are complex"),
         (np.zeros((2, 6, 6)), poses(3), ValueError, r"shape \(2, 6, 6\), but rotations of shape \(3, 4\)"),
         (np.zeros((1, 6, 6)), poses(3), ValueError, r"shape \(1, 6, 6\), but rotations of shape \(3, 4\)"),
         (np.eye(6), np.eye(4), TypeError, "expected a TransformStamped"),

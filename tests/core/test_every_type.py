@@ -155,7 +155,7 @@ def test_a_frame_that_is_no_text_and_a_coordinate_that_is_no_number_are_type_err
     t.header._frame_id = 5
     message = Maker(16).message(cls)
     if cls in STAMPED:
-        with pytest.raises(TypeError, match="a frame_id must be a str, not int"):
+        with pytest.raises(TypeError, match="frame_id: expected a str, got int"):
             apply(message, t)
     t.transform.translation._x = "1"
     with pytest.raises(TypeError, match="must be real number"):

@@ -115,12 +115,12 @@ def test_the_environment_sets_limits_for_programs_that_do_not(name, monkeypatch)
 
 @pytest.mark.parametrize("value", [0, -1, 1 << 63])
 def test_a_limit_that_is_none_is_a_value_error(value):
-    with pytest.raises(ValueError, match="max_frames must be above 0"):
+    with pytest.raises(ValueError, match="max_frames: expected a number above 0"):
         BufferCore(max_frames=value)
 
 
 def test_a_limit_that_is_no_number_is_a_type_error():
-    with pytest.raises(TypeError, match="max_bytes must be an int"):
+    with pytest.raises(TypeError, match="max_bytes: expected an int"):
         BufferCore(max_bytes="1000")
 
 

@@ -70,7 +70,7 @@ def test_a_matrix_of_float32_is_the_other_one_rounded(t):
 
 @pytest.mark.parametrize("dtype", [np.float16, np.int64, ">f4", complex, object])
 def test_a_matrix_has_no_other_dtype(dtype):
-    with pytest.raises(TypeError, match=r"dtype must be numpy\.float64 or numpy\.float32, not"):
+    with pytest.raises(TypeError, match=r"dtype: expected numpy\.float64 or numpy\.float32, got"):
         to_matrix(Transform(), dtype=dtype)
 
 
@@ -118,7 +118,7 @@ def test_another_class_is_a_type_error():
 @pytest.mark.parametrize(
     ("wrong", "reason"),
     [
-        (np.eye(3), r"shape \(4, 4\), not \(3, 3\)"),
+        (np.eye(3), r"shape \(4, 4\), got \(3, 3\)"),
         (np.zeros((1, 4, 4)), r"shape \(4, 4\)"),
         (np.diag([2.0, 2.0, 2.0, 1.0]), "orthogonal; R R.T is off by 3"),
         (np.diag([1.0, 1.0, 1.0 + 1e-4, 1.0]), "orthogonal"),
@@ -137,7 +137,7 @@ def test_a_matrix_that_is_no_rigid_transform_is_a_value_error(wrong, reason):
 
 @pytest.mark.parametrize("wrong", [None, "matrix", [["a"] * 4] * 4, {}])
 def test_a_matrix_of_no_numbers_is_refused(wrong):
-    with pytest.raises((TypeError, ValueError), match="a matrix must"):
+    with pytest.raises((TypeError, ValueError), match="matrix: expected"):
         from_matrix(wrong)
 
 
@@ -200,7 +200,7 @@ def test_another_message_is_a_type_error(wrong):
 def test_a_field_that_is_no_number_is_a_type_error():
     t = Transform()
     t.translation._x = "one"
-    with pytest.raises(TypeError, match="must be numbers"):
+    with pytest.raises(TypeError, match="expected numbers"):
         to_matrix(t)
 
 
@@ -362,7 +362,7 @@ class TestManyMatrices:
             from_matrix(to_matrix(([math.nan] * 3, [math.nan] * 4)))
 
     def test_a_message_takes_one_matrix(self):
-        with pytest.raises(ValueError, match=r"shape \(4, 4\), not \(3, 4, 4\); to_arrays takes many"):
+        with pytest.raises(ValueError, match=r"shape \(4, 4\), got \(3, 4, 4\); to_arrays takes many"):
             from_matrix(np.stack([np.eye(4)] * 3))
 
     @pytest.mark.parametrize("pair", [(np.zeros((2, 3)),), (np.zeros((2, 3)), np.ones((2, 4)), None), ()])
@@ -375,11 +375,11 @@ class TestManyMatrices:
         [((2, 3), (3, 4)), ((2, 4), (2, 3)), ((2, 3), (4,)), ((3,), (2, 4)), ((), ())],
     )
     def test_other_shapes_are_a_value_error(self, translations, rotations):
-        with pytest.raises(ValueError, match=r"shapes \(N, 3\) and \(N, 4\), not \("):
+        with pytest.raises(ValueError, match=r"shapes \(N, 3\) and \(N, 4\), got \("):
             to_matrix((np.ones(translations), np.ones(rotations)))
 
     def test_arrays_of_no_numbers_are_a_type_error(self):
-        with pytest.raises(TypeError, match="must be numbers"):
+        with pytest.raises(TypeError, match="expected numbers"):
             to_matrix(([["a", "b", "c"]], [[0, 0, 0, 1]]))
 
     @pytest.mark.parametrize("wrong", [(0, 0, 0, 0), (math.nan, 0, 0, 1), (0, math.inf, 0, 0)])
@@ -459,7 +459,7 @@ class TestSciPy:
 
     @pytest.mark.parametrize("shape", [(3,), (2, 3), (), (4, 3)])
     def test_another_shape_is_a_value_error(self, shape):
-        with pytest.raises(ValueError, match=r"shape \(N, 4\), not \("):
+        with pytest.raises(ValueError, match=r"shape \(N, 4\), got \("):
             to_rotation(np.ones(shape))
 
     def test_a_rotation_without_length_is_a_value_error(self):

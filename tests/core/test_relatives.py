@@ -65,5 +65,5 @@ def test_an_unknown_frame_is_named_and_similar_ones_are_suggested(tf2_py, buffer
     assert str(raised.value) == f'"bse" passed to {what} argument frame does not exist. Did you mean [base]?'
     with pytest.raises(tf2_py.InvalidArgumentException, match="cannot start with"):
         getattr(buffer, what)("/base")
-    with pytest.raises(TypeError, match="frame: a frame name must be a str"):
+    with pytest.raises(TypeError, match="frame: expected a str"):
         getattr(buffer, what)(1)

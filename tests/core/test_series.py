@@ -287,15 +287,13 @@ class TestDates:
     )
     def test_what_is_no_time_in_nanoseconds_is_named_by_its_index(self, buffer, wrong):
         times = np.array([np.datetime64(3, "s").astype(wrong.dtype), wrong])
-        with pytest.raises(
-            ValueError, match=r"times\[1\] is .*: not a whole number of nanoseconds that fits"
-        ):
+        with pytest.raises(ValueError, match=r"times\[1\]: expected whole nanoseconds within 64 bits"):
             buffer.lookup_transforms("map", "odom", times)
 
     def test_a_date_of_pandas_that_does_not_fit_is_named(self, buffer):
         pandas = pytest.importorskip("pandas")
         late = pandas.Series([pandas.Timestamp("9999-01-01", tz="UTC").as_unit("s")])
-        with pytest.raises(ValueError, match=r"times\[0\] (is|=) 9999"):
+        with pytest.raises(ValueError, match=r"times\[0\]: .* got 9999"):
             buffer.lookup_transforms("map", "odom", late)
 
     def test_durations_are_no_times(self, buffer):
@@ -494,5 +492,5 @@ class TestManyFrames:
         [(["base", 3], "int"), ([["base"]], "list"), (b"base", "bytes"), (None, "NoneType"), (7, "int")],
     )
     def test_what_is_not_a_name_is_a_type_error(self, buffer, sources, named):
-        with pytest.raises(TypeError, match=f"source_frame: a frame name must be a str, not {named}"):
+        with pytest.raises(TypeError, match=f"source_frame: expected a str, got {named}"):
             buffer.lookup_transforms("map", sources, [1])

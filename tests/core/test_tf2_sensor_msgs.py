@@ -382,7 +382,7 @@ def test_rows_with_padding_keep_it_and_their_row_step(t):
 
 @pytest.mark.parametrize("name", ["height", "point_step"])
 def test_a_size_that_is_no_whole_number_is_a_type_error(arrangement, t, name):
-    with pytest.raises(TypeError, match=f"{name} must be an int, not float"):
+    with pytest.raises(TypeError, match=f"{name}: expected an int, got float"):
         tf2.do_transform_cloud(spoil(arrangement.cloud(), **{name: 1.0}), t)
 
 
@@ -475,7 +475,7 @@ def test_another_shape_than_n_by_3_is_a_value_error(shape, t):
     "points", [np.zeros((2, 3), complex), [["a", "b", "c"]], np.zeros((2, 3), object), None]
 )
 def test_points_of_no_numbers_are_a_type_error(points, t):
-    with pytest.raises(TypeError, match="points must be real numbers"):
+    with pytest.raises(TypeError, match="points: expected real numbers"):
         tf2.transform_points(points, t)
 
 

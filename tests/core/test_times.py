@@ -54,9 +54,7 @@ def test_a_class_whose_handle_lies_otherwise_is_asked_by_its_property(monkeypatc
 
 
 def test_what_is_no_time_is_named():
-    with pytest.raises(
-        TypeError, match="target_time must have nanoseconds, or sec and nanosec; str has neither"
-    ):
+    with pytest.raises(TypeError, match="target_time: expected nanoseconds, or sec and nanosec, got str"):
         time_ns("now", "target_time")
 
 
@@ -108,7 +106,7 @@ def test_a_datetime64_of_any_unit_is_converted_exactly(text, unit, ns):
 
 @pytest.mark.parametrize("text", ["2262-04-12", "1677-09-21", "3000", "1970-01-01T00:00:00.000000000001"])
 def test_a_datetime64_that_64_bits_of_nanoseconds_cannot_hold_is_an_overflow_error(text):
-    with pytest.raises(OverflowError, match="^time = .* is not a whole number of 64-bit nanoseconds"):
+    with pytest.raises(OverflowError, match="^time: expected whole nanoseconds within 64 bits, got "):
         time_ns(np.datetime64(text), "time")
 
 
@@ -130,7 +128,7 @@ def test_a_timestamp_of_pandas_is_its_nanoseconds(zone, unit):
 
 
 def test_a_datetime_of_python_may_be_of_any_time_zone():
-    with pytest.raises(TypeError, match="datetime has neither: use Time"):
+    with pytest.raises(TypeError, match="got datetime: use Time"):
         time_ns(datetime.datetime(2024, 1, 1), "time")
 
 
@@ -156,7 +154,7 @@ def test_what_is_no_time_is_refused_with_what_to_use(wrong):
     with pytest.raises(TypeError) as refused:
         time_ns(wrong, "time")
     assert str(refused.value).endswith(
-        "has neither: use Time(seconds=...), node.get_clock().now(), an int of nanoseconds, a datetime64, or "
+        ": use Time(seconds=...), node.get_clock().now(), an int of nanoseconds, a datetime64, or "
         "Time() for the latest"
     )
     assert refused.value.__context__ is None
@@ -193,7 +191,7 @@ def test_a_duration_is_itself(timeout):
     "wrong", [True, np.True_, None, "2", np.timedelta64(2, "s"), np.datetime64(2, "s"), Decimal(2)], ids=repr
 )
 def test_what_is_no_duration_is_refused_with_what_to_use(wrong):
-    with pytest.raises(TypeError, match=r"^timeout must be a duration or seconds, not .*: use Duration"):
+    with pytest.raises(TypeError, match=r"^timeout: expected a duration or seconds, got .*: use Duration"):
         duration_ns(wrong, "timeout")
 
 
@@ -205,5 +203,5 @@ def test_nan_is_no_duration(nan):
 
 @pytest.mark.parametrize("time", [Time(seconds=2), TimeMsg(sec=2)], ids=["rclpy", "message"])
 def test_a_time_is_no_duration(time):
-    with pytest.raises(TypeError, match="^timeout is a Time, which says when and not how long"):
+    with pytest.raises(TypeError, match="^timeout: expected a duration, got a Time"):
         duration_ns(time, "timeout")

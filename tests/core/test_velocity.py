@@ -226,7 +226,7 @@ class TestAtManyTimes:
             (("body", "world", [1], "0.5"), {}, TypeError, "averaging_interval"),
             (("body", "world", [0.5], Duration()), {}, TypeError, "integer nanoseconds"),
             (("body", "world", [1], Duration()), {"on_missing": "skip"}, ValueError, "'raise' or 'nan'"),
-            ((7, "world", [1], Duration()), {}, TypeError, "must be a str, not int"),
+            ((7, "world", [1], Duration()), {}, TypeError, "expected a str, got int"),
         ],
     )
     def test_wrong_arguments(self, buffer, arguments, more, error, text):

@@ -81,5 +81,5 @@ def test_types_in_a_signature_are_shown_and_not_enforced(tf2_py):
         nanoseconds = 1
 
     assert tf2_py.BufferCore().lookup_transform_core("a", "a", Stamp()).child_frame_id == "a"
-    with pytest.raises(TypeError, match="a frame name must be a str, not int"):
+    with pytest.raises(TypeError, match="target_frame: expected a str, got int"):
         tf2_py.BufferCore().lookup_transform_core(5, "a", Stamp())

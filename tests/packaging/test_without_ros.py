@@ -128,7 +128,7 @@ def test_there_is_no_ros(world):
 def test_advice_names_nothing_of_ros(world):
     said = world.lacks("import tf2_ros; tf2_ros.Buffer().can_transform('map', 'base', 1.5)")
     assert said == (
-        "TypeError: time must have nanoseconds, or sec and nanosec; float has neither: use an int of"
+        "TypeError: time: expected nanoseconds, or sec and nanosec, got float: use an int of"
         " nanoseconds, as round(seconds * 1e9), a datetime64, or 0 for the latest"
     )
 

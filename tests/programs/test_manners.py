@@ -159,9 +159,9 @@ def test_a_negative_number_is_a_value_in_every_place(text):
     ("kind", "text", "said"),
     [
         (finite_number, "1,5", "'1,5' is not a number"),
-        (finite_number, "nan", "must be finite, not nan"),
-        (positive_number, "0", "must be above 0, not 0"),
-        (non_negative_number, "-1", "must not be negative, it is -1"),
+        (finite_number, "nan", "expected a finite number, got nan"),
+        (positive_number, "0", "expected a number above 0, got 0"),
+        (non_negative_number, "-1", "expected 0 or more, got -1"),
     ],
 )
 def test_what_is_out_of_range_is_said(kind, text, said, capsys):
@@ -175,7 +175,10 @@ def test_what_is_out_of_range_is_said(kind, text, said, capsys):
 def test_a_program_of_commands_names_the_one_that_refuses(folder):
     status, out, err = ended("tf2_bag", "lookup", "drive.mcap", "map", "base", "--rate", "-1")
     assert (status, out) == (2, "")
-    assert err == "tf2_bag lookup: argument --rate: must be above 0, not -1 (see tf2_bag lookup --help)\n"
+    assert (
+        err
+        == "tf2_bag lookup: argument --rate: expected a number above 0, got -1 (see tf2_bag lookup --help)\n"
+    )
 
 
 def test_another_tf2_ros_is_named(folder):

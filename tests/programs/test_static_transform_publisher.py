@@ -121,16 +121,25 @@ class TestFile:
         ("", "must contain a list of transforms"),
         ("{}", "must contain a list of transforms"),
         ("[{]", "is not YAML: "),
-        ("- 5", "transform 1 must be a mapping with frame_id and child_frame_id, not 5"),
+        ("- 5", "transform 1: expected a mapping with frame_id and child_frame_id, got 5"),
         ("- {frame_id: a, child_frame_id: b, w: 1}", "transform 1: 'w' is not a key; did you mean qw?"),
         (
             "- {frame_id: 5, child_frame_id: b}",
-            "transform 1: frame_id must be a text (quote what looks like a number), not 5",
+            "transform 1: 'frame_id': expected a text (quote what looks like a number), got 5",
         ),
-        ("- {frame_id: a}", "transform 1: child_frame_id must be a text"),
-        ("- {frame_id: a, child_frame_id: b, x: near}", "transform 1: x must be a finite number, not 'near'"),
-        ("- {frame_id: a, child_frame_id: b, x: yes}", "transform 1: x must be a finite number, not True"),
-        ("- {frame_id: a, child_frame_id: b, x: .inf}", "transform 1: x must be a finite number, not inf"),
+        ("- {frame_id: a}", "transform 1: 'child_frame_id': expected a text"),
+        (
+            "- {frame_id: a, child_frame_id: b, x: near}",
+            "transform 1: 'x': expected a finite number, got 'near'",
+        ),
+        (
+            "- {frame_id: a, child_frame_id: b, x: yes}",
+            "transform 1: 'x': expected a finite number, got True",
+        ),
+        (
+            "- {frame_id: a, child_frame_id: b, x: .inf}",
+            "transform 1: 'x': expected a finite number, got inf",
+        ),
         (
             "- {frame_id: a, child_frame_id: b}\n- {frame_id: a, child_frame_id: c, qw: 0}",
             "transform 2: a quaternion must have a finite length above 0",

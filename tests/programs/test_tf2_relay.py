@@ -343,31 +343,31 @@ class TestConflicts:
 WRONG = {
     "": "must contain a list of rules",
     "- [": "is not YAML: ",
-    "- 3": "rule 1 must be a mapping with to, not 3",
-    "- {frames: [a, b]}": "rule 1: to must be two topics",
+    "- 3": "rule 1: expected a mapping with to, got 3",
+    "- {frames: [a, b]}": "rule 1: 'to': expected two topics",
     "- {name: far, to: [/a, /b], treshold: 1}": r"\(far\): 'treshold' is not a key; did you mean threshold\?",
     "- {to: [/a, /b], q: 1}": "rule 1: 'q' is not a key; the keys are name, from, to, ",
-    "- {to: [/a, /b]}\n- {to: [/a, /b], rate: 0}": "rule 2: rate must be a number of Hz from .* not 0",
-    "- {to: [/a, /b], rate: .nan}": "rule 1: rate must be a number",
-    "- {to: [/a b, /c]}": r"rule 1: to must be two topics, .* not \['/a b', '/c'\]",
-    "- {from: /tf, to: [/a, /b]}": "rule 1: from must be two topics",
-    "- {to: [/a, /b], frames: [1, 2]}": "rule 1: frames must be the name of a frame",
-    "- {to: [/a, /b], frames: base}": "rule 1: frames must be two or more; .* use subtree",
+    "- {to: [/a, /b]}\n- {to: [/a, /b], rate: 0}": "rule 2: 'rate': expected a number of Hz from .* got 0",
+    "- {to: [/a, /b], rate: .nan}": "rule 1: 'rate': expected a number",
+    "- {to: [/a b, /c]}": r"rule 1: 'to': expected two topics, .* got \['/a b', '/c'\]",
+    "- {from: /tf, to: [/a, /b]}": "rule 1: 'from': expected two topics",
+    "- {to: [/a, /b], frames: [1, 2]}": "rule 1: 'frames': expected the name of a frame",
+    "- {to: [/a, /b], frames: base}": "rule 1: 'frames': expected two or more; .* use subtree",
     "- {to: [/a, /b], collapse: true}": "rule 1: collapse needs frames or subtree",
-    "- {to: [/a, /b], collapse: 1}": "rule 1: collapse must be true or false, not 1",
-    "- {to: [/a, /b], rename: {a: c, b: c}}": "rule 1: rename must be a mapping from names",
+    "- {to: [/a, /b], collapse: 1}": "rule 1: 'collapse': expected true or false, got 1",
+    "- {to: [/a, /b], rename: {a: c, b: c}}": "rule 1: 'rename': expected a mapping from names",
     "- {to: [/a, /b], threshold: {translation: 1, rotation: 1, repaet: 1}}": "did you mean repeat",
-    "- {to: [/a, /b], threshold: {translation: 1, rotation: -1}}": "threshold: rotation must be a number",
-    "- {to: [/a, /b], shift: later}": "rule 1: shift must be a number of seconds, or now, not 'later'",
-    "- {to: /a, as: Pose, frames: [a, b]}": "rule 1: as must be one of PoseStamped, Odometry, not 'Pose'",
-    "- {to: /a, as: Odometry, frames: [a, b, c]}": r"rule 1: frames must be \[PARENT, CHILD\], for a pose",
-    "- {to: [/a, /b], as: Odometry, frames: [a, b]}": "rule 1: to must be one topic, for a pose",
+    "- {to: [/a, /b], threshold: {translation: 1, rotation: -1}}": "threshold: 'rotation': expected a number",
+    "- {to: [/a, /b], shift: later}": "rule 1: 'shift': expected a number of seconds, or now, got 'later'",
+    "- {to: /a, as: Pose, frames: [a, b]}": "rule 1: 'as': expected one of PoseStamped, Odometry, got 'Pose'",
+    "- {to: /a, as: Odometry, frames: [a, b, c]}": r"rule 1: 'frames': expected \[PARENT, CHILD\]",
+    "- {to: [/a, /b], as: Odometry, frames: [a, b]}": "rule 1: 'to': expected one topic, for a pose",
     "- {to: /a, as: Odometry, frames: [a, b], subtree: c}": "rule 1: 'subtree' is not a key; the keys are ",
-    "- {to: [/tf, /tf_static]}": "rule 1: to must not use /tf, from which a rule reads",
-    "- {to: [/a, /b]}\n- {from: [/a, /b], to: [/c, /d]}": "rule 1: to must not use /a, from which a rule",
-    "- {to: [/a, /b]}\n- {to: [/c, /a]}": "rule 2: to must not use /a like /tf_static: .* like /tf",
+    "- {to: [/tf, /tf_static]}": "rule 1: 'to' has the topic /tf, from which a rule reads",
+    "- {to: [/a, /b]}\n- {from: [/a, /b], to: [/c, /d]}": "rule 1: 'to' has the topic /a, from which a rule",
+    "- {to: [/a, /b]}\n- {to: [/c, /a]}": "rule 2: 'to' has /a as /tf_static, but another rule has it as /tf",
     "- {to: [/a, /b]}\n- {to: /a, as: Odometry, frames: [c, d]}": (
-        "rule 2: to must not use /a like Odometry: a rule uses it like /tf"
+        "rule 2: 'to' has /a as Odometry, but another rule has it as /tf"
     ),
 }
 
@@ -528,7 +528,7 @@ def test_a_changed_file_is_read_again_and_a_wrong_one_is_not_followed(tmp_path, 
             robot.send(("base", "camera", 0, 1.0), static=True)
             until(lambda: "camera" in buffer)
             path.write_text("- {to: [/relay/tf, /relay/tf_static], rate: 0}")
-            assert "rate must be a number of Hz" in first_line(process, "rate must be")
+            assert "'rate': expected a number of Hz" in first_line(process, "'rate': expected")
             # The middleware refuses a second type for a topic.
             path.write_text("- {to: /relay/tf, as: Odometry, frames: [map, base]}")
             assert "the old rules stay" in first_line(process, "rule 1: ")

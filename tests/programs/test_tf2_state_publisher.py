@@ -212,7 +212,7 @@ class TestParameters:
             (
                 "publish_frequency",
                 {"double": 1001.0},
-                "publish_frequency must be from 0.0001 to 1000, not 1001",
+                "publish_frequency: expected a number from 0.0001 to 1000, got 1001",
             ),
             ("robot_description", {"string": "<robot/>"}, "robot_description: the robot has no links"),
         ):
@@ -225,7 +225,10 @@ class TestParameters:
     [
         ([], "robot_description must not be empty: set it, or name a file"),
         (["none.urdf"], "cannot read none.urdf: No such file or directory"),
-        (["{file}", "--ros-args", "-p", "publish_frequency:=.nan"], "must be from 0.0001 to 1000, not nan"),
+        (
+            ["{file}", "--ros-args", "-p", "publish_frequency:=.nan"],
+            "expected a number from 0.0001 to 1000, got nan",
+        ),
         (["{file}", "--ros-args", "-p", "publish_frequency:=fast"], "publish_frequency"),
         (["{broken}"], "robot_description: not XML: "),
     ],

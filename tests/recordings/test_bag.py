@@ -372,7 +372,7 @@ LATE = [*DRIVE[:-2], DRIVE[-2]._replace(log_ns=2**63)]
         (_split(_rewritten(TIME, "nanoseconds_since_epoch: .nan")), "run is broken: "),
         (_split(_rewritten(TIME, f"nanoseconds_since_epoch: {10**20}")), "run is broken: "),
         # Databases with other values.
-        (_updated("data = 'text'"), "must be bytes|data are not bytes"),
+        (_updated("data = 'text'"), "expected bytes|data are not bytes"),
         (_updated("timestamp = 'text'"), "run.db3 is broken, "),
         (
             _updated("data = x'0001'"),

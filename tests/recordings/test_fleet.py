@@ -311,8 +311,8 @@ def test_what_is_no_recording_at_all_is_an_error(runs, tmp_path):
     [
         ({"at": "/scan", "rate": 1.0}, "at and rate exclude each other"),
         ({"workers": 2, "scheduler": "tcp://127.0.0.1:1"}, "workers and scheduler exclude each other"),
-        ({"workers": 0}, "workers must be at least 1, not 0"),
-        ({"rate": 0.0}, "a rate must be a number above 0 Hz, not 0"),
+        ({"workers": 0}, "workers: expected at least 1, got 0"),
+        ({"rate": 0.0}, "rate: expected a number above 0 Hz, got 0"),
         ({"topics": []}, "topics must not be empty"),
     ],
 )

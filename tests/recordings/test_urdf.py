@@ -174,9 +174,9 @@ def with_more(more):
             ),
             "joint ab mimics itself",
         ),
-        (with_more('<mimic joint="ab" offset="x"/>'), "joint bc: offset must be a finite number, not 'x'"),
-        (with_more('<origin xyz="1 2"/>'), "joint bc: xyz must be three finite numbers, not '1 2'"),
-        (with_more('<origin rpy="0 0 nan"/>'), "joint bc: rpy must be three finite numbers, not '0 0 nan'"),
+        (with_more('<mimic joint="ab" offset="x"/>'), "joint bc: offset: expected a finite number, got 'x'"),
+        (with_more('<origin xyz="1 2"/>'), "joint bc: xyz: expected three finite numbers, got '1 2'"),
+        (with_more('<origin rpy="0 0 nan"/>'), "joint bc: rpy: expected three finite numbers, got '0 0 nan'"),
         (with_more('<axis xyz="0 0 0"/>'), "joint bc: its axis has no direction"),
     ],
 )

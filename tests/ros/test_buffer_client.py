@@ -91,13 +91,13 @@ class TestLookup:
 
     @pytest.mark.ours
     def test_another_time_or_timeout_is_refused_with_what_to_use(self, client):
-        with pytest.raises(TypeError, match=r"^time must .*float has neither: use Time\(seconds="):
+        with pytest.raises(TypeError, match=r"^time: expected .*got float: use Time\(seconds="):
             client.lookup_transform("map", "robot", 1.5)
-        with pytest.raises(TypeError, match="^target_time must "):
+        with pytest.raises(TypeError, match="^target_time: expected "):
             client.lookup_transform_full("map", 1.5, "robot", at(1.5), "odom")
         with pytest.raises(OverflowError, match="does not fit into the stamp of a message"):
             client.lookup_transform("map", "robot", 2**62)
-        with pytest.raises(TypeError, match=r"^timeout must .*use Duration\(seconds="):
+        with pytest.raises(TypeError, match=r"^timeout: expected .*use Duration\(seconds="):
             client.lookup_transform("map", "robot", at(1.5), "1")
 
     @pytest.mark.ours

@@ -179,9 +179,9 @@ class TestRegistration:
     @pytest.mark.parametrize(
         ("key", "callback", "said"),
         [
-            (Thing(1), move, "needs a type as key, not <"),
-            (move, Thing, "needs a type as key, not <function move"),
-            (Thing, None, "TransformRegistration.add needs a function to call, not NoneType"),
+            (Thing(1), move, "expected a type as key, got <"),
+            (move, Thing, "expected a type as key, got <function move"),
+            (Thing, None, "TransformRegistration.add: expected a function, got NoneType"),
         ],
     )
     def test_what_no_transform_could_use_is_refused(self, interface, key, callback, said):

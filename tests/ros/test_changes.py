@@ -146,7 +146,7 @@ class TestCallbacks:
         assert (calls, buffer.statistics()["waiters"]) == ([1], 0)
 
     def test_it_must_be_a_function(self, tf2_ros):
-        with pytest.raises(TypeError, match="on_change needs a function to call, not int"):
+        with pytest.raises(TypeError, match="on_change: expected a function, got int"):
             tf2_ros.Buffer().on_change("map", "base", 3)
 
     def test_the_present_and_each_new_transform_is_passed_on(self, tf2_ros):

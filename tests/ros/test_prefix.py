@@ -94,5 +94,5 @@ def test_readers_of_a_shared_buffer_get_the_names_of_its_owner(tf2_ros, node, pe
 
 @pytest.mark.parametrize(("prefix", "error"), [("/robot", ValueError), ("a\0", ValueError), (1, TypeError)])
 def test_an_invalid_one_is_refused(tf2_ros, node, prefix, error):
-    with pytest.raises(error, match="prefix must"):
+    with pytest.raises(error, match="prefix: expected"):
         tf2_ros.TransformListener(tf2_ros.Buffer(), node, prefix=prefix)

@@ -241,7 +241,7 @@ def test_names_are_refused_before_anything_is_made():
         for keyword in ("share", "attach"):
             with pytest.raises(ValueError, match="name of a shared buffer"):
                 Buffer(**{keyword: wrong})
-    with pytest.raises(TypeError, match="must be a str"):
+    with pytest.raises(TypeError, match="expected a str"):
         Buffer(share=3)
     with pytest.raises(ValueError, match="mutually exclusive"):
         Buffer(share="a", attach="b")

@@ -63,9 +63,9 @@ def mask_of(values):
 def as_times_ns(times):
     """Times as contiguous int64 nanoseconds of shape (N,); its errors state what is expected."""
     import numpy as np
-    wanted = "times must be integer nanoseconds of shape (N,), datetime64, or a sequence of time objects"
+    wanted = "times: expected integer nanoseconds of shape (N,), datetime64, or a sequence of time objects"
     if isinstance(times, str) or not (isinstance(times, Sequence) or hasattr(times, "__array__")):
-        raise TypeError(f"{wanted}, not {type(times).__name__}")
+        raise TypeError(f"{wanted}, got {type(times).__name__}")
     if isinstance(times, Sequence) and not _are_numbers(times):
         times = _nanoseconds(times, wanted)
     try:
@@ -116,7 +116,7 @@ cdef object _since_1970(times):
     except OverflowError:  # NumPy before 2.5 wraps around instead
         pass
     [i, *_] = [i for i, time in enumerate(times) if not _is_exact(time)]
-    raise ValueError(f"times[{i}] is {times[i]}: not a whole number of nanoseconds that fits into 64 bits")
+    raise ValueError(f"times[{i}]: expected whole nanoseconds within 64 bits, got {times[i]}")
 
 
 cdef bint _is_exact(time):
@@ -147,15 +147,15 @@ cdef tuple as_points(points):
     import numpy as np
     if isinstance(points, str):
         raise TypeError(
-            "points must be an array of shape (N, 3), not str: the frames follow points and times"
+            "points: expected an array of shape (N, 3), got str: the frames follow points and times"
         )
     array = np.asarray(points)
     if array.ndim != 2 or array.shape[1] != 3:
-        raise ValueError(f"points must have shape (N, 3); the shape is {array.shape}")
+        raise ValueError(f"points: expected the shape (N, 3), got {array.shape}")
     if array.dtype.kind in "iu":
         array = array.astype(np.float64)
     if array.dtype not in (np.float32, np.float64):
-        raise TypeError(f"points must be float32, float64 or integers, not {array.dtype}")
+        raise TypeError(f"points: expected float32, float64 or integers, got {array.dtype}")
     return np.ascontiguousarray(array, dtype=np.float64), array.dtype
 
 

@@ -2,7 +2,7 @@
 
 cdef const char* _name(object name, str argument, Py_ssize_t* size) except NULL:
     if not isinstance(name, str):
-        raise TypeError(f"{argument}: a frame name must be a str, not {type(name).__name__}")
+        raise TypeError(f"{argument}: expected a str, got {type(name).__name__}")
     return name_utf8(name, size)
 
 

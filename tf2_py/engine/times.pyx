@@ -37,7 +37,7 @@ cdef int64_t _whole(object value, str field) except? -1:
     try:
         return PyLong_AsLongLong(value)
     except TypeError:
-        raise TypeError(f"{field} must be an int, not {type(value).__name__}") from None
+        raise TypeError(f"{field}: expected an int, got {type(value).__name__}") from None
     except OverflowError:
         raise OverflowError(f"{field} = {value} does not fit into 64-bit nanoseconds") from None
 
@@ -132,17 +132,17 @@ cdef int64_t _datetime64_ns(object value, str argument) except? -1:
     # If NumPy was not imported, no object of its class exists.
     numpy = sys.modules.get("numpy")
     if numpy is None or not isinstance(value, numpy.datetime64):
-        raise TypeError(f"{argument} must have nanoseconds, or sec and nanosec; {type(value).__name__} has"
-                        f" neither: use {_times_to_use()}")
+        raise TypeError(f"{argument}: expected nanoseconds, or sec and nanosec, "
+                        f"got {type(value).__name__}: use {_times_to_use()}")
     if numpy.isnat(value):
-        raise ValueError(f"{argument} is NaT, which is no time: use 0 for the latest")
+        raise ValueError(f"{argument} is NaT: use 0 for the latest time")
     try:
         converted = value.astype("datetime64[ns]")
         is_exact = converted.astype(value.dtype) == value   # NumPy before 2.5 wraps around; later ones raise
     except OverflowError:
         is_exact = False
     if not is_exact:
-        raise OverflowError(f"{argument} = {value} is not a whole number of 64-bit nanoseconds")
+        raise OverflowError(f"{argument}: expected whole nanoseconds within 64 bits, got {value}")
     return converted.astype("int64")
 
 
@@ -213,7 +213,7 @@ def duration_ns(duration, str argument):
     if isinstance(duration, time_layout.message_class) or (
         rclpy_time is not None and isinstance(duration, rclpy_time)
     ):
-        raise TypeError(f"{argument} is a Time, which says when and not how long: use {DURATION_TO_USE}")
+        raise TypeError(f"{argument}: expected a duration, got a Time: use {DURATION_TO_USE}")
     # In the timedelta of pandas, `nanoseconds` is only the part below a microsecond.
     if isinstance(duration, datetime.timedelta):
         return _at_most_for_ever(duration // datetime.timedelta(microseconds=1) * 1000
@@ -230,7 +230,8 @@ def duration_ns(duration, str argument):
         seconds = float(duration)
     if seconds is None:
         raise TypeError(
-            f"{argument} must be a duration or seconds, not {type(duration).__name__}: use {DURATION_TO_USE}"
+            f"{argument}: expected a duration or seconds, "
+            f"got {type(duration).__name__}: use {DURATION_TO_USE}"
         )
     if seconds != seconds:
         raise ValueError(f"{argument} is NaN: use seconds, or {DURATION_TO_USE}")

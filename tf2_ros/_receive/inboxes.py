@@ -120,7 +120,9 @@ def _report() -> None:
         try:
             owner.inbox.report_pending()
         except Exception:
-            log.logger("tf2_ros").error(f"In what follows from received transforms: {traceback.format_exc()}")
+            log.logger("tf2_ros").error(
+                f"Exception while handling received transforms: {traceback.format_exc()}"
+            )
     _check()
 
 

@@ -41,7 +41,7 @@ def buffer_name(name: str, node: Any = None) -> str:
     :raises ValueError: it is not a valid name.
     """
     if not isinstance(name, str):
-        raise TypeError(f"the name of a shared buffer must be a str, not {type(name).__name__}")
+        raise TypeError(f"the name of a shared buffer: expected a str, got {type(name).__name__}")
     if not _NAME.fullmatch(name):
         raise ValueError(
             f"{name!r} is not a name of a shared buffer: letters, digits, '.', '_' and '-', at most 100, "

@@ -169,7 +169,7 @@ class WakingFuture(Future, Generic[_Result]):
         engine refers to the future weakly (``_notify``).
         """
         if self.is_dead():
-            raise RuntimeError(f"{self!r}: begin to wait in the process that awaits")
+            raise RuntimeError(f"{self!r}: create the future after the fork")
         if not self.__has_ended():
             if (sleeper := _SleepingTask.of_this_thread()) is not None:
                 yield from self.__sleep_in(sleeper)

@@ -58,7 +58,7 @@ def _buffer_size(node: Node) -> Duration:
     parameter: Any = node.declare_parameter("buffer_size", DEFAULT_BUFFER_SIZE_S, description)
     size: float = parameter.value
     if not size >= 0.0:
-        raise UsageError(f"buffer_size must not be negative, it is {size} s")
+        raise UsageError(f"buffer_size: expected 0 or more, got {size} s")
     return FOR_EVER if size >= FOR_EVER.nanoseconds * 1e-9 else Duration(seconds=size)
 
 

@@ -114,20 +114,22 @@ def parser() -> Parser:
 def _stamp(text: str) -> int:
     stamp_ns = nanoseconds(text)
     if not 0 <= stamp_ns < STAMPS_END_NS:
-        raise ArgumentTypeError(f"must be from 0 to 2**31 - 1, as the seconds of a stamp, not {text}")
+        raise ArgumentTypeError(
+            f"expected a number from 0 to 2**31 - 1, as the seconds of a stamp, got {text}"
+        )
     return stamp_ns
 
 
 def _offset(text: str) -> int:
     offset_ns = nanoseconds(text)
     if abs(offset_ns) >= STAMPS_END_NS:
-        raise ArgumentTypeError(f"must be between -2**31 and 2**31, not {text}")
+        raise ArgumentTypeError(f"expected a number between -2**31 and 2**31, got {text}")
     return offset_ns
 
 
 def _digits(text: str) -> int:
     if not (text.isascii() and text.isdigit() and int(text) <= MOST_DIGITS):
-        raise ArgumentTypeError(f"must be a whole number from 0 to {MOST_DIGITS}, not {text}")
+        raise ArgumentTypeError(f"expected a whole number from 0 to {MOST_DIGITS}, got {text}")
     return int(text)
 
 

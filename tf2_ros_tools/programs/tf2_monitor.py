@@ -109,7 +109,7 @@ def _ends(frames: list[str]) -> tuple[str, str] | None:
     if not frames:
         return None
     if len(frames) != 2:
-        raise UsageError(f"two frames, or none, not {len(frames)}")
+        raise UsageError(f"expected 0 or 2 frames, got {len(frames)}")
     a, b = (name.removeprefix("/") for name in frames)
     return a, b
 

@@ -15,7 +15,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 unexport LD_LIBRARY_PATH
 endif
 
-# Beside a sourced ROS 2 no second one is installed, and what that needs of the system's packages, as yaml, is seen.
+# With a sourced ROS 2, no second one is installed, and .venv exposes the system's packages, such as yaml.
 ifdef AMENT_PREFIX_PATH
 PROJECTS := --editable .
 WHAT := the project, 30 MB
@@ -30,7 +30,7 @@ VENV_KIND := wheels
 VENV_OTHER := sourced
 endif
 
-# Whoever sources a ROS 2 later, or no longer, gets a new .venv.
+# Recreate .venv when a ROS 2 is newly sourced or no longer sourced.
 ifneq ($(wildcard $(VENV)/$(VENV_OTHER).stamp),)
 $(info Removing $(VENV), which was made for the other of sourced ROS 2 and ROS wheels)
 $(shell rm -rf $(VENV))

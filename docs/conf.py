@@ -61,14 +61,15 @@ def contents(text: str) -> str:
 
 
 def moved_links(text: str, source: Path, page: Path) -> str:
-    """The text of a file with links that are right on its page; a link to a folder becomes text."""
+    """The text of a file with links that are right on its page; what is not on the site becomes text."""
 
     def moved(found: re.Match[str]) -> str:
         target = (source.parent / found["path"]).resolve()
-        if target.is_dir():
-            return found["text"]
         if not target.exists():
             return found[0]
+        is_elsewhere = target.suffix == ".md" and target not in PLACES and not target.is_relative_to(HERE)
+        if target.is_dir() or is_elsewhere:
+            return found["text"]
         path = os.path.relpath(PLACES.get(target, target), page.parent)
         return f"[{found['text']}]({path}{found['anchor'] or ''})"
 

@@ -65,9 +65,9 @@ class Buffer(BufferCore, AnsweringInterface):
     :param max_bytes: the maximum memory for names and histories. None: 1 GiB.
     :param share: the name under which other processes of this user on this machine may attach to the buffer,
         until it or this process ends; ``auto`` is the name that belongs to the ROS domain.
-    :param attach: the name of a buffer that another process shares. This one is filled with what that one
-        receives, and keeps as much history if ``cache_time`` is None. When the other process ends, this one
-        keeps what it holds, and the next process that shares a buffer of that name fills it.
+    :param attach: the name of a buffer that another process shares. This buffer is filled with what the
+        other process receives, and keeps as much history if ``cache_time`` is None. When the other process
+        ends, this buffer keeps what it holds, until a process shares a buffer of that name again.
     :raises TypeError: ``cache_time`` is something else, a limit is not an int, or a name is not a str.
     :raises ValueError: ``cache_time`` is negative, a limit is not above 0, a name is invalid, or both
         ``share`` and ``attach`` are given.

@@ -304,7 +304,7 @@ class TransformListener:
         return self._tf2_process is not None and is_inherited(self._tf2_process)
 
     def _tf2_direct_buffer(self) -> BufferCore | None:
-        """The buffer; None if code of a program would handle what is inserted. Runs no code of a program."""
+        """The buffer; None if user code would handle what is inserted. Runs no user code."""
         buffer = self.__dict__.get("_tf2_buffer")
         if type(self).buffer is not TransformListener.buffer or not isinstance(buffer, BufferCore):
             return None
@@ -314,7 +314,7 @@ class TransformListener:
         return buffer
 
     def __plain_topics(self) -> list[Topic]:
-        """The topics whose messages go into the buffer without code of a program."""
+        """The topics whose messages go into the buffer without user code."""
         make = getattr(self.node, "create_subscription", None)
         if not isinstance(self.node, Node) or getattr(make, "__func__", None) is not Node.create_subscription:
             return []  # a node may make subscriptions of its own kind

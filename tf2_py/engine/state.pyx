@@ -253,7 +253,7 @@ cdef int _insert_state(Tree* tree, dict state) except -1:
     cdef Samples samples
     cdef Text* parent_names
     cdef size_t i
-    # Whoever shares the list cannot change this one, to whose elements pointers refer.
+    # A private copy of the list: pointers refer to its elements, and its owner may change the original.
     cdef tuple names = tuple(state["parent_names"])
     stamps, transforms, parents = [
         received_array(state[key], dtype)

@@ -7,7 +7,7 @@ takes the messages and inserts them (`drain`). So does one thread of the process
 wait, ROUND_NS after the first one, and at once while something waits for a transform, or while the buffer is
 read more often than the thread has rounds, so that such a reader finds everything inserted. Log lines, the
 completion of waits and everything else that follows from an insert and needs the GIL are left to a second
-thread (`run_reports`). So nothing here runs code of a program, and the first thread never waits for the GIL.
+thread (`run_reports`). So nothing here runs user code, and the first thread never waits for the GIL.
 
 Nothing here needs ROS, because buffers can also be shared without it.
 """
@@ -454,7 +454,7 @@ cdef class Inbox(ReadHook):
 
     :param source: of its messages; for no other inbox.
     :param authority: of transforms whose message names none.
-    :param hand_over: called with a list of callables that run code of a program, to have them called.
+    :param hand_over: called with a list of callables that run user code, to have them called.
     """
 
     def __cinit__(self, Source source not None, str authority not None, hand_over):
@@ -560,7 +560,7 @@ cdef class Inbox(ReadHook):
         cdef int64_t left
         if self._source.serves_itself and not self._source.asked():
             return 0
-        # With the GIL: whoever holds the lock needs none, and getting it back may take long.
+        # With the GIL: the holder of the lock does not need the GIL, and taking it again may take long.
         lock_acquire(&_lock)
         # No more than this had arrived before the call. What arrives during it must not delay its return.
         left = self._source.count()

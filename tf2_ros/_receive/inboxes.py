@@ -46,7 +46,7 @@ _checked_at = 0.0
 
 
 def add_owner(owner: Owner) -> None:
-    """Let the functions below include the inbox of this one."""
+    """Register an owner, whose inbox the functions below include."""
     _owners.add(owner)
 
 

@@ -1,4 +1,4 @@
-"""Receive a listener's transforms without an executor, because no code of a program handles them."""
+"""Receive a listener's transforms without an executor, because no user code handles them."""
 
 import os
 import weakref
@@ -50,7 +50,7 @@ class Receiver:
     """
     Inserts what arrives on a listener's topics into a buffer when that is read: the owner of an inbox.
 
-    :param listener: a TransformListener, which has found that no code of a program handles the messages.
+    :param listener: a TransformListener, which has found that no user code handles the messages.
     :param topics: those that it takes, whose subscriptions are hidden from executors.
     :param queue: the CallbackQueue of the node, which is informed of what arrives.
 

@@ -1,7 +1,7 @@
 """
 Make, open and remove the files of shared buffers, and read the descriptions of their owners.
 
-A file gets its name when it is complete, so whoever finds it can read it. An owner holds a lock on its file.
+A file gets its name when it is complete, so a process that finds it can read it. An owner locks its file.
 The kernel releases it when the process ends, however that happens. The lock belongs to an open file
 description (F_OFD_SETLK) that nothing is mapped from. So other descriptors of the file may be closed, and a
 forked child, which closes its own at once, does not keep the lock.

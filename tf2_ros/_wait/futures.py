@@ -224,7 +224,7 @@ class WakingFuture(Future, Generic[_Result]):
 
     def _tf2_end_or_queue(self, outcome: Outcome) -> bool:
         """
-        Note how it ends, if it has no outcome, and end it, if that runs no code of a program.
+        Note how it ends, if it has no outcome, and end it, if that runs no user code.
 
         :return: whether it is to be queued now.
         """

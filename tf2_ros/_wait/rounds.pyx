@@ -126,7 +126,7 @@ cdef enum:
 
 cpdef bint only_wakes(callback):
     """
-    Whether a done callback runs no code of a program: ours, or one by which an executor wakes itself.
+    Whether a done callback runs no user code: ours, or one by which an executor wakes itself.
 
     Assumes that those are functions of ``rclpy.executors``. Otherwise they are treated as a program's.
     """
@@ -193,7 +193,7 @@ cdef class Ending:
     Ends a wait that has its answer, together with its callbacks; may be called several times.
 
     :param end: does so; called again where a signal handler has cut it short.
-    :param drop: called with the reason if nothing will call this any more; runs no code of a program.
+    :param drop: called with the reason if nothing will call this any more; runs no user code.
     :param queue: the CallbackQueue that must call this; None: that of whatever received the transform.
     """
 

@@ -58,7 +58,7 @@ cdef struct Arrivals:
     # Of one topic. The middleware's threads touch only `arrived`, `threshold` and `inbox`.
     uint32_t arrived            # atomic, and a hint: 0: no message waits
     uint32_t threshold          # messages that may wait
-    State* inbox
+    State* inbox                # NULL: nothing is taken any more
     # Guarded by the lock of all inboxes.
     const rcl_subscription_t* subscription      # NULL: nothing is taken
     Arrivals* following         # in the order in which they are taken
@@ -83,7 +83,9 @@ cdef void _arrived(const void* data, size_t count) noexcept nogil:
     # The middleware calls this, under its own locks, in any thread, perhaps with the GIL.
     cdef Arrivals* topic = <Arrivals*>data
     cdef uint32_t before = word_add(&topic.arrived, <uint32_t>count)
-    inbox_arrived(topic.inbox, before + count >= topic.threshold)
+    cdef State* inbox = topic.inbox
+    if inbox != NULL:
+        inbox_arrived(inbox, before + count >= topic.threshold)
 
 
 # Taking; with the lock held.
@@ -248,6 +250,7 @@ cdef class Subscriptions(Source):
             rcutils_reset_error()
         inboxes_lock()
         arrivals.subscription = NULL
+        arrivals.inbox = NULL
         inboxes_unlock()
         topic._handle = None
 

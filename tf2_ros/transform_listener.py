@@ -163,10 +163,10 @@ class TransformListener:
                 # Few programs share a buffer; only they load this.
                 from tf2_ros._shared.attachment import attach_listener
 
-                is_usual = qos is static_qos is recording is None and not (static_only or prefix)
-                self._tf2_attachment = attach_listener(
-                    self, is_usual and self.__plain_topics() == self._tf2_topics
-                )
+                given = [one for one in (qos, static_qos, recording) if one is not None]
+                has_options = bool(static_only or prefix or given)
+                is_usual = not has_options and self.__plain_topics() == self._tf2_topics
+                self._tf2_attachment = attach_listener(self, is_usual)
             if self._tf2_attachment is None:
                 self._tf2_listen_itself()
             elif prefix:

@@ -26,7 +26,6 @@ if TYPE_CHECKING or HAS_ROS:
 
     from tf2_msgs.srv import FrameGraph
     from tf2_ros._nodes import WaitContexts, note_filler
-    from tf2_ros._receive.inboxes import held
     from tf2_ros._wait.changes import Changes, ChangeSubscription
     from tf2_ros._wait.futures import TransformFuture, WakingFuture
 
@@ -431,13 +430,7 @@ def _clear_at_jumps(buffer: Any) -> "JumpHandle":
 
     def on_jump(time_jump: "TimeJump") -> None:
         jumping = reference()
-        if jumping is None:
-            return
-        if time_jump.clock_change != ClockChange.ROS_TIME_NO_CHANGE:
-            jumping.time_jump_callback(time_jump)
-            return
-        # Transforms of a restarted recording may have arrived before the executor took its /clock.
-        with held(jumping, lambda: jumping.clock.now().nanoseconds):
+        if jumping is not None:
             jumping.time_jump_callback(time_jump)
 
     threshold = JumpThreshold(

@@ -188,9 +188,7 @@ def test_a_reader_that_sleeps_through_ten_laps_begins_at_the_oldest_message():
     with Owner(preexec_fn=small_files) as owner:
         reader = Buffer(Duration(seconds=0.2), attach=owner.name)
         assert not is_sound(reader, 1000 * S)
-        reader._tf2_sharing.inbox.hold()  # otherwise its thread may keep pace
         (inserted,) = owner.tell("laps", 10)
-        reader._tf2_sharing.inbox.release(2**63 - 1)
         assert is_sound(reader, 1000 * S, range(0, S // 10, S // 100))
         assert reader.statistics()["malformed_messages"] == 0
         reader._self_check()

@@ -37,8 +37,7 @@ cdef struct Watcher:
 cdef struct Copier:
     # Copies what an inbox takes for other processes. Called without the GIL, perhaps by several inboxes.
     void* data                  # for these functions
-    # `is_whole`: the batch is the message's; otherwise transforms were dropped from it.
-    void (*copy)(Copier* copier, const Parcel* parcel, bint is_whole) noexcept nogil
+    void (*copy)(Copier* copier, const Parcel* parcel) noexcept nogil
     # Whether somebody wants each message at once.
     bint (*is_wanted)(Copier* copier) noexcept nogil
 
@@ -61,8 +60,6 @@ cdef struct State:
     Parcel* parcel              # for the next message
     Parcel* spare               # takes its place if the message is kept; NULL: not allocated yet
     Parcels reports             # messages with something to report
-    bint is_held                # nothing is taken until `release`
-    int64_t until_ns            # dynamic transforms that are stamped later are not inserted
     const char* authority
     size_t authority_size
     Copier* copier              # of the buffer, if that is shared; or NULL

@@ -14,7 +14,7 @@ Nothing here needs ROS, because buffers can also be shared without it.
 
 cimport cython
 from libc.stddef cimport size_t
-from libc.stdint cimport INT64_MAX, int64_t, uint32_t
+from libc.stdint cimport int64_t, uint32_t
 from libc.stdlib cimport calloc, free, realloc
 
 from tf2_py._internal cimport (
@@ -222,19 +222,6 @@ cdef extern from *:
     void disarm "tf2_disarm"(void* engine, uint32_t* armed) noexcept nogil
 
 
-cdef size_t _drop_later(Batch* batch, int64_t until_ns) noexcept nogil:
-    # Returns how many.
-    cdef size_t i
-    cdef size_t count = 0
-    cdef size_t before = batch.count
-    for i in range(batch.count):
-        if batch.entries[i].incoming.stamp_ns <= until_ns:
-            batch.entries[count] = batch.entries[i]
-            count += 1
-    batch.count = count
-    return before - count
-
-
 cdef void _report_later(State* inbox) noexcept nogil:
     # A flood of refused transforms must not fill the memory. Answers are never lost.
     if inbox.reports.count >= MAX_REPORTS and links_empty(&inbox.parcel.batch.ready):
@@ -255,11 +242,8 @@ cdef bint inbox_read(State* inbox, size_t topic, bint is_static) noexcept nogil:
 
 cdef void inbox_insert(State* inbox, bint is_readable) noexcept nogil:
     cdef Parcel* parcel = inbox.parcel
-    cdef size_t dropped = 0
-    if inbox.until_ns != INT64_MAX and is_readable and not parcel.batch.is_static:
-        dropped = _drop_later(&parcel.batch, inbox.until_ns)
-    if inbox.copier != NULL and is_readable and (parcel.batch.count or not dropped):
-        inbox.copier.copy(inbox.copier, parcel, dropped == 0 and not parcel.batch.is_prefixed)
+    if inbox.copier != NULL and is_readable:
+        inbox.copier.copy(inbox.copier, parcel)
     while is_readable and insert_some(inbox.engine, &parcel.batch):
         pass
     if not is_readable or parcel.batch.needs_report:
@@ -295,7 +279,7 @@ cdef void inbox_refuse(State* inbox, size_t topic, const char* problem) noexcept
 cdef bint _take(State* inbox, size_t most) noexcept nogil:
     # Inserts at most this many messages; returns whether more may be left.
     cdef size_t taken
-    if inbox.is_closed or inbox.is_held or inbox.engine == NULL:
+    if inbox.is_closed or inbox.engine == NULL:
         word_store(&inbox.pending, 0)
         return False
     # First this, then the messages: `inbox_arrived` is called after its message has arrived. Until they are
@@ -468,7 +452,6 @@ cdef class Inbox(ReadHook):
         self._state.authority = name_utf8(authority, &size)
         self._state.authority_size = size
         self._state.take, self._state.source = source.take, source.data
-        self._state.until_ns = INT64_MAX
         source.inbox = &self._state
         if not source.serves_itself:
             self._enlist()
@@ -588,24 +571,6 @@ cdef class Inbox(ReadHook):
     def forget_reads(self):
         """Stop inserting at once because of the latest read of the buffer; for tests."""
         word_store(&self._state.read, 0)
-
-    def hold(self):
-        """Let what has arrived wait, also for readers, until :meth:`release`."""
-        lock_acquire(&_lock)
-        self._state.is_held = True
-        lock_release(&_lock)
-
-    def release(self, int64_t until_ns):
-        """Insert what has arrived, except dynamic transforms that are stamped later than ``until_ns``."""
-        cdef bint more = True
-        lock_acquire(&_lock)
-        self._state.is_held = False
-        self._state.until_ns = until_ns
-        word_store(&self._state.pending, 1)
-        while more:
-            more = _take(&self._state, DRAIN_SLICE)
-        self._state.until_ns = INT64_MAX
-        lock_release(&_lock)
 
     def report_pending(self):
         """Do what follows from what was inserted: complete waits, and log what was refused."""

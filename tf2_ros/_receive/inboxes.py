@@ -1,5 +1,5 @@
 """
-List the owners of inboxes, run the threads that serve the inboxes, and find those that fill a buffer.
+List the owners of inboxes, and run the threads that serve the inboxes.
 
 Nothing here needs ROS, because buffers can also be shared without it.
 """
@@ -10,12 +10,11 @@ import os
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import Protocol
 
-from tf2_py import BufferCore
 from tf2_py._internal import log
 from tf2_ros._forking import LiveObjects
 from tf2_ros._receive.inbox import Inbox, begin_anew, run_inboxes, run_reports, stop_inboxes
@@ -46,7 +45,7 @@ _checked_at = 0.0
 
 
 def add_owner(owner: Owner) -> None:
-    """Register an owner, whose inbox the functions below include."""
+    """Register an owner, whose inbox the threads serve."""
     _owners.add(owner)
 
 
@@ -55,23 +54,6 @@ def check_regularly(checked: Checked) -> None:
     _checked.add(checked)
     with suppress(RuntimeError):  # no thread can be started now; the next listener tries again
         threads.start_reports()
-
-
-def _filling(buffer: BufferCore) -> list[Inbox]:
-    return [owner.inbox for owner in _owners if owner.inbox.fills(buffer)]
-
-
-@contextmanager
-def held(buffer: BufferCore, until_ns: Callable[[], int]) -> Iterator[None]:
-    """Let what arrives wait; then insert it, except dynamic transforms stamped later than ``until_ns()``."""
-    for inbox in _filling(buffer):
-        inbox.hold()
-    try:
-        yield
-    finally:
-        last_ns = until_ns()
-        for inbox in _filling(buffer):
-            inbox.release(last_ns)
 
 
 class _Threads:

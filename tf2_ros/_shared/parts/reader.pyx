@@ -190,8 +190,7 @@ cdef void _follow(State* inbox) noexcept nogil:
         seen = word_load(&reading.head.arrivals)
         if inbox_wants_all(inbox):
             _want(reading)
-            if not inbox.is_held:
-                _catch_up(inbox)
+            _catch_up(inbox)
             # First this, then the count; the owner does this in the opposite order.
             word_store(&board_of(reading.head).sleeps, 1)
             if word_load(&reading.head.arrivals) == seen:

@@ -312,8 +312,8 @@ cdef void _share(Writing* writing, const Batch* batch, const void* message, size
     lock_release(&writing.lock)
 
 
-cdef void _copy(Copier* copier, const Parcel* parcel, bint is_whole) noexcept nogil:
-    is_whole = is_whole and parcel.size < STEP
+cdef void _copy(Copier* copier, const Parcel* parcel) noexcept nogil:
+    cdef bint is_whole = not parcel.batch.is_prefixed and parcel.size < STEP
     _share(<Writing*>copier.data, &parcel.batch, parcel.data if is_whole else NULL, parcel.size)
 
 

@@ -53,48 +53,36 @@ def check_regularly(checked: Checked) -> None:
     """Call ``_tf2_check()`` every one or two seconds, as long as something else refers to the object."""
     _checked.add(checked)
     with suppress(RuntimeError):  # no thread can be started now; the next listener tries again
-        threads.start_reports()
+        start_reports()
 
 
-class _Threads:
-    """The thread that drains the inboxes of the process, and the one that reports what follows from that."""
+_threads: dict[str, threading.Thread] = {}  # those of this process, by their names
 
-    def __init__(self) -> None:
-        self._running: dict[str, threading.Thread] = {}  # by their names; several may start them at once
 
-    def start(self) -> None:
-        """Start both, if they do not run. If that fails, the next listener tries again."""
-        self._start("tf2_ros receiver", run_inboxes)
-        self.start_reports()
+def start_threads() -> None:
+    """Start the thread that drains inboxes, and the one that reports, if they do not run."""
+    _start("tf2_ros receiver", run_inboxes)
+    start_reports()
 
-    def start_reports(self) -> None:
-        """Start only the second one."""
-        self._start("tf2_ros reports", partial(run_reports, _report))
 
-    def stop(self) -> None:
-        """End both."""
-        stop_inboxes()
-        for thread in list(self._running.values()):
-            if thread is not threading.current_thread():
-                thread.join(THREAD_END_WAIT_S)
+def start_reports() -> None:
+    """Start only the second one."""
+    _start("tf2_ros reports", partial(run_reports, _report))
 
-    def forget(self) -> None:
-        """In a forked child, forget the threads, which are the parent's."""
-        self._running = {}
 
-    def _start(self, name: str, target: Callable[[], None]) -> None:
-        if name in self._running:
-            return
-        # Daemons, so that the interpreter does not wait for them before it runs the exit handlers.
-        thread = threading.Thread(target=target, name=name, daemon=True)
-        if self._running.setdefault(name, thread) is not thread:
-            return
-        try:
-            thread.start()
-        except BaseException:
-            if not thread.is_alive():
-                self._running.pop(name, None)
-            raise
+def _start(name: str, target: Callable[[], None]) -> None:
+    if name in _threads:
+        return
+    # Daemons, so that the interpreter does not wait for them before it runs the exit handlers.
+    thread = threading.Thread(target=target, name=name, daemon=True)
+    if _threads.setdefault(name, thread) is not thread:
+        return  # several threads may start it at once
+    try:
+        thread.start()
+    except BaseException:
+        if not thread.is_alive():
+            _threads.pop(name, None)  # the next listener tries again
+        raise
 
 
 def _report() -> None:
@@ -121,19 +109,18 @@ def _check() -> None:
             log.logger("tf2_ros").error(f"In a regular check: {traceback.format_exc()}")
 
 
-threads = _Threads()
-
-
 @atexit.register
 def _stop_all() -> None:
     for owner in _owners:
         owner.stop()
-    threads.stop()
+    stop_inboxes()
+    for thread in list(_threads.values()):
+        thread.join(THREAD_END_WAIT_S)
 
 
 def _after_fork_in_child() -> None:
     begin_anew()
-    threads.forget()
+    _threads.clear()
     lost = sum([owner.inbox.leave_to_parent() for owner in _owners])
     _owners.clear()
     _checked.clear()

@@ -22,7 +22,7 @@ from tf2_ros._rclpy import (
     report_incompatible_qos,
 )
 from tf2_ros._receive.inbox import Inbox
-from tf2_ros._receive.inboxes import AUTHORITY, add_owner, check_regularly, threads
+from tf2_ros._receive.inboxes import AUTHORITY, add_owner, check_regularly, start_threads
 from tf2_ros._receive.subscriptions import Subscriptions
 from tf2_ros._receive.topics import Topic
 
@@ -70,7 +70,7 @@ class Receiver:
         self._source = Subscriptions(listener._tf2_recording, listener._tf2_prefix)
         self.inbox = Inbox(self._source, AUTHORITY, queue.hand_over)
         self.inbox.inform(queue)
-        threads.start()
+        start_threads()
         for topic in topics:
             self._take(topic)
         add_owner(self)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tf2_py._internal import log
 from tf2_ros._forking import is_inherited
 from tf2_ros._receive.inbox import Inbox
-from tf2_ros._receive.inboxes import AUTHORITY, THREAD_END_WAIT_S, add_owner, check_regularly, threads
+from tf2_ros._receive.inboxes import AUTHORITY, THREAD_END_WAIT_S, add_owner, check_regularly, start_reports
 from tf2_ros._shared.files import describe_owner, is_owned, open_file
 from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted
 from tf2_ros._shared.owner import Owner
@@ -71,7 +71,7 @@ class Attachment:
             target=reader.follow, args=(self.inbox,), name="tf2_ros ring", daemon=True
         )
         self._thread.start()
-        threads.start_reports()
+        start_reports()
         self._is_open = True
 
     @property

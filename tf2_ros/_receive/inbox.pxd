@@ -63,8 +63,7 @@ cdef struct State:
     const char* authority
     size_t authority_size
     Copier* copier              # of the buffer, if that is shared; or NULL
-    bint has_arrived            # something, since the draining thread looked last
-    State* after                # in the list of all that the draining thread serves
+    State* next                 # in the list of all that the draining thread serves
 
 
 # A message waits. `is_full`: so many wait that they must be taken. From any thread, with or without the GIL.
@@ -74,11 +73,8 @@ cdef bint inbox_wants_all(State* inbox) noexcept nogil
 # The lock of all inboxes. A thread that holds it takes at most that of an engine, of records or of a ring.
 cdef void inboxes_lock() noexcept nogil
 cdef void inboxes_unlock() noexcept nogil
-# Drains one slice, with the lock held; `is_behind` becomes True if more is left. Returns whether messages
-# have arrived since the last time.
-cdef bint inbox_serve(State* inbox, bint* is_behind) noexcept nogil
-# Has `report_pending` called, by the thread for it.
-cdef void inbox_needs_report(State* inbox) noexcept nogil
+# Drains one slice, with the lock held. Returns whether more may be left.
+cdef bint inbox_serve(State* inbox) noexcept nogil
 
 # The rest is for the function `take` of a source, with the lock held. This one is called first: it returns
 # whether there is memory for one more message, which goes into `parcel`.
@@ -136,5 +132,4 @@ cdef class Inbox(ReadHook):
     cdef void _enlist(self) noexcept
     cdef void _discharge(self) noexcept
     cdef object _engine(self)
-    cdef int _report(self, Engine engine) except -1
-    cdef int _report_parcels(self, Engine engine, Parcels* parcels) except -1
+    cdef int _report(self, Engine engine, Parcels* parcels) except -1

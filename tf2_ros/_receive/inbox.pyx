@@ -55,11 +55,10 @@ from tf2_py._internal import call_despite_signals, keep_for_ever, log
 cdef enum:
     READ_SLICE = 64             # messages that a read inserts before it releases the GIL
     MAX_REPORTS = 64            # messages whose refused transforms are kept for the log
-    KEEP_BYTES = 1 << 20        # bytes of memory that are kept from one message to the next, at most
     BEING_INSERTED = 2          # of State.pending: nothing has arrived since a thread began to insert
 
-# How long the threads sleep while nothing arrives. This has an end: see the conditions in sync.pxd.
-cdef int64_t IDLE_NS = 1500000000
+# How often the thread that reports calls its function, at least.
+cdef int64_t REPORT_NS = 1500000000
 
 
 cdef struct Signal:
@@ -73,7 +72,6 @@ cdef Signal _work               # for the thread that drains
 cdef Signal _reporting          # for the thread that reports
 cdef Lock _lock                 # of all inboxes: guards their list, and what their State says
 cdef State* _first = NULL
-cdef uint32_t _is_idle = 0      # atomic: the thread sleeps until something arrives
 cdef uint32_t _is_stopping = 0  # atomic
 
 
@@ -122,13 +120,8 @@ cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil:
     word_store(&inbox.pending, 1)
     if is_full:
         word_store(&inbox.is_full, 1)
-    if is_full or inbox_wants_all(inbox) or word_load(&_is_idle):
+    if is_full or inbox_wants_all(inbox):
         _signal_set(&_work)
-
-
-cdef void inbox_needs_report(State* inbox) noexcept nogil:
-    word_store(&inbox.needs_report, 1)
-    _signal_set(&_reporting)
 
 
 # Parcels.
@@ -185,18 +178,6 @@ cdef void _take_reports(State* inbox, Parcels* reports) noexcept nogil:
     inbox.reports.count = 0
 
 
-cdef void _move_to(Parcels* parcels, State* inbox) noexcept nogil:
-    # Puts the current parcel into a list.
-    if parcels.last != NULL:
-        parcels.last.next = inbox.parcel
-    else:
-        parcels.first = inbox.parcel
-    parcels.last = inbox.parcel
-    parcels.count += 1
-    inbox.parcel = inbox.spare
-    inbox.spare = NULL
-
-
 # Draining; with the lock held.
 
 # Without the GIL references cannot be counted, so the state has only the address of the engine. Each of these
@@ -224,10 +205,18 @@ cdef extern from *:
 
 cdef void _report_later(State* inbox) noexcept nogil:
     # A flood of refused transforms must not fill the memory. Answers are never lost.
-    if inbox.reports.count >= MAX_REPORTS and links_empty(&inbox.parcel.batch.ready):
+    cdef Parcels* reports = &inbox.reports
+    if reports.count >= MAX_REPORTS and links_empty(&inbox.parcel.batch.ready):
         return
-    _move_to(&inbox.reports, inbox)
-    inbox_needs_report(inbox)
+    if reports.last != NULL:
+        reports.last.next = inbox.parcel
+    else:
+        reports.first = inbox.parcel
+    reports.last = inbox.parcel
+    reports.count += 1
+    inbox.parcel, inbox.spare = inbox.spare, NULL
+    word_store(&inbox.needs_report, 1)
+    _signal_set(&_reporting)
 
 
 cdef bint inbox_read(State* inbox, size_t topic, bint is_static) noexcept nogil:
@@ -248,11 +237,6 @@ cdef void inbox_insert(State* inbox, bint is_readable) noexcept nogil:
         pass
     if not is_readable or parcel.batch.needs_report:
         _report_later(inbox)
-    if inbox.parcel == parcel and parcel.capacity > KEEP_BYTES:
-        batch_free(&parcel.batch)
-        free(parcel.data)
-        parcel.data = NULL
-        parcel.size = parcel.capacity = 0
 
 
 cdef void inbox_remove(State* inbox, const char* name, size_t size) noexcept nogil:
@@ -288,85 +272,51 @@ cdef bint _take(State* inbox, size_t most) noexcept nogil:
     word_store(&inbox.is_full, 0)
     taken = inbox.take(inbox, most)
     word_replace(&inbox.pending, BEING_INSERTED, 0)
-    if taken:
-        inbox.has_arrived = True
-        if inbox.watcher != NULL:
-            inbox.watcher.arrived(inbox.watcher.data)
+    if taken and inbox.watcher != NULL:
+        inbox.watcher.arrived(inbox.watcher.data)
     return taken == most
 
 
 # The thread that drains.
 
-cdef bint inbox_serve(State* inbox, bint* is_behind) noexcept nogil:
+cdef bint inbox_serve(State* inbox) noexcept nogil:
     # A reader may have taken the rest since the last slice.
-    cdef bint more = word_load(&inbox.pending) and _take(inbox, DRAIN_SLICE)
-    cdef bint has_arrived = inbox.has_arrived
-    if more:
-        is_behind[0] = True
-    else:
-        inbox.has_arrived = False
-        if word_load(&inbox.armed) and inbox.engine != NULL:
-            disarm(inbox.engine, &inbox.armed)
-    return has_arrived
+    if word_load(&inbox.pending) and _take(inbox, DRAIN_SLICE):
+        return True
+    if word_load(&inbox.armed) and inbox.engine != NULL:
+        disarm(inbox.engine, &inbox.armed)
+    return False
 
 
-cdef void _count_round(State* inbox) noexcept nogil:
-    cdef uint32_t read = word_load(&inbox.read)
-    if read > 0:
-        word_store(&inbox.read, read - 1)   # this may undo a read of just now: the next one counts
-
-
-cdef bint _serve_all(bint is_round) noexcept nogil:
+cdef void _serve_all(bint is_round) noexcept nogil:
+    # In a round all inboxes, otherwise those whose messages must not wait.
     cdef State* inbox
-    cdef bint counts_round = is_round
-    cdef bint has_arrived = False
+    cdef uint32_t read
     cdef bint is_behind = True
+    cdef bint is_rest = False       # of a slice: it is due
     while is_behind:
         # Between two slices other threads may read, and change the list.
         is_behind = False
         lock_acquire(&_lock)
         inbox = _first
         while inbox != NULL:
-            if counts_round:
-                _count_round(inbox)
-            if is_round or inbox_wants_all(inbox) or word_load(&inbox.is_full):
-                has_arrived = inbox_serve(inbox, &is_behind) or has_arrived
-            inbox = inbox.after
+            read = word_load(&inbox.read)
+            if is_round and read > 0 and not is_rest:
+                word_store(&inbox.read, read - 1)   # this may undo a read of just now: the next one counts
+            if is_round or is_rest or inbox_wants_all(inbox) or word_load(&inbox.is_full):
+                is_behind = inbox_serve(inbox) or is_behind
+            inbox = inbox.next
         lock_release(&_lock)
-        is_round = True     # the rest of a slice is due
-        counts_round = False
-    return has_arrived
-
-
-cdef bint _is_anything_pending() noexcept nogil:
-    cdef State* inbox
-    cdef bint found = False
-    lock_acquire(&_lock)
-    inbox = _first
-    while inbox != NULL:
-        found = found or word_load(&inbox.pending)
-        inbox = inbox.after
-    lock_release(&_lock)
-    return found
+        is_rest = True
 
 
 cdef void _run() noexcept nogil:
     cdef int64_t now_ns
     cdef int64_t round_ns = 0           # when the next round is due
-    cdef bint has_arrived = False       # since the last round
     while not word_load(&_is_stopping):
         now_ns = monotonic_ns()
-        has_arrived = _serve_all(now_ns >= round_ns) or has_arrived
+        _serve_all(now_ns >= round_ns)
         if now_ns >= round_ns:
-            if not has_arrived:
-                # What arrives from here on wakes it.
-                word_store(&_is_idle, 1)
-                if not _is_anything_pending():
-                    _signal_wait(&_work, IDLE_NS)
-                word_store(&_is_idle, 0)
-                round_ns = monotonic_ns() + ROUND_NS
-                continue
-            has_arrived = False
             round_ns = now_ns + ROUND_NS
         _signal_wait(&_work, round_ns - monotonic_ns())
 
@@ -386,7 +336,7 @@ def run_reports(report):
     while not word_load(&_is_stopping):
         report()
         with nogil:
-            _signal_wait(&_reporting, IDLE_NS)
+            _signal_wait(&_reporting, REPORT_NS)
 
 
 def stop_inboxes():
@@ -400,7 +350,6 @@ def begin_anew():
     """In a forked child: forget the inboxes of the parent, and what its threads held."""
     global _first
     _first = NULL
-    word_store(&_is_idle, 0)
     _signal_init(&_work)
     _signal_init(&_reporting)
     lock_init(&_lock)
@@ -465,7 +414,7 @@ cdef class Inbox(ReadHook):
     cdef void _enlist(self) noexcept:
         global _first
         lock_acquire(&_lock)
-        self._state.after = _first
+        self._state.next = _first
         _first = &self._state
         lock_release(&_lock)
 
@@ -477,9 +426,9 @@ cdef class Inbox(ReadHook):
         self._source.silence()
         lock_acquire(&_lock)
         while link[0] != NULL and link[0] != &self._state:
-            link = &link[0].after
+            link = &link[0].next
         if link[0] != NULL:
-            link[0] = self._state.after
+            link[0] = self._state.next
         self._state.is_closed = True
         lock_release(&_lock)
 
@@ -491,12 +440,8 @@ cdef class Inbox(ReadHook):
 
     def close(self):
         """Receive nothing more. What has arrived is dropped; what was inserted is reported."""
-        engine = self._engine()
-        if engine is not None:
-            (<Engine>engine).remove_inbox(self)
         self._discharge()
-        if engine is not None:
-            self._report(engine)
+        self.fill(None)
 
     def inform(self, Watching watching not None):
         """Inform this of what arrives from now on, and nothing else."""
@@ -513,30 +458,33 @@ cdef class Inbox(ReadHook):
         """Whether the transforms go into this buffer."""
         return self._state.engine == <void*>buffer
 
-    def fill(self, Engine buffer not None):
-        """Insert from now on into this buffer, which is not kept alive."""
+    def fill(self, Engine buffer):
+        """Insert from now on into this buffer, which is not kept alive; None: into none."""
         cdef Parcels parcels
-        cdef Copying copying = buffer._tap if isinstance(buffer._tap, Copying) else None
-        reference = weakref.ref(buffer)
+        cdef Copying copying = None
+        reference = None if buffer is None else weakref.ref(buffer)
         # From here to the report no code in Python runs, and so no other thread that fills or drains.
         engine = self._engine()
         if engine is not None:
             (<Engine>engine).remove_inbox(self)
+        if buffer is not None and isinstance(buffer._tap, Copying):
+            copying = buffer._tap
         self._reference = reference
         lock_acquire(&_lock)
         _take_reports(&self._state, &parcels)
-        self._state.engine = <void*>buffer
+        self._state.engine = <void*>buffer if buffer is not None else NULL
         self._state.copier = NULL if copying is None else &copying.copier
         self._source.redirected()
         lock_release(&_lock)
         self._copying = copying     # nothing uses the memory of the previous one any more
-        buffer.add_inbox(self)
+        if buffer is not None:
+            buffer.add_inbox(self)
+            inbox_arrived(&self._state, True)   # messages may have arrived while there was no buffer
         if engine is not None:
-            self._report_parcels(engine, &parcels)
+            self._report(engine, &parcels)
         else:
             # What is ready in them holds its engine: nothing is.
             _free_parcels(&parcels)
-        inbox_arrived(&self._state, True)       # messages may have arrived while there was no buffer
 
     cdef int drain(self) except -1:
         cdef bint more
@@ -574,10 +522,16 @@ cdef class Inbox(ReadHook):
 
     def report_pending(self):
         """Do what follows from what was inserted: complete waits, and log what was refused."""
-        if word_exchange(&self._state.needs_report, 0):
-            engine = self._engine()
-            if engine is not None:
-                self._report(engine)
+        cdef Parcels parcels
+        if not word_exchange(&self._state.needs_report, 0):
+            return
+        engine = self._engine()
+        if engine is not None:
+            # No code in Python has run since, so the reports are of this engine.
+            lock_acquire(&_lock)
+            _take_reports(&self._state, &parcels)
+            lock_release(&_lock)
+            self._report(engine, &parcels)
 
     def leave_to_parent(self):
         """
@@ -589,21 +543,11 @@ cdef class Inbox(ReadHook):
         keep_for_ever(self)
         self._state.is_closed = True
         self._state.engine = NULL
-        self._state.reports.first = NULL
         self.pending = &self._state.pending
         word_store(self.pending, 0)
         return was_open
 
-    cdef int _report(self, Engine engine) except -1:
-        cdef Parcels parcels
-        parcels.first = NULL
-        lock_acquire(&_lock)
-        if self._state.engine == <void*>engine:     # otherwise they are of another one by now
-            _take_reports(&self._state, &parcels)
-        lock_release(&_lock)
-        return self._report_parcels(engine, &parcels)
-
-    cdef int _report_parcels(self, Engine engine, Parcels* parcels) except -1:
+    cdef int _report(self, Engine engine, Parcels* parcels) except -1:
         cdef Parcel* parcel = parcels.first
         cdef list later = []
         while parcel != NULL:

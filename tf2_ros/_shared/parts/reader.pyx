@@ -170,10 +170,9 @@ cdef void _catch_up(State* inbox) noexcept nogil:
     cdef Reading* reading = <Reading*>inbox.source
     cdef bint is_behind = True
     while is_behind and not word_load(&reading.is_stopping):
-        is_behind = False
         word_store(&inbox.pending, 1)
         inboxes_lock()
-        inbox_serve(inbox, &is_behind)
+        is_behind = inbox_serve(inbox)
         inboxes_unlock()
 
 

@@ -11,14 +11,11 @@ from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tf2_ros_tools.output import counted, first_names, printable, three_digits, write_whole
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import (
     Refused,
-    Reported,
-    Settling,
     Stream,
     Streams,
     newest_streams,
@@ -161,7 +158,7 @@ def find(
         text = "use_sim_time is set, and no time was received on /clock, so rates and delays are unknown"
         found.append(Finding("clock", "", text))
     found += _of_other_clocks(streams, "the log times" if recorded else "the clock of this program")
-    if not streams:
+    if not streams and not no_clock:
         which = " that buffers accept" if refused else ""
         text = f"no transform{which} was received{where and f' {where}'}"
         found.append(Finding("nothing", "", text))
@@ -381,26 +378,20 @@ def report(
         return Report([], [], find([], limits, expectations), None, None, 0, False, heard.saved)
     received, static = records["received_ns"], records["static"] != 0
     now_ns = int((received if static.all() else received[~static]).max())
-    streams, refused = _reported(heard, now_ns)
-    # A recorder discovers publishers like any listener, and receives late what it has missed.
-    judged = _reported(heard, now_ns, Settling().early(records)).streams
+    figures = Streams()
+    figures.add(records)
+    streams, refused = figures.report(now_ns, heard.frames, heard.publishers)
     differ = not heard.saved and _clocks_differ(streams)
     if heard.saved:
         # A frame whose last stamp is old may have been late.
         limits = replace(limits, stale=inf)
     if differ or heard.saved:
-        streams, judged = ([without_delays(one) for one in some] for some in (streams, judged))
-    found = find(judged, limits, expectations, refused=refused, recorded=True)
+        streams = [without_delays(one) for one in streams]
+    found = find(streams, limits, expectations, refused=refused, recorded=True)
     if heard.end_ns is not None and not static.all():
         found = [*_of_the_end((heard.end_ns - now_ns) / S, limits), *found]
     begin, end = int(received.min()) / S, int(received.max()) / S
     return Report(streams, refused, found, begin, end, len(records), differ, heard.saved)
-
-
-def _reported(heard: Heard, now_ns: int, early: NDArray[np.bool_] | None = None) -> Reported:
-    streams = Streams()
-    streams.add(heard.records, early)
-    return streams.report(now_ns, heard.frames, heard.publishers)
 
 
 def _of_the_end(silence: float, limits: Limits) -> Iterator[Finding]:

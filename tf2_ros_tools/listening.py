@@ -1,7 +1,7 @@
 """Nodes of programs, and listening: which transforms arrive, who publishes them, and what is wrong."""
 
 # First, because their errors say in one line what is missing, or that another tf2_ros is imported.
-from tf2_ros.records import RECORD, Recording
+from tf2_ros.records import Recording
 from tf2_ros.transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, TransformListener
 
 # isort: split
@@ -24,18 +24,16 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from tf2_ros import Buffer
-from tf2_ros_tools.findings import Expectation, Finding, Limits, find, milliseconds, without_delays
+from tf2_ros_tools.findings import Expectation, Finding, Limits, find, milliseconds
 from tf2_ros_tools.output import counted
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.streams import (
     Refused,
-    Settling,
     Stream,
     Streams,
     chain_between,
     moving_on,
     newest_streams,
-    replaced,
     unknown_ends,
 )
 
@@ -194,40 +192,34 @@ class Listening:
         self.topics = [node.resolve_topic_name(name) for name in topics]
         self.where = f"on {' and '.join(self.topics)} in ROS domain {node.context.get_domain_id()}"
         self._streams = Streams(window_s)
-        self._settling = Settling()
         self._discovered = time.monotonic() + DISCOVERY_S
-        # The last dynamic transform of each stream that was received before simulated time began.
-        self._untimed = np.zeros(0, RECORD)
         self._names: dict[bytes, str] = {}  # of publishers, by gid
 
-    def listen(self, seconds: float, kept: list[NDArray[np.void]] | None = None) -> None:
-        """Listen in the main thread for this time, or until a signal; append the records to ``kept``."""
+    def listen(self, seconds: float) -> None:
+        """Listen in the main thread for this time, or until a signal."""
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
             time.sleep(min(left, DRAIN_S))
-            records = self.drain()
-            if kept is not None:
-                kept.append(records)
+            self.drain()
 
     def finish_discovery(self) -> None:
         """Listen until reports leave out nothing, see ``Report.discovering``."""
         self.listen(self._discovered - time.monotonic())
 
-    def drain(self) -> NDArray[np.void]:
+    def drain(self) -> None:
         """
-        Account for everything that has arrived since the last call, and return its records.
+        Account for everything that has arrived since the last call.
 
-        Without the dynamic ones before the first message on /clock: until then, simulated time is 0.
+        Except for dynamic transforms before the first message on /clock: until then, simulated time is 0.
         """
         records: NDArray[np.void] = self._recording.take()
-        is_untimed = (records["received_ns"] <= 0) & (records["static"] == 0)
-        untimed = np.concatenate((self._untimed, records[is_untimed]))
-        self._untimed = untimed[~replaced(untimed, np.ones(len(untimed), np.bool_))]
-        records = records[~is_untimed]
-        self._streams.add(records, self._settling.early(records))
+        self._streams.add(records[(records["received_ns"] > 0) | (records["static"] != 0)])
         if not self._names.keys() >= {*self._recording.publishers()}:
             self._look_up_publishers()  # now, because it may exit before the report
-        return records
+
+    def records(self) -> NDArray[np.void]:
+        """The records of the window, and some before it."""
+        return self._streams.kept(self._node.get_clock().now().nanoseconds)
 
     def frames(self) -> list[str]:
         """The names of the frames, indexed by the numbers in the records."""
@@ -245,15 +237,7 @@ class Listening:
         gids = self._recording.publishers()
         alive = self._look_up_publishers()
         publishers = [self._names.get(gid) or _short(gid) for gid in gids]
-        names = self._recording.frames(), publishers
-        streams, refused = self._streams.report(now_ns, *names)
-        no_clock = now_ns <= 0
-        untimed = Streams()
-        untimed.add(self._untimed)
-        others = untimed.report(now_ns, *names)
-        known = {one.frame for one in streams}
-        streams += [without_delays(one) for one in others.streams if one.frame not in known]
-        refused += others.refused if no_clock else []
+        streams, refused = self._streams.report(now_ns, self._recording.frames(), publishers)
         alive_ids = {number for number, gid in enumerate(gids) if gid in alive}
         jump_back = self._streams.jump_back(now_ns)
         findings = find(
@@ -263,7 +247,7 @@ class Listening:
             alive_ids,
             refused=refused,
             jump_back=jump_back,
-            no_clock=no_clock,
+            no_clock=now_ns <= 0,
             where=self.where,
         )
         discovering = False
@@ -273,7 +257,7 @@ class Listening:
             findings = kept
         return Report(
             time=now_ns / S,
-            streams=sorted(streams, key=lambda one: one.frame),
+            streams=streams,
             refused=refused,
             findings=findings,
             chain=None if ends is None else self._chain(ends, streams, now_ns),

@@ -118,75 +118,31 @@ def taken(records: Records) -> Records:
     return chosen
 
 
-class Settling:
-    """
-    Finds early transforms: those of the first half second of each publisher.
-
-    A middleware delivers what is sent during discovery late and together, so these delays say nothing about
-    the robot. An early transform replaces the earlier ones of its stream, so one remains even if it is sent
-    only once.
-
-    Which records are early does not depend on how they are batched.
-    """
-
-    def __init__(self) -> None:
-        self._begin_ns: dict[int, int] = {}  # when each publisher was first received
-        self._settled: set[int] = set()  # publishers
-
-    def early(self, records: Records) -> Mask:
-        """Which of these records are early; all of them must be later than those of earlier calls."""
-        publishers, received = records["publisher"], records["received_ns"]
-        early = np.zeros(len(records), np.bool_)
-        for publisher in {*np.flatnonzero(np.bincount(publishers)).tolist()} - self._settled:
-            own = np.flatnonzero(publishers == publisher)
-            since_ns = received[own] - self._begin_ns.setdefault(publisher, int(received[own[0]]))
-            # Less than 0: the clock has jumped back, and may take long to reach the end of the half second.
-            after = np.flatnonzero((since_ns < 0) | (since_ns >= SETTLING_NS))
-            if len(after):
-                own = own[: after[0]]
-                self._settled.add(publisher)
-            early[own] = True
-        # The delays of static and of refused transforms have no meaning.
-        early[(records["static"] != 0) | (records["refusals"] != 0)] = False
-        return early
-
-
-def replaced(records: Records, early: Mask) -> Mask:
-    """Which of the early records are followed by another early one of their stream."""
-    latest_first = np.flatnonzero(early)[::-1]
-    _, last = np.unique(_keys(records[latest_first]), return_index=True)
-    followed = early.copy()
-    followed[latest_first[last]] = False
-    return followed
-
-
 class Streams:
     """
     Figures of all streams, from records in the order of arrival.
 
     :param window_s: the period before a report over which its figures are computed. None: all time.
 
-    It keeps the records of the window, and the last TAIL of each stream. When the clock jumps back, it drops
-    everything that was received before, except for static transforms. Reports do not depend on how records
-    are batched.
+    It keeps the records of the window, and the last TAIL of each stream. Of the first half second of each
+    publisher, it keeps only the last record of each dynamic stream: a middleware delivers what is sent
+    during discovery late and together, so these delays say nothing about the robot. When the clock jumps
+    back, it drops everything that was received before, except for static transforms. Reports do not depend
+    on how records are batched.
     """
 
     def __init__(self, window_s: float | None = None) -> None:
         self._window_ns = None if window_s is None else round(window_s * S)
-        self._pieces: list[tuple[Records, Mask]] = []  # with which of them are early
+        self._early = NO_RECORDS  # those that are kept of the first half seconds
+        self._pieces: list[Records] = []  # the others
+        self._settled_ns: dict[int, int] = {}  # when the first half second of each publisher ends
         self._last_ns: int | None = None  # when the last record was received
         self._jump: tuple[int, int] | None = None  # of the clock, the last one back: from when to when
 
-    def add(self, records: Records, early: Mask | None = None) -> None:
-        """
-        Account for records, which must all be later than those of earlier calls.
-
-        :param early: which of them replace the earlier ones of their streams, as ``Settling.early`` returns
-            it. None: none of them.
-        """
+    def add(self, records: Records) -> None:
+        """Account for records, which must all be later than those of earlier calls."""
         if not len(records):
             return
-        early = np.zeros(len(records), np.bool_) if early is None else early
         received = records["received_ns"]
         before_ns = received[0] if self._last_ns is None else self._last_ns
         previous = np.concatenate(([before_ns], received[:-1]))
@@ -195,18 +151,35 @@ class Streams:
             # As a buffer, which is cleared, keep only static transforms.
             start = jumps[-1]
             self._jump = int(previous[start]), int(received[start])
-            self._pieces.append((records[:start], early[:start]))
-            earlier, _ = self._joined()
-            static = earlier[earlier["static"] != 0]
-            self._pieces = [(static, np.zeros(len(static), np.bool_))]
-            records, early = records[start:], early[start:]
+            before = np.concatenate((*self._pieces, records[:start]))
+            self._early, self._pieces = NO_RECORDS, [before[before["static"] != 0]]
+            # Publishers that were received before the jump are discovered.
+            publishers = np.unique(before["publisher"]).tolist()
+            self._settled_ns = dict.fromkeys((*self._settled_ns, *publishers), NOTHING)
+            records = records[start:]
         self._last_ns = int(received[-1])
-        if self._jump is not None:
-            stays = ~_left_over(records, *self._jump)
-            records, early = records[stays], early[stays]
-        self._pieces.append((records, early))
+        early = self._is_early(records)
+        stays = np.ones(len(records), np.bool_) if self._jump is None else ~_left_over(records, *self._jump)
+        if early.any():
+            self._early = last_of_each(np.concatenate((self._early, records[early & stays])))
+        self._pieces.append(records[~early & stays])
         if len(self._pieces) >= PIECES:
-            self._keep(self._last_ns)
+            self.kept(self._last_ns)
+
+    def _is_early(self, records: Records) -> Mask:
+        """Which dynamic records are of the first half second of their publishers."""
+        publishers, received = records["publisher"], records["received_ns"]
+        present = np.flatnonzero(np.bincount(publishers))
+        settled_ns = np.zeros(present[-1] + 1, np.int64)
+        for publisher in present.tolist():
+            if publisher not in self._settled_ns:
+                first = np.argmax(publishers == publisher)
+                self._settled_ns[publisher] = int(received[first]) + SETTLING_NS
+            settled_ns[publisher] = self._settled_ns[publisher]
+        # The delays of static and of refused transforms have no meaning.
+        counts = (records["static"] == 0) & (records["refusals"] == 0)
+        early: Mask = counts & (received < settled_ns[publishers])
+        return early
 
     def report(self, now_ns: int, frames: Sequence[str], publishers: Sequence[str]) -> Reported:
         """
@@ -218,7 +191,7 @@ class Streams:
         :param frames: names, indexed by the ids in the records.
         :param publishers: names, indexed likewise.
         """
-        records = self._keep(now_ns)
+        records = self.kept(now_ns)
         total = tallies(records)
         recent = total
         if self._window_ns is not None:
@@ -249,25 +222,18 @@ class Streams:
     def net_delay(self, children: Sequence[int], now_ns: int) -> tuple[float, float] | None:
         """Mean and maximum of :func:`net_delay` in the window."""
         begin_ns = NOTHING if self._window_ns is None else now_ns - self._window_ns
-        return net_delay(self._keep(now_ns), children, begin_ns, now_ns)
+        return net_delay(self.kept(now_ns), children, begin_ns, now_ns)
 
-    def _keep(self, now_ns: int) -> Records:
-        """Join the records that reports at this time, or later, need."""
-        records, early = self._joined()
+    def kept(self, now_ns: int) -> Records:
+        """Join the records that reports at this time, or later, need; in the order of their reception."""
+        self._pieces = [np.concatenate((NO_RECORDS, *self._pieces))]
+        records = np.concatenate((self._early, *self._pieces))
         if self._window_ns is not None:
             needed = _needed(records, now_ns - self._window_ns)
-            records, early = records[needed], early[needed]
-        self._pieces = [(records, early)] if len(records) else []
-        return records
-
-    def _joined(self) -> tuple[Records, Mask]:
-        if not self._pieces:
-            return NO_RECORDS, np.zeros(0, np.bool_)
-        records, early = (np.concatenate(parts) for parts in zip(*self._pieces, strict=True))
-        if early.any():
-            stays = ~replaced(records, early)
-            records, early = records[stays], early[stays]
-        return records, early
+            count = len(self._early)
+            self._early, self._pieces = self._early[needed[:count]], [records[count:][needed[count:]]]
+            records = records[needed]
+        return records[np.argsort(records["received_ns"], kind="stable")]
 
 
 def _left_over(records: Records, before_ns: int, after_ns: int) -> Mask:
@@ -283,6 +249,12 @@ def _keys(records: Records) -> NDArray[np.int64]:
         keys = keys << bits | records[part]
     keys = keys << 1 | (records["refusals"] != 0)
     return keys
+
+
+def last_of_each(records: Records) -> Records:
+    """The last record of each stream."""
+    _, last = np.unique(_keys(records)[::-1], return_index=True)
+    return records[np.sort(len(records) - 1 - last)]
 
 
 def _grouped(records: Records) -> tuple[Records, NDArray[np.intp], NDArray[np.intp]]:

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from making import S
 from processes import until
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter
 
 from tf2_ros.records import RECORD, Recording
 from tf2_ros_tools.findings import Limits
@@ -84,13 +82,6 @@ def test_each_transform_has_its_publisher_times_and_names(heard, node, peer):
     assert len(recording.publishers()) == 3
 
 
-def test_the_buffer_is_filled_as_well(heard, peer):
-    recording, listener = heard()
-    peer().send(("map", "odom", 5 * S, 0.0))
-    take(recording, 1)
-    until(lambda: listener.buffer.statistics()["taken"] == 1)
-
-
 def test_what_there_is_no_place_for_is_counted(heard, peer):
     recording, _ = heard(3)
     talker = peer()
@@ -146,12 +137,6 @@ def test_a_listener_of_an_attached_buffer_cannot_record(tf2_ros, node, request):
         tf2_ros.TransformListener(tf2_ros.Buffer(attach=name), node, recording=Recording())
 
 
-def test_a_new_recording_is_empty():
-    recording = Recording()
-    assert (len(recording.take()), recording.frames(), recording.publishers()) == (0, [], [])
-    assert (recording.messages, recording.malformed, recording.lost) == (0, 0, 0)
-
-
 class TestListening:
     def test_a_publisher_keeps_its_name_when_it_has_ended(self, node, peer):
         with listening(node) as heard:
@@ -169,54 +154,6 @@ class TestListening:
             until(lambda: not node.get_publishers_info_by_topic("/tf"))
             [one] = heard.report(Limits()).streams
             assert one.publisher == "/short_lived"
-
-    def test_a_publisher_keeps_its_name_when_the_graph_has_lost_its_node(self, node, peer, monkeypatch):
-        with listening(node) as heard:
-            talker = peer("-r", "__node:=lost")
-
-            def named(name):
-                # Sent again, until it was discovered.
-                talker.send(("map", "odom", S, 0.0))
-                return [one.publisher for one in heard.report(Limits()).streams] == [name]
-
-            until(lambda: named("/lost"))
-            ask = node.get_publishers_info_by_topic
-
-            def without_names(topic):
-                found = ask(topic)
-                for one in found:
-                    one.node_name, one.node_namespace = "_NODE_NAME_UNKNOWN_", "_NODE_NAMESPACE_UNKNOWN_"
-                return found
-
-            monkeypatch.setattr(node, "get_publishers_info_by_topic", without_names)
-            assert named("/lost")
-
-    def test_what_came_before_simulated_time_began_is_listed(self, new_node, peer):
-        node = new_node("simulated", parameter_overrides=[Parameter("use_sim_time", value=True)])
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        talker = peer()
-        with listening(node) as heard:
-
-            def streams(*transforms):
-                talker.send(*transforms)
-                report = heard.report(Limits(), ends=("map", "camera"))
-                return {one.frame: one for one in report.streams}, report.chain.frames
-
-            def sees(wanted, *transforms):
-                return lambda: (found := streams(*transforms))[0].keys() == wanted and found
-
-            once = ("map", "odom", 5 * S, 0.0)
-            before, _ = until(sees({"odom"}, once), executor)
-            assert (before["odom"].count, before["odom"].delay, before["odom"].rate) == (1, None, None)
-            until(lambda: talker.set_clock(100) or node.get_clock().now().nanoseconds == 100 * S, executor)
-            later = ("odom", "camera", 99 * S, 0.0)
-            after, chain = until(sees({"odom", "camera"}, later), executor)
-            assert (after["odom"].delay, after["camera"].delay) == (None, pytest.approx(1.0))
-            assert chain == ["map", "odom", "camera"]
-            again, _ = until(lambda: (found := streams(once))[0]["odom"].delay and found, executor)
-            assert again["odom"].delay == pytest.approx(95.0)
-        executor.shutdown()
 
     def test_an_unknown_publisher_is_told_by_its_number(self, node, peer, monkeypatch):
         with listening(node) as heard:

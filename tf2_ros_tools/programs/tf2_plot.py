@@ -4,7 +4,6 @@
 import sys
 import time
 from argparse import Namespace
-from typing import Any
 
 from tf2_ros_tools.completion import complete_frames
 from tf2_ros_tools.output import seconds
@@ -56,16 +55,13 @@ def plot(options: Namespace) -> int:
     from tf2_ros_tools.listening import FOR_EVER, listening, spun_node
 
     # isort: split
-    import numpy as np
     from rclpy.duration import Duration
 
     from tf2_ros_tools.findings import Limits
     from tf2_ros_tools.pictures import heard_picture, refuse_plot, write_plot
-    from tf2_ros_tools.streams import Settling, replaced
     from tf2_ros_tools.trajectory import path_picture
 
     refuse_plot(options)
-    kept: list[Any] = []
     heard_s = options.t + LEAD_S
     cache_time = Duration(nanoseconds=round(min(2 * heard_s * S, FOR_EVER.nanoseconds)))
     with (
@@ -73,9 +69,8 @@ def plot(options: Namespace) -> int:
         listening(node, options.t, cache_time=cache_time) as heard,
     ):
         node.get_logger().info(f"Listening to tf data for {seconds(heard_s)}...")
-        heard.listen(heard_s, kept)
-        records = np.concatenate(kept)
-        records = records[~replaced(records, Settling().early(records))]
+        heard.listen(heard_s)
+        records = heard.records()
         if not len(records):
             raise RunError(f"no transform was received {heard.where}")
         report = heard.report(Limits())

@@ -4,7 +4,6 @@ import importlib.util
 import os
 import re
 import signal
-import subprocess
 import sys
 from contextlib import contextmanager
 from itertools import cycle
@@ -14,10 +13,7 @@ import pytest
 from making import S, at, translation
 from paths import ROOT
 from processes import DEADLINE_S, ended, running, until
-from rclpy.action import ActionClient
 from rclpy.duration import Duration
-
-from tf2_msgs.action import LookupTransform
 
 pytestmark = pytest.mark.ours
 
@@ -65,12 +61,6 @@ class TestBufferServer:
         can, reason = client.can_transform("map", "robot", at(121), NONE, True)
         assert can is False
         assert "extrapolation into the future" in reason
-
-    def test_it_is_found_by_its_names(self, server, node):
-        seen = ActionClient(node, LookupTransform, "/tf2_buffer_server")
-        assert seen.wait_for_server(DEADLINE_S)
-        seen.destroy()
-        until(lambda: ("tf_buffer", "/") in node.get_node_names_and_namespaces())
 
     def test_the_buffer_size_is_a_parameter(self, client, peer, tf2_py):
         with running("tf2_buffer_server", "--ros-args", "-p", "buffer_size:=5.0"):
@@ -201,36 +191,8 @@ class TestSharedBuffer:
         assert ended("tf2_shared_buffer") == (1, "", said)
         assert owner.poll() is None and file_of(BY_DOMAIN).exists()
 
-    @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
-    def test_a_signal_ends_it_without_a_trace(self, owner, tf2_ros, peer, how):
-        peer().send(("map", "robot", S, 1.0))
-        tf2_ros.Buffer(attach="auto").lookup_transform("map", "robot", at(1), LONG)
-        assert file_of(BY_DOMAIN).exists()
-        owner.send_signal(how)
-        out, err = owner.communicate(timeout=DEADLINE_S)
-        assert (owner.returncode, out, err) == (0, "", "")
-        assert not file_of(BY_DOMAIN).exists()
-
     def test_the_name_of_a_killed_one_is_free(self, owner):
         owner.kill()
         owner.wait()
         with sharing() as (process, said):
             assert f": process {process.pid}, " in said
-
-
-class TestTheHelpOfTf2Which:
-    def test_is_as_of_the_others(self):
-        status, out, err = told("-h")
-        assert (status, err) == (0, "")
-        assert out.startswith("usage: tf2_which ")
-        assert "\nexample:\n  tf2_which\n" in out
-
-    def test_wrong_usage_is_one_line(self):
-        expected = "tf2_which: unrecognized arguments: map (see tf2_which --help)\n"
-        assert told("map") == (2, "", expected)
-
-
-def told(*arguments):
-    code = "import sys\nfrom tf2_ros_cython.which import main\nsys.exit(main())"
-    ended = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True)
-    return ended.returncode, ended.stdout, ended.stderr

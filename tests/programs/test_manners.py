@@ -12,7 +12,7 @@ from making_bags import drive, write_mcap
 from paths import ROOT
 from processes import DEADLINE_S, broadcasting, completed, ended, needs_dot, running, until
 
-from tf2_ros_tools.program import Parser, finite_number, non_negative_number, positive_number
+from tf2_ros_tools.program import Parser, finite_number
 
 pytestmark = pytest.mark.ours
 
@@ -153,32 +153,6 @@ def test_a_negative_number_is_a_value_in_every_place(text):
     for line in ([text, text, "-x", text], ["-x", text, text, text], [text, "-x" + text, text]):
         read = parser.read(["any", *line])
         assert [read.first, read.second, read.x] == [float(text)] * 3
-
-
-@pytest.mark.parametrize(
-    ("kind", "text", "said"),
-    [
-        (finite_number, "1,5", "'1,5' is not a number"),
-        (finite_number, "nan", "expected a finite number, got nan"),
-        (positive_number, "0", "expected a number above 0, got 0"),
-        (non_negative_number, "-1", "expected 0 or more, got -1"),
-    ],
-)
-def test_what_is_out_of_range_is_said(kind, text, said, capsys):
-    parser = Parser("any", "", "", node=False)
-    parser.add_argument("number", type=kind)
-    with pytest.raises(SystemExit):
-        parser.read(["any", text])
-    assert capsys.readouterr().err == f"any: argument number: {said} (see any --help)\n"
-
-
-def test_a_program_of_commands_names_the_one_that_refuses(folder):
-    status, out, err = ended("tf2_bag", "lookup", "drive.mcap", "map", "base", "--rate", "-1")
-    assert (status, out) == (2, "")
-    assert (
-        err
-        == "tf2_bag lookup: argument --rate: expected a number above 0, got -1 (see tf2_bag lookup --help)\n"
-    )
 
 
 def test_another_tf2_ros_is_named(folder):

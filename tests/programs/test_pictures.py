@@ -1,7 +1,6 @@
 """Pictures, drawn from records and arrays without a node, and read again."""
 
 import re
-import subprocess
 from datetime import datetime, timezone
 from math import inf
 from xml.etree import ElementTree
@@ -15,7 +14,6 @@ from tf2_ros_tools.findings import Finding, Limits
 from tf2_ros_tools.pictures import (
     GAP,
     MOST_FINDINGS,
-    MOST_REASONS,
     MOST_ROWS,
     NOT_YET,
     PROBLEM,
@@ -25,7 +23,6 @@ from tf2_ros_tools.pictures import (
     heard_figure,
     heard_picture,
     heard_rows,
-    label,
     tree_dot,
 )
 from tf2_ros_tools.pictures import drawn as render
@@ -80,12 +77,6 @@ def groups(svg, kind):
     ]
 
 
-def size_in(svg):
-    """Width and height of a picture, in inches."""
-    root = ElementTree.fromstring(svg)
-    return [float(root.get(side).removesuffix("pt")) / 72 for side in ("width", "height")]
-
-
 def drawn(*arguments, **how):
     return render(tree_dot(*arguments, **how), "svg")
 
@@ -103,22 +94,6 @@ class TestTree:
         ]
         assert [["Recorded at time: 12.500"]] == [lines[:1] for lines in groups(svg, "cluster")]
         assert sorted(groups(svg, "legend")) == [["dynamic"], ["problem"], ["stale"], ["static"]]
-
-    def test_stale_frames_differ_in_colour_and_style(self):
-        late = stream("arm", silence=4.2)
-        dot = tree_dot([*ROBOT, late], [Finding("stale", "arm", "arm was last received 4.2 s ago")])
-        [edge] = groups(render(dot, "svg"), "stale")
-        assert edge[-1] == "was last received 4.2 s ago"
-        strokes = re.findall(
-            r'class="?(?:problem )?(stale|static|dynamic)"? color="(.*?)".*?style=(\w+)', dot
-        )
-        assert len({colour for _, colour, _ in strokes}) == 3
-        assert len({style for *_, style in strokes}) == 3
-
-    def test_two_publishers_are_two_edges(self):
-        svg = drawn([stream("base"), stream("base", publisher="/intruder")])
-        assert sorted(lines[0] for lines in groups(svg, "dynamic")) == ["/intruder", "/robot"]
-        assert len(groups(svg, "frame")) == 2
 
     def test_a_problem_is_marked_on_its_edges_with_the_reason(self):
         loop = [stream("a", "b"), stream("b", "a")]
@@ -143,11 +118,6 @@ class TestTree:
             if kinds[-1:] == ["dynamic"]:
                 colours = {path.get("stroke") for path in group.iter(f"{SVG}path")}
                 assert colours == {(PROBLEM if "problem" in kinds else STYLES["dynamic"])["color"].lower()}
-
-    def test_of_many_problems_of_a_frame_some_are_on_its_edge(self):
-        findings = [Finding("gap", "odom", f"odom has gap {number}") for number in range(MOST_REASONS + 2)]
-        [edge] = groups(drawn(ROBOT, findings), "problem")
-        assert edge[-4:] == ["has gap 0", "has gap 1", "has gap 2", "and 2 more"]
 
     def test_nodes_have_the_names_of_their_frames(self):
         dot = tree_dot([stream("odom"), stream("a:b", "odom"), stream("robot1/base link", "odom")])
@@ -176,12 +146,6 @@ class TestTree:
         assert sorted(groups(svg, "frame")) == sorted([["map"], [name]])
         assert [lines[0] for lines in groups(svg, "dynamic")] == [name]
 
-    @pytest.mark.parametrize(
-        ("name", "shown"), [("\x1b[31m\n", r"\x1b[31m\n"), ("\ud800", r"\ud800"), ("\x00", r"\x00")]
-    )
-    def test_escapes_what_does_not_print(self, name, shown):
-        assert [shown] in groups(drawn([stream(name)]), "frame")
-
     def test_of_nothing_says_so(self):
         texts = [text.text for text in ElementTree.fromstring(drawn([])).iter(f"{SVG}text")]
         assert "no transform was received" in texts
@@ -194,19 +158,6 @@ class TestTree:
         monkeypatch.setenv("PATH", str(tmp_path))
         with pytest.raises(FileNotFoundError):
             render(tree_dot(ROBOT), "svg")
-
-    def test_what_dot_says_is_in_the_error(self):
-        with pytest.raises(RunError, match="dot failed: .*syntax error"):
-            render("digraph {", "svg")
-
-    def test_graphviz_reads_what_is_written(self):
-        dot = tree_dot([stream(name, publisher=name) for name in HOSTILE])
-        subprocess.run(["dot", "-Tcanon"], input=dot.encode(), check=True, capture_output=True)
-
-
-class TestLabels:
-    def test_what_escapes_make_long_is_cut_too(self):
-        assert len(label("\x1b" * 60, 60)) == 61
 
 
 BEGIN, END = 1000.0, 1010.0
@@ -258,11 +209,6 @@ class TestHeard:
             (3.0, 1003.99, 2.02),
         ]
 
-    def test_every_transform_is_a_line(self):
-        figure = heard_figure([row("odom", STEADY[::50])], BEGIN, END)
-        lines = figure.axes[0].collections[0].get_segments()
-        assert [segment[0][0] for segment in lines] == pytest.approx(STEADY[::50], abs=0.002)
-
     def test_what_is_blank_at_the_beginning_is_marked_as_not_received_yet(self):
         late = STEADY[STEADY >= BEGIN + 3]
         rows = [row("steady", STEADY), row("late", late), row("fixed", [BEGIN + 4], static=True)]
@@ -296,10 +242,6 @@ class TestHeard:
         date = "%Y-%m-%d %H:%M:%S.%f"
         for place, text in zip(axes.get_xticks(), axes.get_xticklabels(), strict=True):
             assert text.get_text() in datetime.fromtimestamp(round(place, 6), timezone.utc).strftime(date)
-
-    def test_a_frame_that_was_not_received_says_so(self):
-        texts = texts_of(heard_figure([Row("arm", None, NOTHING, NOTHING, inf)], BEGIN, END))
-        assert {"arm", "not received"} <= set(texts)
 
     @pytest.mark.parametrize("name", [*HOSTILE, "$\\frac{$"])
     def test_a_name_is_shown_as_it_is(self, name):
@@ -344,14 +286,6 @@ class TestHeard:
 @pytest.mark.parametrize("kind", STARTS)
 def test_a_figure_is_written_in_each_format(kind):
     assert file_of(heard_figure([row("odom", STEADY)], BEGIN, END), kind).startswith(STARTS[kind])
-
-
-def test_drawing_leaves_matplotlib_as_it_was():
-    import matplotlib
-
-    before = dict(matplotlib.rcParams)
-    file_of(heard_figure([row("odom", STEADY)], BEGIN, END), "svg")
-    assert dict(matplotlib.rcParams) == before
 
 
 @pytest.mark.parametrize(

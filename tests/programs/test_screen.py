@@ -125,19 +125,6 @@ class TestKeys:
             terminal.press("t")
             terminal.shows(lambda lines: names(lines)[:3] == [NAMES[-1], NAMES[-1], NAMES[0]])
 
-    def test_most_problems_are_first(self, talker, peer):
-        other = peer(*TOPICS)
-        other.send_without_subscriber(
-            ("base_link", NAMES[3], S, 1.0), ("odom", NAMES[9], S, 1.0), static=True
-        )
-        with monitor((80, 24)) as terminal:
-
-            def is_sorted(lines):
-                other.send(("base_link", NAMES[9], time.time_ns(), 1.0))
-                return names(lines)[:6] == [NAMES[9]] * 3 + [NAMES[3]] * 2 + [NAMES[0]]
-
-            terminal.shows(is_sorted)
-
     def test_a_filter_is_set_and_removed(self, talker):
         with monitor((80, 24)) as terminal:
             terminal.shows(lambda lines: len(names(lines)) >= 8)
@@ -202,11 +189,6 @@ class TestPanes:
             assert "broken_29" not in joined(terminal.lines)
             terminal.press(BACK_TAB + END)
             terminal.shows(lambda lines: "transforms of broken_29 " in joined(lines))
-
-    def test_nothing_received_is_said_with_topics_and_domain(self):
-        with monitor((80, 24)) as terminal:
-            text = r"no transform was received on /tf_screen and /tf_static_screen in ROS domain \d+"
-            terminal.shows(lambda lines: re.search(text, joined(lines)))
 
     def test_log_lines_are_below_the_table(self, talker):
         with monitor((80, 24)) as terminal:

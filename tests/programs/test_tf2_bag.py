@@ -14,12 +14,12 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from making import transform
-from making_bags import S, Sent, Tf, drive, scan, write_folder, write_mcap, write_ros1
+from making_bags import S, Sent, Tf, drive, scan, write_mcap
 from processes import DEADLINE_S, completed, ended, needs_dot, running, until
 
 from tf2_ros_tools.bag import load
 from tf2_ros_tools.program import RunError
-from tf2_ros_tools.programs.tf2_bag import COMMANDS, bag, parser
+from tf2_ros_tools.programs.tf2_bag import bag, parser
 
 pytestmark = pytest.mark.ours
 
@@ -94,12 +94,6 @@ class TestLookup:
         missing = f"{known.count(False)} of {len(stamps)}"
         assert (status, err) == (0, f"tf2_bag lookup: no answer at {missing} times\n")
 
-    def test_at_the_stamps_of_another_topic(self, run, drive_mcap):
-        stamps, poses, _ = rows_of(run("lookup", drive_mcap, "map", "lidar", "--at", "/scan")[1])
-        buffer = load(drive_mcap)
-        assert stamps == SCANS
-        assert poses == [pose(buffer, stamp, "map", "lidar") for stamp in SCANS]
-
     def test_all_formats_hold_the_same(self, run, drive_mcap, tmp_path):
         parquet = pytest.importorskip("pyarrow.parquet")
 
@@ -126,12 +120,6 @@ class TestLookup:
         assert np.array_equal(np.array([table[name] for name in COLUMNS]).T, poses, equal_nan=True)
         assert sorted(os.listdir(tmp_path)) == ["a.csv", "a.npz", "a.parquet", "a.tum"]
 
-    def test_an_option_says_more_than_the_name_of_the_file(self, run, drive_mcap, tmp_path):
-        run("lookup", drive_mcap, "map", "base", "--tum", "-o", tmp_path / "way.csv")
-        assert len((tmp_path / "way.csv").read_text().splitlines()[0].split(" ")) == 8
-        run("lookup", drive_mcap, "map", "base", "--csv", "-o", tmp_path / "way.data")
-        assert (tmp_path / "way.data").read_text().startswith("stamp_ns,x,")
-
     def test_the_times_may_be_those_of_its_own_csv(self, run, drive_mcap, tmp_path):
         run("lookup", drive_mcap, "map", "base", "--rate", 3, "-o", tmp_path / "way.csv")
         out = run("lookup", drive_mcap, "map", "base", "--times", tmp_path / "way.csv")[1]
@@ -154,41 +142,12 @@ class TestInfo:
         assert frames["odom"]["gap"] == pytest.approx(0.1)
         assert said["findings"] == []
 
-    def test_other_formats_say_the_same(self, run, tmp_path):
-        messages = drive(30)
-        paths = [write_folder(tmp_path / "folder", messages), write_ros1(tmp_path / "old.bag", messages)]
-        said = [json.loads(run("info", path, "--json")[1]) for path in paths]
-        for one in said:
-            del one["file"], one["bytes"], one["topics"]
-        assert said[0] == said[1]
-
 
 def findings(text):
     return {(one["kind"], one["frame"]) for one in json.loads(text)["findings"]}
 
 
 class TestCheck:
-    def test_what_is_expected_is_compared(self, run, drive_mcap, tmp_path):
-        expected, junit = tmp_path / "robot.yaml", tmp_path / "check.xml"
-        expected.write_text(
-            "frames:\n"
-            "  base: {parent: map, min_rate: 20, max_delay: 0.0005}\n"
-            "  arm:\n"
-            "  lidar: {static: false}\n"
-        )
-        arguments = ("check", drive_mcap, "--expect", expected, "--json", "--junit", junit)
-        status, out, _ = run(*arguments, "--ignore", "delay")
-        assert status == 1
-        assert findings(out) == {
-            ("parent", "base"),
-            ("rate", "base"),
-            ("missing", "arm"),
-            ("static", "lidar"),
-        }
-        cases = {case.get("name"): [part.tag for part in case] for case in ElementTree.parse(junit).getroot()}
-        assert cases["rate"] == ["failure"] and cases["delay"] == ["skipped"] and cases["loop"] == []
-        assert ("delay", "base") in findings(run(*arguments)[1])
-
     def test_of_a_saved_buffer_no_delay_is_known(self, run, tmp_path, tf2_ros):
         buffer = tf2_ros.Buffer()
         for i in range(100):
@@ -260,10 +219,6 @@ class TestPictures:
         ticks = [float(text) for text in texts_of(tmp_path / "q.svg") if re.fullmatch(r"[\d.]+", text)]
         assert ticks and all(104.0 <= tick <= 106.0 for tick in ticks)
 
-    def test_a_way_is_drawn(self, run, drive_mcap, tmp_path):
-        run("plot", drive_mcap, "--path", "map", "camera", "-o", tmp_path / "w.svg")
-        assert {"camera in map", "from above", "roll"} <= set(texts_of(tmp_path / "w.svg"))
-
     def test_a_gap_on_a_path_is_marked(self, run, drive_mcap, tmp_path):
         messages = [one for one in drive(100) if not 103 * S < one.log_ns < 105 * S]
         path = write_mcap(tmp_path / "gap.mcap", messages)
@@ -309,22 +264,6 @@ class TestBatch:
             assert (status, out.splitlines()[0]) == (1, f"{counts}, 0 failed, 1 without an answer")
             assert err.startswith(f"tf2_bag batch: {path}: ") and "camra" in err and err.count("\n") == 1
 
-    def test_a_folder_that_cannot_be_read_is_told(self, run, tmp_path, monkeypatch):
-        (tmp_path / "day" / "closed").mkdir(parents=True)
-        recording(tmp_path / "day" / "a.mcap", count=30)
-        scandir = os.scandir
-
-        def refuse(path="."):
-            if "closed" in os.fspath(path):
-                raise PermissionError(13, "Permission denied", os.fspath(path))
-            return scandir(path)
-
-        monkeypatch.setattr(os, "scandir", refuse)
-        command = ("--lookup", "map", "camera", "--out", tmp_path / "tables", "--workers", 1)
-        status, out, err = run("batch", tmp_path / "day", *command)
-        assert (status, out.splitlines()[0]) == (1, "1 done, 0 done before, 1 failed")
-        assert err == f"tf2_bag batch: {tmp_path}/day/closed: Permission denied\n"
-
     def test_ctrl_c_says_how_to_go_on(self, tmp_path):
         one = recording(tmp_path / "0.mcap", count=30)
         for i in range(1, 2000):  # far more than are done before the signal
@@ -340,13 +279,6 @@ class TestBatch:
 
 
 class TestView:
-    def test_it_can_be_written(self, run, drive_mcap, tmp_path):
-        pytest.importorskip("rerun")
-        assert run("view", drive_mcap, "-o", tmp_path / "a.rrd") == (0, f"{tmp_path / 'a.rrd'}\n", "")
-        assert (tmp_path / "a.rrd").read_bytes().startswith(b"RRF2")
-        with pytest.raises(RunError, match="cannot write /nothing/a.rrd: No such file"):
-            run("view", drive_mcap, "-o", "/nothing/a.rrd")
-
     def test_without_a_screen_it_says_so_in_one_line(self, drive_mcap):
         pytest.importorskip("rerun")
         screens = {"DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"}
@@ -363,16 +295,6 @@ def texts_of(path):
 
 
 class TestManners:
-    @pytest.mark.parametrize("command", COMMANDS)
-    def test_each_command_has_a_help_with_an_example_of_itself(self, command, capsys):
-        with pytest.raises(SystemExit) as ending:
-            parser().read(["tf2_bag", command, "--help"])
-        out, err = capsys.readouterr()
-        assert (ending.value.code, err) == (0, "")
-        assert out.startswith(f"usage: tf2_bag {command} ")
-        assert "Exit status: " in out and f"\nexample:\n  tf2_bag {command} " in out
-        assert max(map(len, out.splitlines())) <= 110
-
     @pytest.mark.parametrize(
         ("line", "answer"),
         [("tf2_bag loo", "lookup"), ("tf2_bag lookup a.mcap map base --parq", "--parquet")],

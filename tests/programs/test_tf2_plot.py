@@ -1,13 +1,11 @@
 """tf2_plot, as a process of its own, beside one that broadcasts."""
 
-import os
 import re
 import subprocess
 import sys
 import threading
 from xml.etree import ElementTree
 
-import pexpect
 import pytest
 from making import S
 from processes import DEADLINE_S, broadcasting, ended, running
@@ -44,22 +42,6 @@ def test_all_frames_have_a_row(robot, tmp_path):
     assert len([text for text in texts if re.fullmatch(r"\d+\.\d Hz, /fleet/robot", text)]) == 2
     assert len([text for text in texts if re.fullmatch(r"delay \d+\.\d ms, max \d+\.\d ms", text)]) == 2
     assert "static, /fleet/robot" in texts
-
-
-def test_named_frames_are_drawn_in_their_order(robot, tmp_path):
-    arguments = ("camera", "/nobody", "odom", *LISTEN, "-o", "heard.svg")
-    assert ended("tf2_plot", *arguments, cwd=tmp_path)[0] == 0
-    texts = texts_of(tmp_path / "heard.svg")
-    # From below to above.
-    assert [text for text in texts if text in ("odom", "nobody", "camera")] == ["odom", "nobody", "camera"]
-    assert "base_link" not in texts
-    assert "not received" in texts
-
-
-def test_a_way_is_drawn_of_the_frames_between(robot, tmp_path):
-    arguments = ("--path", "map", "camera", *LISTEN, "-o", "way.svg")
-    assert ended("tf2_plot", *arguments, cwd=tmp_path)[:2] == (0, "way.svg\n")
-    assert {"camera in map", "from above", "roll", "pitch", "yaw"} <= set(texts_of(tmp_path / "way.svg"))
 
 
 def test_a_way_leads_where_the_frame_was(peer, tmp_path):
@@ -100,19 +82,3 @@ def test_without_matplotlib_one_line_says_what_to_install():
     assert (done.returncode, done.stdout) == (1, "")
     advice = "pip install 'tf2-ros-cython[plot]'"
     assert done.stderr == f"tf2_plot: pictures need the Python package matplotlib: {advice}\n"
-
-
-def test_without_a_name_it_is_a_png_of_the_time_whose_name_a_terminal_shows(robot, tmp_path):
-    command = ["-m", "tf2_ros_tools.programs.tf2_plot", *LISTEN]
-    with pexpect.spawn(
-        sys.executable, command, cwd=str(tmp_path), env=os.environ, timeout=DEADLINE_S, encoding="utf-8"
-    ) as terminal:
-        terminal.expect(r"Listening to tf data for 5.5 seconds\.\.\.")
-        terminal.expect(r"(tf2_plot_\d{4}-\d\d-\d\d_\d\d\.\d\d\.\d\d\.png)\r\n")
-        name = terminal.match.group(1)
-        terminal.expect(pexpect.EOF)
-        terminal.wait()
-    assert terminal.exitstatus == 0
-    assert [path.name for path in tmp_path.iterdir()] == [name]
-    assert (tmp_path / name).read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
-    assert (tmp_path / name).stat().st_size > 10_000

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from making import S, about_z, stamp_ns, transform, translation
 from making_bags import Sent, Tf, raw
 from nav_msgs.msg import Odometry
-from processes import DEADLINE_S, ended, running, until
+from processes import DEADLINE_S, running, until
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from tf2_msgs.msg import TFMessage
@@ -23,7 +23,7 @@ from tf2_ros import Buffer, TransformListener
 from tf2_ros.records import MessageSource, Recording, insert_messages
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.relay import ALL_RATE, Relay, Rule, Threshold, read_rules
-from tf2_ros_tools.relaying import Source, pose_message
+from tf2_ros_tools.relaying import Source
 
 pytestmark = pytest.mark.ours
 
@@ -87,13 +87,6 @@ CAMERA = [("base", "camera"), ("camera", "optical")]
 )
 def test_a_rule_sends_the_frames_that_it_chooses_under_their_new_names(keys, dynamic, static):
     assert sent(robot(), **keys) == (dynamic, static)
-
-
-def test_a_loop_sends_what_can_be_looked_up():
-    buffer = robot()
-    for parent, child in (("a", "b"), ("b", "a"), ("a", "c")):
-        buffer.set_transform(transform(parent, child, 10.0), "test")
-    assert ("map", "odom") in sent(buffer)[0]
 
 
 @st.composite
@@ -297,20 +290,6 @@ class TestStamps:
         found = [relay.dynamic_transforms(now_s, now_s * S) for now_s in (100, 101)]
         assert [stamp_ns(one) / S for [one] in found] == [*expected_s]
 
-    def test_now_waits_for_the_simulated_time(self):
-        relay = Relay(rule(shift_ns=None), robot(), {})
-        assert relay.dynamic_transforms(0.0, 0) == []
-        assert {stamp_ns(one) for one in relay.dynamic_transforms(1.0, 5 * S)} == {5 * S}
-
-
-def test_the_velocity_of_a_rare_odometry_is_of_the_last_seconds():
-    buffer = BufferCore()
-    for tenth in range(100):
-        buffer.set_transform(transform("map", "base", 100 + tenth / 10, (0.3 * tenth, 0, 0)), "test")
-    relay = Relay(rule(pose="Odometry", to=("/odom",), frames=("map", "base"), rate=0.0001), buffer, {})
-    [found] = relay.dynamic_transforms(0.0, 0)
-    assert pose_message(relay, found).twist.twist.linear.x == pytest.approx(3.0)
-
 
 class TestConflicts:
     def test_a_frame_that_is_unknown_or_would_get_the_name_of_another_is_told(self):
@@ -330,14 +309,6 @@ class TestConflicts:
             [("camera", "optical")],
             [],
         ]
-
-    def test_of_two_rules_for_one_child_the_first_one_sends_it(self):
-        owners, buffer = {}, robot()
-        one = Relay(rule(frames=("map", "base"), collapse=True), buffer, owners)
-        other = Relay(rule(frames=("odom", "base")), buffer, owners)
-        assert names(one.dynamic_transforms(0.0, 0)) == [("map", "base")]
-        assert other.dynamic_transforms(0.0, 0) == []
-        assert other.problems() == ["rule 1: base is not sent: the name base is taken"]
 
 
 WRONG = {
@@ -379,23 +350,6 @@ class TestFiles:
         path.write_text(text)
         with pytest.raises(UsageError, match=said):
             read_rules(path, str)
-
-    @pytest.mark.parametrize(
-        "text",
-        [
-            None,
-            "- {to: [/tf, /tf_static]}",
-            "- {to: [/rosout, /b]}",
-            f"- {{to: [/{300 * 'a'}, /b]}}",
-        ],
-    )
-    def test_the_program_says_it_in_one_line(self, tmp_path, text):
-        path = tmp_path / "relay.yaml"
-        if text is not None:
-            path.write_text(text)
-        status, out, err = ended("tf2_relay", str(path))
-        assert (status, out, err.count("\n")) == (2, "", 1)
-        assert err.startswith("tf2_relay: ") and err.endswith("(see tf2_relay --help)\n")
 
 
 # As a process.

@@ -132,12 +132,6 @@ def test_a_joint_is_published_at_most_at_the_frequency(robot, file):
     assert seen == [100 * S, 100 * S + S // 10, 100 * S + S // 10 + 2]
 
 
-def test_stamps_may_be_ignored(robot, file):
-    with running(NAME, file, "--ros-args", "-p", "ignore_timestamp:=true"):
-        for ns in (100 * S, 100 * S + 1, 50 * S, 0):
-            robot.moved(ns, ["lift"], [0.1])
-
-
 def test_what_cannot_be_published_is_a_warning(robot, file, tmp_path):
     log = tmp_path / "log"
     with open(log, "w") as err, running(NAME, file, stderr=err):

@@ -2,21 +2,17 @@
 
 import os
 import re
-import resource
 import signal
-import sys
 from xml.etree import ElementTree
 
-import pexpect
 import pytest
 from processes import DEADLINE_S, broadcasting, ended, needs_dot, running, until
 
-from tf2_ros_tools.program import RunError, write_output
+from tf2_ros_tools.program import write_output
 from tf2_ros_tools.programs.view_frames import output_files, parser
 
 pytestmark = pytest.mark.ours
 
-STARTS = {"svg": b"<?xml", "png": b"\x89PNG\r\n\x1a\n", "pdf": b"%PDF-"}
 ROBOT = {"map", "odom", "base_link", "camera"}
 LISTEN = ("-t", "4")
 SVG = "{http://www.w3.org/2000/svg}"
@@ -77,19 +73,6 @@ class TestFiles:
     def test_are_named_after_the_output(self, arguments, files):
         assert output_files(parser().read(["view_frames", *arguments]), "DATE") == files
 
-    def test_are_replaced_whole_or_not_at_all(self, tmp_path):
-        path = tmp_path / "picture.svg"
-        write_output(str(path), b"before")
-        limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (10, limits[1]))  # as of a full disk
-        try:
-            with pytest.raises(RunError, match=r"cannot write .*picture.svg: File too large"):
-                write_output(str(path), bytes(1000))
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-        assert path.read_bytes() == b"before"
-        assert [*tmp_path.iterdir()] == [path]
-
     def test_a_link_stays_one(self, tmp_path):
         (tmp_path / "link").symlink_to(tmp_path / "file")
         write_output(str(tmp_path / "link"), b"text")
@@ -125,35 +108,12 @@ class TestOnce:
             assert re.fullmatch(r"delay \d+\.\d ms, max \d+\.\d ms", delay)
             assert 0 < float(re.fullmatch(r"buffer ([\d.]+) s", length)[1]) < 5
 
-    def test_names_are_those_of_tf2_s_program(self, robot, tmp_path):
-        status, out, _ = ended("view_frames", *LISTEN, cwd=tmp_path)
-        assert status == 0
-        assert re.fullmatch(r"(frames_\d{4}-\d\d-\d\d_\d\d\.\d\d\.\d\d)\.gv\n\1\.pdf\n", out)
-        written = {name: (tmp_path / name).read_bytes() for name in out.split()}
-        assert {path.name for path in tmp_path.iterdir()} == written.keys()
-        assert [data for name, data in written.items() if name.endswith(".pdf")][0].startswith(b"%PDF-")
-
     def test_the_text_is_a_tree_and_writes_no_file(self, robot, tmp_path):
         status, out, err = ended("view_frames", "--text", *LISTEN, cwd=tmp_path)
         assert status == 0
         assert TREE.fullmatch(out)
         assert "no transform was received" not in err
         assert not any(tmp_path.iterdir())
-
-    def test_in_a_terminal_the_text_is_the_same(self, robot):
-        command = ["-m", "tf2_ros_tools.programs.view_frames", "--text", *LISTEN]
-        with pexpect.spawn(sys.executable, command, timeout=DEADLINE_S, encoding="utf-8") as terminal:
-            terminal.expect(r"Listening to tf data for 4 seconds\.\.\..*\r\n")
-            printed = terminal.read().replace("\r\n", "\n")
-            terminal.wait()
-        assert terminal.exitstatus == 0
-        assert TREE.fullmatch(printed), printed
-
-    def test_text_and_files_at_once(self, robot, tmp_path):
-        status, out, _ = ended("view_frames", "--text", *LISTEN, "-o", "robot.png", cwd=tmp_path)
-        assert status == 0
-        assert TREE.match(out) and out.endswith("robot.gv\nrobot.png\n")
-        assert (tmp_path / "robot.png").read_bytes().startswith(STARTS["png"])
 
     def test_planted_faults_are_shown(self, tmp_path):
         with broadcasting("faults"):
@@ -202,11 +162,6 @@ class TestWhatFails:
             status, out, _ = ended("view_frames", *LISTEN, "-o", "robot", cwd=tmp_path, env=without_dot)
             told = out.partition("\n\n")[2].splitlines()
             assert status == 1 and {*FAULTS} <= {*told}
-
-    def test_watching_without_dot_ends_so_too(self, robot, tmp_path, without_dot):
-        status, out, err = ended("view_frames", "--watch", *LISTEN, cwd=tmp_path, env=without_dot)
-        assert (status, bool(TREE.fullmatch(out))) == (1, True)
-        assert "install Graphviz" in err
 
 
 @needs_dot

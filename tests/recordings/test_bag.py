@@ -120,12 +120,6 @@ def test_every_format_holds_the_same(form, tmp_path):
     assert bag.stamps(path, "/scan").tolist() == [90 * S + 3 * i for i in range(5)]
 
 
-def test_split_files_may_overlap_in_log_time(tmp_path):
-    path = write_split(tmp_path / "run", DRIVE[1::2] + DRIVE[::2])
-    same(answers(bag.load(path)), EXPECTED)
-    assert flat_heard(hear(path)) == [one[:5] for one in flat(DRIVE)]
-
-
 # What is kept.
 
 
@@ -189,13 +183,6 @@ def test_start_and_end_limit_dynamic_transforms_alone(recorded, start, end, whic
     ]
 
 
-def test_times_are_whatever_a_lookup_accepts(recorded):
-    start = np.datetime64(102 * S + 1_000_000, "ns")
-    assert bag.load(recorded[0], start=start).statistics()["taken"] == 2 * 20 + 2
-    with pytest.raises(TypeError, match="start"):
-        bag.load(recorded[0], start=1.5)
-
-
 # Topics.
 
 TWO = sorted(
@@ -230,19 +217,6 @@ def test_a_topic_without_messages_gives_an_empty_buffer(tmp_path):
     assert flat_read(path) == []
     heard = hear(path)
     assert (len(heard.records), heard.start_ns, heard.end_ns) == (0, None, None)
-
-
-@pytest.mark.parametrize(
-    ("topics", "error", "text"),
-    [
-        ("/tf", TypeError, r"topics must be several names, use \['/tf'\]"),
-        ([], ValueError, "topics must not be empty"),
-    ],
-)
-def test_topics_that_are_none_are_refused_at_once(topics, error, text, tmp_path):
-    for function in (bag.load, bag.transforms):
-        with pytest.raises(error, match=text):
-            function(tmp_path / "missing.mcap", topics=topics)
 
 
 # Whatever cannot be read.
@@ -414,11 +388,6 @@ LATE = [*DRIVE[:-2], DRIVE[-2]._replace(log_ns=2**63)]
 )
 def test_what_cannot_be_read_is_explained(write, text, tmp_path):
     check_lost(write(tmp_path), text)
-
-
-def test_a_missing_file_is_no_broken_one(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"the recording does not exist: .*run.mcap"):
-        bag.load(tmp_path / "run.mcap")
 
 
 @pytest.mark.parametrize(

@@ -47,24 +47,6 @@ def test_each_image_has_the_poses_at_its_stamp(path):
     np.testing.assert_equal(data.gaps[:, 0], [np.nan, 0.0, 0.1, 0.1, 0.0, np.nan])
 
 
-def test_a_row_has_the_names_and_types_of_trainers(path):
-    data = made(path)
-    row = data[2]
-    assert {name: row[name] for name in ("episode_index", "frame_index", "timestamp", "stamp")} == {
-        "episode_index": 0,
-        "frame_index": 2,
-        "timestamp": (TIMES[2] - TIMES[0]) / S,
-        "stamp": TIMES[2],
-    }
-    assert (row["pose"].dtype, row["pose"].shape) == (np.float32, (2, 7))
-    assert (row["valid"].dtype, row["valid"].shape) == (np.bool_, (2,))
-    assert (row["gap"].dtype, row["gap"].shape) == (np.float32, (2,))
-    np.testing.assert_equal([one["pose"] for one in data], data.poses.astype(np.float32))
-    np.testing.assert_equal(data[-1]["stamp"], TIMES[-1])
-    with pytest.raises(IndexError):
-        data[6]
-
-
 def test_the_longest_gap_of_all_frames_between_counts(tmp_path):
     slow = [Sent(ns, "/tf", [Tf("base", "arm", ns)]) for ns in (100 * S, 101 * S + 500_000_000, 102 * S)]
     path = write(tmp_path / "run.mcap", slow)
@@ -165,10 +147,6 @@ class TestFiles:
         np.testing.assert_equal(columns["lidar.y"], data.poses[:, 1, 1])
         np.testing.assert_equal(columns["camera.gap"], data.gaps[:, 0])
 
-    def test_another_ending_is_refused(self, path, tmp_path):
-        with pytest.raises(ValueError, match=r"must end in \.parquet or \.npz, not '.*data\.csv'"):
-            made(path).save(tmp_path / "data.csv")
-
 
 @pytest.mark.parametrize(
     ("frames", "how", "error", "said"),
@@ -186,9 +164,3 @@ class TestFiles:
 def test_what_cannot_be_asked_is_told_in_one_sentence(path, frames, how, error, said):
     with pytest.raises(error, match=said):
         bag.dataset(path, frames, **{"at": "/images", "relative_to": "map", **how})
-
-
-def test_a_topic_without_images_is_an_empty_dataset(tmp_path):
-    path = write_mcap(tmp_path / "run.mcap", drive(), topics=[("/images", "sensor_msgs/msg/LaserScan")])
-    data = made(path)
-    assert (len(data), list(data), data.poses.shape) == (0, [], (0, 2, 7))

@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from contextlib import contextmanager
 
@@ -225,40 +224,6 @@ def test_a_recording_that_has_changed_is_done_again(runs, out):
     assert len(columns["stamp"]) == 41
 
 
-def test_a_spoiled_table_is_made_again(runs, out):
-    first = mapped(runs, out)
-    good = tables(out)
-    path = out / os.path.basename(first.done[str(runs / "split")])
-    path.write_bytes(path.read_bytes()[:-10])
-    assert set(mapped(runs, out).done) == {str(runs / "split")}
-    assert tables(out) == good
-
-
-def test_what_a_killed_run_has_left_is_ignored_and_removed_when_it_is_old(runs, out):
-    first = mapped(runs, out)
-    good = tables(out)
-    old, new = (out / f".{name}.parquet.0123.unfinished" for name in ("old", "new"))
-    for path in (old, new):
-        path.write_bytes(b"PAR1")
-    os.utime(old, (0, 0))
-    assert mapped(runs, out).skipped == first.done
-    assert tables(out) == good and new.exists() and not old.exists()
-    assert parquet.read_table(out).num_rows == 140
-
-
-def test_two_runs_at_once_into_one_folder_do_the_same_as_one(runs, out, tmp_path):
-    mapped(runs, tmp_path / "alone")
-    results = []
-    threads = [threading.Thread(target=lambda: results.append(mapped(runs, out))) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert [len(one.done) + len(one.skipped) for one in results] == [4, 4]
-    assert tables(out) == tables(tmp_path / "alone")
-    assert not list(out.glob(".*"))
-
-
 # Names of tables.
 
 
@@ -414,17 +379,6 @@ def test_an_interrupted_run_ends_at_once_and_the_next_one_continues(tmp_path, ou
     result = mapped(tmp_path / "runs", out)
     assert len(result.skipped) == done and len(result.done) == 50 - done
     assert not result.failed
-
-
-def test_a_library_that_is_not_installed_ends_the_run(runs, out, monkeypatch):
-    from tf2_ros_tools import fleet
-
-    def lacking(*_):
-        raise ModuleNotFoundError("rosbags is not installed", name="rosbags")
-
-    monkeypatch.setattr(fleet, "work", lacking)
-    with pytest.raises(ModuleNotFoundError, match="rosbags is not installed"):
-        mapped(runs, out)
 
 
 @pytest.mark.parametrize("library, options", [("pyarrow", {}), ("dask", {}), ("distributed", {"workers": 2})])

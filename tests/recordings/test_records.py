@@ -6,7 +6,7 @@ from rclpy.serialization import serialize_message
 
 from tf2_msgs.msg import TFMessage
 from tf2_py import BufferCore
-from tf2_ros.records import MessageSource, Recording, insert_messages, read_transforms, refusal_text
+from tf2_ros.records import MessageSource, Recording, insert_messages
 
 pytestmark = pytest.mark.ours
 
@@ -62,14 +62,6 @@ def test_what_a_small_recording_has_no_place_for_comes_in_arrays():
     assert recording.lost == 0
 
 
-def test_what_buffers_refuse_is_recorded_with_the_reason():
-    recording = Recording()
-    messages = [("/tf", 1, raw(transform("map", "map", 1)))]
-    insert_messages(BufferCore(), messages, SOURCES, recording=recording)
-    [one] = recording.take()
-    assert refusal_text(int(one["refusals"])) == "frame_id and child_frame_id are the same"
-
-
 def test_a_malformed_message_is_an_error_or_left_out():
     messages = [*MESSAGES[:1], ("/tf", 11, b"nonsense"), *MESSAGES[2:]]
     buffer, found = BufferCore(), []
@@ -97,19 +89,3 @@ def test_an_error_of_the_iteration_is_raised_explained_or_ends_it():
     buffer = BufferCore()
     assert insert_messages(buffer, broken(), SOURCES, on_broken=lambda *what: None) == 2
     assert "camera" in buffer
-
-
-def test_a_topic_without_a_source_is_an_error():
-    with pytest.raises(KeyError, match="/other"):
-        insert_messages(BufferCore(), [("/other", 1, MESSAGES[0][2])], SOURCES)
-
-
-def test_progress_is_told_now_and_then():
-    told = []
-    insert_messages(BufferCore(), MESSAGES[:1] * 1000, SOURCES, progress=told.append)
-    assert sum(told) == 1000 and 3 <= len(told) <= 5
-
-
-def test_the_transforms_of_one_message():
-    [one, other] = read_transforms(MESSAGES[0][2], MessageSource("/tf", prefix="a/"))
-    assert (one.header.frame_id, other.child_frame_id) == ("a/map", "a/base")

@@ -102,36 +102,12 @@ def test_every_sample_is_logged_at_its_stamp_between_its_frames(logged):
         assert {(the(row, "child_frame"), the(row, "parent_frame")) for row in rows} == {(name, parent)}
 
 
-def test_a_static_transform_is_static(logged):
-    buffer = driving()
-    found = logged(buffer)
-    [row] = transforms_of(found.static["/tf/camera"])
-    translations, rotations = buffer.lookup_transforms("base", "camera", [0])
-    assert_allclose(the(row, "translation"), translations[0], **FLOAT32)
-    assert_allclose(the(row, "quaternion"), rotations[0], **FLOAT32)
-    assert (the(row, "child_frame"), the(row, "parent_frame")) == ("camera", "base")
-
-
-def test_each_entity_is_in_the_frame_of_its_name_and_has_axes(logged):
-    found = logged(driving(), axes=0.5)
-    for name in ("map", "odom", "base", "camera"):
-        [row] = [row for row in found.static[f"/tf/{name}"] if row.get("axis_length")]
-        assert (the(row, "frame"), the(row, "axis_length"), the(row, "show_frame")) == (name, 0.5, True)
-
-
 def test_a_frame_that_changed_its_parent_is_below_the_one_that_each_sample_names(logged):
     moves = [Tf("table", "cup", BEGIN, (1, 0, 0)), Tf("hand", "cup", BEGIN + S, (2, 0, 0))]
     moves += [Tf("room", "table", BEGIN), Tf("room", "hand", BEGIN)]
     rows = logged(buffer_of(moves)).moving["/tf/cup"]
     below = [(the(row, "parent_frame"), the(row, "translation")[0]) for row in rows]
     assert below == [("table", 1), ("hand", 2)]
-
-
-def test_frames_in_a_loop_are_logged(logged):
-    buffer = buffer_of([Tf("a", "b", BEGIN), Tf("b", "a", BEGIN)])
-    found = logged(buffer)
-    assert the(found.moving["/tf/a"][0], "parent_frame") == "b"
-    assert the(found.moving["/tf/b"][0], "parent_frame") == "a"
 
 
 def test_any_name_of_a_frame_comes_back(logged):
@@ -156,11 +132,6 @@ def test_at_given_times_transforms_are_interpolated_and_left_out_where_there_is_
     assert len(transforms_of(found.static["/tf/camera"])) == 1
 
 
-def test_a_rate_covers_the_time_of_all_samples(logged):
-    rows = logged(driving(11), rate=20.0).moving["/tf/odom"]
-    assert np.array([row["stamp"] for row in rows]).tolist() == [BEGIN + i * S // 20 for i in range(21)]
-
-
 def test_chosen_frames_have_axes_and_those_above_them_are_only_placed(logged):
     buffer = driving()
     buffer.set_transforms_cdr(raw(Sent(0, "/tf", [Tf("map", "other", BEGIN)])), "test")
@@ -177,12 +148,6 @@ def test_the_root_of_the_largest_tree_stands_still_unless_another_frame_is_chose
     assert the(logged(buffer, origin="base").static["/tf"][0], "frame") == "base"
 
 
-def test_another_root_is_the_path_above_all(logged):
-    found = logged(driving(), root="robots/one")
-    assert set(found.moving) == {"/robots/one/odom", "/robots/one/base"}
-    assert "/robots/one" in found.static
-
-
 def test_the_current_recording_is_logged_to(tmp_path):
     recording = rr.RecordingStream("of a program")
     recording.save(tmp_path / "own.rrd")
@@ -192,21 +157,11 @@ def test_the_current_recording_is_logged_to(tmp_path):
     assert set(Logged(tmp_path / "own.rrd").moving) == {"/tf/odom", "/tf/base"}
 
 
-def test_an_empty_buffer_logs_nothing(logged):
-    found = logged(BufferCore())
-    assert (found.static, found.moving) == ({}, {})
-
-
 @pytest.mark.parametrize("how", [{"origin": "nobody"}, {"frames": ["base", "nobody"]}])
 def test_an_unknown_frame_is_refused(how, tmp_path):
     with pytest.raises(LookupException, match="nobody"):
         tf2_ros_tools.rerun.save(driving(), tmp_path / "buffer.rrd", **how)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_times_and_a_rate_are_refused():
-    with pytest.raises(ValueError, match="either times or rate"):
-        tf2_ros_tools.rerun.log(driving(), times=[BEGIN], rate=10.0)
 
 
 def test_without_rerun_the_error_names_the_extra(monkeypatch, tmp_path):
@@ -267,31 +222,12 @@ class TestLive:
         )
         assert len(rows) == 15
 
-    def test_frames_have_axes_as_soon_as_they_are_known(self, robot):
-        one = robot(axes=0.5)
-        one.live.send()  # nothing
-        one.send(Tf("map", "odom", BEGIN))
-        one.send(Tf("odom", "base", BEGIN))
-        found = one.read().static
-        for name in ("map", "odom", "base"):
-            [row] = found[f"/tf/{name}"]
-            assert (the(row, "frame"), the(row, "axis_length"), the(row, "show_frame")) == (name, 0.5, True)
-
     def test_a_static_transform_is_sent_again_only_if_it_changes(self, robot):
         one = robot()
         for x in (1.0, 1.0, 2.0):
             one.send(Tf("base", "camera", 0, (x, 0.0, 0.0)), static=True)
         rows = transforms_of(one.read().static["/tf/camera"])
         assert [the(row, "translation")[0] for row in rows] == [1.0, 2.0]
-
-    def test_the_root_of_the_largest_tree_stands_still_unless_a_frame_is_chosen(self, robot):
-        one = robot()
-        one.send(Tf("odom", "base", BEGIN))
-        one.send(Tf("map", "odom", BEGIN))
-        assert [the(row, "frame") for row in one.read().static["/tf"]] == ["odom", "map"]
-        one = robot(origin="base")
-        one.send(Tf("odom", "base", BEGIN))
-        assert [the(row, "frame") for row in one.read().static["/tf"]] == ["base"]
 
     def test_after_the_clock_jumped_back_what_arrives_is_sent(self, robot):
         one = robot()
@@ -356,14 +292,6 @@ def test_without_a_screen_tf2_view_names_the_options_that_need_none(display, vie
     assert re.fullmatch(f"{said}; --web and -o FILE do not need a screen", err.splitlines()[-1])
 
 
-def test_without_a_screen_the_viewer_says_so_in_one_line(monkeypatch, viewer_home):
-    for variable in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
-        monkeypatch.delenv(variable, raising=False)
-    with pytest.raises(tf2_ros_tools.rerun.ViewerError, match="did not open: .*DISPLAY") as caught:
-        tf2_ros_tools.rerun.view(driving())
-    assert "\n" not in str(caught.value)
-
-
 @pytest.fixture
 def served(viewer_home, tmp_path):
     """A function: serves a recording with the viewer that runs in a browser; its address."""
@@ -421,21 +349,6 @@ def test_a_frame_that_does_not_exist_is_told(tmp_path):
         process.send_signal(signal.SIGINT)
         _, rest = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 0 and "not known" not in rest
-
-
-def test_silence_names_the_topics_and_the_domain(tmp_path):
-    options = ("-o", str(tmp_path / "live.rrd"), "--ros-args", "-r", "/tf:=/other")
-    with running("tf2_view", *options) as process:
-        lines = iter(process.stderr.readline, "")
-        domain = os.environ["ROS_DOMAIN_ID"]
-        said = f"no transform was received on /other and /tf_static in ROS domain {domain}"
-        assert any(said in line for line in lines)
-
-
-def test_a_file_that_cannot_be_written_is_one_line(tmp_path):
-    status, out, err = ended("tf2_view", "-o", str(tmp_path / "none" / "live.rrd"))
-    assert (status, out) == (1, "")
-    assert err == f"tf2_view: cannot write {tmp_path}/none/live.rrd: No such file or directory\n"
 
 
 @needs_chromium

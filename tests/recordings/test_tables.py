@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from making_bags import S, Sent, Tf, drive, write_mcap
 
-from tf2_py import ConnectivityException, LookupException
 from tf2_ros_tools.bag import load
 from tf2_ros_tools.loading import hear
-from tf2_ros_tools.tables import Table, as_tum, look_up, look_up_when, times_at_rate
+from tf2_ros_tools.tables import Table, as_tum, look_up_when, times_at_rate
 
 pytestmark = pytest.mark.ours
 
@@ -35,28 +34,6 @@ def test_a_rate_is_over_the_span_that_all_frames_between_share(path, ends, hz, b
     times = times_at_rate(load(path), *ends, hz)
     assert times.dtype == np.int64
     assert times.tolist() == [round(begin * S) + round(i * S / hz) for i in range(count)]
-
-
-def test_each_time_of_a_rate_has_an_answer(path):
-    buffer = load(path)
-    for hz in (0.7, 7, 33.3, 1000):
-        times = times_at_rate(buffer, "odom", "arm", hz)
-        assert look_up(buffer, "odom", "arm", times).valid.all()
-        # And one more has none.
-        later = np.append(times, times[-1] + round(S / hz))
-        assert look_up(buffer, "odom", "arm", later).valid.tolist() == [True] * len(times) + [False]
-
-
-def test_frames_that_are_unknown_or_unconnected_have_no_times(path):
-    heard = hear(path)
-    for times in (
-        lambda *ends: times_at_rate(heard.buffer, *ends, 1.0),
-        lambda *ends: look_up_when(heard, *ends, None, None),
-    ):
-        with pytest.raises(LookupException, match="nobody"):
-            times("map", "nobody")
-        with pytest.raises(ConnectivityException, match="boat"):
-            times("map", "boat")
 
 
 def test_times_far_apart_do_not_fill_the_memory(tmp_path):

@@ -17,7 +17,7 @@ import numpy as np
 from tf2_py import BufferCore, LookupException, TransformException
 from tf2_ros_tools.findings import report
 from tf2_ros_tools.loading import TOPICS, Heard, PoseTopics, Topics, Urdfs, Wanted, hear, progress_bar, wanted
-from tf2_ros_tools.output import counted, printable, remove_abandoned, write_whole
+from tf2_ros_tools.output import counted, printable, write_whole
 from tf2_ros_tools.reading import SUFFIXES, BagError, needing
 from tf2_ros_tools.tables import Table, Tables, as_parquet, check_rate, look_up_frames, look_up_when
 
@@ -249,19 +249,13 @@ def outcomes(
             except Exception as error:
                 yield recording, _failed(recording, error)
         return
-    with local_workers(count) if scheduler is None else _connected(scheduler) as client:
-        yield from _on_cluster(request, tables, client)
-
-
-@contextmanager
-def _connected(scheduler: "str | Client") -> "Iterator[Client]":
     with needing("distributed", "fleet"):
         from distributed import Client
     if isinstance(scheduler, Client):
-        yield scheduler
+        yield from _on_cluster(request, tables, scheduler)
         return
-    with Client(scheduler, set_as_default=False) as client:
-        yield client
+    with local_workers(count) if scheduler is None else Client(scheduler, set_as_default=False) as client:
+        yield from _on_cluster(request, tables, client)
 
 
 @contextmanager
@@ -282,8 +276,6 @@ def local_workers(count: int) -> "Iterator[Client]":
     settings = {
         # If a recording kills its worker, Dask must not suspect recordings that wait for the same worker.
         "distributed.scheduler.worker-saturation": 1.0,
-        # The profiler interrupts the work a hundred times a second, for a dashboard that does not exist.
-        "distributed.worker.profile.enabled": False,
     }
     with (
         dask.config.set(settings),
@@ -306,7 +298,7 @@ def local_workers(count: int) -> "Iterator[Client]":
 def _on_cluster(
     request: Request, tables: Mapping[str, str], client: "Client"
 ) -> Iterator[tuple[str, list[Row]]]:
-    from distributed import KilledWorker, as_completed
+    from distributed import as_completed
 
     futures = [
         client.submit(work, request, recording, table, pure=False, retries=RETRIES)
@@ -320,8 +312,6 @@ def _on_cluster(
             recording = recordings[future.key]
             try:
                 found = future.result()
-            except KilledWorker:
-                found = [_row(recording, ERROR, "each process that read it was killed: out of memory?")]
             except Exception as error:
                 found = _failed(recording, error)
             if found[0]["kind"] != ERROR and not os.path.exists(tables[recording]):
@@ -473,7 +463,6 @@ def process(
     paths = find_recordings(recordings)
     out = os.path.abspath(out)
     os.makedirs(out, exist_ok=True)
-    remove_abandoned(out)
     tables = {path: table_of(path, out) for path in paths}
     known = {path: done_before(request, path, table) for path, table in tables.items()}
     ended = {path: rows for path, rows in known.items() if rows is not None}

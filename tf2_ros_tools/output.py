@@ -1,7 +1,6 @@
 """Format texts and angles, and write files, in the same way for all tools."""
 
 import os
-import time
 import uuid
 from collections.abc import Collection, Sequence
 from contextlib import suppress
@@ -10,9 +9,6 @@ from typing import Any
 
 SIZES = ("bytes", "kB", "MB", "GB", "TB")
 MOST_NAMES = 5  # in a list
-UNFINISHED = ".unfinished"  # the extension of a file that is being written; its name begins with a dot
-# Writing takes seconds; the writer of a file that has not grown for this long was killed.
-ABANDONED_S = 3600.0
 
 
 def printable(text: str) -> str:
@@ -88,7 +84,7 @@ def write_whole(path: str | os.PathLike[str], data: bytes | memoryview) -> None:
     target = os.path.realpath(os.fsdecode(path))  # so that a link remains a link
     # Unlike a process id, this is unique among machines that share a folder. It does not contain the name of
     # the target, which may have the maximum length.
-    unfinished = os.path.join(os.path.dirname(target), f".{uuid.uuid4().hex}{UNFINISHED}")
+    unfinished = os.path.join(os.path.dirname(target), f".{uuid.uuid4().hex}.unfinished")
     is_special = os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path))
     try:
         with open(path if is_special else unfinished, "wb") as file:
@@ -104,12 +100,3 @@ def write_whole(path: str | os.PathLike[str], data: bytes | memoryview) -> None:
         if isinstance(error, OSError) and error.errno is not None:
             raise OSError(error.errno, error.strerror, os.fspath(path)) from None
         raise
-
-
-def remove_abandoned(folder: str | os.PathLike[str]) -> None:
-    """Remove the unfinished files of killed writers from a folder, but not those of active writers."""
-    for one in os.scandir(folder):
-        if one.name.startswith(".") and one.name.endswith(UNFINISHED):
-            with suppress(FileNotFoundError):
-                if time.time() - one.stat().st_mtime > ABANDONED_S:
-                    os.unlink(one.path)

@@ -71,6 +71,7 @@ class Parser(ArgumentParser):
         self._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$", re.IGNORECASE)
         self._node = node
         self._commands: Any = None  # argparse's action that has them
+        self.set_defaults(parser=self)
         if node:
             self.add_argument(
                 "--namespace",
@@ -108,20 +109,10 @@ class Parser(ArgumentParser):
             and the name of the ``command``, if the program has any.
         """
         own = self._without_ros_arguments(arguments)[1:]
-        read = Namespace(ros_arguments=arguments, parser=self, command=None)
-        if self._commands is None:
-            read = self.parse_intermixed_args(own, read)
-            if self._node:
-                # Behind the user's own, the first of which is taken.
-                read.ros_arguments = [*arguments, *arguments_for_ros(read)]
-            return read
-        if not own or own[0] not in self._commands.choices:
-            return self.parse_args(own, read)  # help, or wrong usage
-        # As argparse does it, except that options may stand between the arguments of a command.
-        read.command = own[0]
-        read.parser = self._commands.choices[own[0]]
-        options: Namespace = read.parser.parse_intermixed_args(own[1:], read)
-        return options
+        read = self.parse_args(own) if self._commands else self.parse_intermixed_args(own)
+        # Behind the user's own, the first of which is taken.
+        read.ros_arguments = [*arguments, *arguments_for_ros(read)] if self._node else arguments
+        return read
 
     def _without_ros_arguments(self, arguments: list[str]) -> list[str]:
         if not self._node or _ROS_ARGS not in arguments:

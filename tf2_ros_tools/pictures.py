@@ -295,10 +295,21 @@ DELAYS = (0.38, 0.92)  # ... and the delays, from 0 to the maximum of the row
 SMALLEST = float(np.finfo(float).tiny)
 PLACES = 5000  # of the picture's width; one reception is drawn in each
 
-RECEIVED: Style = {"color": BLUE, "linewidth": 0.7}
-DELAY: Style = {"color": ORANGE, "marker": ".", "markersize": 2.5, "linestyle": ""}
-STATIC: Style = {"color": GREY, "marker": "D", "markersize": 5, "linestyle": ""}
-HOLDS = "--"
+RECEIVED: Style = {"color": BLUE, "linewidth": 0.7, "label": "received"}
+DELAY: Style = {
+    "color": ORANGE,
+    "marker": ".",
+    "markersize": 2.5,
+    "linestyle": "",
+    "label": "delay, up to the maximum of its row",
+}
+STATIC: Style = {
+    "color": GREY,
+    "marker": "D",
+    "markersize": 5,
+    "linestyle": "",
+    "label": "static: received, and valid since",
+}
 GAP: Style = {"facecolor": VERMILION, "alpha": 0.3, "edgecolor": VERMILION, "hatch": "///"}
 NOT_YET: Style = {"facecolor": "#F0F0F0", "edgecolor": "#C4C4C4", "hatch": "..."}
 
@@ -386,7 +397,10 @@ def heard_figure(rows: Sequence[Row], begin: float, end: float) -> Any:
         axes.set_axisbelow(True)
         if len(rows) > len(drawn):
             axes.set_xlabel(f"{axes.get_xlabel()}; {len(rows) - len(drawn)} more rows are not shown")
-        _add_legend(figure)
+        # Each row has its own handles.
+        handles, labels = axes.get_legend_handles_labels()
+        by_label = dict(zip(labels, handles, strict=True))
+        figure.legend(by_label.values(), by_label, loc="outside upper center", ncols=5, frameon=False)
     return figure
 
 
@@ -396,16 +410,16 @@ def _draw_row(axes: Any, row: Row, bottom: int, begin: float, end: float) -> Non
     since = max(float(row.times.min(initial=end)), begin)
     is_static = row.stream is not None and row.stream.static
     if since - begin > (0.0 if is_static or row.stream is None else row.gap):
-        axes.broken_barh([(begin, since - begin)], (bottom, 1.0), **NOT_YET)
+        axes.broken_barh([(begin, since - begin)], (bottom, 1.0), **NOT_YET, label="not received yet")
     if is_static:
         axes.plot(times, np.full(len(times), bottom + 0.5), **STATIC)
         # It is valid from the first reception on, without an end.
-        axes.hlines(bottom + 0.5, since, end, color=GREY, linestyle=HOLDS)
+        axes.hlines(bottom + 0.5, since, end, color=GREY, linestyle="--")
         return
     low, high = (bottom + part for part in TICKS)
     step = (end - begin) / PLACES
     axes.vlines(begin + step * np.unique(np.round((times - begin) / step)), low, high, **RECEIVED)
-    axes.broken_barh(_gaps(row, begin, end), (bottom, 1.0), **GAP)
+    axes.broken_barh(_gaps(row, begin, end), (bottom, 1.0), **GAP, label="gap")
     if len(delays) and row.stream is not None and row.stream.delay is not None:
         least, most = min(0.0, float(delays.min())), max(0.0, float(delays.max()))
         low, high = (bottom + part for part in DELAYS)
@@ -430,31 +444,6 @@ def _figures(row: Row) -> str:
         return "not received"
     publisher = label(row.stream.publisher, LONGEST_NAME)
     return f"{rate_label(row.stream)}, {publisher}\n{delay_label(row.stream)}".rstrip()
-
-
-def _add_legend(figure: Any) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    figure.legend(
-        handles=[
-            Line2D([], [], **{**RECEIVED, "linewidth": 1.5}, marker="|", markersize=9, linestyle=""),
-            Line2D([], [], **{**DELAY, "markersize": 6}),
-            Line2D([], [], **{**STATIC, "linestyle": HOLDS}),
-            Patch(**GAP),
-            Patch(**NOT_YET),
-        ],
-        labels=[
-            "received",
-            "delay, up to the maximum of its row",
-            "static: received, and valid since",
-            "gap",
-            "not received yet",
-        ],
-        loc="outside upper center",
-        ncols=5,
-        frameon=False,
-    )
 
 
 # For programs.

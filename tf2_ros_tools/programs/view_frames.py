@@ -22,6 +22,8 @@ from tf2_ros_tools.program import (
 )
 
 if TYPE_CHECKING:
+    from rclpy.node import Node
+
     from tf2_ros_tools.listening import Listening
 
 __all__ = ["main", "output_files"]
@@ -91,75 +93,58 @@ def output_files(options: Namespace, date: str) -> tuple[str, str, str]:
 
 def view(options: Namespace) -> int:
     """Listen and draw, as the options say; return the exit status."""
-    import tf2_ros_tools.listening  # noqa: F401  # first: if a package is missing, one line says so
+    from tf2_ros_tools.listening import listening, spun_node
+
+    # isort: split
     from tf2_ros_tools.pictures import needs_graphviz
 
-    draws = options.output is not None or not options.text
-    if draws:
+    if options.output is not None or not options.text:
         needs_graphviz("--text")
-    if not options.watch:
-        return _view_once(options, draws)
-    with suppress(KeyboardInterrupt):
-        return _watch(options)
+    topics = (options.tf_topic, options.tf_static_topic)
+    window_s = WATCH_WINDOW_S if options.watch else None
+    with spun_node("view_frames", options) as node, listening(node, window_s, topics=topics) as heard:
+        if not options.watch:
+            return _view_once(node, heard, options)
+        with suppress(KeyboardInterrupt):
+            return _watch(heard, options)
     return SUCCESS
 
 
-def _view_once(options: Namespace, draws: bool) -> int:
-    from tf2_ros_tools.listening import listening, spun_node
-
+def _view_once(node: Node, heard: Listening, options: Namespace) -> int:
     wait_s = WAIT_S if options.wait_time is None else options.wait_time
-    with (
-        spun_node("view_frames", options) as node,
-        listening(node, topics=(options.tf_topic, options.tf_static_topic)) as heard,
-    ):
-        node.get_logger().info(f"Listening to tf data for {seconds(wait_s)}...")
-        heard.listen(wait_s)
-        text = _text(heard)
-        dot = _dot(heard) if draws else ""
-        if not heard.frames():
-            _report_silence(heard.where, wait_s)
+    node.get_logger().info(f"Listening to tf data for {seconds(wait_s)}...")
+    heard.listen(wait_s)
+    if not heard.frames():
+        text = f"no transform was received {heard.where}, in {wait_s:g} s"
+        advice = "publishers may take seconds to be found, so a longer -t may help"
+        print(f"view_frames: {text}; {advice}", file=sys.stderr)
     if options.text:
-        print(text)
-    if not draws:
-        return SUCCESS
+        print(_text(heard))
+        if options.output is None:
+            return SUCCESS
     files = output_files(options, time.strftime("%Y-%m-%d_%H.%M.%S"))
-    try:
-        _write(dot, *files)
-    except FileNotFoundError:
+    if not _draw(heard, *files):
         if not options.text:
-            print(text)
-        _report_lack(files[0])
+            print(_text(heard))
         return FAILURE
     for name in files[:2]:
         print(name)
     return SUCCESS
 
 
-def _watch(options: Namespace) -> int:
-    from tf2_ros_tools.listening import listening, spun_node
-
+def _watch(heard: Listening, options: Namespace) -> int:
     wait_s = WATCH_S if options.wait_time is None else options.wait_time
     files = output_files(options, "")
-    is_named = False
-    with (
-        spun_node("view_frames", options) as node,
-        listening(node, WATCH_WINDOW_S, topics=(options.tf_topic, options.tf_static_topic)) as heard,
-    ):
-        took = 0.0
-        while True:
-            heard.listen(max(wait_s, IDLE_SHARE * took))
-            begin = time.monotonic()
-            try:
-                _write(_dot(heard), *files)
-            except FileNotFoundError:
-                print(_text(heard))
-                _report_lack(files[0])
-                return FAILURE
-            took = time.monotonic() - begin
-            if not is_named:
-                is_named = True
-                for name in files[:2]:
-                    print(name)
+    names, took = [*files[:2]], 0.0
+    while True:
+        heard.listen(max(wait_s, IDLE_SHARE * took))
+        begin = time.monotonic()
+        if not _draw(heard, *files):
+            print(_text(heard))
+            return FAILURE
+        took = time.monotonic() - begin
+        while names:
+            print(names.pop(0))
 
 
 def _text(heard: Listening) -> str:
@@ -171,36 +156,20 @@ def _text(heard: Listening) -> str:
     return "\n".join([text, "", *map(line_of, found)]) if found else text
 
 
-def _dot(heard: Listening) -> str:
+def _draw(heard: Listening, description: str, picture: str, kind: str) -> bool:
+    """Write both files; False: only the first, because Graphviz's program is not installed."""
     from tf2_ros_tools.findings import Limits
-    from tf2_ros_tools.pictures import dot_of
+    from tf2_ros_tools.pictures import NO_DOT, dot_of, drawn
 
     report = heard.report(Limits())
-    return dot_of(heard.buffer, report.streams, report.findings, report.time)
-
-
-def _write(dot: str, description: str, picture: str, kind: str) -> None:
-    """
-    Write both files.
-
-    :raises FileNotFoundError: only the first was written, because Graphviz is not installed.
-    """
-    from tf2_ros_tools.pictures import drawn
-
+    dot = dot_of(heard.buffer, report.streams, report.findings, report.time)
     write_output(description, dot.encode())
-    write_output(picture, drawn(dot, kind))
-
-
-def _report_silence(where: str, wait_s: float) -> None:
-    text = f"no transform was received {where}, in {wait_s:g} s"
-    advice = "publishers may take seconds to be found, so a longer -t may help"
-    print(f"view_frames: {text}; {advice}", file=sys.stderr)
-
-
-def _report_lack(description: str) -> None:
-    from tf2_ros_tools.pictures import NO_DOT
-
-    print(f"view_frames: no picture, only {description}: {NO_DOT}", file=sys.stderr)
+    try:
+        write_output(picture, drawn(dot, kind))
+    except FileNotFoundError:
+        print(f"view_frames: no picture, only {description}: {NO_DOT}", file=sys.stderr)
+        return False
+    return True
 
 
 def main(args: list[str] | None = None) -> int:

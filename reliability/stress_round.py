@@ -299,16 +299,16 @@ class Round:
             own_node = rclpy.create_node("stress_listener", parameter_overrides=WITHOUT_SERVICE)
             spins = way == 2
             listener = TransformListener(self.buffer, own_node, spin_thread=spins)
-        topics = listener._tf2_reception.topics
+        topics = listener._tf2_topics
         self.ending.wait(rng.uniform(0.1, 1.5))
         receiver = listener._tf2_receiver
         if spins:
             listener.__exit__()
         else:
             listener.unregister()
-        if receiver is not None and receiver.alive:
+        if receiver is not None and receiver.topics:
             self._problem("a receiver has not ended with its listener")
-        received = sum(topic.received()[0] for topic in topics)
+        received = sum(topic.arrivals.taken()[0] for topic in topics)
         with self._lock:
             self.received += received
         self._count("messages", received)

@@ -21,13 +21,12 @@ from tf2_py._internal import class_name
 from tf2_ros import _names
 from tf2_ros._arguments import require_node
 from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
-from tf2_ros._nodes import CALLBACK_END_WAIT_S, Spinner, hidden_node, keep_in_children, note_filler
+from tf2_ros._nodes import Spinner, hidden_node, keep_in_children, note_filler
 from tf2_ros._qos import transforms_qos
 from tf2_ros._rcl import problem
 from tf2_ros._receive.inboxes import AUTHORITY
 from tf2_ros._receive.receiver import ListenerGroup, Receiver
-from tf2_ros._receive.reception import Reception
-from tf2_ros._receive.topics import Topic
+from tf2_ros._receive.topics import Topic, note_listener
 from tf2_ros._shared.naming import is_wanted
 from tf2_ros._wait.callbacks import CallbackQueue, callback_queue
 from tf2_ros.buffer import SETTERS, Buffer
@@ -74,8 +73,8 @@ class TransformListener:
         fill one buffer with the transforms of several robots.
     :param recording: a :class:`tf2_ros.records.Recording`, which records the sender and time of each
         transform. Call its ``take`` regularly: it has a limited capacity.
-    :raises NotImplementedError: ``recording`` is given, but the listener would not take all messages itself:
-        an executor would, see below, or the buffer is attached to that of another process.
+    :raises NotImplementedError: ``recording`` is given, but an executor would take messages, see below; or
+        ``recording`` or ``prefix`` is given, and the buffer is attached to that of another process.
 
     What has arrived is inserted before the buffer is read, whether the node is spun or not, and while
     callbacks block. In some cases the executor that spins the node inserts it instead: if a subclass
@@ -119,9 +118,7 @@ class TransformListener:
     _tf2_spinner: Spinner | None = None
     _tf2_receiver: Receiver | None = None
     _tf2_process: int | None = None
-    _tf2_reception: Reception | None = None
     _tf2_attachment: "Attachment | None" = None
-    _tf2_recording: Recording | None = None
     _tf2_prefix = ""
     _tf2_queue: CallbackQueue | None = None  # of the node; None: this rcl is not known, or it is another kind
 
@@ -141,47 +138,35 @@ class TransformListener:
     ) -> None:
         if node is not None:
             require_node(type(self).__name__, node, "create_subscription")
-        self.buffer = buffer
         self._tf2_prefix = _valid_prefix(prefix)
         self._tf2_recording = recording
-        self._tf2_owns_node = node is None
-        self.node = node = hidden_node("transform_listener_impl", self) if node is None else node
         self._tf2_process = os.getpid()
-        keep_in_children(node)
+        self.node = hidden_node("transform_listener_impl", self) if node is None else node
+        self._tf2_owns_node = node is None
+        keep_in_children(self.node)
         self.group = ListenerGroup()
-        self._tf2_topics = [
+        topics = [
             Topic("tf_sub", "callback", tf_topic, qos, is_static=False),
             Topic("tf_static_sub", "static_callback", tf_static_topic, static_qos, is_static=True),
         ]
-        if static_only:
-            del self._tf2_topics[0]
+        self._tf2_topics = topics[1:] if static_only else topics
         try:
-            if isinstance(node, Node) and problem() is None:
-                self._tf2_queue = callback_queue(node)
-            note_filler(node, buffer, self._tf2_queue)
-            if isinstance(buffer, Buffer) and (buffer._tf2_sharing is not None or is_wanted()):
-                # Few programs share a buffer; only they load this.
-                from tf2_ros._shared.attachment import attach_listener
-
-                given = [one for one in (qos, static_qos, recording) if one is not None]
-                has_options = bool(static_only or prefix or given)
-                is_usual = not has_options and self.__plain_topics() == self._tf2_topics
-                self._tf2_attachment = attach_listener(self, is_usual)
+            if isinstance(self.node, Node) and problem() is None:
+                self._tf2_queue = callback_queue(self.node)
+            self.buffer = buffer
+            given = [one for one in (qos, static_qos, recording) if one is not None]
+            self.__attach(bool(static_only or prefix or given))
             if self._tf2_attachment is None:
                 self._tf2_listen_itself()
-            elif prefix:
-                raise ValueError("a listener of an attached buffer takes no prefix: its owner names frames")
-            elif recording is not None:
+            elif prefix or recording is not None:
                 raise NotImplementedError(
-                    "who sends transforms cannot be recorded here: the listener of an attached buffer "
-                    "subscribes to nothing"
+                    "the listener of an attached buffer subscribes to nothing: it can neither put a prefix "
+                    "before the names of frames nor record who sends transforms"
                 )
-            else:
-                self._tf2_reception = Reception(self, ())
             if spin_thread or self._tf2_owns_node:
                 self.__spin()
         except BaseException:
-            self.__del__()
+            self.__end()
             raise
 
     @property
@@ -202,9 +187,8 @@ class TransformListener:
             self._tf2_receiver.redirect()
         if changed and self._tf2_attachment is not None:
             self._tf2_attachment.leave(self, "this program gives the listener another buffer")
-        if self._tf2_reception is not None:
-            note_filler(self.node, buffer, self._tf2_queue)
-            self._tf2_reception.fill(buffer)
+        note_filler(self.__dict__.get("node"), buffer, self._tf2_queue)
+        note_listener(self)
 
     @property
     def receives(self) -> tuple[str, ...]:
@@ -214,70 +198,52 @@ class TransformListener:
         The executor that spins the node inserts the transforms of other topics. Empty after the end of the
         listener, and in a forked child.
         """
-        is_attached = self._tf2_attachment is not None and self._tf2_attachment.has(self)
-        return tuple(
-            topic.name
-            for topic in self._tf2_topics
-            if is_attached or (topic.receiver is not None and topic.receiver.alive)
-        )
+        topics = [] if self._tf2_receiver is None else self._tf2_receiver.topics
+        if self._tf2_attachment is not None and self._tf2_attachment.has(self):
+            topics = list(self._tf2_topics)
+        return tuple(topic.name for topic in topics)
 
     def unregister(self) -> None:
         """End the subscriptions and the hidden node; the buffer keeps its transforms."""
-        if self._tf2_is_forked():
-            return
-        if self._tf2_attachment is not None:
-            self._tf2_attachment.remove(self)
-        if not self._tf2_owns_node:
-            # A subclass that does not call __init__ makes the first two itself.
-            names = ["tf_sub", "tf_static_sub", *(topic.attribute for topic in self._tf2_topics)]
-            for name in dict.fromkeys(names):
-                self.__unsubscribe(self.__dict__.get(name))
-        elif self._tf2_spinner is not None:
-            self._tf2_spinner.stop()  # whose thread destroys the node
-        else:
-            self.node.destroy_node()
+        self.__end(ends_thread=self._tf2_owns_node)
 
     def __del__(self) -> None:
         """End the thread that spins the node, and the subscriptions; may be called again."""
-        if self._tf2_is_forked():
-            return
-        attributes = self.__dict__
         # The collector runs in any thread, inside any function, so it must not wait.
-        if self._tf2_receiver is not None:
-            self._tf2_receiver.stop()
-        if self._tf2_attachment is not None:
-            self._tf2_attachment.remove(self)
-        if self._tf2_spinner is not None:
-            self._tf2_spinner.stop(wait=False)
-        elif "executor" in attributes and "dedicated_listener_thread" in attributes:
-            # A subclass made them, as this class would have.
-            self.executor.shutdown()
-            self.dedicated_listener_thread.join(CALLBACK_END_WAIT_S)
-        if "node" in attributes and not (self._tf2_owns_node and self._tf2_spinner is not None):
-            self.unregister()
-
-    def __repr__(self) -> str:
-        """Describe the topics: how many messages were received, when the last one, and what receives them."""
-        name = class_name(type(self))
-        if self._tf2_reception is None:
-            return f"<{name}, not initialised>"
-        attachment, is_forked = self._tf2_attachment, self._tf2_is_forked()
-        if attachment is not None:
-            state = f", {FORKED}" if is_forked else "" if attachment.has(self) else ", ended"
-            return f"<{name} of {attachment.describe()}{state}>"
-        if is_forked:
-            return f"<{name} of {self._tf2_reception.names()}, {FORKED}>"
-        if not self._tf2_reception.topics:
-            return f"<{name} with subscriptions of another class than rclpy's>"
-        return f"<{name} of {self._tf2_reception.describe()}>"
+        self.__end(waits=False)
 
     def __enter__(self: _Listener) -> _Listener:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.unregister()
-        if self._tf2_spinner is not None:
-            self._tf2_spinner.stop()
+        self.__end()
+
+    def __end(self, *, ends_thread: bool = True, waits: bool = True) -> None:
+        if self._tf2_is_forked():
+            return
+        if self._tf2_attachment is not None:
+            self._tf2_attachment.remove(self)
+        if self._tf2_spinner is not None and ends_thread:
+            self._tf2_spinner.stop(wait=waits)
+        if not self._tf2_owns_node:
+            for name in ("tf_sub", "tf_static_sub"):
+                if self.__dict__.get(name) is not None:
+                    self.node.destroy_subscription(self.__dict__[name])
+        elif self._tf2_spinner is None:
+            self.node.destroy_node()  # otherwise its thread does
+
+    def __repr__(self) -> str:
+        """Describe the topics: how many messages were received, and when the last one was."""
+        name = class_name(type(self))
+        if self._tf2_is_forked():
+            return f"<{name}: {FORKED}>"
+        if self._tf2_attachment is not None:
+            state = "" if self._tf2_attachment.has(self) else ", ended"
+            return f"<{name} of {self._tf2_attachment.describe()}{state}>"
+        if self._tf2_receiver is not None:
+            self._tf2_receiver.inbox.catch_up()
+        topics = [topic.describe() for topic in self._tf2_topics if topic.subscription is not None]
+        return f"<{name} of {'; '.join(topics)}>" if topics else f"<{name} without subscriptions of rclpy's>"
 
     def callback(self, data: TFMessage) -> None:
         """Insert the transforms of a message into the buffer; a subclass may do something else."""
@@ -293,7 +259,7 @@ class TransformListener:
         """Count a message for this method, and return its transforms with the prefix."""
         for topic in self._tf2_topics:
             if topic.method == method:
-                topic.count_call()
+                topic.arrivals.count()
         transforms: Iterable[TransformStamped] = data.transforms
         if not self._tf2_prefix:
             return transforms
@@ -306,12 +272,22 @@ class TransformListener:
     def _tf2_direct_buffer(self) -> BufferCore | None:
         """The buffer; None if user code would handle what is inserted. Runs no user code."""
         buffer = self.__dict__.get("_tf2_buffer")
-        if type(self).buffer is not TransformListener.buffer or not isinstance(buffer, BufferCore):
+        if not isinstance(buffer, BufferCore):
             return None
         kind, own = type(buffer), getattr(buffer, "__dict__", {})
         if any(name in own or getattr(kind, name) is not getattr(BufferCore, name) for name in SETTERS):
             return None
         return buffer
+
+    def __attach(self, has_options: bool) -> None:
+        """Let another process receive, if the buffer is attached or the environment asks for it."""
+        buffer = self._tf2_buffer
+        if isinstance(buffer, Buffer) and (buffer._tf2_sharing is not None or is_wanted()):
+            # Few programs share a buffer; only they load this.
+            from tf2_ros._shared.attachment import attach_listener
+
+            is_usual = not has_options and self.__plain_topics() == self._tf2_topics
+            self._tf2_attachment = attach_listener(self, is_usual)
 
     def __plain_topics(self) -> list[Topic]:
         """The topics whose messages go into the buffer without user code."""
@@ -324,9 +300,8 @@ class TransformListener:
 
     def __is_own(self, topic: Topic) -> bool:
         """Whether the callback is this class's own method, and no other code."""
-        callback = getattr(self, topic.method)
         own = getattr(TransformListener, topic.method)
-        return getattr(callback, "__func__", None) is own and callback.__self__ is self
+        return bool(getattr(self, topic.method) == own.__get__(self))
 
     def _tf2_listen_itself(self) -> None:
         """Subscribe, as this listener was asked to, and decide for each topic what takes its messages."""
@@ -341,8 +316,7 @@ class TransformListener:
             self.__subscribe(topic, topic in taken)
         if taken:
             self._tf2_receiver = Receiver(self, taken, self._tf2_queue)
-        known = [topic for topic in self._tf2_topics if topic.subscription is not None]
-        self._tf2_reception = Reception(self, known)
+        note_listener(self)
 
     def __subscribe(self, topic: Topic, is_hidden: bool) -> None:
         qos = transforms_qos(100, is_static=topic.is_static) if topic.qos is None else topic.qos
@@ -357,10 +331,7 @@ class TransformListener:
         self.__dict__[topic.attribute] = made
         if isinstance(made, Subscription):
             topic.subscription, topic.name = made, made.topic_name
-
-    def __unsubscribe(self, subscription: Any) -> None:
-        if subscription is not None:
-            self.node.destroy_subscription(subscription)
+            topic.context = getattr(self.node, "context", None)
 
     def __spin(self) -> None:
         # Only the listener uses a hidden node; a program's own is spun also after the listener's end.

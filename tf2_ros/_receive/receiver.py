@@ -9,7 +9,6 @@ from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import ROSClock
-from rclpy.node import Node
 from rclpy.qos import HistoryPolicy
 from rclpy.subscription import Subscription
 
@@ -59,14 +58,12 @@ class Receiver:
     """
 
     def __init__(self, listener: Any, topics: Sequence[Topic], queue: Any) -> None:
-        node: Node = listener.node
         self._listener = weakref.ref(listener)
-        self._node = weakref.ref(node)
-        self._context = node.context
+        self._context = listener.node.context
         self._queue = queue
         self._process = os.getpid()
         self._tell = partial(_before_sleep, weakref.ref(self))  # the buffer keeps the queue
-        self._uses: dict[Topic, ExitStack] = {}  # keep the handles of the topics that it takes
+        self._topics: list[Topic] = []  # replaced, never changed
         self._source = Subscriptions(listener._tf2_recording, listener._tf2_prefix)
         self.inbox = Inbox(self._source, AUTHORITY, queue.hand_over)
         self.inbox.inform(queue)
@@ -79,16 +76,13 @@ class Receiver:
         self.redirect()
         if not queue.in_sets:
             self.before_sleep(False)  # the node has moved meanwhile
-        node.context.on_shutdown(self._context_ended)  # referred to weakly there
+        self._context.on_shutdown(self.stop)  # referred to weakly there
 
     @property
-    def alive(self) -> bool:
-        """Whether it still takes messages."""
-        return not self.is_inherited() and bool(self._uses) and not context_was_shut_down(self._context)
-
-    def is_inherited(self) -> bool:
-        """Whether it is dead, because a parent process made it."""
-        return is_inherited(self._process)
+    def topics(self) -> list[Topic]:
+        """The topics whose messages it takes now."""
+        is_dead = is_inherited(self._process) or context_was_shut_down(self._context)
+        return [] if is_dead else self._topics
 
     def redirect(self) -> None:
         """Fill the listener's buffer from now on; leave all to executors if that is not a plain one."""
@@ -113,15 +107,16 @@ class Receiver:
         if not self._queue.in_sets:
             # The middleware reports arrivals to only one of the two, by now to the executor (rclpy's
             # EventsExecutor). Those that it reported to this inbox must be taken here.
+            self._source.is_told = False
             self.inbox.catch_up()
             self._leave_to_executors()
 
     def stop(self) -> None:
         """End, and leave the subscriptions to their owner."""
-        for topic in list(self._uses):
-            self._release(topic)
-        self._queue.inform_no_more(self._tell)
-        self.inbox.close()
+        if not is_inherited(self._process):
+            self._topics = []
+            self._queue.inform_no_more(self._tell)
+            self.inbox.close()
 
     def __del__(self) -> None:
         """
@@ -131,73 +126,53 @@ class Receiver:
         could free the buffer and the clock while threads use them.
         """
         # Making __dict__ here would have the collector keep everything until its next run.
-        if hasattr(self, "inbox") and not self.is_inherited():
+        if hasattr(self, "inbox"):
             self.stop()
 
     def _tf2_check(self) -> None:
         """Log incompatible publishers."""
-        for topic in list(self._uses):
+        for topic in self._topics:
             subscription: Any = topic.subscription
             for handler in subscription.event_handlers:
                 report_incompatible_qos(handler)
 
     def _take(self, topic: Topic) -> None:
         subscription: Any = topic.subscription
-        handle, uses = subscription.handle, ExitStack()
-        if not enter_handle(handle, uses):
+        uses = ExitStack()
+        if not enter_handle(subscription.handle, uses):
             return  # another thread has destroyed it
-        self._uses[topic], topic.receiver = uses, self
+        self._topics = [*self._topics, topic]
         subscription.destroy = partial(self._destroy, topic)  # the node calls this
-        qos = subscription.qos_profile
+        pointer, qos = handle_pointer(subscription.handle), subscription.qos_profile
         depth = ENDLESS if qos.history == HistoryPolicy.KEEP_ALL else max(1, qos.depth)
         try:
-            self._source.subscribe(
-                topic.arrivals, handle, handle_pointer(handle), topic.name, topic.is_static, depth
-            )
+            self._source.subscribe(topic.arrivals, uses, pointer, topic.name, topic.is_static, depth)
         except RuntimeError:
             self._leave_to_executors()  # this middleware does not report arrivals
 
-    def _release(self, topic: Topic) -> None:
-        # Several threads may do this.
-        uses = self._uses.pop(topic, None)
-        if uses is not None:
-            self._source.unsubscribe(topic.arrivals, self._queue.in_sets)
-            uses.close()
-
     def _leave_to_executors(self) -> None:
-        topics = list(self._uses)
+        topics, listener = self._topics, self._listener()
         self.stop()
-        node = self._node()
         for topic in topics:
-            topic.receiver = None
-            if topic.subscription is not None:
-                leave_to_executors(topic.subscription, node)
+            subscription: Any = topic.subscription
+            hide_from_executors(subscription, is_hidden=False)
+        executor = None if listener is None else listener.node.executor
+        if executor is not None:
+            executor.wake()
 
     def _destroy(self, topic: Topic) -> None:
         """Destroy the subscription, after this has stopped using it."""
-        subscription = topic.subscription
-        if subscription is None or self.is_inherited():
+        if is_inherited(self._process):
             return
-        self._release(topic)
-        if not self._uses:
+        self._source.unsubscribe(topic.arrivals)
+        self._topics = [one for one in self._topics if one is not topic]
+        if not self._topics:
             self.stop()
+        subscription: Any = topic.subscription
         Subscription.destroy(subscription)
-
-    def _context_ended(self) -> None:
-        # Nothing arrives any more.
-        if not self.is_inherited():
-            self.stop()
 
 
 def _before_sleep(reference: "weakref.ref[Receiver]", in_user_code: bool) -> None:
     receiver = reference()
     if receiver is not None:
         receiver.before_sleep(in_user_code)
-
-
-def leave_to_executors(subscription: Subscription, node: Node | None) -> None:
-    """Let executors take from a subscription that was hidden from them; wake that of the node."""
-    hide_from_executors(subscription, is_hidden=False)
-    executor = None if node is None else node.executor
-    if executor is not None:
-        executor.wake()

@@ -160,13 +160,20 @@ cdef size_t _take_subscribed(State* inbox, size_t most) noexcept nogil:
 
 
 cdef class TopicArrivals:
-    """What an inbox takes on one topic. Source and buffer keep it; so it keeps no listener."""
+    """What is received on one topic. Source and buffer keep it; so it keeps no listener."""
 
     cdef Arrivals _arrivals
-    cdef object _handle         # of the subscription, as long as its address is used
+    cdef object _uses           # of the subscription's handle, as long as its address is used
+
+    def count(self):
+        """Count a message with which an executor has called the listener."""
+        inboxes_lock()
+        self._arrivals.taken += 1
+        self._arrivals.taken_at_ns = monotonic_ns()
+        inboxes_unlock()
 
     def taken(self):
-        """Return how many messages an inbox took, and the steady time of the last in nanoseconds."""
+        """Return how many messages there were, and the steady time of the last one in nanoseconds."""
         cdef uint64_t count
         cdef int64_t at_ns
         inboxes_lock()
@@ -189,10 +196,11 @@ cdef class Subscriptions(Source):
     cdef object _clock_handle       # keeps the clock
     cdef bytes _prefix
     cdef list _topics               # in the order in which they were added
+    cdef public bint is_told        # whether the middleware reports arrivals to this object
 
     def __cinit__(self, Recording recording=None, str prefix=""):
         require_rcl()
-        self.names, self._topics = [], []
+        self.names, self._topics, self.is_told = [], [], True
         self.take, self.data = _take_subscribed, &self._subscribed
         self._recording, self._prefix = recording, prefix.encode()
         self._subscribed.allocator = rcutils_get_default_allocator()
@@ -202,12 +210,12 @@ cdef class Subscriptions(Source):
             self._subscribed.prefix = self._prefix
             self._subscribed.prefix_size = len(self._prefix)
 
-    def subscribe(self, TopicArrivals topic not None, handle, subscription, str name not None, bint is_static,
+    def subscribe(self, TopicArrivals topic not None, uses, subscription, str name not None, bint is_static,
                   uint32_t depth):
         """
         Receive on a topic, once. Static transforms are taken first, because others may need them.
 
-        :param handle: of the subscription; kept as long as the address is used.
+        :param uses: keeps the subscription; closed when its address is not used any more.
         :param subscription: address of an ``rcl_subscription_t``.
         :param depth: of the subscription's queue.
         :raises RuntimeError: the middleware does not report arrivals.
@@ -216,7 +224,7 @@ cdef class Subscriptions(Source):
         cdef Arrivals** link = &self._subscribed.first
         self._topics.append(topic)
         self.names.append(name)
-        topic._handle = handle
+        topic._uses = uses
         inboxes_lock()
         arrivals.number = len(self.names) - 1
         arrivals.is_static, arrivals.depth = is_static, depth
@@ -232,27 +240,24 @@ cdef class Subscriptions(Source):
         if rcl_subscription_set_on_new_message_callback(
                 arrivals.subscription, _arrived, arrivals) != RCL_RET_OK:
             error = rcl_last_error()
-            self.unsubscribe(topic, False)
+            self.unsubscribe(topic)
             raise RuntimeError(error)
 
-    def unsubscribe(self, TopicArrivals topic not None, bint is_told=True):
-        """
-        Receive nothing more on a topic; what was not inserted stays with its subscription.
-
-        :param is_told: whether the middleware still reports arrivals to this object.
-        """
+    def unsubscribe(self, TopicArrivals topic not None):
+        """Receive nothing more on a topic; what was not inserted stays with its subscription."""
         cdef Arrivals* arrivals = &topic._arrivals
-        if arrivals.subscription == NULL or self.inbox.is_closed:
+        uses, topic._uses = topic._uses, None   # several threads may do this
+        if uses is None:
             return
         # The middleware waits for calls that are running, and these wait for nothing.
-        if is_told and rcl_subscription_set_on_new_message_callback(
+        if self.is_told and rcl_subscription_set_on_new_message_callback(
                 arrivals.subscription, NULL, NULL) != RCL_RET_OK:
             rcutils_reset_error()
         inboxes_lock()
         arrivals.subscription = NULL
         arrivals.inbox = NULL
         inboxes_unlock()
-        topic._handle = None
+        uses.close()
 
     def follow(self, handle, clock):
         """

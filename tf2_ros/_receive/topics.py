@@ -1,16 +1,23 @@
-"""The topics of a listener: what to subscribe to, what takes the messages, and how many there were."""
+"""The topics of listeners: what was received on them, for errors, warnings and representations."""
 
-import itertools
+import os
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import Any
 
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
+from tf2_py import BufferCore
 from tf2_py._internal import counted
-from tf2_ros._rclpy import enter_handle
+from tf2_ros._forking import LiveObjects
+from tf2_ros._rclpy import context_was_shut_down, enter_handle
 from tf2_ros._receive.subscriptions import TopicArrivals
+
+# A topic of dynamic transforms is called silent if nothing was received on it for this long. Most are sent
+# ten times a second or more.
+SILENT_S = 3
 
 
 class Topic:
@@ -29,42 +36,67 @@ class Topic:
         self.attribute, self.method, self.name, self.qos = attribute, method, name, qos
         self.is_static = is_static
         self.subscription: Subscription | None = None  # of rclpy's class or a subclass
-        self.is_counted = True  # whether :meth:`received` counts all: the listener's own method has them
-        self.receiver: Any = None  # the Receiver that takes the messages; None: executors do
-        self.arrivals = TopicArrivals()  # what the receiver takes
-        # Several threads of an executor may count.
-        self._counter = itertools.count(1)
-        self._called = 0
-        self._called_at_ns = 0
-
-    def count_call(self) -> None:
-        """Count a message with which an executor has called the listener."""
-        self._called = next(self._counter)
-        self._called_at_ns = time.monotonic_ns()
-
-    def received(self) -> tuple[int, int]:
-        """Return how many messages there were, and the steady time of the last one in nanoseconds."""
-        if self.receiver is not None:
-            self.receiver.inbox.catch_up()
-        taken, taken_at_ns = self.arrivals.taken()
-        return taken + self._called, max(taken_at_ns, self._called_at_ns)
+        self.context: Any = None  # of the subscription
+        self.is_counted = True  # whether `arrivals` counts all: the listener's own method has them
+        self.arrivals = TopicArrivals()
 
     def is_open(self) -> bool:
-        """Whether its subscription exists."""
+        """Whether anything can be received on it."""
+        if self.subscription is None or context_was_shut_down(self.context):
+            return False
         with ExitStack() as uses:
-            return self.subscription is not None and enter_handle(self.subscription.handle, uses)
+            return enter_handle(self.subscription.handle, uses)
 
     def describe(self) -> str:
-        """Describe its name, how many messages there were, when the last one was, and what takes them."""
-        count, last_ns = self.received()
-        if count == 0 and not self.is_counted:
-            facts = "messages not counted"
-        else:
-            facts = counted(count, "message")
-            if count:
-                facts += f", last {(time.monotonic_ns() - last_ns) / 1e9:.2f} s ago"
-        if not self.is_open() or not (self.receiver is None or self.receiver.alive):
-            facts += ", ended"
-        elif self.receiver is None:
-            facts += ", taken by an executor"
-        return f"{self.name}: {facts}"
+        """Describe its name, how many messages there were, and when the last one was."""
+        count, last_ns = self.arrivals.taken()
+        facts = counted(count, "message") if count or self.is_counted else "messages not counted"
+        if count:
+            facts += f", last {(time.monotonic_ns() - last_ns) / 1e9:.2f} s ago"
+        return f"{self.name}: {facts}" if self.is_open() else f"{self.name}: {facts}, ended"
+
+
+_listeners: LiveObjects[Any] = LiveObjects()  # of the class TransformListener
+
+
+def note_listener(listener: Any) -> None:
+    """Note that a TransformListener fills its buffer from now on."""
+    _listeners.add(listener)
+    if isinstance(listener.buffer, BufferCore):
+        BufferCore._ask_for_silence(listener.buffer, _silence)
+    sharing = getattr(listener.buffer, "_tf2_sharing", None)
+    if sharing is not None:
+        sharing._tf2_check()  # readers learn at once that a listener fills it
+
+
+def open_topics(buffer: object) -> list[Topic]:
+    """The topics on which the listeners of a buffer can receive anything."""
+    listeners = [one for one in _listeners if getattr(one, "buffer", None) is buffer]
+    return [topic for listener in listeners for topic in listener._tf2_topics if topic.is_open()]
+
+
+def _silence(buffer: object) -> tuple[str, str]:
+    # What BufferCore._ask_for_silence expects.
+    topics = [topic for topic in open_topics(buffer) if topic.is_counted]
+    return _silent(topics), _silent([topic for topic in topics if not topic.is_static])
+
+
+def _silent(topics: Sequence[Topic]) -> str:
+    """Describe the silent ones of these topics in a clause without commas; ``""`` if there are none."""
+    # Several listeners may receive on one topic.
+    lasts: dict[str, int] = {}
+    for topic in topics:
+        lasts[topic.name] = max(lasts.get(topic.name, 0), topic.arrivals.taken()[1])
+    static = {topic.name for topic in topics if topic.is_static}
+    parts = []
+    for name, last_ns in lasts.items():
+        silent_s = (time.monotonic_ns() - last_ns) // 10**9
+        if last_ns == 0:
+            parts.append(f"on {name}")
+        elif silent_s >= SILENT_S and name not in static:  # static transforms are sent once
+            parts.append(f"on {name} for {silent_s} s")
+    return "nothing has been received " + " and ".join(parts) if parts else ""
+
+
+# A forked child receives nothing through its parent's listeners, and may make its own for the same buffers.
+os.register_at_fork(after_in_child=_listeners.clear)

@@ -17,7 +17,7 @@ from tf2_ros._shared.ring import RingWriter
 from tf2_ros_cython._presence import HAS_ROS
 
 if TYPE_CHECKING or HAS_ROS:
-    from tf2_ros._receive.reception import receptions_of
+    from tf2_ros._receive.topics import open_topics
 
 LEAST_BYTES, MOST_BYTES = 17 << 16, 1 << 28  # of the file; readers refuse a ring of less than 1 MiB
 PART_OF_MEMORY, PART_OF_FOLDER = 32, 4  # no more than this part of the machine's, and of /dev/shm
@@ -63,13 +63,13 @@ class Owner:
 
     def _describe(self) -> None:
         buffer = self._buffer()
-        listeners = [one for one in receptions_of(buffer) if one.receiving()] if HAS_ROS else []
+        topics = open_topics(buffer) if HAS_ROS else []
         # A buffer that is filled from several domains cannot replace one's own subscriptions.
-        domains = {one.domain for one in listeners}
+        domains = {None if one.context is None else one.context.get_domain_id() for one in topics}
         changed = replace(
             self._description,
             domain=domains.pop() if len(domains) == 1 else None,
-            topics=list(dict.fromkeys(topic.name for one in listeners for topic in one.receiving())),
+            topics=list(dict.fromkeys(topic.name for topic in topics)),
             simulated=getattr(getattr(buffer, "clock", None), "ros_time_is_active", False),
         )
         if changed != self._description:

@@ -18,7 +18,7 @@ so that one that is filed again is not tried again at once. Then they are tried 
 thread that made the change; between two of them the lock may be released.
 
     waiters_add ──answered──► not listed
-        └─► listed ──wake──► due ──answered──► not listed: `deliver` has passed the answer on
+        └─► listed ──wake──► due ──answered──► not listed: `woken` is set, a thread blocks until then
               ▲               │ └──answered──► ready: a thread with the GIL must pass it on
               └────failed─────┘
 
@@ -50,24 +50,20 @@ cdef struct Waiter:
     Transform answer        # ... which is this, metres and unit quaternion
     int64_t stamp_ns        # ... at this stamp
     Status hopeless         # a bad code: `answered` is set, but for this reason there will be no answer
-    # Called with the lock held, once, when the waiter is answered by a wake. True: the answer is delivered.
-    # False: the waiter becomes ready.
-    bint (*deliver)(Waiter* waiter) noexcept nogil
-    void* owner             # for `deliver` and for the owner's code that has the GIL
-    void* woken             # for the same
+    Event* woken            # set when a wake has answered it; NULL: the waiter becomes ready instead
+    void* owner             # for its code that has the GIL
 
 
 cdef struct WatchEntry:
     int64_t time_ns
-    Waiter* waiter          # NULL: it has left
+    Waiter* waiter
 
 
 cdef struct Watched:
-    # The waiters that watch one frame, in the order of being filed.
+    # The waiters that watch one frame.
     WatchEntry* entries
     uint32_t count          # entries in use
     uint32_t capacity       # entries allocated
-    uint32_t left           # those in use whose waiter has left
 
 
 cdef struct Waiters:
@@ -100,14 +96,14 @@ cdef inline bint links_empty(const Link* head) noexcept nogil:
 cdef void waiters_init(Waiters* waiters) noexcept nogil
 cdef void waiters_free(Waiters* waiters) noexcept nogil
 # Answers the waiter or files it; `answered` is set if it is answered or hopeless. Returns the status of the
-# attempt. Zero a Waiter before, then fill query, deliver, owner and woken. It must not move until it is
+# attempt. Zero a Waiter before, then fill query, woken and owner. It must not move until it is
 # removed or answered.
 cdef Status waiters_add(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcept nogil
 # Returns whether it had no answer yet. No effect on one that is not listed, or forgotten.
 cdef bint waiters_remove(Waiters* waiters, Waiter* waiter) noexcept nogil
 # Begins the wake for `wake.change`, which must be filled. Returns whether there is anyone to be tried.
 cdef bint wake_begin(Waiters* waiters, Wake* wake) noexcept nogil
-# Tries one waiter; an answered one that `deliver` has not delivered is put into `ready`, in the order of
+# Tries one waiter; an answered one that no thread blocks for is put into `ready`, in the order of
 # their arrival. Returns whether another one is left.
 cdef bint wake_step(Waiters* waiters, const Tree* tree, Wake* wake, Link* ready) noexcept nogil
 # Removes the first of those that are ready. NULL: there is none.

@@ -32,33 +32,22 @@ cdef void _append_all(Link* head, Link* taken) noexcept nogil:
 
 # What a waiter lacks.
 
-cdef Link* _list_for(Waiters* waiters, const Tree* tree, const Query* query, Status status) noexcept nogil:
+cdef Link* _list_for(Waiters* waiters, const Query* query, Status status) noexcept nogil:
     # By the status of a failed lookup. A lookup at a time walks up from both frames. Unless the shape
     # changes, it takes the same way again, and fails again without data in the frame that lacked them.
-    cdef FrameId target, source
-    cdef int64_t time_ns = query.source_ns
-    cdef int64_t common_ns
-    cdef Path path
+    cdef int64_t time_ns = query.target_ns if status.half == HALF_TARGET else query.source_ns
     if status.code in (STATUS_BAD_TARGET, STATUS_BAD_SOURCE, STATUS_BAD_FIXED):
         return &waiters.shape
-    if query.policy.is_given or status.code not in (STATUS_EXTRAPOLATION, STATUS_UNCONNECTED):
+    if query.policy.is_given or time_ns == 0:
         return &waiters.every
-    query_end_frames(tree, query, &target, &source)
-    if query.fixed != NULL and status.half == HALF_SOURCE:
-        target = query_fixed_frame(tree, query)
-    elif query.fixed != NULL and status.half == HALF_TARGET:
-        source = query_fixed_frame(tree, query)
-        time_ns = query.target_ns
-    if time_ns != 0:
-        return &waiters.frames if status.code == STATUS_EXTRAPOLATION else &waiters.shape
-    # At another common time, frames with several parents may lead another way.
-    if walk_common_time(tree, target, source, &path, &common_ns).code != STATUS_OK:
-        return &waiters.shape
-    return &waiters.every
+    if status.code == STATUS_EXTRAPOLATION:
+        return &waiters.frames
+    return &waiters.shape if status.code == STATUS_UNCONNECTED else &waiters.every
 
 
-cdef int _reserve_entry(Waiters* waiters, const Tree* tree, FrameId frame) noexcept nogil:
-    # Memory for one more entry of a frame. 0; -1: there is none.
+cdef int _watch(Waiters* waiters, const Tree* tree, Waiter* waiter, FrameId frame,
+                int64_t time_ns) noexcept nogil:
+    # Adds an entry for the waiter to a frame. 0; -1: there is no memory for it.
     cdef Watched* watched
     cdef void* grown
     cdef uint32_t capacity
@@ -71,8 +60,6 @@ cdef int _reserve_entry(Waiters* waiters, const Tree* tree, FrameId frame) noexc
                (tree.capacity - waiters.watched_capacity) * sizeof(Watched))
         waiters.watched_capacity = tree.capacity
     watched = &waiters.watched[frame]
-    if watched.count == watched.capacity and 2 * watched.left > watched.count:
-        _take_covered(watched, NULL, NULL)
     if watched.count == watched.capacity:
         capacity = 2 * watched.capacity if watched.capacity else FIRST_ENTRIES
         grown = realloc(watched.entries, capacity * sizeof(WatchEntry))
@@ -80,56 +67,49 @@ cdef int _reserve_entry(Waiters* waiters, const Tree* tree, FrameId frame) noexc
             return -1
         watched.entries = <WatchEntry*>grown
         watched.capacity = capacity
+    watched.entries[watched.count].time_ns = time_ns
+    watched.entries[watched.count].waiter = waiter
+    waiter.frame = frame
+    waiter.entry = watched.count
+    watched.count += 1
     return 0
 
 
-cdef void _take_covered(Watched* watched, const TimeRange* covered, Link* due) noexcept nogil:
-    # Moves those that watch one of these times to `due`, and forgets those that have left. NULL: no time.
-    cdef WatchEntry entry
-    cdef uint32_t kept = 0
-    cdef uint32_t i
-    for i in range(watched.count):
-        entry = watched.entries[i]
-        if entry.waiter == NULL:
-            continue
-        if covered != NULL and covered.first <= entry.time_ns <= covered.last:
-            entry.waiter.frame = NO_FRAME
-            _unlink(&entry.waiter.link)
-            _link_before(due, entry.waiter)
-            continue
-        if kept < i:
-            entry.waiter.entry = kept
-            watched.entries[kept] = entry
-        kept += 1
-    watched.count = kept
-    watched.left = 0
-    if kept == 0:
+cdef void _leave_frame(Waiters* waiters, Waiter* waiter) noexcept nogil:
+    # The last entry of the frame moves to the place of this one.
+    cdef Watched* watched
+    cdef WatchEntry last
+    if waiter.frame == NO_FRAME:
+        return
+    watched = &waiters.watched[waiter.frame]
+    watched.count -= 1
+    last = watched.entries[watched.count]
+    last.waiter.entry = waiter.entry
+    watched.entries[waiter.entry] = last
+    waiter.frame = NO_FRAME
+    if watched.count == 0:
         free(watched.entries)
         memset(watched, 0, sizeof(Watched))
 
 
-cdef inline void _leave_frame(Waiters* waiters, Waiter* waiter) noexcept nogil:
-    cdef Watched* watched
-    if waiter.frame != NO_FRAME:
-        watched = &waiters.watched[waiter.frame]
-        watched.entries[waiter.entry].waiter = NULL
-        watched.left += 1
-        waiter.frame = NO_FRAME
+cdef void _take_covered(Waiters* waiters, Watched* watched, const TimeRange* covered,
+                        Link* due) noexcept nogil:
+    # Moves the waiters that watch one of these times to `due`. Backwards, because entries move forwards.
+    cdef uint32_t i = watched.count
+    cdef Waiter* waiter
+    while i:
+        i -= 1
+        if covered.first <= watched.entries[i].time_ns <= covered.last:
+            waiter = watched.entries[i].waiter
+            _leave_frame(waiters, waiter)
+            _unlink(&waiter.link)
+            _link_before(due, waiter)
 
 
 cdef void _file(Waiters* waiters, const Tree* tree, Waiter* waiter, Status status) noexcept nogil:
-    cdef Link* head = _list_for(waiters, tree, &waiter.query, status)
-    cdef Watched* watched
-    if head == &waiters.frames:
-        if _reserve_entry(waiters, tree, status.child) != 0:
-            head = &waiters.every       # there was no memory
-        else:
-            watched = &waiters.watched[status.child]
-            watched.entries[watched.count].time_ns = status.requested_ns
-            watched.entries[watched.count].waiter = waiter
-            waiter.frame = status.child
-            waiter.entry = watched.count
-            watched.count += 1
+    cdef Link* head = _list_for(waiters, &waiter.query, status)
+    if head == &waiters.frames and _watch(waiters, tree, waiter, status.child, status.requested_ns) != 0:
+        head = &waiters.every
     _link_before(head, waiter)
     waiter.is_listed = True
     waiters.count += 1
@@ -193,7 +173,7 @@ cdef bint wake_begin(Waiters* waiters, Wake* wake) noexcept nogil:
         _append_all(&wake.due, &waiters.frames)
         _append_all(&wake.due, &waiters.shape)
     elif covered.first <= covered.last and frame < waiters.watched_capacity and waiters.watched[frame].count:
-        _take_covered(&waiters.watched[frame], covered, &wake.due)
+        _take_covered(waiters, &waiters.watched[frame], covered, &wake.due)
     _append_all(&wake.due, &waiters.every)
     return not links_empty(&wake.due)
 
@@ -205,7 +185,9 @@ cdef bint wake_step(Waiters* waiters, const Tree* tree, Wake* wake, Link* ready)
         return False    # it has been removed meanwhile
     waiters_remove(waiters, waiter)
     _attempt(waiters, tree, waiter)
-    if waiter.answered and not waiter.deliver(waiter):
+    if waiter.answered and waiter.woken != NULL:
+        event_set(waiter.woken)
+    elif waiter.answered:
         # Nearly always, the last one has arrived before it.
         link = ready.previous
         while link != ready and link.waiter.arrival > waiter.arrival:
@@ -230,7 +212,7 @@ cdef void waiters_forget(Waiters* waiters) noexcept nogil:
     waiters.count = 0
     waiters_init(waiters)
     for frame in range(waiters.watched_capacity):
-        waiters.watched[frame].count = waiters.watched[frame].left = 0
+        waiters.watched[frame].count = 0
 
 
 cdef void waiters_free(Waiters* waiters) noexcept nogil:
@@ -263,12 +245,14 @@ cdef const char* _check_list(const Link* head, const Waiters* waiters, const Tre
 
 
 cdef const char* waiters_check(const Waiters* waiters, const Tree* tree) noexcept nogil:
+    cdef const Link* heads[3]
+    cdef const char* problem = NULL
     cdef uint32_t count = 0
-    cdef const char* problem = _check_list(&waiters.frames, waiters, tree, &count)
-    if problem == NULL:
-        problem = _check_list(&waiters.shape, waiters, tree, &count)
-    if problem == NULL:
-        problem = _check_list(&waiters.every, waiters, tree, &count)
+    cdef int i
+    heads[0], heads[1], heads[2] = &waiters.frames, &waiters.shape, &waiters.every
+    for i in range(3):
+        if problem == NULL:
+            problem = _check_list(heads[i], waiters, tree, &count)
     # Those that are due are counted, too.
     if problem == NULL and count > waiters.count:
         problem = "waiters miscounted"

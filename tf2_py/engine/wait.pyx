@@ -6,16 +6,6 @@ cdef int64_t WAKE_CHECK_NS = 100 * <int64_t>1000000
 cdef int64_t SIGNAL_CHECK_NS = 20 * <int64_t>1000000
 
 
-cdef bint _post(Waiter* waiter) noexcept nogil:
-    # A blocked thread gets its answer without the GIL.
-    event_set(<Event*>waiter.woken)
-    return True
-
-
-cdef bint _leave_ready(Waiter* waiter) noexcept nogil:
-    return False
-
-
 @cython.final
 @cython.no_gc_clear
 cdef class Wait(WaiterOwner):
@@ -49,8 +39,7 @@ cdef class Wait(WaiterOwner):
         self._notify = notify
         self._waiter.query = query[0]
         self._waiter.owner = <void*>self
-        self._waiter.woken = &self._woken
-        self._waiter.deliver = _post if notify is None else _leave_ready
+        self._waiter.woken = &self._woken if notify is None else NULL
         self._engine = engine
         engine.add_waiter(&self._waiter, &status)
         if status.code == STATUS_OK:

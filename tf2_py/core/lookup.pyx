@@ -18,22 +18,39 @@ cdef Status gap_status(const Tree* tree, FrameId frame, int64_t time_ns) noexcep
     return status
 
 
-cdef Status _first_gap(const Tree* tree, const Path* path, int64_t time_ns) noexcept nogil:
+cdef bint _has_gap(const Tree* tree, FrameId frame, int64_t time_ns, const Policy* policy,
+                   Status* status) noexcept nogil:
+    # Whether the history of a frame of the path does not answer; then `status` is about it.
+    cdef const History* history = &tree.histories[frame]
+    cdef Transform not_needed
+    cdef int64_t used_ns
+    cdef Gap gap
+    if policy.is_given:
+        gap = history_transform_under(history, time_ns, policy, &not_needed, &used_ns)
+    else:
+        gap = history_gap(history, time_ns)
+    if gap == GAP_NONE:
+        return False
+    status[0] = gap_status(tree, frame, time_ns)
+    status.on_path = True
+    if gap == GAP_LONG:
+        status.gap = GAP_LONG
+        history_stamps_around(history, time_ns, &status.edge_ns, &status.newer_ns)
+    return True
+
+
+cdef Status _first_gap(const Tree* tree, const Path* path, int64_t time_ns,
+                       const Policy* policy) noexcept nogil:
     # The first gap, target side first; STATUS_OK: there is none.
     cdef uint32_t i
-    cdef FrameId frame = NO_FRAME
     cdef Status status
     for i in range(path.target_hops):
-        if frame == NO_FRAME and history_gap(&tree.histories[path.target[i]], time_ns) != GAP_NONE:
-            frame = path.target[i]
+        if _has_gap(tree, path.target[i], time_ns, policy, &status):
+            return status
     for i in range(path.source_hops):
-        if frame == NO_FRAME and history_gap(&tree.histories[path.source[i]], time_ns) != GAP_NONE:
-            frame = path.source[i]
-    if frame == NO_FRAME:
-        return status_of(STATUS_OK)
-    status = gap_status(tree, frame, time_ns)
-    status.on_path = True
-    return status
+        if _has_gap(tree, path.source[i], time_ns, policy, &status):
+            return status
+    return status_of(STATUS_OK)
 
 
 cdef inline void _prefetch_side(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t time_ns,
@@ -43,38 +60,63 @@ cdef inline void _prefetch_side(const Tree* tree, const FrameId* frames, uint32_
         hints[i] = history_prefetch(&tree.histories[frames[i]], time_ns)
 
 
+cdef inline bint _hop(const History* history, int64_t time_ns, uint32_t hint, const Policy* policy,
+                      Transform* out, int64_t* stamp_ns) noexcept nogil:
+    # `policy` may be NULL; under one, `stamp_ns` falls to the oldest stamp used. False: no answer.
+    cdef int64_t used_ns
+    if policy == NULL:
+        return history_transform_at(history, time_ns, hint, out) == GAP_NONE
+    if history_transform_under(history, time_ns, policy, out, &used_ns) != GAP_NONE:
+        return False
+    stamp_ns[0] = min(stamp_ns[0], used_ns)
+    return True
+
+
 cdef inline bint _compose_side(const Tree* tree, const FrameId* frames, const uint32_t* hints, uint32_t hops,
-                               int64_t time_ns, Transform* out) noexcept nogil:
-    # From frames[0] up all hops; hops > 0. False, and `out` undefined: a history does not answer.
+                               int64_t time_ns, const Policy* policy, Transform* out,
+                               int64_t* stamp_ns) noexcept nogil:
+    # From frames[0] up all hops, as _hop; hops > 0. False, and `out` undefined: a history does not answer.
     cdef Transform hop
     cdef uint32_t i
-    if history_transform_at(&tree.histories[frames[0]], time_ns, hints[0], out) != GAP_NONE:
+    if not _hop(&tree.histories[frames[0]], time_ns, hints[0], policy, out, stamp_ns):
         return False
     for i in range(1, hops):
-        if history_transform_at(&tree.histories[frames[i]], time_ns, hints[i], &hop) != GAP_NONE:
+        if not _hop(&tree.histories[frames[i]], time_ns, hints[i], policy, &hop, stamp_ns):
             return False
         transform_compose(&hop, out, out)
     return True
 
 
-cdef Status path_transform(const Tree* tree, const Path* path, int64_t time_ns,
-                           Transform* out) noexcept nogil:
+cdef void _cut_common(Path* path) noexcept nogil:
+    # In tf2's order both sides lead to the root; above the common ancestor they are the same.
+    while (path.source_hops and path.target_hops
+           and path.source[path.source_hops - 1] == path.target[path.target_hops - 1]):
+        path.source_hops -= 1
+        path.target_hops -= 1
+        path.top = path.source[path.source_hops]
+
+
+cdef Status path_transform(const Tree* tree, Path* path, int64_t time_ns, const Policy* policy,
+                           Transform* out, int64_t* stamp_ns) noexcept nogil:
     # From the source to the target at a time; with `out` NULL, only whether every history answers.
     cdef Transform source_side, target_side
     cdef uint32_t source_hints[MAX_HOPS + 1]
     cdef uint32_t target_hints[MAX_HOPS + 1]
+    cdef const Policy* given = policy if policy.is_given else NULL
+    if given != NULL:
+        _cut_common(path)
     if out == NULL:
-        return _first_gap(tree, path, time_ns)
+        return _first_gap(tree, path, time_ns, policy)
     transform_identity(&source_side)
     transform_identity(&target_side)
     _prefetch_side(tree, path.target, path.target_hops, time_ns, target_hints)
     _prefetch_side(tree, path.source, path.source_hops, time_ns, source_hints)
     if path.target_hops and not _compose_side(
-            tree, path.target, target_hints, path.target_hops, time_ns, &target_side):
-        return _first_gap(tree, path, time_ns)
+            tree, path.target, target_hints, path.target_hops, time_ns, given, &target_side, stamp_ns):
+        return _first_gap(tree, path, time_ns, policy)
     if path.source_hops and not _compose_side(
-            tree, path.source, source_hints, path.source_hops, time_ns, &source_side):
-        return _first_gap(tree, path, time_ns)
+            tree, path.source, source_hints, path.source_hops, time_ns, given, &source_side, stamp_ns):
+        return _first_gap(tree, path, time_ns, policy)
     if path.target_hops:
         transform_between(&target_side, &source_side, out)
     else:
@@ -83,52 +125,6 @@ cdef Status path_transform(const Tree* tree, const Path* path, int64_t time_ns,
     quaternion_normalise(out.rotation)
     quaternion_canonicalise(out.rotation)
     return status_of(STATUS_OK)
-
-
-cdef Status _compose_side_under(const Tree* tree, const FrameId* frames, uint32_t hops, int64_t time_ns,
-                                const Policy* policy, Transform* out, int64_t* stamp_ns) noexcept nogil:
-    # From frames[0] up all hops. `stamp_ns` falls to the oldest stamp used.
-    cdef Transform hop
-    cdef Gap gap
-    cdef int64_t used_ns
-    cdef Status status
-    cdef uint32_t i
-    transform_identity(out)
-    for i in range(hops):
-        gap = history_transform_under(&tree.histories[frames[i]], time_ns, policy, &hop, &used_ns)
-        if gap != GAP_NONE:
-            status = gap_status(tree, frames[i], time_ns)
-            status.on_path = True
-            if gap == GAP_LONG:
-                status.gap = GAP_LONG
-                history_stamps_around(&tree.histories[frames[i]], time_ns, &status.edge_ns, &status.newer_ns)
-            return status
-        stamp_ns[0] = min(stamp_ns[0], used_ns)
-        transform_compose(&hop, out, out)
-    return status_of(STATUS_OK)
-
-
-cdef Status _path_transform_under(const Tree* tree, Path* path, int64_t time_ns, const Policy* policy,
-                                  Transform* out, int64_t* stamp_ns) noexcept nogil:
-    # As path_transform, under a policy.
-    cdef Transform source_side, target_side
-    cdef Status status
-    # In tf2's order both sides lead to the root; above the common ancestor they are the same.
-    while (path.source_hops and path.target_hops
-           and path.source[path.source_hops - 1] == path.target[path.target_hops - 1]):
-        path.source_hops -= 1
-        path.target_hops -= 1
-        path.top = path.source[path.source_hops]
-    status = _compose_side_under(
-        tree, path.target, path.target_hops, time_ns, policy, &target_side, stamp_ns)
-    if status.code == STATUS_OK:
-        status = _compose_side_under(
-            tree, path.source, path.source_hops, time_ns, policy, &source_side, stamp_ns)
-    if status.code == STATUS_OK and out != NULL:
-        transform_between(&target_side, &source_side, out)
-        quaternion_normalise(out.rotation)
-        quaternion_canonicalise(out.rotation)
-    return status
 
 
 # Walks in the order of tf2, the reference: up from the source to its root or first gap, then up from the
@@ -366,9 +362,7 @@ cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_
         status = reference_walk(tree, target, source, stamp_ns[0], tolerance_ns, path)
         if status.code != STATUS_OK:
             return status
-    if policy.is_given:
-        return _path_transform_under(tree, path, stamp_ns[0], policy, out, stamp_ns)
-    return path_transform(tree, path, stamp_ns[0], out)
+    return path_transform(tree, path, stamp_ns[0], policy, out, stamp_ns)
 
 
 # The query: names to frames, the halves of a two-time lookup.

@@ -1,7 +1,7 @@
 """BufferCore reads arguments, calls the engine, and raises its errors."""
 
 cimport cython
-from cpython.bytes cimport PyBytes_AS_STRING, PyBytes_FromStringAndSize, PyBytes_GET_SIZE
+from cpython.bytes cimport PyBytes_AS_STRING, PyBytes_GET_SIZE
 from cpython.buffer cimport PyBUF_C_CONTIGUOUS, PyBUF_FORMAT, PyBuffer_Release, PyObject_GetBuffer
 from cpython.exc cimport PyErr_CheckSignals
 from cpython.float cimport PyFloat_AS_DOUBLE, PyFloat_AsDouble, PyFloat_CheckExact, PyFloat_FromDouble
@@ -14,7 +14,6 @@ from libc.float cimport DBL_EPSILON
 from libc.stdint cimport INT32_MAX, SIZE_MAX
 from libc.string cimport strchr, strlen
 
-import copyreg
 import datetime
 import operator
 import os
@@ -288,11 +287,11 @@ cdef class BufferCore(Engine):
         insert.
 
         :return: a dict of the samples, as NumPy arrays, of who sent them, of cache time and limits, and in
-            ``"attributes"`` of the attributes of a subclass. Pending waits, names without samples, the order
-            of listings and the counters of :meth:`statistics` are not included.
+            ``"attributes"`` of the attributes of a subclass, except for those in slots. Pending waits, names
+            without samples, the order of listings and the counters of :meth:`statistics` are not included.
         """
         cdef dict state = self.export()
-        state["attributes"] = attributes_of(self)
+        state["attributes"] = dict(getattr(self, "__dict__", {}))
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -305,7 +304,10 @@ cdef class BufferCore(Engine):
         if type(state) is not dict:
             raise ValueError(f"not the state of a buffer: it is not a dict but {type(state).__name__}")
         self.restore(state)
-        set_attributes(self, state.get("attributes", {}))
+        attributes = state.get("attributes", {})
+        if attributes:
+            # As in pickle, this bypasses a __setattr__ of the class, which may rely on what __init__ does.
+            self.__dict__.update(attributes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """

@@ -281,6 +281,21 @@ cdef bint batch_prefix(Batch* batch, const char* prefix, size_t prefix_size) noe
     return True
 
 
+cdef bytes batch_cdr(const Batch* batch):
+    cdef Writer writer
+    cdef size_t i
+    cdef bytes data = None
+    writer_init(&writer, NULL, <uint32_t>batch.count)
+    # Once to count the bytes, once to write them.
+    while True:
+        for i in range(batch.count):
+            writer_transform(&writer, &batch.entries[i].incoming)
+        if data is not None:
+            return data
+        data = PyBytes_FromStringAndSize(NULL, writer.position)
+        writer_init(&writer, <unsigned char*><char*>data, <uint32_t>batch.count)
+
+
 cdef object batch_error(const Batch* batch, size_t size):
     return ValueError(
         f"malformed TFMessage: {batch.problem.decode()}, at byte {batch.problem_at} of {size}"

@@ -354,7 +354,6 @@ def serialize_transforms(list transforms):
         own conversion decides.
     """
     cdef Batch batch
-    cdef Writer writer
     cdef size_t i
     cdef list keep = []
     cdef list refused = []
@@ -371,13 +370,7 @@ def serialize_transforms(list transforms):
                 read_transform_stamped(transforms[i], &batch.entries[i].incoming, keep)
             except ValueError:      # an invalid name: a NUL, or a lone surrogate
                 return None
-        writer_init(&writer, NULL, <unsigned int>batch.count)
-        for i in range(batch.count):
-            writer_transform(&writer, &batch.entries[i].incoming)
-        data = PyBytes_FromStringAndSize(NULL, writer.position)
-        writer_init(&writer, <unsigned char*>PyBytes_AS_STRING(data), <unsigned int>batch.count)
-        for i in range(batch.count):
-            writer_transform(&writer, &batch.entries[i].incoming)
+        data = batch_cdr(&batch)
         # After writing, because asking for the refusals changes the names and the rotation.
         for i in range(batch.count):
             text = refusal_text(&batch.entries[i].incoming)

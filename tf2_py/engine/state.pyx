@@ -308,8 +308,8 @@ def serialize_samples(dict state, rows, children):
     :param rows: which samples, in this order: indices into the arrays.
     :param children: uint32, for each sample of the state: the place of its frame in ``frames``.
     """
-    cdef Writer writer
-    cdef Incoming incoming
+    cdef Batch batch
+    cdef Incoming* incoming
     cdef list frames = state["frames"]
     cdef list parent_names = state["parent_names"]
     cdef const int64_t* row_at = int64s_of(rows)
@@ -317,49 +317,23 @@ def serialize_samples(dict state, rows, children):
     cdef const uint32_t* parent_at = uint32s_of(state["parents"], 0)
     cdef const int64_t* stamp_at = int64s_of(state["stamps"])
     cdef const double* transform_at = doubles_of(state["transforms"], TRANSFORM_DOUBLES)
-    cdef uint32_t count = len(rows)
     cdef Py_ssize_t size
-    cdef uint32_t i
+    cdef size_t i
     cdef int64_t row
-    cdef bytes data = None
-    writer_init(&writer, NULL, count)
-    # Once to count the bytes, once to write them.
-    while True:
-        for i in range(count):
+    memset(&batch, 0, sizeof(Batch))
+    if batch_reserve(&batch, len(rows)) != 0:
+        raise MemoryError
+    try:
+        batch.count = len(rows)
+        for i in range(batch.count):
             row = row_at[i]
+            incoming = &batch.entries[i].incoming
             incoming.stamp_ns = stamp_at[row]
             incoming.child = name_utf8((<tuple>frames[child_at[row]])[0], &size)
             incoming.child_size = size
             incoming.parent = name_utf8(parent_names[parent_at[row]], &size)
             incoming.parent_size = size
             memcpy(&incoming.transform, transform_at + TRANSFORM_DOUBLES * row, sizeof(Transform))
-            writer_transform(&writer, &incoming)
-        if data is not None:
-            return data
-        data = PyBytes_FromStringAndSize(NULL, writer.position)
-        writer_init(&writer, <unsigned char*>PyBytes_AS_STRING(data), count)
-
-
-# The attributes that subclasses add to a buffer, which travel with it.
-
-cdef set _slots_of(thing):
-    return set(copyreg._slotnames(type(thing)))
-
-
-cdef dict attributes_of(thing):
-    # What is in its __dict__ and in the slots of its classes.
-    cdef dict attributes = dict(getattr(thing, "__dict__", {}))
-    for name in _slots_of(thing):
-        if hasattr(thing, name):
-            attributes[name] = getattr(thing, name)
-    return attributes
-
-
-cdef int set_attributes(thing, dict attributes) except -1:
-    # As in pickle, this bypasses a __setattr__ of the class, which may rely on what __init__ does.
-    cdef set slots = _slots_of(thing)
-    for name in attributes.keys() & slots:
-        object.__setattr__(thing, name, attributes[name])
-    if attributes.keys() - slots:
-        thing.__dict__.update({name: attributes[name] for name in attributes if name not in slots})
-    return 0
+        return batch_cdr(&batch)
+    finally:
+        batch_free(&batch)

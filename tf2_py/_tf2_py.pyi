@@ -228,7 +228,6 @@ def policy_of(
     tolerance: DurationLike | None = None,
     extrapolate: bool = False,
     max_gap: DurationLike | None = None,
-    interpolation: str = "linear",
     **unknown: Any,
 ) -> Any: ...
 def raise_refused(transforms: list[TransformStamped]) -> None: ...

@@ -137,7 +137,7 @@ cdef class BufferCore(Engine):
         limits.frames = _limit("max_frames", max_frames)
         limits.bytes = _limit("max_bytes", max_bytes)
         if cache_time is not None:
-            retention.cache_time_ns = duration_nanoseconds(cache_time, "cache_time")
+            retention.cache_time_ns = duration_ns(cache_time, "cache_time")
         if retention.cache_time_ns < 0:
             seconds = errors.seconds(retention.cache_time_ns)
             raise ValueError(f"cache_time: expected 0 or more, got {seconds} s")
@@ -408,7 +408,8 @@ cdef class BufferCore(Engine):
         cdef Query query
         cdef Transform transform
         cdef int64_t stamp_ns
-        query_fill_full(&query, target_frame, target_time, source_frame, source_time, fixed_frame)
+        query_fill(&query, target_frame, source_frame, source_time, "source_time")
+        query_fix(&query, fixed_frame, target_time)
         self._lookup_or_raise(&query, &transform, &stamp_ns)
         return new_transform_stamped(&transform, stamp_ns, target_frame, source_frame)
 
@@ -461,13 +462,12 @@ cdef class BufferCore(Engine):
         series.nan_missing = _is_nan_wanted(on_missing)
         catch_up(self)
         for frame in frames if is_many else ():     # all names, before the lookups
-            query_fill_series(&query, target_frame, frame, fixed_frame, target_time)
+            query_fill_series(&query, target_frame, frame, fixed_frame, target_time, accepted)
             status = self._check_names(&query)
             if count and status.code != STATUS_OK:
                 raise self.error(&query, status)
         for i, frame in enumerate(frames if count else ()):
-            query_fill_series(&query, target_frame, frame, fixed_frame, target_time)
-            query_set_policy(&query, accepted)
+            query_fill_series(&query, target_frame, frame, fixed_frame, target_time, accepted)
             series.translations = doubles_of(translations, 3) + 3 * count * i
             series.rotations = doubles_of(rotations, 4) + 4 * count * i
             self._lookup_series(&query, &series)
@@ -514,8 +514,8 @@ cdef class BufferCore(Engine):
         if len(rows) != series.count:
             raise ValueError(f"{len(rows)} points, {series.count} times: each point needs its own time")
         transformed = new_rows(series.count, 3)
-        query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time)
-        query_set_policy(&query, policy_of("transform_points", **policy))
+        query_fill_series(&query, target_frame, source_frame, fixed_frame, target_time,
+                          policy_of("transform_points", **policy))
         if series.count:
             series.points = doubles_of(rows, 3)
             series.transformed = doubles_of(transformed, 3)
@@ -549,7 +549,8 @@ cdef class BufferCore(Engine):
     ) -> tuple[int, str]:
         """Return whether :meth:`lookup_transform_full_core` would succeed; see :meth:`can_transform_core`."""
         cdef Query query
-        query_fill_full(&query, target_frame, target_time, source_frame, source_time, fixed_frame)
+        query_fill(&query, target_frame, source_frame, source_time, "source_time")
+        query_fix(&query, fixed_frame, target_time)
         return self._can(&query)
 
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> Time:
@@ -627,7 +628,7 @@ cdef class BufferCore(Engine):
         """
         # At least 1, because 0 would mean "latest".
         cdef int64_t time_ns = max(stamp_nanoseconds(time, "time"), 1)
-        cdef int64_t interval_ns = duration_nanoseconds(averaging_interval, "averaging_interval")
+        cdef int64_t interval_ns = duration_ns(averaging_interval, "averaging_interval")
         cdef int64_t start_ns, end_ns, common_ns
         cdef Transform start, end, middle, point_frame, reference
         cdef double point[3]
@@ -681,7 +682,7 @@ cdef class BufferCore(Engine):
         cdef TimeSeries series
         times_ns = as_times_ns(times)
         cdef Py_ssize_t count = len(times_ns)
-        cdef int64_t interval_ns = duration_nanoseconds(averaging_interval, "averaging_interval")
+        cdef int64_t interval_ns = duration_ns(averaging_interval, "averaging_interval")
         cdef int64_t common_ns
         if interval_ns < 0:
             raise ValueError("averaging_interval must not be negative")
@@ -690,7 +691,7 @@ cdef class BufferCore(Engine):
         translations, rotations = new_rows(2 * count, 3), new_rows(2 * count, 4)
         series_begin(&series, int64s_of(ends_ns), 2 * count)
         series.nan_missing = _is_nan_wanted(on_missing)
-        query_fill_series(&query, observation_frame, tracking_frame, None, None)
+        query_frames(&query, observation_frame, tracking_frame)
         if count:
             common_ns = self._common_time(observation_frame, tracking_frame)
             twist_ends(int64s_of(times_ns), count, interval_ns, common_ns, int64s_of(ends_ns))

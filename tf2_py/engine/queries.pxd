@@ -3,22 +3,20 @@
 # Read the caller's objects; TypeError, ValueError or OverflowError where they do not fit.
 # Only the frames of a simple lookup, without its time.
 cdef int query_frames(Query* query, object target_frame, object source_frame) except -1
-cdef int query_fill(Query* query, object target_frame, object source_frame, object time) except -1
-cdef int query_fill_full(Query* query, object target_frame, object target_time, object source_frame,
-                         object source_time, object fixed_frame) except -1
-# A lookup at many times, which are given elsewhere; a two-time lookup if fixed_frame and target_time are not
-# None.
-cdef int query_fill_series(Query* query, object target_frame, object source_frame, object fixed_frame,
-                           object target_time) except -1
+cdef int query_fill(Query* query, object target_frame, object source_frame, object time,
+                    str argument=*) except -1
+# Makes it a lookup at two times.
+cdef int query_fix(Query* query, object fixed_frame, object target_time) except -1
 
 
 cdef class PolicyObject:
     # What a lookup accepts beyond tf2's.
     cdef Policy policy
 
-# None: no policy.
-cdef int query_set_policy(Query* query, PolicyObject policy) except -1
-# A lookup at two times if there is a fixed frame.
+# Both at two times if fixed_frame is not None, and under a policy if that is not. A series has its times
+# elsewhere.
+cdef int query_fill_series(Query* query, object target_frame, object source_frame, object fixed_frame,
+                           object target_time, PolicyObject policy) except -1
 cdef int query_fill_any(Query* query, object target_frame, object source_frame, object time,
                         object fixed_frame, object target_time, PolicyObject policy) except -1
 

@@ -14,29 +14,28 @@ cdef int query_frames(Query* query, object target_frame, object source_frame) ex
     return 0
 
 
-cdef int query_fill(Query* query, object target_frame, object source_frame, object time) except -1:
+cdef int query_fill(Query* query, object target_frame, object source_frame, object time,
+                    str argument="time") except -1:
     query_frames(query, target_frame, source_frame)
-    query.source_ns = stamp_nanoseconds(time, "time")
+    query.source_ns = stamp_nanoseconds(time, argument)
     return 0
 
 
-cdef int query_fill_full(Query* query, object target_frame, object target_time, object source_frame,
-                         object source_time, object fixed_frame) except -1:
-    query_frames(query, target_frame, source_frame)
-    query.source_ns = stamp_nanoseconds(source_time, "source_time")
+cdef int query_fix(Query* query, object fixed_frame, object target_time) except -1:
     query.fixed = _name(fixed_frame, "fixed_frame", &query.fixed_size)
     query.target_ns = stamp_nanoseconds(target_time, "target_time")
     return 0
 
 
 cdef int query_fill_series(Query* query, object target_frame, object source_frame, object fixed_frame,
-                           object target_time) except -1:
+                           object target_time, PolicyObject policy) except -1:
     if (fixed_frame is None) != (target_time is None):
         raise TypeError("fixed_frame and target_time go together: both or neither")
     query_frames(query, target_frame, source_frame)
     if fixed_frame is not None:
-        query.fixed = _name(fixed_frame, "fixed_frame", &query.fixed_size)
-        query.target_ns = stamp_nanoseconds(target_time, "target_time")
+        query_fix(query, fixed_frame, target_time)
+    if policy is not None:
+        query.policy = policy.policy
     return 0
 
 
@@ -64,26 +63,21 @@ def policy_of(call, tolerance=None, extrapolate=False, max_gap=None, **unknown):
     made = PolicyObject()
     made.policy.is_given = True
     made.policy.extrapolates = extrapolate
-    made.policy.tolerance_ns = 0 if tolerance is None else duration_nanoseconds(tolerance, "tolerance")
-    made.policy.max_gap_ns = INT64_MAX if max_gap is None else duration_nanoseconds(max_gap, "max_gap")
+    made.policy.tolerance_ns = 0 if tolerance is None else duration_ns(tolerance, "tolerance")
+    made.policy.max_gap_ns = INT64_MAX if max_gap is None else duration_ns(max_gap, "max_gap")
     if made.policy.tolerance_ns < 0 or made.policy.max_gap_ns < 0:
         raise ValueError("tolerance and max_gap must not be negative")
     return made
 
 
-cdef int query_set_policy(Query* query, PolicyObject policy) except -1:
+cdef int query_fill_any(Query* query, object target_frame, object source_frame, object time,
+                        object fixed_frame, object target_time, PolicyObject policy) except -1:
+    query_fill(query, target_frame, source_frame, time, "time" if fixed_frame is None else "source_time")
+    if fixed_frame is not None:
+        query_fix(query, fixed_frame, target_time)
     if policy is not None:
         query.policy = policy.policy
     return 0
-
-
-cdef int query_fill_any(Query* query, object target_frame, object source_frame, object time,
-                        object fixed_frame, object target_time, PolicyObject policy) except -1:
-    if fixed_frame is None:
-        query_fill(query, target_frame, source_frame, time)
-    else:
-        query_fill_full(query, target_frame, target_time, source_frame, time, fixed_frame)
-    return query_set_policy(query, policy)
 
 
 def frame_name(name, str argument):

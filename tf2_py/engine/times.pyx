@@ -158,10 +158,6 @@ cdef int _refuse_duration(object value, object amount, str argument) except -1:
     return 0
 
 
-cdef int64_t duration_nanoseconds(object value, str argument) except? -1:
-    return duration_ns(value, argument)
-
-
 cdef object new_stamp(int64_t stamp_ns):
     cdef int64_t sec
     cdef uint32_t nanosec
@@ -197,7 +193,7 @@ def time_ns(time, str argument):
     return nanoseconds(time, argument)
 
 
-def duration_ns(duration, str argument):
+cpdef int64_t duration_ns(object duration, str argument) except? -1:
     """
     The nanoseconds of a duration: of an rclpy ``Duration``, a message, or anything with their fields; of a
     ``datetime.timedelta``; or of a number of seconds.

@@ -13,8 +13,6 @@ from tf2_ros.records import RECORD
 from tf2_ros_tools.findings import Finding, Limits
 from tf2_ros_tools.pictures import (
     GAP,
-    MOST_FINDINGS,
-    MOST_ROWS,
     NOT_YET,
     PROBLEM,
     STYLES,
@@ -133,13 +131,6 @@ class TestTree:
         [title] = {title for title in titles if title and "oldest" in title}
         assert "most recent transform: 10.500000" in title and "oldest transform: 1.000000" in title
 
-    def test_tells_what_is_wrong(self):
-        findings = [Finding("gap", "odom", f"gap {number}") for number in range(MOST_FINDINGS + 3)]
-        root = ElementTree.fromstring(drawn(ROBOT, findings))
-        texts = [text.text for text in root.iter(f"{SVG}text")]
-        assert {"gap 0", f"gap {MOST_FINDINGS - 1}", "and 3 more"} <= set(texts)
-        assert f"gap {MOST_FINDINGS}" not in texts
-
     @pytest.mark.parametrize("name", HOSTILE)
     def test_shows_a_name_as_it_is(self, name):
         svg = drawn([stream(name, publisher=name)])
@@ -246,17 +237,6 @@ class TestHeard:
     @pytest.mark.parametrize("name", [*HOSTILE, "$\\frac{$"])
     def test_a_name_is_shown_as_it_is(self, name):
         assert name in texts_of(heard_figure([row(name, STEADY)], BEGIN, END))
-
-    def test_stamps_in_the_future_stay_in_their_row(self):
-        figure = heard_figure([row("ahead", STEADY, delay=-5.0)], BEGIN, END)
-        [dots] = [line for line in figure.axes[0].lines if line.get_marker() == "."]
-        assert 0.0 < dots.get_ydata().min() <= dots.get_ydata().max() < 1.0
-
-    def test_too_many_rows_are_cut_and_told(self):
-        rows = [row(f"frame{number}", [BEGIN + 1]) for number in range(MOST_ROWS + 3)]
-        figure = heard_figure(rows, BEGIN, END)
-        assert figure.axes[0].get_xlabel() == "time in s; 3 more rows are not shown"
-        assert len(figure.axes[0].get_yticks()) == MOST_ROWS
 
     def test_rows_are_made_of_records(self):
         frames = ["map", "odom", "base"]

@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import math
 import os
 import re
 import signal
@@ -74,25 +73,6 @@ class TestLookup:
         buffer = load(drive_mcap)
         assert poses == [pose(buffer, stamp) for stamp in stamps]
         assert set(valid) == {"true"}
-
-    def test_by_default_the_times_are_the_stamps_of_what_moves_between(self, run, tmp_path):
-        late = [Tf("base", "arm", 102 * S + i * S // 3, (0.0, i, 0.0)) for i in range(20)]
-        path = recording(tmp_path / "a.mcap", *(Sent(one.ns + 10, "/tf", [one]) for one in late))
-        status, out, err = run("lookup", path, "odom", "arm")
-        stamps, poses, valid = rows_of(out)
-        of_robot = {100 * S + i * S // 10 for i in range(100)}
-        assert stamps == sorted(of_robot | {one.ns for one in late})
-        known = [late[0].ns <= stamp <= late[-1].ns for stamp in stamps]
-        assert valid == ["true" if one else "false" for one in known]
-        buffer = load(path)
-        unknown = [math.nan] * len(COLUMNS)
-        expected = [
-            pose(buffer, stamp, "odom", "arm") if one else unknown
-            for stamp, one in zip(stamps, known, strict=True)
-        ]
-        assert np.array_equal(poses, expected, equal_nan=True)
-        missing = f"{known.count(False)} of {len(stamps)}"
-        assert (status, err) == (0, f"tf2_bag lookup: no answer at {missing} times\n")
 
     def test_all_formats_hold_the_same(self, run, drive_mcap, tmp_path):
         parquet = pytest.importorskip("pyarrow.parquet")
@@ -219,42 +199,12 @@ class TestPictures:
         ticks = [float(text) for text in texts_of(tmp_path / "q.svg") if re.fullmatch(r"[\d.]+", text)]
         assert ticks and all(104.0 <= tick <= 106.0 for tick in ticks)
 
-    def test_a_gap_on_a_path_is_marked(self, run, drive_mcap, tmp_path):
-        messages = [one for one in drive(100) if not 103 * S < one.log_ns < 105 * S]
-        path = write_mcap(tmp_path / "gap.mcap", messages)
-        for name, gaps in ((path, 1), (drive_mcap, 0)):
-            run("plot", name, "--path", "map", "camera", "-o", tmp_path / "g.svg")
-            assert texts_of(tmp_path / "g.svg").count("gap") == gaps
-            run("plot", name, "--path", "map", "camera", "-o", tmp_path / "g.pdf")
-            assert (tmp_path / "g.pdf").read_bytes().startswith(b"%PDF-")
-
 
 class TestBatch:
     @pytest.fixture(autouse=True)
     def libraries(self):
         for name in ("pyarrow", "distributed"):
             pytest.importorskip(name)
-
-    def test_each_recording_gets_a_table_and_a_spoiled_one_is_told(self, run, tmp_path):
-        parquet = pytest.importorskip("pyarrow.parquet")
-
-        (tmp_path / "day").mkdir()
-        paths = [recording(tmp_path / "day" / f"{i}.mcap", count=30) for i in range(3)]
-        (tmp_path / "day" / "bad.mcap").write_bytes(bytes(100))
-        command = ("batch", tmp_path / "day", "--lookup", "map", "camera", "--rate", 5, "--workers", 1)
-        status, out, err = run(*command, "--out", tmp_path / "tables")
-        counts, findings = out.splitlines()
-        assert (status, counts) == (1, "3 done, 0 done before, 1 failed")
-        assert err.startswith("tf2_bag batch: ") and "bad.mcap" in err and err.count("\n") == 1
-        assert os.path.dirname(findings) == str(tmp_path / "tables")
-        tables = [parquet.read_table(one).to_pydict() for one in (tmp_path / "tables").glob("[!_]*.parquet")]
-        assert sorted(table["file"][0] for table in tables) == paths
-        stamps, poses, _ = rows_of(run("lookup", paths[0], "map", "camera", "--rate", 5)[1])
-        for table in tables:
-            assert table["stamp"] == stamps
-            assert np.array_equal(np.array([table[name] for name in COLUMNS]).T, poses)
-        (tmp_path / "day" / "bad.mcap").unlink()
-        assert run(*command, "--out", tmp_path / "tables")[1].startswith("0 done, 3 done before, 0 failed\n")
 
     def test_a_misspelt_frame_is_told_and_no_success(self, run, tmp_path):
         path = recording(tmp_path / "a.mcap", count=30)

@@ -4,7 +4,6 @@ import json
 import math
 import re
 import select
-from argparse import Namespace
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from processes import DEADLINE_S, ended, running, until
 from scipy.spatial.transform import Rotation
 
 from tf2_ros_tools.output import rpy_from_matrices
-from tf2_ros_tools.programs.tf2_echo import _Json
+from tf2_ros_tools.programs.tf2_echo import _json
 from tf2_ros_tools.urdf import quaternion_from_rpy
 
 pytestmark = pytest.mark.ours
@@ -162,5 +161,5 @@ def test_a_number_that_json_lacks_is_null():
     sent = transform("map", "robot")
     sent.transform.translation.x = math.inf
     for precision in (None, 3):
-        line = _Json(Namespace(precision=precision)).success(sent)
+        line = _json(sent, precision)
         assert json.loads(line, parse_constant=pytest.fail)["transform"]["translation"]["x"] is None

@@ -313,26 +313,17 @@ class TestConflicts:
 
 WRONG = {
     "": "must contain a list of rules",
-    "- [": "is not YAML: ",
     "- 3": "rule 1: expected a mapping with to, got 3",
     "- {frames: [a, b]}": "rule 1: 'to': expected two topics",
     "- {name: far, to: [/a, /b], treshold: 1}": r"\(far\): 'treshold' is not a key; did you mean threshold\?",
-    "- {to: [/a, /b], q: 1}": "rule 1: 'q' is not a key; the keys are name, from, to, ",
     "- {to: [/a, /b]}\n- {to: [/a, /b], rate: 0}": "rule 2: 'rate': expected a number of Hz from .* got 0",
-    "- {to: [/a, /b], rate: .nan}": "rule 1: 'rate': expected a number",
     "- {to: [/a b, /c]}": r"rule 1: 'to': expected two topics, .* got \['/a b', '/c'\]",
-    "- {from: /tf, to: [/a, /b]}": "rule 1: 'from': expected two topics",
     "- {to: [/a, /b], frames: [1, 2]}": "rule 1: 'frames': expected the name of a frame",
     "- {to: [/a, /b], frames: base}": "rule 1: 'frames': expected two or more; .* use subtree",
     "- {to: [/a, /b], collapse: true}": "rule 1: collapse needs frames or subtree",
-    "- {to: [/a, /b], collapse: 1}": "rule 1: 'collapse': expected true or false, got 1",
-    "- {to: [/a, /b], rename: {a: c, b: c}}": "rule 1: 'rename': expected a mapping from names",
     "- {to: [/a, /b], threshold: {translation: 1, rotation: 1, repaet: 1}}": "did you mean repeat",
-    "- {to: [/a, /b], threshold: {translation: 1, rotation: -1}}": "threshold: 'rotation': expected a number",
     "- {to: [/a, /b], shift: later}": "rule 1: 'shift': expected a number of seconds, or now, got 'later'",
     "- {to: /a, as: Pose, frames: [a, b]}": "rule 1: 'as': expected one of PoseStamped, Odometry, got 'Pose'",
-    "- {to: /a, as: Odometry, frames: [a, b, c]}": r"rule 1: 'frames': expected \[PARENT, CHILD\]",
-    "- {to: [/a, /b], as: Odometry, frames: [a, b]}": "rule 1: 'to': expected one topic, for a pose",
     "- {to: /a, as: Odometry, frames: [a, b], subtree: c}": "rule 1: 'subtree' is not a key; the keys are ",
     "- {to: [/tf, /tf_static]}": "rule 1: 'to' has the topic /tf, from which a rule reads",
     "- {to: [/a, /b]}\n- {from: [/a, /b], to: [/c, /d]}": "rule 1: 'to' has the topic /a, from which a rule",
@@ -519,27 +510,6 @@ def test_a_replay_is_followed_within_a_fraction_of_a_second(tmp_path, node, exec
         counts(process)
     # The first of them also waited for discovery; a busy machine delays some.
     assert sorted(delays[1:])[1] < 0.3, delays
-
-
-def test_a_relay_that_only_changes_names_may_pass_everything(tmp_path, node, executor, robots):
-    with relaying(tmp_path, f"- {{{TO_TEXT}, rate: all, prefix: {'robot1/' * 10}}}") as (process, _):
-        received = Received(node, "/relay/tf")
-
-        def sent_ns():
-            return [stamp_ns(one) for message in received for one in message.transforms]
-
-        keep_sending(robots[0], lambda: received, executor)
-        first_ns = max(sent_ns()) + 1000 * S
-        wanted_ns = [first_ns + i * S // 1000 for i in range(600)]
-        # Fewer than the depth of a queue before the next wait; the first ones in one message.
-        for i in range(0, 600, 50):
-            part = [("map", "base", ns, 1.0) for ns in wanted_ns[i : i + 50]]
-            robots[0].send(*part[:20])
-            for one in part[20:]:
-                robots[0].send(one)
-            until(lambda: part[-1][2] in sent_ns(), executor)  # noqa: B023
-        assert [ns for ns in sent_ns() if ns >= first_ns] == wanted_ns
-        counts(process)
 
 
 def test_a_dry_run_shows_trees_and_sends_nothing(tmp_path, node, robots):

@@ -137,13 +137,6 @@ class TestOnce:
             err.splitlines()[-1],
         )
 
-    def test_of_nothing_there_is_a_picture_that_says_so(self, tmp_path):
-        topics = ("--tf_topic", "other", "--tf_static_topic", "other_static")
-        status, _, err = ended("view_frames", "-t", "0", "-o", "none.svg", *topics, cwd=tmp_path)
-        assert status == 0
-        assert re.search(r"received on /other and /other_static in ROS domain \d+, in 0 s; ", err)
-        assert b"no transform was received" in (tmp_path / "none.svg").read_bytes()
-
 
 class TestWhatFails:
     def test_without_dot_there_are_the_description_and_the_tree(self, robot, tmp_path, without_dot):

@@ -243,12 +243,6 @@ class TestRecordings:
         assert moving["stamp_ns"].tolist() == np.repeat(stamps, len(FRAMES)).tolist()
         assert set(heard.publishers) == {"urdf", "/joint_states"}
 
-    def test_the_recording_describes_its_robot(self, tmp_path):
-        messages, stamps, values = states()
-        old = description("<robot name='old'><link name='a'/></robot>", log_ns=99 * S)
-        path = write_mcap(tmp_path / "run.mcap", [old, description(), *messages])
-        check(bag.load(path, urdf=True), stamps, values)
-
     def test_several_robots_have_their_own_topics_and_prefixes(self, tmp_path):
         left, stamps, values = states(topic="/left/joint_states")
         right, _, _ = states(20, topic="/right/joint_states")
@@ -277,15 +271,6 @@ class TestRecordings:
         path = write_mcap(tmp_path / "efforts.mcap", efforts)
         with pytest.raises(bag.BagError, match="its joint states, of lift, .* have no positions of"):
             bag.load(path, urdf=ARM)
-
-    def test_a_position_of_nan_costs_its_joint_one_sample(self, tmp_path):
-        messages, stamps, values = states()
-        broken = joint_state(stamps[-1] + 1, SIMPLE, [0.5, float("nan"), 0.5])
-        buffer = bag.load(write_mcap(tmp_path / "run.mcap", [*messages, broken]), urdf=ARM)
-        check(buffer, stamps, values)
-        assert buffer.statistics()["refused"]["nan_input"] == 1
-        assert buffer.frames()["shoulder"].newest_ns == stamps[-1] + 1
-        assert buffer.frames()["wheel"].newest_ns == stamps[-1]
 
     @pytest.mark.parametrize(
         ("content", "said"),

@@ -7,8 +7,9 @@ import json
 import sys
 import time
 from argparse import ArgumentTypeError, Namespace
+from collections.abc import Iterable
 from math import degrees, isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tf2_ros_tools.completion import add_frames
 from tf2_ros_tools.output import printable, rpy_from_matrices
@@ -155,7 +156,6 @@ class _Echo:
         self._node = node
         self._buffer = buffer
         self._options = options
-        self._format = _Json(options) if options.json else _Text(options)
         self._begin_ns = time.monotonic_ns()
         wait_ns = None if options.wait is None else round(min(options.wait * S, LONGEST_NS))
         self._give_up_ns = None if wait_ns is None else self._begin_ns + wait_ns
@@ -176,16 +176,16 @@ class _Echo:
                 raise UsageError(str(refusal)) from None
             except TransformException as reason:
                 if self.found:
-                    print(self._format.failure(self._now(), reason, self._buffer))
+                    self._print_failure(reason)
                 else:
-                    self._log_waiting()
+                    self._log_waiting(reason)
                     if self._give_up_ns is not None and time.monotonic_ns() >= self._give_up_ns:
                         return
             else:
                 if not self.found:
                     next_ns = time.monotonic_ns() + period_ns
                 self.found = True
-                print(self._format.success(transform))
+                print((_json if self._options.json else _text)(transform, self._options.precision))
                 if self._options.once:
                     return
             time.sleep(max(0, next_ns - time.monotonic_ns()) / S)
@@ -211,16 +211,21 @@ class _Echo:
     def _now(self) -> Time:
         return self._node.get_clock().now()
 
-    def _log_waiting(self) -> None:
-        from tf2_py import TransformException
-
-        try:
-            self._buffer.lookup_transform(self._options.target, self._options.source, self._when())
-        except TransformException as reason:
-            # Unlike that of a lookup with a timeout, this text does not say how long that lookup has waited.
-            text = str(reason)
-        else:
+    def _print_failure(self, reason: TransformException) -> None:
+        now_ns = self._now().nanoseconds
+        if self._options.json:
+            sec, nanosec = divmod(now_ns, S)
+            content = {
+                "header": {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": self._options.target},
+                "child_frame_id": self._options.source,
+                "error": {"type": type(reason).__name__, "text": str(reason)},
+            }
+            print(json.dumps(content))
             return
+        print(f"Failure at {now_ns / S:.3f}\nException thrown:{reason}")
+        print(f"The current list of frames is:\n{self._buffer.all_frames_as_string()}")
+
+    def _log_waiting(self, reason: TransformException) -> None:
         waited_s = (time.monotonic_ns() - self._begin_ns) / S
         names = sorted(self._buffer.frames())
         known = printable(", ".join(names[:MOST_NAMES]))
@@ -228,96 +233,63 @@ class _Echo:
             known += f" and {len(names) - MOST_NAMES} more"
         domain = self._node.context.get_domain_id()
         self._node.get_logger().info(
-            f"Waiting for transform {self._options.target} ->  {self._options.source}: {text}\n"
+            f"Waiting for transform {self._options.target} ->  {self._options.source}: {reason}\n"
             f"Waited {waited_s:.1f} s in ROS domain {domain}\n"
             f"Known frames: {known or 'none'}"
         )
 
 
-class _Text:
-    """What tf2's own program prints, field by field."""
-
-    def __init__(self, options: Namespace) -> None:
-        self._digits = DIGITS if options.precision is None else options.precision
-
-    def success(self, transform: TransformStamped) -> str:
-        from tf2_ros.numpy import to_matrix
-
-        stamp = transform.header.stamp
-        v, q = transform.transform.translation, transform.transform.rotation
-        matrix = to_matrix(transform)
-        rpy = rpy_from_matrices(matrix).tolist()
-        lines = [
-            f"At time {stamp.sec}.{stamp.nanosec:09d}",
-            f"- Translation: {self._list(v.x, v.y, v.z)}",
-            f"- Rotation: in Quaternion {self._list(q.x, q.y, q.z, q.w)}",
-            f"- Rotation: in RPY (radian) {self._list(*rpy)}",
-            f"- Rotation: in RPY (degree) {self._list(*map(degrees, rpy))}",
-            "- Matrix:",
-        ]
-        width = self._digits + len("-0.")
-        for row in matrix.tolist():
-            lines.append("".join(f" {value:{width}.{self._digits}f}" for value in row))
-        return "\n".join(lines)
-
-    def failure(self, now: Time, reason: TransformException, buffer: Buffer) -> str:
-        return (
-            f"Failure at {now.nanoseconds / S:.3f}\n"
-            f"Exception thrown:{reason}\n"
-            f"The current list of frames is:\n{buffer.all_frames_as_string()}"
-        )
-
-    def _list(self, *values: float) -> str:
-        return "[" + ", ".join(f"{value:.{self._digits}f}" for value in values) + "]"
+# What is printed of a transform: as tf2's own program does, or as JSON.
 
 
-class _Json:
-    """One object per line, with the fields of the message."""
+def _text(transform: TransformStamped, precision: int | None) -> str:
+    from tf2_ros.numpy import to_matrix
 
-    def __init__(self, options: Namespace) -> None:
-        self._options = options
+    digits = DIGITS if precision is None else precision
 
-    def success(self, transform: TransformStamped) -> str:
-        from tf2_ros.numpy import to_matrix
+    def listed(*values: float) -> str:
+        return "[" + ", ".join(f"{value:.{digits}f}" for value in values) + "]"
 
-        stamp = transform.header.stamp
-        v, q = transform.transform.translation, transform.transform.rotation
-        return self._line(
-            header={
-                "stamp": {"sec": stamp.sec, "nanosec": stamp.nanosec},
-                "frame_id": transform.header.frame_id,
-            },
-            child_frame_id=transform.child_frame_id,
-            transform={
-                "translation": self._numbers(x=v.x, y=v.y, z=v.z),
-                "rotation": self._numbers(x=q.x, y=q.y, z=q.z, w=q.w),
-            },
-            rpy=self._numbers(
-                **dict(zip(("roll", "pitch", "yaw"), rpy_from_matrices(to_matrix(transform)), strict=True))
-            ),
-        )
+    stamp = transform.header.stamp
+    v, q = transform.transform.translation, transform.transform.rotation
+    matrix = to_matrix(transform)
+    rpy = rpy_from_matrices(matrix).tolist()
+    width = digits + len("-0.")
+    lines = [
+        f"At time {stamp.sec}.{stamp.nanosec:09d}",
+        f"- Translation: {listed(v.x, v.y, v.z)}",
+        f"- Rotation: in Quaternion {listed(q.x, q.y, q.z, q.w)}",
+        f"- Rotation: in RPY (radian) {listed(*rpy)}",
+        f"- Rotation: in RPY (degree) {listed(*map(degrees, rpy))}",
+        "- Matrix:",
+        *("".join(f" {value:{width}.{digits}f}" for value in row) for row in matrix.tolist()),
+    ]
+    return "\n".join(lines)
 
-    def failure(self, now: Time, reason: TransformException, buffer: Buffer) -> str:
-        sec, nanosec = divmod(now.nanoseconds, S)
-        return self._line(
-            header={"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": self._options.target},
-            child_frame_id=self._options.source,
-            error={"type": type(reason).__name__, "text": str(reason)},
-        )
 
-    def _numbers(self, **values: float) -> dict[str, float | None]:
-        digits = self._options.precision  # JSON has no infinity: a translation may overflow
-        return {
-            name: None
-            if not isfinite(value)
-            else float(value)
-            if digits is None
-            else round(float(value), digits)
-            for name, value in values.items()
-        }
+def _json(transform: TransformStamped, precision: int | None) -> str:
+    from tf2_ros.numpy import to_matrix
 
-    def _line(self, **fields: Any) -> str:
-        return json.dumps(fields)
+    def numbers(names: Iterable[str], values: Iterable[float]) -> dict[str, float | None]:
+        # JSON has no infinity: a translation may overflow.
+        rounded = (float(one) if precision is None else round(float(one), precision) for one in values)
+        return {name: one if isfinite(one) else None for name, one in zip(names, rounded, strict=True)}
+
+    stamp = transform.header.stamp
+    v, q = transform.transform.translation, transform.transform.rotation
+    content = {
+        "header": {
+            "stamp": {"sec": stamp.sec, "nanosec": stamp.nanosec},
+            "frame_id": transform.header.frame_id,
+        },
+        "child_frame_id": transform.child_frame_id,
+        "transform": {
+            "translation": numbers("xyz", (v.x, v.y, v.z)),
+            "rotation": numbers("xyzw", (q.x, q.y, q.z, q.w)),
+        },
+        "rpy": numbers(("roll", "pitch", "yaw"), rpy_from_matrices(to_matrix(transform))),
+    }
+    return json.dumps(content)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -284,7 +284,6 @@ class Relay:
     def forget(self) -> None:
         """Begin anew, because time has jumped back."""
         self._noted_ns: defaultdict[str, deque[int]] = defaultdict(lambda: deque(maxlen=MOST_KEPT))
-        self._newest_ns: dict[str, int] = {}  # of all that were noted, by frame
         self._states: defaultdict[str, _State] = defaultdict(lambda: _State(self._most))  # by child
         self._called_s: float | None = None
         self._offset_ns = self.rule.shift_ns
@@ -298,7 +297,6 @@ class Relay:
         """
         for frame, stamp_ns in arrived:
             self._noted_ns[frame].append(stamp_ns)
-            self._newest_ns[frame] = max(stamp_ns, self._newest_ns.get(frame, stamp_ns))
 
     def static_transforms(self) -> list[TransformStamped]:
         """All static transforms that the rule sends."""
@@ -377,10 +375,6 @@ class Relay:
         if link.is_static:  # a pose of frames that do not move
             _set_stamp(newest, clock_ns)
         newest_ns = _stamp_ns(newest)
-        # What has arrived since the last call of `note` waits, because others may have arrived before it.
-        noted_ns = min((self._newest_ns.get(hop, newest_ns) for hop in link.moving), default=newest_ns)
-        if noted_ns < newest_ns:
-            newest_ns, newest = noted_ns, self._look_up(link, noted_ns)
         # Of a chain, a part may have arrived before the others: it waits.
         before = {one for one in state.waiting_ns if one < newest_ns}
         stamps_ns = sorted((before | {newest_ns}) - {state.newest_ns})

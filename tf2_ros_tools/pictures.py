@@ -489,7 +489,9 @@ def heard_picture(
     rows = heard_rows(records, streams, frames, Limits())
     if wanted:
         if not {row.name for row in rows}.intersection(map(_name, wanted)):
-            raise RunError(_lack(records, frames, list(map(_name, wanted))))
+            names = [*map(_name, wanted)]
+            unknown = [not_known(name, frames) for name in names if name not in frames]
+            raise RunError("; ".join(unknown) or f"no valid transform of {' and '.join(names)} was received")
         rows = [row for name in wanted for row in _rows_of(_name(name), rows)]
     return heard_figure(rows, *span)
 
@@ -533,16 +535,6 @@ def drawn(dot: str, kind: str) -> bytes:
         said = (failure.stderr or b"").decode(errors="replace").strip()
         raise RunError(f"dot failed: {said or failure}") from None
     return picture
-
-
-def _lack(records: Records, frames: Sequence[str], wanted: Sequence[str]) -> str:
-    received, drawable = ({*some["child"].tolist()} for some in (records, taken(records)))
-    only_refused = {frames[child] for child in received - drawable}
-    refused = [name for name in wanted if name in only_refused]
-    if refused:
-        return f"all transforms of {' and '.join(refused)} are refused"
-    unknown = [not_known(name, frames) for name in wanted if name not in frames]
-    return "; ".join(unknown) or f"no transform of {' and '.join(wanted)} was received"
 
 
 def _rows_of(name: str, rows: list[Row]) -> list[Row]:

@@ -268,17 +268,9 @@ def test_a_figure_is_written_in_each_format(kind):
     assert file_of(heard_figure([row("odom", STEADY)], BEGIN, END), kind).startswith(STARTS[kind])
 
 
-@pytest.mark.parametrize(
-    ("refusals", "said"),
-    [
-        ([8, 8], "all transforms of base are refused"),
-        # Received before the clock jumped back, after which there is no stream of it.
-        ([8, 0], "no transform of base was received"),
-        ([], "no transform of base was received"),
-    ],
-)
-def test_of_a_frame_that_cannot_be_drawn_it_is_said_why(refusals, said):
+@pytest.mark.parametrize("refusals", [[8, 8], [8, 0], []])
+def test_a_frame_that_cannot_be_drawn_is_named(refusals):
     records = np.zeros(len(refusals), RECORD)
     records["child"], records["refusals"] = 1, refusals
-    with pytest.raises(RunError, match=f"^{said}$"):
+    with pytest.raises(RunError, match=r"^no valid transform of base was received$"):
         heard_picture(records, [], ["map", "base"], ["base"], (0.0, 1.0))

@@ -8,7 +8,7 @@ import os
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from datetime import datetime, timezone
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -62,38 +62,23 @@ EXAMPLE = """\
 S = 1_000_000_000
 
 
-@dataclass(frozen=True)
-class Contents:
-    """What the recording states about itself; times in seconds, None if it is empty."""
-
-    file: str
-    bytes: int
-    begin: float | None
-    end: float | None
-    topics: list[Topic]
-
-
 def info(options: Namespace) -> int:
     """Print the contents of a recording; return the exit status."""
     from tf2_ros_tools.findings import report, stream_line
     from tf2_ros_tools.reading import open_recording
 
     with reported_files(options.file), open_recording(options.file) as recorded:
-        contents = Contents(
-            options.file,
-            _size_of(options.file),
-            None if recorded.start_ns is None else recorded.start_ns / S,
-            None if recorded.end_ns is None else recorded.end_ns / S,
-            sorted(recorded.topics.values(), key=lambda topic: topic.name),
-        )
+        topics = sorted(recorded.topics.values(), key=lambda topic: topic.name)
+        size, span_ns = _size_of(options.file), (recorded.start_ns, recorded.end_ns)
     if not options.json:
         # First, because transforms that cannot be read end the command.
-        for line in _as_text(contents):
-            print(line)
+        print(f"{printable(options.file)}: {readable_size(size)}")
+        print(*_contents(topics, *span_ns), sep="\n")
     heard = heard_of(options)
     said = report(heard)
     if options.json:
-        print(json.dumps({**asdict(contents), **asdict(said)}))
+        contents = {"file": options.file, "bytes": size, "topics": [*map(asdict, topics)]}
+        print(json.dumps({**contents, **asdict(said)}))
         return SUCCESS
     print("tree:")
     for line in heard.buffer.tree().splitlines():
@@ -143,14 +128,14 @@ def _print_findings(said: Report, wrong: Sequence[Finding]) -> None:
     print(verdict_of(wrong, said.streams, what))
 
 
-def _as_text(contents: Contents) -> Iterator[str]:
-    yield f"{printable(contents.file)}: {readable_size(contents.bytes)}"
-    if contents.begin is not None and contents.end is not None:
-        date = datetime.fromtimestamp(contents.begin, timezone.utc)
-        span = f"{contents.begin:.3f} to {contents.end:.3f} s"
-        yield f"{span} ({three_digits(contents.end - contents.begin)} s from {date:%Y-%m-%d %H:%M:%S} UTC)"
+def _contents(topics: Sequence[Topic], start_ns: int | None, end_ns: int | None) -> Iterator[str]:
+    if start_ns is not None and end_ns is not None:
+        begin, end = start_ns / S, end_ns / S
+        date = datetime.fromtimestamp(begin, timezone.utc)
+        length = f"{three_digits(end - begin)} s from {date:%Y-%m-%d %H:%M:%S} UTC"
+        yield f"{begin:.3f} to {end:.3f} s ({length})"
     yield "topics:"
-    for topic in contents.topics:
+    for topic in topics:
         yield f"  {printable(topic.name)}: {printable(topic.msgtype)}, {counted(topic.count, 'message')}"
 
 

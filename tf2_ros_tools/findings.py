@@ -254,9 +254,6 @@ def _told_apart(stream: Stream, others: Sequence[Stream]) -> str:
         text += f" in {stream.parent}"
     if any(one.publisher_id != stream.publisher_id for one in others):
         text += f" by {stream.publisher}"
-    namesakes = sorted({one.publisher_id for one in others if one.publisher == stream.publisher})
-    if len(namesakes) > 1:
-        text += f" ({namesakes.index(stream.publisher_id) + 1} of {len(namesakes)} of this name)"
     return text
 
 

@@ -220,9 +220,32 @@ class Streams:
         return None if is_over else (before_ns - after_ns) / S
 
     def net_delay(self, children: Sequence[int], now_ns: int) -> tuple[float, float] | None:
-        """Mean and maximum of :func:`net_delay` in the window."""
+        """
+        How old the newest transform along a chain is: its mean and maximum over the window, in seconds.
+
+        That is the time since the newest stamp for which every dynamic frame of the chain has a transform. It
+        grows with the time, and falls when a transform arrives.
+
+        :param children: ids, as in the records, of the frames whose dynamic transforms make up the chain.
+        :return: None where the chain is static, or a frame of it has no transform.
+        """
+        own = _dynamic_of(self.kept(now_ns), children)
+        if not len(own):
+            return None
+        common = np.full(len(own), np.iinfo(np.int64).max)
+        for child in children:
+            stamps = np.where(own["child"] == child, own["stamp_ns"], NOTHING)
+            common = np.minimum(common, np.maximum.accumulate(stamps))
+        # From each reception to the next one.
         begin_ns = NOTHING if self._window_ns is None else now_ns - self._window_ns
-        return net_delay(self.kept(now_ns), children, begin_ns, now_ns)
+        begins = np.maximum(own["received_ns"], begin_ns)
+        ends = np.append(own["received_ns"][1:], now_ns)
+        known = (common != NOTHING) & (ends > begins)
+        if not known.any():
+            return None
+        lasts = (ends - begins)[known] / S
+        oldest = (ends - common)[known] / S
+        return float(((oldest - lasts / 2) * lasts).sum() / lasts.sum()), float(oldest.max())
 
     def kept(self, now_ns: int) -> Records:
         """Join the records that reports at this time, or later, need; in the order of their reception."""
@@ -397,39 +420,6 @@ def _period(tally: _Tally) -> float | None:
     span_ns = tally.last_ns - tally.first_ns
     # Without the longest interval, because a gap among a few intervals would hide itself.
     return span_ns / S if tally.size == 2 else (span_ns - tally.gap_ns) / (tally.size - 2) / S
-
-
-def net_delay(
-    records: Records, children: Sequence[int], begin_ns: int, now_ns: int
-) -> tuple[float, float] | None:
-    """
-    How old the newest transform along a chain is: its mean and maximum over time, in seconds.
-
-    That is the time since the newest stamp for which every dynamic frame of the chain has a transform. It
-    grows with the time, and falls when a transform arrives.
-
-    :param records: in the order of arrival.
-    :param children: ids, as in the records, of the frames whose dynamic transforms make up the chain.
-    :param begin_ns: the time from which on.
-    :param now_ns: the time until which.
-    :return: None where the chain is static, or a frame of it has no transform.
-    """
-    own = _dynamic_of(records, children)
-    if not len(own):
-        return None
-    common = np.full(len(own), np.iinfo(np.int64).max)
-    for child in children:
-        stamps = np.where(own["child"] == child, own["stamp_ns"], NOTHING)
-        common = np.minimum(common, np.maximum.accumulate(stamps))
-    # From each reception to the next one.
-    begins = np.maximum(own["received_ns"], begin_ns)
-    ends = np.append(own["received_ns"][1:], now_ns)
-    known = (common != NOTHING) & (ends > begins)
-    if not known.any():
-        return None
-    lasts = (ends - begins)[known] / S
-    oldest = (ends - common)[known] / S
-    return float(((oldest - lasts / 2) * lasts).sum() / lasts.sum()), float(oldest.max())
 
 
 def _dynamic_of(records: Records, children: Sequence[int]) -> Records:

@@ -17,7 +17,6 @@ from tf2_ros_tools.streams import (
     Streams,
     chain_between,
     moving_on,
-    net_delay,
     newest_streams,
     unknown_ends,
 )
@@ -268,8 +267,9 @@ class TestNetDelay:
         assert streams.net_delay(odom, at(9)) == pytest.approx((2.11, 3.11), abs=0.01)
 
     def test_grows_while_nothing_arrives(self):
-        mine = records([heard(0, "odom", delay=0.5)])
-        assert net_delay(mine, [FRAMES.index("odom")], 0, at(3)) == pytest.approx((2, 3.5))
+        streams = Streams()
+        streams.add(records([heard(0, "odom", delay=0.5)]))
+        assert streams.net_delay([FRAMES.index("odom")], at(3)) == pytest.approx((2, 3.5))
 
 
 def static(time, child, parent, **how):

@@ -3,10 +3,8 @@
 import importlib.util
 import os
 import re
-import signal
 import sys
 from contextlib import contextmanager
-from itertools import cycle
 from pathlib import Path
 
 import pytest
@@ -129,24 +127,6 @@ class TestSharedBuffer:
             assert repr(listener) == f"<tf2_ros.TransformListener {shared}"
             assert list(node.subscriptions) == []
 
-    def test_when_it_ends_who_read_it_listens_itself(self, owner, tf2_ros, node, peer, monkeypatch):
-        monkeypatch.setenv("TF2_SHARED_BUFFER", "auto")
-        buffer = tf2_ros.Buffer()
-        with tf2_ros.TransformListener(buffer, node) as listener:
-            talker = peer()
-            talker.send(("map", "robot", S, 1.0))
-            buffer.lookup_transform("map", "robot", at(1), LONG)
-            owner.send_signal(signal.SIGTERM)
-            assert owner.wait(DEADLINE_S) == 0
-            until(lambda: listener.tf_sub is not None)
-
-            def is_heard():
-                talker.send(("map", "robot", 2 * S, 2.0))
-                return buffer.can_transform("map", "robot", at(2))
-
-            until(is_heard)
-            assert translation(buffer.lookup_transform("map", "robot", at(1))) == (1.0, 0.0, 0.0)
-
     def test_name_cache_time_and_topics_are_those_asked_for(self, tf2_ros, tf2_py, peer):
         name = f"{BY_DOMAIN}-named"
         asked = ["--name", name, "--cache-time", "50.5", "--ros-args", "-r", "/tf_static:=/mounted"]
@@ -165,20 +145,6 @@ class TestSharedBuffer:
             with pytest.raises(tf2_py.ExtrapolationException):
                 buffer.lookup_transform("map", "robot", at(1))
 
-    def test_it_follows_simulated_time(self, tf2_ros, peer):
-        with sharing("--ros-args", "-p", "use_sim_time:=true"):
-            buffer = tf2_ros.Buffer(attach="auto")
-            talker = peer()
-            talker.send(("map", "robot", S, 1.0))
-            buffer.lookup_transform("map", "robot", at(1), LONG)
-            times = cycle((100, 1))  # a clock keeps only the last message, and it may miss one
-
-            def is_cleared():
-                talker.set_clock(next(times))
-                return not buffer.can_transform("map", "robot", at(1))
-
-            until(is_cleared)
-
     def test_what_its_own_environment_wants_is_without_effect(self, owner, peer):
         name = f"{BY_DOMAIN}-other"
         wanting = {**os.environ, "TF2_SHARED_BUFFER": "auto"}
@@ -190,9 +156,3 @@ class TestSharedBuffer:
         said = f"tf2_shared_buffer: the shared buffer '{BY_DOMAIN}' is owned by process {owner.pid}\n"
         assert ended("tf2_shared_buffer") == (1, "", said)
         assert owner.poll() is None and file_of(BY_DOMAIN).exists()
-
-    def test_the_name_of_a_killed_one_is_free(self, owner):
-        owner.kill()
-        owner.wait()
-        with sharing() as (process, said):
-            assert f": process {process.pid}, " in said

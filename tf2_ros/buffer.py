@@ -109,6 +109,7 @@ class Buffer(BufferCore, AnsweringInterface):
         # Few programs share a buffer; only they load the modules for it.
         if share is not None or attach is not None:
             require_linux()
+        limits: Any = {"max_frames": max_frames, "max_bytes": max_bytes}
         if attach is not None:
             from tf2_ros._shared.attachment import Attachment, open_ring
             from tf2_ros._shared.files import describe_owner
@@ -117,13 +118,14 @@ class Buffer(BufferCore, AnsweringInterface):
             ring = open_ring(name)
             if cache_time is None:
                 cache_time = describe_owner(ring.descriptor).cache_time_ns / 1e9
-        BufferCore.__init__(self, cache_time, max_frames=max_frames, max_bytes=max_bytes)
+            BufferCore.__init__(self, cache_time, **limits)
+            self._tf2_sharing = Attachment(self, name, ring)
+        else:
+            BufferCore.__init__(self, cache_time, **limits)
         if share is not None:
             from tf2_ros._shared.owner import Owner
 
             self._tf2_sharing = Owner(self, buffer_name(share, node))
-        if attach is not None:
-            self._tf2_sharing = Attachment(self, name, ring)
         self.__connect(node)
 
     def __connect(self, node: "Node | None") -> None:

@@ -338,8 +338,9 @@ class ForeignMcap:
         from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition
         from rosbags.interfaces import MessageDefinitionFormat as Format
 
-        is_ros = schema is not None and schema.encoding == "ros2msg"
-        definition = MessageDefinition(*((Format.MSG, schema.data.decode()) if is_ros else (Format.NONE, "")))
+        definition = MessageDefinition(Format.NONE, "")
+        if schema is not None and schema.encoding == "ros2msg":
+            definition = MessageDefinition(Format.MSG, schema.data.decode())
         msgtype = "__schemaless__" if schema is None else schema.name
         ext = ConnectionExtRosbag2(channel.message_encoding, [])
         return Connection(channel.id, channel.topic, msgtype, definition, "", count, ext, self)

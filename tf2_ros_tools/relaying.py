@@ -61,7 +61,7 @@ class Source:
         self.count.update(transforms=len(records))
         self.count["messages"] = self._recording.messages
         moving = records[(records["static"] == 0) & (records["refusals"] == 0)]
-        arrived = moving[["publisher", "child", "stamp_ns"]].tolist()
+        arrived: list[tuple[int, int, int]] = moving[["publisher", "child", "stamp_ns"]].tolist()
         # All that are active, because one publisher with a wrong clock is no reason to forget the others.
         for publisher, child, stamp_ns in arrived:
             is_behind = stamp_ns < self._newest_ns.get(child, stamp_ns) - JUMP_NS

@@ -130,8 +130,6 @@ class TestPlaces:
         executor.add_node(node)
         until(lambda: names == [HERE], executor)
         assert future.result().child_frame_id == "robot"
-        until(lambda: not callback_queue(node).is_spun())
-        wait(buffer, note).cancel()
         callback_queue(node)._tf2_check()
         assert capfd.readouterr().err.count("nobody spins") == 1
         listener.unregister()
@@ -245,7 +243,7 @@ async def await_it(future):
 
 class TestExecutors:
     @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
-    def test_one_that_sleeps_is_woken_and_runs_them_in_their_order_one_at_a_time(self, queue, node, kind):
+    def test_one_runs_them_in_their_order_one_at_a_time(self, queue, node, kind):
         executor, order, running = kind(), [], threading.Lock()
         executor.add_node(node)
 
@@ -255,7 +253,6 @@ class TestExecutors:
             running.release()
 
         with spinning(executor):
-            until(queue.sleeps)
             for n in range(100):
                 queue.put(lambda n=n: call(n))
             until(lambda: len(order) == 100)
@@ -294,7 +291,6 @@ class TestExecutors:
         queue.put(note)
         until(lambda: len(names) == 2, ordinary)
         assert names == [HERE] * 2
-        assert list(node.timers) == []
         ordinary.shutdown()
         executor.shutdown()
 

@@ -65,14 +65,15 @@ def shut_down_at_sleep(queue):
     """
     context, rounds, began = queue.node().context, itertools.count(), threading.Event()
 
-    def before_sleep(_):
-        if not began.is_set() or next(rounds) < 3:
-            queue.wake()  # until all that has woken the executor before is used up
-        elif context.ok():
-            shut_down_quietly(context)
+    class Sleeper:
+        def before_sleep(self, _):
+            if not began.is_set() or next(rounds) < 3:
+                queue.wake()  # until all that has woken the executor before is used up
+            elif context.ok():
+                shut_down_quietly(context)
 
-    queue.inform(before_sleep)
+    sleeper = Sleeper()
+    queue.sleepers.add(sleeper)
     queue.wake()
     began.set()
     until(lambda: not context.ok())
-    queue.inform_no_more(before_sleep)

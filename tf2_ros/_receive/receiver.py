@@ -62,7 +62,6 @@ class Receiver:
         self._context = listener.node.context
         self._queue = queue
         self._process = os.getpid()
-        self._tell = partial(_before_sleep, weakref.ref(self))  # the buffer keeps the queue
         self._topics: list[Topic] = []  # replaced, never changed
         self._source = Subscriptions(listener._tf2_recording, listener._tf2_prefix)
         self.inbox = Inbox(self._source, AUTHORITY, queue.hand_over)
@@ -72,7 +71,7 @@ class Receiver:
             self._take(topic)
         add_owner(self)
         check_regularly(self)
-        queue.inform(self._tell)
+        queue.sleepers.add(self)
         self.redirect()
         if not queue.in_sets:
             self.before_sleep(False)  # the node has moved meanwhile
@@ -97,11 +96,7 @@ class Receiver:
                 self._source.follow(clock.handle, handle_pointer(clock.handle))
 
     def before_sleep(self, in_user_code: bool) -> None:
-        """
-        Prepare for an executor of the node that is about to sleep.
-
-        :param in_user_code: whether user code called it, which continues if something has arrived.
-        """
+        """Prepare for an executor of the node that is about to sleep; see ``Sleeper``."""
         if in_user_code:
             self.inbox.catch_up()  # which informs the executor
         if not self._queue.in_sets:
@@ -115,7 +110,7 @@ class Receiver:
         """End, and leave the subscriptions to their owner."""
         if not is_inherited(self._process):
             self._topics = []
-            self._queue.inform_no_more(self._tell)
+            self._queue.sleepers.discard(self)
             self.inbox.close()
 
     def __del__(self) -> None:
@@ -170,9 +165,3 @@ class Receiver:
             self.stop()
         subscription: Any = topic.subscription
         Subscription.destroy(subscription)
-
-
-def _before_sleep(reference: "weakref.ref[Receiver]", in_user_code: bool) -> None:
-    receiver = reference()
-    if receiver is not None:
-        receiver.before_sleep(in_user_code)

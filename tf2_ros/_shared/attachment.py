@@ -138,8 +138,8 @@ class Attachment:
         """Replace the subscriptions of a listener of the buffer, and keep it alive, until :meth:`remove`."""
         self.listeners[id(listener)] = listener
         queue = listener._tf2_queue
-        if queue is not None and self._before_sleep not in queue.sleepers:
-            queue.inform(self._before_sleep)
+        if queue is not None:
+            queue.sleepers.add(self)
         self._inform(listener)
 
     def remove(self, listener: Any) -> bool:
@@ -148,7 +148,7 @@ class Attachment:
             return False
         queue = listener._tf2_queue
         if queue is not None and all(one._tf2_queue is not queue for one in self.listeners.values()):
-            queue.inform_no_more(self._before_sleep)
+            queue.sleepers.discard(self)
         return True
 
     def has(self, listener: Any) -> bool:
@@ -181,7 +181,8 @@ class Attachment:
         if listener._tf2_queue is not None:
             self.inbox.inform(listener._tf2_queue)
 
-    def _before_sleep(self, in_user_code: bool) -> None:
+    def before_sleep(self, in_user_code: bool) -> None:
+        """Prepare for an executor of a listener's node that is about to sleep; see ``Sleeper``."""
         if in_user_code:
             self.inbox.catch_up()  # this informs the executor, and wakes it for what arrives later
 

@@ -9,8 +9,7 @@ from typing import Any
 from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.timer import Timer
-from rclpy.waitable import NumberOfEntities, Waitable
+from rclpy.waitable import Waitable
 
 from tf2_py._internal import log
 from tf2_ros._forking import LOCK, is_inherited
@@ -21,7 +20,6 @@ from tf2_ros._wait.rounds import Ending, ExecutorRounds
 from tf2_ros._wait.timers import call_logged
 
 Call = Callable[[], object]
-Tell = Callable[[bool], object]
 
 WARN_S = 10.0  # how long calls wait for an executor before a warning says so
 # How often rclpy's EventsExecutor looks for calls. It waits for no guard condition, and a thread that wakes
@@ -46,9 +44,7 @@ class CallbackQueue(ExecutorRounds, Waitable):
         self._name = node.get_fully_qualified_name()
         self._context = node.context
         self._why_closed = ""
-        self._waits_from_ns = 0  # steady time since which something waits for a round; 0: nothing does
         self._has_warned = False
-        self._poll: Timer | None = None
         self._guard = new_wake_handle(node.context)
         self.set_up(self._guard)
         self._process = os.getpid()
@@ -60,7 +56,7 @@ class CallbackQueue(ExecutorRounds, Waitable):
         if is_inherited(self._process):
             return  # the node is the parent's
         if not self.calls:
-            self._waits_from_ns = time.monotonic_ns()
+            self.waits_from_ns = time.monotonic_ns()
         self.calls.append(call)
         if self._why_closed:
             self._drop_all()
@@ -70,26 +66,6 @@ class CallbackQueue(ExecutorRounds, Waitable):
     def hand_over(self, calls: Iterable[Ending]) -> None:
         """See the function."""
         hand_over(calls, self)
-
-    def inform(self, before_sleep: Tell) -> None:
-        """
-        Call this before an executor sleeps, with whether user code called the executor.
-
-        It is also called when an executor has taken the node that does not wait for sets (``in_sets``). The
-        queue, and so the node, keeps its object alive.
-        """
-        with LOCK:  # other threads make and end listeners of the same node
-            self.sleepers += (before_sleep,)
-
-    def inform_no_more(self, before_sleep: Tell) -> None:
-        """Undo :meth:`inform`."""
-        with LOCK:
-            self.sleepers = tuple(one for one in self.sleepers if one != before_sleep)
-
-    def is_spun(self) -> bool:
-        """Whether an executor sleeps, or had a round with the node within the last WARN_S."""
-        had_round = time.monotonic_ns() - self.asked_ns < WARN_S * 1e9
-        return had_round or (self.sleeps() and self.is_in_executor())
 
     def is_in_executor(self) -> bool:
         """Whether an executor has the node now."""
@@ -109,15 +85,13 @@ class CallbackQueue(ExecutorRounds, Waitable):
                 self.wake()
             else:
                 self.close(f"the node [{self._name}] was destroyed")
-        elif self.calls and not self._has_warned and not self.is_spun():
-            waited_s = (time.monotonic_ns() - self._waits_from_ns) / 1e9
-            if waited_s >= WARN_S:
-                self._has_warned = True
-                log.logger("tf2_ros").warning(
-                    f"Callbacks of tf2 have been waiting for {WARN_S:g} s: nobody spins the node "
-                    f"[{self._name}], or one of its callbacks does not return. Spin it in a thread, for "
-                    "example with rclpy.spin(node)."
-                )
+        elif self.calls and not self._has_warned and time.monotonic_ns() - self.waits_from_ns > WARN_S * 1e9:
+            self._has_warned = True
+            log.logger("tf2_ros").warning(
+                f"Callbacks of tf2 have been waiting for {WARN_S:g} s: nobody spins the node [{self._name}], "
+                "or one of its callbacks does not return. Spin it in a thread, for example with "
+                "rclpy.spin(node)."
+            )
 
     def close(self, why: str) -> None:
         """Drop the calls, now and from now on, and leave the node; may be called again."""
@@ -147,28 +121,15 @@ class CallbackQueue(ExecutorRounds, Waitable):
         node = self.node()
         return None if node is None else node.executor
 
-    def get_num_entities(self) -> NumberOfEntities:
-        """See :class:`ExecutorRounds`; an executor that does not wait for sets polls."""
-        number: NumberOfEntities = super().get_num_entities()
-        node, poll = self.node(), self._poll
-        if node is not None and self.in_sets != (poll is None):
-            if poll is None:
-                steady = Clock(clock_type=ClockType.STEADY_TIME)
-                self._poll = node.create_timer(POLL_S, self._run_all, self.callback_group, clock=steady)
-            else:
-                self._poll = None
-                node.destroy_timer(poll)
-        return number
+    def leave_sets(self) -> None:
+        """See :class:`ExecutorRounds`; have a timer look for calls, in any executor."""
+        node, clock = self.node(), Clock(clock_type=ClockType.STEADY_TIME)
+        if node is not None:
+            node.create_timer(POLL_S, lambda: self.run(len(self.calls)), self.callback_group, clock=clock)
 
     async def execute(self, taken_data: int) -> None:
         """Run this many calls, in an executor."""
         self.run(taken_data)
-        self._waits_from_ns = time.monotonic_ns()
-
-    def _run_all(self) -> None:
-        self.asked()
-        self.run(len(self.calls))
-        self._waits_from_ns = time.monotonic_ns()
 
     def _drop_all(self) -> None:
         while self.calls:

@@ -33,6 +33,7 @@ from rclpy.executors import Executor
 from rclpy.waitable import NumberOfEntities
 
 from tf2_py._internal import call_despite_signals, log
+from tf2_ros._forking import LiveObjects
 from tf2_ros._rclpy import has_tasks
 
 cdef extern from *:
@@ -250,18 +251,17 @@ cdef class ExecutorRounds(Watching):
     cdef ExecutorState state
     cdef object _handle         # keeps the guard condition
     cdef readonly object calls  # to be run, the oldest first
-    # Called before an executor sleeps, with whether user code called it; and when `in_sets` becomes False.
-    cdef public tuple sleepers
-    cdef readonly int64_t asked_ns  # steady time at which an executor last had a round with this; 0: never
+    cdef public int64_t waits_from_ns   # steady time since which the oldest call waits
+    cdef readonly object sleepers   # LiveObjects whose `before_sleep` is called; see `Sleeper` in rounds.pyi
     cdef bint _in_user_code     # user code called the executor and continues before it sleeps again
     cdef void* _wait_set        # of the executor that went to sleep last, if it has not woken yet
-    cdef readonly bint in_sets  # an executor adds this to sets that it waits for, or there is none
+    cdef readonly bint in_sets  # no executor has had the node that does not wait for sets
 
     def __cinit__(self, *_, **__):
         self.watcher.data = &self.state
         self.watcher.arrived, self.watcher.is_armed = executor_arrived, executor_is_armed
         self.calls = deque()
-        self.sleepers = ()
+        self.sleepers = LiveObjects()
         self._in_user_code = self.in_sets = True
 
     def set_up(self, guard):
@@ -284,20 +284,23 @@ cdef class ExecutorRounds(Watching):
     def executor(self):
         """The executor that has the node, or had it last; None if there was none, or if it is gone."""
 
+    def leave_sets(self):
+        """Called once, when rclpy's ``EventsExecutor`` has taken the node; this is in no sets any more."""
+
     def get_num_entities(self):
-        """One guard condition; none for rclpy's ``EventsExecutor``, which refuses them."""
+        """One guard condition; none once an ``EventsExecutor``, which refuses them, has had the node."""
         executor = self.executor()
-        was_in_sets, self.in_sets = self.in_sets, executor is None or isinstance(executor, Executor)
-        if was_in_sets and not self.in_sets:
-            for tell in self.sleepers:
-                tell(False)
+        if self.in_sets and executor is not None and not isinstance(executor, Executor):
+            self.in_sets = False
+            self.leave_sets()
+            for sleeper in self.sleepers:
+                sleeper.before_sleep(False)
         return NumberOfEntities(0, 1) if self.in_sets else NumberOfEntities()
 
     def add_to_wait_set(self, wait_set):
         """Prepare for an executor that is about to sleep."""
         if not self.in_sets:
             return
-        self.asked()
         self._in_user_code = not is_below_own_loop(sys._getframe())
         self._wait_set = <void*>wait_set
         if self._in_user_code:
@@ -307,9 +310,9 @@ cdef class ExecutorRounds(Watching):
             store(&self.state.armed, False)
             store(&self.state.arrived, False)
             period_ns = BUSY_ROUND_NS if has_tasks(self.executor()) else IDLE_ROUND_NS
-            store_ns(&self.state.wake_at_ns, self.asked_ns + <int64_t>period_ns)
-        for tell in self.sleepers:
-            tell(self._in_user_code)
+            store_ns(&self.state.wake_at_ns, monotonic_ns() + <int64_t>period_ns)
+        for sleeper in self.sleepers:
+            sleeper.before_sleep(self._in_user_code)
         # First armed, then checked; an arrival does this in the opposite order.
         if self._is_due():
             self.wake()
@@ -320,7 +323,6 @@ cdef class ExecutorRounds(Watching):
         if self._wait_set != <void*>wait_set:
             return False  # the node has moved to another executor, which must not miss anything
         self._wait_set = NULL
-        self.asked()
         due = self._is_due()
         store(&self.state.armed, False)
         store_ns(&self.state.wake_at_ns, 0)
@@ -331,14 +333,6 @@ cdef class ExecutorRounds(Watching):
     def take_data(self):
         """Return how many calls there are, because later ones must not delay other callbacks."""
         return len(self.calls)
-
-    def sleeps(self):
-        """Whether an executor sleeps, or has just been woken."""
-        return self._wait_set != NULL
-
-    def asked(self):
-        """Note that an executor has a round with this object."""
-        self.asked_ns = monotonic_ns()
 
     def run(self, count):
         """
@@ -360,6 +354,7 @@ cdef class ExecutorRounds(Watching):
                     raise
                 log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
             del call
+        self.waits_from_ns = monotonic_ns()
 
     def wake(self):
         """Trigger the guard condition."""

@@ -17,7 +17,6 @@ ctypedef int rcl_ret_t
 cdef enum:
     RCL_RET_OK = 0
     RMW_GID_STORAGE_SIZE = 16
-    RCUTILS_ERROR_MESSAGE_MAX_LENGTH = 1024
 
 ctypedef struct rmw_gid_t:
     const char* implementation_identifier
@@ -51,9 +50,6 @@ ctypedef struct rcl_serialized_message_t:
     size_t buffer_capacity                              # bytes allocated
     rcl_allocator_t allocator
 
-ctypedef struct rcl_error_string_t:
-    char[RCUTILS_ERROR_MESSAGE_MAX_LENGTH] str                       # NUL-terminated
-
 
 # None of them may be called unless `require_rcl()` has succeeded once.
 cdef rcl_ret_t (*rcl_trigger_guard_condition)(rcl_guard_condition_t* guard_condition) noexcept nogil
@@ -72,10 +68,8 @@ cdef rcl_ret_t (*rcl_take_serialized_message)(
 ) noexcept nogil
 # That of malloc and free.
 cdef rcl_allocator_t (*rcutils_get_default_allocator)() noexcept nogil
-# The text of this thread's last error. While it is set, another error makes rcl complain on stderr.
-cdef rcl_error_string_t (*rcutils_get_error_string)() noexcept nogil
+# Of this thread's last error. While it is set, another error makes rcl complain on stderr.
 cdef void (*rcutils_reset_error)() noexcept nogil
 
 # Raises RuntimeError if the functions were not found.
 cdef int require_rcl() except -1
-cdef str rcl_last_error()

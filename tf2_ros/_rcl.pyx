@@ -39,12 +39,6 @@ cdef int require_rcl() except -1:
     return 0
 
 
-cdef str rcl_last_error():
-    cdef rcl_error_string_t error = rcutils_get_error_string()
-    rcutils_reset_error()
-    return (<bytes>error.str).decode("utf-8", "replace")
-
-
 cdef int _find(library, str name, void** function) except -1:
     function[0] = <void*><uintptr_t>ctypes.cast(library[name], ctypes.c_void_p).value
     return 0
@@ -68,7 +62,6 @@ cdef str _find_all():
               <void**>&rcl_subscription_set_on_new_message_callback)
         _find(library, "rcl_take_serialized_message", <void**>&rcl_take_serialized_message)
         _find(library, "rcutils_get_default_allocator", <void**>&rcutils_get_default_allocator)
-        _find(library, "rcutils_get_error_string", <void**>&rcutils_get_error_string)
         _find(library, "rcutils_reset_error", <void**>&rcutils_reset_error)
     except (AttributeError, OSError) as error:
         return f"rclpy's library lacks what listeners call: {error}"

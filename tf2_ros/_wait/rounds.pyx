@@ -13,7 +13,6 @@ from tf2_py._internal cimport monotonic_ns
 from tf2_ros._rcl cimport (
     RCL_RET_OK,
     rcl_guard_condition_t,
-    rcl_last_error,
     rcl_trigger_guard_condition,
     rcutils_reset_error,
     require_rcl,
@@ -361,7 +360,8 @@ cdef class ExecutorRounds(Watching):
         if self._handle is not None and rcl_trigger_guard_condition(
             <rcl_guard_condition_t*>self.state.guard
         ) != RCL_RET_OK:
-            raise RuntimeError(rcl_last_error())
+            rcutils_reset_error()
+            raise RuntimeError("the executor cannot be woken")
 
     cdef bint _is_due(self):
         if len(self.calls) > 0:

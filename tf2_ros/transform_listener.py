@@ -24,7 +24,7 @@ from tf2_ros._forking import FORKED, is_inherited, refuse_inherited
 from tf2_ros._nodes import Spinner, hidden_node, keep_in_children, note_filler
 from tf2_ros._qos import transforms_qos
 from tf2_ros._rcl import problem
-from tf2_ros._receive.inboxes import AUTHORITY
+from tf2_ros._receive.inbox import AUTHORITY
 from tf2_ros._receive.receiver import ListenerGroup, Receiver
 from tf2_ros._receive.topics import Topic, note_listener
 from tf2_ros._shared.naming import is_wanted

@@ -60,8 +60,6 @@ cdef struct State:
     Parcel* parcel              # for the next message
     Parcel* spare               # takes its place if the message is kept; NULL: not allocated yet
     Parcels reports             # messages with something to report
-    const char* authority
-    size_t authority_size
     Copier* copier              # of the buffer, if that is shared; or NULL
     State* next                 # in the list of all that the draining thread serves
 
@@ -81,7 +79,7 @@ cdef bint inbox_serve(State* inbox) noexcept nogil
 cdef bint inbox_has_parcel(State* inbox) noexcept nogil
 # Bytes of the parcel's message; NULL: no memory.
 cdef unsigned char* parcel_reserve(Parcel* parcel, size_t size) noexcept nogil
-# Parses the message of the parcel; its authority is the inbox's. False: it is malformed.
+# Parses the message of the parcel, and sets a default authority. False: it is malformed.
 cdef bint inbox_read(State* inbox, size_t topic, bint is_static) noexcept nogil
 # Inserts what was parsed, or keeps a malformed message until it is reported.
 cdef void inbox_insert(State* inbox, bint is_readable) noexcept nogil
@@ -120,7 +118,6 @@ cdef class Source:
 cdef class Inbox(ReadHook):
     cdef State _state
     cdef Source _source
-    cdef str _authority             # keeps its UTF-8 alive
     cdef object _hand_over
     cdef object _reference          # called, gives the engine or None
     cdef list _watching             # keeps the watchers that threads may still use
@@ -129,7 +126,6 @@ cdef class Inbox(ReadHook):
     cdef uint32_t _was_read         # `read` of such a source, which counts reads itself
     cdef object __weakref__
 
-    cdef void _enlist(self) noexcept
     cdef void _discharge(self) noexcept
     cdef object _engine(self)
     cdef int _report(self, Engine engine, Parcels* parcels) except -1

@@ -16,6 +16,7 @@ cimport cython
 from libc.stddef cimport size_t
 from libc.stdint cimport int64_t, uint32_t
 from libc.stdlib cimport calloc, free, realloc
+from libc.string cimport strlen
 
 from tf2_py._internal cimport (
     Batch,
@@ -34,7 +35,6 @@ from tf2_py._internal cimport (
     lock_init,
     lock_release,
     monotonic_ns,
-    name_utf8,
     pthread_cond_signal,
     pthread_cond_t,
     pthread_mutex_init,
@@ -51,6 +51,9 @@ import weakref
 from functools import partial
 
 from tf2_py._internal import call_despite_signals, keep_for_ever, log
+
+AUTHORITY = "default_authority"     # of what is received: messages do not name their publisher
+cdef const char* DEFAULT_AUTHORITY = "default_authority"
 
 cdef enum:
     READ_SLICE = 64             # messages that a read inserts before it releases the GIL
@@ -223,8 +226,8 @@ cdef bint inbox_read(State* inbox, size_t topic, bint is_static) noexcept nogil:
     cdef Parcel* parcel = inbox.parcel
     parcel.topic = topic
     parcel.batch.is_static = is_static
-    parcel.batch.authority = inbox.authority
-    parcel.batch.authority_size = inbox.authority_size
+    parcel.batch.authority = DEFAULT_AUTHORITY
+    parcel.batch.authority_size = strlen(DEFAULT_AUTHORITY)
     batch_begin(&parcel.batch)
     return batch_read_cdr(&parcel.batch, parcel.data, parcel.size)
 
@@ -386,37 +389,29 @@ cdef class Inbox(ReadHook):
     Keeps what has arrived for a buffer.
 
     :param source: of its messages; for no other inbox.
-    :param authority: of transforms whose message names none.
     :param hand_over: called with a list of callables that run user code, to have them called.
     """
 
-    def __cinit__(self, Source source not None, str authority not None, hand_over):
-        cdef Py_ssize_t size
-        self._source, self._authority, self._hand_over = source, authority, hand_over
-        self._watching = []
+    def __cinit__(self, Source source not None, hand_over):
+        global _first
+        self._source, self._hand_over, self._watching = source, hand_over, []
         self._always = 1
         self.pending = &self._always if source.serves_itself else &self._state.pending
         self.read = &self._was_read if source.serves_itself else &self._state.read
         self.armed = &self._state.armed
-        self._state.authority = name_utf8(authority, &size)
-        self._state.authority_size = size
         self._state.take, self._state.source = source.take, source.data
         source.inbox = &self._state
         if not source.serves_itself:
-            self._enlist()
+            lock_acquire(&_lock)
+            self._state.next = _first
+            _first = &self._state
+            lock_release(&_lock)
 
     def __dealloc__(self):
         self._discharge()
         _free_parcel(self._state.parcel)
         _free_parcel(self._state.spare)
         _free_parcels(&self._state.reports)
-
-    cdef void _enlist(self) noexcept:
-        global _first
-        lock_acquire(&_lock)
-        self._state.next = _first
-        _first = &self._state
-        lock_release(&_lock)
 
     cdef void _discharge(self) noexcept:
         # No thread uses it from here on.
@@ -511,14 +506,6 @@ cdef class Inbox(ReadHook):
         """Insert what has arrived, if anything has."""
         if word_load(self.pending):
             self.drain()
-
-    def has_pending(self):
-        """Whether anything has arrived that is not inserted."""
-        return bool(word_load(self.pending))
-
-    def forget_reads(self):
-        """Stop inserting at once because of the latest read of the buffer; for tests."""
-        word_store(&self._state.read, 0)
 
     def report_pending(self):
         """Do what follows from what was inserted: complete waits, and log what was refused."""

@@ -20,7 +20,6 @@ from tf2_ros._forking import LiveObjects
 from tf2_ros._receive.inbox import Inbox, begin_anew, run_inboxes, run_reports, stop_inboxes
 
 CHECK_S = 0.7  # between two checks, at least: an idle thread wakes every 1.5 s
-AUTHORITY = "default_authority"  # of what is received: messages do not name their publisher
 THREAD_END_WAIT_S = 5.0  # how long to wait for a thread to end; only a very busy machine needs this long
 
 

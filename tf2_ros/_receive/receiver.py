@@ -21,7 +21,7 @@ from tf2_ros._rclpy import (
     report_incompatible_qos,
 )
 from tf2_ros._receive.inbox import Inbox
-from tf2_ros._receive.inboxes import AUTHORITY, add_owner, check_regularly, start_threads
+from tf2_ros._receive.inboxes import add_owner, check_regularly, start_threads
 from tf2_ros._receive.subscriptions import Subscriptions
 from tf2_ros._receive.topics import Topic
 
@@ -64,7 +64,7 @@ class Receiver:
         self._process = os.getpid()
         self._topics: list[Topic] = []  # replaced, never changed
         self._source = Subscriptions(listener._tf2_recording, listener._tf2_prefix)
-        self.inbox = Inbox(self._source, AUTHORITY, queue.hand_over)
+        self.inbox = Inbox(self._source, queue.hand_over)
         self.inbox.inform(queue)
         start_threads()
         for topic in topics:

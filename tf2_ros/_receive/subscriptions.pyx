@@ -25,7 +25,6 @@ from tf2_ros._rcl cimport (
     rcl_clock_get_now,
     rcl_clock_t,
     rcl_is_enabled_ros_time_override,
-    rcl_last_error,
     rcl_ret_t,
     rcl_serialized_message_t,
     rcl_subscription_set_on_new_message_callback,
@@ -239,9 +238,9 @@ cdef class Subscriptions(Source):
         # Without the lock: what has arrived is reported at once.
         if rcl_subscription_set_on_new_message_callback(
                 arrivals.subscription, _arrived, arrivals) != RCL_RET_OK:
-            error = rcl_last_error()
+            rcutils_reset_error()
             self.unsubscribe(topic)
-            raise RuntimeError(error)
+            raise RuntimeError("the middleware does not report arrivals")
 
     def unsubscribe(self, TopicArrivals topic not None):
         """Receive nothing more on a topic; what was not inserted stays with its subscription."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tf2_py._internal import log
 from tf2_ros._forking import is_inherited
 from tf2_ros._receive.inbox import Inbox
-from tf2_ros._receive.inboxes import AUTHORITY, THREAD_END_WAIT_S, add_owner, check_regularly, start_reports
+from tf2_ros._receive.inboxes import THREAD_END_WAIT_S, add_owner, check_regularly, start_reports
 from tf2_ros._shared.files import describe_owner, is_owned, open_file
 from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted
 from tf2_ros._shared.owner import Owner
@@ -63,7 +63,7 @@ class Attachment:
     def _fill(self, buffer: Any, reader: RingReader) -> None:
         self.reader = reader
         self.owner = describe_owner(reader.descriptor).process
-        self.inbox = Inbox(reader, AUTHORITY, partial(_hand_over, self._buffer))
+        self.inbox = Inbox(reader, partial(_hand_over, self._buffer))
         self.inbox.fill(buffer)
         for listener in self.listeners.values():
             self._inform(listener)

@@ -46,14 +46,6 @@ def test_the_closest_known_names_are_asked_for(new_buffer, known, name, meant):
     assert advice(new_buffer(*known), name) == f"Did you mean {meant}?"
 
 
-def test_nothing_is_asked_for_where_no_name_is_alike(new_buffer):
-    assert advice(new_buffer("base_link", "odom"), "zebra") == ""
-
-
-def test_the_reserved_name_is_never_meant(new_buffer):
-    assert advice(new_buffer("odom"), "NO_PARENTS") == ""
-
-
 @pytest.mark.parametrize("argument", ["target_frame", "source_frame", "fixed_frame"])
 def test_it_follows_the_text_of_tf2_in_every_error(tf2_py, new_buffer, argument):
     buffer = new_buffer("base_link")
@@ -81,18 +73,6 @@ def test_it_is_in_the_errors_of_lookups_at_many_times_and_of_common_times(tf2_py
         with pytest.raises(tf2_py.LookupException) as caught:
             call()
         assert str(caught.value).endswith("does not exist. Did you mean [base_link]?")
-
-
-def test_a_pending_wait_asks_too(new_buffer):
-    buffer = new_buffer("base_link")
-    wait = buffer._wait("map", "bas_link", LATEST)
-    [line] = buffer._pending_waits()
-    assert line.endswith("does not exist. Did you mean [base_link]?")
-    assert wait.cancel()
-
-
-def test_an_invalid_name_gets_the_text_of_tf2_alone(new_buffer):
-    assert reason(new_buffer("base_link"), "/base_link").endswith("cannot start with a '/'")
 
 
 def test_an_empty_buffer_is_called_empty(tf2_py):

@@ -50,23 +50,6 @@ def test_both_byte_orders_of_any_bytes_like_object_are_read(buffer, order, wrap)
     buffer._self_check()
 
 
-def test_static_data_holds_at_every_time(buffer):
-    assert buffer.set_transforms_cdr(encode(MESSAGES[:1]), "x", static=True) == 1
-    assert buffer.can_transform_core("map", "odom", at(9)) == (1, "")
-
-
-def test_an_empty_message_is_well_formed(buffer):
-    assert buffer.set_transforms_cdr(encode([]), "x") == 0
-
-
-def test_a_string_of_length_zero_is_an_empty_name(buffer):
-    # Some writers leave the terminating NUL of an empty string out.
-    data = encode([transform("", "", 2)]).replace(struct.pack("<I", 1) + b"\0\0\0\0", b"\0\0\0\0")
-    assert len(data) < len(encode([transform("", "", 2)]))
-    assert buffer.set_transforms_cdr(data, "x") == 0
-    assert buffer.statistics()["refused"]["no_child_frame_id"] == 1
-
-
 GOOD = encode(MESSAGES)
 AT_COUNT, AT_NAME = 4, 16  # byte offsets of the count and of the first frame_id's length
 

@@ -43,33 +43,6 @@ def test_a_frame_without_children_is_as_if_it_had_never_been_there(tf2_py, buffe
     buffer._self_check()
 
 
-def test_its_children_stay_in_a_tree_of_their_own(tf2_py, buffer):
-    assert buffer.forget("arm")
-    assert buffer.parent("arm") is None
-    assert buffer.children("arm") == ["camera"]
-    with pytest.raises(tf2_py.ConnectivityException):
-        buffer.lookup_transform_core("map", "camera", at(0))
-    assert buffer.forget("camera")
-    assert "arm" not in buffer
-    assert buffer.forget("base")
-    assert list(buffer.frames()) == []
-    buffer._self_check()
-
-
-def test_a_root_has_nothing_to_forget(buffer):
-    assert buffer.forget("map") is False
-    assert "map" in buffer
-
-
-def test_the_name_may_come_back_with_a_shorter_history(tf2_py, buffer):
-    buffer.forget("base")
-    insert(buffer, "map", "base", 1.5, 7.0)
-    assert translation(buffer.lookup_transform_core("map", "base", at(1.5))) == (7, 0, 0)
-    with pytest.raises(tf2_py.ExtrapolationException):
-        buffer.lookup_transform_core("map", "base", at(2))
-    buffer._self_check()
-
-
 @pytest.mark.parametrize("way", [copy.copy, lambda buffer: pickle.loads(pickle.dumps(buffer))])
 def test_copies_have_forgotten_it_too(buffer, way):
     buffer.forget("camera")
@@ -94,13 +67,6 @@ def test_waits_are_told(buffer):
     assert [one.child_frame_id for one in answers] == ["base", "hand"]
     assert gone.answer is not None
     assert back.answer is not None
-
-
-def test_a_loop_that_was_forgotten_may_be_closed_the_other_way(buffer):
-    buffer.forget("arm")
-    insert(buffer, "camera", "base", 3)
-    insert(buffer, "base", "arm", 3)
-    buffer._self_check()
 
 
 def test_random_steps_agree_with_a_buffer_that_never_had_it(tf2_py):

@@ -2,7 +2,6 @@
 
 import copy
 import pickle
-import threading
 
 import pytest
 from forking import in_a_child
@@ -27,10 +26,6 @@ def robot(buffer):
     return buffer
 
 
-def test_an_empty_buffer_has_no_frames(buffer):
-    assert buffer.frames() == {}
-
-
 def test_every_frame_is_listed_with_its_facts_in_the_order_of_first_use(tf2_py, robot):
     assert list(robot.frames().items()) == [
         ("odom", tf2_py.FrameInfo("map", False, 3, 10 * S, 12 * S + 1)),
@@ -51,55 +46,6 @@ def test_the_times_are_exactly_those_that_a_lookup_answers(tf2_py, robot):
         for ns in (info.oldest_ns - 1, info.newest_ns + 1):
             with pytest.raises(tf2_py.ExtrapolationException):
                 robot.lookup_transform_core(info.parent, name, at_ns(ns))
-
-
-def test_the_times_are_exact_after_samples_have_expired_and_came_late(tf2_py, buffer):
-    for ns in (1 * S, 5 * S, 14 * S, 6 * S, 12 * S + 5, 4 * S):
-        buffer.set_transform(transform("map", "odom", ns=ns), "x")
-    info = buffer.frames()["odom"]
-    assert (info.oldest_ns, info.newest_ns, info.count) == (4 * S, 14 * S, 5)
-    buffer.lookup_transform_core("map", "odom", at_ns(info.oldest_ns))
-    with pytest.raises(tf2_py.ExtrapolationException):
-        buffer.lookup_transform_core("map", "odom", at_ns(info.oldest_ns - 1))
-
-
-def test_a_cleared_frame_stays_known_and_has_neither_parent_nor_times(tf2_py, robot):
-    robot.clear()
-    assert robot.frames()["odom"] == tf2_py.FrameInfo(None, False, 0, None, None)
-    assert robot.frames()["camera"] == tf2_py.FrameInfo("base", True, 1, None, None)
-    assert "odom" in robot
-
-
-def test_a_frame_has_the_parent_of_its_newest_sample(buffer):
-    buffer.set_transform(transform("map", "odom", 2), "x")
-    buffer.set_transform(transform("world", "odom", 1), "x")
-    assert buffer.frames()["odom"].parent == "map"
-
-
-def test_more_frames_than_one_slice_are_complete(tf2_py, buffer):
-    names = [f"f{i}" for i in range(3000)]
-    buffer.set_transforms([transform("map", name, 1) for name in names], "x")
-    frames = buffer.frames()
-    assert list(frames) == [names[0], "map", *names[1:]]
-    assert {frames[name] for name in names} == {tf2_py.FrameInfo("map", False, 1, S, S)}
-
-
-def test_frames_can_be_listed_while_they_are_inserted(buffer):
-    def insert():
-        for i in range(3000):
-            buffer.set_transform(transform("map", f"f{i}", 1), "x")
-
-    thread = threading.Thread(target=insert)
-    thread.start()
-    seen = 0
-    while thread.is_alive():
-        frames = buffer.frames()
-        assert len(frames) >= seen
-        seen = len(frames)
-        assert all(info.parent == "map" for name, info in frames.items() if name != "map")
-        assert repr(buffer) and buffer.tree()
-    thread.join()
-    assert len(buffer.frames()) == 3001
 
 
 def test_the_facts_of_a_frame_can_be_pickled_and_copied(tf2_py, robot):

@@ -40,19 +40,6 @@ def test_of_a_message_full_of_refused_transforms_the_first_are_logged_and_all_co
     assert buffer.statistics()["refused"]["nan_input"] == 1000
 
 
-def test_as_many_as_are_logged_need_no_last_line(buffer, lines):
-    buffer.set_transforms_cdr(refused(PER_SECOND), "someone")
-    assert len(lines()) == PER_SECOND
-
-
-def test_what_was_said_a_moment_ago_is_not_counted_as_unsaid(buffer, lines):
-    # As many as one message may log; whatever second they fall into.
-    for _ in range(50):
-        buffer.set_transforms_cdr(refused(PER_SECOND), "someone")
-    assert not any("more transforms" in line for line in lines())
-    assert buffer.statistics()["refused"]["nan_input"] == 50 * PER_SECOND
-
-
 def test_many_messages_share_the_lines_of_a_second(buffer, lines):
     for i in range(200):
         buffer.set_transforms_cdr(refused(1, f"link_{i}"), "someone")
@@ -63,18 +50,6 @@ def test_many_messages_share_the_lines_of_a_second(buffer, lines):
     assert "1 more transforms" in summaries[0]
     assert len(summaries) <= 4  # one a second
     assert buffer.statistics()["refused"]["nan_input"] == 200
-
-
-def test_every_reason_of_a_frame_is_logged(buffer, lines):
-    buffer.set_transform(transform("map", "odom", 1, (NAN, 0, 0)), "x")
-    buffer.set_transform(transform("map", "odom", 1, xyzw=(0, 0, 0, 0)), "x")
-    assert [tag in line for tag, line in zip(("NAN", "QUATERNION"), lines(), strict=True)] == [True, True]
-
-
-def test_buffers_do_not_share_their_lines(tf2_py, lines):
-    for _ in range(3):
-        tf2_py.BufferCore().set_transforms_cdr(refused(PER_SECOND), "x")
-    assert len(lines()) == 3 * PER_SECOND
 
 
 def test_nothing_is_made_of_what_is_not_logged(buffer, lines):

@@ -11,7 +11,6 @@ from known_types import STAMPED, UNSTAMPED
 from making import at, stamp_ns, transform
 from random_messages import Maker, numbers
 from rclpy.duration import Duration
-from rclpy.time import Time
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 
 pytestmark = pytest.mark.ours
@@ -80,20 +79,6 @@ def test_async_carries_as_soon_as_it_can(buffer):
         return await transforming
 
     assert asyncio.run(both()).point.x == 3.5
-
-
-def test_async_ends_with_its_timeout(tf2_ros, buffer):
-    with pytest.raises(tf2_ros.TimeoutException):
-        asyncio.run(
-            buffer.transform_async(stamped(PointStamped(), 9, "odom"), "map", timeout=Duration(seconds=0.01))
-        )
-
-
-def test_what_a_lookup_raises_is_raised(tf2_ros, buffer):
-    with pytest.raises(tf2_ros.ExtrapolationException):
-        buffer.transform(stamped(PointStamped(), 9), "map")
-    with pytest.raises(tf2_ros.LookupException):
-        buffer.transform_full(stamped(PointStamped(), 1), "map", Time(), "nowhere")
 
 
 class Spot:

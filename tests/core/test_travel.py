@@ -1,12 +1,9 @@
 """Buffers travel: by pickle, as copies, and as files. The copy gives the same answers."""
 
 import io
-import multiprocessing
-import operator
 import pickle
 import tempfile
 import threading
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from making import S, at, transform, translation
-from processes import DEADLINE_S
 from random_histories import TIMES_NS as RANDOM_TIMES_NS
 from random_histories import apply, silence, steps  # noqa: F401
 from rclpy.duration import Duration
@@ -110,14 +106,6 @@ def test_names_without_samples_and_counters_are_not_kept(travel, buffer):
     assert sum(buffer.statistics()["refused"].values()) == 2 and not any(counts["refused"].values())
 
 
-def test_a_copy_is_independent(travel, buffer):
-    arrived = travel(buffer)
-    before = everything(buffer, FRAMES, TIMES_NS)
-    arrived.clear()
-    arrived.set_transform(transform("map", "new", 1), "x")
-    assert everything(buffer, FRAMES, TIMES_NS) == before
-
-
 def test_a_buffer_made_by_new_alone_arrives(travel):
     for kind in (BufferCore, Buffer):
         arrived = travel(kind.__new__(kind))
@@ -180,12 +168,6 @@ def test_a_node_does_not_travel(node, tmp_path):
         assert not arrived.can_transform("map", "odom", at(9), timeout=0.001)
         assert arrived.wait_for_transform_async("map", "odom", at(1)).done()
     listener.unregister()
-
-
-def test_another_process_gets_a_buffer(buffer):
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        sent = pool.submit(operator.methodcaller("all_frames_as_yaml"), filled(Buffer()))
-        assert sent.result(DEADLINE_S) == filled(Buffer()).all_frames_as_yaml()
 
 
 def test_a_wait_goes_on_when_its_buffer_gets_a_state(buffer):
@@ -327,13 +309,3 @@ def test_a_spoiled_state_is_refused_and_changes_nothing(why, buffer):
     with pytest.raises((ValueError, TypeError), match=why):
         arriving.__setstate__(state)
     assert everything(arriving, FRAMES, TIMES_NS) == before
-
-
-def test_samples_in_another_order_are_sorted(buffer):
-    state = buffer.__getstate__()
-    count = state["frames"][0][3]
-    state["stamps"][:count] = state["stamps"][:count][::-1].copy()
-    arrived = BufferCore()
-    arrived.__setstate__(state)
-    arrived._self_check()
-    assert (np.diff(arrived.histories()["odom"].stamps_ns) >= 0).all()

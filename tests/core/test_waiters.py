@@ -5,7 +5,6 @@ import threading
 import time
 from functools import partial
 
-import numpy as np
 import pytest
 from making import S, at, at_ns, stamp_ns, transform
 from ros_optional import Duration
@@ -36,32 +35,6 @@ class Falsy(Exception):
         return 0
 
 
-class Pending:
-    """A wait, and what came."""
-
-    def __init__(self, buffer, target, source, ns):
-        self.answers = []
-        self.wait = buffer._wait(target, source, at_ns(ns), notify=self.answers.append)
-
-
-def test_an_answer_is_the_lookups(buffer):
-    pending = Pending(buffer, "map", "base", S)
-    buffer.set_transform(transform("map", "odom", 1, (1, 2, 3)), "x")
-    assert pending.answers == []
-    buffer.set_transform(transform("odom", "base", 0.5, (0, 0, 0)), "x")
-    buffer.set_transform(transform("odom", "base", 1.5, (2, 0, 0)), "x")
-    assert pending.answers == [buffer.lookup_transform_core("map", "base", at(1))]
-    assert pending.answers[0].transform.translation.x == 2.0
-
-
-@pytest.mark.parametrize("method", ["set_transform", "set_transforms", "set_transform_static"])
-def test_every_way_in_wakes(buffer, method):
-    pending = Pending(buffer, "map", "odom", S)
-    message = transform("map", "odom", 1)
-    getattr(buffer, method)([message] if method == "set_transforms" else message, "x")
-    assert len(pending.answers) == 1
-
-
 def test_many_answers_of_one_insert_come_in_the_order_of_the_waits(buffer):
     """As tf2 gives them, whatever times they wait for."""
     buffer.set_transforms([transform("map", "odom", 0.5), transform("map", "odom", 1)], "x")
@@ -73,38 +46,6 @@ def test_many_answers_of_one_insert_come_in_the_order_of_the_waits(buffer):
     buffer.set_transform(transform("map", "odom", 5.5), "x")
     assert order == [5, 2, 4, 3]
     assert [w.answer is not None for w in waits] == [True, True, True, False, True]
-
-
-@pytest.mark.parametrize("hops", [1, 7, 100])
-def test_waits_over_any_number_of_hops_are_answered(buffer, hops):
-    names = [f"f{i}" for i in range(hops + 1)]
-    for parent, child in zip(names[:-1], names[1:], strict=True):
-        buffer.set_transform(transform(parent, child, 1), "x")
-    pending = [Pending(buffer, names[0], names[-1], 2 * S) for _ in range(3)]
-    buffer.set_transforms([transform(names[i], names[i + 1], 3) for i in range(hops)], "x")
-    assert [len(one.answers) for one in pending] == [1, 1, 1]
-    buffer._self_check()
-
-
-def test_waiting_goes_on_over_an_init(buffer):
-    for i in range(100):
-        buffer.set_transform(transform("map", f"frame{i}", 5), "x")
-    pending = Pending(buffer, "map", "frame99", 7 * S)
-    buffer.__init__()
-    buffer.set_transform(transform("map", "odom", 8), "x")
-    assert pending.answers == []
-    buffer.set_transform_static(transform("odom", "frame99", 8), "x")
-    buffer.set_transform(transform("map", "odom", 6), "x")
-    assert len(pending.answers) == 1
-    buffer._self_check()
-
-
-def test_dropping_a_wait_ends_it(buffer):
-    wait = buffer._wait("map", "odom", at(1), notify=print)
-    assert buffer.statistics()["waiters"] == 1
-    del wait
-    assert buffer.statistics()["waiters"] == 0
-    buffer._self_check()
 
 
 def test_a_wait_in_a_cycle_is_collected(buffer):
@@ -234,10 +175,6 @@ class TestBlocking:
             buffer._wait("map", "odom", at(1)).wait_for(60 * S, interrupted)
         assert buffer.statistics()["waiters"] == 0
 
-    def test_an_answer_that_is_there_needs_no_sleep(self, buffer):
-        buffer.set_transform_static(transform("map", "odom"), "x")
-        assert buffer._wait("map", "odom", at(1)).wait_for(0, always)
-
 
 def test_inserts_and_registrations_interleave_in_threads(buffer):
     # Each reader waits for every stamp before it comes; one lost wake-up would let it sleep to its deadline.
@@ -262,22 +199,3 @@ def test_inserts_and_registrations_interleave_in_threads(buffer):
         reader.join()
     assert reached == [seconds - 1] * 2
     assert buffer.statistics()["waiters"] == 0
-
-
-def test_ten_thousand_waiters_are_not_looked_at_by_other_frames_inserts(buffer):
-    buffer.set_transform(transform("map", "odom", 1), "x")
-    buffer.set_transform(transform("map", "base", 1), "x")
-    random = np.random.default_rng(4)
-    got = []
-    waits = [
-        buffer._wait("map", "odom", at_ns(int(t)), notify=got.append)
-        for t in random.integers(2 * S, 9 * S, 10_000)
-    ]
-    assert buffer.statistics()["waiters"] == 10_000
-    buffer.set_transform(transform("map", "base", 9), "x")
-    assert got == []
-    for second in range(2, 10):
-        buffer.set_transform(transform("map", "odom", second), "x")
-        assert all(stamp_ns(m) <= second * S for m in got)
-        buffer._self_check()
-    assert len(got) == len(waits)

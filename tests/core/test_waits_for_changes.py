@@ -3,7 +3,7 @@
 import random
 
 import pytest
-from making import S, at_ns, rotation, stamp_ns, transform, translation
+from making import at_ns, rotation, stamp_ns, transform, translation
 
 pytestmark = pytest.mark.ours
 
@@ -40,39 +40,6 @@ def insert(buffer, parent, child, seconds, x=0.0, static=False):
     )
 
 
-def test_each_later_common_time_is_one(buffer):
-    insert(buffer, "map", "odom", 1)
-    follower = Follower(buffer, "map", "base")
-    assert follower.seen == []
-    insert(buffer, "odom", "base", 2)
-    insert(buffer, "odom", "base", 3)
-    assert follower.seen == []  # the other frame ends at 1 s
-    insert(buffer, "map", "odom", 2.5)
-    insert(buffer, "map", "odom", 9)
-    assert [stamp_ns(one) for one in follower.seen] == [2.5 * S, 3 * S]
-    insert(buffer, "odom", "base", 2.8)  # late
-    insert(buffer, "odom", "base", 4)
-    assert [stamp_ns(one) for one in follower.seen] == [2.5 * S, 3 * S, 4 * S]
-
-
-def test_another_static_transform_is_one_and_the_same_again_is_none(buffer):
-    insert(buffer, "base", "camera", 0, 1.0, static=True)
-    insert(buffer, "camera", "lens", 0, 1.0, static=True)
-    follower = Follower(buffer, "base", "lens")
-    for x in (1.0, 1.0, 2.0, 2.0):
-        insert(buffer, "base", "camera", 0, x, static=True)
-    assert [translation(one)[0] for one in follower.seen] == [2.0, 3.0]
-
-
-def test_another_parent_is_one(buffer):
-    insert(buffer, "table", "cup", 1, 1.0)
-    insert(buffer, "room", "table", 0, 5.0, static=True)
-    insert(buffer, "room", "gripper", 0, 7.0, static=True)
-    follower = Follower(buffer, "room", "cup")
-    insert(buffer, "gripper", "cup", 2, 0.0)
-    assert [translation(one)[0] for one in follower.seen] == [6.0, 7.0]
-
-
 def test_a_static_transform_below_an_earlier_parent_is_one(buffer):
     insert(buffer, "odom", "table", 0, 1.0, static=True)
     for second in (3, 6):
@@ -84,14 +51,6 @@ def test_a_static_transform_below_an_earlier_parent_is_one(buffer):
     follower = Follower(buffer, "odom", "arm")
     insert(buffer, "odom", "table", 0, 50.0, static=True)
     assert [translation(one)[0] for one in follower.seen] == [2.0, 51.0]
-
-
-def test_clearing_waits_for_the_next_transform(buffer):
-    insert(buffer, "map", "base", 9)
-    follower = Follower(buffer, "map", "base")
-    buffer.clear()
-    insert(buffer, "map", "base", 3)
-    assert [stamp_ns(one) for one in follower.seen] == [9 * S, 3 * S]
 
 
 def test_what_does_not_touch_the_path_is_not_looked_at(buffer):

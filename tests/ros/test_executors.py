@@ -275,13 +275,6 @@ class TestProgramsThatReplaceParts:
         listener.unregister()
         assert list(node.subscriptions) == []
 
-    def test_after_unregistering_the_callback_still_works(self, listener, node, executor, buffer, peer):
-        kind = listener.tf_sub.msg_type
-        listener.unregister()
-        node.create_subscription(kind, "/robot1/tf", listener.callback, 10)
-        peer("-r", "/tf:=/robot1/tf").send(("map", "robot", 1 * S, 1))
-        until(knows(buffer, "robot"), executor)
-
     def test_other_entities_in_the_group_are_served(self, listener, node, executor):
         ticks = []
         node.create_timer(0.001, lambda: ticks.append(1), callback_group=listener.group)

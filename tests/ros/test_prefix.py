@@ -19,32 +19,6 @@ def inserter(request, monkeypatch):
     return request.param
 
 
-def test_two_robots_fill_one_buffer(tf2_ros, node, executor, peer, inserter):
-    buffer, robots, listeners = tf2_ros.Buffer(), [], []
-    for name in ("one", "two"):
-        robots.append(peer("-r", f"/tf:=/{name}/tf", "-r", f"/tf_static:=/{name}/tf_static"))
-        listeners.append(
-            tf2_ros.TransformListener(
-                buffer, node, prefix=f"{name}/", tf_topic=f"/{name}/tf", tf_static_topic=f"/{name}/tf_static"
-            )
-        )
-        buffer.set_transform_static(transform("site", f"{name}/map", xyz=(0, 0, len(robots))), "program")
-    for x, robot in enumerate(robots, 1):
-        robot.send(("map", "base", S, float(x)))
-        robot.send(("base", "camera", 0, 0.25), static=True)
-    until(
-        lambda: all(buffer.can_transform("site", f"{name}/camera", LATEST) for name in ("one", "two")),
-        executor,
-    )
-    assert translation(buffer.lookup_transform("site", "one/camera", LATEST)) == (1.25, 0, 1)
-    assert translation(buffer.lookup_transform("one/base", "two/base", at(1))) == (1, 0, 1)
-    assert sorted(buffer.frames()) == sorted(
-        ["site", *(f"{name}/{frame}" for name in ("one", "two") for frame in ("map", "base", "camera"))]
-    )
-    for listener in listeners:
-        listener.unregister()
-
-
 def test_names_are_as_in_a_message_that_was_written_with_the_prefix(tf2_ros, node, executor, peer, inserter):
     """Names of all lengths, a leading slash, and several transforms in one message."""
     names = ["b", "/slash", "n" * 700, "ü", "a b", "//two", "/", ""]

@@ -1,7 +1,6 @@
 """The interfaces of tf2: their fields and their type hashes. Other tests send them between processes."""
 
 import ctypes
-import os
 import subprocess
 import sys
 
@@ -92,21 +91,3 @@ def test_message_survives_its_own_bytes():
 def test_messages_import_before_rclpy():
     program = "import sys, tf2_msgs.msg; assert 'rclpy' not in sys.modules; tf2_msgs.msg.TFMessage()"
     subprocess.run([sys.executable, "-c", program], check=True, timeout=DEADLINE_S)
-
-
-@pytest.fixture
-def node():
-    context = rclpy.Context()
-    # Fast DDS takes its ports from the domain; above 101 they meet those that the system hands out.
-    rclpy.init(context=context, domain_id=int(os.environ.get("ROS_DOMAIN_ID") or 1 + os.getpid() % 101))
-    node = rclpy.create_node("tf2_msgs", context=context)
-    yield node
-    node.destroy_node()
-    rclpy.try_shutdown(context=context)
-
-
-@pytest.mark.parametrize("kind", [TFMessage, TF2Error])
-def test_type_hash_on_the_wire_is_that_of_ros(node, kind):
-    node.create_publisher(kind, "of_this_type", 1)
-    [endpoint] = node.get_publishers_info_by_topic("of_this_type")
-    assert str(endpoint.topic_type_hash) == TYPE_HASHES[f"msg/{kind.__name__}"]

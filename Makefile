@@ -53,7 +53,7 @@ demo: $(VENV)/installed.stamp
 	$(PY) examples/demo.py
 
 # About an hour; QUICK=1 about three minutes. The libraries compared with are fetched into .bench.
-bench: $(VENV)/bench.stamp $(VENV)/installed.stamp $(VENV)/test.stamp
+bench: $(VENV)/installed.stamp $(VENV)/test.stamp
 	$(PY) -m bench $(if $(QUICK),--quick)
 
 # The site of the pages in docs/ and of the docstrings: build/docs/index.html.
@@ -132,7 +132,7 @@ $(VENV)/test-all.stamp: pyproject.toml
 	touch $@
 
 # Made anew only when the requirements change; pip finds the project installed and adds what the extra names.
-$(foreach extra,dev release bench docs,$(VENV)/$(extra).stamp): $(VENV)/%.stamp: pyproject.toml
+$(foreach extra,dev release docs,$(VENV)/$(extra).stamp): $(VENV)/%.stamp: pyproject.toml
 	$(MAKE) $(VENV)/installed.stamp
 	$(PY) -m pip install --quiet 'tf2-ros-cython[$*]'
 	touch $@

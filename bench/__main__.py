@@ -1,5 +1,5 @@
 """
-The benchmark's command line: `python -m bench [--quick]` measures, prints, and writes a report and pictures.
+The benchmark's command line: `python -m bench [--quick]` measures, prints, and writes a report.
 
 `python -m bench --only waiters receiving:cpu` measures sections, and only prints.
 """
@@ -20,7 +20,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bench import pictures, report
+from bench import report
 from bench.libraries import FETCHED, OURS, PROGRAMS, ROOT, Library, last_line, libraries
 from bench.rows import Rows
 from bench.sizes import FULL, QUICK
@@ -160,8 +160,7 @@ def _write(text: str, run: Run, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     stem = re.sub(r"[^a-z0-9]+", "-", f"{_cpu()} {os.cpu_count()} cores".lower()).strip("-")
     (folder / f"{stem}.md").write_text(text)
-    print(f"wrote {folder.relative_to(ROOT)}/{stem}.md and its pictures")
-    pictures.draw(run.rows, run.libraries, folder, stem)
+    print(f"wrote {folder.relative_to(ROOT)}/{stem}.md")
 
 
 def _cpu() -> str:

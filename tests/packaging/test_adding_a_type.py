@@ -82,13 +82,6 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_the_example_touches_a_source_a_table_and_a_stub():
-    assert sorted(BLOCKS) == [
-        f"tf2_geometry_msgs/{name}" for name in ("_geometry.pyi", "_geometry.pyx", "_types.py")
-    ]
-    assert BLOCKS["tf2_geometry_msgs/_types.py"].count("\n") == 1
-
-
 def test_the_function_and_the_class_import_from_the_package(folder):
     names = f"do_transform_polygon_instance_stamped, {TYPE}"
     done = run(folder, "-c", f"from tf2_geometry_msgs import {names}; print({TYPE}.__name__)")

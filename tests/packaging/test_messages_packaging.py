@@ -107,24 +107,6 @@ def test_messages_that_are_not_built_say_what_to_do(tmp_path):
     assert f"it is not built in {project / 'src' / 'tf2_msgs'}: install it with pip" in error
 
 
-def test_what_was_made_for_another_release_is_made_anew(monkeypatch, tmp_path):
-    messages = importlib.import_module("messages_backend.tf2_msgs")
-    made = tmp_path / "tf2_msgs" / "extension.so"
-    for kind in ("msg", "srv", "action"):
-        (made.parent / kind).mkdir(parents=True)
-        (made.parent / kind / "__init__.py").touch()
-    for library in ("generator_c", "typesupport_fastrtps_c", "typesupport_introspection_c"):
-        (made.parent / f"libtf2_msgs__rosidl_{library}.so").touch()
-    made.touch()
-    source = messages.MessagesExtension(ROOT / "messages" / "src" / "tf2_msgs")
-    assert not messages.is_current(source, made)
-    monkeypatch.setenv("_TF2_MSGS_RELEASE", "kilted")
-    (made.parent / "_release.py").write_text(messages._note())
-    assert messages.is_current(source, made)
-    monkeypatch.setenv("_TF2_MSGS_RELEASE", "jazzy")
-    assert not messages.is_current(source, made)
-
-
 def test_sources_hold_nothing_that_a_build_has_made(tmp_path):
     project = messages_copy(tmp_path / "project")
     package = project / "src" / "tf2_msgs"

@@ -87,7 +87,7 @@ def test_an_old_python_is_refused_before_setuptools_is_asked(monkeypatch):
 def test_numpy_is_all_that_an_install_without_extras_needs():
     requirements = importlib.metadata.requires("tf2-ros-cython")
     assert [text for text in requirements if "extra ==" not in text] == ["numpy>=1.21"]
-    assert {"ros", "ros-kilted", "test", "bench", "dev"} <= set(
+    assert {"ros", "ros-kilted", "test", "dev"} <= set(
         importlib.metadata.metadata("tf2-ros-cython").get_all("Provides-Extra")
     )
 
@@ -144,12 +144,6 @@ def test_wheel_holds_the_same_wherever_it_is_built(tmp_path, prefix):
     assert not [name for name in held[0] if name.startswith("tf2_msgs")]
 
 
-def test_the_build_asks_for_nothing_of_ros(monkeypatch, tmp_path):
-    monkeypatch.chdir(checkout_copy(tmp_path / "project"))
-    for hook in (build_backend.get_requires_for_build_wheel, build_backend.get_requires_for_build_editable):
-        assert not [name for name in hook() if name.startswith("ros-")]
-
-
 def without_editable_installs(folder):
     """The environment of a Python that does not find this checkout's extensions for another one."""
     kept = "[one for one in sys.meta_path if 'editable' not in getattr(one, '__module__', '')]"
@@ -190,14 +184,3 @@ def test_tf2_which_says_that_a_checkout_that_is_not_built_hides_an_installation(
     )
     assert ended.returncode == 1
     assert hint in ended.stdout + ended.stderr
-
-
-def test_a_library_that_is_missing_is_not_called_a_missing_build(tmp_path):
-    folder = tmp_path / "tf2_py"
-    folder.mkdir()
-    (folder / "__init__.py").write_text((ROOT / "tf2_py" / "__init__.py").read_text(encoding="utf-8"))
-    (folder / "_tf2_py.py").write_text("import surely_not_installed")
-    ended = subprocess.run(
-        [sys.executable, "-c", "import tf2_py"], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert ended.stderr.splitlines()[-1] == "ModuleNotFoundError: No module named 'surely_not_installed'"

@@ -143,14 +143,6 @@ def test_a_workspace_with_an_rclpy_of_its_own_is_no_distribution(in_venv, ros, t
     assert found == all_of("ours", tf2_sensor_msgs="fork", tf2_msgs=messages_of(ros))
 
 
-def test_a_folder_of_ones_own_stays_first(in_venv, ros, tmp_path):
-    (tmp_path / "tf2_sensor_msgs").mkdir()
-    (tmp_path / "tf2_sensor_msgs" / "__init__.py").write_text("OWNER = 'own'")
-    environment = sourced(ros)
-    environment["PYTHONPATH"] = os.pathsep.join([str(tmp_path), environment["PYTHONPATH"]])
-    assert in_venv.owners(environment)["tf2_sensor_msgs"] == "own"
-
-
 def test_a_distribution_may_have_a_folder_for_each_package(in_venv, ros, tmp_path):
     """As colcon builds it from source."""
     (tmp_path / ".colcon_install_layout").write_text("isolated\n")
@@ -259,11 +251,3 @@ def test_the_wheel_holds_no_debug_information(wheel):
         extensions = [name for name in opened.namelist() if name.endswith(".so")]
         assert extensions
         assert not [name for name in extensions if b".debug_info" in opened.read(name)]
-
-
-def test_the_wheel_lists_its_files(wheel):
-    with zipfile.ZipFile(wheel) as opened:
-        [record] = [name for name in opened.namelist() if name.endswith("/RECORD")]
-        listed = [line.split(",")[0] for line in opened.read(record).decode().splitlines()]
-        assert sorted(listed) == sorted(opened.namelist())
-    assert "tf2_ros_cython.pth" in listed

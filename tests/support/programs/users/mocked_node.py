@@ -1,0 +1,15 @@
+"""Unit tests of a program that give it a mock in the place of a node."""
+
+from unittest.mock import MagicMock
+
+from geometry_msgs.msg import TransformStamped
+
+import tf2_ros
+
+node = MagicMock()
+tf2_ros.TransformBroadcaster(node).sendTransform(TransformStamped(child_frame_id="robot"))
+[message] = node.create_publisher.return_value.publish.call_args.args
+print("published:", type(message).__name__, message.transforms[0].child_frame_id)
+
+listener = tf2_ros.TransformListener(tf2_ros.Buffer(), MagicMock())
+print("listener of a mock:", type(listener).__name__)

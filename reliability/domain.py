@@ -6,7 +6,8 @@ import random
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+from reliability.builds import ROOT
+
 DOMAINS = range(1, 102)  # the ports of higher ones may be taken by the system
 _locks = []
 

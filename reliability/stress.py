@@ -92,7 +92,7 @@ def growth(samples):
     ]
 
 
-def stress(seconds, seed, leak_bytes=0):
+def stress(seconds, seed):
     """Run rounds for this many seconds; return whether nothing went wrong."""
     import rclpy
 
@@ -107,7 +107,7 @@ def stress(seconds, seed, leak_bytes=0):
     rclpy.logging.set_logger_level("tf2_py", rclpy.logging.LoggingSeverity.ERROR)
     rng = random.Random(seed)
     sys.setswitchinterval(rng.choice((0.005, 0.0005, 0.00005)))
-    problems, totals, samples, leaked = [], {}, [], []
+    problems, totals, samples = [], {}, []
     end_s = time.monotonic() + seconds
     while len(samples) < 2 or time.monotonic() < end_s:
         one = Round(rng.randrange(10**6), is_shared=len(samples) % 2 == 0)
@@ -116,7 +116,6 @@ def stress(seconds, seed, leak_bytes=0):
         problems += one.run(min(ROUND_S, seconds / 2))
         for what, done in one.counts.items():
             totals[what] = totals.get(what, 0) + done
-        leaked.append(bytearray(leak_bytes))
         del one
         samples.append(sample())
         if problems:
@@ -140,17 +139,10 @@ def main(arguments=None):
     )
     parser.add_argument("--minutes", type=float, default=2.0, help="how long (default: 2)")
     parser.add_argument("--seed", type=int, help="of an earlier run, which did the same in each thread")
-    parser.add_argument(
-        "--leak",
-        type=int,
-        default=0,
-        metavar="BYTES",
-        help="leak so many bytes with each round, to check that it is detected",
-    )
     options = parser.parse_args(arguments)
     seed = random.randrange(10**6) if options.seed is None else options.seed
     print(f"Python {sys.version.split()[0]}, seed {seed}, ROS domain {use_own_domain()}", flush=True)
-    return 0 if stress(options.minutes * 60, seed, options.leak) else 1
+    return 0 if stress(options.minutes * 60, seed) else 1
 
 
 if __name__ == "__main__":

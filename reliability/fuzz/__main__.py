@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from reliability.fuzz.building import built, environment
-from reliability.fuzz.targets import IN_PYTHON, MOST_BYTES, PACKAGES, corpus, keep
+from reliability.fuzz.targets import IN_PYTHON, MOST_BYTES, PACKAGES, corpus, keep, target
 
 INPUT_S = 20  # an input that takes longer hangs
 MOST_KEPT = 40_000  # bytes of a corpus in the repository
@@ -36,7 +36,7 @@ def fuzz(name: str, seconds: int, build: Path, python: str) -> Outcome:
     found = build.parent / "fuzz-corpus" / name  # what former runs found is not found again
     found.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as seeds:
-        _write_inputs(name, seeds, build, python)
+        _write_inputs(name, seeds)
         options = [
             f"-max_total_time={seconds}",
             f"-max_len={MOST_BYTES[name]}",
@@ -80,9 +80,7 @@ def minimise(name: str, build: Path, python: str) -> None:
     """Keep in the repository the smallest inputs that reach what the seeds do not."""
     found = [build.parent / folder / name for folder in ("fuzz-corpus", "fuzz-crashes")]
     with tempfile.TemporaryDirectory() as merged, tempfile.TemporaryDirectory() as seeds:
-        _run(["reliability.fuzz.seeding", name, seeds], build, python)
-        made = {one.read_bytes() for one in Path(seeds).iterdir()}
-        _write_inputs(name, seeds, build, python)
+        made = _write_inputs(name, seeds)
         options = ["-merge=1", f"-max_len={MOST_BYTES[name]}", f"-timeout={INPUT_S}"]
         options += ["-handle_xfsz=0", "-artifact_prefix=./"]
         places = [merged, seeds, *(str(folder) for folder in found if folder.exists())]
@@ -100,29 +98,24 @@ def minimise(name: str, build: Path, python: str) -> None:
     keep(name, kept)
 
 
-def _write_inputs(name: str, folder: str, build: Path, python: str) -> None:
-    """Write the seeds of a target and its corpus to a folder."""
-    _run(["reliability.fuzz.seeding", name, folder], build, python)
-    for one, data in corpus(name).items():
+def _write_inputs(name: str, folder: str) -> set[bytes]:
+    """Write the seeds of a target and its corpus to a folder; return the seeds."""
+    seeds = list(target(name).seeds())
+    inputs = {f"seed-{number:03}": seed for number, seed in enumerate(seeds)} | corpus(name)
+    for one, data in inputs.items():
         Path(folder, one).write_bytes(data)
+    return set(seeds)
 
 
 def _digest(path: Path) -> str:
     return hashlib.sha1(path.read_bytes()).hexdigest()[:12]
 
 
-def _run(
-    arguments: list[str], build: Path, python: str, log: Path | None = None, folder: str | None = None
-) -> int:
-    command = [python, "-m", *arguments]
-    with tempfile.TemporaryDirectory() as empty:
-        options = {"cwd": folder or empty, "env": environment(build, guarded=arguments[1] not in IN_PYTHON)}
-        if log is None:
-            subprocess.run(command, check=True, **options)
-            return 0
-        with open(log, "w") as file:
-            ended = subprocess.run(command, stdout=file, stderr=file, **options)
-            return int(ended.returncode)
+def _run(arguments: list[str], build: Path, python: str, log: Path, folder: str | None = None) -> int:
+    environ = environment(build, guarded=arguments[1] not in IN_PYTHON)
+    with tempfile.TemporaryDirectory() as empty, open(log, "w") as file:
+        command = [python, "-m", *arguments]
+        return subprocess.run(command, stdout=file, stderr=file, cwd=folder or empty, env=environ).returncode
 
 
 def main() -> int:

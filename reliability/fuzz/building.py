@@ -8,8 +8,6 @@ from pathlib import Path
 
 from reliability import builds
 
-__all__ = ["built", "environment"]
-
 ATHERIS = "atheris==3.0.0"
 # No pointer-overflow: what Cython generates for each constructor adds 0 to a null pointer.
 SANITIZERS = "-fsanitize=fuzzer-no-link,address,undefined"

@@ -8,8 +8,6 @@ import numpy as np
 
 from tf2_py import BufferCore, TransformException
 
-__all__ = ["Fault", "answers", "ask", "holds_the_same"]
-
 
 class Fault(AssertionError):
     """What must not be."""

@@ -4,8 +4,6 @@ import struct
 from collections.abc import Sequence
 from typing import TypeVar
 
-__all__ = ["Input"]
-
 _Item = TypeVar("_Item")
 
 

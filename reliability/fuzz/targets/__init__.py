@@ -10,8 +10,6 @@ import zipfile
 from pathlib import Path
 from types import ModuleType
 
-__all__ = ["IN_PYTHON", "MOST_BYTES", "PACKAGES", "corpus", "keep", "target"]
-
 _CORPUS = Path(__file__).resolve().parent.parent / "corpus"
 _NO_TIME = (1980, 1, 1, 0, 0, 0)  # the oldest of an archive, which is then the same for the same inputs
 

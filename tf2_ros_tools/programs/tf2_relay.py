@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from contextlib import ExitStack, nullcontext, suppress
+from contextlib import ExitStack, suppress
 from math import inf
 from pathlib import Path
 
@@ -51,18 +51,14 @@ def relay(options: Namespace) -> int:
     # isort: split
     from tf2_ros_tools.relaying import Relaying
 
-    # A dry run that is interrupted has no result.
-    as_wanted = nullcontext() if options.dry_run else suppress(KeyboardInterrupt)
-    with as_wanted, spun_node("tf2_relay", options) as node, ExitStack() as stack:
+    with spun_node("tf2_relay", options) as node, ExitStack() as stack:
         relaying = Relaying(node, options.rules, options.dry_run, stack)
-        if options.dry_run:
-            relaying.run(options.t)
-            for problem in relaying.problems():
-                print(printable(problem), file=sys.stderr)
-        else:
+        if not options.dry_run:
             node.get_logger().info(f"Relaying by the rules of {options.rules}")
-            with suppress(KeyboardInterrupt):
-                relaying.run(inf)
+        with suppress(KeyboardInterrupt):
+            relaying.run(options.t if options.dry_run else inf)
+        for problem in relaying.problems() if options.dry_run else ():
+            print(printable(problem), file=sys.stderr)
         for line in relaying.report():
             print(printable(line))
     return SUCCESS
@@ -70,7 +66,7 @@ def relay(options: Namespace) -> int:
 
 def main(args: list[str] | None = None) -> int:
     """Run the program; see :func:`tf2_ros_tools.program.run`."""
-    return run(parser(), relay, args)
+    return run(parser(), relay, args, interrupted=SUCCESS)
 
 
 if __name__ == "__main__":

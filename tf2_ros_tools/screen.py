@@ -108,7 +108,7 @@ class _Screen(App[None]):
     VerticalScroll { height: auto; max-height: 30%; padding: 0 1; }
     VerticalScroll Static { height: auto; }
     #wrong { color: $text-error; }
-    #filter { height: 1; border: none; padding: 0 1; display: none; }
+    #filter { height: 1; border: none; padding: 0 1; }
     DataTable { height: 1fr; min-height: 3; }
     RichLog { height: auto; max-height: 25%; padding: 0 1; border-top: solid $panel; display: none; }
     """
@@ -142,7 +142,7 @@ class _Screen(App[None]):
         yield Static(id="summary", markup=False)
         with VerticalScroll(id="wrong"):
             yield Static(markup=False)
-        yield Input(placeholder="part of a frame, parent or publisher", id="filter")
+        yield Input(placeholder="/ filters by a part of a frame, parent or publisher", id="filter")
         yield DataTable(cursor_type="row", fixed_columns=1)
         with VerticalScroll(id="details"):
             yield Static(markup=False)
@@ -184,12 +184,10 @@ class _Screen(App[None]):
         self._show()
 
     def action_filter(self) -> None:
-        self.query_one(Input).display = True
         self.screen.set_focus(self.query_one(Input))
 
     def action_leave_filter(self) -> None:
         self.screen.set_focus(self.query_one(DataTable))
-        self._hide_unused_filter()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool:
         # In the filter, a slash is a letter. Outside it, Enter is a key of the table.
@@ -198,16 +196,10 @@ class _Screen(App[None]):
 
     def action_show_all(self) -> None:
         self.query_one(Input).value = ""
-        self.query_one(Input).display = False
         self.query_one(DataTable).focus()
 
     def on_input_changed(self) -> None:
-        self._hide_unused_filter()  # it may have been left before its last letters arrive
         self._show()
-
-    def _hide_unused_filter(self) -> None:
-        filter = self.query_one(Input)
-        filter.display = self.focused is filter or bool(filter.value)
 
     # What is shown.
 

@@ -37,11 +37,6 @@ TOOLS = {".mcap": "`mcap recover`", ".db3": "`sqlite3 FILE .recover`", ".bag": "
 REINDEX = "`ros2 bag reindex`"  # likewise a folder
 PACKED = ".zstd"  # what rosbag2 adds to the name of a compressed file
 SUFFIXES = (*TOOLS, *(f"{suffix}{PACKED}" for suffix in TOOLS))
-# Files with these extensions are parts of recordings.
-ADVICE = {
-    ".yaml": "pass the path of its folder",
-    ".active": "its recorder did not finish: `rosbag reindex` repairs it",
-}
 # The types of topics with transforms; ROS 1 has two names for the same message.
 TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 HEADER = "std_msgs/msg/Header"
@@ -260,7 +255,7 @@ def _refuse_others(path: Path, parts: Collection[Path]) -> None:
             advice = f"{REINDEX} makes it from the files of a recording"
             raise BagError(f"{name} is not a recording: the folder has no metadata.yaml; {advice}")
     elif not path.name.endswith(SUFFIXES):
-        advice = ADVICE.get(path.suffix, f"use a folder with a metadata.yaml, or {', '.join(TOOLS)}")
+        advice = f"use a folder with a metadata.yaml, or {', '.join(TOOLS)}"
         raise BagError(f"{name} is not a recording: {advice}")
     elif not path.is_file():  # opening a pipe would wait for its writer
         raise BagError(f"{name} is not a recording: it is a pipe or a device")

@@ -7,10 +7,8 @@ import signal
 import pytest
 from making import rotation, translation
 from processes import DEADLINE_S, answered, running, until
-from rclpy.duration import Duration
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.time import Time
 from scipy.spatial.transform import Rotation
 
 from tf2_msgs.msg import TFMessage
@@ -21,7 +19,6 @@ pytestmark = pytest.mark.ours
 
 NAME = "static_transform_publisher"
 FRAMES = ["--frame-id", "map", "--child-frame-id", "robot"]
-LONG = Duration(seconds=DEADLINE_S)
 EVEN_LATE = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -79,6 +76,10 @@ class TestOldForm:
         assert turn == pytest.approx(tuple(Rotation.from_euler("xyz", [0.3, 0.2, -0.1]).as_quat()))
         assert "[WARN]" in published.log
         assert "Old-style arguments are deprecated; see --help for new-style arguments" in published.log
+
+    def test_nine_values_have_a_quaternion(self, published):
+        values = ["1", "2", "3", "-.6", "0", "0", ".8", "map", "robot"]
+        assert published(*values) == ((1.0, 2.0, 3.0), (-0.6, 0.0, 0.0, 0.8))
 
 
 class TestFile:
@@ -162,11 +163,3 @@ def test_its_parameters_tell_what_it_publishes(node, executor):
         x, w, frame, child = until(values, executor)
         assert (x.double_value, w.double_value) == (1.5, 1.0)
         assert (frame.string_value, child.string_value) == ("map", "robot")
-
-
-def test_who_starts_later_receives_it_too(tf2_ros, node):
-    with running(NAME, *FRAMES):
-        until(lambda: any(name.startswith(NAME) for name in node.get_node_names()))
-        buffer = tf2_ros.Buffer()
-        with tf2_ros.TransformListener(buffer, node):
-            assert buffer.can_transform("map", "robot", Time(), LONG)

@@ -214,6 +214,22 @@ class TestBatch:
             assert (status, out.splitlines()[0]) == (1, f"{counts}, 0 failed, 1 without an answer")
             assert err.startswith(f"tf2_bag batch: {path}: ") and "camra" in err and err.count("\n") == 1
 
+    def test_a_folder_that_cannot_be_read_is_told(self, run, tmp_path, monkeypatch):
+        (tmp_path / "day" / "closed").mkdir(parents=True)
+        recording(tmp_path / "day" / "a.mcap", count=30)
+        scandir = os.scandir
+
+        def refuse(path="."):
+            if "closed" in os.fspath(path):
+                raise PermissionError(13, "Permission denied", os.fspath(path))
+            return scandir(path)
+
+        monkeypatch.setattr(os, "scandir", refuse)
+        command = ("--lookup", "map", "camera", "--out", tmp_path / "tables", "--workers", 1)
+        status, out, err = run("batch", tmp_path / "day", *command)
+        assert (status, out.splitlines()[0]) == (1, "1 done, 0 done before, 1 failed")
+        assert err == f"tf2_bag batch: {tmp_path}/day/closed: Permission denied\n"
+
     def test_ctrl_c_says_how_to_go_on(self, tmp_path):
         one = recording(tmp_path / "0.mcap", count=30)
         for i in range(1, 2000):  # far more than are done before the signal

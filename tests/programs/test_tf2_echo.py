@@ -131,6 +131,15 @@ class TestJson:
 
 
 class TestEnd:
+    def test_a_reader_who_has_seen_enough_ends_it(self, peer):
+        with running("tf2_echo", "map", "robot", "50") as echo:
+            peer().send(("map", "robot", S, 1.0))
+            assert echo.stdout.readline() == "At time 1.000000000\n"
+            echo.stdout.close()
+            assert echo.wait(DEADLINE_S) == 1
+            assert "Traceback" not in echo.stderr.read()
+            echo.stdout = None
+
     def test_who_asks_the_robot_for_its_frames_is_not_answered_by_it(self, node):
         with running("tf2_echo", "map", "robot"):
             until(lambda: "tf2_echo" in node.get_node_names())

@@ -23,7 +23,7 @@ from tf2_ros import Buffer, TransformListener
 from tf2_ros.records import MessageSource, Recording, insert_messages
 from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.relay import ALL_RATE, Relay, Rule, Threshold, read_rules
-from tf2_ros_tools.relaying import Source
+from tf2_ros_tools.relaying import Source, pose_message
 
 pytestmark = pytest.mark.ours
 
@@ -289,6 +289,15 @@ class TestStamps:
         relay = Relay(rule(**keys), robot(), {})
         found = [relay.dynamic_transforms(now_s, now_s * S) for now_s in (100, 101)]
         assert [stamp_ns(one) / S for [one] in found] == [*expected_s]
+
+
+def test_the_velocity_of_a_rare_odometry_is_of_the_last_seconds():
+    buffer = BufferCore()
+    for tenth in range(100):
+        buffer.set_transform(transform("map", "base", 100 + tenth / 10, (0.3 * tenth, 0, 0)), "test")
+    relay = Relay(rule(pose="Odometry", to=("/odom",), frames=("map", "base"), rate=0.0001), buffer, {})
+    [found] = relay.dynamic_transforms(0.0, 0)
+    assert pose_message(relay, found).twist.twist.linear.x == pytest.approx(3.0)
 
 
 class TestConflicts:

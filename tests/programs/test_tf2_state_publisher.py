@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from processes import DEADLINE_S, answered, ended, running, until
+from processes import DEADLINE_S, answered, running, until
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -132,6 +132,12 @@ def test_a_joint_is_published_at_most_at_the_frequency(robot, file):
     assert seen == [100 * S, 100 * S + S // 10, 100 * S + S // 10 + 2]
 
 
+def test_stamps_may_be_ignored(robot, file):
+    with running(NAME, file, "--ros-args", "-p", "ignore_timestamp:=true"):
+        for ns in (100 * S, 100 * S + 1, 50 * S, 0):
+            robot.moved(ns, ["lift"], [0.1])
+
+
 def test_what_cannot_be_published_is_a_warning(robot, file, tmp_path):
     log = tmp_path / "log"
     with open(log, "w") as err, running(NAME, file, stderr=err):
@@ -212,24 +218,3 @@ class TestParameters:
         ):
             answer = change(name, **value)
             assert (answer.successful, answer.reason) == (False, reason)
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ([], "robot_description must not be empty: set it, or name a file"),
-        (["none.urdf"], "cannot read none.urdf: No such file or directory"),
-        (
-            ["{file}", "--ros-args", "-p", "publish_frequency:=.nan"],
-            "expected a number from 0.0001 to 1000, got nan",
-        ),
-        (["{file}", "--ros-args", "-p", "publish_frequency:=fast"], "publish_frequency"),
-        (["{broken}"], "robot_description: not XML: "),
-    ],
-)
-def test_a_program_that_cannot_begin_says_why(given, said, file, tmp_path):
-    broken = tmp_path / "broken.urdf"
-    broken.write_text("robot")
-    status, out, err = ended(NAME, *(one.format(file=file, broken=broken) for one in given))
-    assert (status, out, err.count("\n")) == (2, "", 1)
-    assert err.startswith(f"{NAME}: ") and said in err

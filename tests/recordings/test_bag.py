@@ -341,12 +341,9 @@ LATE = [*DRIVE[:-2], DRIVE[-2]._replace(log_ns=2**63)]
             "run is broken: .*files are missing: .*run_1.mcap.*; `ros2 bag reindex` may repair",
         ),
         (_split(_rewritten(r"(?s)^.*$", "{")), "run is broken: .*; `ros2 bag reindex` may repair"),
-        (_split(_rewritten(r"(?s)^.*$", "")), "run is broken: "),
         (_split(_rewritten(r"version: \d+", "version: 99")), "run is broken: .*version 99"),
-        (_split(_rewritten(TIME, "nanoseconds_since_epoch: .nan")), "run is broken: "),
         (_split(_rewritten(TIME, f"nanoseconds_since_epoch: {10**20}")), "run is broken: "),
         # Databases with other values.
-        (_updated("data = 'text'"), "expected bytes|data are not bytes"),
         (_updated("timestamp = 'text'"), "run.db3 is broken, "),
         (
             _updated("data = x'0001'"),
@@ -367,7 +364,6 @@ LATE = [*DRIVE[:-2], DRIVE[-2]._replace(log_ns=2**63)]
             "run.mcap is broken, .* not in timestamp order.*; `mcap recover`",
         ),
         (lambda folder: write_mcap(folder / "run.mcap", LATE), "run.mcap is broken"),
-        (lambda folder: write_mcap(folder / "run.mcap", LATE, index=False), "run.mcap is broken"),
         # Other topics.
         (
             lambda folder: write_mcap(folder / "run.mcap", TWO),
@@ -379,9 +375,7 @@ LATE = [*DRIVE[:-2], DRIVE[-2]._replace(log_ns=2**63)]
         ),
         # What is not a recording.
         (lambda folder: folder, "is not a recording: the folder has no metadata.yaml"),
-        (_file("metadata.yaml"), "metadata.yaml is not a recording: pass the path of its folder"),
         (_file("run.txt"), "is not a recording: use a folder with a metadata.yaml, or .mcap, .db3, .bag"),
-        (_file("run.bag.active"), "is not a recording: its recorder did not finish: `rosbag reindex` rep"),
         (_file("run.mcap.zstd", b"(\xb5/\xfd"), "run.mcap.zstd is broken: .*; `mcap recover`"),
         (_pipe, "pipe.mcap is not a recording: it is a pipe or a device"),
     ],

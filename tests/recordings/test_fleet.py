@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from contextlib import contextmanager
 
@@ -222,6 +223,19 @@ def test_a_recording_that_has_changed_is_done_again(runs, out):
     assert set(second.done) == {str(run), str(folder)} and len(second.skipped) == 2
     columns, _ = contents(out / os.path.basename(first.done[str(run)]))
     assert len(columns["stamp"]) == 41
+
+
+def test_two_runs_at_once_into_one_folder_do_the_same_as_one(runs, out, tmp_path):
+    mapped(runs, tmp_path / "alone")
+    results = []
+    threads = [threading.Thread(target=lambda: results.append(mapped(runs, out))) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert [len(one.done) + len(one.skipped) for one in results] == [4, 4]
+    assert tables(out) == tables(tmp_path / "alone")
+    assert not list(out.glob(".*"))
 
 
 # Names of tables.

@@ -237,16 +237,12 @@ class TestFoxglove:
         [
             ("protobuf", b"\x0a\x7f", "a field of 127 bytes does not fit into a protobuf message"),
             ("protobuf", b"\xff" * 11, "a number of a protobuf message has no end"),
-            ("protobuf", b"\x0b", "KeyError: 3"),
             ("protobuf", b"\x08\x01", "TypeError: "),
-            ("protobuf", field(1, field(1, field(1, b"12"))), "TypeError: "),
             ("protobuf", field(1, field(1, b"\x08" + varint(1 << 40))), "fit into 32 bits of seconds"),
             ("protobuf", field(1, field(2, b"\xff")), "can't decode byte 0xff"),
             ("json", b"[", "Expecting value"),
             ("json", b"[" * 100_000, "RecursionError"),
-            ("json", b"{}", "KeyError: 'transforms'"),
             ("json", b'{"transforms": [5]}', "TypeError"),
-            ("json", json.dumps({"transforms": [in_json(Tf("a", 5, 0))]}).encode(), "AttributeError"),
         ],
     )
     def test_a_malformed_message_is_named(self, encoding, content, said, tmp_path):

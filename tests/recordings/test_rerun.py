@@ -132,6 +132,11 @@ def test_at_given_times_transforms_are_interpolated_and_left_out_where_there_is_
     assert len(transforms_of(found.static["/tf/camera"])) == 1
 
 
+def test_a_rate_covers_the_time_of_all_samples(logged):
+    rows = logged(driving(11), rate=20.0).moving["/tf/odom"]
+    assert np.array([row["stamp"] for row in rows]).tolist() == [BEGIN + i * S // 20 for i in range(21)]
+
+
 def test_chosen_frames_have_axes_and_those_above_them_are_only_placed(logged):
     buffer = driving()
     buffer.set_transforms_cdr(raw(Sent(0, "/tf", [Tf("map", "other", BEGIN)])), "test")
@@ -146,6 +151,12 @@ def test_the_root_of_the_largest_tree_stands_still_unless_another_frame_is_chose
     buffer.set_transforms_cdr(raw(Sent(0, "/tf", [Tf("a", "b", BEGIN)])), "test")
     assert the(logged(buffer).static["/tf"][0], "frame") == "map"
     assert the(logged(buffer, origin="base").static["/tf"][0], "frame") == "base"
+
+
+def test_another_root_is_the_path_above_all(logged):
+    found = logged(driving(), root="robots/one")
+    assert set(found.moving) == {"/robots/one/odom", "/robots/one/base"}
+    assert "/robots/one" in found.static
 
 
 def test_the_current_recording_is_logged_to(tmp_path):

@@ -182,6 +182,16 @@ def test_xacro_that_was_not_expanded_is_named(text):
         urdf.load(text)
 
 
+def test_a_file_that_is_not_one_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        urdf.load(tmp_path / "none.urdf")
+    path = tmp_path / "broken.urdf"
+    path.write_bytes(b"\x89PNG")
+    with pytest.raises(urdf.UrdfError) as refused:
+        urdf.load(path)
+    assert str(refused.value).startswith(f"{path}: not XML: ")
+
+
 # Recordings.
 
 

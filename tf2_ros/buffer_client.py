@@ -114,7 +114,7 @@ class GoalSender:
         self._name = _resolved(node, ns)
         self.process = os.getpid()
         self._pending: set[PendingGoal] = set()
-        self._closed = self._ended = False
+        self._ended = False
         self._node = hidden = hidden_node(
             "_buffer_client_impl",
             self,
@@ -154,17 +154,13 @@ class GoalSender:
         for deadline_ns in (pending.deadline_ns, pending.last_ns):
             if deadline_ns is not None:
                 deadlines.add(deadline_ns, pending)
-        if not self.alive():
-            self._fail_at_end(pending)
+        if self._ended:
+            self._end_goal(pending, self._end_error(pending))
         return pending
-
-    def alive(self) -> bool:
-        """Whether pending goals will still get an outcome."""
-        return not self._closed and not self._ended
 
     def state(self) -> str:
         """Describe the action, and how many goals have no outcome yet."""
-        goals = counted(len(self._pending), "pending lookup") if self.alive() else "ended"
+        goals = "ended" if self._ended else counted(len(self._pending), "pending lookup")
         goals = FORKED if is_inherited(self.process) else goals
         return f"action {printable(self._name)}, {goals}"
 
@@ -179,24 +175,20 @@ class GoalSender:
 
         :param wait: until the thread has ended. Not from a finalizer, see ``Spinner.stop``.
         """
-        if self._closed or is_inherited(self.process):
-            return
-        self._closed = True
-        self._spinner.stop(wait=wait)
-        for pending in list(self._pending):
-            self._fail_at_end(pending)
+        if not self._ended and not is_inherited(self.process):
+            self._ended = True
+            self._spinner.stop(wait=wait)
 
     def _tf2_check(self) -> None:
         """End with the node of the client."""
         node = self._owner_node()
-        if not self._closed and (node is None or node_has_ended(node)):
+        if node is None or node_has_ended(node):
             self.close(wait=False)
 
     def _end(self) -> None:
         self._ended = True
         for pending in list(self._pending):
-            self._fail_at_end(pending)
-            self._cancel_in_server(pending)
+            self._end_goal(pending, self._end_error(pending))
         self._queue.close("the client has ended")
         self.action_client.destroy()
         self._node.destroy_node()
@@ -220,41 +212,38 @@ class GoalSender:
         if self._ended or pending.over():
             return
         try:
-            self._step(pending, self.action_client.server_is_ready())
+            problem = self._step(pending, self.action_client.server_is_ready())
         except RuntimeError:
             # Without a context nothing can be sent; after its shutdown no outcome is expected.
             if self._node.context.ok():
                 raise
+        else:
+            if problem:
+                self._end_goal(pending, pending.error(problem))
 
-    def _step(self, pending: PendingGoal, server_is_ready: bool) -> None:
-        if pending.request is None:
+    def _step(self, pending: PendingGoal, server_is_ready: bool) -> str:
+        """Return why the goal fails now, if it does."""
+        request: Any = pending.request
+        if request is None:
             if server_is_ready:
                 self._await_response(pending, pending.send_to(self.action_client))
             elif _is_past(pending.deadline_ns):
-                text = f"The buffer server is not ready: no server of [{self._name}] was found."
-                self._give_up(pending, text)
-        elif not pending.request.done():
+                return f"The buffer server is not ready: no server of [{self._name}] was found."
+        elif not request.done():
+            server = f"The buffer server [{self._name}]"
             if not server_is_ready:
-                text = f"The buffer server [{self._name}] went away before it answered."
-                self._give_up(pending, text)
-            elif _is_past(pending.last_ns):
-                text = f"The buffer server [{self._name}] did not answer in time."
-                self._give_up(pending, f"{text} Something is likely wrong there.")
+                return f"{server} went away before it answered."
+            if _is_past(pending.last_ns):
+                return f"{server} did not answer in time. Something is likely wrong there."
         elif pending.handle is not None:
             self._pending.discard(pending)
-            pending.set_result(pending.request.result())
+            pending.set_result(request.result())
+        elif request.result().accepted:
+            pending.handle = request.result()
+            self._await_response(pending, pending.handle.get_result_async())
         else:
-            handle: Any = pending.request.result()
-            if handle.accepted:
-                pending.handle = handle
-                self._await_response(pending, handle.get_result_async())
-            else:
-                text = "The buffer server refused the goal. Something is likely wrong with it."
-                self._give_up(pending, text)
-
-    def _give_up(self, pending: PendingGoal, text: str) -> None:
-        self._fail(pending, pending.error(text))
-        self._cancel_in_server(pending)
+            return "The buffer server refused the goal. Something is likely wrong with it."
+        return ""
 
     def _await_response(self, pending: PendingGoal, request: Future) -> None:
         pending.request = request
@@ -263,24 +252,22 @@ class GoalSender:
     def abandon(self, pending: PendingGoal) -> None:
         """Cancel a goal, unless it is over."""
         if not self._ended and not pending.over():
-            self._pending.discard(pending)
-            pending.cancel()
-            self._cancel_in_server(pending)
+            self._end_goal(pending, None)
 
-    def _cancel_in_server(self, pending: PendingGoal) -> None:
+    def _end_goal(self, pending: PendingGoal, error: TimeoutException | None) -> None:
+        """End a goal with this error, or cancel it; the server need not answer it any more."""
+        self._pending.discard(pending)
+        if error is None:
+            pending.cancel()
+        else:
+            pending.set_exception(error)
         with suppress(RuntimeError):  # the context was shut down
             pending.cancel_in_server()
 
-    def _fail_at_end(self, pending: PendingGoal) -> None:
+    def _end_error(self, pending: PendingGoal) -> TimeoutException:
         if context_was_shut_down(self._node.context):
-            waited_ns = time.monotonic_ns() - pending.begin_ns
-            self._fail(pending, TimeoutException(errors.shut_down(waited_ns)))
-        else:
-            self._fail(pending, pending.error("The buffer client was destroyed."))
-
-    def _fail(self, pending: PendingGoal, error: TimeoutException) -> None:
-        self._pending.discard(pending)
-        pending.set_exception(error)
+            return TimeoutException(errors.shut_down(time.monotonic_ns() - pending.begin_ns))
+        return pending.error("The buffer client was destroyed.")
 
 
 def _is_past(steady_ns: int | None) -> bool:
@@ -341,9 +328,7 @@ class BufferClient(AnsweringInterface):
         weakref.finalize(self, self._tf2_goal_sender.close, wait=False).atexit = False
 
     def __repr__(self) -> str:
-        sender = self.__dict__.get("_tf2_goal_sender")
-        state = "not initialised" if sender is None else sender.state()
-        return f"<{class_name(type(self))}: {state}>"
+        return f"<{class_name(type(self))}: {self._tf2_goal_sender.state()}>"
 
     def destroy(self) -> None:
         """End the client; pending lookups raise a TimeoutException. May be called again."""

@@ -222,7 +222,7 @@ class TestWithoutServer:
     def test_a_shutdown_that_wakes_nobody_ends_its_thread(self, tf2_ros, node):
         client = tf2_ros.BufferClient(node, "lookup")
         shut_down_at_sleep(client._tf2_goal_sender._queue)
-        until(lambda: not client._tf2_goal_sender.alive())
+        until(lambda: client._tf2_goal_sender._ended)
 
     def test_its_thread_ends_although_a_response_has_just_arrived(self, tf2_ros, node):
         client = tf2_ros.BufferClient(node, "ending_lookup")
@@ -306,7 +306,6 @@ class TestThreads:
             client = tf2_ros.BufferClient(node, given)
             assert repr(client) == f"<tf2_ros.BufferClient: action {expected}, 0 pending lookups>"
             client.destroy()
-        assert repr(type(client).__new__(type(client))) == "<tf2_ros.BufferClient: not initialised>"
 
 
 @pytest.mark.ours

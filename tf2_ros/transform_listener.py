@@ -7,7 +7,7 @@ from tf2_ros_cython import _requirement  # noqa: F401
 
 import os
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
@@ -33,6 +33,8 @@ from tf2_ros.buffer import SETTERS, Buffer
 from tf2_ros.records import Recording
 
 if TYPE_CHECKING:
+    from typing_extensions import Self
+
     from tf2_ros._shared.attachment import Attachment
 
 __all__ = ["DEFAULT_STATIC_TF_TOPIC", "DEFAULT_TF_TOPIC", "TransformListener"]
@@ -40,8 +42,6 @@ _names.offer(globals())
 
 DEFAULT_TF_TOPIC = "/tf"
 DEFAULT_STATIC_TF_TOPIC = "/tf_static"
-
-_Listener = TypeVar("_Listener", bound="TransformListener")
 
 
 class TransformSink(Protocol):
@@ -145,6 +145,7 @@ class TransformListener:
         self._tf2_owns_node = node is None
         keep_in_children(self.node)
         self.group = ListenerGroup()
+        # Static transforms come last, and are taken first, because others may need them.
         topics = [
             Topic("tf_sub", "callback", tf_topic, qos, is_static=False),
             Topic("tf_static_sub", "static_callback", tf_static_topic, static_qos, is_static=True),
@@ -212,7 +213,7 @@ class TransformListener:
         # The collector runs in any thread, inside any function, so it must not wait.
         self.__end(waits=False)
 
-    def __enter__(self: _Listener) -> _Listener:
+    def __enter__(self) -> "Self":
         return self
 
     def __exit__(self, *_: object) -> None:

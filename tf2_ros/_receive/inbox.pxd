@@ -52,11 +52,10 @@ cdef struct State:
     uint32_t needs_report       # atomic: `reports` may hold something
     Watcher* watcher            # or NULL
     # Guarded by the lock of all inboxes.
-    bint is_closed
     # Takes and inserts at most this many messages. Returns how many.
     size_t (*take)(State* inbox, size_t most) noexcept nogil
     void* source                # `data` of the Source, for `take`
-    void* engine                # NULL: it was destroyed
+    void* engine                # NULL: there is none, and nothing is taken
     Parcel* parcel              # for the next message
     Parcel* spare               # takes its place if the message is kept; NULL: not allocated yet
     Parcels reports             # messages with something to report

@@ -266,7 +266,7 @@ cdef void inbox_refuse(State* inbox, size_t topic, const char* problem) noexcept
 cdef bint _take(State* inbox, size_t most) noexcept nogil:
     # Inserts at most this many messages; returns whether more may be left.
     cdef size_t taken
-    if inbox.is_closed or inbox.engine == NULL:
+    if inbox.engine == NULL:
         word_store(&inbox.pending, 0)
         return False
     # First this, then the messages: `inbox_arrived` is called after its message has arrived. Until they are
@@ -416,7 +416,7 @@ cdef class Inbox(ReadHook):
     cdef void _discharge(self) noexcept:
         # No thread uses it from here on.
         cdef State** link = &_first
-        if self._state.is_closed or self._source is None:
+        if self._source is None:
             return
         self._source.silence()
         lock_acquire(&_lock)
@@ -424,7 +424,6 @@ cdef class Inbox(ReadHook):
             link = &link[0].next
         if link[0] != NULL:
             link[0] = self._state.next
-        self._state.is_closed = True
         lock_release(&_lock)
 
     cdef void engine_ended(self) noexcept:
@@ -526,13 +525,12 @@ cdef class Inbox(ReadHook):
 
         A thread of the parent may have been changing it.
         """
-        cdef bint was_open = not self._state.is_closed
+        cdef bint has_received = self._state.engine != NULL
         keep_for_ever(self)
-        self._state.is_closed = True
         self._state.engine = NULL
         self.pending = &self._state.pending
         word_store(self.pending, 0)
-        return was_open
+        return has_received
 
     cdef int _report(self, Engine engine, Parcels* parcels) except -1:
         cdef Parcel* parcel = parcels.first

@@ -85,27 +85,21 @@ def _start(name: str, target: Callable[[], None]) -> None:
 
 
 def _report() -> None:
-    for owner in _owners:
-        try:
-            owner.inbox.report_pending()
-        except Exception:
-            log.logger("tf2_ros").error(
-                f"Exception while handling received transforms: {traceback.format_exc()}"
-            )
-    _check()
-
-
-def _check() -> None:
     global _checked_at
+    for owner in _owners:
+        _call(owner.inbox.report_pending)
     now = time.monotonic()
-    if now - _checked_at < CHECK_S:
-        return
-    _checked_at = now
-    for checked in _checked:
-        try:
-            checked._tf2_check()
-        except Exception:
-            log.logger("tf2_ros").error(f"In a regular check: {traceback.format_exc()}")
+    if now - _checked_at >= CHECK_S:
+        _checked_at = now
+        for checked in _checked:
+            _call(checked._tf2_check)
+
+
+def _call(work: Callable[[], None]) -> None:
+    try:
+        work()
+    except Exception:
+        log.logger("tf2_ros").error(f"In the thread that reports: {traceback.format_exc()}")
 
 
 @atexit.register

@@ -89,7 +89,7 @@ class Receiver:
         buffer = None if listener is None else listener._tf2_direct_buffer()
         if buffer is None:
             self._leave_to_executors()
-        elif not self.inbox.fills(buffer):
+        elif self._topics and not self.inbox.fills(buffer):
             self.inbox.fill(buffer)
             clock = getattr(buffer, "clock", None)
             if isinstance(clock, ROSClock):

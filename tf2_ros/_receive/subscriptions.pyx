@@ -212,7 +212,7 @@ cdef class Subscriptions(Source):
     def subscribe(self, TopicArrivals topic not None, uses, subscription, str name not None, bint is_static,
                   uint32_t depth):
         """
-        Receive on a topic, once. Static transforms are taken first, because others may need them.
+        Receive on a topic, once. Of several topics the last one is taken first.
 
         :param uses: keeps the subscription; closed when its address is not used any more.
         :param subscription: address of an ``rcl_subscription_t``.
@@ -220,7 +220,6 @@ cdef class Subscriptions(Source):
         :raises RuntimeError: the middleware does not report arrivals.
         """
         cdef Arrivals* arrivals = &topic._arrivals
-        cdef Arrivals** link = &self._subscribed.first
         self._topics.append(topic)
         self.names.append(name)
         topic._uses = uses
@@ -230,10 +229,8 @@ cdef class Subscriptions(Source):
         arrivals.threshold = max(min(<uint32_t>THRESHOLD, depth // QUEUE_SHARE), 1)
         arrivals.inbox = self.inbox
         arrivals.subscription = <const rcl_subscription_t*><uintptr_t>subscription
-        while link[0] != NULL and (link[0].is_static or not is_static):
-            link = &link[0].following
-        arrivals.following = link[0]
-        link[0] = arrivals
+        arrivals.following = self._subscribed.first
+        self._subscribed.first = arrivals
         inboxes_unlock()
         # Without the lock: what has arrived is reported at once.
         if rcl_subscription_set_on_new_message_callback(

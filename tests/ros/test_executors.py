@@ -185,17 +185,6 @@ class TestSpinOnce:
         assert task.result() == "there"
         sender.join()
 
-    def test_other_work_is_not_kept_waiting(self, listener, node, executor, peer):
-        """By messages in the queue, where each call of spin_once has another timeout."""
-        publisher, ticks, timeouts = peer(), [], itertools.count(1)
-        timer = node.create_timer(0.001, lambda: ticks.append(1))
-        for n in range(1, 51):
-            publisher.send(("map", "robot", n * S, 1))
-        for _ in range(20):
-            until(timer.is_ready)
-            executor.spin_once(timeout_sec=1 + 0.001 * next(timeouts))
-        assert len(ticks) >= 10
-
 
 class TestCallbacksOfFutures:
     def test_they_have_run_when_spinning_for_the_future_ends(self, ros, buffer, listener, node, peer):
@@ -355,14 +344,6 @@ class TestProgramsOfTheirOwnKind:
         tf2_ros.TransformBroadcaster(node).sendTransform(transform("map", "robot", 1))
         sent = node.create_publisher.return_value.publish.call_args.args[0]
         assert sent.transforms[0].child_frame_id == "robot"
-
-    def test_no_parameter_is_declared(self, tf2_ros, node):
-        from rcl_interfaces.msg import SetParametersResult
-
-        node.add_on_set_parameters_callback(lambda _: SetParametersResult(successful=False, reason="mine"))
-        tf2_ros.TransformListener(tf2_ros.Buffer(node=node), node)
-        tf2_ros.TransformBroadcaster(node)
-        tf2_ros.StaticTransformBroadcaster(node)
 
     def test_the_graph_shows_what_tf2_shows(self, tf2_ros, new_node):
         def seen():

@@ -162,8 +162,6 @@ cdef void _free_parcels(Parcels* parcels) noexcept:
             link = link.next
         _free_parcel(parcel)
         parcel = next_parcel
-    parcels.first = parcels.last = NULL
-    parcels.count = 0
 
 
 cdef bint inbox_has_parcel(State* inbox) noexcept nogil:
@@ -313,21 +311,17 @@ cdef void _serve_all(bint is_round) noexcept nogil:
         is_rest = True
 
 
-cdef void _run() noexcept nogil:
-    cdef int64_t now_ns
-    cdef int64_t round_ns = 0           # when the next round is due
-    while not word_load(&_is_stopping):
-        now_ns = monotonic_ns()
-        _serve_all(now_ns >= round_ns)
-        if now_ns >= round_ns:
-            round_ns = now_ns + ROUND_NS
-        _signal_wait(&_work, round_ns - monotonic_ns())
-
-
 def run_inboxes():
     """Drain the inboxes of the process when that is due, without the GIL, until :func:`stop_inboxes`."""
+    cdef int64_t now_ns
+    cdef int64_t round_ns = 0           # when the next round is due
     with nogil:
-        _run()
+        while not word_load(&_is_stopping):
+            now_ns = monotonic_ns()
+            _serve_all(now_ns >= round_ns)
+            if now_ns >= round_ns:
+                round_ns = now_ns + ROUND_NS
+            _signal_wait(&_work, round_ns - monotonic_ns())
 
 
 def run_reports(report):

@@ -36,11 +36,7 @@ LONGEST = 60  # characters of a name
 
 def label(text: str, longest: int = LONGEST) -> str:
     """Escape unprintable characters, and remove the middle of a text that is too long."""
-    # Shorten before escaping: a name may be as long as a message.
-    half = longest // 2
-    if len(text) > longest:
-        text = f"{text[:half]}…{text[-half:]}"
-    shown = printable(text)
+    shown, half = printable(text), longest // 2
     return shown if len(shown) <= longest + 1 else f"{shown[:half]}…{shown[-half:]}"
 
 

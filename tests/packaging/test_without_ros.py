@@ -119,7 +119,7 @@ class TestNames:
 def test_what_is_about_recordings_loads(world):
     of_recordings = r"tf2_ros\.(numpy|records)|tf2_ros_tools(\.\w+)*"
     names = [name for name in modules() if re.fullmatch(of_recordings, name)]
-    for of_nodes in ("listening", "relaying", "screen", "state_publisher"):
+    for of_nodes in ("listening", "relay", "screen", "state_publisher"):
         names.remove(f"tf2_ros_tools.{of_nodes}")
     assert "tf2_ros_tools.streams" in names and "tf2_ros_tools.programs.tf2_bag" in names
     world.does(f"""

@@ -22,8 +22,7 @@ from tf2_py import BufferCore
 from tf2_ros import Buffer, TransformListener
 from tf2_ros.records import MessageSource, Recording, insert_messages
 from tf2_ros_tools.program import UsageError
-from tf2_ros_tools.relay import ALL_RATE, Relay, Rule, Threshold, read_rules
-from tf2_ros_tools.relaying import Source, pose_message
+from tf2_ros_tools.relay import ALL_RATE, Relay, Rule, Source, Threshold, pose_message, read_rules
 
 pytestmark = pytest.mark.ours
 

@@ -49,7 +49,7 @@ def relay(options: Namespace) -> int:
     from tf2_ros_tools.listening import spun_node
 
     # isort: split
-    from tf2_ros_tools.relaying import Relaying
+    from tf2_ros_tools.relay import Relaying
 
     with spun_node("tf2_relay", options) as node, ExitStack() as stack:
         relaying = Relaying(node, options.rules, options.dry_run, stack)

@@ -43,9 +43,6 @@ NOT_HERE = {
     "tests/ros/test_shared_owners.py::test_a_file_that_is_truncated_is_left": "damages what the build checks",
     "tests/core/test_refusals.py::test_many_messages_share_the_lines_of_a_second": "a slow build does "
     "not finish within a second",
-    "tests/core/test_travel.py::test_checking_a_state_leaves_no_memory_behind": "freed memory is kept",
-    "tests/core/test_travel.py::test_a_state_that_needs_too_much_memory_changes_nothing": "limits address "
-    "space",
     "tests/core/test_memory.py::test_buffers_give_their_memory_back": "freed memory is kept",
     "tests/core/test_pinned.py::test_memory_that_was_read_is_given_back": "freed memory is kept",
 }
@@ -55,7 +52,7 @@ core/test_engine_forking core/test_frames core/test_limits core/test_lookup core
 core/test_plain_buffer core/test_series core/test_threads core/test_travel core/test_waiters
 core/test_waiters_random programs/test_recording ros/test_buffer ros/test_buffer_client
 ros/test_buffer_server ros/test_executors ros/test_forking ros/test_message_filter
-ros/test_message_stream ros/test_rclpy_inside ros/test_receiver ros/test_reception ros/test_shared_listening
+ros/test_rclpy_inside ros/test_receiver ros/test_reception ros/test_shared_listening
 ros/test_shared_owners ros/test_shared_reading ros/test_starvation ros/test_transform_listener
 ros/test_waiting ros/test_waiting_random
 """.split()

@@ -11,24 +11,15 @@ from pathlib import Path
 
 def missing_tools(environ=os.environ):
     """List what the build needs and pip cannot install, with advice, one line each."""
-    missing = missing_of_python()
+    missing = []
+    if os.name != "posix":
+        missing.append("no POSIX system: use Linux, or WSL on Windows")
     command = environ.get("CC") or sysconfig.get_config_var("CC") or "gcc"
     program = shlex.split(command)[0]
     if not shutil.which(program, path=environ.get("PATH")):
         missing.append(f"no C compiler ({program}): install gcc")
     if not Path(sysconfig.get_path("include"), "Python.h").is_file():
         missing.append("no headers of this Python: install its development package, python3-dev on Debian")
-    return missing
-
-
-def missing_of_python():
-    """List what this Python or its system lacks, one line each."""
-    missing = []
-    if sys.implementation.name != "cpython":
-        name = sys.implementation.name
-        missing.append(f"no CPython: this is {name}, whose objects have another memory layout")
-    if os.name != "posix":
-        missing.append("no POSIX system: use Linux, or WSL on Windows")
     return missing
 
 

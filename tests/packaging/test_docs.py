@@ -42,7 +42,14 @@ def test_every_block_is_found(page):
 # Programs: in a process of their own, with rclpy, on the ROS domain of this test run.
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if program(page)], ids=lambda page: page.name)
+def with_a_program():
+    """The pages that have one; that of recordings starts workers and viewers."""
+    long = pytest.mark.long("processes many recordings")
+    for page in filter(program, PAGES):
+        yield pytest.param(page, id=page.name, marks=[long] if page.name == "recordings.md" else [])
+
+
+@pytest.mark.parametrize("page", with_a_program())
 def test_the_programs_of_a_page_run_and_print_what_it_says(page, tmp_path):
     if page.name == "recordings.md":
         for library in ("pyarrow", "distributed", "rerun"):
@@ -66,6 +73,7 @@ def test_the_tests_of_a_page_pass(code, tmp_path):
     run([sys.executable, "-m", "pytest", "--rootdir", tmp_path, "test_page.py"], tmp_path)
 
 
+@pytest.mark.long("waits for discovery, twice")
 @pytest.mark.parametrize("command", ["view_frames --text", "tf2_echo map camera"])
 def test_the_programs_show_the_first_robot_as_the_page_says(command, tmp_path):
     page = ROOT / "docs" / "getting-started.md"
@@ -185,13 +193,6 @@ def test_links_lead_somewhere(page):
         target = page.parent / path if path else page
         assert target.exists(), link
         assert not anchor or anchor in anchors(target), link
-
-
-@by_name
-def test_a_page_is_linked_from_the_readme_or_the_index(page):
-    entries = (ROOT / "README.md", ROOT / "docs" / "index.md")
-    links = [(entry.parent / link).resolve() for entry in entries for link in LINK.findall(prose(entry))]
-    assert page in (*entries, *links)
 
 
 INTERNALS = ROOT / "docs" / "internals.md"

@@ -1,6 +1,5 @@
 """The direction of imports: the table in docs/internals.md, and what the sources import and cimport."""
 
-import ast
 import re
 import runpy
 import sys
@@ -113,30 +112,6 @@ def test_underscored_modules_of_another_package_are_used_only_where_the_table_op
         return underscored and not may_use_it
 
     assert found(is_private) == []
-
-
-def test_the_tools_use_public_names_only():
-    def used_of_others(node):
-        if isinstance(node, ast.ImportFrom) and ours(node.module):
-            return [*node.module.split("."), *(one.name for one in node.names)]
-        if isinstance(node, ast.Import):
-            return [part for one in node.names for part in one.name.split(".")]
-        if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") not in ("self", "cls"):
-            return [node.attr]
-        return []
-
-    def is_private(name):
-        return name.startswith("_") and not name.endswith("__") and name not in ("_asdict", "_replace")
-
-    private = {
-        (module, name)
-        for module, paths in modules().items()
-        if is_within(module, "tf2_ros_tools")
-        for node in ast.walk(ast.parse(paths[0].read_text(encoding="utf-8")))
-        for name in used_of_others(node)
-        if is_private(name)
-    }
-    assert private == set()
 
 
 def opened():

@@ -98,15 +98,6 @@ def test_missing_compilers_are_named_with_what_to_install(tmp_path):
         environment.refuse_incomplete({"PATH": str(tmp_path)})
 
 
-def test_messages_that_are_not_built_say_what_to_do(tmp_path):
-    project = messages_copy(tmp_path / "project")
-    ended = subprocess.run(
-        [sys.executable, "-c", "import tf2_msgs"], cwd=project / "src", capture_output=True, text=True
-    )
-    [error] = [line for line in ended.stderr.splitlines() if line.startswith("ImportError: ")]
-    assert f"it is not built in {project / 'src' / 'tf2_msgs'}: install it with pip" in error
-
-
 def test_sources_hold_nothing_that_a_build_has_made(tmp_path):
     project = messages_copy(tmp_path / "project")
     package = project / "src" / "tf2_msgs"

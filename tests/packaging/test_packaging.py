@@ -4,12 +4,10 @@ import importlib
 import importlib.metadata
 import importlib.util
 import os
-import re
 import subprocess
 import sys
 import tarfile
 import zipfile
-from types import SimpleNamespace
 
 import pytest
 from installing import backend_at, checkout_copy
@@ -62,21 +60,6 @@ def test_another_cython_is_refused_with_what_to_install(monkeypatch, tmp_path, i
         environment.refuse_other_cython()
 
 
-@pytest.mark.parametrize(
-    ("mocked", "said"),
-    [
-        ((sys, "implementation", SimpleNamespace(name="pypy")), "no CPython: this is pypy"),
-        ((os, "name", "nt"), "no POSIX system: use Linux, or WSL on Windows"),
-    ],
-    ids=["PyPy", "Windows"],
-)
-def test_a_python_that_the_extensions_cannot_run_in_is_refused(monkeypatch, mocked, said):
-    with monkeypatch.context() as patched:
-        patched.setattr(*mocked)
-        [missing] = environment.missing_of_python()
-    assert missing.startswith(said)
-
-
 def test_an_old_python_is_refused_before_setuptools_is_asked(monkeypatch):
     monkeypatch.setattr(sys, "version_info", (3, 9, 18, "final", 0))
     monkeypatch.setitem(sys.modules, "setuptools", None)
@@ -90,15 +73,6 @@ def test_numpy_is_all_that_an_install_without_extras_needs():
     assert {"ros", "ros-kilted", "test", "dev"} <= set(
         importlib.metadata.metadata("tf2-ros-cython").get_all("Provides-Extra")
     )
-
-
-def test_dev_extra_holds_what_the_build_requires():
-    """`make build` runs without isolation, so that the two lists must not drift apart."""
-    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    required = re.findall(r'"([^";]+); python_version', text.split("[project]")[0])
-    [dev] = re.findall(r"^dev = \[(.*)\]", text, re.MULTILINE)
-    assert required
-    assert set(required) <= set(re.findall(r'"([^"]+)"', dev))
 
 
 def test_source_distribution_holds_what_a_build_needs(monkeypatch, tmp_path):
@@ -115,6 +89,7 @@ def test_source_distribution_holds_what_a_build_needs(monkeypatch, tmp_path):
     assert not [name for name in held if name.endswith((".so", ".c", ".cpp"))]
 
 
+@pytest.mark.long("builds three wheels")
 def test_wheel_holds_the_same_wherever_it_is_built(tmp_path, prefix):
     """Nothing of an earlier build, and nothing that depends on a ROS 2, nor on the choice of one."""
     project = checkout_copy(tmp_path / "project")
@@ -167,20 +142,3 @@ def test_a_checkout_that_is_not_built_says_what_to_do(tmp_path, package):
     assert f" is missing: {project} is not built for Python " in error
     assert "`make build` there" in error and "cd elsewhere" in error
     assert "During handling" not in ended.stderr
-
-
-def test_tf2_which_says_that_a_checkout_that_is_not_built_hides_an_installation(tmp_path):
-    project = checkout_copy(tmp_path / "project")
-    installed = tmp_path / "installed" / "tf2_py"
-    installed.mkdir(parents=True)
-    (installed / "__init__.py").touch()
-    hint = f", and hides the tf2_py in {installed.parent}. cd elsewhere, or run `make build` there"
-    ended = subprocess.run(
-        [sys.executable, "-m", "tf2_ros_cython"],
-        cwd=project,
-        env=without_editable_installs(installed.parent),
-        capture_output=True,
-        text=True,
-    )
-    assert ended.returncode == 1
-    assert hint in ended.stdout + ended.stderr

@@ -17,7 +17,7 @@ import pytest
 from paths import ROOT
 from sources import extensions
 
-pytestmark = pytest.mark.ours
+pytestmark = [pytest.mark.ours, pytest.mark.long("compiles all extensions")]
 
 # C's atexit does not pass on the exit status; where the C library has nothing else, it does without.
 OF_GLIBC = {"tf2_ros._rcl"}

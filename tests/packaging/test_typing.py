@@ -143,43 +143,6 @@ def test_the_programs_of_the_documentation_are_accepted(errors):
     ] == []
 
 
-A_NODE = """\
-import rclpy
-from geometry_msgs.msg import PointStamped
-from rclpy.node import Node
-from rclpy.time import Time
-from std_srvs.srv import Trigger
-from tf2_ros import Buffer, TransformListener
-
-
-class Finder(Node):
-    def __init__(self) -> None:
-        super().__init__("finder")
-        self.buffer = Buffer(node=self)
-        self.listener = TransformListener(self.buffer, self)
-        self.create_subscription(PointStamped, "point", self.on_point, 10)
-        self.create_service(Trigger, "find", self.find)
-
-    def on_point(self, point: PointStamped) -> None:
-        self.get_logger().info(str(self.buffer.transform(point, "map").point.x))
-
-    async def find(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        await self.buffer.lookup_transform_async("map", "base_link", Time(), timeout=1.0)
-        return response
-
-
-rclpy.init()
-rclpy.spin(Finder())
-"""
-
-
-def test_a_node_is_accepted_with_the_settings_of_the_page_and_not_without(folder, tmp_path):
-    for place, accepted in ((folder, True), (tmp_path, False)):
-        (place / "node.txt").write_text(A_NODE)  # not one of the programs
-        ended = run(place, "mypy", "--cache-dir=cache", *([] if accepted else ["--strict"]), "node.txt")
-        assert (ended.returncode == 0) == accepted, ended.stdout + ended.stderr
-
-
 def test_mistakes_are_found_and_nothing_else(request, errors):
     lines = (TYPED / MISTAKES).read_text(encoding="utf-8").splitlines()
     wrong = {number: line for number, line in enumerate(lines, 1) if "# wrong" in line}

@@ -1,6 +1,5 @@
 """Read the project's sources: modules, their imports and cimports, and the names they define."""
 
-import ast
 import re
 import sys
 from collections.abc import Iterator
@@ -70,44 +69,25 @@ def extensions() -> list[str]:
 
 def imports(path: Path) -> list[Import]:
     """What a file imports and cimports, anywhere in it; relative names are made absolute."""
-    text = path.read_text(encoding="utf-8")
-    read = imports_by_ast if path.suffix in (".py", ".pyi") else imports_by_text
     parent = list(path.relative_to(ROOT).parent.parts)
     return [
         Import(module, line, is_cimport)
-        for name, names, line, is_cimport in read(text)
+        for name, names, line, is_cimport in statements(path.read_text(encoding="utf-8"))
         for module in _absolute(name, names, parent)
     ]
 
 
-Statement = tuple[str, tuple[str, ...], int, bool]
-
-
-def imports_by_ast(text: str) -> Iterator[Statement]:
-    """The import statements of Python: module, names taken from it, line, False."""
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Import):
-            for alias in node.names:
-                yield alias.name, (), node.lineno, False
-        elif isinstance(node, ast.ImportFrom):
-            names = tuple(alias.name for alias in node.names)
-            yield "." * node.level + (node.module or ""), names, node.lineno, False
-
-
-def imports_by_text(text: str) -> Iterator[Statement]:
-    """The import and cimport statements of Cython: module, names taken from it, line, whether a cimport."""
-
-    def line_of(code: str, position: int) -> int:
-        return 1 + code.count("\n", 0, position) + code.count("\f", 0, position)
-
+def statements(text: str) -> Iterator[tuple[str, tuple[str, ...], int, bool]]:
+    """The import and cimport statements: module, names taken from it, line, whether a cimport."""
     code = code_of(text).replace("\\\n", "\f")
-    for found in _FROM.finditer(code):
-        line = line_of(code, found.start())
-        yield found["module"], _names(found["names"]), line, found["kind"] == "cimport"
-    for found in _PLAIN.finditer(code):
-        line = line_of(code, found.start())
-        for name in _names(found["names"]):
-            yield name, (), line, found["kind"] == "cimport"
+    for pattern in (_FROM, _PLAIN):
+        for found in pattern.finditer(code):
+            line = 1 + code.count("\n", 0, found.start()) + code.count("\f", 0, found.start())
+            is_cimport, names = found["kind"] == "cimport", _names(found["names"])
+            if pattern is _FROM:
+                yield found["module"], names, line, is_cimport
+            else:
+                yield from ((name, (), line, is_cimport) for name in names)
 
 
 def code_of(text: str) -> str:

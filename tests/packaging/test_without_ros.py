@@ -96,12 +96,6 @@ class TestNames:
         for code in (f"import {module}", f"from {parent} import {name}" if parent else f"import {module}"):
             assert " needs ROS 2, and no rclpy is found by " in world.lacks(code)
 
-    def test_what_never_was_is_an_attribute_error(self, world):
-        for module in ("tf2_ros", "tf2_ros.buffer"):
-            said = world.lacks(f"import {module} as module; module.nothing")
-            assert said == f"AttributeError: module {module!r} has no attribute 'nothing'"
-            assert world.lacks(f"from {module} import nothing").startswith("ImportError: cannot import name")
-
 
 def test_what_is_about_recordings_loads(world):
     of_recordings = r"tf2_ros\.(numpy|records)|tf2_ros_tools(\.\w+)*"

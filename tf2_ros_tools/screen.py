@@ -5,8 +5,10 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
+from tempfile import TemporaryFile
+from typing import IO
 
 from rich.text import Text
 from textual.app import App, ComposeResult
@@ -23,7 +25,6 @@ INTERVAL_S = 1.0  # between two updates ...
 FRAMES_PER_S = 100  # ... of so many frames; with more of them, updates are less frequent ...
 LONGEST_INTERVAL_S = 3.0  # ... but at least this frequent
 LOG_LINES = 200  # that are kept
-PIPE_BYTES = 65536
 
 
 @dataclass(frozen=True)
@@ -65,41 +66,42 @@ def show_screen(look: Callable[[], Report], source: str) -> int:
     :param look: makes a report of the present state.
     :param source: the topics and the ROS domain, as a phrase.
     """
-    with _terminal_for_textual() as log_reader:
-        screen = _Screen(look, source, log_reader)
+    with _terminal_for_textual() as log_file:
+        screen = _Screen(look, source, log_file)
         screen.run(mouse=False)  # so that the terminal itself selects text
         return screen.return_code or 0
 
 
 @contextmanager
-def _terminal_for_textual() -> Iterator[int | None]:
+def _terminal_for_textual() -> Iterator[IO[bytes]]:
     """
     Let Textual draw on standard output, and keep log lines, which C code writes, from standard error.
 
-    Textual draws on ``sys.__stderr__``, which may be a file. The result is a descriptor for reading what is
-    written to standard error; None if that is not a terminal. The pipe does not block: if it is full, log
-    lines are lost, because the thread that reads them may need the GIL, which the writing thread may hold.
+    Textual draws on ``sys.__stderr__``, which may be a file. The result is a file into which standard error
+    is written, if that is a terminal; what is left in it is written to standard error at the end.
     """
     error_output, draws_on = sys.__stderr__, os.fdopen(os.dup(1), "w", encoding="utf-8")
     sys.__stderr__ = draws_on  # type: ignore[misc]
-    reader = before = None
-    if os.isatty(2):
-        before, (reader, writer) = os.dup(2), os.pipe()
-        os.set_blocking(reader, False)
-        os.set_blocking(writer, False)
-        os.dup2(writer, 2)
-        os.close(writer)
-    try:
-        yield reader
-    finally:
-        if before is not None and reader is not None:
+    before = os.dup(2)
+    with TemporaryFile("a+b") as log_file:
+        if os.isatty(2):
+            os.dup2(log_file.fileno(), 2)
+        try:
+            yield log_file
+        finally:
             os.dup2(before, 2)
             os.close(before)
-            with suppress(BlockingIOError):  # what came at the end, such as a traceback by Textual
-                os.write(2, os.read(reader, PIPE_BYTES))
-            os.close(reader)
-        sys.__stderr__ = error_output  # type: ignore[misc]
-        draws_on.close()
+            os.write(2, _taken(log_file))  # such as a traceback by Textual
+            sys.__stderr__ = error_output  # type: ignore[misc]
+            draws_on.close()
+
+
+def _taken(file: IO[bytes]) -> bytes:
+    """Read a file that others append to, and empty it."""
+    file.seek(0)
+    content = file.read()
+    file.truncate(0)
+    return content
 
 
 class _Screen(App[None]):
@@ -127,12 +129,11 @@ class _Screen(App[None]):
     ]
     ENABLE_COMMAND_PALETTE = False
 
-    def __init__(self, look: Callable[[], Report], source: str, log_reader: int | None) -> None:
+    def __init__(self, look: Callable[[], Report], source: str, log_file: IO[bytes]) -> None:
         super().__init__()
         self._look = look
         self._source = source
-        self._log_reader = log_reader
-        self._log_rest = b""  # the line that is not complete yet
+        self._log_file = log_file
         self._report: Report | None = None
         self._problems: dict[str, list[Finding]] = {}  # by frame
         self._streams: list[Stream] = []  # a row for each
@@ -153,8 +154,6 @@ class _Screen(App[None]):
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self.exit)
-        if self._log_reader is not None:
-            loop.add_reader(self._log_reader, self._read_log)
         # After Ctrl-Z and `fg`, Textual itself would write only what has changed.
         self.app_resume_signal.subscribe(self, lambda _: self.screen.refresh())
         table = self.query_one(DataTable)
@@ -163,16 +162,13 @@ class _Screen(App[None]):
         table.focus()
         self._update()
 
-    def on_unmount(self) -> None:
-        if self._log_reader is not None:
-            asyncio.get_running_loop().remove_reader(self._log_reader)
-
     def _update(self) -> None:
         self._report = self._look()
         self._problems = {}
         for problem in problems(self._report):
             self._problems.setdefault(problem.frame, []).append(problem)
         self._show()
+        self._show_log()
         interval_s = max(INTERVAL_S, len(self._streams) / FRAMES_PER_S)
         self.set_timer(min(interval_s, LONGEST_INTERVAL_S), self._update)
 
@@ -273,16 +269,10 @@ class _Screen(App[None]):
             text.append(f"\n{printable(problem.text)}", style="bold red")
         return text
 
-    def _read_log(self) -> None:
-        assert self._log_reader is not None
-        read = b""
-        with suppress(BlockingIOError):
-            read = os.read(self._log_reader, PIPE_BYTES)
-        *lines, self._log_rest = (self._log_rest + read).split(b"\n")
+    def _show_log(self) -> None:
         log = self.query_one(RichLog)
-        for line in lines:
-            text = printable(Text.from_ansi(line.decode(errors="replace")).plain)
-            log.write(Text(text))
+        for line in _taken(self._log_file).decode(errors="replace").splitlines():
+            log.write(Text(printable(Text.from_ansi(line).plain)))
             log.display = True
 
 

@@ -149,16 +149,16 @@ def find(
     :param no_clock: time is simulated, and has not begun.
     :param where: a phrase that names the topics, for a report that nothing was received.
     """
+    if no_clock:
+        text = "use_sim_time is set, and no time was received on /clock, so nothing is judged"
+        return [Finding("clock", "", text)]
     found = [*_in_the_tree(streams)]
     if jump_back is not None:
         what = "only what was received after that is judged"
         text = f"the clock jumped back by {three_digits(jump_back)} s; {what}"
         found.append(Finding("clock", "", text, {"jump": jump_back}))
-    if no_clock:
-        text = "use_sim_time is set, and no time was received on /clock, so rates and delays are unknown"
-        found.append(Finding("clock", "", text))
     found += _of_other_clocks(streams, "the log times" if recorded else "the clock of this program")
-    if not streams and not no_clock:
+    if not streams:
         which = " that buffers accept" if refused else ""
         text = f"no transform{which} was received{where and f' {where}'}"
         found.append(Finding("nothing", "", text))

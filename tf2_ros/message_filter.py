@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from enum import Enum
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypedDict, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypedDict
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
@@ -52,11 +52,14 @@ WARN_EVERY_S = 15.0
 PASSED, CLEARED = "passed", "cleared"  # what became of a message that was not dropped
 
 if TYPE_CHECKING:
-    from typing_extensions import TypeVarTuple, Unpack
+    from typing_extensions import TypeVar, TypeVarTuple, Unpack
 
+    _Message = TypeVar("_Message", default=Any)
     _More = TypeVarTuple("_More")
-_Message = TypeVar("_Message")
-_Item = TypeVar("_Item")
+else:
+    from typing import TypeVar
+
+    _Message = TypeVar("_Message")
 _Topic = tuple[type[_Message], str, QoSProfile | int]
 _Callback = tuple[Callable[..., object], tuple[Any, ...]]
 
@@ -154,36 +157,10 @@ class MessageFilter(Generic[_Message]):
     True
     """
 
-    # The type of the messages is known from a topic's, or from another MessageFilter's.
-    @overload
     def __init__(
         self,
-        input: "_Topic[_Message] | MessageFilter[_Message]",
-        buffer: Buffer,
-        target_frames: str | Sequence[str],
-        queue_size: int,
-        *,
-        node: Node,
-        buffer_timeout: DurationLike | None = ...,
-        tolerance: DurationLike | None = ...,
-    ) -> None: ...
-
-    @overload
-    def __init__(
-        self: "MessageFilter[Any]",
-        input: _Filter | None,
-        buffer: Buffer,
-        target_frames: str | Sequence[str],
-        queue_size: int,
-        *,
-        node: Node,
-        buffer_timeout: DurationLike | None = ...,
-        tolerance: DurationLike | None = ...,
-    ) -> None: ...
-
-    def __init__(
-        self,
-        input: Any,
+        # The type of the messages is known from a topic's, or from another MessageFilter's.
+        input: "_Topic[_Message] | MessageFilter[_Message] | _Filter | None",
         buffer: Buffer,
         target_frames: str | Sequence[str],
         queue_size: int,
@@ -198,7 +175,7 @@ class MessageFilter(Generic[_Message]):
         self.callbacks: dict[int, _Callback] = {}
         self._failure_callbacks: dict[int, _Callback] = {}
         self._connections = itertools.count()
-        self._streams: LiveObjects[MessageStream[tuple[_Message, TransformStamped]]] = LiveObjects()
+        self._streams: LiveObjects[MessageStream[_Message]] = LiveObjects()
         self._kept: set[Any] = set()  # what awaits a message, and nothing else may refer to
         self._buffer, self._node = buffer, node
         self._queue = callback_queue(node)
@@ -321,9 +298,9 @@ class MessageFilter(Generic[_Message]):
             "waiting": waiting,
         }
 
-    def __aiter__(self) -> "MessageStream[tuple[_Message, TransformStamped]]":
+    def __aiter__(self) -> "MessageStream[_Message]":
         refuse_inherited(self, self._process)
-        stream: MessageStream[tuple[_Message, TransformStamped]] = MessageStream(self._has_ended, self._kept)
+        stream: MessageStream[_Message] = MessageStream(self._has_ended, self._kept)
         self._streams.add(stream)
         if self._closed:
             stream.close()
@@ -524,7 +501,7 @@ class _Queued(WakingFuture[Any]):
             self._filter._ended[kind] += 1
 
 
-class MessageStream(Generic[_Item]):
+class MessageStream(Generic[_Message]):
     """
     An asynchronous iterator over ``items``, which any thread appends; ends, when closed, after the last.
 
@@ -537,7 +514,7 @@ class MessageStream(Generic[_Item]):
     def __init__(self, has_ended: Callable[[], bool], kept: set[Any]) -> None:
         self._has_ended = has_ended
         self._kept = kept
-        self.items: deque[_Item] = deque()
+        self.items: deque[tuple[_Message, TransformStamped]] = deque()
         self._arrival: WakingFuture[None] = WakingFuture(has_ended, kept)  # all that iterate await it
         self._closed = False
 
@@ -550,10 +527,10 @@ class MessageStream(Generic[_Item]):
         self._closed = True
         self.wake()
 
-    def __aiter__(self) -> "MessageStream[_Item]":
+    def __aiter__(self) -> "MessageStream[_Message]":
         return self
 
-    async def __anext__(self) -> _Item:
+    async def __anext__(self) -> tuple[_Message, TransformStamped]:
         while True:
             with LOCK:
                 if self._arrival.done():

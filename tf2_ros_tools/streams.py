@@ -159,10 +159,13 @@ class Streams:
             records = records[start:]
         self._last_ns = int(received[-1])
         early = self._is_early(records)
-        stays = np.ones(len(records), np.bool_) if self._jump is None else ~_left_over(records, *self._jump)
+        if self._jump is not None:
+            stays = ~_left_over(records, *self._jump)
+            records, early = records[stays], early[stays]
         if early.any():
-            self._early = last_of_each(np.concatenate((self._early, records[early & stays])))
-        self._pieces.append(records[~early & stays])
+            self._early = last_of_each(np.concatenate((self._early, records[early])))
+            records = records[~early]
+        self._pieces.append(records)
         if len(self._pieces) >= PIECES:
             self.kept(self._last_ns)
 
@@ -176,6 +179,8 @@ class Streams:
                 first = np.argmax(publishers == publisher)
                 self._settled_ns[publisher] = int(received[first]) + SETTLING_NS
             settled_ns[publisher] = self._settled_ns[publisher]
+        if received.min() >= settled_ns.max():
+            return np.zeros(len(records), np.bool_)
         # The delays of static and of refused transforms have no meaning.
         counts = (records["static"] == 0) & (records["refusals"] == 0)
         early: Mask = counts & (received < settled_ns[publishers])
@@ -230,6 +235,7 @@ class Streams:
         :return: None where the chain is static, or a frame of it has no transform.
         """
         own = _dynamic_of(self.kept(now_ns), children)
+        own = own[np.argsort(own["received_ns"], kind="stable")]
         if not len(own):
             return None
         common = np.full(len(own), np.iinfo(np.int64).max)
@@ -248,15 +254,15 @@ class Streams:
         return float(((oldest - lasts / 2) * lasts).sum() / lasts.sum()), float(oldest.max())
 
     def kept(self, now_ns: int) -> Records:
-        """Join the records that reports at this time, or later, need; in the order of their reception."""
-        self._pieces = [np.concatenate((NO_RECORDS, *self._pieces))]
+        """Join the records that reports at this time, or later, need; of each stream, in their order."""
         records = np.concatenate((self._early, *self._pieces))
+        needed = np.ones(len(records), np.bool_)
         if self._window_ns is not None:
             needed = _needed(records, now_ns - self._window_ns)
-            count = len(self._early)
-            self._early, self._pieces = self._early[needed[:count]], [records[count:][needed[count:]]]
-            records = records[needed]
-        return records[np.argsort(records["received_ns"], kind="stable")]
+        if not needed.all():
+            self._early, records = self._early[needed[: len(self._early)]], records[needed]
+        self._pieces = [records[len(self._early) :]]
+        return records
 
 
 def _left_over(records: Records, before_ns: int, after_ns: int) -> Mask:

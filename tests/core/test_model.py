@@ -10,11 +10,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from model import STAMPS_END, Model, ModelError, S
 from model_links import AUTHORITIES, FRAMES, GOOD_PLACES, GOOD_TURNS, ODD_NAMES, PLACES, TURNS, WAYS
 from model_pair import WAITS, Pair
-from model_steps import as_text, quiet, run, search, shortest
-from rclpy.time import Time
+from model_steps import as_text, quiet, shortest
 from recorded_answers import SCENARIOS, assert_same_answer, assert_same_reason, number
-
-from tf2_ros import Buffer
 
 pytestmark = pytest.mark.ours
 
@@ -107,9 +104,7 @@ class Machine(RuleBasedStateMachine):
             work()
         except Exception as broken:
             text, steps = shortest(self.taken, broken)
-            pytest.fail(
-                f"{text}\nfor `python -m reliability.model --replay`:\n{as_text(steps)}", pytrace=False
-            )
+            pytest.fail(f"{text}\nfor `run` of model_steps.py:\n{as_text(steps)}", pytrace=False)
 
     @initialize(cache_ns=st.sampled_from([10, 10, 0, 3, 10 * S, 2**62]))
     def begin(self, cache_ns):
@@ -181,42 +176,3 @@ TestBufferAndModel.settings = settings(
 def silence():
     with quiet():
         yield
-
-
-# Buffers with faults.
-
-
-class Late(Buffer):
-    def get_latest_common_time(self, target, source):
-        latest_ns = super().get_latest_common_time(target, source).nanoseconds
-        return Time(nanoseconds=latest_ns + 1 if latest_ns > 20 else latest_ns)
-
-
-class Forgetful(Buffer):
-    def _wait(self, *lookup, notify=None):
-        wait = super()._wait(*lookup, notify=notify)
-        if notify is not None:
-            wait.cancel()
-        return wait
-
-
-class Lossy(Buffer):
-    def set_transform_static(self, message, authority):
-        if message.child_frame_id != "d":
-            super().set_transform_static(message, authority)
-
-
-@pytest.mark.parametrize(
-    ("make_buffer", "what", "most_steps"),
-    [
-        (Late, "('latest', ", 3),
-        (Forgetful, "statistics() counts other waiters", 1),
-        (Lossy, "statistics: ", 2),
-    ],
-)
-def test_the_comparison_finds_a_fault_and_what_is_needed_for_it(make_buffer, what, most_steps):
-    _, (broken, steps) = search(3, lambda: False, lambda: Pair(make_buffer))
-    assert what in broken
-    assert len(steps) <= most_steps
-    assert run(steps, lambda: Pair(make_buffer)) == broken.partition(", ")[2]
-    assert run(steps) is None

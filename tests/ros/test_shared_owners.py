@@ -75,7 +75,7 @@ def test_a_reader_of_an_owner_that_is_stopped_neither_hangs_nor_breaks():
     # At any moment: some of these are in the middle of a message.
     chance = random.Random(6)
     with Owner() as owner:
-        owner.tell("run", 0, 60)
+        owner.tell("run", 60)
         for _ in range(40):
             reader = Buffer(Duration(seconds=0.5), attach=owner.name)
             waiting = reader.wait_for_transform_async("map", "f4", LATER)

@@ -84,11 +84,11 @@ def small_ring(mebibytes=1):
 class Owner:
     """A process of `programs/shares.py`, for a `with` statement, which kills it in the end."""
 
-    def __init__(self, *arguments, name=None, **popen):
+    def __init__(self, name=None, **popen):
         self.name = name or new_name()
         self.path = segment_path(self.name)
         self.process = subprocess.Popen(
-            [sys.executable, str(PROGRAMS / "shares.py"), self.name, *map(str, arguments)],
+            [sys.executable, str(PROGRAMS / "shares.py"), self.name],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

@@ -1,10 +1,9 @@
 """
 Shares a buffer, whose name is the first argument, and says so; then obeys its standard input:
 
-`insert NS FIRST_NS`: the links of `sharing.py` of this time. `static PARENT CHILD`. `clear`. `frames N`:
-insert new ones; the answer is how many were taken. `run HZ S`: insert for so long, as often as that, or as
-fast as it can for 0, in a thread. `laps N`: insert as fast as it can until the ring was written so often; the
-answer is how many were inserted. `end`.
+`insert NS FIRST_NS`: the links of `sharing.py` of this time. `run S`: insert for so long, as fast as it can,
+in a thread. `laps N`: insert as fast as it can until the ring was written so often; the answer is how many
+were inserted. `end`.
 
 With `children` for a name, each line is the name of a buffer, for which it forks an owner, which inserts as
 fast as it can; the next line has it killed.
@@ -19,7 +18,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from making import S, transform
+from making import S
 from rclpy.duration import Duration
 from sharing import LINKS, links
 
@@ -28,7 +27,7 @@ from tf2_ros import Buffer
 FIRST_NS = 1000 * S
 
 
-def run(buffer, rate, seconds):
+def run(buffer, seconds):
     ns, count, end = FIRST_NS, 0, time.monotonic() + seconds
     while time.monotonic() < end:
         ns += S // 1000
@@ -37,8 +36,6 @@ def run(buffer, rate, seconds):
         if count % 97 == 0:
             # Late, in the middle of the history.
             buffer.set_transforms(links(ns - S // 4 + 1, FIRST_NS), "shares")
-        if rate:
-            time.sleep(1 / rate)
 
 
 def laps(buffer, megabytes):
@@ -59,7 +56,7 @@ def children():
             buffer = Buffer(Duration(seconds=0.5), share=line.strip())
             buffer.set_transforms(links(FIRST_NS, FIRST_NS), "shares")
             os.write(is_ready, b"x")
-            run(buffer, 0, 20.0)
+            run(buffer, 20.0)
             os._exit(0)
         os.read(ready, 1)
         os.close(ready)
@@ -75,23 +72,14 @@ def main():
         print("ready", flush=True)
         children()
         return
-    limits = {name: int(value) for name, value in (one.split("=") for one in sys.argv[2:])}
-    buffer = Buffer(Duration(seconds=0.5), share=sys.argv[1], **limits)
+    buffer = Buffer(Duration(seconds=0.5), share=sys.argv[1])
     print("shared", os.getpid(), flush=True)
     for line in sys.stdin:
         match line.split():
             case ["insert", ns, first_ns]:
                 buffer.set_transforms(links(int(ns), int(first_ns)), "shares")
-            case ["static", parent, child]:
-                buffer.set_transform_static(transform(parent, child), "shares")
-            case ["clear"]:
-                buffer.clear()
-            case ["run", rate, seconds]:
-                threading.Thread(target=run, args=(buffer, float(rate), float(seconds)), daemon=True).start()
-            case ["frames", count]:
-                added = [transform("map", f"extra_{i}", ns=S) for i in range(int(count))]
-                print(buffer.set_transforms(added, "shares"), flush=True)
-                continue
+            case ["run", seconds]:
+                threading.Thread(target=run, args=(buffer, float(seconds)), daemon=True).start()
             case ["laps", megabytes]:
                 print(laps(buffer, int(megabytes)), flush=True)
                 continue

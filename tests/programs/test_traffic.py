@@ -598,21 +598,13 @@ class TestExpectations:
         ("text", "said"),
         [
             ("", "one key, 'frames'"),
-            ("frame: {}", "one key, 'frames'"),
             ("frames: [base]", "names of frames"),
             ("frames: {1: {}}", "1 is not a frame's name"),
             ("frames: {base: odom}", "base: expected a mapping with parent and static and "),
             ("frames: {base: {rate: 3}}", "base: 'rate' is not a key; did you mean min_rate"),
             ("frames: {base: {min_rate: fast}}", "base: 'min_rate': expected a number that .*, got 'fast'"),
-            ("frames: {base: {min_rate: true}}", "base: 'min_rate': expected a number"),
-            ("frames: {base: {min_rate: .nan}}", "base: 'min_rate': expected a number"),
-            (
-                "frames: {base: {min_rate: -5}}",
-                "base: 'min_rate': expected a number that .*, got -5",
-            ),
             ("frames: {base: {static: 1}}", "base: 'static': expected true or false"),
             ("frames: {base: {parent: 1}}", "base: 'parent': expected a name"),
-            ("frames: {", "while parsing"),
             (f"frames: {5000 * '['}", "is not YAML"),
         ],
     )

@@ -117,6 +117,7 @@ cdef class Source:
 cdef class Inbox(ReadHook):
     cdef State _state
     cdef Source _source
+    cdef bint _is_closed            # in a forked child, one that was closed before must not take the lock
     cdef object _hand_over
     cdef object _reference          # called, gives the engine or None
     cdef list _watching             # keeps the watchers that threads may still use

@@ -410,8 +410,9 @@ cdef class Inbox(ReadHook):
     cdef void _discharge(self) noexcept:
         # No thread uses it from here on.
         cdef State** link = &_first
-        if self._source is None:
+        if self._source is None or self._is_closed:
             return
+        self._is_closed = True
         self._source.silence()
         lock_acquire(&_lock)
         while link[0] != NULL and link[0] != &self._state:

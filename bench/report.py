@@ -14,7 +14,7 @@ TITLES = {
     "vectors": "Lookups at many times in one call, µs per transform",
     "growth": "Growth: 4 moving hops at random times (vector: sorted), µs per transform",
     "inserts": "Inserts into full histories of 50 frames, µs per transform",
-    "waiters": "Inserts beside waiters, µs",
+    "waiters": "Inserts beside waiters, µs; messages that wait in a filter, µs and bytes per message",
     "memory": "Memory, bytes per sample",
     "receiving:cpu": "CPU of a process per message it receives while nothing is looked up, µs",
     "receiving:loops": "CPU per message of a program that calls spin_once in a loop, µs",

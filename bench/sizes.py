@@ -20,6 +20,7 @@ FULL: dict[str, Any] = {
     "inserts": 5000,
     "waiters": (0, 10, 1000, 10_000),
     "fighting_waiters": 100,
+    "queued": 1000,  # messages of a filter
     "ring_samples": 40_000,
     "resident_samples": 500_000,
     # Messages beforehand; from then on each drops an old sample, as in a program that runs for long.

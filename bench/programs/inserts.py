@@ -1,4 +1,4 @@
-"""Measure inserts into full histories, beside waiters, and the memory that samples take."""
+"""Measure inserts into full histories, beside waiters and filters, and the memory that samples take."""
 
 import ctypes
 import itertools
@@ -46,10 +46,13 @@ def inserts(rows, sizes, library):
 
 
 def waiters(rows, sizes, library):
-    """`set_transform` beside waiters, by one publisher of the frame or by two that disagree."""
+    """`set_transform` beside waiters, by one publisher of the frame or by two that disagree; a filter."""
     tree = Tree("flat", [0] * (FRAMES + 1), [False] + [True] * FRAMES, SAMPLES, CACHE_S)
     world, own, *others = tree.names
     start_ns = tree.newest_ns + 2 * STEP_NS
+    # First, because Python would use memory again that other cases have freed.
+    library.load(tree)
+    _fill_filter(rows, sizes, library, (own, world), start_ns)
     cases = [(f"{of} wait", names, count, [(own, world)]) for count in sizes.waiters
              for of, names in (("its frame", [own]), ("other frames", others))]  # fmt: skip
     fighting = [(own, world), (own, others[0])]
@@ -66,6 +69,37 @@ def waiters(rows, sizes, library):
             raise RuntimeError("a future that should wait has ended")
         for future in waiting:
             future.cancel()
+
+
+def _fill_filter(rows, sizes, library, link, start_ns):
+    """A filter's messages that wait for one transform: their cost, their memory, and their end."""
+    import rclpy
+    from geometry_msgs.msg import PointStamped
+    from tf2_python import fill_header
+
+    from tf2_ros import MessageFilter
+
+    rclpy.init()
+    node = rclpy.create_node("bench_filter")
+    passed, labels = [], {"messages queued": sizes.queued}
+    queue = MessageFilter(None, library.buffer, link[1], sizes.queued, node=node)
+    queue.registerCallback(passed.append)
+    messages = [(PointStamped(),) for _ in range(sizes.queued)]
+    for (message,) in messages:
+        fill_header(message, link[0], start_ns + FAR_NS)
+    before = rss_bytes()
+    times, _ = library.time(queue.add, messages, len(messages), 1e6)
+    rows.add("filter.add", labels, times)
+    rows.add("a message in the filter", labels, [(rss_bytes() - before) / sizes.queued], "B")
+    Following(start_ns, [link]).time(rows, sizes, library, "set_transform", labels)
+    last = library.inserts("set_transform", [(*link, start_ns + FAR_NS, POSE)])
+    times, _ = library.time(*last[:2], 1, 1e6)
+    if len(passed) != sizes.queued:
+        raise RuntimeError(f"{len(passed)} messages passed")
+    rows.add("answering, per message", labels, times / sizes.queued)
+    queue.close()
+    node.destroy_node()
+    rclpy.shutdown()
 
 
 def memory(rows, sizes, library):

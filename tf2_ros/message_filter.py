@@ -323,8 +323,8 @@ class MessageFilter(Generic[_Message]):
             self._subscription = self._node.create_subscription(
                 message_type, topic, self.add, qos, callback_group=self._queue.callback_group
             )
-        elif hasattr(input, "registerCallback"):
-            input.registerCallback(lambda message, *_: self.add(message))
+        elif register := getattr(input, "registerCallback", None):
+            register(lambda message, *_: self.add(message))
         elif input is not None:
             raise TypeError(f"input: expected (message type, topic, qos), a filter, or None, got {input!r}")
 

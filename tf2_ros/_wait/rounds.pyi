@@ -1,7 +1,7 @@
 from collections import deque
 from collections.abc import Callable
 from types import FrameType
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, type_check_only
 
 from tf2_ros._forking import LiveObjects
 from tf2_ros._receive.inbox import Watching
@@ -9,6 +9,7 @@ from tf2_ros._receive.inbox import Watching
 _Rounds = TypeVar("_Rounds", bound=ExecutorRounds)
 _Key = TypeVar("_Key")
 
+@type_check_only
 class Sleeper(Protocol):
     """Something that prepares for an executor that is about to sleep."""
 

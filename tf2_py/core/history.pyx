@@ -2,21 +2,9 @@
 
 # Memory: growing, shrinking, pinning.
 
-cdef extern from *:
-    """
-    #ifdef _WIN32
-    #include <malloc.h>
-    #define TF2_ALLOCATE_ALIGNED(alignment, size) _aligned_malloc(size, alignment)
-    #define TF2_FREE_ALIGNED _aligned_free
-    #else
-    #include <stdlib.h>
-    #define TF2_ALLOCATE_ALIGNED aligned_alloc
-    #define TF2_FREE_ALIGNED free
-    #endif
-    """
-    # NULL: no memory. The size is a multiple of the alignment.
-    void* _allocate_aligned "TF2_ALLOCATE_ALIGNED"(size_t alignment, size_t size) nogil
-    void _free_aligned "TF2_FREE_ALIGNED"(void* memory) nogil
+cdef extern from "<stdlib.h>" nogil:
+    void* aligned_alloc(size_t alignment, size_t size)     # the size is a multiple of the alignment
+
 
 cdef extern from *:
     """
@@ -47,7 +35,7 @@ cdef inline size_t _memory_bytes(uint32_t capacity) noexcept nogil:
 
 cdef inline void _release(HistoryMemory* memory) noexcept nogil:
     if memory != NULL and _add(&memory.owners, <uint32_t>-1) == 0:
-        _free_aligned(memory)
+        free(memory)
 
 
 cdef bint history_is_pinned(const History* history) noexcept nogil:
@@ -76,15 +64,21 @@ cdef uint32_t _pinned_before_head(const History* history) noexcept nogil:
     return history.head + history.capacity - pinned_from
 
 
-cdef int _resize(History* history, uint32_t capacity) noexcept nogil:
-    # -1: no memory, and nothing has changed.
+cdef HistoryInsert _move(History* history, uint32_t capacity, size_t growth_limit) noexcept nogil:
+    # Moves the samples to new memory for `capacity` of them, at least `count`. HISTORY_INSERTED; or
+    # HISTORY_FULL or HISTORY_NO_MEMORY, and nothing has changed. `growth_limit`: by how many bytes the memory
+    # may grow.
     cdef History old = history[0]
-    cdef HistoryMemory* memory = <HistoryMemory*>_allocate_aligned(LINE_BYTES, _memory_bytes(capacity))
+    cdef size_t bytes = _memory_bytes(capacity)
+    cdef HistoryMemory* memory
     cdef uint32_t first
+    if bytes > history_allocated(history) + growth_limit:
+        return HISTORY_FULL
+    memory = <HistoryMemory*>aligned_alloc(LINE_BYTES, bytes)
     if memory == NULL:
-        return -1
+        return HISTORY_NO_MEMORY
     memory.owners = 1
-    memory.bytes = _memory_bytes(capacity)
+    memory.bytes = bytes
     history.memory = memory
     history.stamps = <int64_t*>(<char*>memory + _whole_lines(sizeof(HistoryMemory)))
     history.samples = <Sample*>(<char*>history.stamps + _whole_lines(capacity * sizeof(int64_t)))
@@ -97,16 +91,7 @@ cdef int _resize(History* history, uint32_t capacity) noexcept nogil:
         memcpy(history.samples, old.samples + old.head, first * sizeof(Sample))
         memcpy(history.samples + first, old.samples, (old.count - first) * sizeof(Sample))
     _release(old.memory)
-    return 0
-
-
-cdef HistoryInsert _move(History* history, uint32_t capacity, size_t growth_limit) noexcept nogil:
-    # Moves the samples to new memory for `capacity` of them, at least `count`. HISTORY_INSERTED; or
-    # HISTORY_FULL or HISTORY_NO_MEMORY, and nothing has changed. `growth_limit`: by how many bytes the memory
-    # may grow.
-    if _memory_bytes(capacity) > history_allocated(history) + growth_limit:
-        return HISTORY_FULL
-    return HISTORY_INSERTED if _resize(history, capacity) == 0 else HISTORY_NO_MEMORY
+    return HISTORY_INSERTED
 
 
 cdef HistoryInsert history_reserve_one(History* history, bint at_the_end, size_t growth_limit) noexcept nogil:
@@ -139,7 +124,7 @@ cdef void history_shrink(History* history) noexcept nogil:
     history.mostly_empty_for += 1
     if history.mostly_empty_for > history.capacity:
         history.mostly_empty_for = 0
-        _resize(history, history.capacity // 2)
+        _move(history, history.capacity // 2, 0)
 
 
 cdef inline void _drop_memory(History* history) noexcept nogil:
@@ -289,16 +274,6 @@ cdef Gap history_transform_at(const History* history, int64_t time_ns, uint32_t 
     return GAP_NONE
 
 
-cdef inline bint _is_finite(const Transform* transform) noexcept nogil:
-    cdef double total = 0.0
-    cdef int i
-    for i in range(3):
-        total += transform.translation[i]
-    for i in range(4):
-        total += transform.rotation[i]
-    return isfinite(total)
-
-
 cdef void _extrapolate(const History* history, int64_t time_ns, Transform* out) noexcept nogil:
     # After the newest sample, at the velocity between it and the one before. It stays where there is none, or
     # one of the same stamp or of another parent.
@@ -335,8 +310,7 @@ cdef Gap history_transform_under(const History* history, int64_t time_ns, const 
         return gap
     if found_ns != time_ns and policy.extrapolates:
         _extrapolate(history, time_ns, out)
-        if _is_finite(out):     # otherwise the differences of two translations are too large
-            return GAP_NONE
+        return GAP_NONE
     used_ns[0] = found_ns
     if policy.max_gap_ns != INT64_MAX and history_stamps_around(history, found_ns, &older_ns, &newer_ns):
         if newer_ns - older_ns > policy.max_gap_ns:

@@ -59,16 +59,15 @@ cdef inline uint64_t _last_word(const char* text, size_t size) noexcept nogil:
     return word | <uint64_t>size << 56
 
 
-cdef inline uint64_t _siphash(const char* text, size_t size, uint64_t key_low,
-                              uint64_t key_high) noexcept nogil:
+cdef uint64_t name_hash(const char* text, size_t size) noexcept nogil:
     # The words are those of a little-endian machine; on another one only the published values would differ.
     cdef uint64_t v[4]
     cdef uint64_t word
     cdef size_t at
-    v[0] = key_low ^ <uint64_t>0x736F6D6570736575     # "somepseudorandomlygeneratedbytes"
-    v[1] = key_high ^ <uint64_t>0x646F72616E646F6D
-    v[2] = key_low ^ <uint64_t>0x6C7967656E657261
-    v[3] = key_high ^ <uint64_t>0x7465646279746573
+    v[0] = KEY[0] ^ <uint64_t>0x736F6D6570736575     # "somepseudorandomlygeneratedbytes"
+    v[1] = KEY[1] ^ <uint64_t>0x646F72616E646F6D
+    v[2] = KEY[0] ^ <uint64_t>0x6C7967656E657261
+    v[3] = KEY[1] ^ <uint64_t>0x7465646279746573
     for at in range(0, size & ~<size_t>7, 8):
         memcpy(&word, text + at, 8)
         v[3] ^= word
@@ -83,25 +82,6 @@ cdef inline uint64_t _siphash(const char* text, size_t size, uint64_t key_low,
     _round(v)
     _round(v)
     return v[0] ^ v[1] ^ v[2] ^ v[3]
-
-
-cdef uint64_t name_hash(const char* text, size_t size) noexcept nogil:
-    return _siphash(text, size, KEY[0], KEY[1])
-
-
-def hash_with_key(bytes text, bytes key=None):
-    """
-    The hash of a name, for tests: the one Python function of this package.
-
-    :param key: 16 bytes; None: the secret of this process.
-    """
-    cdef uint64_t words[2]
-    if key is None:
-        return name_hash(text, len(text))
-    if len(key) != sizeof(words):
-        raise ValueError(f"a key has {sizeof(words)} bytes, not {len(key)}")
-    memcpy(words, <const char*>key, sizeof(words))
-    return _siphash(text, len(text), words[0], words[1])
 
 
 cdef inline uint32_t _find_hashed(const Names* names, const char* text, size_t size,

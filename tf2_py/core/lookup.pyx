@@ -134,6 +134,8 @@ cdef Status path_transform(const Tree* tree, Path* path, int64_t time_ns, const 
 cdef inline FrameId _parent_within(const Tree* tree, FrameId frame, int64_t time_ns,
                                    int64_t tolerance_ns) noexcept nogil:
     cdef const History* history = &tree.histories[frame]
+    if time_ns == NEWEST:
+        return tree_newest_parent(tree, frame)
     return history_parent_at(history, history_time_within(history, time_ns, tolerance_ns))
 
 
@@ -146,7 +148,8 @@ cdef Status _unconnected(FrameId source_root, FrameId target_root) noexcept nogi
 
 cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
                            int64_t tolerance_ns, Path* path) noexcept nogil:
-    # The path at a time, for which frames answer that end at most `tolerance_ns` before it.
+    # The path at a time, for which frames answer that end at most `tolerance_ns` before it; or at NEWEST, for
+    # which a frame without samples is a root.
     cdef FrameId frame = source
     cdef FrameId top = source
     cdef FrameId parent
@@ -158,7 +161,7 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
             break
         parent = _parent_within(tree, frame, time_ns, tolerance_ns)
         if parent == NO_FRAME:
-            source_gap = frame
+            source_gap = NO_FRAME if time_ns == NEWEST else frame
             break
         if frame == target:
             path.top = frame
@@ -173,6 +176,8 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
         if tree.histories[frame].kind == HISTORY_NONE:
             break
         parent = _parent_within(tree, frame, time_ns, tolerance_ns)
+        if parent == NO_FRAME and time_ns == NEWEST:
+            break
         if parent == NO_FRAME:
             return gap_status(tree, frame, time_ns)
         if frame == source:
@@ -190,43 +195,6 @@ cdef Status reference_walk(const Tree* tree, FrameId target, FrameId source, int
     if source_gap != NO_FRAME:
         return gap_status(tree, source_gap, time_ns)
     return _unconnected(top, frame)
-
-
-cdef Status reference_common_time(const Tree* tree, FrameId target, FrameId source, Path* path,
-                                  int64_t* common_ns) noexcept nogil:
-    # The latest common time of the path at the newest stamps.
-    cdef FrameId frame = source
-    cdef uint32_t i
-    path.source_hops = path.target_hops = 0
-    while True:
-        path.source[path.source_hops] = frame
-        frame = tree_newest_parent(tree, frame)
-        if frame == NO_FRAME:
-            break
-        path.source_hops += 1
-        if frame == target:
-            common_ns[0] = path_common_time(tree, path)
-            return status_of(STATUS_OK)
-        if path.source_hops > MAX_HOPS:
-            return status_of(STATUS_LOOP)
-    frame = target
-    while True:
-        path.target[path.target_hops] = frame
-        frame = tree_newest_parent(tree, frame)
-        if frame == NO_FRAME:
-            return _unconnected(path.source[path.source_hops], path.target[path.target_hops])
-        path.target_hops += 1
-        for i in range(path.source_hops):
-            if path.source[i + 1] == frame:
-                path.source_hops = i + 1
-                common_ns[0] = path_common_time(tree, path)
-                return status_of(STATUS_OK)
-        if frame == source:
-            path.source_hops = 0
-            common_ns[0] = path_common_time(tree, path)
-            return status_of(STATUS_OK)
-        if path.target_hops > MAX_HOPS:
-            return status_of(STATUS_LOOP)
 
 
 # The path between two frames: up from both, to their lowest common ancestor.
@@ -320,13 +288,17 @@ cdef bint walk_climb(const Tree* tree, FrameId target, FrameId source, int64_t t
 cdef Status walk_common_time(const Tree* tree, FrameId target, FrameId source, Path* path,
                              int64_t* common_ns) noexcept nogil:
     cdef bint mixed = False
+    cdef Status status
     if target == source:
         common_ns[0] = tree.histories[source].newest_ns
         return status_of(STATUS_OK)
-    if not tree.ever_looped and walk_climb(tree, target, source, NEWEST, path, &mixed):
-        common_ns[0] = path_common_time(tree, path)
-        return status_of(STATUS_OK)
-    return reference_common_time(tree, target, source, path, common_ns)
+    if tree.ever_looped or not walk_climb(tree, target, source, NEWEST, path, &mixed):
+        status = reference_walk(tree, target, source, NEWEST, 0, path)
+        if status.code != STATUS_OK:
+            return status
+        _cut_common(path)
+    common_ns[0] = path_common_time(tree, path)
+    return status_of(STATUS_OK)
 
 
 cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_t time_ns,
@@ -366,11 +338,6 @@ cdef Status walk_lookup(const Tree* tree, FrameId target, FrameId source, int64_
 
 
 # The query: names to frames, the halves of a two-time lookup.
-
-cdef inline Status _walk(const Tree* tree, const Query* query, FrameId target, FrameId source,
-                         int64_t time_ns, Path* path, Transform* out, int64_t* stamp_ns) noexcept nogil:
-    return walk_lookup(tree, target, source, time_ns, &query.policy, path, out, stamp_ns)
-
 
 cdef inline FrameId query_frame(const Tree* tree, const char* name, Py_ssize_t size) noexcept nogil:
     return NO_FRAME if name_is_invalid(name, size) else tree_frame(tree, name, size)
@@ -442,30 +409,32 @@ cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,
     cdef int64_t source_stamp_ns
     if query_is_identity(query):
         source = tree_frame(tree, query.source, query.source_size)
-        return _walk(tree, query, source, source, query.source_ns, &path, out, stamp_ns)
+        return walk_lookup(tree, source, source, query.source_ns, &query.policy, &path, out, stamp_ns)
     status = query_end_frames(tree, query, &target, &source)
     if status.code != STATUS_OK:
         return status
     if query.fixed == NULL:
-        return _walk(tree, query, target, source, query.source_ns, &path, out, stamp_ns)
+        return walk_lookup(tree, target, source, query.source_ns, &query.policy, &path, out, stamp_ns)
     fixed = query_fixed_frame(tree, query)
     if fixed == NO_FRAME:
         return status_of(STATUS_BAD_FIXED)
     if out == NULL:
         # The reason names the half that fails first. tf2's can_transform begins with the target's ...
-        status = _walk(tree, query, target, fixed, query.target_ns, &path, NULL, stamp_ns)
+        status = walk_lookup(tree, target, fixed, query.target_ns, &query.policy, &path, NULL, stamp_ns)
         status.half = HALF_TARGET
         if status.code != STATUS_OK:
             return status
-        status = _walk(tree, query, fixed, source, query.source_ns, &path, NULL, &source_stamp_ns)
+        status = walk_lookup(
+            tree, fixed, source, query.source_ns, &query.policy, &path, NULL, &source_stamp_ns)
         status.half = HALF_SOURCE
         return status
     # ... and its lookup with the source's.
-    status = _walk(tree, query, fixed, source, query.source_ns, &path, &source_half, &source_stamp_ns)
+    status = walk_lookup(
+        tree, fixed, source, query.source_ns, &query.policy, &path, &source_half, &source_stamp_ns)
     status.half = HALF_SOURCE
     if status.code != STATUS_OK:
         return status
-    status = _walk(tree, query, target, fixed, query.target_ns, &path, out, stamp_ns)
+    status = walk_lookup(tree, target, fixed, query.target_ns, &query.policy, &path, out, stamp_ns)
     status.half = HALF_TARGET
     if status.code != STATUS_OK:
         return status

@@ -61,24 +61,22 @@ cdef inline void _put(Columns* columns, uint32_t i, const Transform* value) noex
     columns.qw[i] = value.rotation[3]
 
 
-cdef inline void _put_identity(Columns* columns, uint32_t i) noexcept nogil:
-    columns.tx[i] = columns.ty[i] = columns.tz[i] = 0.0
-    columns.qx[i] = columns.qy[i] = columns.qz[i] = 0.0
-    columns.qw[i] = 1.0
-
-
 cdef void _put_identities(Columns* columns) noexcept nogil:
+    cdef Transform identity
     cdef uint32_t i
+    transform_identity(&identity)
     for i in range(BATCH_TIMES):
-        _put_identity(columns, i)
+        _put(columns, i, &identity)
 
 
 cdef void _gather(SeriesWork* work, const History* history, const int64_t* times_ns, uint32_t count,
                   uint32_t* hint) noexcept nogil:
     cdef uint32_t hints[BATCH_TIMES]
     cdef uint32_t i
+    cdef Transform identity
     cdef const Transform* older
     cdef const Transform* newer
+    transform_identity(&identity)
     for i in range(count):
         hints[i] = history_prefetch(history, times_ns[i])
     for i in range(count):
@@ -87,15 +85,15 @@ cdef void _gather(SeriesWork* work, const History* history, const int64_t* times
             hint[0] = hints[i]
         if history_neighbours(history, times_ns[i], hint, &older, &newer, &work.ratio[i]) != GAP_NONE:
             work.missing[i] = 1
-            _put_identity(&work.older, i)
-            _put_identity(&work.newer, i)
+            _put(&work.older, i, &identity)
+            _put(&work.newer, i, &identity)
             work.ratio[i] = 0.0
             continue
         _put(&work.older, i, older)
         _put(&work.newer, i, newer)
     for i in range(count, BATCH_TIMES):
-        _put_identity(&work.older, i)
-        _put_identity(&work.newer, i)
+        _put(&work.older, i, &identity)
+        _put(&work.newer, i, &identity)
         work.ratio[i] = 0.0
 
 

@@ -45,10 +45,6 @@ cdef inline void change_begin(Change* change, bint shape) noexcept nogil:
     change.covered.last = INT64_MIN
 
 
-# A text, compared as a pointer.
-cdef const char* TREE_LACKS_MEMORY
-
-
 # Zero a Tree before tree_init, which returns 0, or -1 without memory: then tree_free is still due.
 cdef int tree_init(Tree* tree, const Retention* retention, const Limits* limits) noexcept nogil
 cdef void tree_free(Tree* tree) noexcept nogil
@@ -64,8 +60,6 @@ cdef uint32_t incoming_refusals(Incoming* incoming) noexcept nogil
 # names; NULL: it is not needed.
 cdef uint32_t tree_insert(Tree* tree, Incoming* incoming, uint32_t authority, bint is_static,
                           Change* change) noexcept nogil
-# The parent that a walk at a time, or at NEWEST, follows; NO_FRAME: there is none, or it is not known.
-cdef FrameId tree_parent(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil
 
 
 cdef inline FrameId tree_newest_parent(const Tree* tree, FrameId frame) noexcept nogil:
@@ -79,5 +73,5 @@ cdef void tree_clear(Tree* tree) noexcept nogil
 cdef bint tree_forget(Tree* tree, FrameId frame) noexcept nogil
 # Allocated for names and histories.
 cdef size_t tree_bytes(const Tree* tree) noexcept nogil
-# NULL, or which invariant does not hold, or TREE_LACKS_MEMORY: it could not be checked whether all do.
+# NULL, or which invariant does not hold.
 cdef const char* tree_check(const Tree* tree) noexcept nogil

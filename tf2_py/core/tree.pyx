@@ -6,8 +6,6 @@ cdef enum:
     HOPS_PER_INSERT = 32            # parent links followed
     NAME_BYTES_PER_INSERT = 256     # bytes of names hashed
 
-TREE_LACKS_MEMORY = "no memory"
-
 cdef const char* RESERVED_NAME = "NO_PARENT"
 cdef size_t RESERVED_NAME_SIZE = 9
 cdef const char* TOO_MANY_AUTHORITIES = "(too many authorities)"
@@ -279,15 +277,6 @@ cdef uint32_t _insert(Tree* tree, FrameId child, FrameId parent, const Incoming*
     return TREE_NO_MEMORY if outcome == HISTORY_NO_MEMORY else 0
 
 
-cdef FrameId tree_parent(const Tree* tree, FrameId frame, int64_t time_ns) noexcept nogil:
-    cdef uint32_t parent = tree.parents[frame]
-    if time_ns == NEWEST:
-        return parent & ~<uint32_t>MIXED_PARENTS
-    if not parent & MIXED_PARENTS and not tree.ever_looped:
-        return parent
-    return history_parent_at(&tree.histories[frame], time_ns)
-
-
 cdef void tree_clear(Tree* tree) noexcept nogil:
     cdef uint32_t id
     for id in range(1, tree.names.count):
@@ -355,43 +344,6 @@ cdef const char* _check_parents(const Tree* tree, FrameId frame) noexcept nogil:
     return NULL
 
 
-cdef const char* _check_loops(const Tree* tree) noexcept nogil:
-    # Depth first along the parents of all times: no walk may end where it began.
-    cdef size_t frames = tree.names.count
-    cdef uint32_t* next_link = <uint32_t*>calloc(frames, sizeof(uint32_t))
-    cdef FrameId* path = <FrameId*>malloc(frames * sizeof(FrameId))
-    cdef char* state = <char*>calloc(frames, 1)     # 0: not seen; 1: on the path; 2: no loop is above it
-    cdef const char* problem = NULL
-    cdef FrameId frame, parent, start
-    cdef uint32_t hops
-    if next_link == NULL or path == NULL or state == NULL:
-        problem = TREE_LACKS_MEMORY
-        frames = 0
-    for start in range(frames):
-        hops = 0
-        if state[start] == 0:
-            path[0] = start
-            state[start] = hops = 1
-        while hops and problem == NULL:
-            frame = path[hops - 1]
-            if next_link[frame] == _links(&tree.histories[frame]):
-                state[frame] = 2
-                hops -= 1
-                continue
-            parent = history_parent_of(&tree.histories[frame], next_link[frame])
-            next_link[frame] += 1
-            if state[parent] == 1:
-                problem = "a loop that is not marked"
-            elif state[parent] == 0:
-                state[parent] = 1
-                path[hops] = parent
-                hops += 1
-    free(next_link)
-    free(path)
-    free(state)
-    return problem
-
-
 cdef const char* tree_check(const Tree* tree) noexcept nogil:
     cdef uint32_t id, expected
     cdef uint64_t samples = 0
@@ -430,4 +382,4 @@ cdef const char* tree_check(const Tree* tree) noexcept nogil:
         return "samples or their bytes miscounted"
     if hidden != tree.hidden:
         return "hidden frames miscounted"
-    return NULL if tree.ever_looped else _check_loops(tree)
+    return NULL

@@ -69,7 +69,7 @@ def as_times_ns(times):
     if isinstance(times, Sequence) and not _are_numbers(times):
         times = _nanoseconds(times, wanted)
     try:
-        array = _as_array(times)
+        array = np.asarray(times)
     except OverflowError as error:
         raise ValueError(f"{wanted} that fit into 64 bits: {error}") from None
     mask = mask_of(times)
@@ -82,7 +82,7 @@ def as_times_ns(times):
     if array.dtype == object:
         array = np.array(_nanoseconds(array, wanted), dtype=np.int64)
     if array.dtype.kind == "M":
-        return _since_1970(array)
+        return _since_1970(array, wanted)
     if array.dtype.kind not in "iu":
         seconds = ": multiply seconds by 1e9, and round them to int64" if array.dtype.kind == "f" else ""
         raise TypeError(f"{wanted}, not of dtype {array.dtype}{seconds}")
@@ -99,14 +99,7 @@ cdef bint _are_numbers(times):
     return numbers or classes == {np.datetime64}
 
 
-cdef object _as_array(times):
-    import numpy as np
-    # Times of pandas with a time zone become objects; only with an explicit dtype do they become UTC.
-    unit = getattr(getattr(times, "dtype", None), "unit", None)
-    return np.asarray(times, dtype=None if unit is None else f"datetime64[{unit}]")
-
-
-cdef object _since_1970(times):
+cdef object _since_1970(times, str wanted):
     # The nanoseconds of datetime64 of any unit.
     import numpy as np
     try:
@@ -115,16 +108,7 @@ cdef object _since_1970(times):
             return np.ascontiguousarray(exact).view(np.int64)
     except OverflowError:  # NumPy before 2.5 wraps around instead
         pass
-    [i, *_] = [i for i, time in enumerate(times) if not _is_exact(time)]
-    raise ValueError(f"times[{i}]: expected whole nanoseconds within 64 bits, got {times[i]}")
-
-
-cdef bint _is_exact(time):
-    try:
-        nanoseconds(time, "time")
-    except (OverflowError, ValueError):
-        return False
-    return True
+    return np.array(_nanoseconds(times, wanted), dtype=np.int64)    # raises at the first that is not exact
 
 
 cdef list _nanoseconds(times, str wanted):

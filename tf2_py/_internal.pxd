@@ -13,13 +13,13 @@ from tf2_py._core cimport (
     Lock,
     Name,
     Names,
-    Writer,
     batch_add_cdr,
     batch_begin,
     batch_error,
     batch_free,
     batch_prefix,
     batch_read_cdr,
+    batch_write_cdr,
     condition_init,
     condition_wait,
     fork_forget,
@@ -50,8 +50,6 @@ from tf2_py._core cimport (
     word_load,
     word_replace,
     word_store,
-    writer_init,
-    writer_transform,
 )
 from tf2_py._tf2_py cimport Engine, ReadHook, Tap, name_utf8
 

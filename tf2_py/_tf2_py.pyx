@@ -274,7 +274,7 @@ cdef class BufferCore(Engine):
         cdef const char* text
         self._require_frame(frame, "forget")
         text = name_utf8(frame, &size)
-        return self.remove(text, size) == REMOVED_SAMPLES
+        return self.remove(text, size)
 
     # Travelling: pickles, copies, files.
 
@@ -852,7 +852,7 @@ cdef class BufferCore(Engine):
         """
         cdef int64_t time_ns = stamp_nanoseconds(time, "time")
         catch_up(self)
-        return self.frame_names(self._frames_between(target_frame, source_frame, time_ns))
+        return self.frame_names(self.frames_between(target_frame, source_frame, time_ns))
 
     def tree(self) -> str:
         """
@@ -898,10 +898,12 @@ cdef class BufferCore(Engine):
     ) -> list[str]:
         """Get the frames from the source up to the common ancestor and down to the target, each once."""
         catch_up(self)
-        return self.chain(
-            target_frame, stamp_nanoseconds(target_time, "target_time"), source_frame,
-            stamp_nanoseconds(source_time, "source_time"), fixed_frame,
-        )
+        cdef int64_t target_ns = stamp_nanoseconds(target_time, "target_time")
+        cdef int64_t source_ns = stamp_nanoseconds(source_time, "source_time")
+        cdef list chain = []
+        extend_path(chain, self.frames_between(fixed_frame, source_frame, source_ns))
+        extend_path(chain, self.frames_between(target_frame, fixed_frame, target_ns))
+        return self.frame_names(chain)
 
     def statistics(self) -> dict[str, Any]:
         """

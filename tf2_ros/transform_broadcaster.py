@@ -15,7 +15,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
-from tf2_py._internal import MalformedObjectError, raise_refused, refused, serialize_transforms
+from tf2_py._internal import MalformedObjectError, refused, serialize_transforms
 from tf2_ros import _names
 from tf2_ros._arguments import kind_of, require_node
 from tf2_ros._forking import refuse_inherited
@@ -42,7 +42,8 @@ class RefusedTransforms:
         """Raise a ValueError about one that would be refused, if this is strict."""
         if self._strict:
             require_transforms(transforms)
-            raise_refused(transforms)
+            for _, why in refused(transforms):
+                raise ValueError(why)
 
     def after_sending(self, refused: Iterable[tuple[str, str]]) -> None:
         """Warn about those that no listener accepts: pairs of a ``child_frame_id`` and the reason."""

@@ -19,17 +19,6 @@ cdef bint reader_transform(Reader* reader, Incoming* out) noexcept nogil
 cdef bint reader_finish(Reader* reader) noexcept nogil
 
 
-cdef struct Writer:
-    unsigned char* data             # memory for the whole message; NULL: bytes are only counted
-    size_t position                 # of the next byte to write, from `data`
-
-
-# Begins a message of `count` transforms, all of which must follow, in this machine's byte order and padded
-# with zeros.
-cdef void writer_init(Writer* writer, unsigned char* data, uint32_t count) noexcept nogil
-cdef void writer_transform(Writer* writer, const Incoming* transform) noexcept nogil
-
-
 # Transforms that are inserted together: those of one message or of one call.
 
 cdef struct Entry:
@@ -75,7 +64,9 @@ cdef bint batch_read_cdr(Batch* batch, const unsigned char* data, size_t size) n
 cdef bint batch_add_cdr(Batch* batch, const unsigned char* data, size_t size) noexcept nogil
 # Puts a prefix before every name but empty ones, which are refused. False: no memory, and the batch is empty.
 cdef bint batch_prefix(Batch* batch, const char* prefix, size_t prefix_size) noexcept nogil
-# The entries as a serialised TFMessage.
+# Serialises some of the entries as one TFMessage, and returns its size in bytes. `out` NULL: it only counts.
+cdef size_t batch_write_cdr(const Batch* batch, size_t start, size_t end, unsigned char* out) noexcept nogil
+# All entries, serialised.
 cdef bytes batch_cdr(const Batch* batch)
 # The ValueError for the `problem` of a message of `size` bytes.
 cdef object batch_error(const Batch* batch, size_t size)

@@ -111,6 +111,11 @@ cdef bint reader_finish(Reader* reader) noexcept nogil:
     return reader.problem == NULL
 
 
+cdef struct Writer:
+    unsigned char* data             # memory for the whole message; NULL: bytes are only counted
+    size_t position                 # of the next byte to write, from `data`
+
+
 cdef inline unsigned char* _next_bytes(Writer* writer, size_t size, size_t alignment) noexcept nogil:
     # Every byte is written through here. Returns where the next `size` bytes belong; NULL: count them only.
     cdef size_t padding = (0 - (writer.position - HEADER_SIZE)) % alignment
@@ -134,16 +139,7 @@ cdef void _write_string(Writer* writer, const char* text, size_t size) noexcept 
     _write(writer, &end, 1, 1)
 
 
-cdef void writer_init(Writer* writer, unsigned char* data, uint32_t count) noexcept nogil:
-    writer.data = data
-    writer.position = HEADER_SIZE
-    if data != NULL:
-        data[0] = data[2] = data[3] = 0
-        data[1] = TF2_IS_LITTLE_ENDIAN
-    _write(writer, &count, 4, 4)
-
-
-cdef void writer_transform(Writer* writer, const Incoming* transform) noexcept nogil:
+cdef void _write_transform(Writer* writer, const Incoming* transform) noexcept nogil:
     cdef int64_t whole
     cdef uint32_t nanosec
     cdef int32_t sec
@@ -281,19 +277,26 @@ cdef bint batch_prefix(Batch* batch, const char* prefix, size_t prefix_size) noe
     return True
 
 
-cdef bytes batch_cdr(const Batch* batch):
+cdef size_t batch_write_cdr(const Batch* batch, size_t start, size_t end, unsigned char* out) noexcept nogil:
+    # In this machine's byte order, padded with zeros.
     cdef Writer writer
+    cdef uint32_t count = <uint32_t>(end - start)
     cdef size_t i
-    cdef bytes data = None
-    writer_init(&writer, NULL, <uint32_t>batch.count)
-    # Once to count the bytes, once to write them.
-    while True:
-        for i in range(batch.count):
-            writer_transform(&writer, &batch.entries[i].incoming)
-        if data is not None:
-            return data
-        data = PyBytes_FromStringAndSize(NULL, writer.position)
-        writer_init(&writer, <unsigned char*><char*>data, <uint32_t>batch.count)
+    writer.data = out
+    writer.position = HEADER_SIZE
+    if out != NULL:
+        out[0] = out[2] = out[3] = 0
+        out[1] = TF2_IS_LITTLE_ENDIAN
+    _write(&writer, &count, 4, 4)
+    for i in range(start, end):
+        _write_transform(&writer, &batch.entries[i].incoming)
+    return writer.position
+
+
+cdef bytes batch_cdr(const Batch* batch):
+    cdef bytes data = PyBytes_FromStringAndSize(NULL, batch_write_cdr(batch, 0, batch.count, NULL))
+    batch_write_cdr(batch, 0, batch.count, <unsigned char*><char*>data)
+    return data
 
 
 cdef object batch_error(const Batch* batch, size_t size):

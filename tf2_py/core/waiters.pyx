@@ -222,38 +222,32 @@ cdef void waiters_free(Waiters* waiters) noexcept nogil:
     free(waiters.watched)
 
 
-cdef const char* _check_list(const Link* head, const Waiters* waiters, const Tree* tree,
-                             uint32_t* count) noexcept nogil:
-    cdef const Link* link = head.next
+cdef const char* waiters_check(const Waiters* waiters, const Tree* tree) noexcept nogil:
+    cdef const Link* heads[3]
+    cdef const Link* link
     cdef const Waiter* waiter
     cdef Transform answer
     cdef int64_t stamp_ns
-    while link != head:
-        waiter = link.waiter
-        if link.next.previous != link or not waiter.is_listed or waiter.answered:
-            return "a waiter in a list that is not its own"
-        if (waiter.frame != NO_FRAME) != (head == &waiters.frames):
-            return "a waiter that watches a frame in another list"
-        if waiter.frame != NO_FRAME and waiters.watched[waiter.frame].entries[waiter.entry].waiter != waiter:
-            return "a waiter whose entry is not its own"
-        # Late samples may change the answer of one that waits for another one.
-        if not waiter.only_new and query_answer(tree, &waiter.query, &answer, &stamp_ns).code == STATUS_OK:
-            return "a waiter whose lookup would answer"
-        count[0] += 1
-        link = link.next
-    return NULL
-
-
-cdef const char* waiters_check(const Waiters* waiters, const Tree* tree) noexcept nogil:
-    cdef const Link* heads[3]
-    cdef const char* problem = NULL
     cdef uint32_t count = 0
     cdef int i
     heads[0], heads[1], heads[2] = &waiters.frames, &waiters.shape, &waiters.every
     for i in range(3):
-        if problem == NULL:
-            problem = _check_list(heads[i], waiters, tree, &count)
+        link = heads[i].next
+        while link != heads[i]:
+            waiter = link.waiter
+            if link.next.previous != link or not waiter.is_listed or waiter.answered:
+                return "a waiter in a list that is not its own"
+            if (waiter.frame != NO_FRAME) != (i == 0):
+                return "a waiter that watches a frame in another list"
+            if i == 0 and waiters.watched[waiter.frame].entries[waiter.entry].waiter != waiter:
+                return "a waiter whose entry is not its own"
+            # Late samples may change the answer of one that waits for another one.
+            if (not waiter.only_new
+                    and query_answer(tree, &waiter.query, &answer, &stamp_ns).code == STATUS_OK):
+                return "a waiter whose lookup would answer"
+            count += 1
+            link = link.next
     # Those that are due are counted, too.
-    if problem == NULL and count > waiters.count:
-        problem = "waiters miscounted"
-    return problem
+    if count > waiters.count:
+        return "waiters miscounted"
+    return NULL

@@ -6,13 +6,6 @@ cdef enum:
     RECENTLY = 2    # of ReadHook.read
 
 
-cdef enum Removal:
-    REMOVED_NOTHING
-    REMOVED_NAMES           # the frame had no samples
-    REMOVED_SAMPLES
-    REMOVAL_ERROR           # an exception was raised
-
-
 cdef class ReadHook:
     # Holds what has arrived for an engine until somebody reads the engine, or a waiter needs it. The words
     # are read and written without a lock, in any thread (sync.pxd).
@@ -82,10 +75,10 @@ cdef class Engine:
     # Counts a message that could not be read, and returns the ValueError that states why. `size`: its bytes.
     # With a topic, logs the error as well.
     cdef object malformed(self, const Batch* batch, size_t size, str topic=*)
-    # Removes every dynamic transform; or, with a name, all of one frame.
-    cdef Removal remove(self, const char* name, size_t size) except REMOVAL_ERROR
+    # Removes every dynamic transform; or, with a name, all of one frame. Returns whether there was any.
+    cdef bint remove(self, const char* name, size_t size) except -1
     # The same without the GIL and the tap, as an insert: `insert_some` and `report` do the rest.
-    cdef Removal begin_to_remove(self, Batch* batch, const char* name, size_t size) noexcept nogil
+    cdef bint begin_to_remove(self, Batch* batch, const char* name, size_t size) noexcept nogil
     # Resets the engine as if it were new; pending waits go on.
     cdef int start_over(self, const Retention* retention, const Limits* limits) except -1
     # What the buffer holds at one moment, as state_of, and replacing it by such a state; pending waits go on.
@@ -98,12 +91,11 @@ cdef class Engine:
     # As series_lookup; -1 if the lookup fails at any time.
     cdef Py_ssize_t lookup_series(self, const Query* query, const TimeSeries* series,
                                   Status* status) noexcept nogil
-    # Both for simple lookups only; the path is that at `query.source_ns`.
+    # For simple lookups only.
     cdef Status common_time(self, const Query* query, int64_t* common_ns) noexcept nogil
-    cdef Status find_path(self, const Query* query, Path* path) noexcept nogil
-    # The names of the frames on the path of a two-time lookup: from the source up to the common ancestor and
-    # down to the target, through the fixed frame, each once. Raises what the lookup raises.
-    cdef list chain(self, target_frame, int64_t target_ns, source_frame, int64_t source_ns, fixed_frame)
+    # The ids of the frames from the source up to the common ancestor and down to the target. Raises what the
+    # lookup raises.
+    cdef list frames_between(self, target_frame, source_frame, int64_t time_ns)
     # The exception for a status; `call` is the function that the text names.
     cdef object error(self, const Query* query, Status status, str call=*)
 
@@ -115,8 +107,8 @@ cdef class Engine:
     cdef bint has_forgotten(self, const Waiter* waiter) noexcept nogil
     # The owners of at most `most` pending waiters.
     cdef list pending(self, size_t most)
-    # What a wait for a lookup, or for another answer than the latest, lacks now, in words.
-    cdef str lack(self, const Query* query, bint only_new)
+    # Why a lookup fails now; None: it does not.
+    cdef object reason(self, const Query* query)
 
     # Listing, as snapshot_frames and learn_names.
     cdef list frame_facts(self, bint roots=*)
@@ -130,8 +122,6 @@ cdef class Engine:
     cdef object span_ns(self)
     cdef const char* check(self) noexcept nogil     # NULL, or which invariant does not hold
 
-    cdef Removal _forget(self, FrameId frame) noexcept nogil
-    cdef list _frames_between(self, target_frame, source_frame, int64_t time_ns)
     cdef Status _check_names(self, const Query* query) noexcept nogil
     cdef int _begin_advice(self) except -1
     cdef int _log_refused(self, Batch* batch) except -1

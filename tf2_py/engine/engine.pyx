@@ -328,40 +328,30 @@ cdef class Engine:
             except BaseException as raised:
                 errors.append(raised)
 
-    cdef Removal remove(self, const char* name, size_t size) except REMOVAL_ERROR:
+    cdef bint remove(self, const char* name, size_t size) except -1:
         cdef Batch batch
-        cdef Removal removal
+        cdef bint had_samples
         catch_up(self)
         # Until the tap knows of it, no other code in Python runs, and so none that inserts.
-        removal = self.begin_to_remove(&batch, name, size)
-        if removal == REMOVED_NOTHING:
-            return removal
+        had_samples = self.begin_to_remove(&batch, name, size)
         if self._tap is not None:
             self._tap.removed(name, size)
         self._wake_all(&batch)
-        return removal
+        return had_samples
 
-    cdef Removal begin_to_remove(self, Batch* batch, const char* name, size_t size) noexcept nogil:
-        cdef Removal removal = REMOVED_SAMPLES
+    cdef bint begin_to_remove(self, Batch* batch, const char* name, size_t size) noexcept nogil:
+        cdef bint had_samples = True
         cdef FrameId frame
         lock_acquire(&self._lock)
         if name == NULL:
             tree_clear(&self._tree)
         else:
             frame = tree_frame(&self._tree, name, size)
-            removal = self._forget(frame)
-        batch.count = 0
-        batch_begin(batch)
-        if removal != REMOVED_NOTHING:
-            # Less data may end a loop, and the waiters are no longer filed by what they lack.
-            self._begin_to_wake_all(batch)
+            had_samples = frame != NO_FRAME and tree_forget(&self._tree, frame)
+        # Less data may end a loop, and the waiters are no longer filed by what they lack.
+        self._begin_to_wake_all(batch)
         unlock_written(&self._lock, &self._tree, &self._waiters)
-        return removal
-
-    cdef Removal _forget(self, FrameId frame) noexcept nogil:
-        if frame == NO_FRAME:
-            return REMOVED_NOTHING
-        return REMOVED_SAMPLES if tree_forget(&self._tree, frame) else REMOVED_NAMES
+        return had_samples
 
     cdef int start_over(self, const Retention* retention, const Limits* limits) except -1:
         cdef Tree empty
@@ -453,39 +443,26 @@ cdef class Engine:
         lock_release(&self._lock)
         return status
 
-    cdef Status find_path(self, const Query* query, Path* path) noexcept nogil:
-        cdef FrameId target, source
-        cdef Status status
-        cdef int64_t stamp_ns
-        lock_acquire(&self._lock)
-        status = query_end_frames(&self._tree, query, &target, &source)
-        if status.code == STATUS_OK:
-            status = walk_lookup(
-                &self._tree, target, source, query.source_ns, &query.policy, path, NULL, &stamp_ns)
-        lock_release(&self._lock)
-        return status
-
-    cdef list chain(self, target_frame, int64_t target_ns, source_frame, int64_t source_ns, fixed_frame):
-        cdef list chain = []
-        _extend(chain, self._frames_between(fixed_frame, source_frame, source_ns))
-        _extend(chain, self._frames_between(target_frame, fixed_frame, target_ns))
-        return self.frame_names(chain)
-
-    cdef list _frames_between(self, target_frame, source_frame, int64_t time_ns):
-        # Ids. In a tree that ever had a loop the path may pass its top, and come back.
+    cdef list frames_between(self, target_frame, source_frame, int64_t time_ns):
+        # In a tree that ever had a loop the path may pass its top, and come back.
         cdef list frames = []
+        cdef FrameId target, source
         cdef Query query
         cdef Path path
         cdef Status status
+        cdef int64_t stamp_ns
         cdef uint32_t i
         query_frames(&query, target_frame, source_frame)
-        query.source_ns = time_ns
-        status = self.find_path(&query, &path)
+        lock_acquire(&self._lock)
+        status = query_end_frames(&self._tree, &query, &target, &source)
+        if status.code == STATUS_OK:
+            status = walk_lookup(&self._tree, target, source, time_ns, &query.policy, &path, NULL, &stamp_ns)
+        lock_release(&self._lock)
         if status.code != STATUS_OK:
             raise self.error(&query, status)
-        _extend(frames, [path.source[i] for i in range(path.source_hops)])
-        _extend(frames, [path.top])
-        _extend(frames, [path.target[i - 1] for i in range(path.target_hops, 0, -1)])
+        extend_path(frames, [path.source[i] for i in range(path.source_hops)])
+        extend_path(frames, [path.top])
+        extend_path(frames, [path.target[i - 1] for i in range(path.target_hops, 0, -1)])
         return frames
 
     cdef object error(self, const Query* query, Status status, str call="lookupTransform"):
@@ -563,14 +540,11 @@ cdef class Engine:
                 Py_DECREF(<object>owners[i])
             free(owners)
 
-    cdef str lack(self, const Query* query, bint only_new):
+    cdef object reason(self, const Query* query):
         cdef int64_t stamp_ns
-        cdef Transform not_needed   # with NULL, another half of a two-time lookup would be tried first
+        cdef Transform not_needed   # with NULL, the other half of a two-time lookup would be tried first
         cdef Status status = self.lookup(query, &not_needed, &stamp_ns)
-        if status.code != STATUS_OK:
-            return query_wait(query, str(self.error(query, status)))
-        return query_wait(query, "the answer is the one that it has" if only_new
-                          else "the answer is available and is being delivered")
+        return None if status.code == STATUS_OK else self.error(query, status)
 
     cdef list frame_facts(self, bint roots=False):
         catch_up(self)
@@ -648,12 +622,13 @@ cdef class Engine:
         return cache_time_ns
 
 
-cdef _extend(list chain, list frames):
+cdef int extend_path(list chain, list frames) except -1:
     # A frame that occurs again closes a detour, which is cut off.
     for frame in frames:
         if frame in chain:
             del chain[chain.index(frame):]
         chain.append(frame)
+    return 0
 
 
 cdef enum:

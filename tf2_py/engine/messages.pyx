@@ -302,43 +302,24 @@ cdef str refusal_text(Incoming* incoming):
     )
 
 
-cdef str _refusal(object transform):
-    cdef Incoming incoming
-    cdef list keep = []
-    read_transform_stamped(transform, &incoming, keep)
-    return refusal_text(&incoming)
-
-
-def raise_refused(list transforms):
-    """
-    Raise if one of these would be refused by every buffer.
-
-    :param transforms: objects with the fields of a ``geometry_msgs/TransformStamped``.
-    :raises ValueError: one would be refused; the text names its frames and the reasons.
-    :raises TypeError, OverflowError: as ``BufferCore.set_transform``.
-    """
-    for transform in transforms:
-        text = _refusal(transform)
-        if text is not None:
-            raise ValueError(text)
-
-
 def refused(list transforms):
     """
     The transforms that every buffer refuses.
 
-    :param transforms: a list; those with a part that is not exactly of its class are skipped.
-    :return: a list of pairs: the ``child_frame_id``, and the text of the error of :func:`raise_refused`.
+    :param transforms: a list of ``geometry_msgs/TransformStamped``.
+    :return: a list of pairs: the ``child_frame_id``, and why.
     """
+    cdef Incoming incoming
+    cdef list keep = []
     cdef list found = []
     for transform in transforms:
-        if is_exact_transform_stamped(transform):
-            try:
-                text = _refusal(transform)
-            except ValueError as error:     # an invalid name: a NUL, or a lone surrogate
-                text = str(error)
-            if text is not None:
-                found.append((transform.child_frame_id, text))
+        try:
+            read_transform_stamped(transform, &incoming, keep)
+            text = refusal_text(&incoming)
+        except (OverflowError, TypeError, ValueError) as error:
+            text = str(error)
+        if text is not None:
+            found.append((transform.child_frame_id, text))
     return found
 
 

@@ -75,18 +75,18 @@ cdef class Wait(WaiterOwner):
 
     def reason(self):
         """The exception that a lookup would raise now, or None."""
-        cdef int64_t stamp_ns
         if self._is_hopeless():
             error = self._engine.error(&self._waiter.query, self._waiter.hopeless)
             return type(error)(errors.no_longer(str(error)))
-        # With NULL instead, the halves of a two-time lookup would be tried in the order of can_transform.
-        cdef Transform not_needed
-        cdef Status status = self._engine.lookup(&self._waiter.query, &not_needed, &stamp_ns)
-        return None if status.code == STATUS_OK else self._engine.error(&self._waiter.query, status)
+        return self._engine.reason(&self._waiter.query)
 
     cpdef str lacks(self):
         """One line, for debugging a wait that never ends: what it waits for, and what it lacks now."""
-        return self._engine.lack(&self._waiter.query, self._waiter.only_new)
+        error = self._engine.reason(&self._waiter.query)
+        if error is not None:
+            return query_wait(&self._waiter.query, str(error))
+        return query_wait(&self._waiter.query, "the answer is the one that it has" if self._waiter.only_new
+                          else "the answer is available and is being delivered")
 
     def wait_for(self, int64_t timeout_ns, alive):
         """

@@ -179,30 +179,8 @@ cdef void _take_reports(State* inbox, Parcels* reports) noexcept nogil:
     inbox.reports.count = 0
 
 
-# Draining; with the lock held.
-
-# Without the GIL references cannot be counted, so the state has only the address of the engine. Each of these
-# functions is declared twice: defined for an Engine, and called with its address, which C converts.
-
-cdef bint _insert_some "tf2_insert_some"(Engine engine, Batch* batch) noexcept nogil:
-    return engine.insert_some(batch)
-
-
-cdef void _begin_to_remove "tf2_begin_to_remove"(Engine engine, Batch* batch, const char* name,
-                                                 size_t size) noexcept nogil:
-    engine.begin_to_remove(batch, name, size)
-
-
-cdef void _disarm "tf2_disarm"(Engine engine, uint32_t* armed) noexcept nogil:
-    engine.disarm(armed)
-
-
-cdef extern from *:
-    bint insert_some "tf2_insert_some"(void* engine, Batch* batch) noexcept nogil
-    void begin_to_remove "tf2_begin_to_remove"(void* engine, Batch* batch, const char* name,
-                                               size_t size) noexcept nogil
-    void disarm "tf2_disarm"(void* engine, uint32_t* armed) noexcept nogil
-
+# Draining; with the lock held. The state has only the address of the engine: without the GIL, references
+# cannot be counted.
 
 cdef void _report_later(State* inbox) noexcept nogil:
     # A flood of refused transforms must not fill the memory. Answers are never lost.
@@ -234,7 +212,7 @@ cdef void inbox_insert(State* inbox, bint is_readable) noexcept nogil:
     cdef Parcel* parcel = inbox.parcel
     if inbox.copier != NULL and is_readable:
         inbox.copier.copy(inbox.copier, parcel)
-    while is_readable and insert_some(inbox.engine, &parcel.batch):
+    while is_readable and (<Engine>inbox.engine).insert_some(&parcel.batch):
         pass
     if not is_readable or parcel.batch.needs_report:
         _report_later(inbox)
@@ -243,8 +221,8 @@ cdef void inbox_insert(State* inbox, bint is_readable) noexcept nogil:
 cdef void inbox_remove(State* inbox, const char* name, size_t size) noexcept nogil:
     cdef Batch* batch = &inbox.parcel.batch
     inbox.parcel.size = 0
-    begin_to_remove(inbox.engine, batch, name, size)
-    while insert_some(inbox.engine, batch):
+    (<Engine>inbox.engine).begin_to_remove(batch, name, size)
+    while (<Engine>inbox.engine).insert_some(batch):
         pass
     if batch.needs_report:
         _report_later(inbox)
@@ -285,7 +263,7 @@ cdef bint inbox_serve(State* inbox) noexcept nogil:
     if word_load(&inbox.pending) and _take(inbox, DRAIN_SLICE):
         return True
     if word_load(&inbox.armed) and inbox.engine != NULL:
-        disarm(inbox.engine, &inbox.armed)
+        (<Engine>inbox.engine).disarm(&inbox.armed)
     return False
 
 

@@ -29,7 +29,7 @@ from tf2_py._internal cimport (
     Incoming,
     Lock,
     Names,
-    Writer,
+    batch_write_cdr,
     fork_forget,
     fork_watch,
     incoming_refusals,
@@ -47,8 +47,6 @@ from tf2_py._internal cimport (
     word_exchange,
     word_load,
     word_store,
-    writer_init,
-    writer_transform,
 )
 from tf2_ros._receive.inbox cimport (
     ROUND_NS,

@@ -172,23 +172,13 @@ cdef bint _make_room(Writing* writing, uint64_t length, int64_t now_ns) noexcept
     return False
 
 
-cdef size_t _serialise(const Batch* batch, size_t start, size_t end, unsigned char* out) noexcept nogil:
-    # With `out` NULL, it only counts the bytes.
-    cdef Writer writer
-    cdef size_t i
-    writer_init(&writer, out, <uint32_t>(end - start))
-    for i in range(start, end):
-        writer_transform(&writer, &batch.entries[i].incoming)
-    return writer.position
-
-
 cdef bint _append(Writing* writing, Record* record, const Batch* batch, size_t start, size_t end,
                   const void* message, int64_t now_ns) noexcept nogil:
     # With `message` NULL, these transforms of the batch are serialised.
     if not _make_room(writing, record_length(record), now_ns):
         return False
     if message == NULL:
-        _serialise(batch, start, end, writing.scratch)
+        batch_write_cdr(batch, start, end, writing.scratch)
         message = writing.scratch
     return _write(writing, record, batch.authority, message, now_ns)
 
@@ -268,7 +258,7 @@ cdef bint _copy_batch(Writing* writing, const Batch* batch, const void* message,
         memset(&record, 0, sizeof(Record))
         record.kind = KIND_STATIC if batch.is_static else KIND_DYNAMIC
         record.authority_size = <uint32_t>batch.authority_size
-        record.size = <uint32_t>(size if message != NULL else _serialise(batch, start, end, NULL))
+        record.size = <uint32_t>(size if message != NULL else batch_write_cdr(batch, start, end, NULL))
         if batch.is_static:
             is_kept = _append_static(writing, &record, batch, start, now_ns) and is_kept
         else:

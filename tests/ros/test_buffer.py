@@ -9,7 +9,7 @@ import weakref
 
 import pytest
 from geometry_msgs.msg import PointStamped
-from making import at, stamp_ns, transform, translation
+from making import at, stamp_ns, transform
 from processes import DEADLINE_S, PROMPT_S, seconds_of, start, until
 from rclpy.clock import ClockChange, TimeJump
 from rclpy.duration import Duration
@@ -249,16 +249,6 @@ class TestEndOfTheWait:
         program.send_signal(signal.SIGINT)
         _, errors = program.communicate(timeout=DEADLINE_S)
         assert errors.splitlines()[-1] == "KeyboardInterrupt"
-
-
-def test_names_and_time_may_be_keywords(buffer):
-    insert(buffer, 1)
-    found = buffer.lookup_transform(
-        target_frame="map", source_frame="robot", time=at(1).to_msg(), timeout=Duration()
-    )
-    assert (stamp_ns(found), translation(found)) == (10**9, (1.0, 0.0, 0.0))
-    assert buffer.can_transform("map", "robot", at(1)) is True
-    assert buffer.can_transform("map", "robot", at(2)) is False
 
 
 def test_latest_is_what_is_latest_when_a_coroutine_resumes(buffer):

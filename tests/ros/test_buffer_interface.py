@@ -213,14 +213,6 @@ class TestConvert:
         table.add_convert((A, OtherThing), lambda a: "straight")
         assert interface.convert(A(), OtherThing) == "straight"
 
-    def test_what_was_added_can_be_got(self, table):
-        table.add_to_msg(Thing, len)
-        table.add_from_msg(Thing, repr)
-        table.add_convert((Thing, int), hash)
-        assert table.get_to_msg(Thing) is len
-        assert table.get_from_msg(Thing) is repr
-        assert table.get_convert((Thing, int)) is hash
-
     def test_no_way_is_an_error(self, interface, table):
         for call in (
             lambda: interface.convert(1, Wrench),

@@ -8,7 +8,6 @@ from tf2_ros_cython import _requirement  # noqa: F401
 import itertools
 import os
 import time
-import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -19,7 +18,6 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypedDict
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.time import Time
 
 from tf2_py import BufferCore, TransformException
 from tf2_py._internal import (
@@ -29,7 +27,6 @@ from tf2_py._internal import (
     duration_ns,
     frame_name,
     is_invalid_name,
-    log,
     printable,
     time_ns,
 )
@@ -38,8 +35,8 @@ from tf2_ros._arguments import kind_of, optional_timeout_ns, require_callable, r
 from tf2_ros._forking import FORKED, LOCK, LiveObjects, is_inherited, refuse_inherited
 from tf2_ros._nodes import node_has_ended
 from tf2_ros._wait.callbacks import call_in_executor, callback_queue
-from tf2_ros._wait.futures import Outcome, State, WakingFuture
-from tf2_ros._wait.rounds import Ending, first_key
+from tf2_ros._wait.futures import WakingFuture
+from tf2_ros._wait.rounds import Ending, end_message, first_value
 from tf2_ros._wait.timers import deadlines
 from tf2_ros.buffer import Buffer
 
@@ -192,7 +189,8 @@ class MessageFilter(Generic[_Message]):
             raise ValueError(f"queue_size: expected 0 or more, got {queue_size}")
         self._queue_size = queue_size
         self._timeout_ns = optional_timeout_ns(buffer_timeout, "buffer_timeout")
-        self._waiting: dict[_Queued, None] = {}  # the oldest first
+        self._numbers = itertools.count(1)
+        self._waiting: dict[int, _Queued] = {}  # the oldest first
         # How many have ended in which way.
         self._ended: dict[str, int] = dict.fromkeys((PASSED, CLEARED, *FilterFailureReason), 0)
         self._dropped_in_a_row = 0
@@ -250,8 +248,8 @@ class MessageFilter(Generic[_Message]):
     def clear(self) -> None:
         """Remove the messages that wait, and those for which no callback was called yet."""
         refuse_inherited(self, self._process)
-        for queued in list(self._waiting):
-            queued.cancel()
+        for queued in list(self._waiting.values()):
+            self._forget(queued)
 
     def close(self) -> None:
         """Take no more messages, remove those that wait, and end the iterations; may be called again."""
@@ -328,177 +326,203 @@ class MessageFilter(Generic[_Message]):
         elif input is not None:
             raise TypeError(f"input: expected (message type, topic, qos), a filter, or None, got {input!r}")
 
-    def _begin(self, queued: "_Queued") -> None:
-        """Add a message; called again where a signal handler has cut it short."""
-        if not queued.over():
-            self._waiting[queued] = None
-        outcome = queued.look_up()
-        if outcome is not None:
-            # Earlier messages, which wait for the executor with their outcomes, come first.
-            while (oldest := first_key(self._waiting)) is not None and oldest._tf2_is_queued():
-                if not oldest.end():
-                    break
-        elif self._is_too_old(queued):
-            outcome = FilterFailureReason.OUT_THE_BACK
-        elif self._timeout_ns is not None and self._timeout_ns <= 0:
-            outcome = FilterFailureReason.NO_TRANSFORM_FOUND
-        elif self._timeout_ns is not None:
-            deadlines.add(time.monotonic_ns() + self._timeout_ns, queued)
-        queued.end(outcome)
-        while (oldest := first_key(self._waiting)) is not None:
-            reason = self._reason_to_drop(oldest)
-            if reason is None or not oldest.end(reason):
-                break
+    # What becomes of a message. There is no lock: a message ends when `end_message` removes it from those
+    # that wait, which is one step for all threads and signal handlers. Everything else may be repeated, and
+    # is, where a signal handler has cut it short.
 
-    def _reason_to_drop(self, oldest: "_Queued") -> FilterFailureReason | None:
-        if self._is_too_old(oldest):
-            return FilterFailureReason.OUT_THE_BACK
-        is_full = self._queue_size and len(self._waiting) > self._queue_size
-        return FilterFailureReason.QUEUE_FULL if is_full else None
+    def _begin(self, queued: "_Queued") -> None:
+        if not queued.number:
+            number = next(self._numbers)
+            self._waiting[number], queued.number = queued, number
+        reason = None
+        if not self._look_up(queued):
+            if self._is_too_old(queued):
+                reason = FilterFailureReason.OUT_THE_BACK
+            elif self._timeout_ns is not None and self._timeout_ns <= 0:
+                reason = FilterFailureReason.NO_TRANSFORM_FOUND
+            elif self._timeout_ns is not None:
+                deadlines.add(time.monotonic_ns() + self._timeout_ns, queued)
+        if queued.outcome is not None:
+            # The insert that this one needs may have completed earlier ones, and has not called back yet.
+            while (oldest := first_value(self._waiting)) not in (None, queued) and oldest.is_answered():
+                self._advance(oldest)
+        self._end(queued, reason)
+        # Those that were added before may have become too old while they waited.
+        while (oldest := first_value(self._waiting)) is not None and self._is_too_old(oldest):
+            self._end(oldest, FilterFailureReason.OUT_THE_BACK)
+        self._keep_to_size()
+
+    def _advance(self, queued: "_Queued") -> None:
+        if self._look_up(queued):
+            self._end(queued)
+
+    def _keep_to_size(self) -> None:
+        while self._queue_size and len(self._waiting) > self._queue_size:
+            oldest = first_value(self._waiting)
+            if oldest is not None:
+                self._end(oldest, FilterFailureReason.QUEUE_FULL)
+
+    def _look_up(self, queued: "_Queued") -> bool:
+        """
+        Note that a message can pass, or never will; otherwise wait for the first transform that it lacks.
+
+        Other threads may do the same at the same time.
+        """
+        while True:
+            queued.outcome = None
+            wait, outcome = self._lacking(queued)
+            queued.wait, queued.outcome = wait, outcome
+            if queued.number not in self._waiting:
+                queued.stop()
+            elif wait is not None and wait.answer is not None:
+                continue  # another thread has just inserted it
+            return outcome is not None
+
+    def _lacking(self, queued: "_Queued") -> tuple[Any, Any]:
+        first = None
+        try:
+            for frame, later_ns in self._needed:
+                if later_ns and not queued.stamp_ns:
+                    continue  # the latest time has no later one
+                stamp_ns = queued.stamp_ns + later_ns
+                wait = BufferCore._wait(
+                    self._buffer, frame, queued.frame, stamp_ns, notify=partial(self._answered, queued)
+                )
+                answer = wait.answer
+                if answer is None:
+                    return wait, None
+                first = first or answer
+        except (TransformException, OverflowError, ValueError) as error:
+            return None, str(error)
+        return None, first
+
+    def _answered(self, queued: "_Queued", _: Any) -> Ending | None:
+        """What follows from an insert, in its thread: what runs the callbacks, if there are any."""
+        if not self._look_up(queued):
+            return None
+        ending = self._ending(queued)
+        if self._calls_back():
+            return ending
+        ending()
+        return None
+
+    def _ending(self, queued: "_Queued", reason: FilterFailureReason | None = None) -> Ending:
+        """What makes the call of :meth:`_end`, or forgets the message."""
+        return Ending(partial(self._end, queued, reason), partial(self._forget, queued), self._queue)
+
+    def _calls_back(self) -> bool:
+        return bool(self.callbacks or self._failure_callbacks)
+
+    def _expire(self, queued: "_Queued") -> None:
+        """Drop a message, because its timeout has passed; in the executor that has the node, if one does."""
+        if queued.is_answered() and self._look_up(queued):
+            return  # it is about to pass
+        queue = self._queue if self._calls_back() else None
+        call_in_executor(queue, self._ending(queued, FilterFailureReason.TIMEOUT))
 
     def _is_too_old(self, queued: "_Queued") -> bool:
         """Whether the buffer would refuse data of a message's time for every frame on the path."""
-        for frame in self._frames if queued.stamp_ns and not queued.over() else ():
+        for frame in self._frames if queued.stamp_ns and queued.outcome is None else ():
             with suppress(TransformException):  # not connected yet
                 newest = BufferCore.get_latest_common_time(self._buffer, frame, queued.frame)
                 if newest.nanoseconds - self._buffer.cache_time_ns > queued.stamp_ns:
                     return True
         return False
 
-    def _call_back(self, queued: "_Queued") -> None:
-        """Tell the program what became of a message."""
-        message, outcome = queued.message, queued.outcome()
-        if isinstance(outcome, FilterFailureReason):
-            arguments: tuple[Any, ...] = (message, outcome)
-            callbacks = self._failure_callbacks
-            self._warn_of_drops(queued, outcome)
+    def _end(self, queued: "_Queued", reason: FilterFailureReason | None = None) -> None:
+        """Let a message pass if it can, or else drop it for this reason; without one, it waits on."""
+        if reason is not None and queued.is_answered():
+            self._look_up(queued)  # the insert has not come to it yet
+        outcome, message = queued.outcome, queued.message
+        if isinstance(outcome, str):
+            unnamed = not queued.frame
+            reason = FilterFailureReason.EMPTY_FRAME_ID if unnamed else FilterFailureReason.NO_TRANSFORM_FOUND
         elif outcome is not None:
-            arguments = (message,)
-            callbacks = self.callbacks
-            self._dropped_in_a_row = 0
-            for stream in self._streams:
-                stream.items.append((message, outcome))
-                call_despite_signals(stream.wake)
-        else:
+            reason = None
+        elif reason is None:
             return
-        errors = []
-        for callback, more in list(callbacks.values()):
-            try:
-                callback(*arguments, *more)
-            except Exception:
-                log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
-            except BaseException as error:
-                errors.append(error)
-        if errors:
-            raise errors[0]
+        calls: list[Callable[[], object]] = []
+        if reason is None:
+            passed: Any = (message, outcome)
+            for stream in self._streams:
+                # The second may be repeated.
+                calls.append(partial(stream.items.append, passed))
+                calls.append(partial(call_despite_signals, stream.wake))
+            calls += [partial(callback, message, *more) for callback, more in list(self.callbacks.values())]
+        else:
+            failed = list(self._failure_callbacks.values())
+            calls += [partial(callback, message, reason, *more) for callback, more in failed]
+        try:
+            if end_message(self._waiting, queued.number, self._ended, reason or PASSED, calls):
+                self._warn_of_drops(queued, reason)
+        finally:
+            queued.stop()
 
-    def _warn_of_drops(self, queued: "_Queued", reason: FilterFailureReason) -> None:
-        self._dropped_in_a_row += 1
-        if self._dropped_in_a_row < MANY or time.monotonic() < self._warn_again_at:
+    def _forget(self, queued: "_Queued", _: object = None) -> None:
+        """Remove a message without calling back."""
+        end_message(self._waiting, queued.number, self._ended, CLEARED, [])
+        queued.stop()
+
+    def _warn_of_drops(self, queued: "_Queued", reason: FilterFailureReason | None) -> None:
+        self._dropped_in_a_row = 0 if reason is None else self._dropped_in_a_row + 1
+        if reason is None or self._dropped_in_a_row < MANY or time.monotonic() < self._warn_again_at:
             return
         self._warn_again_at = time.monotonic() + WARN_EVERY_S
-        stamp = Time(nanoseconds=queued.stamp_ns)
-        lacks = BufferCore.can_transform_core(self._buffer, self._frames[0], queued.frame, stamp)[1]
+        frames = printable(" ".join(self._frames))
         self._node.get_logger().warning(
-            f"MessageFilter [target={printable(' '.join(self._frames))}]: the last {self._dropped_in_a_row} "
-            f"messages were dropped; the newest, from frame [{printable(queued.frame)}], for {reason.value}. "
-            f"{lacks}".rstrip()
+            f"MessageFilter [target={frames}]: the last {self._dropped_in_a_row} messages were dropped; the "
+            f"newest, from frame [{printable(queued.frame)}], for {reason.value}. {queued.lacks()}".rstrip()
         )
 
 
-class _Queued(WakingFuture[Any]):
-    """
-    A message that waits: the future of its first transform, or of the reason to drop it.
+class _Queued:
+    """A message that waits."""
 
-    It waits for the first transform that is missing, and looks again when that is inserted.
-    """
+    __slots__ = (
+        "__weakref__",
+        "_filter",
+        "frame",
+        "message",
+        "number",
+        "outcome",
+        "stamp_ns",
+        "wait",
+    )
 
     def __init__(self, filter: MessageFilter[Any], message: Any, header: Any) -> None:
-        super().__init__(kept=filter._kept)
         self._filter = filter
         self.message = message
+        self.number = 0  # in the order of arrival; 0: not added yet
         # Without a leading slash, which a buffer also removes from the names of transforms.
         self.frame = frame_name(header.frame_id, "header.frame_id").removeprefix("/")
         self.stamp_ns = time_ns(header.stamp, "header.stamp")
-        self._wait: Any = None
-        self.add_done_callback(filter._call_back)
+        # The transform into the first target frame if it can pass; the text of the error if it never will.
+        self.outcome: TransformStamped | str | None = None
+        self.wait: Any = None  # for the first transform that it lacks
 
-    def look_up(self) -> Any:
-        """
-        Wait for the first transform that is missing.
+    def stop(self) -> None:
+        """End the wait."""
+        self.wait = None
 
-        :return: None if one is; the outcome if nothing is missing, or if the message can never pass. Several
-            threads may do this at the same time.
-        """
-        outcome = None
-        while not self.over():
-            wait, outcome = self._first_missing()
-            self._wait = wait
-            # Another thread may have inserted it meanwhile, and noted the next wait before this one did.
-            if wait is None or wait.answer is None:
-                break
-        if self.over():
-            self._wait, outcome = None, None
-        return outcome
+    def is_answered(self) -> bool:
+        """Whether what it waited for has been inserted, or nothing is missing."""
+        wait = self.wait
+        return self.outcome is not None or (wait is not None and wait.answer is not None)
 
-    def _first_missing(self) -> tuple[Any, Any]:
-        buffer, found = self._filter._buffer, None
-        try:
-            for frame, later_ns in self._filter._needed:
-                if later_ns and not self.stamp_ns:
-                    continue  # the latest time has no later one
-                stamp_ns = self.stamp_ns + later_ns
-                wait = BufferCore._wait(buffer, frame, self.frame, stamp_ns, notify=self._answered)
-                answer = wait.answer
-                if answer is None:
-                    return wait, None
-                found = found or answer
-        except (TransformException, OverflowError, ValueError):
-            reasons = FilterFailureReason
-            return None, reasons.NO_TRANSFORM_FOUND if self.frame else reasons.EMPTY_FRAME_ID
-        return None, found
+    def lacks(self) -> str:
+        """Why it cannot pass."""
+        wait = self.wait
+        return str(self.outcome or (wait and wait.reason()) or "")
 
-    def _answered(self, _: object) -> Ending | None:
-        """What follows from an insert, in its thread: what runs the callbacks, if there are any."""
-        return self._ending(self.look_up())
+    # The protocol of what has a deadline.
 
-    def _ending(self, outcome: Any) -> Ending | None:
-        """Decide what becomes of the message, unless that is decided; return what then runs callbacks."""
-        filter = self._filter
-        if isinstance(outcome, FilterFailureReason):
-            outcome = self.look_up() or outcome  # an insert that completes it may not have notified it yet
-        if outcome is not None and not self.over():
-            calls_back = filter.callbacks or filter._failure_callbacks
-            (self._tf2_end_or_queue if calls_back else self._tf2_end)(Outcome(State.DONE, outcome))
-        return self._tf2_ending(filter._queue) if self._tf2_is_queued() else None
-
-    def end(self, outcome: Any = None) -> bool:
-        """
-        End with the outcome that it has, or else with this one. Without either, it waits on.
-
-        :return: whether it waits no more.
-        """
-        ending = self._ending(outcome)
-        if ending is not None:
-            ending()
-        return self not in self._filter._waiting
+    def over(self) -> bool:
+        """Whether it waits no more."""
+        return self.number not in self._filter._waiting
 
     def expire(self) -> None:
-        """Drop it, because its timeout has passed; in the executor that has the node, if one does."""
-        ending = self._ending(FilterFailureReason.TIMEOUT)
-        if ending is not None:
-            call_in_executor(self._filter._queue, ending)
-
-    def outcome(self) -> Any:
-        """The transform, or the reason; None if it was cleared, or if its node has ended."""
-        return None if self.exception() is not None else self.result()
-
-    def _tf2_release(self) -> None:
-        self._wait = None
-        if self._filter._waiting.pop(self, self) is None:
-            outcome = self.outcome()
-            kind = outcome if isinstance(outcome, FilterFailureReason) else PASSED if outcome else CLEARED
-            self._filter._ended[kind] += 1
+        """Drop the message."""
+        self._filter._expire(self)
 
 
 class MessageStream(Generic[_Message]):

@@ -242,9 +242,9 @@ class WakingFuture(Future, Generic[_Result]):
         """Whether it has an outcome that its callbacks wait for."""
         return self.__state is State.QUEUED
 
-    def _tf2_ending(self, queue: Any = None) -> Ending:
-        """What ends it with the outcome that was queued; without effect if it has ended. See ``Ending``."""
-        return Ending(self.__end_queued, self.__drop, queue)
+    def _tf2_ending(self) -> Ending:
+        """What ends it with the outcome that was queued; without effect if it has ended."""
+        return Ending(self.__end_queued, self.__drop)
 
     def __end_queued(self) -> None:
         self._tf2_end(self.__outcome)

@@ -1,5 +1,5 @@
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from types import FrameType
 from typing import Any, Protocol, TypeVar, type_check_only
 
@@ -8,6 +8,8 @@ from tf2_ros._receive.inbox import Watching
 
 _Rounds = TypeVar("_Rounds", bound=ExecutorRounds)
 _Key = TypeVar("_Key")
+_Kind = TypeVar("_Kind")
+_Value = TypeVar("_Value")
 
 @type_check_only
 class Sleeper(Protocol):
@@ -55,5 +57,12 @@ class Ending:
 
 def only_wakes(callback: object) -> bool: ...
 def run_done_callbacks(future: Any, callbacks: list[Callable[[Any], object]]) -> None: ...
-def first_key(mapping: dict[_Key, Any]) -> _Key | None: ...
+def end_message(
+    waiting: dict[_Key, Any],
+    number: _Key,
+    counts: dict[_Kind, int],
+    kind: _Kind,
+    calls: Iterable[Callable[[], object]],
+) -> bool: ...
+def first_value(mapping: dict[Any, _Value]) -> _Value | None: ...
 def is_below_own_loop(frame: FrameType | None) -> bool: ...

@@ -211,10 +211,35 @@ cdef class Ending:
         call_despite_signals(partial(self._drop, why))
 
 
-def first_key(mapping):
-    """The first key of a dict, or None, in one step."""
-    for key in mapping:
-        return key
+def end_message(waiting, number, counts, kind, calls):
+    """
+    Remove a message from those that wait, count it, and make these calls, in one step; not if it was removed.
+
+    What a call raises is logged, if it is an ``Exception``; anything else is raised after the last call.
+
+    :return: whether it was there.
+    """
+    if waiting.pop(number, None) is None:
+        return False
+    counts[kind] += 1
+    cdef list errors = []
+    for call in calls:
+        try:
+            try:
+                call()
+            except Exception:
+                log.logger("tf2_ros").error(f"In a callback: {traceback.format_exc()}")
+        except BaseException as raised:
+            errors.append(raised)
+    if errors:
+        raise errors[0]
+    return True
+
+
+def first_value(mapping):
+    """The first value of a dict, or None, in one step."""
+    for value in mapping.values():
+        return value
     return None
 
 

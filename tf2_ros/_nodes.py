@@ -195,20 +195,8 @@ class WaitContexts:
 
     def __init__(self) -> None:
         # Replaced, never changed: read without a lock.
-        self.known: tuple[Any, ...] = ()
+        self.known: tuple[Any, ...] = ()  # without those that had been shut down when the last was added
         self.queues: tuple[weakref.ref[Any], ...] = ()  # of the latest listener last
-
-    def add(self, context: Any) -> None:
-        """Add a context, and drop those that were shut down before."""
-        with LOCK:
-            others = (one for one in self.known if one is not context and not context_was_shut_down(one))
-            self.known = (*others, context)
-
-    def listen(self, queue: object) -> None:
-        """Note that a listener of a node with this queue fills the buffer from now on."""
-        with LOCK:
-            others = (one for one in self.queues if one() not in (None, queue))
-            self.queues = (*others, weakref.ref(queue))
 
 
 _NOTHING_KNOWN = WaitContexts()
@@ -222,9 +210,13 @@ def note_filler(node: object, buffer: object, queue: object = None) -> None:
     """
     contexts = getattr(buffer, "_tf2_wait_contexts", None)
     if isinstance(node, Node) and isinstance(contexts, WaitContexts):
-        contexts.add(node.context)
-        if queue is not None:
-            contexts.listen(queue)
+        context = node.context
+        with LOCK:
+            others = (one for one in contexts.known if one is not context and not context_was_shut_down(one))
+            contexts.known = (*others, context)
+            if queue is not None:
+                queues = (one for one in contexts.queues if one() not in (None, queue))
+                contexts.queues = (*queues, weakref.ref(queue))
 
 
 class Shutdown:

@@ -150,7 +150,7 @@ class TransformListener:
             Topic("tf_sub", "callback", tf_topic, qos, is_static=False),
             Topic("tf_static_sub", "static_callback", tf_static_topic, static_qos, is_static=True),
         ]
-        self._tf2_topics = topics[1:] if static_only else topics
+        self._tf2_topics = [topic for topic in topics if topic.is_static or not static_only]
         try:
             if isinstance(self.node, Node) and problem() is None:
                 self._tf2_queue = callback_queue(self.node)
@@ -227,8 +227,10 @@ class TransformListener:
         if self._tf2_spinner is not None and ends_thread:
             self._tf2_spinner.stop(wait=waits)
         if not self._tf2_owns_node:
-            for name in ("tf_sub", "tf_static_sub"):
-                if self.__dict__.get(name) is not None:
+            # A subclass that does not call __init__ makes the first two itself.
+            names = {"tf_sub", "tf_static_sub", *(topic.attribute for topic in self._tf2_topics)}
+            for name in names & self.__dict__.keys():
+                if self.__dict__[name] is not None:
                     self.node.destroy_subscription(self.__dict__[name])
         elif self._tf2_spinner is None:
             self.node.destroy_node()  # otherwise its thread does

@@ -112,12 +112,12 @@ class Buffer(BufferCore, AnsweringInterface):
         limits: Any = {"max_frames": max_frames, "max_bytes": max_bytes}
         if attach is not None:
             from tf2_ros._shared.attachment import Attachment, open_ring
-            from tf2_ros._shared.files import read_description
+            from tf2_ros._shared.files import describe_owner
 
             name = buffer_name(attach, node)
             ring = open_ring(name)
             if cache_time is None:
-                cache_time = read_description(ring.descriptor).cache_time_ns / 1e9
+                cache_time = describe_owner(ring.descriptor).cache_time_ns / 1e9
             BufferCore.__init__(self, cache_time, **limits)
             self._tf2_sharing = Attachment(self, name, ring)
         else:

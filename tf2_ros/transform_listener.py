@@ -73,7 +73,8 @@ class TransformListener:
         fill one buffer with the transforms of several robots.
     :param recording: a :class:`tf2_ros.records.Recording`, which records the sender and time of each
         transform. Call its ``take`` regularly: it has a limited capacity.
-    :raises NotImplementedError: ``recording`` is given, but an executor would take messages, see below.
+    :raises NotImplementedError: ``recording`` is given, but an executor would take messages, see below; or
+        ``recording`` or ``prefix`` is given, and the buffer is attached to that of another process.
 
     What has arrived is inserted before the buffer is read, whether the node is spun or not, and while
     callbacks block. In some cases the executor that spins the node inserts it instead: if a subclass
@@ -82,9 +83,9 @@ class TransformListener:
     version of rcl is not known. That is decided when the listener is made, and when another ``buffer`` is
     assigned. The property ``receives`` names the topics that need no executor.
 
-    If its buffer is attached to the buffer of another process, or ``TF2_SHARED_BUFFER`` in the environment
-    names such a buffer, it subscribes to nothing as long as that process receives the same messages; see
-    docs/sharing.md.
+    If its buffer is attached to the buffer of another process, it subscribes to nothing. With
+    ``TF2_SHARED_BUFFER`` in the environment, it attaches its buffer, if it would receive the same messages,
+    and subscribes while no process shares one; see docs/sharing.md.
 
     Another buffer may be assigned to ``buffer`` at any time. The node keeps the listener alive.
     ``unregister()`` ends its subscriptions; the end of a ``with`` block also ends the thread that spins the
@@ -158,6 +159,11 @@ class TransformListener:
             self.__attach(bool(static_only or prefix or given))
             if self._tf2_attachment is None:
                 self._tf2_listen_itself()
+            elif prefix or recording is not None:
+                raise NotImplementedError(
+                    "the listener of an attached buffer subscribes to nothing: it can neither put a prefix "
+                    "before the names of frames nor record who sends transforms"
+                )
             if spin_thread or self._tf2_owns_node:
                 self.__spin()
         except BaseException:

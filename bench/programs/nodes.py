@@ -87,7 +87,7 @@ def main(kind, name):
         buffer = Buffer(share=name) if kind == "owner" else Buffer()
         listener = TransformListener(buffer, node)
         sharing = buffer._tf2_sharing
-        assert (sharing is not None) == (kind in (*BY_OWNER, "owner")), listener
+        assert (sharing is not None and sharing.is_attached) == (kind in BY_OWNER), listener
 
     def spin():
         with contextlib.suppress(ExternalShutdownException):

@@ -107,7 +107,7 @@ def test_the_end_of_the_owner_goes_unnoticed_by_waits(shared, node, peer, capfd)
     shared.process.kill()
     until(lambda: not is_attached(listener))
     until(lambda: listener.receives)
-    assert f"process {shared.process.pid} no longer shares it" in logged(capfd)
+    assert f"process {shared.process.pid} has ended" in logged(capfd)
     assert listener.receives and "/tf" in repr(listener)
     assert buffer.can_transform("map", "robot", at_ns(1 * S)) and buffer.can_transform("map", "mount", Time())
     # It takes a moment until the sender knows of the new subscription.
@@ -133,6 +133,8 @@ def refusals():
         def set_transform(self, transform, authority):
             super().set_transform(transform, authority)
 
+    filled = Buffer()
+    filled.set_transform(transform("a", "b", 1.0), "me")
     usual = TransformListener
     return {
         "is of another kind": [
@@ -143,6 +145,7 @@ def refusals():
         ],
         "is not filled from": [lambda node: usual(Buffer(), node, tf_topic="/other")],
         "keeps 10 s, this one 30 s": [lambda node: usual(Buffer(Duration(seconds=30)), node)],
+        "holds frames already": [lambda node: usual(filled, node)],
     }
 
 

@@ -214,10 +214,10 @@ def spoiled(path, where, data):
     ("where", "data", "match"),
     [
         (0, b"\1" * 8, "not a shared buffer"),
-        (8, struct.pack("<I", 0), "another version"),
-        (16, struct.pack("<Q", 9), "size is wrong"),
-        (16, struct.pack("<Q", 2**63), "size is wrong"),
-        (16, struct.pack("<Q", 2**39), "size is wrong"),
+        (8, struct.pack("<I", 9), "another version"),
+        (16, struct.pack("<Q", 9), "sizes are wrong"),
+        (16, struct.pack("<Q", 2**63), "sizes are wrong"),
+        (16, struct.pack("<Q", 2**39), "truncated"),
     ],
 )
 def test_a_file_of_another_kind_is_refused(where, data, match):
@@ -227,18 +227,25 @@ def test_a_file_of_another_kind_is_refused(where, data, match):
             Buffer(attach=owner.name)
 
 
-def test_a_truncated_file_breaks_nothing():
+def test_a_file_that_is_truncated_is_left(capfd):
     for size in (4096, RING_AT, RING_AT + 4096):
         with Owner() as owner:
             owner.tell("insert", S, 0)
             reader = Buffer(attach=owner.name)
+            idle = Buffer(attach=owner.name)
             waiting = reader.wait_for_transform_async("map", "f4", LATER)
             os.truncate(owner.path, size)
-            assert owner.tell("insert", 2 * S, 0)[0] == "done"
-            is_sound(reader, 0)
+            is_sound(idle, 0)
+            until(lambda: not reader._tf2_sharing.is_attached)  # noqa: B023
             reader._self_check()
             insert_later(reader)
             assert until(waiting.done)
+            is_sound(idle, 0)
+            idle._self_check()
+            # The owner goes on for itself.
+            assert owner.process.poll() is None
+            assert owner.tell("insert", 2 * S, 0)[0] == "done"
+    assert "its memory was truncated" in capfd.readouterr().err
 
 
 def test_a_malformed_message_in_shared_memory_is_counted_and_the_rest_is_read():
@@ -272,6 +279,7 @@ def test_memory_that_ends():
         "except OSError: pass\n"
         "n = b.set_transforms([transform('map', f'g{i}', ns=S) for i in range(20000)], 'me')\n"
         "assert n == 20000 and r.can_transform_core('map', 'g19999', 0)[0]\n"
+        "until(lambda: b._tf2_sharing._said)\n"
         "late = Buffer(attach='small'); assert 'g19999' in late and 'f1' not in late\n"
         "for one in (b, r, late): one._self_check()\n"
         "print('sound')"
@@ -286,3 +294,4 @@ def test_memory_that_ends():
     if ended.returncode in (1, 77) and "unshare" in ended.stderr + "unshare" * (ended.returncode == 77):
         pytest.skip("no file system can be mounted here")
     assert ended.stdout == "sound\n", ended.stderr
+    assert "has no memory for all of the last 10 s" in ended.stderr

@@ -2,17 +2,16 @@
 
 import itertools
 import os
+import resource
 import subprocess
 import sys
 from contextlib import contextmanager
-from unittest.mock import patch
 
 from making import S, transform
 from paths import PROGRAMS
 
 from tf2_py import TransformException
 from tf2_ros import Buffer
-from tf2_ros._shared import owner
 from tf2_ros._shared.naming import segment_path
 
 _numbers = itertools.count()
@@ -26,12 +25,12 @@ def new_name():
 @contextmanager
 def pair(*arguments, **options):
     """A buffer that is shared, and one that is attached to it."""
-    shared = Buffer(*arguments, share=new_name(), **options)
-    reader = Buffer(attach=shared._tf2_sharing.name)
+    owner = Buffer(*arguments, share=new_name(), **options)
+    reader = Buffer(attach=owner._tf2_sharing.name)
     try:
-        yield shared, reader
+        yield owner, reader
     finally:
-        shared._tf2_sharing.close()
+        owner._tf2_sharing.close()
 
 
 # What `programs/shares.py` inserts: a chain of frames whose place follows from the time.
@@ -66,19 +65,30 @@ def is_sound(buffer, first_ns, ages_ns=(0,)):
     return found
 
 
-def small_ring():
-    """Have buffers that are shared inside this have a ring of 1 MiB."""
-    return patch.object(owner, "MOST_BYTES", owner.LEAST_BYTES)
+def small_files():
+    """Before a process is executed: have it share by a ring of 1 MiB."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (17 << 16, 17 << 16))
+
+
+@contextmanager
+def small_ring(mebibytes=1):
+    """Have buffers that are shared inside this have a ring of so many MiB."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, ((mebibytes << 20) + (1 << 16), before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 class Owner:
     """A process of `programs/shares.py`, for a `with` statement, which kills it in the end."""
 
-    def __init__(self, name=None, *words, **popen):
+    def __init__(self, name=None, **popen):
         self.name = name or new_name()
         self.path = segment_path(self.name)
         self.process = subprocess.Popen(
-            [sys.executable, str(PROGRAMS / "shares.py"), self.name, *words],
+            [sys.executable, str(PROGRAMS / "shares.py"), self.name],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from tf2_py._internal import log
 from tf2_ros._forking import is_inherited
 from tf2_ros._receive.inbox import Inbox
-from tf2_ros._receive.inboxes import THREAD_END_WAIT_S, add_owner, check_regularly
-from tf2_ros._shared.files import is_owned, open_file, read_description
+from tf2_ros._receive.inboxes import THREAD_END_WAIT_S, add_owner, check_regularly, start_reports
+from tf2_ros._shared.files import describe_owner, is_owned, open_file
 from tf2_ros._shared.naming import VARIABLE, SharedBufferError, buffer_name, is_wanted
 from tf2_ros._shared.owner import Owner
 from tf2_ros._shared.ring import RingReader
@@ -46,14 +46,14 @@ class Attachment:
 
     :param buffer: not kept alive.
     :param reader: of the present owner's ring.
-
-    When the owner ends, the listeners subscribe, and this is over. Without listeners, the next owner of the
-    name fills the buffer.
+    :param is_by_environment: whether the environment variable attached the buffer, and not the program. Then
+        its listeners subscribe when the owner ends. Otherwise the next owner of the name fills the buffer.
     """
 
-    def __init__(self, buffer: Any, name: str, reader: RingReader) -> None:
+    def __init__(self, buffer: Any, name: str, reader: RingReader, is_by_environment: bool = False) -> None:
         self.name = name
-        self._listeners: dict[int, Any] = {}  # kept alive, as by subscriptions; by their ids
+        self.is_by_environment = is_by_environment
+        self.listeners: dict[int, Any] = {}  # kept alive, as by subscriptions; by their ids
         self._buffer = weakref.ref(buffer)
         self._process = os.getpid()
         self._fill(buffer, reader)
@@ -62,19 +62,26 @@ class Attachment:
 
     def _fill(self, buffer: Any, reader: RingReader) -> None:
         self.reader = reader
-        self.owner = read_description(reader.descriptor).process
+        self.owner = describe_owner(reader.descriptor).process
         self.inbox = Inbox(reader, partial(_hand_over, self._buffer))
         self.inbox.fill(buffer)
+        for listener in self.listeners.values():
+            self._inform(listener)
         self._thread = threading.Thread(
             target=reader.follow, args=(self.inbox,), name="tf2_ros ring", daemon=True
         )
         self._thread.start()
+        start_reports()
         self._is_open = True
 
     @property
     def is_attached(self) -> bool:
         """Whether an owner fills the buffer in this process."""
-        return self._is_open and not is_inherited(self._process)
+        return self._is_open and not self.is_inherited()
+
+    def is_inherited(self) -> bool:
+        """Whether it is dead, because a parent process made it."""
+        return is_inherited(self._process)
 
     def _tf2_check(self) -> None:
         """Find out whether the owner has ended, or look for the next one."""
@@ -83,22 +90,27 @@ class Attachment:
             self.close()
         elif not self._is_open:
             self._find_owner(buffer)
-        elif why := self._why_over():
+        elif why := self._why_over(buffer):
             self.close()
             log.logger("tf2_ros").info(f"The shared buffer {self.name!r} is not filled any more: {why}")
-            if self._listeners and buffer._tf2_sharing is self:
-                buffer._tf2_sharing = None
-            for listener in list(self._listeners.values()):
-                self.leave(listener, why)
+            if self.is_by_environment:
+                for listener in list(self.listeners.values()):
+                    self.leave(listener, why)
 
-    def _why_over(self) -> str:
+    def _why_over(self, buffer: Any) -> str:
+        if self.reader.problem is not None:
+            return self.reader.problem
         if not is_owned(self.reader.descriptor):
-            return f"process {self.owner} no longer shares it"
-        if self._listeners and read_description(self.reader.descriptor).domain is None:
-            return f"process {self.owner} has no listener any more"
+            return f"process {self.owner} has ended"
+        if self.is_by_environment:
+            for listener in list(self.listeners.values()):
+                if lack := _lack(self.reader, buffer, listener):
+                    return f"it {lack}"
         return ""
 
     def _find_owner(self, buffer: Any) -> None:
+        if self.is_by_environment:
+            return
         try:
             reader = open_ring(self.name)
         except SharedBufferError:
@@ -108,46 +120,66 @@ class Attachment:
 
     def close(self) -> None:
         """Insert what has arrived, and receive nothing more; the buffer keeps what it holds."""
-        if not self.is_attached:
-            return
-        self._is_open = False
-        self.inbox.catch_up()
-        self.inbox.close()
-        self.reader.stop()
-        if self._thread is not threading.current_thread():
-            self._thread.join(THREAD_END_WAIT_S)
+        if self.is_attached:
+            self._is_open = False
+            self.inbox.catch_up()
+            self.inbox.close()
+            self.stop()
 
-    stop = close  # as an owner of an inbox
+    def stop(self) -> None:
+        """End the thread that follows the ring."""
+        self.reader.stop()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(THREAD_END_WAIT_S)
 
     # What listeners have instead of subscriptions.
 
     def add(self, listener: Any) -> None:  # a TransformListener
         """Replace the subscriptions of a listener of the buffer, and keep it alive, until :meth:`remove`."""
-        self._listeners[id(listener)] = listener
-        if listener._tf2_queue is not None:
-            # Its executor returns from `spin_once` for what arrives.
-            listener._tf2_queue.sleepers.add(self)
-            self.inbox.inform(listener._tf2_queue)
+        self.listeners[id(listener)] = listener
+        queue = listener._tf2_queue
+        if queue is not None:
+            queue.sleepers.add(self)
+        self._inform(listener)
 
     def remove(self, listener: Any) -> bool:
         """Undo :meth:`add`; whether it was there."""
-        return not is_inherited(self._process) and self._listeners.pop(id(listener), None) is not None
+        if self.is_inherited() or self.listeners.pop(id(listener), None) is None:
+            return False
+        queue = listener._tf2_queue
+        if queue is not None and all(one._tf2_queue is not queue for one in self.listeners.values()):
+            queue.sleepers.discard(self)
+        return True
 
     def has(self, listener: Any) -> bool:
         """Whether a listener's transforms come from another process now."""
-        return self.is_attached and id(listener) in self._listeners
+        return self.is_attached and id(listener) in self.listeners
 
     def leave(self, listener: Any, reason: str) -> None:
         """Let a listener subscribe, for good."""
-        if self.remove(listener):
-            listener._tf2_attachment = None
-            if not context_was_shut_down(listener.node.context):
-                _log(listener, f"subscribes on its own from now on: {reason}")
-                listener._tf2_listen_itself()
+        if not self.remove(listener):
+            return
+        buffer = self._buffer()
+        if self.is_by_environment and not self.listeners:
+            self.close()
+            if buffer is not None and buffer._tf2_sharing is self:
+                buffer._tf2_sharing = None
+        listener._tf2_attachment = None
+        if not context_was_shut_down(listener.node.context):
+            _log(
+                listener,
+                f"subscribes on its own from now on, and leaves the shared buffer {self.name!r}: {reason}",
+            )
+            listener._tf2_listen_itself()
 
     def describe(self) -> str:
         """Where transforms come from."""
         return f"the shared buffer {self.name!r} of process {self.owner}"
+
+    def _inform(self, listener: Any) -> None:
+        # Its executor returns from `spin_once` for what arrives.
+        if listener._tf2_queue is not None:
+            self.inbox.inform(listener._tf2_queue)
 
     def before_sleep(self, in_user_code: bool) -> None:
         """Prepare for an executor of a listener's node that is about to sleep; see ``Sleeper``."""
@@ -172,28 +204,34 @@ def attach_listener(listener: Any, is_usual: bool) -> Attachment | None:
     :param is_usual: whether it receives what any listener does, and its buffer gets that unchanged.
     :return: None if the listener must subscribe on its own.
     """
-    buffer, node = listener.buffer, listener.node
+    buffer = listener.buffer
     sharing: Owner | Attachment | None = buffer._tf2_sharing
-    if not isinstance(node, Node) or isinstance(sharing, Owner):
+    if not isinstance(listener.node, Node) or isinstance(sharing, Owner):
         return None
-    found = sharing if sharing is not None and sharing.is_attached else None
-    if found is None and not is_wanted():
-        return None
+    if sharing is None or sharing.is_inherited():
+        sharing = _by_environment(buffer, listener, is_usual) if is_wanted() else None
+    if sharing is not None:
+        sharing.add(listener)
+    return sharing
+
+
+def _by_environment(buffer: Any, listener: Any, is_usual: bool) -> Attachment | None:
+    """Attach a buffer as the environment asks, if that can replace this listener's subscriptions."""
     try:
+        name = buffer_name(os.environ[VARIABLE], listener.node)
         if not is_usual:
             raise SharedBufferError("it, or its buffer, is of another kind than tf2's")
         if (why := problem()) is not None:
             raise SharedBufferError(f"nothing is received here: {why}")
-        name = buffer_name(os.environ[VARIABLE], node) if found is None else found.name
-        reader = open_ring(name) if found is None else found.reader
+        if buffer._tf2_names():
+            raise SharedBufferError("its buffer holds frames already")
+        reader = open_ring(name)
         if lack := _lack(reader, buffer, listener):
             raise SharedBufferError(f"the shared buffer {name!r} {lack}")
     except (SharedBufferError, ValueError) as reason:
         _log(listener, f"subscribes on its own: {reason}")
         return None
-    if found is None:
-        buffer._tf2_sharing = found = Attachment(buffer, name, reader)
-    found.add(listener)
+    buffer._tf2_sharing = found = Attachment(buffer, name, reader, is_by_environment=True)
     _log(listener, f"uses {found.describe()}, and subscribes to nothing")
     return found
 
@@ -204,7 +242,7 @@ def _log(listener: Any, what: str) -> None:
 
 def _lack(reader: RingReader, buffer: Any, listener: Any) -> str:
     """Why what an owner shares cannot replace subscriptions; ``""`` if it can."""
-    owner, node = read_description(reader.descriptor), listener.node
+    owner, node = describe_owner(reader.descriptor), listener.node
     if owner.domain is None:
         return "has no listener"
     domain = node.context.get_domain_id()
@@ -217,6 +255,11 @@ def _lack(reader: RingReader, buffer: Any, listener: Any) -> str:
     cache_time_ns: int = buffer.cache_time_ns
     if owner.cache_time_ns < cache_time_ns:
         return f"keeps {owner.cache_time_ns / 1e9:g} s, this one {cache_time_ns / 1e9:g} s"
+    short_ns, missed = reader.shortage
+    if 0 < short_ns < cache_time_ns:
+        return f"has memory for {short_ns / 1e9:.3g} s, this one keeps {cache_time_ns / 1e9:g} s"
+    if missed:
+        return "has no memory for all messages"
     if node.get_clock().ros_time_is_active and not owner.simulated:
         return "does not follow simulated time"
     return ""

@@ -228,9 +228,9 @@ class TransformListener:
             self._tf2_spinner.stop(wait=waits)
         if not self._tf2_owns_node:
             # A subclass that does not call __init__ makes the first two itself.
-            names = {"tf_sub", "tf_static_sub", *(topic.attribute for topic in self._tf2_topics)}
-            for name in names & self.__dict__.keys():
-                if self.__dict__[name] is not None:
+            attributes = ["tf_sub", "tf_static_sub", *(topic.attribute for topic in self._tf2_topics)]
+            for name in dict.fromkeys(attributes):
+                if self.__dict__.get(name) is not None:
                     self.node.destroy_subscription(self.__dict__[name])
         elif self._tf2_spinner is None:
             self.node.destroy_node()  # otherwise its thread does

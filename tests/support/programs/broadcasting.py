@@ -8,7 +8,6 @@ broken (whose rotation has no length).
 
 import signal
 import sys
-import threading
 
 import rclpy
 from geometry_msgs.msg import TransformStamped
@@ -26,8 +25,6 @@ AHEAD, NOT_AHEAD = Duration(seconds=5), Duration()
 
 def main(faults):
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    ending = threading.Event()
-    signal.signal(signal.SIGTERM, lambda *_: ending.set())
     node = rclpy.create_node("robot", namespace="/fleet")
     other = rclpy.create_node("intruder")
     broadcaster, static = TransformBroadcaster(node), StaticTransformBroadcaster(node)
@@ -61,10 +58,10 @@ def main(faults):
     static.sendTransform([made("base_link", "camera")])
     if faults:
         static.sendTransform([made("odom", "static_and_dynamic")])
-    while not ending.is_set() and broadcaster.pub_tf.get_subscription_count() == 0:
-        ending.wait(PERIOD_S)
     period = 0
-    while not ending.wait(PERIOD_S):
+    while not signal.sigtimedwait({signal.SIGTERM}, PERIOD_S):
+        if period == 0 and broadcaster.pub_tf.get_subscription_count() == 0:
+            continue
         transforms = [made("map", "odom"), made("odom", "base_link")]
         if faults:
             transforms += faulty(period)
@@ -77,4 +74,6 @@ def main(faults):
 
 
 if __name__ == "__main__":
+    # Blocked, it waits for the next period: a handler could interrupt the middleware.
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
     main(sys.argv[1:] == ["faults"])

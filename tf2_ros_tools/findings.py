@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from math import inf
@@ -48,27 +49,32 @@ _KEYS = {
 assert set(_KEYS) == {field.name for field in fields(Expectation)}
 
 
-def parse_expectations(document: Any) -> dict[str, Expectation]:
+def expected_by(options: Namespace) -> dict[str, Expectation]:
     """
-    Get expectations by the names of their frames, from ``{"frames": {name: {field of Expectation: value}}}``.
+    Read the options of a check: get the expectations by the names of their frames, and look at ``--ignore``.
 
-    :raises ValueError: it contains something unknown; the text names its frame.
+    The file of ``--expect`` contains ``{"frames": {name: {field of Expectation: value}}}``.
+
+    :raises RunError, UsageError: see :func:`read_yaml`; or something in it, or an ignored kind, is unknown.
     """
-    if not isinstance(document, dict) or set(document) != {"frames"}:
-        raise ValueError("expected one key, 'frames'")
-    frames = document["frames"]
-    if not isinstance(frames, dict):
-        raise ValueError("'frames': expected a mapping from names of frames to what is expected of them")
-    return {
-        _name(name): Expectation(**read_keys(name, {} if given is None else given, _KEYS))
-        for name, given in frames.items()
-    }
-
-
-def _name(name: Any) -> str:
-    if not isinstance(name, str):
-        raise ValueError(f"{name!r} is not a frame's name")
-    return name.removeprefix("/")
+    unknown = set(options.ignore) - KINDS.keys()
+    if unknown:
+        raise UsageError(f"--ignore: {min(unknown)} is not one of {', '.join(KINDS)}")
+    if options.expect is None:
+        return {}
+    document = read_yaml(options.expect, "--expect")
+    try:
+        if not isinstance(document, dict) or set(document) != {"frames"}:
+            raise ValueError("expected one key, 'frames'")
+        frames = document["frames"]
+        if not isinstance(frames, dict) or not all(isinstance(name, str) for name in frames):
+            raise ValueError("'frames': expected a mapping from names of frames to what is expected of them")
+        return {
+            name.removeprefix("/"): Expectation(**read_keys(name, {} if given is None else given, _KEYS))
+            for name, given in frames.items()
+        }
+    except ValueError as error:
+        raise UsageError(f"{options.expect}: {error}") from None
 
 
 # What may be wrong, in the order in which it is reported.
@@ -106,7 +112,7 @@ class Limits:
     max_delay: float | None = None  # of every dynamic transform; None: the next two
     delay: float = 1.0  # a frame may on average be so old when it is received ...
     delay_periods: float = 3.0  # ... or so many of its periods, whichever is longer
-    future: float = 0.1  # a stamp may be so far ahead of the clock
+    max_future: float = 0.1  # a stamp may be so far ahead of the clock
     stale: float = 1.0  # a frame may be silent so long ...
     stale_periods: float = 10.0  # ... and for so many of its periods, whichever is longer
     gap: float = 0.2  # two transforms may be so far apart ...
@@ -167,12 +173,14 @@ def find(
         by_frame.setdefault(stream.frame, []).append(stream)
     for frame, own in by_frame.items():
         expected = expectations.get(frame, Expectation())
+        given = {key: getattr(expected, key) for key in ("min_rate", "max_delay", "max_future")}
+        own_limits = replace(limits, **{key: one for key, one in given.items() if one is not None})
         found += _of_frame(frame, own, alive)
         found += _as_expected(frame, newest_streams(own)[frame], expected)
         moving = [one for one in own if not one.static]
         for stream in moving:
             judged = stream if _clock_offset(stream) is None else without_delays(stream)
-            found += _of_stream(judged, _told_apart(stream, moving), limits, expected, recorded)
+            found += _of_stream(judged, _told_apart(stream, moving), own_limits, recorded)
     # The static transforms of a publisher that has exited no longer reach anybody.
     refused = [one for one in refused if not one.static or alive is None or one.publisher_id in alive]
     found += map(_of_refused, refused)
@@ -186,19 +194,18 @@ def find(
 
 def _in_the_tree(streams: Sequence[Stream]) -> Iterator[Finding]:
     newest = newest_streams(streams)
-    trees: dict[str, int] = {}  # frames below each root, by its name
+    trees: Counter[str] = Counter()  # frames below each root
     in_loops: set[str] = set()
     for frame in newest:
         path = path_to_root(newest, frame)
-        top = path[-1]
-        if top not in newest:
-            trees[top] = trees.get(top, 1) + 1
-        elif frame not in in_loops and newest[top].parent == frame:
+        if path[-1] not in newest:
+            trees[path[-1]] += 1
+        elif frame not in in_loops and newest[path[-1]].parent == frame:
             in_loops.update(path)
             text = f"the frames {' -> '.join([*path, frame])} form a loop"
             yield Finding("loop", frame, text, {"frames": path})
     if len(trees) > 1:
-        parts = ", ".join(f"{root} ({counted(count, 'frame')})" for root, count in sorted(trees.items()))
+        parts = ", ".join(f"{root} ({counted(count + 1, 'frame')})" for root, count in sorted(trees.items()))
         yield Finding("roots", "", f"{len(trees)} unconnected trees: {parts}", {"roots": sorted(trees)})
 
 
@@ -263,56 +270,44 @@ def _of_refused(one: Refused) -> Finding:
     return Finding("refused", one.frame, f"{which} are refused: {one.because}", numbers)
 
 
-def _of_stream(
-    stream: Stream, name: str, limits: Limits, expected: Expectation, recorded: bool
-) -> Iterator[Finding]:
-    frame = stream.frame
-    future = limits.future if expected.max_future is None else expected.max_future
-    if stream.delay_min is not None and -stream.delay_min > future:
-        ahead = -stream.delay_min
-        yield Finding(
-            "future", frame, f"{name} is stamped up to {three_digits(ahead)} s ahead", {"ahead": ahead}
-        )
-    yield from _of_delay(stream, name, limits, expected)
-    if stream.period is not None:
-        yield from _of_intervals(stream, name, stream.period, limits, recorded)
-    min_rate = limits.min_rate if expected.min_rate is None else expected.min_rate
+def _of_stream(stream: Stream, name: str, limits: Limits, recorded: bool) -> Iterator[Finding]:
+    """The rules for a dynamic stream: a number, its limit, and a sentence in which it is a gap."""
+
+    def found(kind: str, sentence: str, **numbers: float) -> Finding:
+        text = f"{name} {sentence.format(*map(three_digits, numbers.values()))}"
+        return Finding(kind, stream.frame, text, numbers)
+
+    if stream.delay_min is not None and -stream.delay_min > limits.max_future:
+        yield found("future", "is stamped up to {} s ahead", ahead=-stream.delay_min)
     rate = stream.rate if recorded and stream.rate is not None else _rate_at_most(stream)
-    if min_rate is not None and rate is not None and rate < min_rate:
-        text = f"{name} is published at {three_digits(rate)} Hz, less than {min_rate:g} Hz"
-        yield Finding("rate", frame, text, {"rate": rate, "min_rate": min_rate})
-
-
-def _of_delay(stream: Stream, name: str, limits: Limits, expected: Expectation) -> Iterator[Finding]:
-    allowed = limits.max_delay if expected.max_delay is None else expected.max_delay
-    how, delay = "up to", stream.delay_max
+    if limits.min_rate is not None and rate is not None and rate < limits.min_rate:
+        sentence = "is published at {} Hz, less than {} Hz"
+        yield found("rate", sentence, rate=rate, min_rate=limits.min_rate)
+    how, delay, allowed = "up to", stream.delay_max, limits.max_delay
     if allowed is None and stream.period is not None:
         allowed = max(limits.delay, limits.delay_periods * stream.period)
         # The delay of stamps that stand still grows, but that is another problem.
         stands_still = stream.stalled - stream.silence > allowed
         how, delay = "on average", None if stands_still else stream.delay
     if allowed is not None and delay is not None and delay > allowed:
-        age = f"{how} {three_digits(delay)} s old when it is received"
-        text = f"{name} is {age}, more than {three_digits(allowed)} s"
-        yield Finding("delay", stream.frame, text, {"delay": delay, "max_delay": allowed})
-
-
-def _of_intervals(
-    stream: Stream, name: str, period: float, limits: Limits, recorded: bool
-) -> Iterator[Finding]:
-    since = "before the end" if recorded else "ago"
-    frame, usual = stream.frame, f"its period is {three_digits(period)} s"
-    longest = max(limits.stale, limits.stale_periods * period)
+        sentence = f"is {how} {{}} s old when it is received, more than {{}} s"
+        yield found("delay", sentence, delay=delay, max_delay=allowed)
+    if stream.period is None:
+        return
+    usual = f"; its period is {three_digits(stream.period)} s"
+    longest = max(limits.stale, limits.stale_periods * stream.period)
     if stream.silence > longest:
-        text = f"{name} was last received {three_digits(stream.silence)} s {since}; {usual}"
-        yield Finding("stale", frame, text, {"silence": stream.silence})
+        since = "before the end" if recorded else "ago"
+        yield found("stale", f"was last received {{}} s {since}{usual}", silence=stream.silence)
     elif stream.stalled > longest:
-        text = f"{name} has had no newer stamp for {three_digits(stream.stalled)} s; {usual}"
-        yield Finding("stale", frame, text, {"stalled": stream.stalled})
-    longest = max(limits.gap, limits.gap_periods * period)
-    if stream.count >= limits.gap_count and stream.gap > longest:
-        text = f"{name} was not received for {three_digits(stream.gap)} s; {usual}"
-        yield Finding("gap", frame, text, {"gap": stream.gap})
+        yield found("stale", f"has had no newer stamp for {{}} s{usual}", stalled=stream.stalled)
+    if stream.count >= limits.gap_count and stream.gap > longest_interval(stream, limits):
+        yield found("gap", f"was not received for {{}} s{usual}", gap=stream.gap)
+
+
+def longest_interval(stream: Stream, limits: Limits) -> float:
+    """Get the longest time between two transforms of a stream that is not a gap, in seconds."""
+    return inf if stream.period is None else max(limits.gap, limits.gap_periods * stream.period)
 
 
 def _rate_at_most(stream: Stream) -> float | None:
@@ -412,7 +407,9 @@ def without_delays(stream: Stream) -> Stream:
 
 def stream_line(stream: Stream) -> str:
     """Describe a stream: frame, parent, publisher, rate and delays."""
-    parts = [f"parent {stream.parent}", f"publisher {stream.publisher}", *_figures(stream)]
+    parts = [f"parent {stream.parent}", f"publisher {stream.publisher}", rate_label(stream)]
+    if stream.delay is not None:
+        parts += [delay_label(stream), f"jitter {milliseconds(stream.jitter)} ms"]
     return printable(f"{stream.frame}: {', '.join(parts)}")
 
 
@@ -421,45 +418,21 @@ def rate_text(stream: Stream) -> str:
     return "?" if stream.rate is None else f"{stream.rate:.1f}"
 
 
+def rate_label(stream: Stream) -> str:
+    """Describe how often transforms are received."""
+    return "static" if stream.static else f"{rate_text(stream)} Hz"
+
+
+def delay_label(stream: Stream) -> str:
+    """Describe how old transforms are when they are received; empty if that is unknown."""
+    if stream.delay is None:
+        return ""
+    return f"delay {milliseconds(stream.delay)} ms, max {milliseconds(stream.delay_max)} ms"
+
+
 def milliseconds(seconds: float | None) -> str:
     """A duration in ms; empty if there is none."""
     return "" if seconds is None else f"{1e3 * seconds:.1f}"
-
-
-def _figures(stream: Stream) -> Iterator[str]:
-    if stream.static:
-        yield "static"
-        return
-    yield f"{rate_text(stream)} Hz"
-    if stream.delay is not None:
-        mean, most, jitter = (
-            milliseconds(value) for value in (stream.delay, stream.delay_max, stream.jitter)
-        )
-        yield f"delay {mean} ms"
-        yield f"max {most} ms"
-        yield f"jitter {jitter} ms"
-
-
-def expected_by(options: Namespace) -> dict[str, Expectation]:
-    """
-    Read the file of ``--expect``, if there is one.
-
-    :raises RunError, UsageError: see :func:`read_yaml`; or it contains something unknown.
-    """
-    if options.expect is None:
-        return {}
-    document = read_yaml(options.expect, "--expect")
-    try:
-        return parse_expectations(document)
-    except ValueError as error:
-        raise UsageError(f"{options.expect}: {error}") from None
-
-
-def refuse_unknown_kinds(options: Namespace) -> None:
-    """Raise a UsageError if ``--ignore`` names a kind that does not exist."""
-    unknown = set(options.ignore) - KINDS.keys()
-    if unknown:
-        raise UsageError(f"--ignore: {min(unknown)} is not one of {', '.join(KINDS)}")
 
 
 def not_ignored(findings: Sequence[Finding], options: Namespace) -> list[Finding]:
@@ -472,17 +445,17 @@ def line_of(finding: Finding) -> str:
     return f"{finding.kind}: {printable(finding.text)}"
 
 
-def verdict_of(wrong: Sequence[Finding], streams: Sequence[Stream], of_what: str) -> str:
+def lines_of(wrong: Sequence[Finding], streams: Sequence[Stream], of_what: str) -> Iterator[str]:
     """
-    The last line: the number of findings, and in what.
+    Describe findings, each on a line, and on the last line their number, and in what they are.
 
     :param of_what: how much was received, for example ``12 messages and 5 s``.
     """
+    yield from map(line_of, wrong)
     # Including roots, as in the list of trees.
     names = {name for stream in streams for name in (stream.frame, stream.parent)}
-    frames = counted(len(names), "frame")
     verdict = f"wrong: {counted(len(wrong), 'finding')}" if wrong else "ok: no findings"
-    return f"{verdict} in {frames}, {of_what}"
+    yield f"{verdict} in {counted(len(names), 'frame')}, {of_what}"
 
 
 def write_junit(

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tf2_py import BufferCore
-from tf2_ros_tools.findings import Finding, Limits
+from tf2_ros_tools.findings import Finding, Limits, delay_label, longest_interval, rate_label
 from tf2_ros_tools.output import not_known, printable
 from tf2_ros_tools.program import RunError, UsageError, format_of, write_output
 from tf2_ros_tools.streams import Stream, taken
@@ -38,22 +38,6 @@ def label(text: str, longest: int = LONGEST) -> str:
     """Escape unprintable characters, and remove the middle of a text that is too long."""
     shown, half = printable(text), longest // 2
     return shown if len(shown) <= longest + 1 else f"{shown[:half]}…{shown[-half:]}"
-
-
-def rate_label(stream: Stream) -> str:
-    """Describe how often transforms are received."""
-    if stream.static:
-        return "static"
-    if stream.rate is None:
-        return "no rate"
-    return f"{stream.rate:.1f} Hz"
-
-
-def delay_label(stream: Stream) -> str:
-    """Describe how old transforms are when they are received; empty for a static frame."""
-    if stream.delay is None or stream.delay_max is None:
-        return ""
-    return f"delay {1e3 * stream.delay:.1f} ms, max {1e3 * stream.delay_max:.1f} ms"
 
 
 # The tree of frames.
@@ -357,11 +341,6 @@ def heard_rows(
         delays = (own["received_ns"] - own["stamp_ns"]) / S
         rows.append(Row(stream.frame, stream, times, delays, longest_interval(stream, limits)))
     return rows
-
-
-def longest_interval(stream: Stream, limits: Limits) -> float:
-    """Get the longest time between two transforms of a stream that is not a gap, in seconds."""
-    return np.inf if stream.period is None else max(limits.gap, limits.gap_periods * stream.period)
 
 
 def heard_figure(rows: Sequence[Row], begin: float, end: float) -> Any:

@@ -11,7 +11,7 @@ batched.
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,25 +28,18 @@ TAIL = 10  # records of each stream that are kept beyond the window
 PIECES = 64  # batches that are kept before they are joined
 NOTHING = np.iinfo(np.int64).min
 
-NO_RECORDS = np.zeros(0, RECORD)
-
 Records = NDArray[np.void]
 Mask = NDArray[np.bool_]
 
 
-class _Key(NamedTuple):
-    """Which transforms are counted together; the ids are those in the records."""
+class _Tally(NamedTuple):
+    """The transforms of one stream over some time, or those of it that every buffer refuses."""
 
-    child: int
+    child: int  # ids, as in the records
     parent: int
     publisher: int
     static: bool
     refused: bool
-
-
-class _Tally(NamedTuple):
-    """The transforms of a key over some time."""
-
     size: int  # how many
     first_ns: int  # when its first transform was received
     last_ns: int
@@ -58,8 +51,13 @@ class _Tally(NamedTuple):
     most: float
     refusals: int  # why every buffer refuses some of them, see refusal_text
 
+    @property
+    def key(self) -> tuple[int, ...]:
+        """Which transforms are counted together."""
+        return self[:5]
 
-Tallies = Mapping[_Key, _Tally]
+
+Tallies = Mapping[tuple[int, ...], _Tally]  # by their keys
 
 
 @dataclass(frozen=True)
@@ -133,8 +131,7 @@ class Streams:
 
     def __init__(self, window_s: float | None = None) -> None:
         self._window_ns = None if window_s is None else round(window_s * S)
-        self._early = NO_RECORDS  # those that are kept of the first half seconds
-        self._pieces: list[Records] = []  # the others
+        self._pieces = [np.zeros(0, RECORD)]
         self._settled_ns: dict[int, int] = {}  # when the first half second of each publisher ends
         self._last_ns: int | None = None  # when the last record was received
         self._jump: tuple[int, int] | None = None  # of the clock, the last one back: from when to when
@@ -144,47 +141,28 @@ class Streams:
         if not len(records):
             return
         received = records["received_ns"]
-        before_ns = received[0] if self._last_ns is None else self._last_ns
-        previous = np.concatenate(([before_ns], received[:-1]))
+        previous = np.append(received[0] if self._last_ns is None else self._last_ns, received[:-1])
         jumps = np.flatnonzero(received < previous - JUMP_BACK_NS)
+        self._last_ns = int(received[-1])
         if len(jumps):
             # As a buffer, which is cleared, keep only static transforms.
             start = jumps[-1]
             self._jump = int(previous[start]), int(received[start])
             before = np.concatenate((*self._pieces, records[:start]))
-            self._early, self._pieces = NO_RECORDS, [before[before["static"] != 0]]
+            self._pieces = [before[before["static"] != 0]]
             # Publishers that were received before the jump are discovered.
             publishers = np.unique(before["publisher"]).tolist()
             self._settled_ns = dict.fromkeys((*self._settled_ns, *publishers), NOTHING)
             records = records[start:]
-        self._last_ns = int(received[-1])
-        early = self._is_early(records)
+        for publisher in np.flatnonzero(np.bincount(records["publisher"])).tolist():
+            if publisher not in self._settled_ns:
+                first = np.argmax(records["publisher"] == publisher)
+                self._settled_ns[publisher] = int(records["received_ns"][first]) + SETTLING_NS
         if self._jump is not None:
-            stays = ~_left_over(records, *self._jump)
-            records, early = records[stays], early[stays]
-        if early.any():
-            self._early = last_of_each(np.concatenate((self._early, records[early])))
-            records = records[~early]
+            records = records[~_left_over(records, *self._jump)]
         self._pieces.append(records)
         if len(self._pieces) >= PIECES:
             self.kept(self._last_ns)
-
-    def _is_early(self, records: Records) -> Mask:
-        """Which dynamic records are of the first half second of their publishers."""
-        publishers, received = records["publisher"], records["received_ns"]
-        present = np.flatnonzero(np.bincount(publishers))
-        settled_ns = np.zeros(present[-1] + 1, np.int64)
-        for publisher in present.tolist():
-            if publisher not in self._settled_ns:
-                first = np.argmax(publishers == publisher)
-                self._settled_ns[publisher] = int(received[first]) + SETTLING_NS
-            settled_ns[publisher] = self._settled_ns[publisher]
-        if received.min() >= settled_ns.max():
-            return np.zeros(len(records), np.bool_)
-        # The delays of static and of refused transforms have no meaning.
-        counts = (records["static"] == 0) & (records["refusals"] == 0)
-        early: Mask = counts & (received < settled_ns[publishers])
-        return early
 
     def report(self, now_ns: int, frames: Sequence[str], publishers: Sequence[str]) -> Reported:
         """
@@ -196,21 +174,27 @@ class Streams:
         :param frames: names, indexed by the ids in the records.
         :param publishers: names, indexed likewise.
         """
+
+        def origin(one: _Tally) -> tuple[str, str, str, int, bool]:
+            return frames[one.child], frames[one.parent], publishers[one.publisher], one.publisher, one.static
+
         records = self.kept(now_ns)
-        total = tallies(records)
-        recent = total
+        total = recent = _tallies(records)
         if self._window_ns is not None:
-            recent = tallies(records[records["received_ns"] >= now_ns - self._window_ns])
-        by_frame: dict[int, list[_Key]] = {}
-        for key in total:
-            if not key.refused:
-                by_frame.setdefault(key.child, []).append(key)
+            recent = _tallies(records[records["received_ns"] >= now_ns - self._window_ns])
+        by_frame: dict[int, list[_Tally]] = {}
+        for one in total.values():
+            if not one.refused:
+                by_frame.setdefault(one.child, []).append(one)
         streams = [
-            _stream(key, total[key], recent.get(key), now_ns, frames, publishers)
-            for keys in by_frame.values()
-            for key in _current(keys, total, recent)
+            _stream(origin(one), one, recent.get(one.key), now_ns)
+            for own in by_frame.values()
+            for one in _current(own, recent)
         ]
-        refused = _refused(total, recent, frames, publishers)
+        refused = [
+            Refused(*origin(one), one.size, received, refusal_text(one.refusals))
+            for one, received in _refused(total, recent)
+        ]
         return Reported(
             sorted(streams, key=lambda one: (one.frame, one.silence)),
             sorted(refused, key=lambda one: (one.frame, one.publisher, one.parent, one.static)),
@@ -235,7 +219,6 @@ class Streams:
         :return: None where the chain is static, or a frame of it has no transform.
         """
         own = _dynamic_of(self.kept(now_ns), children)
-        own = own[np.argsort(own["received_ns"], kind="stable")]
         if not len(own):
             return None
         common = np.full(len(own), np.iinfo(np.int64).max)
@@ -254,15 +237,26 @@ class Streams:
         return float(((oldest - lasts / 2) * lasts).sum() / lasts.sum()), float(oldest.max())
 
     def kept(self, now_ns: int) -> Records:
-        """Join the records that reports at this time, or later, need; of each stream, in their order."""
-        records = np.concatenate((self._early, *self._pieces))
-        needed = np.ones(len(records), np.bool_)
+        """Join the records that reports at this time, or later, need, in the order of arrival."""
+        records = np.concatenate(self._pieces)
+        needed = self._is_settled(records)
         if self._window_ns is not None:
-            needed = _needed(records, now_ns - self._window_ns)
-        if not needed.all():
-            self._early, records = self._early[needed[: len(self._early)]], records[needed]
-        self._pieces = [records[len(self._early) :]]
-        return records
+            places = np.flatnonzero(needed)
+            needed[places] = _is_needed(records[places], now_ns - self._window_ns)
+        self._pieces = [records if needed.all() else records[needed]]
+        return self._pieces[0]
+
+    def _is_settled(self, records: Records) -> Mask:
+        """Which records count: the last one of each stream, and those after a first half second."""
+        ends_ns = [self._settled_ns.get(one, NOTHING) for one in range(max(self._settled_ns, default=0) + 1)]
+        early = records["received_ns"] < np.array(ends_ns, np.int64)[records["publisher"]]
+        # The delays of static and of refused transforms have no meaning.
+        places = np.flatnonzero(early & (records["static"] == 0) & (records["refusals"] == 0))
+        settled = np.ones(len(records), np.bool_)
+        settled[places] = False
+        _, last = np.unique(_keys(records[places])[::-1], return_index=True)
+        settled[places[len(places) - 1 - last]] = True
+        return settled
 
 
 def _left_over(records: Records, before_ns: int, after_ns: int) -> Mask:
@@ -280,30 +274,23 @@ def _keys(records: Records) -> NDArray[np.int64]:
     return keys
 
 
-def last_of_each(records: Records) -> Records:
-    """The last record of each stream."""
-    _, last = np.unique(_keys(records)[::-1], return_index=True)
-    return records[np.sort(len(records) - 1 - last)]
-
-
-def _grouped(records: Records) -> tuple[Records, NDArray[np.intp], NDArray[np.intp]]:
-    """Sort records by their keys; return them, where each was, and the index of the first one of each key."""
+def _grouped(records: Records) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    """Sort records by their keys; return where each was, and where those of each key begin and end."""
     keys = _keys(records)
     order = np.argsort(keys, kind="stable")
-    keys = keys[order]
-    return records[order], order, np.flatnonzero(np.concatenate(([True], keys[1:] != keys[:-1])))
+    edges = np.flatnonzero(np.diff(keys[order])) + 1
+    return order, np.append(0, edges), np.append(edges, len(records))
 
 
-def _needed(records: Records, begin_ns: int) -> Mask:
+def _is_needed(records: Records, begin_ns: int) -> Mask:
     """Which records a report needs: the window, and the last ones and the newest stamp of each stream."""
     needed: Mask = records["received_ns"] >= begin_ns
     if needed.all():
         return needed
-    ordered, order, starts = _grouped(records)
-    ends = np.append(starts[1:], len(records))
+    order, starts, ends = _grouped(records)
     from_end = np.repeat(ends, ends - starts) - np.arange(len(records))
     needed[order[from_end <= TAIL]] = True
-    needed[order[_first_newest(ordered["stamp_ns"], starts)]] = True
+    needed[order[_first_newest(records["stamp_ns"][order], starts)]] = True
     return needed
 
 
@@ -315,97 +302,87 @@ def _first_newest(stamps: NDArray[np.int64], starts: NDArray[np.intp]) -> NDArra
     return found
 
 
-def tallies(records: Records) -> Tallies:
+def _tallies(records: Records) -> Tallies:
     """Compute the figures of each key, in the order of the keys."""
     if not len(records):
         return {}
-    ordered, _, starts = _grouped(records)
-    received, stamps = ordered["received_ns"], ordered["stamp_ns"]
-    ends = np.append(starts[1:], len(received))
-    counts = ends - starts
+    order, starts, ends = _grouped(records)
+    ordered, counts = records[order], ends - starts
+    received = ordered["received_ns"]
     intervals = np.diff(received, prepend=received[:1])
     intervals[starts] = 0
-    delays = (received - stamps) / S
+    delays = (received - ordered["stamp_ns"]) / S
     means = np.add.reduceat(delays, starts) / counts
     squares = np.add.reduceat((delays - np.repeat(means, counts)) ** 2, starts)
+    firsts = ordered[starts]
     columns = (
+        firsts["child"],
+        firsts["parent"],
+        firsts["publisher"],
+        firsts["static"] != 0,
+        firsts["refusals"] != 0,
         counts,
         received[starts],
         received[ends - 1],
         np.maximum.reduceat(intervals, starts),
-        received[_first_newest(stamps, starts)],
+        received[_first_newest(ordered["stamp_ns"], starts)],
         means,
         np.sqrt(squares / counts),
         np.minimum.reduceat(delays, starts),
         np.maximum.reduceat(delays, starts),
         np.bitwise_or.reduceat(ordered["refusals"], starts),
     )
-    firsts = ordered[starts]
-    parts = [firsts[name].tolist() for name in ("child", "parent", "publisher")]
-    flags = [(firsts[name] != 0).tolist() for name in ("static", "refusals")]
-    keys = map(_Key, *parts, *flags)
-    return dict(zip(keys, map(_Tally, *(column.tolist() for column in columns)), strict=True))
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return {one.key: one for one in map(_Tally._make, rows)}
 
 
-def _current(keys: Sequence[_Key], total: Tallies, recent: Tallies) -> list[_Key]:
-    by_age = sorted(keys, key=lambda key: total[key].last_ns)
-    static = {key.publisher: key for key in by_age if key.static}
-    moving = [key for key in by_age if not key.static]
-    heard = [key for key in moving if key in recent]
+def _current(own: Sequence[_Tally], recent: Tallies) -> list[_Tally]:
+    """Choose the streams of a frame that no later one has replaced."""
+    by_age = sorted(own, key=lambda one: one.last_ns)
+    static = {one.publisher: one for one in by_age if one.static}
+    moving = [one for one in by_age if not one.static]
     # A stream that ended before another began was replaced, by a restart or by another parent.
-    newest_ns = max((recent[key].first_ns for key in heard), default=0)
-    current = [key for key in heard if recent[key].last_ns > newest_ns or recent[key].first_ns == newest_ns]
+    newest_ns = max((recent[one.key].first_ns for one in moving if one.key in recent), default=0)
+    current = [
+        one
+        for one in moving
+        if one.key in recent and (one.last_ns > newest_ns or recent[one.key].first_ns == newest_ns)
+    ]
     return [*static.values(), *current] or moving[-1:]
 
 
-def _refused(
-    total: Tallies, recent: Tallies, frames: Sequence[str], publishers: Sequence[str]
-) -> Iterator[Refused]:
-    """Refused transforms in the window, and static ones that their publishers have not replaced since."""
-    shown = {key: found for key in total if (found := (total if key.static else recent).get(key))}
+def _refused(total: Tallies, recent: Tallies) -> Iterator[tuple[_Tally, int]]:
+    """
+    Choose the refused transforms of the window, and static ones that their publishers have not replaced.
+
+    :return: each with the number of transforms of the frame and publisher, below any parent.
+    """
+    shown = [
+        *(one for one in recent.values() if not one.static),
+        *(one for one in total.values() if one.static),
+    ]
     received: Counter[tuple[int, int, bool]] = Counter()
-    taken_ns: dict[tuple[int, int], int] = {}  # when each publisher's last static one was accepted
-    for key, tally in shown.items():
-        received[key.child, key.publisher, key.static] += tally.size
-        if key.static and not key.refused:
-            whose = key.child, key.publisher
-            taken_ns[whose] = max(tally.last_ns, taken_ns.get(whose, 0))
-    for key, tally in shown.items():
-        is_replaced = key.static and tally.last_ns < taken_ns.get((key.child, key.publisher), 0)
-        if key.refused and not is_replaced:
-            yield Refused(
-                **_origin(key, frames, publishers),
-                count=tally.size,
-                received=received[key.child, key.publisher, key.static],
-                because=refusal_text(tally.refusals),
-            )
-
-
-def _origin(key: _Key, frames: Sequence[str], publishers: Sequence[str]) -> dict[str, Any]:
-    """The fields of an ``Origin``."""
-    return {
-        "frame": frames[key.child],
-        "parent": frames[key.parent],
-        "publisher": publishers[key.publisher],
-        "publisher_id": key.publisher,
-        "static": key.static,
-    }
+    taken_ns: dict[tuple[int, int, bool], int] = {}  # when each publisher's last one was accepted
+    for one in shown:
+        whose = one.child, one.publisher, one.static
+        received[whose] += one.size
+        if not one.refused:
+            taken_ns[whose] = max(one.last_ns, taken_ns.get(whose, 0))
+    for one in shown:
+        whose = one.child, one.publisher, one.static
+        is_replaced = one.static and one.last_ns < taken_ns.get(whose, 0)
+        if one.refused and not is_replaced:
+            yield one, received[whose]
 
 
 def _stream(
-    key: _Key,
-    total: _Tally,
-    recent: _Tally | None,
-    now_ns: int,
-    frames: Sequence[str],
-    publishers: Sequence[str],
+    origin: tuple[str, str, str, int, bool], total: _Tally, recent: _Tally | None, now_ns: int
 ) -> Stream:
-    origin = _origin(key, frames, publishers)
-    own = _Tally(0, now_ns, now_ns, 0, 0, 0.0, 0.0, 0.0, 0.0, 0) if recent is None else recent
-    timed = own.size > 0 and not key.static
+    own = total._replace(size=0, first_ns=now_ns, last_ns=now_ns, gap_ns=0) if recent is None else recent
+    timed = own.size > 0 and not own.static
     span_ns = own.last_ns - own.first_ns
     return Stream(
-        **origin,
+        *origin,
         count=own.size,
         rate=(own.size - 1) * S / span_ns if span_ns > 0 else None,
         delay=own.delay if timed else None,
@@ -482,13 +459,8 @@ def unknown_ends(newest: Iterable[Stream], ends: Iterable[str]) -> list[str]:
 
 def moving_on(newest: Tree, chain: Sequence[str]) -> list[str]:
     """The frames of a chain whose dynamic transforms make it up; the topmost frame is not one of them."""
-    steps = [*zip(chain, chain[1:], strict=False), *zip(chain[1:], chain, strict=False)]
-    below = [
-        child
-        for child, other in steps
-        if child in newest and newest[child].parent == other and not newest[child].static
-    ]
-    return list(dict.fromkeys(below))
+    moving = (name for name in chain if name in newest and not newest[name].static)
+    return [name for name in moving if newest[name].parent in chain]
 
 
 def stamps_on(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tf2_py import BufferCore, TransformException
 from tf2_ros.numpy import to_matrix
-from tf2_ros_tools.findings import Limits
+from tf2_ros_tools.findings import Limits, longest_interval
 from tf2_ros_tools.output import rpy_from_matrices
 from tf2_ros_tools.pictures import (
     BLUE,
@@ -22,7 +22,6 @@ from tf2_ros_tools.pictures import (
     VERMILION,
     Records,
     label,
-    longest_interval,
     show_times,
     style,
 )

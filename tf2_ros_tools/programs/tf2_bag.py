@@ -96,17 +96,9 @@ def info(options: Namespace) -> int:
 
 def check(options: Namespace) -> int:
     """Print the problems of a recording; return the exit status."""
-    from tf2_ros_tools.findings import (
-        LIMITS,
-        expected_by,
-        not_ignored,
-        refuse_unknown_kinds,
-        report,
-        write_junit,
-    )
+    from tf2_ros_tools.findings import LIMITS, expected_by, not_ignored, report, write_junit
 
     expected = expected_by(options)
-    refuse_unknown_kinds(options)
     limits = replace(LIMITS, min_rate=options.min_rate, max_delay=options.max_delay)
     said = report(heard_of(options), limits, expected)
     wrong = not_ignored(said.findings, options)
@@ -120,12 +112,10 @@ def check(options: Namespace) -> int:
 
 
 def _print_findings(said: Report, wrong: Sequence[Finding]) -> None:
-    from tf2_ros_tools.findings import line_of, verdict_of
+    from tf2_ros_tools.findings import lines_of
 
-    for finding in wrong:
-        print(line_of(finding))
-    what = f"{counted(said.transforms, 'transform')} and {three_digits(_seconds(said))} s"
-    print(verdict_of(wrong, said.streams, what))
+    of_what = f"{counted(said.transforms, 'transform')} and {three_digits(_seconds(said))} s"
+    print(*lines_of(wrong, said.streams, of_what), sep="\n")
 
 
 def _contents(topics: Sequence[Topic], start_ns: int | None, end_ns: int | None) -> Iterator[str]:

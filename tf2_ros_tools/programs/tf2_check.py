@@ -42,15 +42,12 @@ def check(options: Namespace) -> int:
     from tf2_ros_tools.findings import (
         Limits,
         expected_by,
-        line_of,
+        lines_of,
         not_ignored,
-        refuse_unknown_kinds,
-        verdict_of,
         write_junit,
     )
 
     expected = expected_by(options)
-    refuse_unknown_kinds(options)
     limits, seconds = Limits(min_rate=options.min_rate, max_delay=options.max_delay), options.t
     with spun_node("tf2_check", options) as node, listening(node) as heard:
         heard.listen(seconds)
@@ -63,9 +60,8 @@ def check(options: Namespace) -> int:
     if options.json:
         print(json.dumps({"ok": not wrong, "seconds": seconds, **asdict(replace(report, findings=wrong))}))
     else:
-        for finding in wrong:
-            print(line_of(finding))
-        print(verdict_of(wrong, report.streams, f"{counted(report.messages, 'message')} and {seconds:g} s"))
+        of_what = f"{counted(report.messages, 'message')} and {seconds:g} s"
+        print(*lines_of(wrong, report.streams, of_what), sep="\n")
         for problem in problems(replace(report, findings=[])):
             print(problem.text, file=sys.stderr)
     if options.junit is not None:

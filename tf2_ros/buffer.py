@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from tf2_py.typing import LookupPolicy
 if TYPE_CHECKING or HAS_ROS:
-    from rclpy.clock import Clock, ClockChange, JumpHandle, JumpThreshold, TimeJump
+    from rclpy.clock import Clock, JumpHandle, JumpThreshold, TimeJump
     from rclpy.duration import Duration
     from rclpy.node import Node
     from rclpy.service import Service
@@ -157,9 +157,6 @@ class Buffer(BufferCore, AnsweringInterface):
         super().__setstate__(state)
         if "registration" not in self.__dict__:
             self.__connect(None)
-
-    def __del__(self) -> None:
-        """Do nothing: what follows the clock ends by itself. Subclasses call this, as in tf2."""
 
     def lookup_transform(
         self,
@@ -393,10 +390,9 @@ class Buffer(BufferCore, AnsweringInterface):
         """
         Clear the buffer, and log a warning.
 
-        :param time_jump: how the clock jumped. None: back, for programs that call this themselves.
+        :param time_jump: how the clock jumped; not used, but for subclasses.
         """
-        happened = "Detected jump back in time" if time_jump is None else _jump_text(time_jump)
-        log.logger("tf2_buffer").warning(f"{happened}. Clearing TF buffer.")
+        log.logger("tf2_buffer").warning("Detected jump back in time. Clearing TF buffer.")
         self.clear()
 
     async def __answer(self, lookup: Lookup, timeout: DurationLike | None) -> TransformStamped:
@@ -441,12 +437,3 @@ def _clear_at_jumps(buffer: Any) -> "JumpHandle":
     handle = buffer.clock.create_jump_callback(threshold, post_callback=on_jump)
     weakref.finalize(buffer, handle.unregister).atexit = False
     return handle
-
-
-def _jump_text(time_jump: "TimeJump") -> str:
-    """Say what happened to the clock."""
-    if time_jump.clock_change == ClockChange.ROS_TIME_ACTIVATED:
-        return "Simulated time was switched on"
-    if time_jump.clock_change == ClockChange.ROS_TIME_DEACTIVATED:
-        return "Simulated time was switched off"
-    return f"Detected jump back in time by {-time_jump.delta.nanoseconds / 1e9:.3f} s"

@@ -11,7 +11,7 @@ import pytest
 from geometry_msgs.msg import PointStamped
 from making import at, stamp_ns, transform
 from processes import DEADLINE_S, PROMPT_S, seconds_of, start, until
-from rclpy.clock import ClockChange, TimeJump
+from rclpy.clock import ClockChange
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.time import Time
@@ -304,12 +304,12 @@ class TestTimeJump:
         return buffer
 
     def test_switching_sim_time_on_and_off_clears_and_says_so(self, full, node, capfd):
-        for is_on, said in ((True, "on"), (False, "off")):
+        for is_on in (True, False):
             insert(full, 1)
             node.set_parameters([Parameter("use_sim_time", value=is_on)])
             assert not full.can_transform("map", "robot", LATEST)
             assert full.can_transform("robot", "camera", LATEST)
-            assert f"Simulated time was switched {said}" in capfd.readouterr().err
+            assert "jump back in time" in capfd.readouterr().err
 
     def test_a_jump_back_of_a_second_clears_and_says_so(self, full, node, capfd):
         node.set_parameters([Parameter("use_sim_time", value=True)])
@@ -322,7 +322,7 @@ class TestTimeJump:
         capfd.readouterr()
         clock.set_ros_time_override(Time(seconds=198.5, clock_type=clock.clock_type))
         assert not full.can_transform("map", "robot", LATEST)
-        assert "jump back in time by 1.000 s" in capfd.readouterr().err
+        assert "jump back in time. Clearing" in capfd.readouterr().err
 
     def test_a_subclass_may_do_otherwise(self, tf2_ros, node):
         seen = []
@@ -335,8 +335,3 @@ class TestTimeJump:
         node.set_parameters([Parameter("use_sim_time", value=True)])
         assert seen == [ClockChange.ROS_TIME_ACTIVATED]
         assert buffer.jump_handle is not None
-
-    @pytest.mark.parametrize("jump", [None, TimeJump(ClockChange.ROS_TIME_NO_CHANGE, Duration(seconds=-3))])
-    def test_the_callback_may_be_called_by_hand(self, full, jump):
-        full.time_jump_callback(jump)
-        assert not full.can_transform("map", "robot", LATEST)

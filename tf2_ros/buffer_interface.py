@@ -114,11 +114,7 @@ class BufferInterface:
         do_transform: Any = self.registration.get(type(object_stamped))
         header = _header_of(object_stamped)
         look_up: Any = self.lookup_transform
-        try:
-            transform = look_up(target_frame, header.frame_id, header.stamp, timeout, **policy)
-        except TransformException as error:
-            _add_if_frame_is_empty(error, object_stamped)
-            raise
+        transform = look_up(target_frame, header.frame_id, header.stamp, timeout, **policy)
         result: _New = do_transform(object_stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
@@ -149,13 +145,9 @@ class BufferInterface:
         do_transform: Any = self.registration.get(type(object_stamped))
         header = _header_of(object_stamped)
         look_up: Any = self.lookup_transform_full
-        try:
-            transform = look_up(
-                target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout, **policy
-            )
-        except TransformException as error:
-            _add_if_frame_is_empty(error, object_stamped)
-            raise
+        transform = look_up(
+            target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout, **policy
+        )
         result: _New = do_transform(object_stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
@@ -182,11 +174,7 @@ class BufferInterface:
         do_transform: Any = self.registration.get(type(object_stamped))
         header = _header_of(object_stamped)
         look_up: Any = self.lookup_transform_async
-        try:
-            transform = await look_up(target_frame, header.frame_id, header.stamp, timeout=timeout, **policy)
-        except TransformException as error:
-            _add_if_frame_is_empty(error, object_stamped)
-            raise
+        transform = await look_up(target_frame, header.frame_id, header.stamp, timeout=timeout, **policy)
         result: _New = do_transform(object_stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
@@ -391,27 +379,13 @@ class AnsweringInterface(BufferInterface):
 
 
 def _header_of(object_stamped: Any) -> Any:
-    try:
-        return object_stamped.header
-    except AttributeError as missing:
-        # A message of a type that tf2 does not register in Python.
-        if hasattr(object_stamped, "get_fields_and_field_types"):
-            raise TypeException(
-                f"Type {type(object_stamped).__name__} is not supported here: it has no header that says "
-                f"where it is, and when"
-            ) from None
-        raise AttributeError(
-            f"{type(object_stamped).__name__} has no attribute 'header': an object that is transformed needs "
-            f"a header with frame_id and stamp",
-            name="header",
-            obj=object_stamped,
-        ) from missing
-
-
-def _add_if_frame_is_empty(error: TransformException, object_stamped: Any) -> None:
-    """Add to the text of a lookup's error, behind what programs parse, that the object names no frame."""
-    if object_stamped.header.frame_id == "":
-        error.args = (f"{error}. The header.frame_id of the {type(object_stamped).__name__} is empty",)
+    # Messages without a header are registered, too: for functions, and for conversions.
+    if not hasattr(object_stamped, "header") and hasattr(object_stamped, "get_fields_and_field_types"):
+        raise TypeException(
+            f"Type {type(object_stamped).__name__} is not supported here: it has no header that says where "
+            f"it is, and when"
+        )
+    return object_stamped.header
 
 
 def Stamped(obj: _Object, stamp: TimeLike, frame_id: str) -> _Object:

@@ -94,27 +94,6 @@ class TestTransform:
         carried = buffer.transform_full(Thing(1, time=at(1)), "map", at(1), "map", new_type=OtherThing)
         assert (type(carried), carried.x) == (OtherThing, 2)
 
-    @pytest.mark.ours
-    def test_an_error_about_an_object_without_a_frame_says_so_at_its_end(self, buffer, executor, tf2_py):
-        text = (
-            r"argument source_frame - in tf2 .* cannot be empty\. The header\.frame_id of the Thing is empty$"
-        )
-        nowhere = Thing(1, frame_id="")
-        for call in (
-            lambda: buffer.transform(nowhere, "map"),
-            lambda: buffer.transform_full(nowhere, "map", Time(), "map"),
-            lambda: awaited(buffer.transform_async(nowhere, "map"), executor),
-        ):
-            with pytest.raises(tf2_py.InvalidArgumentException, match=text):
-                call()
-
-    @pytest.mark.ours
-    def test_an_object_without_a_header_is_told_what_it_lacks(self, buffer):
-        thing = Thing(1)
-        del thing.header
-        with pytest.raises(AttributeError, match="Thing has no attribute 'header': .* frame_id and stamp"):
-            buffer.transform(thing, "map")
-
     def test_an_interface_without_lookups_says_so(self, interface):
         bare = interface.BufferInterface()
         for call in (

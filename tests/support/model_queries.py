@@ -169,9 +169,6 @@ class Queries:
         if wanted[0] == "answer":
             stamp, _, _, xyz, xyzw = wanted[1]
             wanted = ("answer", (stamp, target, added(turned(xyzw, POINT), xyz)))
-        elif source == "":
-            texts = [f"{text}. The header.frame_id of the PointStamped is empty" for text in wanted[2]]
-            wanted = (*wanted[:2], texts)
 
         def transformed():
             found = self.buffer.transform(point, target)

@@ -11,7 +11,7 @@ from tf2_ros import _names
 from tf2_ros._messages import TransformStamped
 from tf2_ros._shared.naming import buffer_name, require_linux
 from tf2_ros._wait.blocking import BlockingWait, Lookup
-from tf2_ros.buffer_interface import NO_TIMEOUT, AnsweringInterface
+from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros_cython._presence import HAS_ROS, absence
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ SETTERS = frozenset({"set_transform", "set_transform_static", "set_transforms", 
 _OF_INIT = frozenset({"registration", "_tf2_wait_contexts", "srv", "clock", "jump_handle", "_tf2_sharing"})
 
 
-class Buffer(BufferCore, AnsweringInterface):
+class Buffer(BufferCore, BufferInterface):
     """
     Keep the transforms of the last seconds, and say where a frame is relative to another.
 
@@ -129,7 +129,7 @@ class Buffer(BufferCore, AnsweringInterface):
         self.__connect(node)
 
     def __connect(self, node: "Node | None") -> None:
-        AnsweringInterface.__init__(self)
+        BufferInterface.__init__(self)
         if not HAS_ROS:
             if node is not None:
                 raise absence("a buffer with a node")
@@ -229,10 +229,7 @@ class Buffer(BufferCore, AnsweringInterface):
         try:
             wait.for_answer(Lookup.of(*arguments, policy=accepted))
         except TransformException as error:
-            if accepted is not None:
-                return False, str(error)
-            can, reason = ask(*arguments)
-            return bool(can), reason if can else wait.told(reason)
+            return False, str(error)
         return True, ""
 
     def wait_for_transform_async(

@@ -39,7 +39,7 @@ from tf2_ros._receive.inboxes import check_regularly
 from tf2_ros._wait.callbacks import callback_queue
 from tf2_ros._wait.futures import WakingFuture
 from tf2_ros._wait.timers import deadlines
-from tf2_ros.buffer_interface import NO_TIMEOUT, AnsweringInterface
+from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 from tf2_ros.buffer_server import CODES
 
 __all__ = ["BufferClient", "LookupTransformGoal", "LookupTransformResult"]
@@ -280,7 +280,7 @@ def _cancel_if_accepted(response: Future) -> None:
         handle.cancel_goal_async()
 
 
-class BufferClient(AnsweringInterface):
+class BufferClient(BufferInterface):
     """
     Looks transforms up in the buffer of a buffer server.
 

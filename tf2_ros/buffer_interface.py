@@ -7,7 +7,6 @@ from tf2_py.typing import DurationLike, TimeLike
 from tf2_ros import _names
 from tf2_ros._messages import Header, TransformStamped, time_msg
 from tf2_ros._messages import PoseStamped as PoseStamped
-from tf2_ros._messages import Time as TimeMsg
 from tf2_ros._registration import (
     ConvertRegistration,
     NotImplementedException,
@@ -57,7 +56,7 @@ class BufferInterface:
     What :class:`tf2_ros.Buffer` and :class:`tf2_ros.BufferClient` share.
 
     A subclass implements the lookups; those that it does not implement raise a ``NotImplementedException``.
-    ``transform``, ``transform_full`` and ``transform_async`` use them. The attribute ``registration`` is the
+    All other methods use them. The attribute ``registration`` is the
     table of functions that transform objects. For every ``time`` and ``timeout``, see
     :class:`tf2_ros.Buffer`.
 
@@ -232,37 +231,6 @@ class BufferInterface:
         """
         raise NotImplementedException()
 
-    def can_transform(
-        self, target_frame: str, source_frame: str, time: TimeLike, timeout: DurationLike = NO_TIMEOUT
-    ) -> bool:
-        """
-        Return whether :meth:`lookup_transform` would return the pose of ``source_frame`` in ``target_frame``.
-        ``Time()`` asks for the latest one. The default ``timeout`` does not wait.
-
-        :param timeout: how long to wait for it, in steady time.
-        """
-        raise NotImplementedException()
-
-    def can_transform_full(
-        self,
-        target_frame: str,
-        target_time: TimeLike,
-        source_frame: str,
-        source_time: TimeLike,
-        fixed_frame: str,
-        timeout: DurationLike = NO_TIMEOUT,
-    ) -> bool:
-        """
-        Return whether :meth:`lookup_transform_full` would answer. The default ``timeout`` does not wait.
-
-        :param timeout: how long to wait for it, in steady time.
-        """
-        raise NotImplementedException()
-
-
-class AnsweringInterface(BufferInterface):
-    """What :class:`tf2_ros.Buffer` and :class:`tf2_ros.BufferClient` share beyond the interface of tf2."""
-
     @overload
     def can_transform(  # pyright: ignore[reportOverlappingOverload]  # the flag differs
         self,
@@ -399,7 +367,6 @@ def Stamped(obj: _Object, stamp: TimeLike, frame_id: str) -> _Object:
     :raises AttributeError: the object can have no attribute ``header``.
     :raises TypeError: ``stamp`` is not a time.
     """
-    message = stamp if isinstance(stamp, TimeMsg) else time_msg(stamp, "stamp")
     stamped: Any = obj
-    stamped.header = Header(frame_id=frame_id, stamp=message)
+    stamped.header = Header(frame_id=frame_id, stamp=time_msg(stamp, "stamp"))
     return obj

@@ -162,7 +162,6 @@ class TestMaking:
             "Buffer",
             "BufferCore",
             "Engine",
-            "AnsweringInterface",
             "BufferInterface",
             "object",
         ]

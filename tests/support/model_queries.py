@@ -139,16 +139,16 @@ class Queries:
             arguments = (target, target_ns, source, ns, fixed)
             calls = buffer.lookup_transform_full, buffer.wait_for_transform_full_async
             can = buffer.can_transform_full
-            reasons = self.model.can_full(*arguments)
         else:
             arguments = (target, source, ns)
             calls = buffer.lookup_transform, buffer.wait_for_transform_async
-            can, reasons = buffer.can_transform, self.model.can(*arguments)
+            can = buffer.can_transform
         wanted = of_model(lambda: self._model_lookup(lookup))
         refused = of_model(lambda: self.model.check_wait(target, source, *rest[:1]))
         got = of_buffer(lambda: as_model_tells(calls[0](*arguments, timeout)))
-        waits = timeout_ns > 0 and refused[0] == "error"
-        self._compare(query, got, refused if waits else wanted, same_answer)
+        told = refused if timeout_ns > 0 and refused[0] == "error" else wanted
+        self._compare(query, got, told, same_answer)
+        reasons = (True, "") if told[0] == "answer" else (False, *told[2])
         self._compare_reason(query, can(*arguments, timeout, return_debug_tuple=True), reasons)
         future = calls[1](*arguments, timeout=timeout)
         until(future.done)

@@ -744,8 +744,7 @@ cdef class BufferCore(Engine):
         :param notify: called with the answer by the thread that inserts what was missing; not called if the
             answer is available at once. If it raises, it is called again, because a signal handler may have
             raised in it. It runs no user code, but may return a callable that does. A user's thread
-            calls that at once; a receiver hands it over. None: :meth:`Wait.wait_for` waits. Under a
-            policy it may be called with None, because there will never be an answer.
+            calls that at once; a receiver hands it over. None: :meth:`Wait.wait_for` waits.
         :param policy: of ``policy_of``.
         :param after: a previous wait for the same simple lookup at the latest time: wait for an answer
             that differs from its answer.

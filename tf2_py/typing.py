@@ -54,8 +54,6 @@ class LookupPolicy(TypedDict, total=False):
     and the answer has the requested time as its stamp.
 
     ``max_gap``: a duration. There is no answer between samples that are further apart.
-
-    With any of these, a wait for one time ends as soon as transforms of that time would be refused.
     """
 
     tolerance: DurationLike | None

@@ -249,8 +249,7 @@ class Buffer(BufferCore, BufferInterface):
         :param source_frame: the frame that the data is in.
         :param time: of the transform; 0 is the latest time for which all frames on the path have data.
         :param timeout: how long to wait; then the future holds a ``TimeoutException``. None: forever.
-        :param policy: the arguments of :class:`tf2_py.typing.LookupPolicy`. With one, the future holds an
-            ``ExtrapolationException`` as soon as transforms of ``time`` would be refused.
+        :param policy: the arguments of :class:`tf2_py.typing.LookupPolicy`.
         :raises TypeError: a name is not a str, ``time`` is not a time, or ``timeout`` is not a timeout.
 
         A program's own insert of the missing transform completes the future, and runs its callbacks before it

@@ -197,7 +197,7 @@ class Machine(RuleBasedStateMachine):
     def ask(self, lookup, **options):
         one = Pending(self.buffer, self.told, lookup, **options)
         assert not self.told  # but has the answer at once
-        if one.wait.answer is None and not one.wait.is_hopeless:
+        if one.wait.answer is None:
             self.pending.append(one)
         if len(self.pending) > MOST_PENDING:
             assert self.pending.pop(0).wait.cancel()

@@ -223,11 +223,6 @@ def shut_down(waited_ns: int) -> str:
     return f"The context was shut down, which ended the wait for the transform after {_duration(waited_ns)} s"
 
 
-def no_longer(reason: str) -> str:
-    """The error text of a wait for a time that has become too old to be received."""
-    return f"{reason}; transforms of that time are refused by now"
-
-
 def _at(time_ns: int) -> str:
     return f"at {seconds(time_ns)} s" if time_ns else "at the latest common time"
 

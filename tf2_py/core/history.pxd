@@ -183,7 +183,7 @@ cdef struct Retention:
 cdef inline int64_t history_horizon(const History* history, const Retention* retention,
                                     int64_t newest_ns) noexcept nogil:
     # The one rule of what is lost, if `newest_ns` is the newest stamp: a sample with an earlier stamp than
-    # this is pruned by the next insert, refused when it arrives, and not waited for under a policy.
+    # this is pruned by the next insert, and refused when it arrives.
     return newest_ns - retention.cache_time_ns if history.count else INT64_MIN
 
 

@@ -68,8 +68,5 @@ cdef Status query_end_frames(const Tree* tree, const Query* query, FrameId* targ
                              FrameId* source) noexcept nogil
 # NO_FRAME if the name is invalid or unknown.
 cdef FrameId query_fixed_frame(const Tree* tree, const Query* query) noexcept nogil
-# Whether a simple query with a policy that failed with `status` will fail as long as frames keep their
-# parents, because a frame on its path refuses data of that time. Then `status` is about that frame.
-cdef bint query_is_hopeless(const Tree* tree, const Query* query, Status* status) noexcept nogil
 # Whether this is a simple lookup between equal names, for which the frame need not be known.
 cdef bint query_is_identity(const Query* query) noexcept nogil

@@ -10,7 +10,6 @@ cdef Status gap_status(const Tree* tree, FrameId frame, int64_t time_ns) noexcep
     status.code = STATUS_EXTRAPOLATION
     status.half = HALF_NONE
     status.gap = gap
-    status.on_path = False
     status.child = frame
     status.parent = history_oldest_parent(history) if gap == GAP_PAST else tree_newest_parent(tree, frame)
     status.requested_ns = time_ns
@@ -32,7 +31,6 @@ cdef bint _has_gap(const Tree* tree, FrameId frame, int64_t time_ns, const Polic
     if gap == GAP_NONE:
         return False
     status[0] = gap_status(tree, frame, time_ns)
-    status.on_path = True
     if gap == GAP_LONG:
         status.gap = GAP_LONG
         history_stamps_around(history, time_ns, &status.edge_ns, &status.newer_ns)
@@ -361,43 +359,6 @@ cdef FrameId query_fixed_frame(const Tree* tree, const Query* query) noexcept no
 cdef bint query_is_identity(const Query* query) noexcept nogil:
     return (query.fixed == NULL and query.target_size == query.source_size
             and memcmp(query.target, query.source, query.source_size) == 0)
-
-
-cdef FrameId _hopeless_frame(const Tree* tree, const FrameId* frames, uint32_t hops,
-                             int64_t time_ns) noexcept nogil:
-    # The first frame of one side whose history does not reach back to a time, and never will; NO_FRAME: none.
-    # Above a frame that still lacks data for the time, the path may become another one.
-    cdef const History* history
-    cdef Gap gap
-    cdef uint32_t i
-    for i in range(hops):
-        history = &tree.histories[frames[i]]
-        gap = history_gap(history, time_ns)
-        if gap in (GAP_PAST, GAP_SINGLE) and time_ns < history_horizon(
-                history, &tree.retention, history.newest_ns):
-            return frames[i]
-        if gap != GAP_NONE:
-            return NO_FRAME
-    return NO_FRAME
-
-
-cdef bint query_is_hopeless(const Tree* tree, const Query* query, Status* status) noexcept nogil:
-    cdef FrameId target, source, hopeless
-    cdef Path path
-    cdef bint mixed = False
-    if not query.policy.is_given or query.fixed != NULL or query.source_ns == 0:
-        return False
-    if status.code != STATUS_EXTRAPOLATION:
-        return False
-    query_end_frames(tree, query, &target, &source)
-    if tree.ever_looped or not walk_climb(tree, target, source, NEWEST, &path, &mixed) or mixed:
-        return False
-    hopeless = _hopeless_frame(tree, path.source, path.source_hops, query.source_ns)
-    if hopeless == NO_FRAME:
-        hopeless = _hopeless_frame(tree, path.target, path.target_hops, query.source_ns)
-    if hopeless != NO_FRAME:
-        status[0] = gap_status(tree, hopeless, query.source_ns)
-    return hopeless != NO_FRAME
 
 
 cdef Status query_answer(const Tree* tree, const Query* query, Transform* out,

@@ -83,7 +83,6 @@ cdef struct Status:
     StatusCode code
     Half half               # the part that failed
     Gap gap                 # unless stated above, the fields below are facts of STATUS_EXTRAPOLATION only
-    bint on_path            # the path is known: without this gap, or another on it, there is an answer
     FrameId child           # the frame that lacks data ...
     FrameId parent          # ... and its parent in the sample nearest to requested_ns; NO_FRAME: none
     int64_t requested_ns    # the time looked up

@@ -49,7 +49,6 @@ cdef struct Waiter:
     bint answered           # a flag, see sync.pxd: the lookup has an answer ...
     Transform answer        # ... which is this, metres and unit quaternion
     int64_t stamp_ns        # ... at this stamp
-    Status hopeless         # a bad code: `answered` is set, but for this reason there will be no answer
     Event* woken            # set when a wake has answered it; NULL: the waiter becomes ready instead
     void* owner             # for its code that has the GIL
 
@@ -95,9 +94,8 @@ cdef inline bint links_empty(const Link* head) noexcept nogil:
 # Zero a Waiters before.
 cdef void waiters_init(Waiters* waiters) noexcept nogil
 cdef void waiters_free(Waiters* waiters) noexcept nogil
-# Answers the waiter or files it; `answered` is set if it is answered or hopeless. Returns the status of the
-# attempt. Zero a Waiter before, then fill query, woken and owner. It must not move until it is
-# removed or answered.
+# Answers the waiter or files it, and returns the status of the attempt. Zero a Waiter before, then fill
+# query, woken and owner. It must not move until it is removed or answered.
 cdef Status waiters_add(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcept nogil
 # Returns whether it had no answer yet. No effect on one that is not listed, or forgotten.
 cdef bint waiters_remove(Waiters* waiters, Waiter* waiter) noexcept nogil

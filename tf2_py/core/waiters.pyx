@@ -147,9 +147,6 @@ cdef Status _attempt(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcep
         waiter.answer = answer
         waiter.stamp_ns = stamp_ns
         flag_set(&waiter.answered, True)
-    elif query_is_hopeless(tree, &waiter.query, &status):
-        waiter.hopeless = status
-        flag_set(&waiter.answered, True)
     else:
         _file(waiters, tree, waiter, status)
     return status

@@ -13,7 +13,6 @@ cdef class Wait(WaiterOwner):
     cdef object _notify                 # called with the answer, or None: a thread blocks
     cdef Event _woken                   # set with the answer, where a thread blocks
 
-    cdef bint _is_hopeless(self) noexcept
     # To be called before `begin`: wait for another answer than that of a previous wait or, if that has none,
     # than the one that it was to differ from.
     cdef void only_after(self, Wait previous) noexcept

@@ -23,9 +23,6 @@ cdef class Wait(WaiterOwner):
     cdef object deliver(self):
         return self._notify(self.answer)
 
-    cdef bint _is_hopeless(self) noexcept:
-        return flag_is_set(&self._waiter.answered) and self._waiter.hopeless.code != STATUS_OK
-
     cdef void only_after(self, Wait previous) noexcept:
         self._waiter.only_new = previous._waiter.only_new or flag_is_set(&previous._waiter.answered)
         self._waiter.answer = previous._waiter.answer
@@ -58,16 +55,11 @@ cdef class Wait(WaiterOwner):
 
     @property
     def answer(self):
-        """A new message of the answer; None if there is none yet, or never will be."""
-        if not flag_is_set(&self._waiter.answered) or self._is_hopeless():
+        """A new message of the answer; None if there is none yet."""
+        if not flag_is_set(&self._waiter.answered):
             return None
         target, source, _ = self._names
         return new_transform_stamped(&self._waiter.answer, self._waiter.stamp_ns, target, source)
-
-    @property
-    def is_hopeless(self):
-        """Whether the wait has ended because there will never be an answer."""
-        return self._is_hopeless()
 
     def cancel(self):
         """End the wait. Returns whether it was pending, that is, not answered and not ended before."""
@@ -75,9 +67,6 @@ cdef class Wait(WaiterOwner):
 
     def reason(self):
         """The exception that a lookup would raise now, or None."""
-        if self._is_hopeless():
-            error = self._engine.error(&self._waiter.query, self._waiter.hopeless)
-            return type(error)(errors.no_longer(str(error)))
         return self._engine.reason(&self._waiter.query)
 
     cpdef str lacks(self):
@@ -117,4 +106,4 @@ cdef class Wait(WaiterOwner):
         finally:
             self._engine.remove_waiter(&self._waiter)
         # The waiter may have been answered between the last sleep and the removal.
-        return self._waiter.answered and not self._is_hopeless()
+        return self._waiter.answered

@@ -400,8 +400,6 @@ class TransformFuture(WakingFuture[TransformStamped]):
         answer = wait.answer
         if answer is not None:
             self.set_result(answer)
-        elif wait.is_hopeless:
-            self.set_exception(wait.reason())
         if self.done():
             self.__wait = self.__core = None
             return
@@ -409,15 +407,10 @@ class TransformFuture(WakingFuture[TransformStamped]):
             deadlines.add(self.__begin_ns + self.__timeout_ns, self)
 
     def answered(self, answer: Any) -> Ending | None:
-        """
-        Complete this; or, if that runs callbacks, return what does.
-
-        :param answer: None: there will never be one.
-        """
-        wait = self.__wait
-        if self.is_dead() or (answer is None and wait is None):
+        """Complete this; or, if that runs callbacks, return what does."""
+        if self.is_dead():
             return None
-        self._tf2_end_or_queue(Outcome(State.DONE, answer, wait.reason() if answer is None else None))
+        self._tf2_end_or_queue(Outcome(State.DONE, answer, None))
         # It may have been queued by a call that a signal handler has cut short.
         return self._tf2_ending() if self._tf2_is_queued() else None
 

@@ -1,9 +1,5 @@
 """File waiters by what they lack, and try those that a change can help."""
 
-cdef enum:
-    FIRST_ENTRIES = 8       # allocated for a frame
-
-
 # Lists.
 
 cdef inline void _link_before(Link* following, Waiter* waiter) noexcept nogil:
@@ -13,11 +9,6 @@ cdef inline void _link_before(Link* following, Waiter* waiter) noexcept nogil:
     link.next = following
     link.previous.next = link
     following.previous = link
-
-
-cdef inline void _unlink(Link* link) noexcept nogil:
-    link.previous.next = link.next
-    link.next.previous = link.previous
 
 
 cdef void _append_all(Link* head, Link* taken) noexcept nogil:
@@ -61,7 +52,7 @@ cdef int _watch(Waiters* waiters, const Tree* tree, Waiter* waiter, FrameId fram
         waiters.watched_capacity = tree.capacity
     watched = &waiters.watched[frame]
     if watched.count == watched.capacity:
-        capacity = 2 * watched.capacity if watched.capacity else FIRST_ENTRIES
+        capacity = 2 * watched.capacity + 8
         grown = realloc(watched.entries, capacity * sizeof(WatchEntry))
         if grown == NULL:
             return -1
@@ -75,10 +66,12 @@ cdef int _watch(Waiters* waiters, const Tree* tree, Waiter* waiter, FrameId fram
     return 0
 
 
-cdef void _leave_frame(Waiters* waiters, Waiter* waiter) noexcept nogil:
-    # The last entry of the frame moves to the place of this one.
+cdef void _take_out(Waiters* waiters, Waiter* waiter) noexcept nogil:
+    # Out of its list, and off the frame that it watches, whose last entry moves to the place of this one.
     cdef Watched* watched
     cdef WatchEntry last
+    waiter.link.previous.next = waiter.link.next
+    waiter.link.next.previous = waiter.link.previous
     if waiter.frame == NO_FRAME:
         return
     watched = &waiters.watched[waiter.frame]
@@ -87,12 +80,9 @@ cdef void _leave_frame(Waiters* waiters, Waiter* waiter) noexcept nogil:
     last.waiter.entry = waiter.entry
     watched.entries[waiter.entry] = last
     waiter.frame = NO_FRAME
-    if watched.count == 0:
-        free(watched.entries)
-        memset(watched, 0, sizeof(Watched))
 
 
-cdef void _take_covered(Waiters* waiters, Watched* watched, const TimeRange* covered,
+cdef void _take_covered(Waiters* waiters, const Watched* watched, const TimeRange* covered,
                         Link* due) noexcept nogil:
     # Moves the waiters that watch one of these times to `due`. Backwards, because entries move forwards.
     cdef uint32_t i = watched.count
@@ -101,18 +91,8 @@ cdef void _take_covered(Waiters* waiters, Watched* watched, const TimeRange* cov
         i -= 1
         if covered.first <= watched.entries[i].time_ns <= covered.last:
             waiter = watched.entries[i].waiter
-            _leave_frame(waiters, waiter)
-            _unlink(&waiter.link)
+            _take_out(waiters, waiter)
             _link_before(due, waiter)
-
-
-cdef void _file(Waiters* waiters, const Tree* tree, Waiter* waiter, Status status) noexcept nogil:
-    cdef Link* head = _list_for(waiters, &waiter.query, status)
-    if head == &waiters.frames and _watch(waiters, tree, waiter, status.child, status.requested_ns) != 0:
-        head = &waiters.every
-    _link_before(head, waiter)
-    waiter.is_listed = True
-    waiters.count += 1
 
 
 # Waiting.
@@ -128,8 +108,7 @@ cdef bint waiters_remove(Waiters* waiters, Waiter* waiter) noexcept nogil:
     waiter.is_listed = False
     if not is_listed:
         return False
-    _leave_frame(waiters, waiter)
-    _unlink(&waiter.link)
+    _take_out(waiters, waiter)
     if waiter.answered:
         return False
     waiters.count -= 1
@@ -140,6 +119,7 @@ cdef Status _attempt(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcep
     cdef Transform answer
     cdef int64_t stamp_ns
     cdef Status status = query_answer(tree, &waiter.query, &answer, &stamp_ns)
+    cdef Link* head
     if (status.code == STATUS_OK and waiter.only_new and stamp_ns == waiter.stamp_ns
             and memcmp(&answer, &waiter.answer, sizeof(Transform)) == 0):
         status.code = STATUS_NOT_NEW
@@ -147,8 +127,13 @@ cdef Status _attempt(Waiters* waiters, const Tree* tree, Waiter* waiter) noexcep
         waiter.answer = answer
         waiter.stamp_ns = stamp_ns
         flag_set(&waiter.answered, True)
-    else:
-        _file(waiters, tree, waiter, status)
+        return status
+    head = _list_for(waiters, &waiter.query, status)
+    if head == &waiters.frames and _watch(waiters, tree, waiter, status.child, status.requested_ns) != 0:
+        head = &waiters.every
+    _link_before(head, waiter)
+    waiter.is_listed = True
+    waiters.count += 1
     return status
 
 
@@ -160,17 +145,16 @@ cdef Status waiters_add(Waiters* waiters, const Tree* tree, Waiter* waiter) noex
 
 cdef bint wake_begin(Waiters* waiters, Wake* wake) noexcept nogil:
     cdef FrameId frame = wake.change.frame
-    cdef const TimeRange* covered = &wake.change.covered
-    cdef Link* link = waiters.frames.next
+    cdef Waiter* waiter
     links_init(&wake.due)
     if wake.change.shape:
-        while link != &waiters.frames:
-            _leave_frame(waiters, link.waiter)
-            link = link.next
-        _append_all(&wake.due, &waiters.frames)
+        while not links_empty(&waiters.frames):
+            waiter = waiters.frames.next.waiter
+            _take_out(waiters, waiter)
+            _link_before(&wake.due, waiter)
         _append_all(&wake.due, &waiters.shape)
-    elif covered.first <= covered.last and frame < waiters.watched_capacity and waiters.watched[frame].count:
-        _take_covered(waiters, &waiters.watched[frame], covered, &wake.due)
+    elif frame < waiters.watched_capacity:
+        _take_covered(waiters, &waiters.watched[frame], &wake.change.covered, &wake.due)
     _append_all(&wake.due, &waiters.every)
     return not links_empty(&wake.due)
 

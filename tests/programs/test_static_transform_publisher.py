@@ -6,13 +6,11 @@ import signal
 
 import pytest
 from making import rotation, translation
-from processes import DEADLINE_S, answered, running, until
-from rclpy.parameter_client import AsyncParameterClient
+from processes import DEADLINE_S, running, until
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
 
 from tf2_msgs.msg import TFMessage
-from tf2_ros_tools.program import UsageError
 from tf2_ros_tools.programs.static_transform_publisher import read_file
 
 pytestmark = pytest.mark.ours
@@ -82,37 +80,23 @@ class TestOldForm:
         assert published(*values) == ((1.0, 2.0, 3.0), (-0.6, 0.0, 0.0, 0.8))
 
 
-class TestFile:
-    @pytest.fixture
-    def file(self, tmp_path):
-        path = tmp_path / "transforms.yaml"
-
-        def write(text):
-            path.write_text(text, encoding="utf-8")
-            return ["--file", str(path)]
-
-        return write
-
-    def test_many_are_published_by_one_program(self, published, file):
-        given = file(
-            "- {frame_id: map, child_frame_id: robot, x: 1, yaw: 1e-3}\n"
-            "- frame_id: robot\n  child_frame_id: camera\n  z: -.5\n  qx: 1.0\n  qw: 0.0\n"
-        )
-        moved, turn = published(*given, parent="map", child="robot")
-        assert moved == (1.0, 0.0, 0.0)
-        assert turn == pytest.approx((0.0, 0.0, 0.0005, 1.0), abs=1e-6)
-        assert published(*given, parent="robot", child="camera") == ((0.0, 0.0, -0.5), (1.0, 0.0, 0.0, 0.0))
-        assert "publishing 2 transforms of " in published.log
+def test_many_are_published_by_one_program_from_a_file(published, tmp_path):
+    path = tmp_path / "transforms.yaml"
+    path.write_text(
+        "- {frame_id: map, child_frame_id: robot, x: 1, yaw: 1e-3}\n"
+        "- frame_id: robot\n  child_frame_id: camera\n  z: -.5\n  qx: 1.0\n  qw: 0.0\n"
+    )
+    moved, turn = published("--file", str(path))
+    assert moved == (1.0, 0.0, 0.0)
+    assert turn == pytest.approx((0.0, 0.0, 0.0005, 1.0), abs=1e-6)
+    found = published("--file", str(path), parent="robot", child="camera")
+    assert found == ((0.0, 0.0, -0.5), (1.0, 0.0, 0.0, 0.0))
+    assert "publishing 2 transforms of " in published.log
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "must contain a list of transforms"),
-        ("{}", "must contain a list of transforms"),
-        ("[{]", "is not YAML: "),
-        ("- 5", "transform 1: expected a mapping with frame_id and child_frame_id, got 5"),
-        ("- {frame_id: a, child_frame_id: b, w: 1}", "transform 1: 'w' is not a key; did you mean qw?"),
         (
             "- {frame_id: 5, child_frame_id: b}",
             "transform 1: 'frame_id': expected a text (quote what looks like a number), got 5",
@@ -121,14 +105,6 @@ class TestFile:
         (
             "- {frame_id: a, child_frame_id: b, x: near}",
             "transform 1: 'x': expected a finite number, got 'near'",
-        ),
-        (
-            "- {frame_id: a, child_frame_id: b, x: yes}",
-            "transform 1: 'x': expected a finite number, got True",
-        ),
-        (
-            "- {frame_id: a, child_frame_id: b, x: .inf}",
-            "transform 1: 'x': expected a finite number, got inf",
         ),
         (
             "- {frame_id: a, child_frame_id: b}\n- {frame_id: a, child_frame_id: c, qw: 0}",
@@ -147,19 +123,5 @@ class TestFile:
 def test_what_is_wrong_in_a_file_is_told_with_its_place(tmp_path, text, said):
     path = tmp_path / "transforms.yaml"
     path.write_text(text)
-    with pytest.raises(UsageError, match=re.escape(said)):
+    with pytest.raises(ValueError, match=re.escape(said)):
         read_file(path)
-
-
-def test_its_parameters_tell_what_it_publishes(node, executor):
-    with running(NAME, "--x", "1.5", *FRAMES, "--ros-args", "-r", "__node:=mount"):
-        asked = AsyncParameterClient(node, "mount")
-        until(asked.services_are_ready, executor)
-        names = ["translation.x", "rotation.w", "frame_id", "child_frame_id"]
-
-        def values():  # none before they are declared, which may be later than the service
-            return answered(lambda: asked.get_parameters(names), executor).values
-
-        x, w, frame, child = until(values, executor)
-        assert (x.double_value, w.double_value) == (1.5, 1.0)
-        assert (frame.string_value, child.string_value) == ("map", "robot")

@@ -158,6 +158,9 @@ class Buffer(BufferCore, BufferInterface):
         if "registration" not in self.__dict__:
             self.__connect(None)
 
+    def __del__(self) -> None:
+        """Do nothing: what follows the clock ends by itself. Subclasses call this, as in tf2."""
+
     def lookup_transform(
         self,
         target_frame: str,

@@ -5,7 +5,6 @@ from tf2_ros_cython import _requirement  # noqa: F401
 
 # isort: split
 
-import os
 import threading
 from collections.abc import Iterable
 from copy import deepcopy
@@ -16,21 +15,14 @@ from rclpy.qos import QoSProfile
 
 from tf2_msgs.msg import TFMessage
 from tf2_ros import _names
-from tf2_ros._arguments import require_node
-from tf2_ros._forking import refuse_inherited
 from tf2_ros._qos import transforms_qos
-from tf2_ros.transform_broadcaster import (
-    RefusedTransforms,
-    publish_transforms,
-    require_transforms,
-    transforms_of,
-)
+from tf2_ros.transform_broadcaster import Broadcaster, require_transforms
 
 __all__ = ["StaticTransformBroadcaster"]
 _names.offer(globals())
 
 
-class StaticTransformBroadcaster:
+class StaticTransformBroadcaster(Broadcaster):
     """
     Sends transforms on ``/tf_static``, where late subscribers also receive them.
 
@@ -52,15 +44,12 @@ class StaticTransformBroadcaster:
     """
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None, *, strict: bool = False) -> None:
-        require_node("StaticTransformBroadcaster", node, "create_publisher")
-        self._tf2_refused = RefusedTransforms(strict)
         self.net_message = TFMessage()
         # Held until a message is published, because the last message must contain all transforms.
         self._tf2_sending = threading.RLock()
-        self._tf2_process = os.getpid()
         # A late subscriber needs only the last message, because it contains all transforms.
         profile = transforms_qos(1, is_static=True) if qos is None else qos
-        self.pub_tf = node.create_publisher(TFMessage, "/tf_static", profile)
+        super().__init__(node, "/tf_static", profile, strict)
 
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
         """
@@ -75,10 +64,8 @@ class StaticTransformBroadcaster:
 
         If an exception is raised, none of them is sent or kept.
         """
-        refuse_inherited(self, self._tf2_process)
-        new_transforms = transforms_of(transform)
+        new_transforms = self._tf2_list(transform)
         require_transforms(new_transforms)  # before any is kept
-        self._tf2_refused.before_sending(new_transforms)
         with self._tf2_sending:
             transforms = {sent.child_frame_id: sent for sent in self.net_message.transforms}
             for new in new_transforms:
@@ -86,6 +73,5 @@ class StaticTransformBroadcaster:
                 transforms[new.child_frame_id] = deepcopy(new)
             merged = list(transforms.values())
             # Kept only afterwards: what cannot be sent would prevent all later messages.
-            refused = publish_transforms(self.pub_tf, merged)
+            self._tf2_publish(merged)
             self.net_message.transforms = merged
-        self._tf2_refused.after_sending(refused)

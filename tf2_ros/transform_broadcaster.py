@@ -26,36 +26,58 @@ _names.offer(globals())
 
 MOST_WARNINGS = 100
 
+_publish = Publisher.publish
 
-class RefusedTransforms:
+
+class Broadcaster:
     """
-    Raises, or warns once for each child frame, about transforms that every listener would refuse.
+    A publisher that raises or warns, once for each child frame, if every listener would refuse a transform.
 
     :param strict: raise.
     """
 
-    def __init__(self, strict: bool) -> None:
-        self._strict = strict
-        self._warned: set[str] = set()
+    # For a subclass that makes another publisher instead of calling __init__.
+    _tf2_process: int | None = None
+    _tf2_strict = False
+    _tf2_warned: set[str] = set()  # the child frames that it has warned about
 
-    def before_sending(self, transforms: list[TransformStamped]) -> None:
-        """Raise a ValueError about one that would be refused, if this is strict."""
-        if self._strict:
+    def __init__(self, node: Node, topic: str, qos: QoSProfile | int, strict: bool) -> None:
+        require_node(type(self).__name__, node, "create_publisher")
+        self._tf2_process = os.getpid()
+        self._tf2_strict = strict
+        self._tf2_warned = set()
+        self.pub_tf = node.create_publisher(TFMessage, topic, qos)
+
+    def _tf2_list(self, transform: TransformStamped | Iterable[TransformStamped]) -> list[TransformStamped]:
+        """Make a list of the argument of ``sendTransform``; raise what that raises."""
+        if self._tf2_process is not None:
+            refuse_inherited(self, self._tf2_process)
+        transforms = list(transform) if isinstance(transform, Iterable) else [transform]
+        if self._tf2_strict:
             require_transforms(transforms)
             for _, why in refused(transforms):
                 raise ValueError(why)
+        return transforms
 
-    def after_sending(self, refused: Iterable[tuple[str, str]]) -> None:
-        """Warn about those that no listener accepts: pairs of a ``child_frame_id`` and the reason."""
-        if self._strict:
-            return
-        for child, why in refused:
-            if child not in self._warned and len(self._warned) < MOST_WARNINGS:
-                self._warned.add(child)
+    def _tf2_publish(self, transforms: list[TransformStamped]) -> None:
+        """Publish one TFMessage, serialised by tf2_py if that gives the same bytes as ROS."""
+        # A program's replacement for the publisher or its method, such as a mock, expects messages.
+        takes_bytes = getattr(self.pub_tf.publish, "__func__", None) is _publish
+        serialized = serialize_transforms(transforms) if takes_bytes else None
+        if serialized is None:
+            require_transforms(transforms)  # serialising checks this, too
+            self.pub_tf.publish(TFMessage(transforms=transforms))
+            unwanted = refused(transforms)
+        else:
+            data, unwanted = serialized
+            self.pub_tf.publish(data)
+        for child, why in unwanted:
+            if child not in self._tf2_warned and len(self._tf2_warned) < MOST_WARNINGS:
+                self._tf2_warned.add(child)
                 get_logger("tf2_ros").warning(f"Sent anyway (strict=True would raise): {why}")
 
 
-class TransformBroadcaster:
+class TransformBroadcaster(Broadcaster):
     """
     Sends transforms on ``/tf``.
 
@@ -72,16 +94,9 @@ class TransformBroadcaster:
     >>> TransformBroadcaster(node).sendTransform(pose)
     """
 
-    # If a subclass does not call __init__.
-    _tf2_refused = RefusedTransforms(strict=False)
-    _tf2_process: int | None = None
-
     def __init__(self, node: Node, qos: QoSProfile | int | None = None, *, strict: bool = False) -> None:
-        require_node("TransformBroadcaster", node, "create_publisher")
-        self._tf2_process = os.getpid()
-        self._tf2_refused = RefusedTransforms(strict)
         profile = transforms_qos(100, is_static=False) if qos is None else qos
-        self.pub_tf = node.create_publisher(TFMessage, "/tf", profile)
+        super().__init__(node, "/tf", profile, strict)
 
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
         """
@@ -93,11 +108,7 @@ class TransformBroadcaster:
         :raises ValueError: ``strict`` is true, and a listener would refuse one of them; nothing is sent.
         :raises RuntimeError: this is a forked child of the process that made the broadcaster.
         """
-        if self._tf2_process is not None:
-            refuse_inherited(self, self._tf2_process)
-        transforms = transforms_of(transform)
-        self._tf2_refused.before_sending(transforms)
-        self._tf2_refused.after_sending(publish_transforms(self.pub_tf, transforms))
+        self._tf2_publish(self._tf2_list(transform))
 
 
 def require_transforms(transforms: list[TransformStamped]) -> None:
@@ -107,35 +118,3 @@ def require_transforms(transforms: list[TransformStamped]) -> None:
             raise MalformedObjectError(
                 f"sendTransform: expected a TransformStamped, or several, got {kind_of(one)}"
             )
-
-
-def transforms_of(transform: TransformStamped | Iterable[TransformStamped]) -> list[TransformStamped]:
-    """Make a list of the argument of a broadcaster."""
-    return list(transform) if isinstance(transform, Iterable) else [transform]
-
-
-def publish_transforms(publisher: Publisher, transforms: list[TransformStamped]) -> list[tuple[str, str]]:
-    """
-    Publish one TFMessage, serialised by tf2_py if that gives the same bytes as ROS.
-
-    :raises AttributeError: one is not a TransformStamped; nothing is published.
-    :return: those that every buffer refuses, as pairs: the ``child_frame_id`` and the reason.
-    """
-    serialized = serialize_transforms(transforms) if _takes_bytes(publisher) else None
-    if serialized is None:
-        require_transforms(transforms)  # serialising checks this, too
-        publisher.publish(TFMessage(transforms=transforms))
-        return refused(transforms)
-    data, sent_for_nothing = serialized
-    publisher.publish(data)
-    return sent_for_nothing
-
-
-_publish = Publisher.publish
-
-
-def _takes_bytes(publisher: Publisher) -> bool:
-    # A program's replacement for rclpy's publisher expects messages.
-    return (
-        type(publisher) is Publisher and Publisher.publish is _publish and "publish" not in publisher.__dict__
-    )

@@ -90,4 +90,4 @@ __all__ = [
 ]
 _names.offer(globals())
 if not TYPE_CHECKING:
-    __all__ = _names.that_work({*__all__, *_names.OF_OTHERS}, globals())
+    __all__ = sorted({*__all__, *_names.OF_OTHERS})

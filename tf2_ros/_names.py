@@ -1,6 +1,5 @@
 """Names that tf2_ros and its modules import on their first use; without ROS, they say what to install."""
 
-from collections.abc import Iterable
 from importlib import import_module
 from typing import Any
 
@@ -62,7 +61,9 @@ _MODULES = {
     "warnings": "warnings",
 }
 OF_OTHERS = [*_MODULES, *(name for names in _OF_OTHERS.values() for name in names)]
-_SOURCES = {name: source for source, names in (*_OURS.items(), *_OF_OTHERS.items()) for name in names}
+_SOURCES = _MODULES | {
+    name: source for source, names in (*_OURS.items(), *_OF_OTHERS.items()) for name in names
+}
 
 
 def offer(namespace: dict[str, Any]) -> None:
@@ -74,34 +75,16 @@ def offer(namespace: dict[str, Any]) -> None:
     module = namespace["__name__"]
 
     def __getattr__(name: str) -> Any:
-        if name not in _SOURCES and name not in _MODULES:
+        if name not in _SOURCES:
             raise AttributeError(f"module {module!r} has no attribute {name!r}")
         try:
-            namespace[name] = _imported(name)
+            source = import_module(_SOURCES[name])
         except ModuleNotFoundError:
             if HAS_ROS:
                 raise
             raise absence(f"{module}.{name}") from None
+        namespace[name] = source if name in _MODULES else getattr(source, name)
         return namespace[name]
 
     namespace["__getattr__"] = __getattr__
-    namespace["__dir__"] = lambda: sorted({*namespace, *_SOURCES, *_MODULES})
-
-
-def that_work(names: Iterable[str], namespace: dict[str, Any]) -> list[str]:
-    """Leave out the names that need ROS if there is none."""
-    return [name for name in names if HAS_ROS or name in namespace or _works(name)]
-
-
-def _imported(name: str) -> Any:
-    if name in _MODULES:
-        return import_module(_MODULES[name])
-    return getattr(import_module(_SOURCES[name]), name)
-
-
-def _works(name: str) -> bool:
-    try:
-        _imported(name)
-    except ModuleNotFoundError:
-        return False
-    return True
+    namespace["__dir__"] = lambda: sorted({*namespace, *_SOURCES})

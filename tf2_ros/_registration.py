@@ -1,12 +1,10 @@
 """Register the functions that transform and convert each type."""
 
 import importlib
-import importlib.util
 from collections.abc import Callable, Mapping
 from copy import deepcopy
 from typing import Any, TypeVar, cast
 
-from tf2_ros._arguments import require_callable
 from tf2_ros._messages import TransformStamped
 
 _Object = TypeVar("_Object")
@@ -75,48 +73,16 @@ _FROM_MSG: dict[Any, Callable[..., Any]] = {}
 _CONVERSIONS: dict[Any, Callable[..., Any]] = {}
 
 
-def _find(table: dict[Any, Callable[..., Any]], key: Any) -> Callable[..., Any] | None:
-    """Find the function for ``key``; imports what registers the types in it, if that is known."""
-    if key not in table:
-        for provider in _providers(key):
-            if importlib.util.find_spec(provider) is not None:
-                importlib.import_module(provider)
-    return table.get(key)
-
-
-def _demand(table: dict[Any, Callable[..., Any]], key: Any, method: str) -> Callable[..., Any]:
+def _find(table: dict[Any, Callable[..., Any]], key: Any, method: str) -> Callable[..., Any]:
     """Find the function for ``key``; a TypeException says how ``method`` would make it known."""
-    function = _find(table, key)
-    if function is not None:
-        return function
-    names = " to ".join(map(_name, _types(key)))
-    absent = [provider for provider in _providers(key) if importlib.util.find_spec(provider) is None]
-    if names in _INSTEAD:
-        cure = _INSTEAD[names]
-    elif absent:
-        cure = f"install {' and '.join(absent)}, which knows the messages of its package"
-    else:
-        cure = (
-            f"import the package that registers it, or register a function with tf2_ros.{method} "
-            f"(help(tf2_ros.{method.partition('()')[0]}) has an example)"
-        )
-        for one in _types(key):
-            known = [other.__name__ for other in _TRANSFORMS if _package(other) == _package(one)]
-            if _package(one) in _REGISTERED_BY:
-                cure += f"; {_REGISTERED_BY[_package(one)]} knows {', '.join(known)} of {_package(one)}"
-    raise TypeException(f"Type {names} is not loaded or supported: {cure}")
-
-
-def _types(key: Any) -> tuple[Any, ...]:
-    return key if isinstance(key, tuple) else (key,)
-
-
-def _package(cls: Any) -> str:
-    return getattr(cls, "__module__", "").partition(".")[0]
-
-
-def _providers(key: Any) -> list[str]:
-    return [_REGISTERED_BY[_package(cls)] for cls in _types(key) if _package(cls) in _REGISTERED_BY]
+    package = getattr(key, "__module__", "").partition(".")[0]
+    if key not in table and package in _REGISTERED_BY:
+        importlib.import_module(_REGISTERED_BY[package])
+    if key in table:
+        return table[key]
+    name = _name(key)
+    register = f"import the package that registers it, or register a function with tf2_ros.{method}"
+    raise TypeException(f"Type {name} is not loaded or supported: {_INSTEAD.get(name, register)}")
 
 
 def _name(cls: Any) -> str:
@@ -151,11 +117,7 @@ class TransformRegistration:
 
         :param key: the type.
         :param callback: takes the object and a ``TransformStamped``, returns the transformed object.
-        :raises TypeError: ``key`` is not a type, or ``callback`` cannot be called.
         """
-        if not isinstance(key, type):
-            raise TypeError(f"TransformRegistration.add: expected a type as key, got {key!r}")
-        require_callable("TransformRegistration.add", callback)
         self.__type_map[key] = callback
 
     def get(self, key: type[_Object]) -> Callable[[_Object, TransformStamped], _Object]:
@@ -164,7 +126,7 @@ class TransformRegistration:
 
         :raises TypeException: none is registered.
         """
-        return _demand(self.__type_map, key, "TransformRegistration().add()")
+        return _find(self.__type_map, key, "TransformRegistration().add()")
 
     def print_me(self) -> None:
         """Print the table."""
@@ -193,7 +155,6 @@ class ConvertRegistration:
         :param key: the type.
         :param callback: takes a message, returns an object of the type.
         """
-        require_callable("ConvertRegistration.add_from_msg", callback)
         self.__from_msg_map[key] = callback
 
     def add_to_msg(self, key: type[_Object], callback: Callable[[_Object], Any]) -> None:
@@ -203,7 +164,6 @@ class ConvertRegistration:
         :param key: the type.
         :param callback: takes an object of the type, returns a message.
         """
-        require_callable("ConvertRegistration.add_to_msg", callback)
         self.__to_msg_map[key] = callback
 
     def add_convert(self, key: tuple[type[_Object], type[_New]], callback: Callable[[_Object], _New]) -> None:
@@ -213,7 +173,6 @@ class ConvertRegistration:
         :param key: the type converted from, and the type converted to.
         :param callback: takes an object of the first type, returns one of the second.
         """
-        require_callable("ConvertRegistration.add_convert", callback)
         self.__convert_map[key] = callback
 
     def get_from_msg(self, key: type[_New]) -> Callable[[Any], _New]:
@@ -222,7 +181,7 @@ class ConvertRegistration:
 
         :raises TypeException: none is registered.
         """
-        return _demand(self.__from_msg_map, key, "ConvertRegistration().add_from_msg()")
+        return _find(self.__from_msg_map, key, "ConvertRegistration().add_from_msg()")
 
     def get_to_msg(self, key: type[_Object]) -> Callable[[_Object], Any]:
         """
@@ -230,7 +189,7 @@ class ConvertRegistration:
 
         :raises TypeException: none is registered.
         """
-        return _demand(self.__to_msg_map, key, "ConvertRegistration().add_to_msg()")
+        return _find(self.__to_msg_map, key, "ConvertRegistration().add_to_msg()")
 
     def get_convert(self, key: tuple[type[_Object], type[_New]]) -> Callable[[_Object], _New]:
         """
@@ -238,7 +197,7 @@ class ConvertRegistration:
 
         :raises TypeException: none is registered.
         """
-        return _demand(self.__convert_map, key, "ConvertRegistration().add_convert()")
+        return _find(self.__convert_map, key, "ConvertRegistration().add_convert()")
 
 
 def to_msg_msg(msg: _Object) -> _Object:

@@ -141,6 +141,10 @@ class Machine(RuleBasedStateMachine):
     def change(self, step):
         self.take(step)
 
+    @rule(name=names)
+    def forget(self, name):
+        self.take(("forget", name))
+
     @rule(how=st.sampled_from(["pickle", "copy", "deepcopy"]))
     def travel(self, how):
         self.take(("travel", how))

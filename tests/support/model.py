@@ -138,7 +138,8 @@ class Frame:
 class Model(Listings):
     def __init__(self, cache_ns=10 * S):
         self.cache_ns = cache_ns
-        self.names = []  # in the order of first use
+        self.order = []  # names, by first use
+        self.hidden = set()  # those that nothing mentions since a frame was forgotten
         self.frames = {}  # by name; those that were ever a child
         self.authorities = {}
         self.taken = 0
@@ -186,9 +187,14 @@ class Model(Listings):
         self.looped = self.looped or self._is_below(parent, child)
         return True
 
+    @property
+    def names(self):
+        return [name for name in self.order if name not in self.hidden]
+
     def _name(self, name):
-        if name not in self.names:
-            self.names.append(name)
+        self.hidden.discard(name)
+        if name not in self.order:
+            self.order.append(name)
 
     def _is_below(self, frame, wanted):
         above, found = [frame], {frame}
@@ -221,6 +227,15 @@ class Model(Listings):
             if not frame.static:
                 frame.samples = []
 
+    def forget(self, name):
+        """Whether the frame had samples."""
+        self._found.clear()
+        self._check_names("forget", frame=name)
+        forgotten = self.frames.pop(name, None)
+        named = set().union(*[frame.parents() for frame in self.frames.values()])
+        self.hidden |= set(self.order) - named - set(self.frames)
+        return forgotten is not None and forgotten.samples != []
+
     def travel(self):
         """Become what a copy is: the samples, inserted into another model."""
         self._found.clear()
@@ -229,7 +244,7 @@ class Model(Listings):
             for name in self.names
             if name in self.frames and self.frames[name].samples
         }
-        self.names = []
+        self.order, self.hidden = [], set()
         for name, frame in self.frames.items():
             for used in (name, *[sample[1] for sample in frame.samples]):
                 self._name(used)

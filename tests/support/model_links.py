@@ -25,6 +25,8 @@ TURNS = (
     (0.0, 0.0, 0.0, 0.0),
     (0.0, math.nan, 0.0, 1.0),
     (1e200, 0.0, 0.0, 0.0),
+    (0.0, 0.0, 1e-162, 1.6e-162),  # the square is subnormal
+    (0.0, 1e-155, 0.0, 1e-155),
 )
 GOOD_TURNS = 7  # the first ones
 PLACES = (0.0, 1.0, -2.5, 0.125, 1e3, math.nan, math.inf)

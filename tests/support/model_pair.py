@@ -124,7 +124,7 @@ class Pair(Queries):
             if way.endswith("cdr") and all(hasattr(made.header.stamp, "sec") for made in messages):
                 counted.append(self.buffer.set_transforms_cdr(encode(messages), authority, static))
             else:
-                counted.append(self.buffer.set_transforms(messages, authority, static))
+                counted.append(self.buffer.set_transforms(iter(messages), authority, static))
 
         self._change(change, [self._modelled(link, authority, static, taken) for link in links])
         require(counted == [sum(taken)], "an insert counted otherwise", counted, taken)
@@ -139,6 +139,15 @@ class Pair(Queries):
 
     def do_clear(self):
         self._change(self.buffer.clear, [lambda: self.model.clear()])
+
+    def do_forget(self, name):
+        wanted, got = [], []
+
+        def change():
+            got.append(of_buffer(lambda: self.buffer.forget(name)))
+
+        self._change(change, [lambda: wanted.append(of_model(lambda: self.model.forget(name)))])
+        self._compare(("forget", name), got[0], wanted[0], lambda a, b: a is b)
 
     # Travelling.
 

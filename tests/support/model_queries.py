@@ -93,9 +93,13 @@ class Queries:
             is_name = "passed to" in texts[0]
             first = ("error", kind, texts if is_name else [f"times[{i}]: {text}" for text in texts])
             self._compare(query, got, first, None)
+            got = of_buffer(
+                lambda: self.buffer.lookup_transforms(target, source, rows, on_missing="nan", **more)
+            )
             if is_name:
+                self._compare(query, got, first, None)
                 return
-            arrays = self.buffer.lookup_transforms(target, source, rows, on_missing="nan", **more)
+            arrays = got[1]
         else:
             require(got[0] == "answer", "a series without an answer", query, got)
             arrays = got[1]

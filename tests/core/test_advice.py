@@ -46,37 +46,26 @@ def test_the_closest_known_names_are_asked_for(new_buffer, known, name, meant):
     assert advice(new_buffer(*known), name) == f"Did you mean {meant}?"
 
 
-@pytest.mark.parametrize("argument", ["target_frame", "source_frame", "fixed_frame"])
-def test_it_follows_the_text_of_tf2_in_every_error(tf2_py, new_buffer, argument):
-    buffer = new_buffer("base_link")
-    names = {"target_frame": "map", "source_frame": "map", "fixed_frame": "map"} | {argument: "bas_link"}
-    arguments = (names["target_frame"], LATEST, names["source_frame"], LATEST, names["fixed_frame"])
-    with pytest.raises(tf2_py.LookupException) as caught:
-        buffer.lookup_transform_full_core(*arguments)
-    assert str(caught.value) == (
-        f'"bas_link" passed to lookupTransform argument {argument} does not exist. Did you mean [base_link]?'
-    )
-    assert buffer.can_transform_full_core(*arguments) == (
-        0,
-        f'Invalid frame ID "bas_link" passed to canTransform argument {argument} - frame does not exist. '
-        "Did you mean [base_link]?",
-    )
-
-
-def test_it_is_in_the_errors_of_lookups_at_many_times_and_of_common_times(tf2_py, new_buffer):
-    buffer = new_buffer("base_link")
-    for call in (
-        lambda: buffer.lookup_transforms("map", "bas_link", [1, 2]),
-        lambda: buffer.get_latest_common_time("map", "bas_link"),
-        lambda: buffer._chain("map", LATEST, "bas_link", LATEST, "map"),
+def test_it_follows_the_text_of_tf2_in_every_error(tf2_py, new_buffer):
+    buffer, wrong, asked = new_buffer("base_link"), "bas_link", "Did you mean [base_link]?"
+    for argument, call in (
+        ("target_frame", lambda: buffer.lookup_transform_full_core(wrong, LATEST, "map", LATEST, "map")),
+        ("source_frame", lambda: buffer.lookup_transform_full_core("map", LATEST, wrong, LATEST, "map")),
+        ("fixed_frame", lambda: buffer.lookup_transform_full_core("map", LATEST, "map", LATEST, wrong)),
+        ("source_frame", lambda: buffer.lookup_transforms("map", wrong, [1, 2])),
+        ("source_frame", lambda: buffer._chain("map", LATEST, wrong, LATEST, "map")),
     ):
         with pytest.raises(tf2_py.LookupException) as caught:
             call()
-        assert str(caught.value).endswith("does not exist. Did you mean [base_link]?")
-
-
-def test_an_empty_buffer_is_called_empty(tf2_py):
-    assert advice(tf2_py.BufferCore(), "base_link") == "The buffer is empty"
+        said = f'"{wrong}" passed to lookupTransform argument {argument} does not exist. {asked}'
+        assert str(caught.value) == said
+    with pytest.raises(tf2_py.LookupException, match=r"does not exist. Did you mean \[base_link\]\?$"):
+        buffer.get_latest_common_time("map", wrong)
+    assert buffer.can_transform_full_core("map", LATEST, "map", LATEST, wrong) == (
+        0,
+        f'Invalid frame ID "{wrong}" passed to canTransform argument fixed_frame - frame does not exist. '
+        f"{asked}",
+    )
 
 
 def test_it_is_as_new_as_the_frames(new_buffer):
@@ -123,17 +112,11 @@ def compared(monkeypatch):
     return names
 
 
-def test_a_lookup_that_is_repeated_compares_once(new_buffer, compared):
-    buffer = new_buffer("base_link")
-    assert {advice(buffer, "bas_link") for _ in range(100)} == {"Did you mean [base_link]?"}
-    assert compared == ["bas_link"]
-
-
-def test_what_is_remembered_is_limited(new_buffer, compared):
+def test_a_lookup_that_is_repeated_compares_once_and_what_is_remembered_is_limited(new_buffer, compared):
     buffer = new_buffer("base_link")
     names = [f"bas_link{i}" for i in range(65)]
-    for name in (*names, *names[-1:]):
-        assert advice(buffer, name) == "Did you mean [base_link]?"
-    assert len(compared) == 65
+    for name in names:
+        assert {advice(buffer, name) for _ in range(3)} == {"Did you mean [base_link]?"}
+    assert compared == names
     advice(buffer, names[0])
     assert compared[-1] == names[0]

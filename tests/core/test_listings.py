@@ -2,6 +2,8 @@
 
 import pytest
 import yaml
+from hypothesis import example, given
+from hypothesis import strategies as st
 from making import at, transform
 
 
@@ -18,40 +20,28 @@ def test_frames_without_data_give_an_empty_list_never_an_empty_document(buffer):
     assert buffer.all_frames_as_string() == "Frame odom exists with parent NO_PARENT.\n"
 
 
+names = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), min_size=1)
+
+
 @pytest.mark.ours
-@pytest.mark.parametrize(
-    "name",
-    [
-        "no",
-        "1",
-        "a: b",
-        "a'b",
-        'a"b',
-        "a #b",
-        "- a",
-        "tab\there",
-        "line\nbreak",
-        "\x1b",
-        "λ",
-        "a\\b",
-        "😀",
-        " a",
-        "a\u202eb\u200d",
-        "\ufeffa\x7f\x85\u2028",
-        '\x1b[31m"\\',
-        "long" * 500,
-        "long '" * 500,
-        "机器人",
-        "fäßchen",
-    ],
-)
-def test_every_name_survives_yaml(buffer, name):
-    buffer.set_transform(transform(name, "child", 1), name)
-    buffer.set_transform(transform("child", name + "2", 1), "x")
+@given(names.filter(lambda name: name[0] != "/" and name != "NO_PARENT"))
+@example("no")
+@example("1")
+@example("- a: b")
+@example("a #b'\"\\")
+@example("\ufeffa\x7f\x85\u2028\u202e\u200d")
+@example('\x1b[31m"\\')
+@example("long '" * 500)
+def test_every_name_survives_yaml_and_is_answered_as_it_is(tf2_py, name):
+    buffer, child, other = tf2_py.BufferCore(), name + "1", name + "2"
+    buffer.set_transform(transform(name, child, 1), name)
+    buffer.set_transform(transform(child, other, 1), "x")
     listed = yaml.safe_load(buffer.all_frames_as_yaml())
-    assert listed["child"]["parent"] == name
-    assert listed["child"]["broadcaster"] == name
-    assert list(listed) == ["child", name + "2"]
+    assert (listed[child]["parent"], listed[child]["broadcaster"]) == (name, name)
+    assert list(listed) == [child, other]
+    assert buffer._getFrameStrings() == [child, name, other]
+    m = buffer.lookup_transform_core(name, other, at(1))
+    assert (m.header.frame_id, m.child_frame_id) == (name, other)
 
 
 def test_the_graph_has_an_edge_from_parent_to_child(buffer):
@@ -81,16 +71,6 @@ def test_what_does_not_print_is_escaped_in_the_sentences_and_the_graph(buffer):
 
 
 @pytest.mark.ours
-def test_a_program_gets_the_names_as_they_are(buffer):
-    names = ["\x1b[31mred", "a\nb"]
-    buffer.set_transform(transform(*reversed(names), 1), "x")
-    assert buffer._getFrameStrings() == names
-    assert buffer._chain(names[1], at(1), names[0], at(1), names[1]) == names
-    m = buffer.lookup_transform_core(*names, at(1))
-    assert [m.header.frame_id, m.child_frame_id] == names
-
-
-@pytest.mark.ours
 def test_listings_of_more_frames_than_one_slice_are_complete(buffer):
     # Also in their bytes: names of 200 fill a slice before it has all the frames that it may have.
     names = [f"{i:05d}{'x' * (i % 200)}" for i in range(5000)]
@@ -101,22 +81,3 @@ def test_listings_of_more_frames_than_one_slice_are_complete(buffer):
     listed = buffer.all_frames_as_string().splitlines()
     assert listed == [f"Frame {name} exists with parent map." for name in names]
     assert buffer._allFramesAsDot().count("Broadcaster: me") == 5000
-
-
-def test_an_authority_may_be_empty(buffer):
-    buffer.set_transform(transform("map", "odom", 1), "")
-    assert yaml.safe_load(buffer.all_frames_as_yaml())["odom"]["broadcaster"] == ""
-
-
-@pytest.mark.ours
-def test_a_chain_follows_each_half_at_its_own_time(buffer):
-    for parent, child, first, last in (
-        ("c", "a", 1, 2),
-        ("d", "c", 4, 6),
-        ("a", "d", 4, 6),
-        ("d", "b", 4, 6),
-    ):
-        for second in (first, last):
-            buffer.set_transform(transform(parent, child, second), "x")
-    # At 5 s c hangs from d, and d from a; at 1 s a hangs from c.
-    assert buffer._chain("b", at(5), "a", at(1), "c") == ["a", "c", "d", "b"]

@@ -72,12 +72,8 @@ def test_nothing_is_made_of_what_is_not_logged(buffer, lines):
 @pytest.mark.parametrize(
     ("name", "shown"),
     [
-        ("\x1b[31mred", r"\x1b[31mred"),
-        ("a\nb", r"a\nb"),
-        ("a\u202eb", r"a\u202eb"),
-        ("fäßchen", "fäßchen"),
-        ("机器人", "机器人"),
-        ("a\\b", "a\\b"),
+        ("\x1b[31mred\n\u202e", r"\x1b[31mred\n\u202e"),
+        ("fäßchen 机器人 a\\b", "fäßchen 机器人 a\\b"),
     ],
 )
 def test_what_does_not_print_is_escaped_and_all_else_is_as_it_was(buffer, lines, name, shown):

@@ -115,41 +115,26 @@ class TestTimes:
     NS = (2 * S, 3 * S, 0)
 
     @pytest.mark.parametrize(
-        "times",
+        "make",
         [
-            list(NS),
-            tuple(NS),
-            np.array(NS),
-            np.array(NS, np.uint64),
-            np.array([2, 3, 0], np.int8),
-            np.repeat(np.array(NS), 2)[::2],
-            np.array(NS)[::-1],
-            [at_ns(t) for t in NS],
-            [at_ns(t).to_msg() for t in NS],
-            np.frombuffer(np.array(NS).tobytes(), np.int64),  # read-only
-        ],
-        ids=[
-            "list",
-            "tuple",
-            "int64",
-            "uint64",
-            "int8",
-            "strided",
-            "reversed",
-            "rclpy",
-            "messages",
-            "read-only",
+            list,
+            tuple,
+            np.array,
+            lambda ns: np.array(ns, np.uint64),
+            lambda ns: np.repeat(np.array(ns), 2)[::2],
+            lambda ns: np.array(ns[::-1])[::-1],
+            lambda ns: [at_ns(one) for one in ns],
+            lambda ns: [at_ns(one).to_msg() for one in ns],
+            lambda ns: np.frombuffer(np.array(ns).tobytes(), np.int64),  # read-only
         ],
     )
-    def test_anything_that_is_whole_nanoseconds(self, buffer, times):
-        expected = [
-            int(t) if not hasattr(t, "sec") and not hasattr(t, "nanoseconds") else None for t in times
-        ]
-        if None in expected:
-            expected = list(self.NS)
-        got = buffer.lookup_transforms("base", "plate", times, on_missing="nan")
-        again = buffer.lookup_transforms("base", "plate", np.array(expected), on_missing="nan")
-        np.testing.assert_array_equal(np.hstack(got), np.hstack(again))
+    def test_anything_that_is_whole_nanoseconds(self, buffer, make):
+        got = buffer.lookup_transforms("map", "odom", make(self.NS))
+        assert_same_to_the_last_bit(got, singles(buffer, "map", "odom", self.NS))
+        small = buffer.lookup_transforms("base", "plate", np.array([2, 0], np.int8), on_missing="nan")
+        assert_same_to_the_last_bit(
+            small, np.hstack(buffer.lookup_transforms("base", "plate", [2, 0], on_missing="nan"))
+        )
 
     @pytest.mark.parametrize(
         ("times", "error"),
@@ -176,11 +161,12 @@ class TestTimes:
             ([2**63], ValueError),
             ([2**70], ValueError),
             (np.array([2**63], np.uint64), ValueError),
+            (np.array([2, 3], "m8[ns]"), TypeError),
         ],
         ids=repr,
     )
     def test_what_is_wrong_says_what_is_wanted(self, buffer, times, error):
-        with pytest.raises(error, match=r"integer nanoseconds of shape \(N,\)"):
+        with pytest.raises(error, match=r"integer nanoseconds of shape \(N,\)|timedelta64"):
             buffer.lookup_transforms("map", "base", times)
 
     @pytest.mark.parametrize("times", [[1.5], np.array([2.0])], ids=repr)
@@ -247,10 +233,6 @@ class TestDates:
         with pytest.raises(ValueError, match=r"times\[0\]: .* got 9999"):
             buffer.lookup_transforms("map", "odom", late)
 
-    def test_durations_are_no_times(self, buffer):
-        with pytest.raises(TypeError, match="timedelta64"):
-            buffer.lookup_transforms("map", "odom", self.NS.view("m8[ns]"))
-
 
 class TestMissing:
     def test_the_first_missing_time_is_raised_with_its_index(self, tf2_py, buffer):
@@ -270,30 +252,6 @@ class TestMissing:
         assert sorted(set(np.nonzero(missing)[0])) == [0, 7, 499]
         assert missing[[0, 7, 499]].all()
 
-    @pytest.mark.parametrize("on_missing", ["raise", "nan"])
-    @pytest.mark.parametrize("count", [0, 3])
-    def test_names_that_are_no_frames_always_raise(self, tf2_py, buffer, on_missing, count):
-        times = np.full(count, S)
-        for ends in (("map", "nowhere"), ("nowhere", "map")):
-            if count:
-                with pytest.raises(tf2_py.LookupException, match="does not exist"):
-                    buffer.lookup_transforms(*ends, times, on_missing=on_missing)
-        if count:
-            with pytest.raises(tf2_py.InvalidArgumentException):
-                buffer.lookup_transforms("map", "/base", times, on_missing=on_missing)
-            with pytest.raises(tf2_py.LookupException, match="fixed_frame"):
-                buffer.lookup_transforms("map", "base", times, fixed_frame="no", target_time=at(0))
-
-    @pytest.mark.parametrize("wrong", ["NaN", None, "", 0])
-    def test_another_word_for_missing_is_a_value_error(self, buffer, wrong):
-        with pytest.raises(ValueError, match="'raise' or 'nan'"):
-            buffer.lookup_transforms("map", "base", [1], on_missing=wrong)
-
-    @pytest.mark.parametrize("half", [{"fixed_frame": "map"}, {"target_time": at(0)}])
-    def test_half_of_a_two_time_lookup_is_a_type_error(self, buffer, half):
-        with pytest.raises(TypeError, match="go together"):
-            buffer.lookup_transforms("map", "base", [1], **half)
-
 
 class TestPoints:
     @pytest.mark.parametrize("dtype", [np.float32, np.float64])
@@ -302,6 +260,7 @@ class TestPoints:
         random = np.random.default_rng(5)
         times = random.integers(low, high, 300)
         points = random.normal(size=(300, 3)).astype(dtype)
+        points.flags.writeable = False
         got = buffer.transform_points(
             points, times, "camera", "hand", fixed_frame="map", target_time=at_ns(high)
         )
@@ -319,11 +278,6 @@ class TestPoints:
         got = buffer.transform_points(points, [0], "map", "base")
         assert got.dtype == np.float64
         assert (got == buffer.transform_points([[1.0, 2.0, 3.0]], [0], "map", "base")).all()
-
-    def test_the_points_given_stay_as_they_are(self, buffer):
-        points = np.ones((2, 6))[:, ::2]
-        buffer.transform_points(points, [2 * S, 2 * S], "map", "base")
-        assert (points == 1).all()
 
     @pytest.mark.parametrize(
         ("points", "times", "error"),
@@ -382,10 +336,24 @@ class TestManyFrames:
         self.assert_same_as_one_by_one(buffer, "map", [], times)
         self.assert_same_as_one_by_one(buffer, "map", ["base", "hand"], times)
 
-    @pytest.mark.parametrize(
-        ("sources", "named"),
-        [(["base", 3], "int"), ([["base"]], "list"), (b"base", "bytes"), (None, "NoneType"), (7, "int")],
-    )
-    def test_what_is_not_a_name_is_a_type_error(self, buffer, sources, named):
-        with pytest.raises(TypeError, match=f"source_frame: expected a str, got {named}"):
-            buffer.lookup_transforms("map", sources, [1])
+
+@pytest.mark.parametrize(
+    ("source", "options", "error", "text"),
+    [
+        *[("base", {"on_missing": word}, ValueError, "'raise' or 'nan'") for word in ("NaN", None, "", 0)],
+        ("base", {"fixed_frame": "map"}, TypeError, "go together"),
+        ("base", {"target_time": at(0)}, TypeError, "go together"),
+        *[
+            (source, {}, TypeError, f"source_frame: expected a str, got {named}")
+            for source, named in (
+                (["base", 3], "int"),
+                ([["base"]], "list"),
+                (b"base", "bytes"),
+                (None, "NoneType"),
+            )
+        ],
+    ],
+)
+def test_wrong_arguments(buffer, source, options, error, text):
+    with pytest.raises(error, match=text):
+        buffer.lookup_transforms("map", source, [1], **options)

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from expected import matrix, transformed, turn, xyz, xyzw
-from geometry_msgs.msg import Quaternion, TransformStamped
+from geometry_msgs.msg import Quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 from making import stamp_ns, transform
@@ -71,7 +71,9 @@ class Arrangement:
         for name, kind in self.columns:
             if kind[0] == "f":
                 self.column(data, name)[:] = random.uniform(-100, 100, (self.height, self.width))
-        message = PointCloud2(height=self.height, width=self.width, is_dense=True, is_bigendian=self.big)
+        for column, name in enumerate(XYZ):  # points that are none
+            self.column(data, name)[:, 3 + column :: 11] = math.nan
+        message = PointCloud2(height=self.height, width=self.width, is_bigendian=self.big)
         message.header.frame_id, message.header.stamp.sec, message.header.stamp.nanosec = "base", 3, 7
         message.fields = [
             PointField(name=name, offset=self.offsets[name], datatype=DATATYPES[kind], count=1)
@@ -177,30 +179,6 @@ def test_clouds_of_every_arrangement(arrangement, t, only_xyz):
     assert (got.point_step, got.row_step) == (result.point_step, result.row_step)
 
 
-@pytest.mark.parametrize("kind", ["f4", "f8"])
-@pytest.mark.parametrize("extra", [0, 1, 4, 5, 8, 20])
-@pytest.mark.parametrize("is_padding", [True, False])
-def test_many_points_at_once_are_what_each_is_alone(kind, extra, is_padding, t):
-    # One point alone is too few for wide registers: the plain loop carries it.
-    columns = [(name, kind) for name in XYZ]
-    many = Arrangement(columns, width=1003)
-    many.point_step += extra
-    many.row_step = many.size = many.point_step * many.width
-    cloud = many.cloud()
-    if not is_padding:
-        cloud.fields = [*cloud.fields, PointField(name="other", offset=0, datatype=PointField.UINT8, count=1)]
-    one = Arrangement(columns, width=1)
-    alone = b""
-    for i in range(many.width):
-        begin = i * many.point_step
-        single = one.cloud()
-        single.data = cloud.data[begin : begin + one.point_step]
-        alone += tf2.do_transform_cloud(single, t).data.tobytes()
-        if not is_padding:
-            alone += cloud.data[begin + one.point_step : begin + many.point_step].tobytes()
-    assert tf2.do_transform_cloud(cloud, t).data.tobytes() == alone
-
-
 @pytest.fixture
 def arrangement():
     columns = [(name, "f4") for name in (*XYZ, *NORMAL, *VIEWPOINT)]
@@ -213,26 +191,6 @@ def test_a_cloud_keeps_its_own_stamp_and_gets_the_frame_of_the_transform(arrange
     assert (got.header.frame_id, stamp_ns(got)) == ("map", 3_000_000_007)
     got.header.stamp.sec, got.fields[0].name = 0, "changed"
     assert stamp_ns(cloud) == 3_000_000_007 and cloud.fields[0].name == "x" and stamp_ns(t) == 7_250_000_000
-
-
-def test_normals_and_viewpoints_stay_where_they_are_not_wanted(arrangement, t):
-    cloud = arrangement.cloud()
-    judge(arrangement, cloud, tf2.do_transform_cloud(cloud, t, only_xyz=True), t, [(XYZ, True)])
-
-
-def test_points_that_are_no_points_stay_so(arrangement, t):
-    cloud = arrangement.cloud()
-    cloud.is_dense = False
-    data = bytearray(cloud.data)
-    invalid = np.zeros((3, 20), bool)
-    invalid[1, ::3] = True
-    for name in XYZ:
-        arrangement.column(data, name)[invalid] = math.nan
-    cloud.data = array.array("B", data)
-    got = tf2.do_transform_cloud(cloud, t)
-    points = arrangement.triple(bytearray(got.data), XYZ).reshape(3, 20, 3)
-    assert np.isnan(points[invalid]).all() and np.isfinite(points[~invalid]).all()
-    assert got.is_dense is False
 
 
 WAYS = {
@@ -270,14 +228,6 @@ def spoil(cloud, **changes):
     return cloud
 
 
-@pytest.mark.parametrize("name", XYZ)
-@pytest.mark.parametrize("error", [ValueError, AssertionError])
-def test_a_missing_field_is_named(arrangement, t, name, error):
-    cloud = spoil(arrangement.cloud(), **{name: {"name": "other"}})
-    with pytest.raises(error, match=f"no field '{name}'"):
-        tf2.do_transform_cloud(cloud, t)
-
-
 @pytest.mark.parametrize("names", [NORMAL, VIEWPOINT])
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize(
@@ -292,6 +242,7 @@ def test_normals_and_viewpoints_that_are_not_whole_stay_as_they_are(arrangement,
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
+        *[({name: {"name": "other"}}, f"no field '{name}'") for name in XYZ],
         ({"x": {"datatype": 9}}, "field 'x' is of datatype 9"),
         ({"z": {"datatype": 0}}, "field 'z' is of datatype 0"),
         ({"y": {"count": 2}}, "field 'y' holds 2 numbers"),
@@ -312,8 +263,10 @@ def test_normals_and_viewpoints_that_are_not_whole_stay_as_they_are(arrangement,
     ],
 )
 def test_a_cloud_that_contradicts_itself_is_a_value_error(arrangement, t, changes, reason):
-    with pytest.raises(ValueError, match=reason):
+    with pytest.raises(ValueError, match=reason) as raised:
         tf2.do_transform_cloud(spoil(arrangement.cloud(), **changes), t)
+    # What tf2 raises where a field is missing.
+    assert isinstance(raised.value, AssertionError) or "no field" not in reason
 
 
 @pytest.mark.parametrize("row_step", [0, 1, 719, 721, 2160, 2**32 - 1])
@@ -339,19 +292,6 @@ def test_the_first_of_two_fields_of_one_name_counts(arrangement, t):
     assert tf2.do_transform_cloud(cloud, t).data == tf2.do_transform_cloud(arrangement.cloud(), t).data
 
 
-@pytest.mark.parametrize("wrong", [None, 5, TransformStamped()], ids=lambda w: type(w).__name__)
-@pytest.mark.parametrize("error", [AttributeError, TypeError])
-def test_another_type_than_a_cloud_is_refused_by_type(t, wrong, error):
-    with pytest.raises(error, match="expected a sensor_msgs/PointCloud2"):
-        tf2.do_transform_cloud(wrong, t)
-
-
-@pytest.mark.parametrize("xyzw", [(math.nan, 0, 0, 1), (0, math.inf, 0, 0), (1e200, 0, 0, 0)], ids=str)
-def test_a_cloud_needs_a_finite_rotation(arrangement, xyzw):
-    with pytest.raises(ValueError, match="rotation of a transform"):
-        tf2.do_transform_cloud(arrangement.cloud(), transform("map", "base", 0, xyzw=xyzw))
-
-
 def test_other_threads_run_meanwhile(t):
     cloud = Arrangement([(name, "f4") for name in XYZ], width=1_000_000).cloud()
     ran, go, interval = [], threading.Event(), sys.getswitchinterval()
@@ -370,7 +310,32 @@ def test_other_threads_run_meanwhile(t):
         thread.join()
 
 
+@pytest.mark.parametrize(
+    ("call", "subject", "error", "text"),
+    [
+        *[(tf2.do_transform_cloud, w, AttributeError, "a sensor_msgs/PointCloud2") for w in (None, Imu())],
+        *[(tf2.do_transform_cloud, w, TypeError, "a sensor_msgs/PointCloud2") for w in (5, Imu())],
+        *[
+            (tf2.transform_points, np.zeros(s), ValueError, r"shape \(n, 3\)")
+            for s in ((3,), (2, 4), (1, 2, 3), ())
+        ],
+        *[(tf2.transform_points, w, TypeError, "real numbers") for w in (np.eye(3) * 1j, [["a"] * 3], None)],
+    ],
+)
+def test_what_is_no_cloud_and_no_points_is_refused(t, call, subject, error, text):
+    with pytest.raises(error, match=f"expected {text}|{text}"):
+        call(subject, t)
+
+
+@pytest.mark.parametrize("xyzw", [(math.nan, 0, 0, 1), (0, math.inf, 0, 0), (1e200, 0, 0, 0)], ids=str)
+def test_a_cloud_needs_a_finite_rotation(arrangement, xyzw):
+    with pytest.raises(ValueError, match="rotation of a transform"):
+        tf2.do_transform_cloud(arrangement.cloud(), transform("map", "base", 0, xyzw=xyzw))
+
+
 VIEWS = {
+    "whole numbers": lambda p: p.astype(np.int16),
+    "lists": lambda p: p.tolist() or np.zeros((0, 3)),
     "plain": lambda p: p,
     "fortran": np.asfortranarray,
     "reversed": lambda p: p[::-1],
@@ -389,7 +354,8 @@ VIEWS = {
 @given(t=transforms, count=st.sampled_from([0, 1, 2, 8, 9, 1000]), seed=st.integers(0, 9))
 def test_points_of_an_array_of_any_strides(view, dtype, t, count, seed):
     points = VIEWS[view](np.random.default_rng(seed).uniform(-100, 100, (count, 3)).astype(dtype))
-    before = points.copy()
+    before = np.array(points)
+    dtype = before.dtype.newbyteorder("=") if before.dtype.kind == "f" else np.float64
     got = tf2.transform_points(points, t)
     assert got.dtype == dtype and got.shape == (count, 3)
     wanted = transformed(before.astype(np.float64), t)
@@ -397,27 +363,6 @@ def test_points_of_an_array_of_any_strides(view, dtype, t, count, seed):
     assert_allclose(got, wanted, rtol=2e-7 if dtype == np.float32 else 1e-12, atol=1e-8)
     assert np.array_equal(points, before)
     assert np.array_equal(tf2.transform_points(points, t.transform), got)
-
-
-@pytest.mark.parametrize("points", [[(1, 2, 3), (4, 5, 6)], np.array([[1, 2, 3], [4, 5, 6]], np.int16)])
-def test_whole_numbers_and_lists_come_out_as_doubles(points, t):
-    got = tf2.transform_points(points, t)
-    assert got.dtype == np.float64
-    assert_allclose(got, transformed(np.array([[1, 2, 3], [4, 5, 6]]), t))
-
-
-@pytest.mark.parametrize("shape", [(3,), (2, 2), (2, 4), (1, 2, 3), (0,), ()])
-def test_another_shape_than_n_by_3_is_a_value_error(shape, t):
-    with pytest.raises(ValueError, match=r"shape \(n, 3\)"):
-        tf2.transform_points(np.zeros(shape), t)
-
-
-@pytest.mark.parametrize(
-    "points", [np.zeros((2, 3), complex), [["a", "b", "c"]], np.zeros((2, 3), object), None]
-)
-def test_points_of_no_numbers_are_a_type_error(points, t):
-    with pytest.raises(TypeError, match="points: expected real numbers"):
-        tf2.transform_points(points, t)
 
 
 def test_an_imu_is_turned_and_its_attitude_is_that_of_the_new_frame(t):

@@ -114,18 +114,6 @@ def test_coordinates_of_different_types_are_transformed(t, kinds):
     assert columns_of(got) == {"x": [11, 14], "y": [22, 25], "z": [33, 36], "intensity": [0.5, 0.25]}
 
 
-@pytest.mark.parametrize(
-    ("kind", "point_step", "packed"), [("f4", 16, 12), ("f4", 15, 12), ("f8", 32, 24), ("i2", 8, 6)]
-)
-def test_coordinates_alone_lose_the_padding_after_them(t, kind, point_step, packed):
-    points = [(float(i), float(i + 1), float(i + 2)) for i in range(100)]
-    columns = [(axis, kind) for axis in "xyz"]
-    got = tf2_sensor_msgs.do_transform_cloud(cloud(columns, points, point_step), t)
-    assert (got.point_step, got.row_step, len(got.data)) == (packed, 100 * packed, 100 * packed)
-    assert columns_of(got)["x"] == [i + 10 for i in range(100)]
-    assert columns_of(got)["z"] == [i + 32 for i in range(100)]
-
-
 def test_a_zero_rotation_counts_as_none(t):
     zero = transform("map", "base", 7, (10, 20, 30), (0, 0, 0, 0))
     straight = tf2_sensor_msgs.do_transform_cloud(cloud(FLOATS, POINTS), t)

@@ -26,39 +26,12 @@ def robot(buffer):
     return buffer
 
 
-def test_every_frame_is_listed_with_its_facts_in_the_order_of_first_use(tf2_py, robot):
-    assert list(robot.frames().items()) == [
-        ("odom", tf2_py.FrameInfo("map", False, 3, 10 * S, 12 * S + 1)),
-        ("map", tf2_py.FrameInfo(None, False, 0, None, None)),
-        ("base", tf2_py.FrameInfo("odom", False, 2, 11 * S - 3, 11 * S)),
-        ("camera", tf2_py.FrameInfo("base", True, 1, None, None)),
-    ]
-    assert robot.frames()["odom"].count == 3
-
-
-def test_the_times_are_exactly_those_that_a_lookup_answers(tf2_py, robot):
-    hops = {name: info for name, info in robot.frames().items() if info.oldest_ns is not None}
-    assert set(hops) == {"odom", "base"}
-    for name, info in hops.items():
-        for ns in (info.oldest_ns, info.newest_ns):
-            m = robot.lookup_transform_core(info.parent, name, at_ns(ns))
-            assert m.header.stamp.sec * S + m.header.stamp.nanosec == ns
-        for ns in (info.oldest_ns - 1, info.newest_ns + 1):
-            with pytest.raises(tf2_py.ExtrapolationException):
-                robot.lookup_transform_core(info.parent, name, at_ns(ns))
-
-
 def test_the_facts_of_a_frame_can_be_pickled_and_copied(tf2_py, robot):
     frames = robot.frames()
     assert pickle.loads(pickle.dumps(frames)) == copy.deepcopy(frames) == frames
 
 
 # `in`.
-
-
-def test_the_names_in_a_buffer_are_those_of_its_frames(robot):
-    assert all(name in robot for name in robot.frames())
-    assert [name for name in ("laser", "", "/map", "NO_PARENT", "MAP", "map ") if name in robot] == []
 
 
 def test_a_subclass_of_str_is_a_name(robot):

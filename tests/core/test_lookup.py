@@ -3,7 +3,7 @@
 import types
 
 import pytest
-from making import S, at, rotation, stamp_ns, transform, translation
+from making import S, at, stamp_ns, transform, translation
 from rclpy.clock import ClockType
 from rclpy.duration import Duration
 from rclpy.time import Time
@@ -25,23 +25,11 @@ def fill(buffer, *edges):
 
 
 class TestTime:
-    def test_equal_names_are_the_identity_even_for_a_name_nobody_has_seen(self, buffer):
-        for name in ("nowhere", "", "/x"):
-            m = buffer.lookup_transform_core(name, name, at(5))
-            assert (translation(m), rotation(m), stamp_ns(m)) == ((0, 0, 0), (0, 0, 0, 1), 5 * S)
-            assert buffer.can_transform_core(name, name, at(5)) == (1, "")
-
     def test_the_latest_common_time_is_a_system_time(self, buffer):
         fill(buffer, ("map odom", 1, 5))
         time = buffer.get_latest_common_time("odom", "map")
         assert isinstance(time, Time)
         assert (time.nanoseconds, time.clock_type) == (5 * S, ClockType.SYSTEM_TIME)
-
-    def test_no_latest_common_time_is_a_plain_transform_exception(self, tf2_py, buffer):
-        fill(buffer, ("map odom", 1), ("a b", 1))
-        with pytest.raises(tf2_py.TransformException) as caught:
-            buffer.get_latest_common_time("map", "b")
-        assert type(caught.value) is tf2_py.TransformException
 
     @pytest.mark.ours
     def test_the_last_representable_times_are_read_exactly(self, buffer):
@@ -128,11 +116,3 @@ class TestErrors:
         ):
             with pytest.raises(error):
                 call()
-
-    @pytest.mark.ours
-    def test_an_extrapolation_into_the_past_names_the_parent_of_the_oldest_sample(self, tf2_py, buffer):
-        fill(buffer, ("map cup", 2), ("hand cup", 3))
-        with pytest.raises(tf2_py.ExtrapolationException, match="before the oldest sample of cup in map"):
-            buffer.lookup_transform_core("map", "cup", at(1))
-        with pytest.raises(tf2_py.ExtrapolationException, match="after the newest sample of cup in hand"):
-            buffer.lookup_transform_core("hand", "cup", at(4))

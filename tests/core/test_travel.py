@@ -15,7 +15,7 @@ from random_histories import TIMES_NS as RANDOM_TIMES_NS
 from random_histories import apply, silence, steps  # noqa: F401
 from rclpy.duration import Duration
 from repetitions import times
-from travelling import FRAMES, TIMES_NS, WAYS, check_copy, everything, filled, named_by_samples, out_of_band
+from travelling import FRAMES, TIMES_NS, WAYS, check_copy, everything, filled, out_of_band
 
 from tf2_py import BufferCore
 from tf2_ros import Buffer, TransformListener
@@ -97,15 +97,6 @@ def test_a_copy_of_a_random_buffer_goes_on_as_the_buffer_does(way, cache_ns, lim
     check_copy(arrived, buffer, RANDOM_TIMES_NS)
 
 
-def test_names_without_samples_and_counters_are_not_kept(travel, buffer):
-    assert set(buffer._getFrameStrings()) - set(named_by_samples(buffer)) == {"other map"}
-    arrived = travel(buffer)
-    assert sorted(arrived._getFrameStrings()) == named_by_samples(buffer)
-    counts = arrived.statistics()
-    assert counts["taken"] == counts["samples"] == buffer.statistics()["samples"]
-    assert sum(buffer.statistics()["refused"].values()) == 2 and not any(counts["refused"].values())
-
-
 def test_a_buffer_made_by_new_alone_arrives(travel):
     for kind in (BufferCore, Buffer):
         arrived = travel(kind.__new__(kind))
@@ -168,16 +159,6 @@ def test_a_node_does_not_travel(node, tmp_path):
         assert not arrived.can_transform("map", "odom", at(9), timeout=0.001)
         assert arrived.wait_for_transform_async("map", "odom", at(1)).done()
     listener.unregister()
-
-
-def test_a_wait_goes_on_when_its_buffer_gets_a_state(buffer):
-    answers = []
-    waiting = BufferCore()
-    wait = waiting._wait("map", "odom", at(2), notify=answers.append)
-    assert not answers
-    waiting.__setstate__(buffer.__getstate__())
-    assert [translation(answer) for answer in answers] == [translation(wait.answer)]
-    waiting._self_check()
 
 
 def test_a_pickle_is_of_one_moment():

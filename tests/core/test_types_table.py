@@ -84,14 +84,6 @@ def test_a_function_of_the_table_has_its_line_in_the_stub_beside_its_source(pack
             pytest.fail(f"{path.relative_to(root)} needs: {stub_line(function, TABLES[package])}")
 
 
-@every_package
-def test_a_stub_declares_no_function_that_is_not_there(package):
-    for path in root_of(package).glob(f"{package}/*.pyi"):
-        module = importlib.import_module(f"{package}.{path.stem}")
-        for name, parameters in declared(path).items():
-            assert list(inspect.signature(getattr(module, name)).parameters) == parameters
-
-
 def test_the_documentation_lists_the_types_of_the_tables():
     page = root_of("tf2_ros") / "docs" / "adding-a-type.md"
     rows = re.findall(

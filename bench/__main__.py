@@ -53,7 +53,6 @@ SECTIONS = {
     "receiving:cpu": Section(
         "receiving.cpu", ROS2, ["listener 1"], ["floor 1", "listener 3", "floor 3", "overridden 1"]
     ),
-    "receiving:loops": Section("receiving.loops", ROS2, ["spin_once", "executor.spin_once"]),
     "receiving:lookups": Section("receiving.lookups", (OURS,), ["no wait", "a pending wait"]),
     "receiving:waits": Section("receiving.waits", ROS2, ["blocked", "own insert"], ["polls"]),
     "receiving:losses": Section(

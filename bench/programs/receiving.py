@@ -1,4 +1,4 @@
-"""Measure nodes that listen to /tf: CPU, lookups and waits beside messages, messages lost, spin_once."""
+"""Measure nodes that listen to /tf: CPU, lookups and waits beside messages, messages lost."""
 
 import contextlib
 import ctypes
@@ -15,7 +15,7 @@ from library import AUTHORITY, time_paced
 from publishing import DEPTH, Publisher, online_tree, stamp_ns
 from rclpy.callback_groups import CallbackGroup
 from rclpy.duration import Duration
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 from tf2_python import S, fill
@@ -63,10 +63,9 @@ class Listening:
 
     :param kind: `listener`; `overridden`: ThroughPython; `floor`: the same subscriptions, from which nobody
         ever takes a message.
-    :param spin: is called with this object again and again.
     """
 
-    def __init__(self, kind="listener", count=1, depth=DEPTH, spin=lambda self: rclpy.spin(self.node)):
+    def __init__(self, kind="listener", count=1, depth=DEPTH):
         rclpy.init()
         self.node = rclpy.create_node("bench_listening")
         self.buffers = [] if kind == "floor" else [Buffer() for _ in range(count)]
@@ -75,8 +74,7 @@ class Listening:
         self._listeners = [make(buffer, self.node, **options) for buffer in self.buffers]
         if kind == "floor":
             self._subscribe(count)
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._spin, args=(spin,))
+        self._thread = threading.Thread(target=self._spin)
         self._thread.start()
 
     def _subscribe(self, count):
@@ -84,16 +82,14 @@ class Listening:
         for topic, qos in (("/tf", QoSProfile(depth=DEPTH)), ("/tf_static", lasting)) * count:
             self.node.create_subscription(TFMessage, topic, print, qos, callback_group=NeverGroup())
 
-    def _spin(self, spin):
+    def _spin(self):
         with contextlib.suppress(ExternalShutdownException):
-            while not self._ended.is_set():
-                spin(self)
+            rclpy.spin(self.node)
 
     def __enter__(self):
         return self
 
     def __exit__(self, *_):
-        self._ended.set()
         rclpy.shutdown()
         self._thread.join()
 
@@ -116,39 +112,15 @@ class Listening:
 def cpu(rows, sizes, _, variant):
     """CPU of a process per message that it receives under rclpy.spin, while nobody looks."""
     kind, count = variant.split()
-    with Listening(kind, int(count)) as listening:
-        _measure_cpu(rows, sizes, listening, kind, int(count), LOADS)
-
-
-def loops(rows, sizes, _, variant):
-    """CPU of a program that calls spin_once in a loop of its own, and looks up after each."""
-    executor = None
-
-    def spin(listening):
-        nonlocal executor
-        if variant == "spin_once":
-            rclpy.spin_once(listening.node, timeout_sec=0.1)
-        else:
-            if executor is None:
-                executor = SingleThreadedExecutor()
-                executor.add_node(listening.node)
-            executor.spin_once(timeout_sec=0.1)
-        listening.buffer.can_transform_core("map", "f0", Time())
-
-    with Listening(spin=spin) as listening:
-        _measure_cpu(rows, sizes, listening, variant, 1, LOADS[1:])
-
-
-def _measure_cpu(rows, sizes, listening, way, listeners, loads):
-    with Publisher("messages", listeners) as publisher:
+    with Listening(kind, int(count)) as listening, Publisher("messages", int(count)) as publisher:
         # The largest messages first: every frame has a full history then.
         listening.receive(publisher, *reversed(LOADS[0]), sizes.filling)
-        for transforms, rate in loads:
+        for transforms, rate in LOADS:
             messages = round(rate * sizes.receive_s)
             before_ns = time.process_time_ns()
             listening.receive(publisher, rate, transforms, messages)
-            labels = {"transforms": transforms, "Hz": rate, "listeners": listeners}
-            rows.add(way, labels, [(time.process_time_ns() - before_ns) / messages])
+            labels = {"transforms": transforms, "Hz": rate, "listeners": int(count)}
+            rows.add(kind, labels, [(time.process_time_ns() - before_ns) / messages])
 
 
 def lookups(rows, sizes, _, variant):

@@ -25,6 +25,7 @@ __all__ = [
     "Vector3",
     "format_transform",
     "numbers_of",
+    "parts_of",
     "time_msg",
 ]
 
@@ -42,24 +43,24 @@ def time_msg(time: Any, argument: str) -> Time:
     return Time(sec=sec, nanosec=nanosec)
 
 
-def numbers_of(msg: Any) -> tuple[float, ...]:
+def parts_of(msg: Any) -> tuple[Any, Any]:
     """
-    The translation and the rotation, x y z x y z w, of a transform or a pose.
+    The two fields of a transform or a pose, stamped or not, that are its translation and its rotation.
 
     :raises TypeError: it is something else.
     """
     inner = getattr(msg, "transform", getattr(msg, "pose", msg))
-    expected = f"expected {A_MESSAGE}, got {type(msg).__name__}"
-    try:
-        if hasattr(inner, "translation"):
-            v, q = inner.translation, inner.rotation
-        elif hasattr(inner, "position"):
-            v, q = inner.position, inner.orientation
-        else:
-            raise TypeError(expected)
-        return (v.x, v.y, v.z, q.x, q.y, q.z, q.w)
-    except AttributeError as missing:
-        raise TypeError(f"{expected}: {missing}") from None
+    if hasattr(inner, "translation"):
+        return inner.translation, inner.rotation
+    if hasattr(inner, "position"):
+        return inner.position, inner.orientation
+    raise TypeError(f"expected {A_MESSAGE}, got {type(msg).__name__}")
+
+
+def numbers_of(msg: Any) -> tuple[float, ...]:
+    """The translation and the rotation, x y z x y z w, of a transform or a pose; see :func:`parts_of`."""
+    v, q = parts_of(msg)
+    return (v.x, v.y, v.z, q.x, q.y, q.z, q.w)
 
 
 def format_transform(transform: Any) -> str:

@@ -20,14 +20,13 @@ from tf2_py._internal import (
 from tf2_ros._messages import (
     A_MESSAGE,
     Header,
-    Point,
     Pose,
     PoseStamped,
     Quaternion,
     Transform,
     TransformStamped,
-    Vector3,
     numbers_of,
+    parts_of,
 )
 
 if TYPE_CHECKING:
@@ -50,7 +49,7 @@ Array: TypeAlias = npt.NDArray[np.float64]
 Pair: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike]  # translations, shape (..., 3); rotations, (..., 4)
 Message: TypeAlias = Transform | TransformStamped | Pose | PoseStamped
 _Float = TypeVar("_Float", np.float32, np.float64)
-_Unstamped = TypeVar("_Unstamped", Transform, Pose)
+_Message = TypeVar("_Message", Transform, TransformStamped, Pose, PoseStamped)
 
 # How far a matrix may differ from a rotation; a product of a few float32 matrices differs less.
 TOLERANCE = 1e-5
@@ -97,19 +96,13 @@ def from_matrix(
     matrix: npt.ArrayLike, *, header: Header | None = None, child_frame_id: str
 ) -> TransformStamped: ...
 @overload
-def from_matrix(matrix: npt.ArrayLike, message_class: type[_Unstamped]) -> _Unstamped: ...
-@overload
-def from_matrix(
-    matrix: npt.ArrayLike, message_class: type[PoseStamped], *, header: Header | None = None
-) -> PoseStamped: ...
-@overload
 def from_matrix(
     matrix: npt.ArrayLike,
-    message_class: type[TransformStamped],
+    message_class: type[_Message],
     *,
     header: Header | None = None,
     child_frame_id: str | None = None,
-) -> TransformStamped: ...
+) -> _Message: ...
 def from_matrix(
     matrix: npt.ArrayLike,
     message_class: type[Message] | None = None,
@@ -137,28 +130,20 @@ def from_matrix(
     """
     if message_class is None:
         message_class = Transform if child_frame_id is None else TransformStamped
-    if message_class not in (Transform, TransformStamped, Pose, PoseStamped):
-        raise TypeError(f"message_class: expected a Transform or a Pose, stamped or not, got {message_class}")
-    if child_frame_id is not None and message_class is not TransformStamped:
-        raise TypeError(f"a {message_class.__name__} has no child_frame_id")
-    if header is not None and message_class in (Transform, Pose):
-        raise TypeError(
-            f"a {message_class.__name__} has no header: pass child_frame_id, too, or a stamped message_class"
-        )
     array = _matrices(matrix)
     if array.ndim != 2:
         raise ValueError(f"matrix: expected the shape (4, 4), got {array.shape}; to_arrays takes many")
-    translation, rotation = _translations_and_rotations(array)
-    x, y, z = translation.tolist()
-    header = Header() if header is None else deepcopy(header)
-    quaternion = _quaternion_message(rotation)
-    if message_class in (Transform, TransformStamped):
-        transform = Transform(translation=Vector3(x=x, y=y, z=z), rotation=quaternion)
-        if message_class is Transform:
-            return transform
-        return TransformStamped(header=header, child_frame_id=child_frame_id or "", transform=transform)
-    pose = Pose(position=Point(x=x, y=y, z=z), orientation=quaternion)
-    return pose if message_class is Pose else PoseStamped(header=header, pose=pose)
+    message = message_class()
+    translation, rotation = parts_of(message)
+    for name, value in (("header", header), ("child_frame_id", child_frame_id)):
+        if value is not None:
+            if not hasattr(message, name):
+                raise TypeError(f"a {message_class.__name__} has no {name}")
+            setattr(message, name, deepcopy(value))
+    xyz, xyzw = _translations_and_rotations(array)
+    translation.x, translation.y, translation.z = xyz.tolist()
+    _set_quaternion(rotation, xyzw)
+    return message
 
 
 def to_arrays(transforms: Iterable[Message] | npt.NDArray[Any]) -> tuple[Array, Array]:
@@ -200,13 +185,8 @@ def to_rotation(rotations: Message | Quaternion | Pair | npt.ArrayLike) -> Rotat
     >>> to_rotation([0.0, 0.0, 1.0, 1.0]).apply([1.0, 0.0, 0.0]).round(6).tolist()  # a quarter turn
     [0.0, 1.0, 0.0]
     """
-    try:
-        from scipy.spatial.transform import Rotation
-    except ModuleNotFoundError as missing:
-        if missing.name != "scipy":
-            raise
-        advice = "to_rotation needs SciPy: pip install 'tf2-ros-cython[scipy]'"
-        raise ModuleNotFoundError(advice, name="scipy") from None
+    from scipy.spatial.transform import Rotation
+
     # Not by from_quat, which refuses NaN. The rows already have the length one.
     return Rotation(_rotations(rotations), normalize=False)
 
@@ -216,7 +196,6 @@ def from_rotation(rotation: Rotation) -> Quaternion:
     Make a message of one of SciPy's rotations.
 
     :return: a new ``Quaternion``, of length one and with w >= 0.
-    :raises TypeError: the type is wrong.
     :raises ValueError: there are several rotations, for which ``rotation.as_quat()`` makes an array; or NaN.
 
     >>> from scipy.spatial.transform import Rotation
@@ -224,12 +203,12 @@ def from_rotation(rotation: Rotation) -> Quaternion:
     >>> from_rotation(Rotation.identity()).w
     1.0
     """
-    if not hasattr(rotation, "as_quat"):
-        raise TypeError(f"expected a Rotation of SciPy, got {type(rotation).__name__}")
     quaternion = np.asarray(rotation.as_quat())
     if quaternion.shape != (4,):
         raise ValueError(f"a Quaternion holds one rotation, not {len(quaternion)}: as_quat() makes an array")
-    return _quaternion_message(_unit(quaternion))
+    message = Quaternion()
+    _set_quaternion(message, _unit(quaternion))
+    return message
 
 
 @overload
@@ -414,14 +393,14 @@ def _unit(rotations: Array) -> Array:
     units = rotations.reshape(-1, 4).copy()
     bad = normalise(units, nan_missing=True)
     if bad >= 0:
-        which = _which("rotations", rotations.shape[:-1], bad) or "the rotation"
+        which = _which("rotations", "the rotation", rotations.shape[:-1], bad)
         raise ValueError(f"{which} must have a finite length above zero")
     return units.reshape(rotations.shape)
 
 
-def _which(name: str, shape: tuple[int, ...], flat: int) -> str:
-    """Write the index of one of many, from its flat index; empty if there is only one."""
-    return f"{name}[{', '.join(str(i) for i in np.unravel_index(flat, shape))}]" if shape else ""
+def _which(many: str, one: str, shape: tuple[int, ...], flat: int) -> str:
+    """Name one of many by its index, given as a flat index."""
+    return f"{many}[{', '.join(str(i) for i in np.unravel_index(flat, shape))}]" if shape else one
 
 
 def _matrices(values: npt.ArrayLike) -> Array:
@@ -434,33 +413,28 @@ def _matrices(values: npt.ArrayLike) -> Array:
 def _translations_and_rotations(matrices: Array) -> tuple[Array, Array]:
     shape = matrices.shape[:-2]
     flat = matrices.reshape(-1, 16)
-    bad = np.flatnonzero(~np.isfinite(flat).all(axis=1))
-    bad = bad[~np.isnan(flat[bad]).all(axis=1)]  # the others are missing
-    if bad.size:
-        raise _no_rigid_transform(shape, bad[0], "a matrix must be finite")
-    # Comparisons with NaN are false.
-    bad = np.flatnonzero((np.abs(flat[:, 12:] - (0, 0, 0, 1)) > TOLERANCE).any(axis=1))
-    if bad.size:
-        last = flat[bad[0], 12:]
-        raise _no_rigid_transform(shape, bad[0], f"the last row of a matrix: expected 0 0 0 1, got {last}")
+    is_missing = np.isnan(flat).all(axis=1)
+    is_finite = np.isfinite(flat).all(axis=1)
+    is_last_row_right = (np.abs(flat[:, 12:] - (0, 0, 0, 1)) <= TOLERANCE).all(axis=1)
+    for is_right, reason in (
+        (is_finite, "a matrix must be finite"),
+        (is_last_row_right, "the last row of a matrix must be 0 0 0 1"),
+    ):
+        bad = np.flatnonzero(~(is_right | is_missing))
+        if bad.size:
+            raise ValueError(f"{_which('matrices', 'matrix', shape, bad[0])}: {reason}")
     turns = flat.reshape(-1, 4, 4)[:, :3, :3].reshape(-1, 9)
     rotations, wrong, defect = rotations_from_matrices(turns, TOLERANCE)
-    if wrong >= 0 and defect > TOLERANCE:
-        reason = f"the rotation of a matrix must be orthogonal; R R^T is off by {defect:.2g}"
-        raise _no_rigid_transform(shape, wrong, reason)
     if wrong >= 0:
-        reason = "the rotation of a matrix must not be a reflection; its determinant is -1"
-        raise _no_rigid_transform(shape, wrong, reason)
+        reason = "must not be a reflection; its determinant is -1"
+        if defect > TOLERANCE:
+            reason = f"must be orthogonal; R R^T is off by {defect:.2g}"
+        which = _which("matrices", "matrix", shape, wrong)
+        raise ValueError(f"{which}: the rotation of a matrix {reason}")
     return matrices[..., :3, 3].copy(), rotations.reshape(*shape, 4)
 
 
-def _no_rigid_transform(shape: tuple[int, ...], flat: int, reason: str) -> ValueError:
-    which = _which("matrices", shape, flat)
-    return ValueError(f"{which}: {reason}" if which else reason)
-
-
-def _quaternion_message(rotation: Array) -> Quaternion:
+def _set_quaternion(message: Quaternion, rotation: Array) -> None:
     if np.isnan(rotation).any():
         raise ValueError("the rotation of a message: expected finite numbers, got NaN")
-    x, y, z, w = (-rotation if rotation[3] < 0 else rotation).tolist()
-    return Quaternion(x=x, y=y, z=z, w=w)
+    message.x, message.y, message.z, message.w = (-rotation if rotation[3] < 0 else rotation).tolist()

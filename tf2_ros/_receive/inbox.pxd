@@ -120,8 +120,7 @@ cdef class Inbox(ReadHook):
     cdef bint _is_closed            # in a forked child, one that was closed before must not take the lock
     cdef object _hand_over
     cdef object _reference          # called, gives the engine or None
-    cdef list _watching             # keeps the watchers that threads may still use
-    cdef Copying _copying           # keeps the copier
+    cdef set _used                  # keeps the watchers and copiers that threads without the lock may use
     cdef uint32_t _always           # `pending` of a source that is asked at each read
     cdef uint32_t _was_read         # `read` of such a source, which counts reads itself
     cdef object __weakref__

@@ -366,7 +366,7 @@ cdef class Inbox(ReadHook):
 
     def __cinit__(self, Source source not None, hand_over):
         global _first
-        self._source, self._hand_over, self._watching = source, hand_over, []
+        self._source, self._hand_over, self._used = source, hand_over, set()
         self._always = 1
         self.pending = &self._always if source.serves_itself else &self._state.pending
         self.read = &self._was_read if source.serves_itself else &self._state.read
@@ -412,8 +412,7 @@ cdef class Inbox(ReadHook):
 
     def inform(self, Watching watching not None):
         """Inform this of what arrives from now on, and nothing else."""
-        if watching not in self._watching:
-            self._watching.append(watching)
+        self._used.add(watching)
         lock_acquire(&_lock)
         self._state.watcher = &watching.watcher
         lock_release(&_lock)
@@ -436,6 +435,7 @@ cdef class Inbox(ReadHook):
             (<Engine>engine).remove_inbox(self)
         if buffer is not None and isinstance(buffer._tap, Copying):
             copying = buffer._tap
+            self._used.add(copying)
         self._reference = reference
         lock_acquire(&_lock)
         _take_reports(&self._state, &parcels)
@@ -443,7 +443,6 @@ cdef class Inbox(ReadHook):
         self._state.copier = NULL if copying is None else &copying.copier
         self._source.redirected()
         lock_release(&_lock)
-        self._copying = copying     # nothing uses the memory of the previous one any more
         if buffer is not None:
             buffer.add_inbox(self)
             inbox_arrived(&self._state, True)   # messages may have arrived while there was no buffer

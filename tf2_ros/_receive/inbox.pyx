@@ -4,10 +4,10 @@ Keep what has arrived for a buffer until somebody reads it.
 An inbox takes messages from its `Source`: the subscriptions of a listener (`subscriptions`), or the ring of
 another process (`tf2_ros._shared.ring`). Its owner decides when it begins and ends. Every read of the buffer
 takes the messages and inserts them (`drain`). So does one thread of the process: as soon as many messages
-wait, ROUND_NS after the first one, and at once while something waits for a transform, or while the buffer is
-read more often than the thread has rounds, so that such a reader finds everything inserted. Log lines, the
-completion of waits and everything else that follows from an insert and needs the GIL are left to a second
-thread (`run_reports`). So nothing here runs user code, and the first thread never waits for the GIL.
+wait, at most ROUND_NS after the first one, and at once while something waits for a transform, or while the
+buffer is read more often than the thread has rounds, so that such a reader finds everything inserted. Log
+lines, the completion of waits and everything else that follows from an insert and needs the GIL are left to a
+second thread (`run_reports`). So nothing here runs user code, and the first thread never waits for the GIL.
 
 Nothing here needs ROS, because buffers can also be shared without it.
 """
@@ -60,8 +60,8 @@ cdef enum:
     MAX_REPORTS = 64            # messages whose refused transforms are kept for the log
     BEING_INSERTED = 2          # of State.pending: nothing has arrived since a thread began to insert
 
-# How often the thread that reports calls its function, at least.
-cdef int64_t REPORT_NS = 1500000000
+# How long the two threads sleep while nothing arrives, at most.
+cdef int64_t IDLE_NS = 1500000000
 
 
 cdef struct Signal:
@@ -75,6 +75,7 @@ cdef Signal _work               # for the thread that drains
 cdef Signal _reporting          # for the thread that reports
 cdef Lock _lock                 # of all inboxes: guards their list, and what their State says
 cdef State* _first = NULL
+cdef uint32_t _is_idle = 0      # atomic: the draining thread must be woken by the next message
 cdef uint32_t _is_stopping = 0  # atomic
 
 
@@ -123,7 +124,7 @@ cdef void inbox_arrived(State* inbox, bint is_full) noexcept nogil:
     word_store(&inbox.pending, 1)
     if is_full:
         word_store(&inbox.is_full, 1)
-    if is_full or inbox_wants_all(inbox):
+    if is_full or inbox_wants_all(inbox) or word_load(&_is_idle):
         _signal_set(&_work)
 
 
@@ -267,9 +268,10 @@ cdef bint inbox_serve(State* inbox) noexcept nogil:
     return False
 
 
-cdef void _serve_all(bint is_round) noexcept nogil:
-    # In a round all inboxes, otherwise those whose messages must not wait.
+cdef bint _serve_all(bint is_round) noexcept nogil:
+    # In a round all inboxes, otherwise those whose messages must not wait. Returns whether messages waited.
     cdef State* inbox
+    cdef bint found = False
     cdef uint32_t read
     cdef bint is_behind = True
     cdef bint is_rest = False       # of a slice: it is due
@@ -279,6 +281,7 @@ cdef void _serve_all(bint is_round) noexcept nogil:
         lock_acquire(&_lock)
         inbox = _first
         while inbox != NULL:
+            found = found or word_load(&inbox.pending)
             read = word_load(&inbox.read)
             if is_round and read > 0 and not is_rest:
                 word_store(&inbox.read, read - 1)   # this may undo a read of just now: the next one counts
@@ -287,19 +290,25 @@ cdef void _serve_all(bint is_round) noexcept nogil:
             inbox = inbox.next
         lock_release(&_lock)
         is_rest = True
+    return found
 
 
 def run_inboxes():
     """Drain the inboxes of the process when that is due, without the GIL, until :func:`stop_inboxes`."""
     cdef int64_t now_ns
     cdef int64_t round_ns = 0           # when the next round is due
+    cdef bint is_round
     with nogil:
         while not word_load(&_is_stopping):
             now_ns = monotonic_ns()
-            _serve_all(now_ns >= round_ns)
-            if now_ns >= round_ns:
+            is_round = now_ns >= round_ns
+            if is_round:
                 round_ns = now_ns + ROUND_NS
-            _signal_wait(&_work, round_ns - monotonic_ns())
+            # First idle, then a look at what waits; an arrival does this in the opposite order.
+            word_store(&_is_idle, is_round)
+            if _serve_all(is_round):
+                word_store(&_is_idle, 0)
+            _signal_wait(&_work, IDLE_NS if word_load(&_is_idle) else round_ns - monotonic_ns())
 
 
 def run_reports(report):
@@ -311,7 +320,7 @@ def run_reports(report):
     while not word_load(&_is_stopping):
         report()
         with nogil:
-            _signal_wait(&_reporting, REPORT_NS)
+            _signal_wait(&_reporting, IDLE_NS)
 
 
 def stop_inboxes():
